@@ -74,7 +74,7 @@ COMMANDS = {
     "demo": "validation.commands.compare",
     "figures": "validation.commands.paper_commands",
     "section": "validation.studies.contact_sections",
-    "lyapunov": "validation.studies.lyapunov",
+    "lyapunov": "validation.studies.attractors",
     "attractors": "validation.studies.attractors",
     "basins": "validation.studies.attractors",
     "equilibria": "validation.commands.equilibria_list",

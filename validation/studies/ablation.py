@@ -73,14 +73,9 @@ BOTTOM = replace(NAIVE, root="frame", stop_at_fault=False)
 TOP = replace(preset("accurate"), error_tolerance=NAIVE.error_tolerance, stop_at_fault=False)
 
 
-def _adopt(settings: Settings, choice: _Choice, of: Settings = TOP) -> Settings:
+def _adopt(settings: Settings, choice: _Choice, of: Settings) -> Settings:
     """Return `settings` with the choice as it is made in `of`."""
     return replace(settings, **{name: getattr(of, name) for name in choice.fields})
-
-
-def _undo(settings: Settings, choice: _Choice) -> Settings:
-    """Return `settings` with the choice as a newcomer makes it."""
-    return _adopt(settings, choice, BOTTOM)
 
 
 def without(settings: Settings, names: Iterable[str]) -> Settings:
@@ -92,7 +87,7 @@ def without(settings: Settings, names: Iterable[str]) -> Settings:
     for name in names:
         if name not in known:
             raise unknown("choice", name, known)
-        settings = replace(_undo(settings, known[name]), name=f"{settings.name} - {name}")
+        settings = replace(_adopt(settings, known[name], BOTTOM), name=f"{settings.name} - {name}")
     return settings
 
 
@@ -100,13 +95,13 @@ def built_up() -> tuple[Settings, ...]:
     """Return the naive model, then settings that each make one choice more, named after it."""
     variants = [BOTTOM]
     for choice in CHOICES:
-        variants.append(replace(_adopt(variants[-1], choice), name=choice.name))
+        variants.append(replace(_adopt(variants[-1], choice, TOP), name=choice.name))
     return tuple(variants)
 
 
 def each_undone() -> tuple[Settings, ...]:
     """Return the recipe, then the recipe with each choice alone undone, named after it."""
-    return TOP, *(replace(_undo(TOP, choice), name=choice.name) for choice in CHOICES)
+    return TOP, *(replace(_adopt(TOP, each, BOTTOM), name=each.name) for each in CHOICES)
 
 
 _BUILT_UP, _UNDONE = "built up", "undone"  # directions
@@ -125,32 +120,18 @@ _INCHES = (11.0, 6.2)
 _ERROR_AT, _COST_AT = 6, 58  # points right of a panel, where its numbers stand
 _SMALL: dict[str, Any] = {"fontsize": 9, "annotation_clip": False}
 _SOUND, _FAULTY, _HATCH = LABEL.colour, "white", "////"
-_DIAMOND: dict[str, Any] = {
-    "marker": "D",
-    "color": INK,
-    "markerfacecolor": "w",
-    "linestyle": "",
-    "markersize": 5,
-}
+_DIAMOND: dict[str, Any] = {"marker": "D", "color": INK, "mfc": "w", "ls": "", "ms": 5}
 
 
-def _measure_ablation(
-    scene: Scene,
-    times: Array | None = None,
-    rounds: int = _ROUNDS,
-    show: Show | None = None,
-) -> Study:
-    """Run and time all variants of a scene over `times` (n,) [s] from 0, the scene's own if None.
+def _measure_ablation(scene: Scene, times: Array, rounds: int, show: Show) -> Study:
+    """Run and time all variants of a scene over `times` (n,) [s] from 0.
 
     rounds: of timing, all variants in turn. show: called with the part that is done, 0 to 1, and
     with what is done next.
     """
-    show = show or (lambda part, what: None)
     theory = integrate(scene, times)
-    directions = [
-        *((_BUILT_UP, each) for each in built_up()),
-        *((_UNDONE, e) for e in each_undone()),
-    ]
+    directions = [(_BUILT_UP, each) for each in built_up()]
+    directions += [(_UNDONE, each) for each in each_undone()]
     models = [build(scene, settings) for _, settings in directions]
     agreements = []
     total = len(models) * (rounds + 2)

@@ -60,12 +60,6 @@ class _ContactCycle:
     multipliers: Array
 
 
-def _start_at(model: Model, L: float, l: float, f: float) -> Start:
-    """Return the start of the model's ball at (L, l) of g = 0, in its frame's own axes."""
-    attitudes, momenta = section_starts(np.array([L]), np.array([l]), f)
-    return own_start(model.scene, attitudes[0], momenta[0])
-
-
 def own_start(scene: Scene, attitude: Array, momentum: Array) -> Start:
     """Return a start in the frame's own axes, given in principal axes, which the equations have."""
     return Start(multiply(attitude, conjugate(scene.principal_quaternion)), momentum)
@@ -115,9 +109,9 @@ def contact_cycle(
     """
 
     def mapped(point: Array) -> tuple[Array, float]:
-        motion = sound_run(
-            model, _start_at(model, point[0], point[1], f), _each_step(model, 1.2 * period)
-        )
+        attitudes, momenta = section_starts(point[:1], point[1:], f)
+        start = own_start(model.scene, attitudes[0], momenta[0])
+        motion = sound_run(model, start, _each_step(model, 1.2 * period))
         next_one = crossings_of_motion(motion, model.scene).only(direction)
         if len(next_one.times) == 0:
             raise InputError(f"{LABEL.name}'s ball does not come back within {1.2 * period:g} s")
@@ -286,12 +280,14 @@ def cloud_by_equations(parameters: Parameters, recipe: Recipe, seed: int) -> _Cl
     late = slice(recipe.skipped, None)
     points = level_points(found.attitudes[:, late], momenta).reshape(-1, 6)
     L, l = found.L[:, late].ravel(), found.l[:, late].ravel()
-    directions = found.directions[:, late].ravel()
-    return _Cloud(points, L, l, directions, np.empty((0, 2)))
+    return _Cloud(points, L, l, found.directions[:, late].ravel(), np.empty((0, 2)))
 
 
 def cloud_by_contact(
-    model: Model, recipe: Recipe, seed: int, progress: Callable[[float], None] | None = None
+    model: Model,
+    recipe: Recipe,
+    seed: int,
+    progress: Callable[[float], object] = lambda part: None,
 ) -> _Cloud:
     """Return the recipe's cloud by MuJoCo. Raises InputError where a run has a fault."""
     parts, velocities = [], []
@@ -302,8 +298,7 @@ def cloud_by_contact(
         )
         parts.append(found[recipe.skipped :])
         velocities.append(moved / duration)
-        if progress is not None:
-            progress((i + 1) / recipe.starts)
+        progress((i + 1) / recipe.starts)
     points = joined(parts)
     return _Cloud(
         states(points.gamma, points.momenta), points.L, points.l, points.directions,
@@ -448,9 +443,6 @@ class Section:
         write_record(
             self.json,
             {"scene": scene.name, "g": self.g, "starts": self.starts, "seed": self.seed}
-            | {
-                name: {field: values.tolist() for field, values in each.items()}
-                for name, each in drawn.items()
-            },
+            | {by: {name: of.tolist() for name, of in each.items()} for by, each in drawn.items()},
         )
         return AGREES

@@ -11,9 +11,10 @@ longer be the one under study. Steps end on the sample times: MuJoCo's are fract
 interval.
 """
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
-from typing import Annotated, Any, Literal
+from functools import cache, cached_property
+from typing import Annotated, Any
 
 import mujoco
 import numpy as np
@@ -52,9 +53,8 @@ FIXED = f"{ADAPTIVE} fixed"
 # The order that theory claims for a smooth motion.
 ORDERS = {name: INTEGRATORS[name].order for name in OWN} | {FIXED: INTEGRATORS[ADAPTIVE].order}
 
-_Reference = Literal["own", "equations"]
 # The heading of a column, the title of a panel, and the words for the line in it.
-_REFERENCES: dict[_Reference, tuple[str, str, str]] = {
+_REFERENCES = {
     "own": ("own limit", "against the contact model's own limit", "the limit is known to this"),
     "equations": ("equations", "against the reduced equations", "the limit is this far off"),
 }
@@ -83,74 +83,49 @@ class _Method:
             return self.integrator
         return ADAPTIVE if self.step is None else FIXED
 
-    @property
-    def size(self) -> float:
-        """Return the step [s], or else the tolerance."""
-        size = self.rtol if self.step is None else self.step
-        assert size is not None
-        return size
-
     def __str__(self) -> str:
         size = f"rtol {self.rtol:g}" if self.step is None else f"step {self.step * 1e3:.3g} ms"
         return f"{self.name}, {size}"
 
 
 @dataclass(frozen=True)
-class _Trial:
-    """One run: path errors over the path's length, None if it did not come to its end.
-
-    step: s, the mean step of a run that chooses its own. own: against the contact model's own
-    limit; equations: against the reduced equations; richardson: what the run at the next longer
-    step says of `own`, without either reference.
-    """
-
-    method: _Method
-    step: float | None
-    own: float | None = None
-    equations: float | None = None
-    richardson: float | None = None
-
-
-@dataclass(frozen=True)
-class _OwnLimit:
-    """The limit that the contact model tends to: the run it is taken from, how well it is known and
-    how far it is from the equations, both over the path's length.
-    """
-
-    method: _Method
-    motion: Motion
-    known_to: float
-    model_error: float
-
-
-@dataclass(frozen=True)
 class Runs:
-    """All runs of one contact model, those of one integrator together, the longest step first."""
+    """All runs of one contact model.
+
+    rows   a row each, those of one integrator together, the longest step first. step: s, the mean
+           of a run that chooses its own. Errors are of the path, over its length, None where it did
+           not come to its end: own_error against the contact model's own limit, equations_error
+           against the reduced equations; richardson: what the run at the next longer step says of
+           own_error, without either reference
+    limit  the limit that the model tends to: the run it is taken from, how well it is known, and
+           how far it is from the equations, both over the path's length
+    """
 
     scene: Scene
     settings: Settings
     duration: float
-    limit: _OwnLimit
-    trials: tuple[_Trial, ...]
+    limit: dict[str, Any]
+    rows: list[dict[str, Any]]
 
     @cached_property
-    def by_name(self) -> dict[str, list[_Trial]]:
-        """Return the trials of each integrator."""
-        names = dict.fromkeys(trial.method.name for trial in self.trials)
-        return {name: [p for p in self.trials if p.method.name == name] for name in names}
+    def by_name(self) -> dict[str, list[dict[str, Any]]]:
+        """Return the rows of each integrator."""
+        names = dict.fromkeys(row["integrator"] for row in self.rows)
+        return {name: [row for row in self.rows if row["integrator"] == name] for name in names}
 
-    def order(self, name: str, against: _Reference) -> Order | None:
-        """Return the power of the step, or of DOP853's tolerance, with which its errors fall."""
-        known_to = self.limit.known_to if against == "own" else 0.0
-        return fit_order(*self._series(name, against), known_to)
+    def order(self, name: str, against: str) -> tuple[Order | None, float | None]:
+        """Return the power of the step, or of DOP853's tolerance, with which its errors fall.
 
-    def stalled_at(self, name: str, against: _Reference) -> float | None:
-        """Return the error at which an integrator's errors stop falling, if they do."""
-        return stalled_at(*self._series(name, against))
+        Besides, the error at which they stop falling; each is None where there is none.
+        """
+        rows = self.by_name[name]
+        sizes = [row["rtol"] or row["step"] for row in rows]
+        errors = [row[f"{against}_error"] for row in rows]
+        known_to = self.limit["known_to"] if against == "own" else 0.0
+        return fit_order(sizes, errors, known_to), stalled_at(sizes, errors)
 
-    def _series(self, name: str, against: _Reference) -> tuple[list[float], list[float | None]]:
-        trials = self.by_name[name]
-        return [p.method.size for p in trials], [getattr(p, against) for p in trials]
+
+_RunOf = Callable[[_Method], ContactMotion | None]
 
 
 def measure_convergence(
@@ -158,7 +133,7 @@ def measure_convergence(
     settings: Settings,
     times: Array | None = None,
     halvings: int = _HALVINGS,
-    show: Show | None = None,
+    show: Show = lambda part, what: None,
 ) -> Runs:
     """Run every integrator at many steps on the contact model of `settings`.
 
@@ -172,13 +147,19 @@ def measure_convergence(
     contact = replace(settings, stop_at_fault=False, max_steps=MOST_STEPS)
     model = build(scene, replace(contact, integrator="RK4", timestep=finest.step, rtol=None))
     methods = _methods(model, interval, halvings)
-    runs = _Runner(model, theory, len(methods) + 1, show or (lambda part, what: None))
-    limit = _limit(runs, finest)
-    trials = [
-        _trial(runs, limit, before, method)
+
+    @cache
+    def run_of(method: _Method) -> ContactMotion | None:
+        part = (run_of.cache_info().misses - 1) / (len(methods) + 1)
+        show(min(part, 1.0), f"{scene.name}: {method}")
+        return _whole_run(model, method, theory.times)
+
+    best, limit = _limit(run_of, theory, finest)
+    rows = [
+        _row(run_of, best, theory, before, method)
         for before, method in zip([None, *methods[:-1]], methods, strict=True)
     ]
-    return Runs(scene, settings, float(theory.times[-1]), limit, tuple(trials))
+    return Runs(scene, settings, float(theory.times[-1]), limit, rows)
 
 
 def _methods(model: Model, interval: float, halvings: int) -> list[_Method]:
@@ -195,29 +176,11 @@ def _methods(model: Model, interval: float, halvings: int) -> list[_Method]:
     ]
 
 
-@dataclass
-class _Runner:
-    """Runs of one model, each made once, beside the motion by the equations."""
-
-    model: Model
-    theory: Motion
-    total: int
-    show: Show
-    made: dict[_Method, ContactMotion | None] = field(default_factory=dict)
-
-    def of(self, method: _Method) -> ContactMotion | None:
-        """Return the run of a method; None if it broke off or would not end."""
-        if method not in self.made:
-            part = len(self.made) / self.total
-            self.show(min(part, 1.0), f"{self.model.scene.name}: {method}")
-            self.made[method] = self._run(method)
-        return self.made[method]
-
-    def _run(self, method: _Method) -> ContactMotion | None:
-        times = self.theory.times
-        with np.errstate(all="ignore"):  # a run that diverges says so itself
-            motion = run(_stepped(self.model, method, float(times[-1])), times)
-        return motion if len(motion.times) == len(times) else None
+def _whole_run(model: Model, method: _Method, times: Array) -> ContactMotion | None:
+    """Return the run of a method; None if it broke off or would not end."""
+    with np.errstate(all="ignore"):  # a run that diverges says so itself
+        motion = run(_stepped(model, method, float(times[-1])), times)
+    return motion if len(motion.times) == len(times) else None
 
 
 def _stepped(model: Model, method: _Method, duration: float) -> Model:
@@ -236,7 +199,7 @@ def _stepped(model: Model, method: _Method, duration: float) -> Model:
     return same
 
 
-def _limit(runs: _Runner, finest: _Method) -> _OwnLimit:
+def _limit(run_of: _RunOf, theory: Motion, finest: _Method) -> tuple[Motion, dict[str, Any]]:
     """Return the limit of short steps, by DOP853 where the motion is smooth enough, or RK4."""
     assert finest.step is not None
     # What ten times the tolerance, or twice the step, changes is more than what is still wrong.
@@ -245,30 +208,33 @@ def _limit(runs: _Runner, finest: _Method) -> _OwnLimit:
         (finest, replace(finest, step=2 * finest.step)),
     ]
     for method, coarser in candidates:
-        best, near = runs.of(method), runs.of(coarser)
+        best, near = run_of(method), run_of(coarser)
         if best is not None and near is not None:
-            known_to = path_error(near, best)
-            off = path_error(best, runs.theory)
-            return _OwnLimit(method, best, known_to, off)
+            known_to, model_error = path_error(near, best), path_error(best, theory)
+            return best, {"by": str(method), "known_to": known_to, "model_error": model_error}
     raise InputError(
-        f"{runs.model.scene.name}: the contact model breaks off even at steps of "
+        f"{theory.scene.name}: the contact model breaks off even at steps of "
         f"{finest.step:g} s; there is no limit to converge to"
     )
 
 
-def _trial(runs: _Runner, limit: _OwnLimit, before: _Method | None, method: _Method) -> _Trial:
+def _row(
+    run_of: _RunOf, best: Motion, theory: Motion, before: _Method | None, method: _Method
+) -> dict[str, Any]:
     """Compare the run of a method with both references, and with the one before it."""
-    found = runs.of(method)
-    if found is None:
-        return _Trial(method, method.step)
-    step, estimate = _step_of(method, found), None
-    if before is not None and before.name == method.name and method.name in ORDERS:
-        longer = runs.of(before)
-        if longer is not None:
+    found, step, rtol = run_of(method), method.step, method.rtol if method.step is None else None
+    own = equations = estimate = None
+    if found is not None:
+        step = _step_of(method, found)
+        own, equations = path_error(found, best), path_error(found, theory)
+        alike = before is not None and before.name == method.name and method.name in ORDERS
+        if before is not None and alike and (longer := run_of(before)) is not None:
             fall = (_step_of(before, longer) / step) ** ORDERS[method.name]
             estimate = path_error(longer, found) / (fall - 1)
-    own, equations = path_error(found, limit.motion), path_error(found, runs.theory)
-    return _Trial(method, step, own, equations, estimate)
+    return {
+        "integrator": method.name, "step": step, "rtol": rtol,
+        "own_error": own, "richardson": estimate, "equations_error": equations,
+    }  # fmt: skip
 
 
 def _step_of(method: _Method, motion: ContactMotion) -> float:
@@ -290,15 +256,14 @@ _NEAR = 1.5  # in ln(step) and ln(error): slopes as near as that get one label
 def _convergence_study(study: Runs) -> Study:
     """Return every run, the orders, and the distance of the two references."""
     limit, name = study.limit, escape(f"{study.scene.name}, {study.settings.name}")
-    runs = rows(study)
     return Study(
-        study.scene.name, LABEL, [study.settings.name, "convergence"], runs, _record(study),
+        study.scene.name, LABEL, [study.settings.name, "convergence"], study.rows, _record(study),
         shown=(
-            table_of(_RUNS, runs, section="integrator"),
+            table_of(_RUNS, study.rows, section="integrator"),
             table_of(_ORDER_COLUMNS, [_orders(study, each) for each in study.by_name]),
             _NOTE,
-            f"{name}: the own limit is {limit.model_error:.1e} of the path off the equations;\n"
-            f"it is by {limit.method}, and known to {limit.known_to:.1e}.",
+            f"{name}: the own limit is {limit['model_error']:.1e} of the path off the equations;\n"
+            f"it is by {limit['by']}, and known to {limit['known_to']:.1e}.",
         ),
         picture=_convergence_picture(study),
     )  # fmt: skip
@@ -318,7 +283,7 @@ def _orders(study: Runs, name: str) -> Row:
     """Return the texts of an integrator's orders, against each reference."""
     row = {"integrator": name, "claim": f"{ORDERS[name]}" if name in ORDERS else "rtol"}
     for against in _REFERENCES:
-        order, stall = study.order(name, against), study.stalled_at(name, against)
+        order, stall = study.order(name, against)
         row[against] = _order_text(order)
         row[f"{against} points"] = f"{order.points}" if order else ""
         row[f"{against} stalls"] = "" if stall is None else scientific(stall)
@@ -347,7 +312,7 @@ def _convergence_picture(study: Runs) -> Figure:
     title = f"{study.scene.name}, {study.settings.name}: {study.duration:g} s"
     figure.suptitle(in_picture(title))
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
-    levels = (study.limit.known_to, study.limit.model_error)
+    levels = (study.limit["known_to"], study.limit["model_error"])
     for axes, level, (against, (_, heading, words)) in zip(
         panels, levels, _REFERENCES.items(), strict=True
     ):
@@ -356,20 +321,19 @@ def _convergence_picture(study: Runs) -> Figure:
         axes.set_title(heading, loc="left", fontsize=11)
         axes.set(xscale="log", yscale="log", xlabel="step, or its mean [ms]")
         axes.grid(alpha=0.3)
-        handles, labels = axes.get_legend_handles_labels()
         axes.legend(
-            handles, labels, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, fontsize=9,
-            frameon=False, title="order: fitted (dashed) ± standard error",
+            loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, fontsize=9, frameon=False,
+            title="order: fitted (dashed) ± standard error",
         )  # fmt: skip
     panels[0].set_ylabel("largest path error over path length")
     return figure
 
 
-def _draw(axes: Axes, study: Runs, against: _Reference) -> None:
+def _draw(axes: Axes, study: Runs, against: str) -> None:
     labelled: list[Order] = []
-    for name, trials in study.by_name.items():
-        order = study.order(name, against)
-        drawn = [(p.step * 1e3, e) for p in trials if p.step and (e := getattr(p, against))]
+    for name, rows in study.by_name.items():
+        order, _ = study.order(name, against)
+        drawn = [(p["step"] * 1e3, e) for p in rows if p["step"] and (e := p[f"{against}_error"])]
         words = f"{name}, of rtol" if name == ADAPTIVE else name
         label = f"{words}: {_order_text(order)}" if order else f"{name}: no order"
         axes.plot(
@@ -387,7 +351,7 @@ def _draw(axes: Axes, study: Runs, against: _Reference) -> None:
 
 
 def _mark(name: str) -> dict[str, Any]:
-    """Return the mark of an integrator's trials."""
+    """Return the mark of an integrator's runs."""
     of = INTEGRATORS.get(name, INTEGRATORS[ADAPTIVE])
     if name == ADAPTIVE:
         return {"marker": "*", "markersize": 9, "color": INK}
@@ -400,44 +364,22 @@ def _near(order: Order, other: Order) -> bool:
     return max(map(abs, apart)) < _NEAR
 
 
-def rows(study: Runs) -> list[dict[str, Any]]:
-    """Return a row of plain numbers for every run."""
-    return [
-        {
-            "integrator": trial.method.name,
-            "step": trial.step,
-            "rtol": trial.method.rtol if trial.method.step is None else None,
-            "own_error": trial.own,
-            "richardson": trial.richardson,
-            "equations_error": trial.equations,
-        }
-        for trial in study.trials
-    ]
-
-
 def _record(study: Runs) -> dict[str, Any]:
     """Return the study as plain data; an order or a stall that there is not is None."""
-    orders = {
-        name: {
-            against: {
-                "order": asdict(order) if (order := study.order(name, against)) else None,
-                "stalled_at": study.stalled_at(name, against),
-            }
-            for against in _REFERENCES
-        }
-        for name in study.by_name
-    }
+
+    def plain(order: Order | None, stall: float | None) -> dict[str, Any]:
+        return {"order": order and asdict(order), "stalled_at": stall}
+
     return {
         "scene": study.scene.name,
         "settings": study.settings.plain(),
         "duration": study.duration,
-        "limit": {
-            "by": str(study.limit.method),
-            "known_to": study.limit.known_to,
-            "model_error": study.limit.model_error,
+        "limit": study.limit,
+        "orders": {
+            name: {against: plain(*study.order(name, against)) for against in _REFERENCES}
+            for name in study.by_name
         },
-        "orders": orders,
-        "runs": rows(study),
+        "runs": study.rows,
     }
 
 

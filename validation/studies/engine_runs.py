@@ -99,17 +99,14 @@ def install(contestant: Contestant, folder: Path) -> Path:
     if done.returncode:
         words = [line for line in done.stderr.split("\n") if line.strip()]
         raise InputError(f"{contestant.name} cannot be installed: {words[-1] if words else '?'}")
-    _link(home)
+    # Our packages come after its own.
+    ours: Sequence[str] = (str(Path(robotball.__file__).parents[1]), sysconfig.get_path("purelib"))
+    _link_of(home).write_text("\n".join(ours) + "\n")
     return home
 
 
-def _link(home: Path) -> None:
-    """Link the environment to ours, whose packages come after its own."""
-    ours: Sequence[str] = (str(Path(robotball.__file__).parents[1]), sysconfig.get_path("purelib"))
-    _link_of(home).write_text("\n".join(ours) + "\n")
-
-
 def _link_of(home: Path) -> Path:
+    """Return the file that links an environment to ours."""
     own = sysconfig.get_path("purelib", vars={"base": str(home), "platbase": str(home)})
     return Path(own) / _LINK
 

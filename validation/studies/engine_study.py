@@ -10,16 +10,12 @@ import tempfile
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
-from functools import cached_property
 from pathlib import Path
 from subprocess import PIPE
 from typing import Annotated, Any
 
 from matplotlib.figure import Figure
-from rich import box
-from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 from tyro.conf import Positional, arg
 
 from robotball import InputError, Scene, engine_named, engine_names, load_scene
@@ -34,7 +30,7 @@ from validation.options import (
     listed,
     seconds_of,
 )
-from validation.output import in_picture, print_whole, writable_folder
+from validation.output import in_picture, writable_folder
 from validation.results import changed
 from validation.sensitivity import chaotic
 from validation.studies import engine_runs as process
@@ -48,6 +44,7 @@ from validation.study import (
     cost_axes,
     pareto_front,
     scene_cell,
+    show,
     table_of,
 )
 from validation.sweeps import Cell, Result, rows_of
@@ -111,49 +108,25 @@ def measure(cell: Cell) -> dict[str, Any]:
 class _EngineStudy:
     """All runs of a scene.
 
-    runs        a row of plain data each, that of its cell and its record and besides
-                error           of the path, or in a chaotic scene the total defect of stretches
-                cost            processor time of a simulated second [s], at the speed of the
-                                study's median process; python_share: Python's part of it
-                newcomer        whether the preset is the engine as it comes
-    failed      a row with its contestant, preset, value and why, for each run without an answer
-    by_defects  whether the errors are defects
+    what          a description of the errors: of the path, or in a chaotic scene the total defects
+                  of stretches
+    runs          by contestant and preset; a row of plain data each, that of its cell and its
+                  record and besides
+                    error     as `what` says
+                    cost      processor time of a simulated second [s], at the speed of the
+                              study's median process; python_share: Python's part of it
+                    newcomer  whether the preset is the engine as it comes
+    orders        by contestant and preset, where the runs lie on a line
+    pareto_front  the runs than which none is both cheaper and better, the best first
+    failed        a row with its contestant, preset, value and why, for each run without an answer
     """
 
     scene: Scene
-    by_defects: bool
-    runs: tuple[Row, ...]
-    failed: tuple[Row, ...]
-
-    @cached_property
-    def pareto_front(self) -> list[Row]:
-        """Return the runs than which none is both cheaper and better, the best first."""
-        usable = [each for each in self.runs if _usable(each)]
-        errors, costs = ([each[name] for each in usable] for name in ("error", "cost"))
-        return [usable[i] for i in pareto_front(errors, costs)][::-1]
-
-    @cached_property
-    def by_preset(self) -> dict[tuple[str, str], list[Row]]:
-        """Return the runs by contestant and preset."""
-        found: dict[tuple[str, str], list[Row]] = {}
-        for each in self.runs:
-            found.setdefault((each["contestant"], each["preset"]), []).append(each)
-        return found
-
-    @cached_property
-    def orders(self) -> dict[tuple[str, str], Order]:
-        """Return the orders by contestant and preset, where the runs lie on a line."""
-        found = {}
-        for key, runs in self.by_preset.items():
-            mine = [each for each in runs if each["field"] == "timestep"]
-            steps, errors = ([each[name] for each in mine] for name in ("longest_step", "error"))
-            if len(mine) > 2 and (order := fit_order(steps, errors)) is not None:
-                found[key] = order
-        return found
-
-    def order_of(self, run: Row) -> Order | None:
-        """Return the order of a run's preset."""
-        return self.orders.get((run["contestant"], run["preset"]))
+    what: str
+    runs: dict[tuple[str, str], list[Row]]
+    orders: dict[tuple[str, str], Order]
+    pareto_front: list[Row]
+    failed: list[Row]
 
 
 def study_of(scene: Scene, results: Sequence[Result]) -> _EngineStudy:
@@ -161,7 +134,8 @@ def study_of(scene: Scene, results: Sequence[Result]) -> _EngineStudy:
     works = [result.record["fixed_work"] for result in results if result.record]
     speed = statistics.median(works) if works else 1.0
     by_defects = any(result.cell["stretches"] for result in results)
-    runs, broken, failed = [], [], []
+    runs: dict[tuple[str, str], list[Row]] = {}
+    broken, failed = [], []
     for cell, record, failure in ((each.cell, each.record, each.failure) for each in results):
         place = {name: cell[name] for name in ("contestant", "preset", "value")}
         if record is None:
@@ -173,17 +147,28 @@ def study_of(scene: Scene, results: Sequence[Result]) -> _EngineStudy:
             broken.append({**place, "why": why})
             continue
         seconds, python = record["seconds"], record["python_seconds"]
-        runs.append(
+        share = None if python is None or not seconds else min(1.0, python / seconds)
+        runs.setdefault((cell["contestant"], cell["preset"]), []).append(
             {
                 **record, **place, "field": cell["field"], "error": error,
                 "newcomer": cell["preset"] == engine_named(cell["engine"]).as_it_comes,
                 "cost": seconds / cell["duration"] * speed / record["fixed_work"],
-                "python_share": (
-                    None if python is None or not seconds else min(1.0, python / seconds)
-                ),
+                "python_share": share,
             }
         )  # fmt: skip
-    return _EngineStudy(scene, by_defects, tuple(runs), (*broken, *failed))
+    usable = [each for of in runs.values() for each in of if _usable(each)]
+    front = pareto_front(*([each[name] for each in usable] for name in ("error", "cost")))
+    orders = {key: order for key, of in runs.items() if (order := _order(of)) is not None}
+    what = "chaotic, so errors are the sum of defects over short stretches"
+    return _EngineStudy(
+        scene, what if by_defects else "path errors", runs, orders,
+        [usable[i] for i in front][::-1], [*broken, *failed],
+    )  # fmt: skip
+
+
+def _order(runs: Sequence[Row]) -> Order | None:
+    mine = [each for each in runs if each["field"] == "timestep"]
+    return fit_order([each["longest_step"] for each in mine], [each["error"] for each in mine])
 
 
 def _usable(run: Row) -> bool:
@@ -211,8 +196,8 @@ def _engines_study(scene: Scene, results: Sequence[Result], words: Sequence[str]
     return Study(
         scene.name, None, ["engines", *words], rows_of(results), _record(study),
         shown=(
-            f"[bold]{escape(scene.name)} ({scene.rolling}): {_what(study)}[/]",
-            table_of(COLUMNS, _shown(study), lambda row: not row["usable"]),
+            f"[bold]{escape(scene.name)} ({scene.rolling}): {study.what}[/]",
+            table_of(COLUMNS, _shown(study), lambda row: not row.get("usable")),
             _NOTE,
         ),
         picture=_engines_picture(study),
@@ -226,17 +211,17 @@ def _shown(study: _EngineStudy) -> list[Row]:
             **run,
             "title": f"{_name(run)}, {run['preset']}, {_value(run)}",
             "front": "*" if run in study.pareto_front else "",
-            "order": order.order if (order := study.order_of(run)) else None,
+            "order": study.orders[key].order if key in study.orders else None,
             "fault": run["faults"][0] if run["faults"] else "",
             "usable": _usable(run),
         }
-        for run in study.runs
+        for key, runs in study.runs.items()
+        for run in runs
     ]
     failed = [
-        {"title": f"{row['contestant']}, {row['preset']}, {row['value']:g}", "front": "",
-         "fault": row["why"], "usable": False}
+        {"title": f"{row['contestant']}, {row['preset']}, {row['value']:g}", "fault": row["why"]}
         for row in study.failed
-    ]  # fmt: skip
+    ]
     return [*rows, *failed]
 
 
@@ -246,7 +231,7 @@ def _value(run: Row) -> str:
 
 
 COLUMNS = (
-    Column("", "front", words=True),
+    Column("", "front", words=True, missing=""),
     Column("engine, preset, step or rtol", "title", words=True),
     Column("error", "error"),
     Column("order", "order", form=".2f"),
@@ -258,23 +243,16 @@ COLUMNS = (
 )
 
 
-def _what(study: _EngineStudy) -> str:
-    """Return a description of the errors."""
-    if study.by_defects:
-        return "chaotic, so errors are the sum of defects over short stretches"
-    return "path errors"
-
-
 def _engines_picture(study: _EngineStudy) -> Figure:
     """Draw every engine's error against its cost: filled at its best, hollow as it comes."""
     figure, axes = cost_axes(
-        f"{in_picture(study.scene.name)} ({study.scene.rolling}): {_what(study)}",
+        f"{in_picture(study.scene.name)} ({study.scene.rolling}): {study.what}",
         "error, relative to the path's length",
     )
-    engines = list(dict.fromkeys(contestant for contestant, _ in study.by_preset))
+    engines = list(dict.fromkeys(contestant for contestant, _ in study.runs))
     drawn: Counter[str] = Counter()
-    for (contestant, preset), runs in study.by_preset.items():
-        order, first = study.order_of(runs[0]), runs[0]
+    for (contestant, preset), runs in study.runs.items():
+        order, first = study.orders.get((contestant, preset)), runs[0]
         label = f"{_name(first)}, {preset}" + (f" (order {order.order:.1f})" if order else "")
         errors = [min(max(run["error"], _LEAST), 10.0) for run in runs]
         mark = _MARKERS[engines.index(contestant) % len(_MARKERS)]
@@ -298,13 +276,17 @@ def _record(study: _EngineStudy) -> dict[str, Any]:
     return {
         "scene": study.scene.name,
         "rolling": study.scene.rolling,
-        "errors": _what(study),
-        "runs": [{**run, "on_the_pareto_front": run in front} for run in study.runs],
+        "errors": study.what,
+        "runs": [
+            {**run, "on_the_pareto_front": run in front}
+            for runs in study.runs.values()
+            for run in runs
+        ],
         "orders": [
             {"contestant": contestant, "preset": preset, **asdict(order)}
             for (contestant, preset), order in study.orders.items()
         ],
-        "failed": list(study.failed),
+        "failed": study.failed,
     }
 
 
@@ -351,19 +333,19 @@ class Engines:
 
 
 def _list(chosen: Sequence[Contestant], environments: Path) -> None:
-    table = Table("engine", "name", "version", "presets", "runs in", box=box.SIMPLE_HEAD)
-    there = {each.engine for each in chosen}
+    names = ("engine", "name", "version", "presets", "runs in")
+    rows = []
     for each in chosen:
         engine, python = engine_named(each.engine), python_of(each, environments)
         place = "nowhere: not installed" if python is None else str(python.parents[1])
         here = each.name == each.engine and python == Path(sys.executable)
         version = engine.label.version if here else "-"
-        presets = ", ".join(engine.presets)
-        table.add_row(*map(escape, (each.name, engine.label.name, version, presets, place)))
-    for key in engine_names():
-        if key not in there:
-            try:
-                engine_named(key)
-            except InputError as error:
-                table.add_row(escape(key), "-", "-", escape(str(error)), "-")
-    print_whole(table, Console())
+        cells = (each.name, engine.label.name, version, ", ".join(engine.presets), place)
+        rows.append(dict(zip(names, cells, strict=True)))
+    there = {each.engine for each in chosen}
+    for key in (each for each in engine_names() if each not in there):
+        try:
+            engine_named(key)
+        except InputError as error:
+            rows.append({"engine": key, "presets": str(error)})
+    show([table_of([Column(name, name, words=True) for name in names], rows)])

@@ -32,7 +32,7 @@ _QUICK_INTEGRATORS = ("Euler", "RK4", ADAPTIVE)
 _QUICK_COUNT = 3  # values of an axis
 _QUICK_DURATION = 10.0  # s, at most
 
-_OneBody = TypeVar("_OneBody", Shell, Frame, Rotor)
+_OneBody = TypeVar("_OneBody", bound=Shell | Frame | Rotor)
 
 
 def momentum_of(scene: Scene) -> Array:

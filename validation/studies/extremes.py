@@ -9,8 +9,8 @@ import logging
 import time
 import warnings
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Annotated, Any
 
@@ -148,7 +148,9 @@ def _measured(this: CellRun) -> dict[str, Any]:
     theory = compiled_motion(scene, times)
     settings = _ample(this.settings, theory) if this.ample else this.settings
     motion = run(build(scene, settings), times)
-    errors = _errors_of(Agreement(theory, motion))
+    agreement = Agreement(theory, motion)
+    names = ("path_error", "momentum_error", "gamma_error")
+    errors = {name: known(getattr(agreement, name)) for name in names}
     return {
         "outcome": classify(motion.report.faults, _largest_error(errors)).name,
         **errors,
@@ -158,12 +160,6 @@ def _measured(this: CellRun) -> dict[str, Any]:
         "nearness": nearness(planned(scene, settings, float(times[-1]), theory.loads)),
         "steps": motion.report.steps,
     }
-
-
-def _errors_of(agreement: Agreement) -> dict[str, float | None]:
-    """Return the errors of a record, by their names; None where there is no number."""
-    names = ("path_error", "momentum_error", "gamma_error")
-    return {name: known(getattr(agreement, name)) for name in names}
 
 
 def nearness(plan: PlannedRun) -> dict[str, float | None]:
@@ -217,7 +213,6 @@ def _outcome_of(result: Result) -> Outcome:
     """Return the outcome of a cell, also of one that the sweep had to give up."""
     if result.record is not None:
         return Outcome[result.record["outcome"]]
-    assert result.failure is not None
     return Outcome.UNFINISHED if result.outlasted else Outcome.FAILED
 
 
@@ -242,41 +237,32 @@ def missed(result: Result) -> bool:
     return error is not None and error > WRONG and not (foretold(result) or noticed(result))
 
 
-@dataclass(frozen=True)
-class _Measured:
-    """A predicted limit beside the measured one, both in parts of the predicted one.
+def measured_limits(results: Sequence[Result]) -> Iterator[dict[str, Any]]:
+    """Yield the limits that some of the cells are beyond, predicted and as those cells show them.
 
     kept: the farthest that a run went without breaking; broken: the nearest at which one broke and
-    no other limit was nearer, None where there is none. A prediction is right where both are 1.
-    cells: how many are beyond the limit.
+    no other limit was nearer, None where there is none; both in parts of the predicted limit, which
+    is right where both are 1. cells: how many are beyond it.
 
     What breaks beyond a limit of stability is the state: the run diverges or the ball jumps off.
     Beyond any other it is the tolerance that the run was held to.
     """
-
-    name: str
-    kept: float
-    broken: float | None
-    cells: int
-
-
-def measured_limits(results: Sequence[Result]) -> Iterator[_Measured]:
-    """Yield the limits that some of the cells are beyond, as those cells show them."""
     known = [(each, _nearness(each)) for each in results if each.record]
     for name in dict.fromkeys(name for _, nearness in known for name in nearness):
-        beyond = sum(nearness.get(name, 0.0) > 1 for _, nearness in known)
+        mine = [(each, nearness) for each, nearness in known if name in nearness]
+        beyond = sum(nearness[name] > 1 for _, nearness in mine)
         if not beyond:
             continue
         stability = name in _STABILITY
         broke = _blew_up if stability else _broke
-        mine = [(each, nearness) for each, nearness in known if name in nearness]
-        kept = [nearness[name] for each, nearness in mine if not broke(each)]
-        broken = [
-            nearness[name]
-            for each, nearness in mine
-            if broke(each) and nearness[name] == _nearest(nearness, stability)
-        ]
-        yield _Measured(name, max(kept, default=0.0), min(broken, default=None), beyond)
+        kept, broken = [0.0], []
+        for each, nearness in mine:
+            if not broke(each):
+                kept.append(nearness[name])
+            elif nearness[name] == _nearest(nearness, stability):
+                broken.append(nearness[name])
+        least = min(broken, default=None)
+        yield {"name": name, "kept": max(kept), "broken": least, "cells": beyond}
 
 
 def _nearest(nearness: Mapping[str, float], stability: bool) -> float:
@@ -312,7 +298,7 @@ def summary(found: Mapping[str, Sequence[Result]]) -> list[dict[str, Any]]:
                     "cells": len(mine),
                     "outcomes": {kind.name: counts[kind] for kind in Outcome},
                     "missed": sum(map(missed, mine)),
-                    "limits": [asdict(limit) for limit in measured_limits(mine)],
+                    "limits": list(measured_limits(mine)),
                 }
             )
     return records
@@ -325,11 +311,9 @@ def totals(results: Sequence[Result]) -> dict[str, int]:
     those of them that ended in a state which is no number; alarms: accurate, but warned of or
     noticed.
     """
-    ran = [each for each in results if _outcome_of(each) is not Outcome.REFUSED]
-    wrong = [each for each in ran if (error := _error_of(each)) is None or error > WRONG]
-    accurate = [
-        each for each in ran if (error := _error_of(each)) is not None and error <= ACCURATE
-    ]
+    ran = [(each, _error_of(each)) for each in results if _outcome_of(each) is not Outcome.REFUSED]
+    wrong = [each for each, error in ran if error is None or error > WRONG]
+    accurate = [each for each, error in ran if error is not None and error <= ACCURATE]
     return {
         "runs": len(results),
         "wrong": len(wrong),
@@ -389,66 +373,56 @@ _SENTENCES = {predict.__name__: law for predict, law in LAWS.items()}
 
 def _picture(of: Map, results: Sequence[Result]) -> Figure:
     """Draw the panels of a map, rolling models below each other, integrators three in a row."""
-    rollings = list(dict.fromkeys(each.cell["rolling"] for each in results))
-    integrators = list(dict.fromkeys(each.cell["integrator"] for each in results))
-    exceeded = _exceeded(results)
+    panels: dict[tuple[str, str], list[Result]] = {}
+    for each in results:
+        panels.setdefault((each.cell["rolling"], each.cell["integrator"]), []).append(each)
+    rollings, integrators = (list(dict.fromkeys(names)) for names in zip(*panels, strict=True))
+    exceeded = _exceeded(panels.values())
     styles = dict(zip(exceeded, _LINES * (1 + len(exceeded) // len(_LINES)), strict=False))
     across = min(_ACROSS, len(integrators))
     rows = -(-len(integrators) // across)
     height = _PANEL * len(rollings) * rows + _LINE * (len(exceeded) + len(Outcome))
     figure = Figure(figsize=(_WIDE, height), layout="constrained")
-    panels = figure.subplots(len(rollings) * rows, across, squeeze=False)
-    for block, rolling in enumerate(rollings):
-        for place in range(rows * across):
-            axes = panels[block * rows + place // across, place % across]
-            if place >= len(integrators):
-                axes.set_axis_off()
-                continue
-            integrator = integrators[place]
-            cells = [
-                each
-                for each in results
-                if (each.cell["rolling"], each.cell["integrator"]) == (rolling, integrator)
-            ]
-            _panel(axes, cells, styles)
-            _label(axes, of, cells, integrator)
+    grid = figure.subplots(len(rollings) * rows, across, squeeze=False)
+    for rolling, line in zip(rollings, grid.reshape(len(rollings), rows * across), strict=True):
+        for axes in line[len(integrators) :]:
+            axes.set_axis_off()
+        for place, (axes, integrator) in enumerate(zip(line, integrators, strict=False)):
+            _panel(axes, panels[rolling, integrator], styles)
             axes.set_title(f"{integrator}, {rolling}", size=10)
+            axes.set_xlabel(of.x_of(integrator).label, size=9)
             if place % across == 0:
                 axes.set_ylabel(of.y.label, size=9)
             else:
                 axes.set_yticklabels([])
-    _legends(figure, of, styles, {each.name: each for each in measured_limits(results)})
+    _legends(figure, of, styles, {each["name"]: each for each in measured_limits(results)})
     return figure
 
 
-def _values(results: Sequence[Result], key: str) -> list[float]:
-    return sorted({each.cell[key] for each in results})
-
-
-def _exceeded(results: Sequence[Result]) -> list[str]:
+def _exceeded(panels: Iterable[Sequence[Result]]) -> list[str]:
     """Return the limits with cells on both sides in some panel, so that a line can be drawn."""
-    sides: dict[tuple[str, ...], set[bool]] = {}
-    for each in results:
-        panel = (each.cell["rolling"], each.cell["integrator"])
-        for name, value in (each.record or {}).get("nearness", {}).items():
-            sides.setdefault((name, *panel), set()).add(value is None or value > 1)
-    exceeded = {name for (name, *_), both in sides.items() if len(both) == 2}
-    return [name for name in _SENTENCES if name in exceeded]
+    numbers = [list(map(_nearness, panel)) for panel in panels]
+
+    def drawn(name: str) -> bool:
+        return any(len({of[name] > 1 for of in panel if name in of}) == 2 for panel in numbers)
+
+    return list(filter(drawn, _SENTENCES))
 
 
 def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> None:
-    xs, ys = _values(results, "x"), _values(results, "y")
+    xs, ys = (sorted({each.cell[key] for each in results}) for key in ("x", "y"))
     grids = {name: np.full((len(ys), len(xs)), np.nan) for name in styles}
     for each in results:
         i, j = xs.index(each.cell["x"]), ys.index(each.cell["y"])
         _draw_cell(axes, i, j, each)
-        for name, value in (each.record or {}).get("nearness", {}).items():
+        for name, value in _nearness(each).items():
             if name in grids:
-                grids[name][j, i] = 1e6 if value is None else np.clip(value, 1e-6, 1e6)
+                grids[name][j, i] = np.clip(value, 1e-6, 1e6)
     for name, grid in grids.items():
         _draw_limit(axes, np.log10(grid), *styles[name])
-    axes.set_xlim(-0.5, len(xs) - 0.5)
-    axes.set_ylim(-0.5, len(ys) - 0.5)
+    axes.set(xlim=(-0.5, len(xs) - 0.5), ylim=(-0.5, len(ys) - 0.5))
+    for axis, values in ((axes.xaxis, xs), (axes.yaxis, ys)):
+        axis.set_ticks(*round_ticks(values), size=8.5)
 
 
 def _draw_cell(axes: Axes, i: int, j: int, result: Result) -> None:
@@ -489,13 +463,6 @@ def _to_the_borders(grid: Array) -> Array:
     return grid
 
 
-def _label(axes: Axes, of: Map, results: Sequence[Result], integrator: str) -> None:
-    for axis, key in ((axes.xaxis, "x"), (axes.yaxis, "y")):
-        places, labels = round_ticks(_values(results, key))
-        axis.set_ticks(places, labels, size=8.5)
-    axes.set_xlabel(of.x_of(integrator).label, size=9)
-
-
 def round_ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
     """Return places among the cells of these values, and labels, at powers of ten: TICKS at most.
 
@@ -513,14 +480,14 @@ def round_ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
     return [float(cell) for cell in cells], [f"{values[cell]:.2g}" for cell in cells]
 
 
-def _sentence(limit: _Measured) -> str:
+def _sentence(limit: Row) -> str:
     """Return the prediction, and what was measured of it."""
-    words = f"{_SENTENCES[limit.name]}; kept to {limit.kept:.2g}"
-    return words if limit.broken is None else f"{words}, broken from {limit.broken:.2g} of it"
+    words = f"{_SENTENCES[limit['name']]}; kept to {limit['kept']:.2g}"
+    return words if limit["broken"] is None else f"{words}, broken from {limit['broken']:.2g} of it"
 
 
 def _legends(
-    figure: Figure, of: Map, styles: Mapping[str, Any], measured: Mapping[str, _Measured]
+    figure: Figure, of: Map, styles: Mapping[str, Any], measured: Mapping[str, Row]
 ) -> None:
     """Write the title and the meaning of the lines above, that of cells and dots below."""
     limits = [
@@ -595,6 +562,13 @@ class Extremes:
         seed = check_seed(self.seed)
         with progress_bar(2 * count) as progress:
             found = measure_detection(count, seed, progress)
-        print(*found.lines, sep="\n")
-        write_record(self.json, found.record())
-        return DISAGREES if found.missed else AGREES
+        outcomes = ", ".join(f"{name} {number}" for name, number in found["extreme"].items())
+        lines = [
+            f"{count} extreme runs: {outcomes}",
+            *(f"missed: {words}" for words in found["missed"]),
+            f"{count} ordinary runs: {len(found['false_alarms'])} false alarms",
+            *(f"false alarm: {words}" for words in found["false_alarms"]),
+        ]
+        print(*lines, sep="\n")
+        write_record(self.json, found)
+        return DISAGREES if found["missed"] else AGREES

@@ -46,17 +46,16 @@ _STIFF: dict[str, Any] = {
 
 def friction_cells(scene: str, duration: float, quick: bool = False) -> list[Cell]:
     """Return every run of the study: rolling friction, then torsional."""
-    shared, per_decade = scene_cell(scene, duration), _PER_DECADE[quick]
-    rolling = [
-        {**shared, "friction": ROLLING, "rows": rows, "length": length}
-        for rows in (SOFT, HARD)
-        for length in _lengths(_ROLLING_LENGTHS, per_decade)
+    shared = scene_cell(scene, duration)
+    return [
+        {**shared, "friction": friction, "rows": rows, "length": length}
+        for friction, rows, ends in (
+            (ROLLING, SOFT, _ROLLING_LENGTHS),
+            (ROLLING, HARD, _ROLLING_LENGTHS),
+            (TORSIONAL, SOFT, _TORSIONAL_LENGTHS),
+        )
+        for length in _lengths(ends, _PER_DECADE[quick])
     ]
-    torsional = [
-        {**shared, "friction": TORSIONAL, "rows": SOFT, "length": length}
-        for length in _lengths(_TORSIONAL_LENGTHS, per_decade)
-    ]
-    return [*rolling, *torsional]
 
 
 def _lengths(ends: tuple[float, float], per_decade: int) -> list[float]:

@@ -33,8 +33,15 @@ from robotball.errors import check_positive
 from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array
 from validation.options import AGREES, DISAGREES, File, SceneName, check_files, listed
-from validation.output import known, plain_table, print_whole, progress_bar, write_record
-from validation.studies.judge_search import Explanation, Lag, Mistake, explain, lag_of, reference_of
+from validation.output import (
+    known,
+    plain_table,
+    print_whole,
+    progress_bar,
+    scientific,
+    write_record,
+)
+from validation.studies.judge_search import Lag, Mistake, Search, lag_of, reference_of
 from validation.studies.mistakes import Errors, numbers_of, some_of
 from validation.studies.orders import LEAST, fit_order
 
@@ -127,7 +134,7 @@ class FileJudgement:
 
     trajectory: Trajectory
     plain: _Beside
-    explanation: Explanation
+    search: Search
     corrected: _Beside | None
     lag: Lag
     timestep: float
@@ -149,7 +156,7 @@ class FileJudgement:
 
     @property
     def mistakes(self) -> tuple[Mistake, ...]:
-        return self.explanation.mistakes
+        return self.search.mistakes
 
     @property
     def best(self) -> _Beside:
@@ -223,13 +230,17 @@ def judge(
         each if isinstance(each, Trajectory) else read_trajectory(Path(each)) for each in given
     ]
     for each in trajectories:
-        _check_end(scene, each)
+        if (end := float(each.times[-1])) > LONGEST * scene.duration:
+            raise InputError(
+                f"{each.name}: t goes to {end:g} s, and {scene.name} lasts {scene.duration:g} s; "
+                "if t is in another unit, call the column t [ms], t [us] or t [ns]"
+            )
     steps = timesteps or [_timestep_of(each) for each in trajectories]
     judged = []
-    for i, (trajectory, timestep) in enumerate(zip(trajectories, steps, strict=True)):
+    for i, (trajectory, timestep) in enumerate(zip(trajectories, steps, strict=True), start=1):
         judged.append(_judged(scene, _thinned(trajectory), timestep, tolerance))
         if progress is not None:
-            progress((i + 1) / len(trajectories))
+            progress(i / len(trajectories))
     judged.sort(key=lambda each: -each.timestep)
     return Judgement(scene, tuple(judged), tuple(_orders(judged)))
 
@@ -258,26 +269,17 @@ def _timestep_of(trajectory: Trajectory) -> float:
         return float(np.median(np.diff(trajectory.times)))
 
 
-def _check_end(scene: Scene, trajectory: Trajectory) -> None:
-    end = float(trajectory.times[-1])
-    if end > LONGEST * scene.duration:
-        raise InputError(
-            f"{trajectory.name}: t goes to {end:g} s, and {scene.name} lasts {scene.duration:g} s; "
-            "if t is in another unit, call the column t [ms], t [us] or t [ns]"
-        )
-
-
 def _judged(
     scene: Scene, trajectory: Trajectory, timestep: float, tolerance: float
 ) -> FileJudgement:
     plain = _Beside(recorded(scene, trajectory), reference_of(scene, trajectory.times))
-    found = explain(trajectory, plain.theory, plain.motion.rolling_radius)
+    found = Search(trajectory, plain.theory, plain.motion.rolling_radius)
     corrected = None
     if found.mistakes:
-        corrected = _Beside(recorded(found.scene, found.trajectory), found.theory)
+        corrected = _Beside(recorded(found.scene, found.corrected), found.theory)
     at = some_of(len(trajectory.times))
-    best = (corrected or plain).theory
-    lag = lag_of(found.trajectory.times[at], numbers_of(found.trajectory, at), best)
+    numbers = numbers_of(found.corrected, at)
+    lag = lag_of(found.corrected.times[at], numbers, (corrected or plain).theory)
     return FileJudgement(trajectory, plain, found, corrected, lag, timestep, tolerance)
 
 
@@ -286,11 +288,8 @@ def _orders(judged: Sequence[FileJudgement]) -> Iterator[_Order]:
     steps = [each.timestep for each in judged]
     if len(set(steps)) < 2:
         return
-    measures = {
-        "path error": [each.best.path_error for each in judged],
-        "attitude error": [each.best.attitude_error for each in judged],
-    }
-    for name, errors in measures.items():
+    for measure in ("path_error", "attitude_error"):
+        name, errors = measure.replace("_", " "), [getattr(each.best, measure) for each in judged]
         if len(set(steps)) < LEAST:
             fall = np.log(errors[0] / errors[-1]) / np.log(steps[0] / steps[-1])
             yield _Order(name, float(fall))
@@ -426,31 +425,25 @@ def _verdict(judged: FileJudgement) -> str:
 
 def _table(judged: FileJudgement, every: bool) -> Table:
     table = plain_table(("if", "path", "attitude [rad]", "ω"))
-    trials = judged.explanation.trials
-    plain = judged.explanation.plain
+    trials, plain = judged.search.trials, judged.search.plain
     rows = [("all is as it should be", plain, "bold")]
     rows += [(each.name, each.after, "yellow") for each in judged.mistakes]
     named = {each.name for each in judged.mistakes}
     for family in dict.fromkeys(each.family for each in trials):
         # The best of each name; those that change nothing say nothing of the file.
         own = [each for each in trials if each.family == family and each.name not in named]
-        own = [each for each in own if not _same(each.errors, plain)]
-        own.sort(key=lambda each: float(np.log(np.maximum(each.errors.given, _ROUNDING)).sum()))
+        own = [each for each in own if not _same(each.after, plain)]
+        own.sort(key=lambda each: float(np.log(np.maximum(each.after.given, _ROUNDING)).sum()))
         unique = list({each.name: each for each in reversed(own)}.values())[::-1]
-        unique = unique if every else unique[:SHOWN]
-        rows += [(each.name, each.errors, "") for each in unique]
+        rows += [(each.name, each.after, "") for each in unique[: None if every else SHOWN]]
     for name, errors, style in rows:
-        table.add_row(escape(name), *_cells(errors), style=style)
+        cells = map(scientific, (errors.path, errors.attitude, errors.rate))
+        table.add_row(escape(name), *cells, style=style)
     return table
 
 
 def _same(errors: Errors, others: Errors) -> bool:
     return np.allclose(errors.given, others.given, rtol=1e-9, atol=1e-12)
-
-
-def _cells(errors: Errors) -> tuple[str, ...]:
-    rate = "-" if errors.rate is None else f"{errors.rate:.1e}"
-    return f"{errors.path:.1e}", f"{errors.attitude:.1e}", rate
 
 
 def _record(judgement: Judgement) -> dict[str, Any]:
@@ -465,22 +458,18 @@ def _record(judgement: Judgement) -> dict[str, Any]:
 
 
 def _file(judged: FileJudgement) -> dict[str, Any]:
+    own = ("timestep", "tolerance", "agrees", "covers", "too_short", "other_scene")
     return {
         "file": judged.name,
         "engine": judged.plain.motion.engine.name,
         "samples": len(judged.trajectory.times),
         "duration": float(judged.trajectory.times[-1]),
-        "timestep": judged.timestep,
+        **{name: getattr(judged, name) for name in own},
         **_measures(judged.plain),
-        "tolerance": judged.tolerance,
-        "agrees": judged.agrees,
-        "covers": judged.covers,
-        "too_short": judged.too_short,
         "mistakes": [asdict(each) for each in judged.mistakes],
         "without_mistakes": None if judged.corrected is None else _measures(judged.corrected),
         "lag": asdict(judged.lag) | {"explains": judged.lag.explains},
-        "trials": [asdict(each) for each in judged.explanation.trials],
-        "other_scene": judged.other_scene,
+        "trials": [asdict(each) for each in judged.search.trials],
         "notes": list(judged.trajectory.notes),
     }
 
@@ -489,17 +478,13 @@ _ERRORS = ("path_error", "attitude_error", "gamma_error", "momentum_error")
 
 
 def _measures(beside: _Beside) -> dict[str, Any]:
-    unknown = (None, None)
-    slip, slip_error = beside.slip or unknown
-    spin, spin_error = beside.spin or unknown
+    slip, spin = beside.slip or (None, None), beside.spin or (None, None)
     numbers: dict[str, float | None] = {
         **{name: getattr(beside, name) for name in _ERRORS},
         **{f"{name}_rate_error": error for name, (error, _) in beside.hinge_rates.items()},
         "momentum_known_to": beside.momentum_known_to,
-        "slip": slip,
-        "slip_known_to": slip_error,
-        "spin": spin,
-        "spin_known_to": spin_error,
+        **dict(zip(("slip", "slip_known_to"), slip, strict=True)),
+        **dict(zip(("spin", "spin_known_to"), spin, strict=True)),
         "rolling_radius": beside.motion.rolling_radius,
     }
     return {name: known(value) for name, value in numbers.items()}

@@ -6,7 +6,7 @@ try, and another scene has to be integrated. A shift in time is reported, and un
 """
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -72,12 +72,20 @@ def lag_of(times: Array, numbers: Numbers, reference: Motion) -> Lag:
 
     most = min(LONGEST * end, end - float(times[0]))
     step = max(2 * most / _SHIFTS, min(most, float(np.median(np.diff(times)))) / 4)
-    tried = np.arange(-most, most + step / 2, step)
+    shift = _least(error, np.arange(-most, most + step / 2, step), step, 1e-9)
+    return Lag(shift, error(0.0), error(shift))
+
+
+def _least(error: Callable[[float], float], tried: Array, step: float, to: float) -> float:
+    """Return where an error is least, up to `to`: near the best of the values that are tried.
+
+    tried: (n,), a step apart.
+    """
     best = float(min(tried, key=error))
     found = minimize_scalar(
-        error, bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-9}
+        error, bounds=(best - step, best + step), method="bounded", options={"xatol": to}
     )
-    return Lag(float(found.x), error(0.0), float(found.fun))
+    return float(found.x)
 
 
 def _stretch_of(numbers: Numbers, truth: Truth, reference: Motion) -> float:
@@ -96,11 +104,7 @@ def _stretch_of(numbers: Numbers, truth: Truth, reference: Motion) -> float:
         return float(typical(errors_at(replace(numbers, rate=None), other), truth.times).sum())
 
     tried = np.linspace(1 - LONGEST, 1 + LONGEST, _SHIFTS + 1)
-    best, step = float(min(tried, key=error)), float(tried[1] - tried[0])
-    found = minimize_scalar(
-        error, bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-7}
-    )
-    return float(found.x)
+    return _least(error, tried, float(tried[1] - tried[0]), 1e-7)
 
 
 def _between(reference: Motion) -> tuple[CubicHermiteSpline, CubicHermiteSpline]:
@@ -130,17 +134,8 @@ _FINE = 4000  # samples of a motion that is asked between them
 
 
 @dataclass(frozen=True)
-class _Trial:
-    """A mistake that was tried on a file, and the errors if it was made."""
-
-    family: str
-    name: str
-    errors: Errors
-
-
-@dataclass(frozen=True)
 class Mistake:
-    """A mistake that explains an error, the errors with and without it, and others as good."""
+    """A mistake that was tried, the errors with and without it, and others that are as good."""
 
     family: str
     name: str
@@ -149,40 +144,9 @@ class Mistake:
     as_well: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Explanation:
-    """The mistakes in a file, the one that explains most first, and all that were tried.
-
-    plain: the errors of the file as it stands. scene: the one that was simulated, as far as the
-    mistakes show; trajectory: the file's, in the right conventions; theory: the motion of that
-    scene at the trajectory's times.
-    """
-
-    plain: Errors
-    mistakes: tuple[Mistake, ...]
-    trials: tuple[_Trial, ...]
-    scene: Scene
-    trajectory: Trajectory
-    theory: Motion
-
-
 def reference_of(scene: Scene, times: Array) -> Motion:
     """Integrate the scene at 0 and at the times (n,) of a trajectory."""
     return integrate(scene, _from_zero(times))
-
-
-def explain(trajectory: Trajectory, theory: Motion, rolling_radius: float) -> Explanation:
-    """Search for what is wrong with a trajectory, of which the theory is the reference.
-
-    rolling_radius: by the file's own path and rotation [m].
-    """
-    search = _Search(trajectory, theory, rolling_radius)
-    plain = largest(errors_at(search.numbers, search.truth))
-    mistakes = tuple(search.mistakes())
-    corrected = search.corrected()
-    return Explanation(
-        plain, mistakes, tuple(search.trials), search.scene, corrected, search.theory
-    )
 
 
 @dataclass(frozen=True)
@@ -202,23 +166,41 @@ class _Option:
     def errors(self) -> tuple[Array, ...]:
         return errors_at(self.numbers, self.truth, self.base)
 
-    @property
+    @cached_property
     def typical(self) -> Array:
         return typical(self.errors, self.truth.times)
 
+    def mistake(self, before: tuple[Array, ...], as_well: Iterable["_Option"] = ()) -> Mistake:
+        names = tuple(each.name for each in as_well)
+        return Mistake(self.family, self.name, largest(before), largest(self.errors), names)
 
-class _Search:
+
+class Search:
+    """The mistakes in a file, the one that explains most first, and all that were tried.
+
+    plain: the errors of the file as it stands. scene: the one that was simulated, as far as the
+    mistakes show; corrected: the file's trajectory in the right conventions; theory: the motion of
+    that scene at its times.
+    """
+
     def __init__(self, trajectory: Trajectory, theory: Motion, rolling_radius: float) -> None:
+        """Search a trajectory of which the theory is the reference.
+
+        rolling_radius: by the file's own path and rotation [m].
+        """
         self.trajectory, self.rolling_radius = trajectory, rolling_radius
         self.at = some_of(len(trajectory.times))
         self.theory = theory
         self.scene, self.truth = theory.scene, self._truth(theory, self.at.step)
         self.numbers = numbers_of(trajectory, self.at)
-        self.trials: list[_Trial] = []
+        self.trials: list[Mistake] = []
         self.found: list[_Option] = []
         self._others: list[tuple[str, Scene, Truth]] | None = None
+        self.plain = largest(errors_at(self.numbers, self.truth))
+        self.mistakes = tuple(self._mistakes())
+        self.corrected = self._corrected()
 
-    def mistakes(self) -> list[Mistake]:
+    def _mistakes(self) -> list[Mistake]:
         """Return the mistakes that explain the errors.
 
         Each, with those after it, removes most of the error that it met. Where the mistake is one
@@ -254,16 +236,15 @@ class _Search:
                     best = own
             if not self.found:
                 single = (each for each in options if each.parts == 1)
-                self.trials = [_Trial(o.family, o.name, largest(o.errors)) for o in single]
+                self.trials = [each.mistake(before) for each in single]
             if best is None:
                 return
             chosen, as_well = best
             self.found.append(chosen)
             self.numbers, self.truth, self.scene = chosen.numbers, chosen.truth, chosen.scene
-            errors = largest(before), largest(chosen.errors)
-            yield Mistake(chosen.family, chosen.name, *errors, tuple(each.name for each in as_well))
+            yield chosen.mistake(before, as_well)
 
-    def corrected(self) -> Trajectory:
+    def _corrected(self) -> Trajectory:
         """Return the whole trajectory without the mistakes found in its conventions.
 
         `theory` is the motion of the scene as found then, at the trajectory's times.
@@ -337,7 +318,7 @@ class _Search:
             yield _Option(_TIME, name, 1, self.numbers, truth, self.scene, base, stretch)
 
     def _rate_of_attitude(self, base: Base) -> _Option:
-        file = self.corrected()
+        file = self._corrected()
         rate = _with_own_rate(file.times, numbers_of(file, slice(None))).rate
         numbers = replace(self.numbers, rate=None if rate is None else rate[self.at])
         return _Option(_RATE, _NOT_THE_RATE, 1, numbers, self.truth, self.scene, base)

@@ -37,21 +37,18 @@ class Numbers:
 
 @dataclass(frozen=True)
 class Truth:
-    """The right numbers, at the same samples.
+    """The right numbers, at the same samples `at` of a motion.
 
-    times (n,) s; contact_point (n, 2) m; attitude (n, 4); rate (n, 3) rad/s; frame_angle,
-    frame_rate (n,) of the frame in the shell; places: of each body's centre of mass from the
-    sphere's centre, horizontal (n, 2) m; path_scale m.
+    times (n,) s; contact_point (n, 2) m; attitude (n, 4); rate (n, 3) rad/s; path_scale m, the
+    motion's, which is a sum over all of its samples.
     """
 
     motion: Motion
+    at: slice
     times: Array
     contact_point: Array
     attitude: Array
     rate: Array
-    frame_angle: Array
-    frame_rate: Array
-    places: dict[str, Array]
     path_scale: float
 
 
@@ -82,18 +79,9 @@ def numbers_of(trajectory: Trajectory, at: slice) -> Numbers:
 
 def truth_of(motion: Motion, at: slice) -> Truth:
     """Return the numbers of a reference motion that has the trajectory's times."""
-    centre = motion.contact_point
-    return Truth(
-        motion=motion,
-        times=motion.times[at],
-        contact_point=centre[at],
-        attitude=motion.attitude[at],
-        rate=motion.angular_velocity[at],
-        frame_angle=motion.hinge_angles[at, 0],
-        frame_rate=motion.hinge_rates[at, 0],
-        places={name: (each.position[:, :2] - centre)[at] for name, each in poses(motion).items()},
-        path_scale=motion.path_scale,
-    )
+    times, rate = motion.times[at], motion.angular_velocity[at]
+    place, attitude = motion.contact_point[at], motion.attitude[at]
+    return Truth(motion, at, times, place, attitude, rate, motion.path_scale)
 
 
 def some_of(count: int) -> slice:
@@ -147,13 +135,12 @@ def typical(errors: tuple[Array, ...], times: Array) -> Array:
     chaotic motion both are as large as they can be at the end.
     """
     weights = 1 / (times - times[0] + times[1] - times[0])
-    return np.array(
-        [np.average(np.log(np.maximum(each, _FLOOR)), weights=weights) for each in errors]
-    )
+    logarithms = np.log(np.maximum(errors, _FLOOR))
+    return np.asarray(np.average(logarithms, axis=1, weights=weights))
 
 
 _Change = Callable[[Numbers], Numbers]
-_Part = tuple[str, _Change]  # "" changes nothing
+_Parts = dict[str, _Change]  # by their names; "" changes nothing
 _XYZ = "x, y, z"
 _SPELT = {"in": "inches", "ft": "feet", "um": "µm"}
 _NEAR = 1.3  # a factor of length so near 1 may be an engine's error, and is no unit
@@ -180,9 +167,9 @@ def conventions(truth: Truth, has_height: bool) -> Iterator[_Convention]:
     yield from (_Convention("world", *part, 1) for part in _worlds(has_height))
 
 
-def _combined(family: str, parts: Sequence[Sequence[_Part]]) -> Iterator[_Convention]:
+def _combined(family: str, parts: Sequence[_Parts]) -> Iterator[_Convention]:
     """Yield all combinations with at most one of each kind of part."""
-    for chosen in product(*([("", lambda numbers: numbers), *each] for each in parts)):
+    for chosen in product(*([("", lambda numbers: numbers), *each.items()] for each in parts)):
         names = [name for name, _ in chosen if name]
         if names:
             yield _Convention(family, "; ".join(names), _all([f for _, f in chosen]), len(names))
@@ -203,37 +190,32 @@ def _right(q: Array) -> _Change:
     return _turned(lambda attitude: multiply(attitude, np.broadcast_to(q, attitude.shape)))
 
 
-def _attitudes(truth: Truth) -> list[list[_Part]]:
+def _attitudes(truth: Truth) -> list[_Parts]:
     """Return orders of a quaternion's numbers, its senses, and frames of which it may be."""
     scene, start = truth.motion.scene, truth.motion.scene.start.attitude
+    principal = conjugate(scene.principal_quaternion)
     counted = "the attitude is counted from the start, in"
-    orders = [
-        ("the quaternion's order is x, y, z, w", _turned(lambda q: q[:, [3, 0, 1, 2]])),
-        ("qx, qy, qz, qw hold w, x, y, z", _turned(lambda q: q[:, [1, 2, 3, 0]])),
-    ]
-    senses = [("the rotation is from world to frame (conjugate, transposed)", _turned(conjugate))]
-    frames = [
-        ("the attitude is the shell's, not the frame's", _right(_in_shell(truth, 1))),
-        (
-            "the attitude is that of the ball's principal axes",
-            _right(conjugate(scene.principal_quaternion)),
-        ),
-        (f"{counted} world axes", _right(start)),
-        (f"{counted} frame axes", _turned(lambda q: multiply(start, q))),
-        *(
-            (
-                f"the frame's axes are others: the file's {_XYZ} are the scene's {_text(S)}",
-                _right(from_matrix(S)),
-            )
-            for S in _rotations()
-        ),
-    ]
+    orders = {
+        "the quaternion's order is x, y, z, w": _turned(lambda q: q[:, [3, 0, 1, 2]]),
+        "qx, qy, qz, qw hold w, x, y, z": _turned(lambda q: q[:, [1, 2, 3, 0]]),
+    }
+    senses = {"the rotation is from world to frame (conjugate, transposed)": _turned(conjugate)}
+    frames = {
+        "the attitude is the shell's, not the frame's": _right(_in_shell(truth, 1)),
+        "the attitude is that of the ball's principal axes": _right(principal),
+        f"{counted} world axes": _right(start),
+        f"{counted} frame axes": _turned(lambda q: multiply(start, q)),
+    }
+    for S in _rotations():
+        other = f"the frame's axes are others: the file's {_XYZ} are the scene's {_text(S)}"
+        frames[other] = _right(from_matrix(S))
     return [orders, senses, frames]
 
 
 def _in_shell(truth: Truth, sense: int) -> Array:
     """Return the frame's attitude in the shell (n, 4), or for the sense -1 its inverse."""
-    half, axis = sense * truth.frame_angle[:, None] / 2, truth.motion.scene.ball.shell.axis
+    angle, axis = truth.motion.hinge_angles[truth.at, :1], truth.motion.scene.ball.shell.axis
+    half = sense * angle / 2
     return np.concatenate([np.cos(half), np.sin(half) * axis], axis=1)
 
 
@@ -255,31 +237,31 @@ def _resized(size: float) -> _Change:
     return lambda numbers: replace(numbers, position=size * numbers.position)
 
 
-def _positions(truth: Truth) -> list[list[_Part]]:
+def _positions(truth: Truth) -> list[_Parts]:
     """Return origins, units, axes of the plane, and points of the ball that x, y may be of."""
     a = truth.motion.scene.ball.radius
     sizes = {_SPELT.get(unit, unit): size for unit, size in LENGTHS.items() if unit != "m"}
     sizes |= {"radii of the ball": a, "diameters": 2 * a}
-    origins = [("the path does not start at (0, 0)", _moved(lambda p: p - p[0]))]
-    lengths = [
-        (f"the positions are in {unit}", _resized(size))
+    origins = {"the path does not start at (0, 0)": _moved(lambda p: p - p[0])}
+    lengths = {
+        f"the positions are in {unit}": _resized(size)
         for unit, size in sizes.items()
         if not 1 / _NEAR < size < _NEAR
-    ]
-    planes = [
-        ("x and y are exchanged", _moved(lambda p: p[:, ::-1])),
-        ("x has the other sign", _moved(lambda p: p * [-1, 1])),
-        ("y has the other sign", _moved(lambda p: p * [1, -1])),
-        ("x and y both have the other sign", _moved(lambda p: -p)),
-        ("x, y are the scene's y, -x", _moved(lambda p: p[:, ::-1] * [-1, 1])),
-        ("x, y are the scene's -y, x", _moved(lambda p: p[:, ::-1] * [1, -1])),
-        ("x, y are the scene's -y, -x", _moved(lambda p: -p[:, ::-1])),
-    ]
-    places = [
-        (f"x, y are of the {name}'s centre of mass", _moved(partial(np.add, -place)))
-        for name, place in truth.places.items()
-        if np.abs(place).max() > 1e-6 * a
-    ]
+    }
+    planes = {
+        "x and y are exchanged": _moved(lambda p: p[:, ::-1]),
+        "x has the other sign": _moved(lambda p: p * [-1, 1]),
+        "y has the other sign": _moved(lambda p: p * [1, -1]),
+        "x and y both have the other sign": _moved(lambda p: -p),
+        "x, y are the scene's y, -x": _moved(lambda p: p[:, ::-1] * [-1, 1]),
+        "x, y are the scene's -y, x": _moved(lambda p: p[:, ::-1] * [1, -1]),
+        "x, y are the scene's -y, -x": _moved(lambda p: -p[:, ::-1]),
+    }
+    centre, places = truth.motion.contact_point, {}
+    for name, each in poses(truth.motion).items():
+        place = (each.position[:, :2] - centre)[truth.at]
+        if np.abs(place).max() > 1e-6 * a:
+            places[f"x, y are of the {name}'s centre of mass"] = _moved(partial(np.add, -place))
     return [origins, lengths, planes, places]
 
 
@@ -295,32 +277,24 @@ def _rated(change: Callable[[Array, Numbers], Array]) -> _Change:
     return undo
 
 
-def _rates(truth: Truth) -> list[list[_Part]]:
+def _rates(truth: Truth) -> list[_Parts]:
     """Return units, signs and axes of ω, and the bodies of which it may be."""
     scene, to_frame = truth.motion.scene, _in_shell(truth, -1)
-    more = np.outer(truth.frame_rate, scene.ball.shell.axis)
+    more = np.outer(truth.motion.hinge_rates[truth.at, 0], scene.ball.shell.axis)
+    of = "the angular velocity"
     sizes = {"deg/s": np.pi / 180, "revolutions per second": 2 * np.pi, "rpm": 2 * np.pi / 60}
-    units = [(f"the angular velocity is in {unit}", _scaled(size)) for unit, size in sizes.items()]
-    signs = [("the angular velocity has the other sign", _scaled(-1.0))]
-    axes = [
-        (
-            "the angular velocity is in world axes",
-            _rated(lambda w, numbers: _rotated(w, conjugate(numbers.attitude))),
+    units = {f"{of} is in {unit}": _scaled(size) for unit, size in sizes.items()}
+    signs = {f"{of} has the other sign": _scaled(-1.0)}
+    axes = {
+        f"{of} is in world axes": _rated(lambda w, file: _rotated(w, conjugate(file.attitude))),
+        f"{of} is turned from world to frame axes twice": _rated(
+            lambda w, file: _rotated(w, file.attitude)
         ),
-        (
-            "the angular velocity is turned from world to frame axes twice",
-            _rated(lambda w, numbers: _rotated(w, numbers.attitude)),
-        ),
-        ("the angular velocity is in the shell's axes", _rated(lambda w, _: _rotated(w, to_frame))),
-        ("the angular velocity is in principal axes", _along(scene.principal_axes.T)),
-        *(
-            (f"the angular velocity's {_XYZ} are along the scene's {_text(S)}", _along(S))
-            for S in _rotations()
-        ),
-    ]
-    bodies = [
-        ("the angular velocity is the shell's, not the frame's", _rated(lambda w, _: w + more))
-    ]
+        f"{of} is in the shell's axes": _rated(lambda w, _: _rotated(w, to_frame)),
+        f"{of} is in principal axes": _along(scene.principal_axes.T),
+        **{f"{of}'s {_XYZ} are along the scene's {_text(S)}": _along(S) for S in _rotations()},
+    }
+    bodies = {f"{of} is the shell's, not the frame's": _rated(lambda w, _: w + more)}
     return [units, signs, axes, bodies]
 
 
@@ -346,7 +320,7 @@ _WORLDS = {
 }
 
 
-def _worlds(has_height: bool) -> Iterator[_Part]:
+def _worlds(has_height: bool) -> Iterator[tuple[str, _Change]]:
     """Yield axes x, y, z of the file other than the world's, and maybe the frame's likewise."""
     for S in _signed_permutations():
         if np.array_equal(S, np.eye(3)) or not (has_height or abs(S[2, 2]) == 1):
@@ -471,15 +445,13 @@ def scaled(rate: Rate, factor: float) -> Rate:
         return msgspec.structs.replace(rate, values=tuple(factor * v for v in rate.values))
     if isinstance(rate, Sum):
         return Sum(tuple(scaled(part, factor) for part in rate.parts))
+    if isinstance(rate, Drive):
+        rate = Custom(rate.rate, tuple(rate.breakpoints))
+    elif callable(rate):
+        rate = Custom(rate)
     if isinstance(rate, Custom):
         function = rate.function
-        return Custom(lambda t: factor * function(t), rate.breakpoints)
-    if isinstance(rate, Drive):
-        drive = rate
-        return Custom(lambda t: factor * float(drive.rate(t)), tuple(drive.breakpoints))
-    if callable(rate):
-        call: Callable[[float], float] = rate
-        return lambda t: factor * call(t)
+        return Custom(lambda t: factor * float(function(t)), rate.breakpoints)
     return factor * float(rate)
 
 

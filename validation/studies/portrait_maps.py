@@ -53,10 +53,11 @@ class _Plane:
 
     def axes(self, count: int) -> tuple[list[float], list[float]]:
         """Return the values of K₃ and of y; with an even count none is on a line of symmetry."""
-        return tuple(
-            [float(f"{value:.6g}") for value in np.linspace(low, high, count)]
-            for low, high in ((-self.K3, self.K3), (self.low, self.high))
-        )  # type: ignore[return-value]
+
+        def values(low: float, high: float) -> list[float]:
+            return [float(f"{value:.6g}") for value in np.linspace(low, high, count)]
+
+        return values(-self.K3, self.K3), values(self.low, self.high)
 
 
 def _turned(degrees: float) -> Vector:
@@ -136,16 +137,6 @@ _HATCHES = {"largest basin: δ₃,₄": "..", "largest basin: θ₁,₂": "//", 
 _OTHER, _NONE = "#F5C9C9", "no result"  # also of a result of a kind not foreseen
 
 
-def _number_of_points(record: Mapping[str, Any]) -> str:
-    """Return how many fixed points there are, those of index 1 counted with the saddles."""
-    return f"{len(record['points'])} fixed points"
-
-
-def _type_of_poles(record: Mapping[str, Any]) -> str:
-    """Return the type of Γ₅ and Γ₆, which have the same."""
-    return f"Γ₅,₆: {record['points'].get('Γ₅', 'none')}"
-
-
 def _kind_of_cycles(record: Mapping[str, Any]) -> str:
     """Return how many limit cycles there are, C and -C as one."""
     stable = sum(abs(cycle["multiplier"]) < 1 for cycle in record["cycles"])
@@ -162,9 +153,11 @@ def _largest_basin(record: Mapping[str, Any]) -> str:
     return f"largest basin: {'a cycle' if name.startswith('cycle') else name}"
 
 
+# By the record of a cell. Fixed points of index 1 are counted with the saddles; Γ₅ and Γ₆ have the
+# same type.
 _PANELS: dict[str, Callable[[Mapping[str, Any]], str]] = {
-    "how many fixed points": _number_of_points,
-    "the type of Γ₅ and Γ₆": _type_of_poles,
+    "how many fixed points": lambda record: f"{len(record['points'])} fixed points",
+    "the type of Γ₅ and Γ₆": lambda record: f"Γ₅,₆: {record['points'].get('Γ₅', 'none')}",
     "limit cycles": _kind_of_cycles,
     "whose basin is the largest": _largest_basin,
 }
@@ -230,31 +223,20 @@ def _curves_of(plane: _Plane) -> list[tuple[Array, Array, Array]]:
     ]
 
 
-def summary(
-    planes: Sequence[_Plane], found: Mapping[str, Sequence[Result]]
-) -> list[dict[str, Any]]:
-    """Return a record for each map: how many cells have which portrait, where formulas fail."""
-    records = []
-    for plane in planes:
-        results = found[plane.name]
-        sound = [(each.cell, each.record) for each in results if each.record is not None]
-        counts = {
+def summary(plane: _Plane, results: Sequence[Result]) -> dict[str, Any]:
+    """Return the record of a map: how many cells have which portrait, where formulas fail."""
+    sound = [(each.cell, each.record) for each in results if each.record is not None]
+    right = [as_predicted(plane.ball(cell["K3"], cell["y"]), record) for cell, record in sound]
+    return {
+        "map": plane.name,
+        "cells": len(results),
+        "failed": len(results) - len(sound),
+        "against_the_formulas": right.count(False),
+        "counts": {
             title: dict(Counter(property_of(record) for _, record in sound).most_common())
             for title, property_of in _PANELS.items()
-        }
-        wrong = sum(
-            not as_predicted(plane.ball(cell["K3"], cell["y"]), record) for cell, record in sound
-        )
-        records.append(
-            {
-                "map": plane.name,
-                "cells": len(results),
-                "failed": len(results) - len(sound),
-                "against_the_formulas": wrong,
-                "counts": counts,
-            }
-        )
-    return records
+        },
+    }
 
 
 def as_predicted(ball: Parameters, record: Mapping[str, Any]) -> bool:
@@ -306,7 +288,7 @@ class Portraits:
             each.name: self.sweep.results(measure, cells_of(each, count), "portraits", _LIMIT)
             for each in planes
         }
-        records = summary(planes, found)
+        records = [summary(each, found[each.name]) for each in planes]
         show(shown(records))
         for each, results in zip(planes, found.values(), strict=True):
             rows, drawn = rows_of(results), _picture(each, results)

@@ -10,7 +10,7 @@ off. It is reported where the precheck warned of it or the monitor found a fault
 import logging
 import warnings
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -38,6 +38,7 @@ from robotball.scene import Start
 from validation.agreement import compare
 from validation.output import Show
 from validation.studies.extreme_maps import WRONG, scaled, scaled_body
+from validation.studies.mistakes import with_bodies
 
 _SEED = 20190501
 
@@ -105,7 +106,7 @@ class _RandomRun:
 def ordinary(seed: int, number: int) -> _RandomRun:
     """Return a catalog ball with rates, momentum and attitude varied, at a preset of the recipe."""
     random = np.random.default_rng([seed, number, 0])
-    scene = _varied(_any_scene(random), random)
+    scene = _varied_scene(random)
     duration = float(random.uniform(1.0, 10.0))
     settings = preset(str(random.choice(_RECIPES)))
     return _RandomRun(scene, settings, np.linspace(0.0, duration, _SAMPLES + 1))
@@ -114,7 +115,7 @@ def ordinary(seed: int, number: int) -> _RandomRun:
 def extreme(seed: int, number: int) -> _RandomRun:
     """Return the naive or the recipe's settings on a varied ball, one to three axes far out."""
     random = np.random.default_rng([seed, number, 1])
-    scene = _varied(_any_scene(random), random)
+    scene = _varied_scene(random)
     settings = random.choice(np.array([preset("naive"), recipe("recipe", 1e-2, timestep=5e-3)]))
     settings = replace(settings, stop_at_fault=False, max_steps=_MOST_STEPS)
     chosen = random.choice(list(_AXES), random.integers(1, _EXTREME_AXES + 1), replace=False)
@@ -134,10 +135,6 @@ def _short_times(scene: Scene, settings: Settings, random: np.random.Generator) 
     return np.linspace(0.0, duration, _SAMPLES + 1)
 
 
-def _any_scene(random: np.random.Generator) -> Scene:
-    return balanced()[int(random.integers(len(balanced())))]
-
-
 @cache
 def balanced() -> list[Scene]:
     """Return the catalog's balls that the small equations describe: changes keep them so."""
@@ -146,24 +143,23 @@ def balanced() -> list[Scene]:
         return [scene for scene in scenes if scene.not_reduced is None]
 
 
-def _varied(scene: Scene, random: np.random.Generator) -> Scene:
+def _varied_scene(random: np.random.Generator) -> Scene:
+    """Return a ball of the catalog with another start and other rates."""
+    scene = balanced()[int(random.integers(len(balanced())))]
     attitude = Rotation.random(random_state=random).as_quat(scalar_first=True)
     momentum = scene.start.momentum * random.uniform(0.3, 1.5)
-    scene = replace(scene, start=Start(attitude, momentum))
-    return _faster(
-        _faster(scene, float(random.uniform(0.3, 1.3)), 0), float(random.uniform(0.3, 1.3)), 1
-    )
+    frame, rotors = random.uniform(0.3, 1.3, 2).tolist()
+    return _faster(replace(scene, start=Start(attitude, momentum)), frame, rotors)
 
 
-def _faster(scene: Scene, factor: float, which: int) -> Scene:
-    """Return the scene with the frame's rate (0) or the rotors' (1) times a factor, if constant."""
+def _faster(scene: Scene, frame: float = 1.0, rotors: float = 1.0) -> Scene:
+    """Return the scene with the frame's rate and the rotors' times a factor, where constant."""
 
-    def times(rate: Any) -> Any:
+    def times(rate: Any, factor: float) -> Any:
         return rate * factor if isinstance(rate, float | int) else rate
 
-    if which == 0:
-        return replace(scene, frame_rate=times(scene.frame_rate))
-    return replace(scene, rotor_rates=tuple(map(times, scene.rotor_rates)))
+    rates = tuple(times(rate, rotors) for rate in scene.rotor_rates)
+    return replace(scene, frame_rate=times(scene.frame_rate, frame), rotor_rates=rates)
 
 
 def rescaled(scene: Scene, mass: float = 1.0, length: float = 1.0) -> Scene:
@@ -171,14 +167,13 @@ def rescaled(scene: Scene, mass: float = 1.0, length: float = 1.0) -> Scene:
     return replace(scaled(scene, mass=mass, length=length), gravity=scene.gravity)
 
 
-def _heavier_part(scene: Scene, factor: float, part: str) -> Scene:
-    own: Any = getattr(scene.ball, part)
-    if isinstance(own, tuple):
-        heavier: Any = tuple(scaled_body(each, factor) for each in own)
-    else:
-        heavier = scaled_body(own, factor)
-    changes = {part: heavier}
-    return replace(scene, ball=replace(scene.ball, **changes))
+def _heavier(scene: Scene, factor: float, kind: type[Shell | Frame | Rotor]) -> Scene:
+    """Return the scene with the mass of all bodies of a kind times a factor."""
+
+    def heavier(body: Any) -> Any:
+        return scaled_body(body, factor) if isinstance(body, kind) else body
+
+    return replace(scene, ball=with_bodies(scene.ball, heavier))
 
 
 _Axis = Callable[[Scene, Settings, np.random.Generator], tuple[Scene, Settings]]
@@ -211,12 +206,12 @@ _AXES: dict[str, _Axis] = {
     "timestep": _of_settings(-4, 0, lambda v: {"timestep": v}),
     "integrator": _choice(*({"integrator": name} for name in OWN)),
     "adaptive": _of_settings(-13, -2, lambda v: {"integrator": ADAPTIVE, "rtol": v}),
-    "rotor speed": _of_scene(-2, 4, lambda scene, v: _faster(scene, v, 1)),
-    "frame speed": _of_scene(-2, 3, lambda scene, v: _faster(scene, v, 0)),
+    "rotor speed": _of_scene(-2, 4, lambda scene, v: _faster(scene, rotors=v)),
+    "frame speed": _of_scene(-2, 3, lambda scene, v: _faster(scene, frame=v)),
     "momentum": _of_scene(-6, 4, _start_times),
-    "shell's mass": _of_scene(-6, 6, lambda scene, v: _heavier_part(scene, v, "shell")),
-    "frame's mass": _of_scene(-6, 6, lambda scene, v: _heavier_part(scene, v, "frame")),
-    "rotors' mass": _of_scene(-6, 6, lambda scene, v: _heavier_part(scene, v, "rotors")),
+    "shell's mass": _of_scene(-6, 6, lambda scene, v: _heavier(scene, v, Shell)),
+    "frame's mass": _of_scene(-6, 6, lambda scene, v: _heavier(scene, v, Frame)),
+    "rotors' mass": _of_scene(-6, 6, lambda scene, v: _heavier(scene, v, Rotor)),
     "mass": _of_scene(-9, 9, lambda scene, v: rescaled(scene, mass=v)),
     "radius": _of_scene(-9, 9, lambda scene, v: rescaled(scene, length=v)),
     "gravity": _of_scene(-9, 6, lambda scene, v: replace(scene, gravity=scene.gravity * v)),
@@ -278,65 +273,30 @@ class _Judged:
         return self.reported and self.within
 
 
-@dataclass(frozen=True)
-class _Detection:
-    """The extreme runs, whose failures should be reported, and the ordinary ones."""
+def measure_detection(count: int, seed: int, show: Show) -> dict[str, Any]:
+    """Judge `count` extreme runs, whose failures should be reported, and as many ordinary ones.
 
-    extreme: tuple[_Judged, ...]
-    ordinary: tuple[_Judged, ...]
-
-    @property
-    def missed(self) -> list[_Judged]:
-        return [each for each in self.extreme if each.missed]
-
-    @property
-    def false_alarms(self) -> list[_Judged]:
-        return [each for each in self.ordinary if each.false_alarm]
-
-    @property
-    def counts(self) -> dict[str, int]:
-        """Count the extreme runs by their outcome."""
-        counts: Counter[str] = Counter()
-        for each in self.extreme:
-            counts["refused"] += bool(each.refused)
-            counts["failed"] += each.failed
-            counts["warned of before"] += each.failed and bool(each.warned)
-            counts["noticed during"] += each.failed and bool(each.faults)
-            counts["missed"] += each.missed
-        return dict(counts)
-
-    @property
-    def lines(self) -> list[str]:
-        """Return the result in words."""
-        counts = ", ".join(f"{name} {count}" for name, count in self.counts.items())
-        return [
-            f"{len(self.extreme)} extreme runs: {counts}",
-            *(f"missed: {_words(each)}" for each in self.missed),
-            f"{len(self.ordinary)} ordinary runs: {len(self.false_alarms)} false alarms",
-            *(f"false alarm: {_words(each)}" for each in self.false_alarms),
-        ]
-
-    def record(self) -> dict[str, Any]:
-        """Return the result as plain data."""
-        return {
-            "extreme": self.counts,
-            "missed": [_words(each) for each in self.missed],
-            "false_alarms": [_words(each) for each in self.false_alarms],
-        }
-
-
-def measure_detection(count: int, seed: int, show: Show | None = None) -> _Detection:
-    """Judge `count` extreme runs and as many ordinary ones."""
+    Return the extreme runs by their outcome, those that were missed, and the false alarms, as
+    plain data.
+    """
     logging.getLogger("absl").setLevel(logging.ERROR)
-    show = show or (lambda done, what: None)
-    sets: list[tuple[_Judged, ...]] = []
-    for done, (name, make) in enumerate((("extreme", extreme), ("ordinary", ordinary))):
-        judged_runs = []
+
+    def runs(make: Callable[[int, int], _RandomRun], done: int, name: str) -> Iterator[_Judged]:
         for number in range(count):
-            show(done * count + number, f"{name} runs")
-            judged_runs.append(judged(make(seed, number)))
-        sets.append(tuple(judged_runs))
-    return _Detection(*sets)
+            show(done + number, f"{name} runs")
+            yield judged(make(seed, number))
+
+    counts: Counter[str] = Counter()
+    missed = []
+    for each in runs(extreme, 0, "extreme"):
+        counts["refused"] += bool(each.refused)
+        counts["failed"] += each.failed
+        counts["warned of before"] += each.failed and bool(each.warned)
+        counts["noticed during"] += each.failed and bool(each.faults)
+        counts["missed"] += each.missed
+        missed += [_words(each)] * each.missed
+    alarms = [_words(each) for each in runs(ordinary, count, "ordinary") if each.false_alarm]
+    return {"extreme": dict(counts), "missed": missed, "false_alarms": alarms}
 
 
 def judged(run: _RandomRun) -> _Judged:

@@ -18,7 +18,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.markup import escape
-from rich.table import Table
 
 from robotball import PRESETS, InputError, Scene, Settings, load_scene
 from robotball.engines.mujoco import LABEL
@@ -37,7 +36,6 @@ from robotball.engines.mujoco.settings import (
 )
 from robotball.film.looks import ACCENT, FAINT, INK
 from robotball.motors import Servo
-from robotball.rotations import Array
 from validation.agreement import Agreement
 from validation.options import Duration, SceneName, Sweep, SweepOptions, seconds_of
 from validation.output import in_picture, known, progress_bar, scientific, writable_folder
@@ -45,8 +43,7 @@ from validation.plots import note
 from validation.results import changed
 from validation.studies.friction import friction_cells, friction_run, friction_study
 from validation.studies.orders import fit_order
-from validation.studies.parts_cost import measure_parts
-from validation.studies.timing import measure_costs, simulated_second
+from validation.studies.timing import measure_costs, measure_parts, simulated_second
 from validation.study import (
     CANCELLED,
     Column,
@@ -117,12 +114,12 @@ def configurations(quick: bool = False) -> list[Settings]:
     """Return the study's settings, each once, presets first; the quick form has a few a kind."""
     if quick:
         every = [*PRESETS.values(), *_lines((_RECIPE,), _LINE[3:6], ("RK4", "Euler"))]
-        every += [*_line_of_tolerances(_RTOLS[2::4]), *_star(NAIVE, STEPS[1:2], ("RK4",))][::4]
+        every += [*_adaptive(_RTOLS[2::4]), *_star(NAIVE, STEPS[1:2], ("RK4",))][::4]
     else:
         every = [
             *PRESETS.values(),
             *_lines((_RECIPE, NAIVE), _LINE, _ALL),
-            *_line_of_tolerances(_RTOLS),
+            *_adaptive(_RTOLS),
             *_star(_RECIPE, STEPS, ("RK4",)),
             *_star(_RECIPE, _FINE_STEPS, FIRST_ORDER),
             *_star(NAIVE, STEPS[1:], _ALL),
@@ -142,9 +139,8 @@ def _lines(
         yield replace(base, integrator=integrator, timestep=step)
 
 
-def _line_of_tolerances(rtols: Sequence[float]) -> Iterator[Settings]:
-    for rtol in rtols:
-        yield replace(_RECIPE, integrator=ADAPTIVE, timestep=None, rtol=rtol)
+def _adaptive(rtols: Sequence[float]) -> list[Settings]:
+    return [replace(_RECIPE, integrator=ADAPTIVE, timestep=None, rtol=rtol) for rtol in rtols]
 
 
 def _star(base: Settings, steps: Sequence[float], integrators: Sequence[str]) -> Iterator[Settings]:
@@ -181,13 +177,10 @@ def options_of(settings: Settings) -> _Options:
 
 def describe(options: Mapping[str, Any]) -> str:
     """Name the recipe or the naive model, whichever is nearer, and the changes but the steps."""
-    name, changes = min(
-        ((base.name, _changes(options, options_of(base))) for base in (_RECIPE, NAIVE)),
-        key=lambda each: len(each[1]),
-    )
-    return (
-        ", ".join([name, *changes]) if len(changes) <= _FEW else f"{name}, {len(changes)} changes"
-    )
+    described = ([base.name, *_changes(options, options_of(base))] for base in (_RECIPE, NAIVE))
+    name, *changes = min(described, key=len)
+    said = changes if len(changes) <= _FEW else [f"{len(changes)} changes"]
+    return ", ".join([name, *said])
 
 
 def _changes(options: Mapping[str, Any], base: _Options) -> list[str]:
@@ -231,7 +224,8 @@ def measure(cell: Cell) -> dict[str, Any]:
     model = build(scene, settings_with(cell))
     logging.getLogger("absl").setLevel(logging.ERROR)  # a process of its own says it again
     agreement = Agreement(theory, run(model, theory.times), MUJOCO)
-    timed = _worth(_TIMED, agreement.report.seconds, theory.times)
+    part = min(1.0, _TIMED / agreement.report.seconds)
+    timed = theory.times[: max(2, math.ceil(len(theory.times) * part))]
     (cost,) = measure_costs([simulated_second(model, timed)], cell["rounds"])
     least, most = cost.spread
     return {
@@ -248,171 +242,98 @@ def measure(cell: Cell) -> dict[str, Any]:
     }
 
 
-def _worth(seconds: float, whole: float, times: Array) -> Array:
-    """Return as many of the times as cost these seconds, where all of them cost `whole`."""
-    return times[: max(2, math.ceil(len(times) * min(1.0, seconds / whole)))]
-
-
-@dataclass(frozen=True)
-class Configuration:
-    """A configuration that was run, or why it could not be.
-
-    error         path error; momentum_error: that of M
-    ratio         cost of a simulated second, relative to the bare loop's; spread: least and most
-    cost          processor time at the study's baseline [s per simulated s]
-    trouble       its faults, or why it failed; empty for a sound run
-
-    Where a run broke off or failed, what it has not is NaN.
-    """
-
-    options: _Options
-    error: float
-    momentum_error: float
-    ratio: float
-    spread: tuple[float, float]
-    cost: float
-    trouble: str
-
-    @property
-    def sound(self) -> bool:
-        """Return whether it is a result: no trouble, and no path that is good by accident."""
-        return not self.trouble and self.momentum_error <= CANCELLED * self.error
-
-    @property
-    def integrator(self) -> str:
-        return str(self.options.get("integrator", MUJOCOS_DEFAULT))
-
-    @property
-    def timestep(self) -> float:
-        """Return the timestep [s] of an integrator that has one; MuJoCo's default if not set."""
-        return float(self.options.get("timestep", 2e-3))
-
-    @property
-    def steps(self) -> str:
-        """Return the timestep, or the tolerance where the integrator chooses its steps."""
-        if "rtol" in self.options:
-            return f"rtol {self.options['rtol']:.0e}"
-        return f"{self.timestep * 1e3:.3g} ms"
-
-    @property
-    def preset(self) -> str | None:
-        """Return the preset that has just these options."""
-        return _PRESETS.get(repr(sorted(self.options.items())))
-
-    @property
-    def title(self) -> str:
-        return self.preset or f"{self.integrator} {self.steps}, {describe(self.options)}"
-
-
 _PRESETS = {repr(sorted(options_of(s).items())): name for name, s in PRESETS.items()}
 
 
-def _configuration(result: Result, baseline: float) -> Configuration:
-    record = result.record or {}
+def _configuration(result: Result, baseline: float) -> Row:
+    """Return a configuration that was run, or why it could not be, as a row of plain data.
 
-    def number(name: str) -> float:
-        value = record.get(name)
-        return math.nan if value is None else float(value)
+    error          path error; momentum_error: that of M
+    ratio          cost of a simulated second, relative to the bare loop's; spread: least and most
+    cost           processor time at the study's baseline [s per simulated s]
+    trouble        its faults, or why it failed; empty for a sound run
+    sound          whether it is a result: no trouble, and no path that is good by accident
+    preset         the preset that has just these options
 
-    return Configuration(
-        options_of(settings_with(result.cell)),
-        number("path_error"),
-        number("momentum_error"),
-        number("ratio"),
-        (number("ratio_least"), number("ratio_most")),
-        number("ratio") * baseline,
-        "; ".join(record["faults"]) if record else result.failure or "",
+    Where a run broke off or failed, what it has not is None.
+    """
+    options, record = options_of(settings_with(result.cell)), result.record or {}
+    integrator, timestep = options.get("integrator", MUJOCOS_DEFAULT), options.get("timestep", 2e-3)
+    steps = f"rtol {options['rtol']:.0e}" if "rtol" in options else f"{timestep * 1e3:.3g} ms"
+    preset = _PRESETS.get(repr(sorted(options.items())))
+    error, off, ratio, least, most = (
+        known(record.get(name))
+        for name in ("path_error", "momentum_error", "ratio", "ratio_least", "ratio_most")
     )
+    trouble = "; ".join(record["faults"]) if record else result.failure or ""
+    honest = error is not None and off is not None and off <= CANCELLED * error
+    return {
+        "title": preset or f"{integrator} {steps}, {describe(options)}",
+        "preset": preset, "integrator": integrator, "timestep": timestep,
+        "sound": honest and not trouble,
+        "error": error, "momentum_error": off,
+        "ratio": ratio, "spread": [least, most],
+        "cost": None if ratio is None else ratio * baseline,
+        "trouble": trouble, "options": options,
+    }  # fmt: skip
 
 
-def sound_pareto_front(configurations: Sequence[Configuration]) -> list[Configuration]:
-    """Return the front of path error against cost, of sound ones, the cheapest first."""
-    sound = [each for each in configurations if each.sound]
-    errors = [each.error for each in sound]
-    return [sound[i] for i in pareto_front(errors, [each.cost for each in sound])]
+def first_order_lines(configurations: Sequence[Row]) -> list[dict[str, Any]]:
+    """Return the lines of first-order integrators: sound, and no steeper than their order.
 
-
-@dataclass(frozen=True)
-class _Line:
-    """Configurations that differ in the timestep alone, and the order of their error in it."""
-
-    configurations: tuple[Configuration, ...]
-    order: float
-
-    @property
-    def nearest(self) -> Configuration:
-        """Return the configuration whose error is nearest to the target."""
-        return min(self.configurations, key=lambda p: abs(math.log(p.error / TARGET)))
-
-    @property
-    def at_target(self) -> float:
-        """Return the cost of the target [s per simulated s], from the nearest's cost a step."""
-        near = self.nearest
-        return near.cost * (near.error / TARGET) ** (1 / self.order)
-
-    @property
-    def extrapolated(self) -> bool:
-        return all(p.error > TARGET for p in self.configurations)
-
-
-def first_order_lines(configurations: Sequence[Configuration]) -> list[_Line]:
-    """Return the lines of first-order integrators: sound, and no steeper than their order."""
-    groups: dict[str, list[Configuration]] = {}
+    configurations  those of the line, which differ in the timestep alone
+    order           of their error in it
+    nearest         the configuration whose error is nearest to the target
+    cost_at_target  of the target [s per simulated s], from the nearest's cost a step
+    extrapolated    whether no configuration reaches the target
+    """
+    groups: dict[str, list[Row]] = {}
     for each in configurations:
-        if each.sound and each.integrator in FIRST_ORDER:
-            rest = {k: v for k, v in each.options.items() if k != "timestep"}
+        if each["sound"] and each["integrator"] in FIRST_ORDER:
+            rest = {k: v for k, v in each["options"].items() if k != "timestep"}
             groups.setdefault(repr(sorted(rest.items())), []).append(each)
     lines = []
     for group in groups.values():
-        fit = fit_order([p.timestep for p in group], [p.error for p in group])
+        group.sort(key=itemgetter("timestep"))
+        fit = fit_order([p["timestep"] for p in group], [p["error"] for p in group])
         if fit is not None and fit.order <= _ORDER:
-            lines.append(_Line(tuple(sorted(group, key=lambda p: p.timestep)), fit.order))
+            nearest = min(group, key=lambda p: abs(math.log(p["error"] / TARGET)))
+            cost = nearest["cost"] * (nearest["error"] / TARGET) ** (1 / fit.order)
+            extrapolated = all(p["error"] > TARGET for p in group)
+            lines.append(
+                {
+                    "order": fit.order, "extrapolated": extrapolated, "cost_at_target": cost,
+                    "nearest": nearest, "configurations": group,
+                }
+            )  # fmt: skip
     return lines
 
 
-@dataclass(frozen=True)
-class _Comparison:
-    """The study of one scene: all configurations, their Pareto front, and first order beside it.
+def tradeoff_of(scene: Scene, results: Sequence[Result]) -> dict[str, Any]:
+    """Return the comparison that the results of `measure` make, as plain data.
 
     baseline: processor time of the bare loop's simulated second [s], by which costs are seconds;
-    best: the front's cheapest that reaches the target; first_order: the cheapest line there.
+    best: the front's cheapest that reaches the target; first_order: the cheapest line there;
+    ratio: its cost at the target over that of the best, None where one of them is not there.
     """
-
-    scene: Scene
-    configurations: tuple[Configuration, ...]
-    baseline: float
-    pareto_front: tuple[Configuration, ...]
-    best: Configuration | None
-    first_order: _Line | None
-
-    @property
-    def ratio(self) -> float | None:
-        """Return the cost of first order at the target over that of the front."""
-        if self.best is None or self.first_order is None:
-            return None
-        return self.first_order.at_target / self.best.cost
-
-    @property
-    def presets(self) -> dict[str, Configuration]:
-        return {each.preset: each for each in self.configurations if each.preset}
-
-
-def tradeoff_of(scene: Scene, results: Sequence[Result]) -> _Comparison:
-    """Return the comparison that the results of `measure` make."""
     baselines = [result.record["baseline"] for result in results if result.record is not None]
     baseline = float(np.median(baselines)) if baselines else math.nan
     configurations = [_configuration(result, baseline) for result in results]
-    front = sound_pareto_front(configurations)
-    good_enough = [each for each in front if each.error <= TARGET]
-    lines = first_order_lines(configurations)
-    return _Comparison(
-        scene,
-        tuple(configurations),
-        baseline,
-        tuple(front),
-        min(good_enough, key=lambda each: each.cost, default=None),
-        min(lines, key=lambda line: line.at_target, default=None),
-    )
+    sound = [each for each in configurations if each["sound"]]
+    errors = [each["error"] for each in sound]
+    front = [sound[i] for i in pareto_front(errors, [each["cost"] for each in sound])]
+    best = next((each for each in front if each["error"] <= TARGET), None)
+    line = min(first_order_lines(sound), key=itemgetter("cost_at_target"), default=None)
+    return {
+        "scene": scene.name,
+        "target": TARGET,
+        "ratio": line["cost_at_target"] / best["cost"] if best and line else None,
+        "baseline": known(baseline),
+        "best": best,
+        "first_order": line,
+        "pareto_front": front,
+        "configurations": configurations,
+    }
 
 
 _NOTE = (
@@ -426,16 +347,18 @@ _ABOVE = ("adaptive",)  # its place is the left end of the front
 def _tradeoff_study(scene: Scene, results: Sequence[Result]) -> Study:
     """Return the study of the results of `measure`: the front, the presets, and the ratio."""
     study = tradeoff_of(scene, results)
-    failed = sum(not each.sound for each in study.configurations)
-    counts = f"{scene.name}: {len(study.configurations)} configurations, {failed} no result"
+    every = study["configurations"]
+    failed = sum(not each["sound"] for each in every)
+    presets = sorted((each for each in every if each["preset"]), key=itemgetter("title"))
+    counts = f"{scene.name}: {len(every)} configurations, {failed} no result"
     return Study(
-        scene.name, LABEL, ["tradeoff"], rows_of(results), record(study),
+        scene.name, LABEL, ["tradeoff"], rows_of(results), study,
         shown=(
             f"[bold]{escape(counts)}[/]",
             "The Pareto front: nothing is both cheaper and better.",
-            _table(study.pareto_front),
+            table_of(COLUMNS, study["pareto_front"], itemgetter("trouble")),
             "The presets.",
-            _table(sorted(study.presets.values(), key=lambda p: p.title)),
+            table_of(COLUMNS, presets, itemgetter("trouble")),
             _NOTE,
             escape(verdict(study)),
         ),
@@ -443,32 +366,27 @@ def _tradeoff_study(scene: Scene, results: Sequence[Result]) -> Study:
     )  # fmt: skip
 
 
-def verdict(study: _Comparison) -> str:
+def verdict(study: Row) -> str:
     """Compare the cost of first order at the target with the front's, in words."""
-    if study.best is None:
+    best, line = study["best"], study["first_order"]
+    if best is None:
         return f"No configuration reaches a path error of {TARGET:g}."
-    best = f"At a path error of {TARGET:g}: {study.best.title} takes {study.best.cost:.2g} s"
-    if study.first_order is None or study.ratio is None:
-        return f"{best}; no first-order integrator has a line to compare it with."
-    line = study.first_order
-    how = (
-        f"extrapolated from {scientific(line.nearest.error)} at order {line.order:.2f}"
-        if line.extrapolated
-        else "measured"
-    )
+    words = f"At a path error of {TARGET:g}: {best['title']} takes {best['cost']:.2g} s"
+    if line is None:
+        return f"{words}; no first-order integrator has a line to compare it with."
+    nearest, how = line["nearest"], "measured"
+    if line["extrapolated"]:
+        how = f"extrapolated from {scientific(nearest['error'])} at order {line['order']:.2f}"
     return (
-        f"{best};\nthe best of first order ({line.nearest.title}) "
-        f"{line.at_target:.2g} s, {study.ratio:.2g} times as much ({how})."
+        f"{words};\nthe best of first order ({nearest['title']}) "
+        f"{line['cost_at_target']:.2g} s, {study['ratio']:.2g} times as much ({how})."
     )
-
-
-def _table(configurations: Sequence[Configuration]) -> Table:
-    return table_of(COLUMNS, list(map(_record, configurations)), itemgetter("trouble"))
 
 
 def _times_bare(row: Row) -> str:
-    least, most = row["spread"]
-    return f"{row['ratio']:.3f} ({least:.3f}-{most:.3f})"
+    if row["ratio"] is None:
+        return "-"
+    return "{:.3f} ({:.3f}-{:.3f})".format(row["ratio"], *row["spread"])
 
 
 COLUMNS = (
@@ -481,21 +399,22 @@ COLUMNS = (
 )
 
 
-def _tradeoff_picture(study: _Comparison) -> Figure:
+def _tradeoff_picture(study: Row) -> Figure:
     """Draw all configurations with an error, the front, the presets, and first order prolonged."""
-    name, count = in_picture(study.scene.name), len(study.configurations)
+    name, every = in_picture(study["scene"]), study["configurations"]
     figure, axes = cost_axes(
-        f"{name}: what accuracy costs, {count} configurations",
+        f"{name}: what accuracy costs, {len(every)} configurations",
         "path error, relative to the path's length",
     )
-    _scatter(axes, study.configurations)
-    _plot(axes, study.pareto_front, "-", color=INK, linewidth=1.6, zorder=3, label="Pareto front")
-    if study.first_order is not None:
-        _prolong(axes, study.first_order)
+    _scatter(axes, every)
+    front: dict[str, Any] = {"color": INK, "linewidth": 1.6, "zorder": 3, "label": "Pareto front"}
+    _plot(axes, study["pareto_front"], "-", **front)
+    if study["first_order"] is not None:
+        _prolong(axes, study["first_order"])
     _compare(axes, study)
-    for name, each in study.presets.items():
-        if not math.isnan(each.error):
-            _name(axes, name, (each.error, each.cost))
+    for each in every:
+        if each["preset"] and each["error"] is not None:
+            _name(axes, each["preset"], (each["error"], each["cost"]))
     low, high = axes.get_xlim()
     axes.set_xlim(low / 3, high * 3)
     axes.set_ylim(axes.get_ylim()[0] / 2.5)
@@ -503,40 +422,41 @@ def _tradeoff_picture(study: _Comparison) -> Figure:
     return figure
 
 
-def _scatter(axes: Axes, configurations: Sequence[Configuration]) -> None:
-    faulty = [p for p in configurations if not p.sound and p.error < _WILD]
+def _scatter(axes: Axes, configurations: Sequence[Row]) -> None:
+    faulty = [p for p in configurations if not p["sound"] and (p["error"] or _WILD) < _WILD]
     _plot(axes, faulty, "x", color=FAINT, ms=4, zorder=1, label="slips, lifts off or misses a rate")
     for integrator in INTEGRATORS.values():
-        mine = [p for p in configurations if p.sound and p.integrator == integrator.name]
+        mine = [p for p in configurations if p["sound"] and p["integrator"] == integrator.name]
         high = integrator.order > 1  # filled; first order is hollow
         fill, size = (LABEL.colour, 5) if high else ("none", 4.5)
         _plot(axes, mine, integrator.marker, color=LABEL.colour, mfc=fill, ms=size, zorder=2,
               linestyle="", label=integrator.name)  # fmt: skip
 
 
-def _plot(axes: Axes, some: Sequence[Configuration], mark: str, **style: Any) -> None:
+def _plot(axes: Axes, some: Sequence[Row], mark: str, **style: Any) -> None:
     """Draw configurations by error and cost."""
-    axes.plot([p.error for p in some], [p.cost for p in some], mark, **style)
+    axes.plot([p["error"] for p in some], [p["cost"] for p in some], mark, **style)
 
 
-def _prolong(axes: Axes, line: _Line) -> None:
+def _prolong(axes: Axes, line: Row) -> None:
     """Draw the best line of first order, on to the target."""
     style: dict[str, Any] = {"color": ACCENT, "linewidth": 1.4}
-    _plot(axes, line.configurations, "-", **style, label="first order, best")
-    if line.extrapolated:
-        way = [line.nearest.error, TARGET], [line.nearest.cost, line.at_target]
-        axes.plot(*way, "--", **style, label=f"extrapolated, order {line.order:.2f}")
+    _plot(axes, line["configurations"], "-", **style, label="first order, best")
+    if line["extrapolated"]:
+        near, words = line["nearest"], f"extrapolated, order {line['order']:.2f}"
+        way = [near["error"], TARGET], [near["cost"], line["cost_at_target"]]
+        axes.plot(*way, "--", **style, label=words)
 
 
-def _compare(axes: Axes, study: _Comparison) -> None:
+def _compare(axes: Axes, study: Row) -> None:
     """Draw the two costs at the target, and their ratio."""
     axes.axvline(TARGET, color=INK, linewidth=0.8, linestyle=":")
-    if study.best is None or study.first_order is None or study.ratio is None:
+    if study["ratio"] is None:
         return
-    low, high = study.best.cost, study.first_order.at_target
+    low, high = study["best"]["cost"], study["first_order"]["cost_at_target"]
     arrow = {"arrowstyle": "<->", "color": INK, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", (TARGET, high), xytext=(TARGET, low), arrowprops=arrow)
-    times = float(f"{study.ratio:.2g}")
+    times = float(f"{study['ratio']:.2g}")
     words = f"{times:,.0f}".replace(",", "\u2009") + f" times\nat {TARGET:g}"
     note(axes, words, (TARGET, high / 4), (-8, 0), ha="right", va="center", color=INK)
 
@@ -548,39 +468,6 @@ def _name(axes: Axes, name: str, place: tuple[float, float]) -> None:
     box = {"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.85}
     by, va = (0, 10 if above else -12), "bottom" if above else "top"
     note(axes, name, place, by, ha="center", va=va, color=INK, zorder=5, bbox=box)
-
-
-def record(study: _Comparison) -> dict[str, Any]:
-    """Return the study as plain data; what has no number is None."""
-    line = study.first_order
-    return {
-        "scene": study.scene.name,
-        "target": TARGET,
-        "ratio": study.ratio,
-        "baseline": study.baseline,
-        "best": study.best and _record(study.best),
-        "first_order": line
-        and {
-            "order": line.order,
-            "extrapolated": line.extrapolated,
-            "cost_at_target": line.at_target,
-            "nearest": _record(line.nearest),
-        },
-        "pareto_front": [_record(each) for each in study.pareto_front],
-        "configurations": [_record(each) for each in study.configurations],
-    }
-
-
-def _record(of: Configuration) -> dict[str, Any]:
-    names = ("error", "momentum_error", "ratio", "cost")
-    return {
-        "title": of.title,
-        "sound": of.sound,
-        **{name: known(getattr(of, name)) for name in names},
-        "spread": [known(end) for end in of.spread],
-        "trouble": of.trouble,
-        "options": of.options,
-    }
 
 
 @dataclass(frozen=True)

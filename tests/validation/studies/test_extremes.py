@@ -155,7 +155,7 @@ def test_the_totals_say_who_told_of_what_was_wrong() -> None:
         result("SLIPPED", 5.0),
         Result({}, {"outcome": "REFUSED", "refusal": "no such ball"}, None),
     ]
-    assert list(map(missed, runs)) == [False, False, False, False, False, True, False]
+    assert [each for each in runs if missed(each)] == [runs[5]]
     assert totals(runs) == {
         "runs": 7, "wrong": 4, "reported_by_engine": 1, "foretold": 2, "noticed": 2, "missed": 1,
         "accurate": 2, "alarms": 1,
@@ -169,7 +169,7 @@ def test_a_limit_is_measured_between_the_last_sound_and_the_first_broken_cell() 
         for limit, other, error in ((0.5, 0, 1e-9), (0.9, 0, 1e-9), (1.2, 0, 0.5), (0.1, 0.2, 0.5))
     ]
     (limit,) = measured_limits(cells)
-    assert (limit.name, limit.kept, limit.broken, limit.cells) == ("limit", 0.9, 1.2, 1)
+    assert limit == {"name": "limit", "kept": 0.9, "broken": 1.2, "cells": 1}
 
 
 @pytest.mark.parametrize(
@@ -197,18 +197,16 @@ def test_the_adaptive_integrator_has_its_rtol_where_others_have_a_timestep() -> 
 
 
 @pytest.mark.slow
-def test_the_command_draws_a_map_and_goes_on_where_it_was(
+def test_the_command_draws_a_map(
     tmp_path: Path, robotball: Robotball, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A picture, the table of its cells and the summary; the second time nothing is run again."""
+    """A picture, the table of its cells and the summary."""
     monkeypatch.setattr("validation.studies.extremes.QUICK", Cut(("RK4",), 2))
     arguments = ["extremes", "torsion", "--quick", "--workers", 1, "--out", "."]
-    for _ in range(2):
-        status, printed, _ = robotball(*arguments, "--json", "summary.json")
-        assert status == 0
-        assert "sliding_friction" in printed
+    status, printed, _ = robotball(*arguments, "--json", "summary.json")
+    assert status == 0
+    assert "sliding_friction" in printed
     assert all((tmp_path / f"extremes-torsion-quick.{end}").is_file() for end in ("png", "csv"))
-    assert len((tmp_path / "extremes.jsonl").read_text().splitlines()) == 5
     records = json.loads((tmp_path / "summary.json").read_text())["summary"]
     assert sum(sum(each["outcomes"].values()) for each in records) == 4
     assert all(each["missed"] == each["outcomes"]["FAILED"] == 0 for each in records)

@@ -5,7 +5,6 @@ Rolling friction takes |M|, and torsional friction is the rubber model.
 
 import itertools
 import json
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -27,25 +26,22 @@ from tests.validation.examples import example
 from validation.bench.gallery import numbers_of_tradeoff
 from validation.studies import timing
 from validation.studies.friction import HARD, ROLLING, SOFT, TORSIONAL, friction_cells, friction_run
-from validation.studies.parts_cost import parts_of, split
-from validation.studies.timing import Cost, measure_costs, simulated_second
+from validation.studies.timing import Cost, measure_costs, parts_of, simulated_second, split
 from validation.studies.tradeoff import (
     TARGET,
-    Configuration,
     cells_of,
     configurations,
     describe,
     first_order_lines,
     measure,
     options_of,
-    record,
     settings_with,
-    sound_pareto_front,
     tradeoff_of,
 )
-from validation.study import pareto_front, scene_cell
+from validation.study import Row, pareto_front, scene_cell
 from validation.sweeps import Result
 
+FIG12 = rb.load_scene("fig12")
 CLOUD = st.lists(st.tuples(st.integers(1, 9), st.integers(1, 9)), min_size=1, max_size=40)
 
 
@@ -82,16 +78,13 @@ def test_a_configuration_is_described_by_what_it_does_otherwise() -> None:
     assert describe(options_of(servo)) == "recipe, drive gain 5"
 
 
-def points(
-    steps: Sequence[float], errors: Sequence[float], integrator: str = "Euler", drift: float = 1.0
-) -> list[Configuration]:
+def points(steps: Sequence[float], errors: Sequence[float], by: str = "Euler") -> list[Row]:
     """Sound points of one line, of which a simulated second costs 1 µs a step."""
     return [
-        Configuration(
-            {"integrator": integrator, "timestep": h}, e, drift * e, 1.0, (1, 1), 1e-6 / h, ""
-        )
+        {"options": {"integrator": by, "timestep": h}, "integrator": by, "timestep": h,
+         "error": e, "cost": 1e-6 / h, "sound": True}
         for h, e in zip(steps, errors, strict=True)
-    ]
+    ]  # fmt: skip
 
 
 def test_first_order_is_extrapolated_along_its_own_slope() -> None:
@@ -101,10 +94,10 @@ def test_first_order_is_extrapolated_along_its_own_slope() -> None:
     """
     steps = [1e-2, 3e-3, 1e-3]
     (line,) = first_order_lines(points(steps, [2.0 * h**1.1 for h in steps]))
-    assert line.extrapolated
+    assert line["extrapolated"]
     # Measured 3.4e-15 and 2.1e-14: the logarithms' rounding.
-    assert line.order == pytest.approx(1.1, rel=2e-14)
-    assert line.at_target == pytest.approx(1e-6 / (TARGET / 2.0) ** (1 / 1.1), rel=1e-13)
+    assert line["order"] == pytest.approx(1.1, rel=2e-14)
+    assert line["cost_at_target"] == pytest.approx(1e-6 / (TARGET / 2.0) ** (1 / 1.1), rel=1e-13)
     assert not first_order_lines(points(steps, [h**1.5 for h in steps]))
     assert not first_order_lines(points(steps, steps, "RK4"))
     assert not first_order_lines(points(steps[:2], steps[:2]))
@@ -112,11 +105,18 @@ def test_first_order_is_extrapolated_along_its_own_slope() -> None:
 
 def test_no_result_is_on_the_front() -> None:
     """Neither a faulty run, nor a broken one, nor a path that is good while |M| is not."""
-    good = points([1e-2], [1e-3])[0]
-    faulty = replace(good, error=1e-5, trouble="contact lost at t = 0 s")
-    broken = replace(good, error=math.nan, momentum_error=math.nan, trouble="the state diverged")
-    lucky = replace(good, error=1e-6, momentum_error=1e-3)
-    assert sound_pareto_front([faulty, broken, lucky, good]) == [good]
+    (cell,) = cells_of("fig12", [rb.preset("fast")], 1.0, 1)
+    good: Any = {"path_error": 1e-3, "momentum_error": 1e-3, "faults": [], "baseline": 1.0}
+    good |= dict.fromkeys(("ratio", "ratio_least", "ratio_most"), 1.0)
+    others: Any = (
+        {"path_error": 1e-5, "faults": ["contact lost at t = 0 s"]},
+        {"path_error": None, "momentum_error": None, "faults": ["the state diverged"]},
+        {"path_error": 1e-6},
+        {},
+    )
+    results = [Result(dict(cell), {**good, **other}, None) for other in others]
+    study = tradeoff_of(FIG12, results)
+    assert [each["error"] for each in study["pareto_front"]] == [1e-3]
 
 
 def test_a_configuration_is_measured_by_its_cell_alone() -> None:
@@ -127,25 +127,25 @@ def test_a_configuration_is_measured_by_its_cell_alone() -> None:
     naive, balanced, lost = cells_of("fig12", configurations()[:5:2], 0.5, 1)
     results = [Result(dict(c), dict(measure(c)), None) for c in (naive, balanced)]
     results.append(Result(dict(lost), None, "took longer than 60 s"))
-    study = tradeoff_of(rb.load_scene("fig12"), results)
-    assert [point.title for point in study.configurations[:2]] == ["naive", "balanced"]
-    assert [point.title for point in study.pareto_front] == ["balanced"]
-    assert study.configurations[0].trouble.startswith("hinge rate off by over 0.001 at t = 0.002 s")
-    # Measured 3.3e-10: RK4's error at 5 ms.
-    assert study.configurations[1].error < 6e-10
-    assert study.configurations[1].cost > 0
-    failed = json.loads(json.dumps(record(study), allow_nan=False))["configurations"][2]
+    study = json.loads(json.dumps(tradeoff_of(FIG12, results), allow_nan=False))
+    slipped, sound, failed = study["configurations"]
+    assert (slipped["title"], sound["title"]) == ("naive", "balanced")
+    assert study["pareto_front"] == [sound]
+    assert slipped["trouble"].startswith("hinge rate off by over 0.001 at t = 0.002 s")
+    assert sound["error"] < 6e-10  # measured 3.3e-10: RK4's error at 5 ms
+    assert sound["cost"] > 0
     assert (failed["trouble"], failed["error"]) == ("took longer than 60 s", None)
-    assert study.ratio is None
+    assert study["ratio"] is None
 
 
 def test_a_rotor_split_in_three_moves_the_ball_alike() -> None:
     """The extra bodies of --parts are the same inertia and the same K."""
-    scene, times = rb.load_scene("fig12"), rb.sample_times(2.0)
-    one = run(build(scene, rb.preset("accurate")), times)
-    three = run(build(split(scene), rb.preset("accurate")), times)
+    times = rb.sample_times(2.0)
+    one, three = (
+        run(build(scene, rb.preset("accurate")), times) for scene in (FIG12, split(FIG12))
+    )
     away = np.abs(one.contact_point - three.contact_point).max()
-    assert len(split(scene).ball.rotors) == 3
+    assert len(split(FIG12).ball.rotors) == 3
     # Measured 2.1e-14 m of a path of 4.6 m: rounding.
     assert away < 1e-13
 
@@ -200,50 +200,32 @@ def test_the_parts_are_listed_with_what_they_cost(robotball: Robotball, tmp_path
     assert all(row["least"] <= row["ratio"] <= row["most"] for row in rows)
 
 
-def test_islands_of_contacts_make_no_difference() -> None:
-    """The flag that saves their search leaves the motion as it is, to the last bit."""
-    scene, times = rb.load_scene("fig12"), rb.sample_times(1.0)
-    balanced = rb.preset("balanced")
-    with_search = run(build(scene, replace(balanced, island=None)), times)
-    without = run(build(scene, balanced), times)
-    assert np.array_equal(with_search.contact_point, without.contact_point)
-    assert np.array_equal(with_search.momentum, without.momentum)
-
-
 def test_a_machine_that_slows_down_changes_no_ratio(monkeypatch: pytest.MonkeyPatch) -> None:
     """Work that takes twice the bare loop costs 2, however the speed drifts between turns."""
     speed: Iterator[float] = itertools.count(1.0, 0.5)
     monkeypatch.setattr(timing, "bare_loop", lambda: next(speed))
     # Before each work the clock has just told `now`, and after it `now` + 0.5.
     seen = iter([2 * (1.25 + 0.5 * n) for n in range(8)])
-    one, other = measure_costs([lambda: next(seen), lambda: next(seen)], rounds=3)
-    assert one.ratios == pytest.approx((2.0, 2.0, 2.0))
-    assert other.ratios == pytest.approx((2.0, 2.0, 2.0))
+    costs = measure_costs([lambda: next(seen), lambda: next(seen)], rounds=3)
+    assert [cost.ratios for cost in costs] == [pytest.approx((2.0, 2.0, 2.0))] * 2
     # The first turn warms up; the six loops after it tell 2.5, 3, ... 5.
-    assert one.baseline == pytest.approx(3.75)
-    assert one.seconds == pytest.approx(7.5)
-
-
-def test_the_median_is_told_with_its_spread() -> None:
-    """One slow round widens the spread and leaves the ratio where it was."""
+    assert costs[0].baseline == pytest.approx(3.75)
+    assert costs[0].seconds == pytest.approx(7.5)
+    # One slow round widens the spread and leaves the ratio where it was.
     cost = Cost((2.0, 9.0, 2.2, 1.9, 2.1), baseline=0.5)
-    assert cost.ratio == 2.1
-    assert cost.spread == (1.9, 9.0)
-    assert cost.over(cost).ratios == (1.0,) * 5
-    assert cost.over(cost).baseline == cost.seconds == 1.05
+    assert (cost.ratio, cost.spread) == (2.1, (1.9, 9.0))
+    assert cost.over(cost) == Cost((1.0,) * 5, baseline=1.05)
+    assert cost.seconds == 1.05
 
 
 def test_cost_is_of_a_simulated_second(monkeypatch: pytest.MonkeyPatch) -> None:
     """A run's time is told per simulated second; of one that broke off, per second it stepped."""
-    scene, times = rb.load_scene("fig12"), rb.sample_times(2.0)
-    model = build(scene, rb.preset("fast"))
+    times, model = rb.sample_times(2.0), build(FIG12, rb.preset("fast"))
     motion = run(model, times)
     slow = replace(motion, report=replace(motion.report, seconds=3.0))
-    monkeypatch.setattr(timing, "run", lambda model, times: slow)
-    assert simulated_second(model, times)() == pytest.approx(1.5)
-    broken = replace(slow, times=times[:5])
-    monkeypatch.setattr(timing, "run", lambda model, times: broken)
-    assert simulated_second(model, times)() == pytest.approx(1.5)
+    for found in (slow, replace(slow, times=times[:5])):
+        monkeypatch.setattr(timing, "run", lambda *_, found=found: found)
+        assert simulated_second(model, times)() == pytest.approx(1.5)
 
 
 def friction_of(
@@ -290,7 +272,7 @@ def test_torsional_friction_is_rubber_from_where_the_motion_needs_it() -> None:
 
     MuJoCo's default is a drag: the ball spins nearly freely, and its path is wrong by a third.
     """
-    needed = float(rb.integrate(rb.load_scene("fig12")).loads.torsional_friction.max())
+    needed = float(rb.integrate(FIG12).loads.torsional_friction.max())
     least, below, above = (
         friction_of("fig12", TORSIONAL, length, duration=10.0)
         for length in (0.005, 0.85 * needed, 1.02 * needed)

@@ -8,7 +8,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar, get_args
 
@@ -109,13 +109,10 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 @dataclass(frozen=True)
 class _Checked(Generic[_Function]):
-    """A function, and the check that is made of it for one claim."""
+    """A function, and the claim that it checks, without its place and statement."""
 
     function: _Function
-    check: Check
-    means: str
-    twist: str
-    control: float
+    claim: Claim
 
 
 def by(
@@ -148,7 +145,7 @@ def by(
             refuted = None if printed is None else worst(**{"twist": 1.0, **printed})
             return Residual(worst(twist=twist), bound, refuted, unit)
 
-        return _Checked(function, check, means, twist, control)
+        return _Checked(function, Claim("", "", check, means, twist, control))
 
     return made
 
@@ -169,9 +166,7 @@ class Section:
         """
 
         def add(each: _Checked[_Function]) -> _Function:
-            found = Claim(
-                place, statement, each.check, each.means, each.twist, each.control, printed
-            )
+            found = replace(each.claim, place=place, statement=statement, printed=printed)
             self.claims.append(found)
             return each.function
 

@@ -39,12 +39,12 @@ claim = SECTION.claim
 
 
 @claim("3.1", "M×γ is the horizontal part of L")
-@by(MOTION, "the sign of M")
-def _turned_momentum(twist: float) -> Residual:
+@by(MOTION, "the sign of M", bound=2e-7, unit=MOMENTUM)
+def _turned_momentum(twist: float) -> Errors:
     """Compare M×γ, M from MuJoCo's bodies, with the horizontal part of L = Ĩω + K + d(Ω,γ)γ."""
     ball = seen(RUBBER)
     L = ball.of(lambda n, w, g: f.level(f.contact_inertia(n, g) @ w + n.K, g))
-    return Residual(largest(twist * np.cross(ball.momentum, ball.gamma) - L), 2e-7, unit=MOMENTUM)
+    yield largest(twist * np.cross(ball.momentum, ball.gamma) - L)
 
 
 @claim("3.2", "dE/dt: classical")
@@ -115,8 +115,8 @@ def _without_angles(twist: float) -> Errors:
 
 
 @claim("5.2", "each orbit crosses g = 0 in both directions")
-@by("the section", "5 crossings")
-def _one_way(twist: float) -> Residual:
+@by("the section", "5 crossings", bound=0, unit="of 64 do not")
+def _one_way(twist: float) -> Errors:
     """Count how many of 64 orbits of Fig. 11b cross g = 0 in one direction only, in 1000 crossings.
 
     An orbit may keep to one direction for a while: two of these do for 50 crossings. Twisted, in
@@ -125,7 +125,7 @@ def _one_way(twist: float) -> Residual:
     count = 1000 if twist == 1 else 5
     found = section(chaotic(), *starts(64), count=count, tolerance=1e-9)
     both = (found.directions == 1).any(axis=1) & (found.directions == -1).any(axis=1)
-    return Residual(int(np.count_nonzero(~both)), bound=0, unit="of 64 do not")
+    yield int(np.count_nonzero(~both))
 
 
 @claim("5.3", "(γ, M) → (-γ, -M) reverses dY/dt alone")

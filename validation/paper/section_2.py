@@ -15,7 +15,7 @@ from robotball.robot import Ball, Frame
 from robotball.rotations import Array, from_matrix, multiply
 from robotball.scene import Start
 from validation.paper import formulas as f
-from validation.paper.claim import Errors, Residual, Section, by
+from validation.paper.claim import Errors, Section, by
 from validation.paper.engine_ball import (
     CLASSICAL,
     DRIVEN,
@@ -54,8 +54,8 @@ def _mass_distribution(twist: float) -> Errors:
 
 
 @claim("Remark 1", "α, β and γ stay orthonormal")
-@by("scipy", "the sign of dβ/dt")
-def _orthonormal(twist: float) -> Residual:
+@by("scipy", "the sign of dβ/dt", bound=1e-11)
+def _orthonormal(twist: float) -> Errors:
     """Compare SSᵀ with E after 10 s of (2.6) and dγ/dt = γ×ω, integrated one by one, ω(t) any."""
     swing = np.array([3.0, -2.0, 1.0])
 
@@ -66,18 +66,18 @@ def _orthonormal(twist: float) -> Residual:
 
     start = np.concatenate([f.E.ravel(), [0.0]])
     S = f.followed(turning, start, np.array([0.0, 10.0]))[-1, :9].reshape(3, 3)
-    return Residual(float(np.abs(S @ S.T - f.E).max()), bound=1e-11)
+    yield S @ S.T - f.E
 
 
 @claim("2", "ω̂ = dS/dt Sᵀ")
-@by(MOTION, "the sign of ω̂")
-def _quasi_velocities(twist: float) -> Residual:
+@by(MOTION, "the sign of ω̂", bound=4e-6, unit="rad/s")
+def _quasi_velocities(twist: float) -> Errors:
     """Compare dS/dt Sᵀ, by differences of MuJoCo's attitude, with its ω."""
     ball = seen(RUBBER)
     S = ball.axes.transpose(0, 2, 1)
     found = rate(S) @ S[INNER].transpose(0, 2, 1)
     expected = np.array([twist * f.hat(omega) for omega in ball.omega[INNER]])
-    return Residual(largest((found - expected).reshape(len(found), 9)), 4e-6, unit="rad/s")
+    yield largest((found - expected).reshape(len(found), 9))
 
 
 # Constraints ---------------------------------------------------------------------------------
@@ -149,8 +149,8 @@ def _poincare_suslov(twist: float) -> Errors:
 
 
 @claim("Remark 3", "gravity has no part")
-@by(MOTION, "the centre of mass")
-def _without_gravity(twist: float) -> Residual:
+@by(MOTION, "the centre of mass", bound=1e-11, unit="m")
+def _without_gravity(twist: float) -> Errors:
     """Compare MuJoCo's paths at 9.81 and 3.7 m/s²; twisted, with the centre of mass off."""
     scene = paper_scene(RUBBER)
     if twist != 1:
@@ -159,7 +159,7 @@ def _without_gravity(twist: float) -> Residual:
         scene = replace(scene, ball=Ball(ball.shell, frame, ball.rotors))
     times = sample_times(5.0)
     paths = [simulate(replace(scene, gravity=g), times).contact_point for g in (9.81, 3.7)]
-    return Residual(largest(paths[0] - paths[1]), bound=1e-11, unit="m")
+    yield largest(paths[0] - paths[1])
 
 
 @claim("2", "λ = -maγ×(ω̇ - Ω̇) - …")
@@ -205,15 +205,15 @@ def _full_equations(rubber: bool, twist: float) -> Errors:
 
 
 @claim("(2.4)", "dω/dt while Ω and k change")
-@by(MOTION, "the sign of λ₀")
-def _driven_equations(twist: float) -> Residual:
+@by(MOTION, "the sign of λ₀", bound=3e-5, unit="rad/s²")
+def _driven_equations(twist: float) -> Errors:
     """Compare dω/dt of (2.4)-(2.5) with differences of MuJoCo's ω, while the rates swing."""
     ball = seen(DRIVEN)
 
     def formula(n: Numbers, omega: Array, gamma: Array) -> Array:
         return f.acceleration(n, omega, gamma, twist * f.spin_torque(n, omega, gamma))
 
-    return Residual(largest(rate(ball.omega) - ball.of(formula)[INNER]), 3e-5, unit="rad/s²")
+    yield largest(rate(ball.omega) - ball.of(formula)[INNER])
 
 
 @claim("E4, (2.4)", "Ĩ = I + ma²(γ²E - γ⊗γ), about the contact point", _PRINTED_INERTIA)
@@ -240,12 +240,12 @@ def _multiplier(twist: float) -> Errors:
 
 
 @claim("(2.5)", "λ₀ is the torque of the contact")
-@by(MOTION, "the sign of λ₀")
-def _contact_torque(twist: float) -> Residual:
+@by(MOTION, "the sign of λ₀", bound=6e-8, unit="N m")
+def _contact_torque(twist: float) -> Errors:
     """Compare λ₀ of (2.5) with the torque that MuJoCo's contact feels, while the rates swing."""
     ball = seen(DRIVEN)
     off = twist * ball.of(f.spin_torque) - ball.motion.loads.spin_torque
-    return Residual(largest(off), bound=6e-8, unit="N m")
+    yield largest(off)
 
 
 @claim("E3, (2.5)", "the rate of (2.2): … - (Ω̇, γ) = 0", "… + (Ω̇, γ) = 0")

@@ -29,7 +29,7 @@ from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.scene import Start
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS, claim_motion, place
-from validation.paper.claim import AtLeast, Errors, Residual, Section, Value, by
+from validation.paper.claim import AtLeast, Errors, Section, Value, by
 from validation.paper.engine_ball import MOTION, NAME, seen
 from validation.paper.formulas import Numbers, paper_scene
 from validation.paper.section_5 import F
@@ -149,8 +149,8 @@ def _flow(twist: float = 1.0) -> f.Field:
 
 
 @claim("E23, Fig. 11a", "the two concentrations are one periodic motion")
-@by("(3.2) by scipy", "half the period")
-def _one_periodic_motion(twist: float) -> Residual:
+@by("(3.2) by scipy", "half the period", bound=1e-10)
+def _one_periodic_motion(twist: float) -> Errors:
     """Follow (3.2) from one concentration to the other, and after a period back to the first.
 
     Twisted, for half as long.
@@ -162,12 +162,12 @@ def _one_periodic_motion(twist: float) -> Residual:
     spacing = np.linalg.norm(np.diff(path, axis=0), axis=1).max()
     back = np.linalg.norm(path[-1] - one) + np.linalg.norm(again - one)
     missed = max(float(reach - spacing), 0.0)  # it passes the other between two samples
-    return Residual(float(back) + missed, bound=1e-10)
+    yield float(back) + missed
 
 
 @claim("Fig. 11a", "that periodic motion attracts")
-@by("(3.2) by scipy", "the sense of time")
-def _attracts(twist: float) -> Residual:
+@by("(3.2) by scipy", "the sense of time", bound=0.8)
+def _attracts(twist: float) -> Errors:
     """Measure the rest of a neighbour's distance from that motion after ten periods of (3.2).
 
     Twisted, back in time.
@@ -184,7 +184,7 @@ def _attracts(twist: float) -> Residual:
     direction = f.unit(_flow()(one))
     away = ends[1] - ends[0]
     aside = away - (away @ direction) * direction
-    return Residual(float(np.linalg.norm(aside)) / (1e-4 * np.sqrt(F)), bound=0.8)
+    yield float(np.linalg.norm(aside)) / (1e-4 * np.sqrt(F))
 
 
 @cache

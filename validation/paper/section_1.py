@@ -1,6 +1,7 @@
 """Section 1, the introduction: Chaplygin's ball in both models, and the axes of the frame."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -16,7 +17,7 @@ SECTION.unchecked("Figs 1-2", "S. A. Chaplygin; a beaver ball", "photographs: no
 claim = SECTION.claim
 
 _TIMES = np.linspace(0.0, 20.0, 201)
-_GAMMA = np.array([0.6, 0.48, 0.64])
+_GAMMA, _OMEGA = np.array([0.6, 0.48, 0.64]), np.array([3.0, -2.0, 1.0])
 
 
 def chaplygin(A: tuple[float, float, float] = (0.8, 0.6, 0.7)) -> Numbers:
@@ -24,18 +25,23 @@ def chaplygin(A: tuple[float, float, float] = (0.8, 0.6, 0.7)) -> Numbers:
     return f.with_A(A, np.zeros(3), np.zeros(3), d=0.9)
 
 
-def rolling(n: Numbers, omega: Array, gamma: Array, rubber: bool) -> tuple[Array, Array]:
-    """Integrate (2.4), with λ₀ of (2.5) if `rubber`; ω and γ (201, 3)."""
-    found = f.followed(f.unreduced(n, rubber), np.concatenate([omega, gamma]), _TIMES)
+def rolling(n: Numbers, omega: Array, rubber: bool) -> tuple[Array, Array]:
+    """Integrate (2.4), with λ₀ of (2.5) if `rubber`, from ω; ω and γ (201, 3)."""
+    found = f.followed(f.unreduced(n, rubber), np.concatenate([omega, _GAMMA]), _TIMES)
     return found[:, :3], found[:, 3:]
+
+
+@cache
+def _thrown(rubber: bool) -> tuple[Array, Array]:
+    """Return ω and γ (201, 3) of Chaplygin's ball in either model."""
+    return rolling(chaplygin(), f.level(_OMEGA, _GAMMA) if rubber else _OMEGA, rubber)
 
 
 @claim("1, par. 2", "Chaplygin's ball keeps its energy")
 @by("(2.4) by scipy", "the sign of d", bound=1e-10)
 def _kept_energy(twist: float) -> Errors:
     """Compute the change of a classical ball's T = (ω, Iω)/2 + mv²/2, v = -aγ×ω; d = ma²."""
-    n = chaplygin()
-    omega, gamma = rolling(n, np.array([3.0, -2.0, 1.0]), _GAMMA, rubber=False)
+    n, (omega, gamma) = chaplygin(), _thrown(rubber=False)
     v = np.cross(gamma, omega)
     T = (omega @ n.I * omega).sum(axis=1) / 2 + twist * n.d * (v * v).sum(axis=1) / 2
     yield np.ptp(T) / T[0]
@@ -56,7 +62,7 @@ def _euler(twist: float) -> Errors:
     """Compare γ of (2.4) from M = cγ with Euler's γ' = γ×Aγ in the time ct/(1 - d(Aγ,γ)), c = 3."""
     n, c = chaplygin(), 3.0
     omega = np.linalg.solve(f.contact_inertia(n, _GAMMA), c * _GAMMA).astype(float)
-    _, gamma = rolling(n, omega, _GAMMA, rubber=False)
+    _, gamma = rolling(n, omega, rubber=False)
     speed = c / (1 - twist * n.d * (n.A @ _GAMMA @ _GAMMA))
     top = f.followed(lambda x: speed * cross(x, n.A @ x), _GAMMA, _TIMES)
     yield largest(gamma - top)
@@ -66,8 +72,7 @@ def _euler(twist: float) -> Errors:
 @by("(2.4)-(2.5) by scipy", "the sign of d", bound=1e-11)
 def _rubber_energy(twist: float) -> Errors:
     """Compute the change of (ω, A⁻¹ω)/2 of a rubber ball, for which (ω, γ) = 0."""
-    n = chaplygin()
-    omega, _ = rolling(n, f.level(np.array([3.0, -2.0, 1.0]), _GAMMA), _GAMMA, rubber=True)
+    n, (omega, _) = chaplygin(), _thrown(rubber=True)
     T = (omega @ (n.I + twist * n.d * f.E) * omega).sum(axis=1) / 2
     yield np.ptp(T) / T[0]
 
@@ -81,7 +86,7 @@ def _same_tori(twist: float) -> Errors:
     """
     n = chaplygin()
     other = f.with_A(tuple(1 / n.d - twist * n.moments), np.zeros(3), np.zeros(3))
-    omega, gamma = rolling(other, f.level(np.array([3.0, -2.0, 1.0]), _GAMMA), _GAMMA, rubber=True)
+    omega, gamma = rolling(other, f.level(_OMEGA, _GAMMA), rubber=True)
     E = []
     for w, vertical in zip(omega, gamma, strict=True):
         L = f.level(f.contact_inertia(other, vertical) @ w, vertical)

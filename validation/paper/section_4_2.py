@@ -1,7 +1,7 @@
 """Section 4.2, motion from rest with K = (0, 0, K₃): Γ₅,₆ and Prop. 2, Δ and Θ, Figs 6 to 8."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, partial
 
 import numpy as np
@@ -17,7 +17,6 @@ from validation.paper.claim import (
     AtLeast,
     Errors,
     Evidence,
-    Residual,
     Section,
     Value,
     by,
@@ -82,33 +81,29 @@ def kinds(twist: float) -> Errors:
         yield not (saddle if twist * A1 * A2 < 0 else centre)
 
 
-@dataclass(frozen=True)
-class _Focus:
-    """A ball with A₁A₂ > 0, and by how much r grows in a turn about Γ₅ from r = 0.01."""
+def _criterion(n: Numbers, twist: float = 1.0) -> float:
+    """Return B/A₁, with B = Ω₁Ω₂((a₂-a₃)²A₁² - (a₁-a₃)²A₂²).
 
-    n: Numbers
-    growth: float
-
-    def criterion(self, twist: float = 1.0) -> float:
-        """Return B/A₁, with B = Ω₁Ω₂((a₂-a₃)²A₁² - (a₁-a₃)²A₂²).
-
-        Twisted, with another sign in it.
-        """
-        (a1, a2, a3), (Omega1, Omega2, _) = self.n.moments, self.n.Omega
-        A1, A2 = _A1_A2(self.n)
-        B = Omega1 * Omega2 * ((a2 - a3) ** 2 * A1**2 - twist * (a1 - a3) ** 2 * A2**2)
-        return float(B / A1)
+    Twisted, with another sign in it.
+    """
+    (a1, a2, a3), (Omega1, Omega2, _) = n.moments, n.Omega
+    A1, A2 = _A1_A2(n)
+    B = Omega1 * Omega2 * ((a2 - a3) ** 2 * A1**2 - twist * (a1 - a3) ** 2 * A2**2)
+    return float(B / A1)
 
 
 @cache
-def _foci() -> tuple[_Focus, ...]:
-    """Return those of 100 balls with A₁A₂ > 0.01 whose r changes by over 1e-10, by scipy."""
+def _foci() -> tuple[tuple[Numbers, float], ...]:
+    """Return balls with A₁A₂ > 0.01, and by how much r grows in a turn about Γ₅ from r = 0.01.
+
+    They are those of 100 in which it changes by over 1e-10.
+    """
     found = []
     for n in balls()[:100]:
         A1, A2 = _A1_A2(n)
         growth = _growth_in_a_turn(n, 0.01) if A1 * A2 > 0.01 else 0.0
         if abs(growth) > 1e-10:
-            found.append(_Focus(n, growth))
+            found.append((n, growth))
     return tuple(found)
 
 
@@ -124,30 +119,23 @@ def _growth_in_a_turn(n: Numbers, r: float) -> float:
     return float(passed[0][0] - r) if len(passed) else 0.0
 
 
-def _wrong(*criteria: Callable[[_Focus], float]) -> Residual:
-    """Count the foci that shrink where a criterion, and the printed one, is not negative.
-
-    Or the reverse.
-    """
-    corrected, printed = (
-        sum((criterion(each) < 0) != (each.growth < 0) for each in _foci())
-        for criterion in criteria
-    )
-    return Residual(corrected, 0, printed, unit=f"of {len(_foci())} wrong")
+_turned = partial(by, "a turn about Γ₅ by scipy", bound=0, unit="of 84 wrong")
 
 
 @claim("E6, Prop. 2", "the focus is stable iff B/A₁ < 0", "stable if B/A₁ > 0")
-@by("a turn about Γ₅ by scipy", "the sign of B/A₁")
-def _stable_foci(twist: float) -> Residual:
+@_turned("the sign of B/A₁", printed={"twist": -1.0})
+def _stable_foci(twist: float) -> Errors:
     """Count where B/A₁ < 0 mistakes a focus for stable or unstable, and B/A₁ > 0 as printed."""
-    return _wrong(lambda each: twist * each.criterion(), lambda each: -each.criterion())
+    for n, growth in _foci():
+        yield (twist * _criterion(n) < 0) != (growth < 0)
 
 
 @claim("E7, Prop. 2", "B = Ω₁Ω₂((a₂-a₃)²A₁² - (a₁-a₃)²A₂²)", "B = K₃Ω₁Ω₂(…)")
-@by("a turn about Γ₅ by scipy", "the sign in B")
-def _B_of_the_foci(twist: float) -> Residual:
+@_turned("the sign in B", printed={"printed": True})
+def _B_of_the_foci(twist: float, printed: bool = False) -> Errors:
     """Count the foci mistaken with B as corrected, and with the factor K₃ as printed."""
-    return _wrong(lambda each: each.criterion(twist), lambda each: each.n.K[2] * each.criterion())
+    for n, growth in _foci():
+        yield ((n.K[2] if printed else 1.0) * _criterion(n, twist) < 0) != (growth < 0)
 
 
 def _taylor(n: Numbers, top: float) -> Array:
@@ -215,8 +203,7 @@ def _components(
 @by("Cauchy's integrals", "the sign of x² in y'", bound=2e-14)
 def _scaled(twist: float) -> Errors:
     """Compare x' and y' in γ₁ = √(A₁A₂)x/A₁, γ₂ = y, t = a₃τ/√(A₁A₂) with Taylor's at Γ₅."""
-    for focus in _foci()[:20]:
-        n = focus.n
+    for n, _ in _foci()[:20]:
         (a1, a2, a3), (Omega1, Omega2, _) = n.moments, n.Omega
         A1, A2 = _A1_A2(n)
         root = sqrt(A1 * A2)

@@ -17,7 +17,7 @@ from robotball.rotations import rotation_matrix
 from robotball.shapes import Shape
 from tests.figures import from_rest
 from validation.figures import View, lines, rest
-from validation.figures import attractor_sections as tori
+from validation.figures import attractor_figures as tori
 from validation.figures.lines import LINE_K, growth_rate, line_verticals
 from validation.figures.paper_figures import FIGURES
 from validation.figures.rest import closed_contour

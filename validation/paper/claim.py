@@ -134,7 +134,7 @@ def by(
 
     def made(function: _Function) -> _Checked[_Function]:
         def worst(**arguments: Any) -> float:
-            errors = [np.abs(each).max() for each in function(**given, **arguments)]
+            errors = [np.abs(each).max() for each in function(**{**given, **arguments})]
             # By NumPy, to which what is not a number is the largest of all.
             return float(np.max(errors) if bound else np.sum(errors))
 

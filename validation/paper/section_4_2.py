@@ -147,12 +147,8 @@ def _taylor(n: Numbers, top: float) -> Array:
     count, radius = 16, 0.05
     circle = radius * np.exp(2j * np.pi * np.arange(count) / count)
     field = f.from_rest(n)
-    values = np.array(
-        [
-            [field(np.array([x, y, top * sqrt(1 - x * x - y * y)]))[:2] for y in circle]
-            for x in circle
-        ]
-    )
+    places = [(x, y, top * sqrt(1 - x * x - y * y)) for x in circle for y in circle]
+    values = np.array([field(np.array(each))[:2] for each in places]).reshape(count, count, 2)
     powers = radius ** np.add.outer(np.arange(3), np.arange(3))
     return np.moveaxis(np.fft.fft2(values, axes=(0, 1))[:3, :3] / count**2, 2, 0).real / powers
 
@@ -167,12 +163,9 @@ def _expansion(n: Numbers, top: float, twist: float = 1.0, printed: bool = False
     terms = np.zeros((2, 3, 3))
     terms[0, 0, 1] = -A2 / a3
     terms[0, 1, 1], terms[0, 0, 2] = -(a2 - a3) * Omega1 / a3, -(a2 - a3) * Omega2 / a3
-    if printed:
-        terms[1, 0, 1] = A1 / a3
-        terms[1, 1, 1], terms[1, 2, 0] = (a1 - a3) * Omega1 / a3, (a1 - a3) * Omega2 / a3
-    else:
-        terms[1, 1, 0] = A1 / a3
-        terms[1, 1, 1], terms[1, 2, 0] = (a1 - a3) * Omega2 / a3, (a1 - a3) * Omega1 / a3
+    mixed, square = (Omega1, Omega2) if printed else (Omega2, Omega1)
+    terms[(1, 0, 1) if printed else (1, 1, 0)] = A1 / a3
+    terms[1, 1, 1], terms[1, 2, 0] = (a1 - a3) * mixed / a3, (a1 - a3) * square / a3
     terms[:, [1, 0, 2], [1, 2, 0]] *= top * twist
     return terms
 

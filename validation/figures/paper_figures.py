@@ -12,9 +12,8 @@ from matplotlib.figure import Figure
 
 from robotball import InputError
 from robotball.processes import in_processes
-from validation.figures.attractor_sections import figure11a, figure11b, figure_tori
+from validation.figures import attractor_figures as attractors
 from validation.figures.lines import figure9, figure10
-from validation.figures.paths import figure12, figure13, figure14
 from validation.figures.rest import figure5, figure6, figure7, figure8
 from validation.figures.structure import figure3, figure4
 from validation.output import write_picture
@@ -28,11 +27,11 @@ FIGURES: dict[str, dict[str, Callable[[], Figure]]] = {
     "8": {"fig08": figure8},
     "9": {"fig09": figure9},
     "10": {"fig10": figure10},
-    "11": {"fig11a": figure11a, "fig11b": figure11b},
-    "12": {"fig12": figure12},
-    "13": {"fig13": figure13},
-    "14": {"fig14": figure14},
-    "tori": {"tori": figure_tori},
+    "11": {"fig11a": attractors.figure11a, "fig11b": attractors.figure11b},
+    "12": {"fig12": attractors.figure12},
+    "13": {"fig13": attractors.figure13},
+    "14": {"fig14": attractors.figure14},
+    "tori": {"tori": attractors.figure_tori},
 }
 
 

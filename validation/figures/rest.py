@@ -21,10 +21,8 @@ from validation.figures import (
 )
 from validation.figures.sphere import (
     FOLLOWED,
-    VIEW,
-    Chart,
     Globe,
-    Involute,
+    both_charts,
     counted,
     draw_circle,
     draw_cycles,
@@ -152,11 +150,7 @@ def _portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence
     )  # fmt: skip
     theory, engine = _both(scene)
     followed = [_on_cycle(scene, cycle).gamma for cycle in cycles]
-    charts: tuple[Chart, ...] = (
-        Globe(axes["sphere"], VIEW, "vertical γ on the Poisson sphere"),
-        Involute(axes["involute"], "its involute"),
-    )
-    for chart in charts:
+    for chart in both_charts(axes["sphere"], axes["involute"]):
         draw_field(chart, ball, 6.0)
         draw_separatrices(chart, manifolds, contour)
         draw_cycles(chart, ball, cycles)

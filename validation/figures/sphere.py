@@ -74,13 +74,9 @@ class Globe:
         for side, alpha, width in ((front, 1.0, 1.0), (~front, _BACK_ALPHA, _BACK_WIDTH)):
             shown = side.copy()
             shown[changes], shown[changes + 1] = True, True
-            own = {
-                **style,
-                "alpha": style.get("alpha", 1.0) * alpha,
-                "linewidth": style.get("linewidth", 1.5) * width,
-            }
-            if alpha < 1:
-                own.pop("label", None)
+            own = {"alpha": 1.0, "linewidth": 1.5, **style}
+            own["alpha"], own["linewidth"] = own["alpha"] * alpha, own["linewidth"] * width
+            own["label"] = style.get("label") if alpha == 1 else None
             self.axes.plot(*np.where(shown[:, None], places, np.nan).T, **own)
 
     def marks(self, gamma: Array, mark: str, **style: Any) -> None:
@@ -146,6 +142,11 @@ class Involute:
 Chart = Globe | Involute
 
 
+def both_charts(left: Axes, right: Axes) -> tuple[Chart, Chart]:
+    """Return the sphere on both its charts."""
+    return Globe(left, VIEW, "vertical γ on the Poisson sphere"), Involute(right, "its involute")
+
+
 def draw_gamma(chart: Chart, theory: Motion, engine: Motion) -> None:
     """Draw γ of both motions, in principal axes."""
     gamma, ours = (each.gamma @ each.scene.principal_axes for each in (theory, engine))
@@ -187,7 +188,11 @@ _MARKS = {
     "unstable node": ("s", "white"),
     "degenerate": ("*", "white"),
 }
-_CYCLE, _ATTRACTS, _REPELS = "#009E73", "#117733", "#AA4499"
+_CYCLE = "#009E73"
+_SIDES = (  # of the circle of fixed points
+    {"color": "#117733", "linestyle": "-", "label": r"$\Sigma_s$, attracts"},
+    {"color": "#AA4499", "linestyle": (0, (2.5, 1.2)), "label": r"$\Sigma_u$, repels"},
+)
 _STARTS_DRAWN = 44
 _DRAWN = 5.0  # rad, of a manifold
 FOLLOWED = 400.0  # s, for a manifold
@@ -224,16 +229,9 @@ def draw_points(chart: Chart, parameters: Parameters, points: Sequence[FixedPoin
 def draw_circle(chart: Chart, circle: FixedCircle) -> None:
     """Draw the circle of fixed points: Σ_s solid, Σ_u dashed."""
     quarter = np.linspace(0.0, np.pi / 2, 100)
-    for k, (colour, dashes, name) in enumerate(
-        2
-        * (
-            (_ATTRACTS, "-", r"$\Sigma_s$, attracts"),
-            (_REPELS, (0, (2.5, 1.2)), r"$\Sigma_u$, repels"),
-        )
-    ):
-        label = name if k < 2 else None
-        chart.line(circle.at(quarter + k * np.pi / 2), color=colour, linestyle=dashes,
-                   linewidth=2.6, label=label, zorder=4)  # fmt: skip
+    for k in range(4):
+        style = _SIDES[k % 2] if k < 2 else {**_SIDES[k % 2], "label": None}
+        chart.line(circle.at(quarter + k * np.pi / 2), linewidth=2.6, zorder=4, **style)
 
 
 def draw_separatrices(
@@ -286,11 +284,7 @@ def portrait(
     figure.suptitle(f"{title}: motion from rest", color=INK)
     left, right = figure.subplots(1, 2, width_ratios=[4.6, 8.4])
     manifolds = separatrices(parameters, points, FOLLOWED)
-    charts: tuple[Chart, ...] = (
-        Globe(left, VIEW, "vertical γ on the Poisson sphere"),
-        Involute(right, "its involute"),
-    )
-    for chart in charts:
+    for chart in both_charts(left, right):
         draw_field(chart, parameters, _FIELD_TURNS / rate_scale(parameters))
         draw_separatrices(chart, manifolds, ())
         if circle is not None:

@@ -13,8 +13,7 @@ from validation.paper import (
     section_3,
     section_4,
     section_4_2,
-    section_5_1,
-    section_5_2,
+    section_5,
     section_5_3,
 )
 
@@ -27,8 +26,8 @@ SECTIONS = (
     section_4.SECTION,
     section_4.SECTION_4_1,
     section_4_2.SECTION,
-    section_5_1.SECTION,
-    section_5_2.SECTION,
+    section_5.SECTION_5_1,
+    section_5.SECTION_5_2,
     section_5_3.SECTION,
     appendix_a.SECTION,
     ours.SECTION,

@@ -1,14 +1,14 @@
 """The numbers printed by the paper's captions, and the motions that start from them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from numpy import sqrt
 
 from robotball.rotations import Array
 from validation.paper import formulas as f
-from validation.paper.claim import Claim, Residual
+from validation.paper.claim import Errors, Section, by
 from validation.paper.engine_ball import NAME, largest, seen
 from validation.paper.formulas import Numbers, cross, paper_scene
 
@@ -100,26 +100,28 @@ def motion(caption: _Caption, times: Array, rtol: float = 1e-12) -> tuple[Array,
     return found[:, 9:12], found[:, 12:]
 
 
-def _as_captioned(name: str, bound: float, twist: float) -> Residual:
+def _as_captioned(name: str, twist: float) -> Errors:
     """Compare MuJoCo's contact point, relative to the path, and γ over 10 s with the caption's."""
     caption, ball = CAPTIONS[name], seen(name)
     caption = replace(caption, n=replace(caption.n, Omega=twist * caption.n.Omega))
     gamma, path = motion(caption, ball.motion.times)
     in_frame = ball.gamma @ paper_scene(name).principal_axes.T
-    off = largest(ball.motion.contact_point - path) / max(ball.motion.path_length, caption.n.a)
-    return Residual(max(off, largest(in_frame - gamma)), bound)
+    yield largest(ball.motion.contact_point - path) / max(ball.motion.path_length, caption.n.a)
+    yield largest(in_frame - gamma)
 
 
-def orthonormal(name: str, twist: float) -> Residual:
-    """Measure how far a caption's axes are from orthonormal; twisted, with another sign in γ."""
+def orthonormal(
+    name: str, twist: float, printed: tuple[int, Sequence[float]] | None = None
+) -> Errors:
+    """Compute SSᵀ - E of a caption's axes; twisted, with another sign in γ.
+
+    printed: a row of S, and what is printed for it.
+    """
     axes = CAPTIONS[name].axes.copy()
+    if printed:
+        axes[printed[0]] = printed[1]
     axes[2] *= [twist, 1.0, 1.0] if name.startswith("fig05") else [1.0, twist, 1.0]
-    return Residual(off_orthonormal(axes), bound=1e-15)
-
-
-def off_orthonormal(axes: Array) -> float:
-    """Return the largest entry of SSᵀ - E."""
-    return float(np.abs(axes @ axes.T - f.E).max())
+    yield axes @ axes.T - f.E
 
 
 def place(name: str) -> str:
@@ -127,23 +129,18 @@ def place(name: str) -> str:
     return "Fig. " + name.removeprefix("fig").lstrip("0")
 
 
-def captioned_motion(name: str, bound: float) -> Claim:
-    """Return the claim that a figure's motion starts as captioned.
+def claim_motion(section: Section, name: str, bound: float) -> None:
+    """Add the claim that a figure's motion starts as captioned.
 
     The bound is that of RK4's error, which the turning rate sets.
     """
-    return Claim(
-        place(name),
-        "the motion that starts as its caption says",
-        partial(_as_captioned, name, bound),
-        f"{NAME}; (3.2) by scipy",
-        "the sign of Ω",
+    section.claim(place(name), "the motion that starts as its caption says")(
+        by(f"{NAME}; (3.2) by scipy", "the sign of Ω", bound=bound, name=name)(_as_captioned)
     )
 
 
-def starting_axes(name: str) -> Claim:
-    """Return the claim that a caption's vectors are axes."""
-    check = partial(orthonormal, name)
-    return Claim(
-        place(name), "the caption's α, β, γ are orthonormal", check, "arithmetic", "the sign of γ₂"
+def claim_axes(section: Section, name: str) -> None:
+    """Add the claim that a caption's vectors are axes."""
+    section.claim(place(name), "the caption's α, β, γ are orthonormal")(
+        by("arithmetic", "the sign of γ₂", bound=1e-15, name=name)(orthonormal)
     )

@@ -7,11 +7,10 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, field
-from functools import wraps
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, TypeVar, get_args
+from typing import Any, Generic, Literal, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,7 +20,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from robotball import InputError
-from validation.output import progress_bar, versions, write_text
+from validation.output import known, progress_bar, versions, write_text
 
 _Verdict = Literal["holds", "holds as corrected", "does not reproduce", "not checked"]
 
@@ -38,14 +37,6 @@ class Residual:
     bound: float
     printed: float | None = None
     unit: str = ""
-
-    @property
-    def error(self) -> float:
-        return abs(self.corrected)
-
-    @property
-    def printed_error(self) -> float | None:
-        return None if self.printed is None else abs(self.printed)
 
     def __str__(self) -> str:
         printed = "" if self.printed is None else f"printed {self.printed:.3g}, corrected "
@@ -67,14 +58,6 @@ class Value:
     printed: float | None = None
     unit: str = ""
 
-    @property
-    def error(self) -> float:
-        return abs(self.measured - self.corrected)
-
-    @property
-    def printed_error(self) -> float | None:
-        return None if self.printed is None else abs(self.measured - self.printed)
-
     def __str__(self) -> str:
         printed = "" if self.printed is None else f"printed {self.printed:g}, corrected "
         bound = "" if self.bound == 0 else f" ± {self.bound:.2g}"
@@ -92,38 +75,14 @@ class AtLeast:
     bound: float
     unit: str = ""
 
-    @property
-    def error(self) -> float:
-        return self.bound - self.measured
-
     def __str__(self) -> str:
         return f"{self.measured:.3g}, at least {self.bound:.3g} {self.unit}".rstrip()
 
 
 Evidence = Residual | Value | AtLeast
 Check = Callable[[float], Evidence]
-_Function = TypeVar("_Function", bound=Callable[..., Evidence])
-
-
 Errors = Iterator[ArrayLike]
 """The errors of a statement at one state after another."""
-
-
-def largest_error(
-    bound: float, unit: str = ""
-) -> Callable[[Callable[..., Errors]], Callable[..., Residual]]:
-    """Return a decorator of a check that yields errors: the largest of them is its residual."""
-
-    def decorated(errors: Callable[..., Errors]) -> Callable[..., Residual]:
-        @wraps(errors)
-        def check(*given: Any, **named: Any) -> Residual:
-            # By NumPy, to which what is not a number is the largest of all.
-            worst = np.max([np.abs(each).max() for each in errors(*given, **named)])
-            return Residual(float(worst), bound, unit=unit)
-
-        return check
-
-    return decorated
 
 
 @dataclass(frozen=True)
@@ -145,6 +104,52 @@ class Claim:
     printed: str = ""
 
 
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+@dataclass(frozen=True)
+class _Checked(Generic[_Function]):
+    """A function, and the claim that it checks, without its place and statement."""
+
+    function: _Function
+    claim: Claim
+
+
+def by(
+    means: str,
+    twist: str,
+    control: float = -1.0,
+    bound: float | None = None,
+    unit: str = "",
+    printed: Mapping[str, Any] | None = None,
+    **given: Any,
+) -> Callable[[_Function], _Checked[_Function]]:
+    """Return a decorator that makes a function the check of the claim above.
+
+    The function takes `twist`, which is 1 or `control`, and the arguments given, and returns
+    evidence. Where there is a `bound` it yields errors [unit] instead, of which the largest counts;
+    with the bound 0 it yields what is wrong, which is counted. printed: the arguments with which it
+    checks the printed form of a misprint.
+    """
+
+    def made(function: _Function) -> _Checked[_Function]:
+        def worst(**arguments: Any) -> float:
+            errors = [np.abs(each).max() for each in function(**{**given, **arguments})]
+            # By NumPy, to which what is not a number is the largest of all.
+            return float(np.max(errors) if bound else np.sum(errors))
+
+        def check(twist: float) -> Evidence:
+            if bound is None:
+                evidence: Evidence = function(twist=twist, **given)
+                return evidence
+            refuted = None if printed is None else worst(**{"twist": 1.0, **printed})
+            return Residual(worst(twist=twist), bound, refuted, unit)
+
+        return _Checked(function, Claim("", "", check, means, twist, control))
+
+    return made
+
+
 @dataclass(frozen=True)
 class Section:
     """A section of the paper, or the part that is not the paper's, with its claims in order."""
@@ -153,32 +158,23 @@ class Section:
     claims: list[Claim] = field(default_factory=list)
 
     def claim(
-        self,
-        place: str,
-        statement: str,
-        means: str,
-        twist: str,
-        control: float = -1.0,
-        printed: str = "",
-        **given: Any,
-    ) -> Callable[[_Function], _Function]:
-        """Return a decorator that adds the claim which a function checks, with arguments given.
+        self, place: str, statement: str, printed: str = ""
+    ) -> Callable[[_Checked[_Function]], _Function]:
+        """Return a decorator that adds a claim, checked `by` what stands below, to the section.
 
-        Of several decorators on one function Python applies the lowest first.
+        Of several claims above one function Python adds the lowest first.
         """
 
-        def add(check: _Function) -> _Function:
-            def computed(twist: float) -> Evidence:
-                return check(twist=twist, **given)
-
-            self.add(Claim(place, statement, computed, means, twist, control, printed))
-            return check
+        def add(each: _Checked[_Function]) -> _Function:
+            found = replace(each.claim, place=place, statement=statement, printed=printed)
+            self.claims.append(found)
+            return each.function
 
         return add
 
-    def add(self, *claims: Claim) -> None:
-        """Add claims as they are, in this order."""
-        self.claims.extend(claims)
+    def unchecked(self, place: str, statement: str, reason: str) -> None:
+        """Add a statement about which there is nothing to compute, for a reason."""
+        self.claims.append(Claim(place, statement, reason))
 
 
 @dataclass(frozen=True)
@@ -209,14 +205,13 @@ def verdict_on(evidence: Evidence) -> _Verdict:
     # Not a number is no agreement, and for a printed form no refutation either.
     if isinstance(evidence, AtLeast):
         return "holds" if evidence.measured >= evidence.bound else "does not reproduce"
-    if not evidence.error <= evidence.bound:
+    measured = evidence.measured if isinstance(evidence, Value) else 0.0
+    if not abs(measured - evidence.corrected) <= evidence.bound:
         return "does not reproduce"
-    printed = evidence.printed_error
-    if printed is None:
+    if evidence.printed is None:
         return "holds"
-    if math.isnan(printed) or printed <= evidence.bound:
-        return "does not reproduce"
-    return "holds as corrected"
+    refuted = abs(measured - evidence.printed) > evidence.bound
+    return "holds as corrected" if refuted else "does not reproduce"
 
 
 _STYLES: dict[_Verdict, str] = {"does not reproduce": "bold red", "not checked": "yellow"}
@@ -284,6 +279,7 @@ def _record(title: str, finding: _Finding) -> dict[str, Any]:
     """Return one finding as plain data; numbers that are not finite are None."""
     claim, evidence = finding.claim, finding.evidence
     numbers = {} if isinstance(evidence, str) else asdict(evidence)
+    unit = numbers.pop("unit", None)
     return {
         "section": title,
         "place": claim.place,
@@ -293,12 +289,8 @@ def _record(title: str, finding: _Finding) -> dict[str, Any]:
         "control": claim.twist,
         "verdict": finding.verdict,
         "evidence": str(evidence),
-        **{
-            name: float(value) if value is not None and math.isfinite(value) else None
-            for name, value in numbers.items()
-            if name != "unit"
-        },
-        "unit": numbers.get("unit"),
+        **{name: known(value) for name, value in numbers.items()},
+        "unit": unit,
     }
 
 

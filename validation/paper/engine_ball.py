@@ -9,8 +9,9 @@ import numpy as np
 from robotball import Motion, Scene, sample_times, simulate
 from robotball.engines.mujoco import LABEL
 from robotball.equations import parameters_of
-from robotball.rotations import Array, rotation_matrix
-from validation.paper.formulas import Numbers, numbers, paper_scene
+from robotball.rotations import Array, from_matrix, rotation_matrix
+from robotball.scene import Start
+from validation.paper.formulas import Numbers, cross, numbers, paper_scene
 
 NAME = LABEL.name
 MOTION = f"{NAME}'s motion"
@@ -68,15 +69,15 @@ class Seen:
 
 
 @cache
-def seen(name: str, duration: float = 10.0) -> Seen:
+def seen(name: str, duration: float = 10.0, interval: float = _INTERVAL) -> Seen:
     """Roll a scene of the catalog by MuJoCo at "balanced", sampled at each step."""
-    return seen_of(paper_scene(name), duration)
+    return seen_of(paper_scene(name), duration, interval)
 
 
-@cache
-def long(name: str, duration: float) -> Seen:
-    """Roll a scene of the catalog by MuJoCo at "balanced", sampled every 0.05 s only."""
-    return seen_of(paper_scene(name), duration, 0.05)
+def seen_from(name: str, gamma: Array, alpha: Array, M_world: Array, duration: float) -> Seen:
+    """Roll the ball of a scene of the catalog from γ, α and M, which is in world axes."""
+    start = Start(from_matrix(np.array([alpha, cross(gamma, alpha), gamma])), M_world)
+    return seen_of(replace(paper_scene(name), start=start), duration)
 
 
 def seen_of(scene: Scene, duration: float, interval: float = _INTERVAL) -> Seen:

@@ -1,7 +1,7 @@
 """Section 4.2, motion from rest with K = (0, 0, K₃): Γ₅,₆ and Prop. 2, Δ and Θ, Figs 6 to 8."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache, partial
 
 import numpy as np
@@ -12,16 +12,14 @@ from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.portraits import limit_cycles
 from robotball.rotations import Array
 from validation.paper import formulas as f
-from validation.paper.captions import CAPTIONS, captioned_motion, starting_axes
+from validation.paper.captions import CAPTIONS, claim_axes, claim_motion
 from validation.paper.claim import (
     AtLeast,
-    Claim,
     Errors,
     Evidence,
-    Residual,
     Section,
     Value,
-    largest_error,
+    by,
 )
 from validation.paper.formulas import Numbers, paper_scene
 
@@ -29,6 +27,7 @@ SECTION = Section("4.2. K ≠ 0")
 claim = SECTION.claim
 
 _FIG6 = CAPTIONS["fig06"].n
+_PRINTED_SECOND = "A₁γ₂ + (a₁-a₃)(Ω₁γ₁γ₂ + Ω₂γ₁²)"
 _DELTA, _THETA = 1, 0  # the index j of the γⱼ that is not zero, beside γ₃
 
 
@@ -50,67 +49,61 @@ def _A1_A2(n: Numbers) -> tuple[float, float]:
     return a1 * a3 * K3 + (a1 - a3) * Omega3, a2 * a3 * K3 + (a2 - a3) * Omega3
 
 
-@claim("(4.6)", "K = (0, 0, K₃): of (4.4) only Γ₅,₆ stay", "(4.1)", "K along e₁")
-def _preserved(twist: float) -> Residual:
+@claim("(4.6)", "K = (0, 0, K₃): of (4.4) only Γ₅,₆ stay")
+@by("(4.1)", "K along e₁", bound=0, unit="of 1200 wrong")
+def _preserved(twist: float) -> Errors:
     """Count the points of (4.4) that stay though γ₃ ≠ ±1, or do not stay though γ₃ = ±1.
 
     Twisted, with K along e₁.
     """
-    wrong = 0
     for n in balls():
         n = n if twist == 1 else f.with_A(tuple(n.moments), n.Omega, n.K[::-1])
         for i, gamma in enumerate(f.E):
             stays = np.linalg.norm(f.from_rest(n)(gamma)) < 1e-14
-            wrong += 2 * int(stays != (i == 2))
-    return Residual(wrong, bound=0, unit="of 1200 wrong")
+            yield 2 * int(stays != (i == 2))
 
 
 # Near Γ₅ and Γ₆ ------------------------------------------------------------------------------
 
 
-@claim("Prop. 2", "A₁A₂ < 0: a saddle; > 0: a weak focus", "eigenvalues", "sign of A₁A₂")
-def kinds(twist: float) -> Residual:
+@claim("Prop. 2", "A₁A₂ < 0: a saddle; > 0: a weak focus")
+@by("eigenvalues", "sign of A₁A₂", bound=0, unit="of 200 wrong")
+def kinds(twist: float) -> Errors:
     """Count the balls whose eigenvalues at Γ₅ are not as Prop. 2 says.
 
     It says real of other signs if A₁A₂ < 0, else imaginary.
     """
-    wrong = 0
     for n in balls():
         values = f.eigenvalues(f.from_rest(n), f.E[2])
         A1, A2 = _A1_A2(n)
         saddle = values[0].real < 0 < values[1].real and abs(values.imag).max() == 0
         centre = abs(values.real).max() < 1e-12 * abs(values.imag).max()
-        wrong += not (saddle if twist * A1 * A2 < 0 else centre)
-    return Residual(wrong, bound=0, unit="of 200 wrong")
+        yield not (saddle if twist * A1 * A2 < 0 else centre)
 
 
-@dataclass(frozen=True)
-class _Focus:
-    """A ball with A₁A₂ > 0, and by how much r grows in a turn about Γ₅ from r = 0.01."""
+def _criterion(n: Numbers, twist: float = 1.0) -> float:
+    """Return B/A₁, with B = Ω₁Ω₂((a₂-a₃)²A₁² - (a₁-a₃)²A₂²).
 
-    n: Numbers
-    growth: float
-
-    def criterion(self, twist: float = 1.0) -> float:
-        """Return B/A₁, with B = Ω₁Ω₂((a₂-a₃)²A₁² - (a₁-a₃)²A₂²).
-
-        Twisted, with another sign in it.
-        """
-        (a1, a2, a3), (Omega1, Omega2, _) = self.n.moments, self.n.Omega
-        A1, A2 = _A1_A2(self.n)
-        B = Omega1 * Omega2 * ((a2 - a3) ** 2 * A1**2 - twist * (a1 - a3) ** 2 * A2**2)
-        return float(B / A1)
+    Twisted, with another sign in it.
+    """
+    (a1, a2, a3), (Omega1, Omega2, _) = n.moments, n.Omega
+    A1, A2 = _A1_A2(n)
+    B = Omega1 * Omega2 * ((a2 - a3) ** 2 * A1**2 - twist * (a1 - a3) ** 2 * A2**2)
+    return float(B / A1)
 
 
 @cache
-def _foci() -> tuple[_Focus, ...]:
-    """Return those of 100 balls with A₁A₂ > 0.01 whose r changes by over 1e-10, by scipy."""
+def _foci() -> tuple[tuple[Numbers, float], ...]:
+    """Return balls with A₁A₂ > 0.01, and by how much r grows in a turn about Γ₅ from r = 0.01.
+
+    They are those of 100 in which it changes by over 1e-10.
+    """
     found = []
     for n in balls()[:100]:
         A1, A2 = _A1_A2(n)
         growth = _growth_in_a_turn(n, 0.01) if A1 * A2 > 0.01 else 0.0
         if abs(growth) > 1e-10:
-            found.append(_Focus(n, growth))
+            found.append((n, growth))
     return tuple(found)
 
 
@@ -126,37 +119,23 @@ def _growth_in_a_turn(n: Numbers, r: float) -> float:
     return float(passed[0][0] - r) if len(passed) else 0.0
 
 
-def wrong(criterion: Callable[[_Focus], float]) -> int:
-    """Count the foci that shrink in a turn where `criterion` is not negative, or the reverse."""
-    return sum((criterion(each) < 0) != (each.growth < 0) for each in _foci())
+_turned = partial(by, "a turn about Γ₅ by scipy", bound=0, unit="of 84 wrong")
 
 
-@claim(
-    "E6, Prop. 2",
-    "the focus is stable iff B/A₁ < 0",
-    "a turn about Γ₅ by scipy",
-    "the sign of B/A₁",
-    printed="stable if B/A₁ > 0",
-)
-def _stable_foci(twist: float) -> Residual:
+@claim("E6, Prop. 2", "the focus is stable iff B/A₁ < 0", "stable if B/A₁ > 0")
+@_turned("the sign of B/A₁", printed={"twist": -1.0})
+def _stable_foci(twist: float) -> Errors:
     """Count where B/A₁ < 0 mistakes a focus for stable or unstable, and B/A₁ > 0 as printed."""
-    corrected = wrong(lambda each: twist * each.criterion())
-    printed = wrong(lambda each: -each.criterion())
-    return Residual(corrected, 0, printed, unit=f"of {len(_foci())} wrong")
+    for n, growth in _foci():
+        yield (twist * _criterion(n) < 0) != (growth < 0)
 
 
-@claim(
-    "E7, Prop. 2",
-    "B = Ω₁Ω₂((a₂-a₃)²A₁² - (a₁-a₃)²A₂²)",
-    "a turn about Γ₅ by scipy",
-    "the sign in B",
-    printed="B = K₃Ω₁Ω₂(…)",
-)
-def _B_of_the_foci(twist: float) -> Residual:
+@claim("E7, Prop. 2", "B = Ω₁Ω₂((a₂-a₃)²A₁² - (a₁-a₃)²A₂²)", "B = K₃Ω₁Ω₂(…)")
+@_turned("the sign in B", printed={"printed": True})
+def _B_of_the_foci(twist: float, printed: bool = False) -> Errors:
     """Count the foci mistaken with B as corrected, and with the factor K₃ as printed."""
-    corrected = wrong(lambda each: each.criterion(twist))
-    printed = wrong(lambda each: each.n.K[2] * each.criterion())
-    return Residual(corrected, 0, printed, unit=f"of {len(_foci())} wrong")
+    for n, growth in _foci():
+        yield ((n.K[2] if printed else 1.0) * _criterion(n, twist) < 0) != (growth < 0)
 
 
 def _taylor(n: Numbers, top: float) -> Array:
@@ -168,12 +147,8 @@ def _taylor(n: Numbers, top: float) -> Array:
     count, radius = 16, 0.05
     circle = radius * np.exp(2j * np.pi * np.arange(count) / count)
     field = f.from_rest(n)
-    values = np.array(
-        [
-            [field(np.array([x, y, top * sqrt(1 - x * x - y * y)]))[:2] for y in circle]
-            for x in circle
-        ]
-    )
+    places = [(x, y, top * sqrt(1 - x * x - y * y)) for x in circle for y in circle]
+    values = np.array([field(np.array(each))[:2] for each in places]).reshape(count, count, 2)
     powers = radius ** np.add.outer(np.arange(3), np.arange(3))
     return np.moveaxis(np.fft.fft2(values, axes=(0, 1))[:3, :3] / count**2, 2, 0).real / powers
 
@@ -188,77 +163,40 @@ def _expansion(n: Numbers, top: float, twist: float = 1.0, printed: bool = False
     terms = np.zeros((2, 3, 3))
     terms[0, 0, 1] = -A2 / a3
     terms[0, 1, 1], terms[0, 0, 2] = -(a2 - a3) * Omega1 / a3, -(a2 - a3) * Omega2 / a3
-    if printed:
-        terms[1, 0, 1] = A1 / a3
-        terms[1, 1, 1], terms[1, 2, 0] = (a1 - a3) * Omega1 / a3, (a1 - a3) * Omega2 / a3
-    else:
-        terms[1, 1, 0] = A1 / a3
-        terms[1, 1, 1], terms[1, 2, 0] = (a1 - a3) * Omega2 / a3, (a1 - a3) * Omega1 / a3
+    mixed, square = (Omega1, Omega2) if printed else (Omega2, Omega1)
+    terms[(1, 0, 1) if printed else (1, 1, 0)] = A1 / a3
+    terms[1, 1, 1], terms[1, 2, 0] = (a1 - a3) * mixed / a3, (a1 - a3) * square / a3
     terms[:, [1, 0, 2], [1, 2, 0]] *= top * twist
     return terms
 
 
 _SECOND_ORDER = np.add.outer(np.arange(3), np.arange(3)) <= 2
+_order_2 = partial(by, "Cauchy's integrals", "the quadratic signs", bound=2e-14, unit="1/s")
 
 
-def _off_expansion(component: int, top: float, twist: float, printed: bool = False) -> float:
-    """Return the largest difference of a component's expansion from Taylor's, over 20 balls."""
-    return max(
-        float(
-            np.abs(
-                (_taylor(n, top) - _expansion(n, top, twist, printed))[component][_SECOND_ORDER]
-            ).max()
-        )
-        for n in balls()[:20]
-    )
+@claim("E9, Prop. 2", "at Γ₆ the quadratic signs are the other ones", "Γ₅'s signs, for Γ₆")
+@_order_2(printed={"twist": -1.0}, top=-1.0)
+@claim("E8, Prop. 2", "dγ₂/dt = (A₁γ₁ + (a₁-a₃)(Ω₂γ₁γ₂ + Ω₁γ₁²))/a₃", _PRINTED_SECOND)
+@_order_2(printed={"printed": True}, components=[1])
+@claim("Prop. 2", "dγ₁/dt = -A₂γ₂/a₃ - … at Γ₅")
+@_order_2(components=[0])
+def _components(
+    twist: float, components: Sequence[int] = (0, 1), top: float = 1.0, printed: bool = False
+) -> Errors:
+    """Compare dγ₁/dt and dγ₂/dt at Γ₅ (top = 1) or Γ₆ (-1), for 20 balls, with Taylor's.
 
-
-@claim("Prop. 2", "dγ₁/dt = -A₂γ₂/a₃ - … at Γ₅", "Cauchy's integrals", "the quadratic signs")
-def _first_component(twist: float) -> Residual:
-    """Compare dγ₁/dt = -A₂γ₂/a₃ - (a₂-a₃)(Ω₁γ₁γ₂ + Ω₂γ₂²)/a₃ at Γ₅ with Taylor's."""
-    return Residual(_off_expansion(0, 1.0, twist), bound=2e-14, unit="1/s")
-
-
-@claim(
-    "E8, Prop. 2",
-    "dγ₂/dt = (A₁γ₁ + (a₁-a₃)(Ω₂γ₁γ₂ + Ω₁γ₁²))/a₃",
-    "Cauchy's integrals",
-    "the quadratic signs",
-    printed="A₁γ₂ + (a₁-a₃)(Ω₁γ₁γ₂ + Ω₂γ₁²)",
-)
-def _second_component(twist: float) -> Residual:
-    """Compute dγ₂/dt = A₁γ₁/a₃ + (a₁-a₃)(Ω₂γ₁γ₂ + Ω₁γ₁²)/a₃ at Γ₅, and as printed."""
-    return Residual(
-        _off_expansion(1, 1.0, twist),
-        bound=2e-14,
-        printed=_off_expansion(1, 1.0, 1.0, printed=True),
-        unit="1/s",
-    )
-
-
-@claim(
-    "E9, Prop. 2",
-    "at Γ₆ the quadratic signs are the other ones",
-    "Cauchy's integrals",
-    "the quadratic signs",
-    printed="Γ₅'s signs, for Γ₆",
-)
-def _signs_at_6(twist: float) -> Residual:
-    """Compare both components at Γ₆, where the quadratic signs are the other ones, with Taylor's.
-
-    As printed, with Γ₅'s signs.
+    dγ₁/dt = -A₂γ₂/a₃ - (a₂-a₃)(Ω₁γ₁γ₂ + Ω₂γ₂²)/a₃, and of dγ₂/dt what is printed, too.
     """
-    corrected = max(_off_expansion(i, -1.0, twist) for i in (0, 1))
-    printed = max(_off_expansion(i, -1.0, -1.0) for i in (0, 1))
-    return Residual(corrected, bound=2e-14, printed=printed, unit="1/s")
+    for n in balls()[:20]:
+        off = _taylor(n, top) - _expansion(n, top, twist, printed)
+        yield off[list(components)][:, _SECOND_ORDER]
 
 
-@claim("Prop. 2", "x' and y', scaled", "Cauchy's integrals", "the sign of x² in y'")
-@largest_error(2e-14)
+@claim("Prop. 2", "x' and y', scaled")
+@by("Cauchy's integrals", "the sign of x² in y'", bound=2e-14)
 def _scaled(twist: float) -> Errors:
     """Compare x' and y' in γ₁ = √(A₁A₂)x/A₁, γ₂ = y, t = a₃τ/√(A₁A₂) with Taylor's at Γ₅."""
-    for focus in _foci()[:20]:
-        n = focus.n
+    for n, _ in _foci()[:20]:
         (a1, a2, a3), (Omega1, Omega2, _) = n.moments, n.Omega
         A1, A2 = _A1_A2(n)
         root = sqrt(A1 * A2)
@@ -273,7 +211,8 @@ def _scaled(twist: float) -> Errors:
         yield (found - terms)[:, _SECOND_ORDER]
 
 
-@claim("4.2", "K₃ ≠ 0: (Ω,γ) = 0 is no circle of fixed points", "(4.1)", "K₃ = 0")
+@claim("4.2", "K₃ ≠ 0: (Ω,γ) = 0 is no circle of fixed points")
+@by("(4.1)", "K₃ = 0")
 def _no_circle(twist: float) -> AtLeast:
     """Compute the fastest dγ/dt of (4.1) on (Ω,γ) = 0 for Fig. 6; twisted, without K₃."""
     n = _FIG6 if twist == 1 else CAPTIONS["fig05b"].n
@@ -286,7 +225,7 @@ def _no_circle(twist: float) -> AtLeast:
 
 def _with_K3(K3: float) -> Numbers:
     """Return the ball of Figs 6 to 8 with another K₃."""
-    return f.with_A((0.5, 0.4, 0.3), _FIG6.Omega, np.array([0.0, 0.0, K3]))
+    return replace(_FIG6, K=np.array([0.0, 0.0, K3]))
 
 
 def _kappa(n: Numbers, j: int, twist: float = 1.0) -> float:
@@ -324,52 +263,31 @@ def _speed(n: Numbers, j: int, phi: float) -> float:
     return float(np.linalg.norm(f.from_rest(n)(_point(j, phi))))
 
 
-@claim(
-    "E10, 4.2",
-    "Θ: φ by κ₂ and ν₂ = atan2(Ω₃, Ω₁)",
-    "(4.1)",
-    "the sign of K₃",
-    printed="ν₂ = arcsin(Ω₃²/√(Ω₁² + Ω₃²))",
-    j=_THETA,
+_standing = partial(
+    by, "(4.1)", "the sign of K₃", bound=3e-14, unit="1/s", printed={"nu": _printed_nu}
 )
-@claim(
-    "E10, 4.2",
-    "Δ: φ by κ₁ and ν₁ = atan2(Ω₃, Ω₂)",
-    "(4.1)",
-    "the sign of K₃",
-    printed="ν₁ = arcsin(Ω₃²/√(Ω₂² + Ω₃²))",
-    j=_DELTA,
-)
-def _at_rest(j: int, twist: float) -> Residual:
-    """Compute the largest dγ/dt at δ₁…δ₄, or θ₁…θ₄, of random balls, with ν as printed too."""
-    corrected = printed = 0.0
+
+
+@claim("E10, 4.2", "Θ: φ by κ₂ and ν₂ = atan2(Ω₃, Ω₁)", "ν₂ = arcsin(Ω₃²/√(Ω₁² + Ω₃²))")
+@_standing(j=_THETA)
+@claim("E10, 4.2", "Δ: φ by κ₁ and ν₁ = atan2(Ω₃, Ω₂)", "ν₁ = arcsin(Ω₃²/√(Ω₂² + Ω₃²))")
+@_standing(j=_DELTA)
+def _at_rest(j: int, twist: float, nu: Callable[[Numbers, int], float] = _nu) -> Errors:
+    """Compute dγ/dt at δ₁…δ₄, or θ₁…θ₄, of random balls, with ν as printed too."""
     for n in balls():
-        k, with_twist = _kappa(n, j), _kappa(n, j, twist)
-        if abs(k) < 1 and abs(with_twist) < 1:
-            for phi in _angles(arcsin(with_twist), _nu(n, j)):
-                corrected = max(corrected, _speed(n, j, phi))
-            for phi in _angles(arcsin(k), _printed_nu(n, j)):
-                printed = max(printed, _speed(n, j, phi))
-    return Residual(corrected, bound=3e-14, printed=printed, unit="1/s")
+        k = _kappa(n, j, twist)
+        if abs(_kappa(n, j)) < 1 and abs(k) < 1:
+            yield [_speed(n, j, phi) for phi in _angles(arcsin(k), nu(n, j))]
 
 
-@claim(
-    "E11, 4.2",
-    "θ₃: φ = -(arcsin κ₂ + ν₂)/2 + π/2",
-    "(4.1)",
-    "π/2, by a half",
-    control=0.5,
-    printed="φ = -(arcsin κ₂ + ν₂)/2 π",
-)
-def _theta_3(twist: float) -> Residual:
-    """Compute the largest dγ/dt at θ₃, for -(arcsin κ₂ + ν₂)/2 + π/2, and times π as printed."""
-    corrected = printed = 0.0
+@claim("E11, 4.2", "θ₃: φ = -(arcsin κ₂ + ν₂)/2 + π/2", "φ = -(arcsin κ₂ + ν₂)/2 π")
+@by("(4.1)", "π/2, by a half", 0.5, bound=3e-14, unit="1/s", printed={"printed": True})
+def _theta_3(twist: float, printed: bool = False) -> Errors:
+    """Compute dγ/dt at θ₃, for -(arcsin κ₂ + ν₂)/2 + π/2, and times π as printed."""
     for n in balls():
         if abs(_kappa(n, _THETA)) < 1:
             half = -(arcsin(_kappa(n, _THETA)) + _nu(n, _THETA)) / 2
-            corrected = max(corrected, _speed(n, _THETA, half + twist * pi / 2))
-            printed = max(printed, _speed(n, _THETA, half * pi))
-    return Residual(corrected, bound=3e-14, printed=printed, unit="1/s")
+            yield _speed(n, _THETA, half * pi if printed else half + twist * pi / 2)
 
 
 # Figs 6 to 8 -------------------------------------------------------------------------------
@@ -384,25 +302,22 @@ def _named(n: Numbers = _FIG6) -> dict[str, Array]:
     return found
 
 
-@claim(
-    "E12, 4.2",
-    "Δ exist iff |κ₁| < 1, Θ iff |κ₂| < 1",
-    "search",
-    "the sign of K₃",
-    printed="0 < κ₂ < κ₁ < 1 and so on",
-)
-def _existence(twist: float) -> Residual:
+@cache
+def _number(K3: float, starts: int = 400) -> int:
+    """Return the number of fixed points of (4.1) at K₃, searched for from so many points."""
+    return len(f.zeros(f.from_rest(_with_K3(K3)), starts))
+
+
+@claim("E12, 4.2", "Δ exist iff |κ₁| < 1, Θ iff |κ₂| < 1", "0 < κ₂ < κ₁ < 1 and so on")
+@by("search", "the sign of K₃", bound=0, unit="of 8 wrong", printed={"least": 0.0})
+def _existence(twist: float, least: float = -1.0) -> Errors:
     """Count the K₃ with another number of fixed points than 2 + 4[|κ₁| < 1] + 4[|κ₂| < 1].
 
     A search finds them; as printed, with [0 < κ < 1].
     """
-    wrong = printed = 0
     for K3 in (-3.0, -1.2, -0.5, -0.1, 0.2, 0.5, 1.0, 2.5):
-        n = _with_K3(K3)
-        number = len(f.zeros(f.from_rest(n), 150))
-        wrong += number != 2 + 4 * sum(abs(_kappa(n, j, twist)) < 1 for j in (_DELTA, _THETA))
-        printed += number != 2 + 4 * sum(0 < _kappa(n, j) < 1 for j in (_DELTA, _THETA))
-    return Residual(wrong, bound=0, printed=printed, unit="of 8 wrong")
+        kappas = [_kappa(_with_K3(K3), j, twist) for j in (_DELTA, _THETA)]
+        yield _number(K3, 150) != 2 + 4 * sum(least < kappa < 1 for kappa in kappas)
 
 
 def kind(n: Numbers, gamma: Array) -> str:
@@ -425,37 +340,36 @@ _KINDS = {
 }
 
 
-@claim("Fig. 6", "saddles θ₁,₂ δ₃,₄; foci θ₃,₄ Γ₅,₆; nodes δ₁,₂", "search, eigenvalues", "δ, θ")
-def _types(twist: float) -> Residual:
+@claim("Fig. 6", "saddles θ₁,₂ δ₃,₄; foci θ₃,₄ Γ₅,₆; nodes δ₁,₂")
+@by("search, eigenvalues", "δ, θ", bound=0, unit="of 10 off")
+def _types(twist: float) -> Errors:
     """Count the points of Fig. 6 that are of another type, or not found by a search."""
     points, found = _named(), f.zeros(f.from_rest(_FIG6))
     if twist != 1:  # the names of Δ and Θ exchanged
         points = {name.translate(str.maketrans("δθ", "θδ")): at for name, at in points.items()}
-    off = abs(len(found) - 10)
+    yield len(found) - 10
     for name, at in points.items():
         seen = min(np.linalg.norm(at - other) for other in found) < 1e-9
-        off += not (seen and name in _KINDS.get(kind(_FIG6, at), ()))
-    return Residual(off, bound=0, unit="of 10 off")
+        yield not (seen and name in _KINDS.get(kind(_FIG6, at), ()))
+
+
+_BOTH = {"senses": (-1.0, 1.0)}
 
 
 @claim(
-    "Fig. 6",
-    "stable manifolds of δ₃,₄ and δ₁,₂: a closed contour",
-    "(4.1) by scipy",
-    "unstable for stable",
-    printed="unstable and stable manifolds",
+    "Fig. 6", "stable manifolds of δ₃,₄ and δ₁,₂: a closed contour", "unstable and stable manifolds"
 )
-def _contour(twist: float) -> Residual:
+@by("(4.1) by scipy", "unstable for stable", bound=0, unit="of 4, 8 off", printed=_BOTH)
+def _contour(twist: float, senses: Sequence[float] = (-1.0,)) -> Errors:
     """Count the branches of the saddles δ₃ and δ₄ that do not end at the nodes δ₁ and δ₂.
 
     The stable manifolds, followed back; as printed the unstable ones too; twisted, those alone.
     """
-    stable, unstable = _branches_off(-1.0), _branches_off(1.0)
-    return Residual(
-        stable if twist == 1 else unstable, bound=0, printed=stable + unstable, unit="of 4, 8 off"
-    )
+    for sense in senses:
+        yield _branches_off(twist * sense)
 
 
+@cache
 def _branches_off(sense: float) -> int:
     """Count the branches that leave δ₃ and δ₄ in a sense of time and end elsewhere, of four."""
     field, points, off = f.from_rest(_FIG6), _named(), 0
@@ -473,28 +387,27 @@ def _branches_off(sense: float) -> int:
 
 def number(K3: float, stated: int, twist: float) -> Value:
     """Count the fixed points of (4.1) at K₃, by a search; twisted, at -K₃/2."""
-    n = _with_K3(K3 if twist == 1 else -K3 / 2)
-    return Value(len(f.zeros(f.from_rest(n))), corrected=stated, bound=0)
+    return Value(_number(K3 if twist == 1 else -K3 / 2), corrected=stated, bound=0)
 
 
 @cache
-def cycle(K3: float, longest: float) -> Cycle | None:
-    """Return the only limit cycle of the ball with K₃, if there is one."""
-    name = {0.52: "fig07", 3.0: "fig08", 0.3: "fig06"}[K3]
+def cycle(name: str) -> Cycle | None:
+    """Return the only limit cycle of Fig. 6, 7 or 8, if there is one."""
+    longest = 12.0 if name == "fig08" else 120.0  # s: twice the periods
     found = limit_cycles(paper_scene(name).parameters, longest, starts=16)
     return found[0] if len(found) == 1 else None
 
 
-def _unstable_cycle(K3: float, longest: float, twist: float) -> Evidence:
+def _unstable_cycle(name: str, twist: float) -> Evidence:
     """Measure the growth of a neighbour's distance in a period of (4.1), by scipy, if that closes.
 
     Followed back in time, in which it shrinks. Twisted, with Fig. 6's K₃.
     """
-    K3 = K3 if twist == 1 else 0.3
-    found = cycle(K3, longest)
+    name = name if twist == 1 else "fig06"
+    found = cycle(name)
     if found is None:
         return AtLeast(float("nan"), bound=1.01)
-    field, times, gamma = f.from_rest(_with_K3(K3)), np.array([0.0, found.period]), found.gamma
+    field, times, gamma = f.from_rest(CAPTIONS[name].n), np.array([0.0, found.period]), found.gamma
     beside = np.cross(gamma, field(gamma))
     beside *= 1e-5 / np.linalg.norm(beside)
     starts = (gamma, gamma + beside, gamma - beside)
@@ -504,61 +417,41 @@ def _unstable_cycle(K3: float, longest: float, twist: float) -> Evidence:
     return AtLeast(1 / abs(shrinking) if closes else float("nan"), bound=1.01)
 
 
-def _vanishing(j: int, K3: float, more: int, twist: float) -> Residual:
-    """Measure how far the counts of fixed points beside the K₃ where |κⱼ| = 1 are off."""
+def _vanishing(j: int, K3: float, more: int, twist: float) -> Errors:
+    """Count how far the numbers of fixed points beside the K₃ where |κⱼ| = 1 are off."""
     at = brentq(lambda x: abs(_kappa(_with_K3(x), j, twist)) - 1, K3 / 2, 2 * K3)
-    return four_fewer(at, 0.01, more, 150)
+    yield from four_fewer(at, 0.01, more, 150)
 
 
-def four_fewer(K3: float, side: float, more: int, starts: int) -> Residual:
-    """Measure how far the counts of fixed points beside K₃ are from `more` below, and 4 less above.
+def four_fewer(K3: float, side: float, more: int, starts: int) -> Errors:
+    """Count how far the numbers of fixed points beside K₃ are from `more` below, 4 less above.
 
     side: how far from K₃ they are searched for, from `starts` points.
     """
-    counts = [len(f.zeros(f.from_rest(_with_K3(K3 + each)), starts)) for each in (-side, side)]
-    return Residual(abs(counts[0] - more) + abs(counts[1] - more + 4), bound=0, unit="points off")
+    yield _number(K3 - side, starts) - more
+    yield _number(K3 + side, starts) - more + 4
 
 
-SECTION.add(
-    starting_axes("fig06"),
-    captioned_motion("fig06", 6e-6),
-    Claim(
-        "4.2",
-        "Δ disappears where |κ₁| = 1",
-        partial(_vanishing, _DELTA, 0.5, 10),
-        "search",
-        "the factor of K₃",
-        control=0.9,
-    ),
-    Claim(
-        "Fig. 7", "|κ₂| < 1 < |κ₁|: six points", partial(number, 0.52, 6), "search", "another K₃"
-    ),
-    Claim(
-        "Fig. 7",
-        "an unstable limit cycle: growth in a period",
-        partial(_unstable_cycle, 0.52, 120.0),
-        "(4.1) by scipy",
-        "K₃ of Fig. 6",
-    ),
-    starting_axes("fig07"),
-    captioned_motion("fig07", 4e-6),
-    Claim(
-        "4.2",
-        "Θ disappears where |κ₂| = 1",
-        partial(_vanishing, _THETA, 2.0, 6),
-        "search",
-        "the factor of K₃",
-        control=0.9,
-    ),
-    Claim("Fig. 8", "1 < |κ₂| < |κ₁|: Γ₅ and Γ₆", partial(number, 3.0, 2), "search", "another K₃"),
-    Claim(
-        "Fig. 8",
-        "an unstable limit cycle: growth in a period",
-        partial(_unstable_cycle, 3.0, 12.0),
-        "(4.1) by scipy",
-        "K₃ of Fig. 6",
-    ),
-    starting_axes("fig08"),
-    captioned_motion("fig08", 7e-7),
-    Claim("4.2", "a classification of the portraits", "open, the paper says; a study of its own"),
+_vanishes = partial(by, "search", "the factor of K₃", 0.9, bound=0, unit="points off")
+_counted = partial(by, "search", "another K₃")
+_grows = partial(by, "(4.1) by scipy", "K₃ of Fig. 6")
+
+claim_axes(SECTION, "fig06")
+claim_motion(SECTION, "fig06", 6e-6)
+claim("4.2", "Δ disappears where |κ₁| = 1")(_vanishes(j=_DELTA, K3=0.5, more=10)(_vanishing))
+claim("Fig. 7", "|κ₂| < 1 < |κ₁|: six points")(_counted(K3=0.52, stated=6)(number))
+claim("Fig. 7", "an unstable limit cycle: growth in a period")(
+    _grows(name="fig07")(_unstable_cycle)
+)
+claim_axes(SECTION, "fig07")
+claim_motion(SECTION, "fig07", 4e-6)
+claim("4.2", "Θ disappears where |κ₂| = 1")(_vanishes(j=_THETA, K3=2.0, more=6)(_vanishing))
+claim("Fig. 8", "1 < |κ₂| < |κ₁|: Γ₅ and Γ₆")(_counted(K3=3.0, stated=2)(number))
+claim("Fig. 8", "an unstable limit cycle: growth in a period")(
+    _grows(name="fig08")(_unstable_cycle)
+)
+claim_axes(SECTION, "fig08")
+claim_motion(SECTION, "fig08", 7e-7)
+SECTION.unchecked(
+    "4.2", "a classification of the portraits", "open, the paper says; a study of its own"
 )

@@ -17,7 +17,7 @@ from robotball.rotations import rotation_matrix
 from robotball.shapes import Shape
 from tests.figures import from_rest
 from validation.figures import View, lines, rest
-from validation.figures import attractor_sections as tori
+from validation.figures import attractor_figures as tori
 from validation.figures.lines import LINE_K, growth_rate, line_verticals
 from validation.figures.paper_figures import FIGURES
 from validation.figures.rest import closed_contour
@@ -29,23 +29,20 @@ from validation.paper.formulas import paper_scene
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Coarser maps, shorter motions and smaller clouds: a picture in a second or two."""
-    changed: dict[Any, dict[str, Any]] = {
-        lines: {"FINENESS": 20, "SHOWN": 20.0, "LONG": 30.0},
-        rest: {"DURATION": 10.0},
-        tori: {"LEVELS": (0.2, 0.5, 0.6), "FOLLOWED": 210.0},
-    }
-    for name, changes in {
-        "REGULAR": {"starts": 8, "count": 320},
-        "REGULAR_BY_CONTACT": {"starts": 3, "count": 10},
-        "TORUS": {"starts": 8},
-        "TORUS_BY_CONTACT": {"skipped": 5, "count": 20},
-        "CHAOS": {"starts": 4, "count": 400},
-        "CHAOS_BY_CONTACT": {"starts": 4, "count": 40},
-    }.items():
-        changed[tori][name] = replace(getattr(tori, name), **changes)
-    for module, values in changed.items():
-        for name, value in values.items():
-            monkeypatch.setattr(module, name, value)
+    for module, name, value in (
+        (lines, "FINENESS", 20),
+        (lines, "SHOWN", 20.0),
+        (lines, "LONG", 30.0),
+        (rest, "DURATION", 10.0),
+        (tori, "LEVELS", (0.2, 0.5, 0.6)),
+        (tori, "REGULAR", replace(tori.REGULAR, starts=8, count=320)),
+        (tori, "REGULAR_BY_CONTACT", replace(tori.REGULAR_BY_CONTACT, starts=3, count=10)),
+        (tori, "TORUS", replace(tori.TORUS, starts=8)),
+        (tori, "TORUS_BY_CONTACT", replace(tori.TORUS_BY_CONTACT, skipped=5, count=20)),
+        (tori, "CHAOS", replace(tori.CHAOS, starts=4, count=400)),
+        (tori, "CHAOS_BY_CONTACT", replace(tori.CHAOS_BY_CONTACT, starts=4, count=40)),
+    ):
+        monkeypatch.setattr(module, name, value)
 
 
 DRAWN = {

@@ -3,7 +3,6 @@
 import io
 import json
 import math
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -24,6 +23,7 @@ from validation.paper.claim import (
     Residual,
     Section,
     Value,
+    by,
     examine,
     show_findings,
     verdict_on,
@@ -124,30 +124,41 @@ def test_a_chaotic_number_has_the_digits_that_are_known() -> None:
     assert str(Value(2, corrected=2, bound=0)) == "2; is 2"
 
 
-def gives_up(_: float) -> Residual:
-    raise InputError("no periodic motion found")
-
-
-def breaks(_: float) -> Residual:
-    raise IndexError("list [1, 2]\nhas no third")
-
-
 @pytest.mark.parametrize(
-    ("check", "words"),
+    ("error", "words"),
     [
-        (gives_up, "no periodic motion found"),
-        (breaks, "its check ends in IndexError: list [1, 2] has no third"),
+        (InputError("no periodic motion found"), "no periodic motion found"),
+        (IndexError("[1]\nhas no third"), "its check ends in IndexError: [1] has no third"),
     ],
 )
-def test_a_check_that_ends_in_an_error_reproduces_nothing(
-    check: Callable[[float], Residual], words: str
-) -> None:
+def test_a_check_that_ends_in_an_error_reproduces_nothing(error: Exception, words: str) -> None:
     """As an index where a wrong sign left no crossing: its row says so, and the others follow."""
-    found = examine(Claim("a test", "a cycle", check))
+
+    def gives_up(_: float) -> Residual:
+        raise error
+
+    found = examine(Claim("a test", "a cycle", gives_up))
     assert (found.verdict, found.evidence) == ("does not reproduce", words)
     printed = io.StringIO()
     show_findings([Part("a test", (found,))], Console(file=printed, width=200))
     assert words in printed.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("bound", "errors", "evidence"),
+    [
+        (0.1, [0.01, -0.03], "printed 9, corrected 0.03, bound 0.1 m"),
+        (0.1, [math.nan, 0.01], "printed 9, corrected nan, bound 0.1 m"),
+        (0, [True, False, 2], "printed 9, corrected 3 m"),
+    ],
+)
+def test_the_largest_error_counts_or_the_number_of_wrong_ones(
+    bound: float, errors: list[float], evidence: str
+) -> None:
+    """Of the errors that a check yields; what is not a number is the largest of all."""
+    nine = {"errors": [9.0]}
+    made = by("arithmetic", "the sign", bound=bound, unit="m", printed=nine, errors=errors)
+    assert str(examine(made(lambda errors, twist: iter(errors)).claim).evidence) == evidence
 
 
 # The command ---------------------------------------------------------------------------------

@@ -1,8 +1,9 @@
-"""Fig. 11: the section g = 0 over (l, L/√f), with its attractors and the way to them.
+"""Figs 11 to 14: the section g = 0 over (l, L/√f) with its attractors, and motion on them.
 
 And the introduction's remark: the rubber Chaplygin ball and a classical one wind the same tori.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -33,10 +34,11 @@ from validation.figures import (
     THEORY,
     THEORY_LINE,
     View,
+    draw_paths,
     engine_motion,
     sheet,
 )
-from validation.figures.sphere import Globe
+from validation.figures.sphere import Globe, draw_gamma
 from validation.paper.formulas import paper_scene
 from validation.studies.contact_sections import (
     COARSE,
@@ -60,7 +62,6 @@ TORUS_BY_CONTACT = replace(TORUS, spread=0.0, starts=1, skipped=200, count=1200)
 CHAOS = Recipe(f=_F, starts=40, skipped=0, count=520, direction=0)
 CHAOS_BY_CONTACT = replace(CHAOS, count=150)
 _CHAOS_TRANSIENT = 20
-_DOT: dict[str, Any] = {"marker": ".", "linestyle": "none", "mew": 0}
 
 
 def figure11a() -> Figure:
@@ -94,26 +95,20 @@ def figure11a() -> Figure:
         "Fig. 11a: a limit cycle and a limit torus",
         caption_of(scene), facts, [["theory", "engine"]], (5.6, 5.6),
     )  # fmt: skip
-    crossed = np.array([[each.l, each.L] for each in ours])
-    of_theory = cloud_by_equations(ball, REGULAR, seed=1), curve, np.stack([own.l[0], own.L[0]], 1)
-    of_engine = cloud_by_contact(build(scene, COARSE), REGULAR_BY_CONTACT, seed=2), points, crossed
-    for each, (clouds, colour, name, recipe) in zip(
-        axes.values(),
-        (
-            (of_theory, THEORY, "equations", REGULAR),
-            (of_engine, ENGINE_COLOUR, ENGINE_NAME, REGULAR_BY_CONTACT),
-        ),
-        strict=True,
-    ):
-        cloud, torus, orbit = clouds
-        early = np.arange(len(cloud.L)) % recipe.count < _REGULAR_TRANSIENT
-        each.plot(*_places(cloud.l[early], cloud.L[early]), **_DOT, color=FAINT, markersize=2.2,
-                  label="on the way")  # fmt: skip
-        each.plot(*_places(torus.l, torus.L), **_DOT, color=colour, markersize=3.5,
-                  label="limit torus")  # fmt: skip
-        each.plot(*_places(cloud.l[~early], cloud.L[~early]), **_DOT, color=colour, markersize=4)
-        each.plot(*_places(*orbit.T), "o", mfc="none", mec=INK, ms=12, label="periodic orbit")
-        each.plot(*_places(*orbit.T), "+", color=colour, ms=9, mew=2)
+    crossed = np.array([[each.l for each in ours], [each.L for each in ours]])
+    coarse = cloud_by_contact(build(scene, COARSE), REGULAR_BY_CONTACT, seed=2)
+    for each, cloud, count, torus, orbit, colour, name in (
+        (axes["theory"], cloud_by_equations(ball, REGULAR, seed=1), REGULAR.count, curve,
+         np.stack([own.l[0], own.L[0]]), THEORY, "equations"),
+        (axes["engine"], coarse, REGULAR_BY_CONTACT.count, points, crossed, ENGINE_COLOUR,
+         ENGINE_NAME),
+    ):  # fmt: skip
+        early = np.arange(len(cloud.L)) % count < _REGULAR_TRANSIENT
+        _dots(each, cloud.l[early], cloud.L[early], color=FAINT, markersize=2.2, label="on the way")
+        _dots(each, torus.l, torus.L, color=colour, markersize=3.5, label="limit torus")
+        _dots(each, cloud.l[~early], cloud.L[~early], color=colour, markersize=4)
+        each.plot(*_places(*orbit), "o", mfc="none", mec=INK, ms=12, label="periodic orbit")
+        each.plot(*_places(*orbit), "+", color=colour, ms=9, mew=2)
         _annulus(each, f"section g = 0, {name}")
         for handle in each.legend(loc="lower right", fontsize=9).legend_handles:
             if isinstance(handle, Line2D):
@@ -141,22 +136,22 @@ def figure11b() -> Figure:
         "Fig. 11b: a strange attractor",
         caption_of(scene), facts, [["theory", "engine"]], (5.6, 5.6),
     )  # fmt: skip
-    for each, (cloud, count, colour, size, name) in zip(
-        axes.values(),
-        (
-            (theory, CHAOS.count, THEORY, 1.8, "equations"),
-            (engine, CHAOS_BY_CONTACT.count, ENGINE_COLOUR, 3.4, ENGINE_NAME),
-        ),
-        strict=True,
+    for each, cloud, count, colour, size, name in (
+        (axes["theory"], theory, CHAOS.count, THEORY, 1.8, "equations"),
+        (axes["engine"], engine, CHAOS_BY_CONTACT.count, ENGINE_COLOUR, 3.4, ENGINE_NAME),
     ):
         late = np.arange(len(cloud.L)) % count >= _CHAOS_TRANSIENT
-        each.plot(*_places(cloud.l[~late], cloud.L[~late]), **_DOT, color=FAINT, markersize=2.2)
+        _dots(each, cloud.l[~late], cloud.L[~late], color=FAINT, markersize=2.2)
         for direction, alpha in ((1, 1.0), (-1, 0.35)):
             which = late & (cloud.directions == direction)
-            each.plot(*_places(cloud.l[which], cloud.L[which]), **_DOT, color=colour, alpha=alpha,
-                      markersize=size)  # fmt: skip
+            _dots(each, cloud.l[which], cloud.L[which], color=colour, alpha=alpha, markersize=size)
         _annulus(each, f"section g = 0, {name}")
     return figure
+
+
+def _dots(axes: Axes, l: Array, L: Array, **style: Any) -> None:
+    """Draw crossings as dots."""
+    axes.plot(*_places(l, L), ".", mew=0, **style)
 
 
 def _places(l: Array, L: Array) -> Array:
@@ -191,7 +186,91 @@ def caption_of(scene: Scene) -> tuple[str, ...]:
     )
 
 
-_VIEW = View(azimuth=30.0, elevation=35.0)
+# Motion on the attractors -------------------------------------------------------------------
+
+_VIEW = View(azimuth=40.0, elevation=25.0)
+_DRIFT_FACTS = (
+    "  none along Y: the attractors are the same",
+    "  under (γ,M) → -(γ,M), which flips dY/dt.",
+    "The axis OX points opposite to M.",
+)
+
+
+def figure12() -> Figure:
+    """Draw γ and the path on the limit cycle."""
+    facts = (
+        "Near the periodic orbit of Fig. 11a:",
+        "dX/dt = 3.65907 m/s in the mean,",
+        *_DRIFT_FACTS,
+    )
+    return _sphere_and_path(12, "(L, l) = (3.6, 0.6)", "on the limit cycle", facts)
+
+
+def figure13() -> Figure:
+    """Draw γ and the path on the limit torus."""
+    facts = ("Near the limit torus of Fig. 11a:", "dX/dt = 3.665 m/s in the mean,", *_DRIFT_FACTS)
+    return _sphere_and_path(13, "(L, l) = (0, 1.96)", "on the limit torus", facts)
+
+
+def _sphere_and_path(number: int, start: str, where: str, facts: tuple[str, ...]) -> Figure:
+    """Draw the two panels of Figs 12 and 13, and below how far apart the engines are."""
+    scene, duration = load_scene(f"fig{number}"), 40.0
+    caption = (*caption_of(scene), f"start: {start}", f"Duration chosen: {duration:g} s.")
+    figure, axes = sheet(
+        f"Fig. {number}: motion {where}",
+        caption, facts, [["sphere", "apart"], ["plane", "plane"]], (5.2, 5.2), (4.8, 3.6),
+    )  # fmt: skip
+    theory = _draw_long_paths(axes, scene, duration)
+    globe = Globe(axes["sphere"], _VIEW, f"vertical γ on the Poisson sphere, {duration:g} s")
+    draw_gamma(globe, theory, engine_motion(scene, theory.times))
+    return figure
+
+
+def figure14() -> Figure:
+    """Draw the path on the strange attractor, and how the engines part on it."""
+    scene, duration, exponent = load_scene("fig14"), 160.0, 0.116
+    caption = (*caption_of(scene), "start: (L, l) = (0, 0.6)", f"Duration chosen: {duration:g} s.")
+    facts = (
+        "On the strange attractor of Fig. 11b, not",
+        "  on a limit cycle (E22).",
+        "dX/dt = 3.276 m/s in the mean,",
+        *_DRIFT_FACTS,
+        f"Chaos: errors grow as exp({exponent:g} t) (dotted),",
+        "  so beyond some time both motions are",
+        "  right, and different.",
+    )
+    figure, axes = sheet(
+        "Fig. 14: the contact point on the strange attractor",
+        caption, facts, [["plane"], ["apart"]], (10.4,), (4.6, 3.4),
+    )  # fmt: skip
+    times = _draw_long_paths(axes, scene, duration).times
+    axes["apart"].semilogy(times, 3e-8 * np.exp(exponent * times), ":", color=INK, linewidth=1.5)
+    return figure
+
+
+def _draw_long_paths(panels: Mapping[str, Axes], scene: Scene, duration: float) -> Motion:
+    """Draw both contact points, and by three presets the engine's distance from the equations'."""
+    axes, theory = panels["plane"], compiled_motion(scene, sample_times(duration))
+    engine = engine_motion(scene, theory.times)
+    draw_paths(axes, theory, engine, f"contact point, {duration:g} s (X and Y to unlike scales)")
+    # Stretched in width, as a long path is not seen otherwise.
+    axes.set_aspect("auto")
+    axes.margins(y=0.25)
+    axes.legend(loc="upper center", ncols=3)
+    axes, times = panels["apart"], theory.times
+    for style, name in (("-.", "fast"), ("--", "balanced"), ("-", "accurate")):
+        points = engine_motion(scene, times, name).contact_point
+        distance = np.linalg.norm(points - theory.contact_point, axis=1)
+        axes.semilogy(times[1:], distance[1:], style, color=ENGINE_COLOUR, linewidth=1, label=name)
+    title = f"contact points: {ENGINE_NAME} from the equations"
+    axes.set(xlabel="time [s]", ylabel="distance [m]", title=title)
+    axes.legend(loc="lower right", ncols=3, fontsize=9)
+    return theory
+
+
+# Two rolling models on the same tori ---------------------------------------------------------
+
+_TORI_VIEW = View(azimuth=30.0, elevation=35.0)
 _COLOURS = {"rubber": THEORY, "classical": "#AA3377"}  # of both balls by the equations
 LEVELS = (0.2, 0.4, 0.5, 0.6, 1.0, 1.2)  # l of ℓ at the start, where L = 0 [rad]: a torus each
 FOLLOWED, SHOWN = 210.0, 12.0  # s
@@ -299,7 +378,7 @@ def kept(balls: dict[str, Scene]) -> float:
 
 def _draw_spheres(axes: Axes, balls: dict[str, Scene]) -> None:
     """Draw γ of both balls from the same point, for a while."""
-    globe = Globe(axes, _VIEW, f"vertical γ, {SHOWN:g} s from the same (γ, ℓ)")
+    globe = Globe(axes, _TORI_VIEW, f"vertical γ, {SHOWN:g} s from the same (γ, ℓ)")
     for rolling, ball in balls.items():
         scene = started(ball, LEVELS[2])
         theory = followed(scene, SHOWN)

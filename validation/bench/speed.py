@@ -25,8 +25,7 @@ from robotball.engines.ensembles.orbits import orbits
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run
 from robotball.processes import Answer, allowed, at_most, cores, pool
-from robotball.qualitative.long_run import basins
-from robotball.qualitative.long_run import exponents
+from robotball.qualitative.long_run import basins, exponents
 from robotball.qualitative.sections import section, section_starts
 from validation.output import plain_table
 from validation.studies.portrait_maps import PLANES, cells_of, measure

@@ -171,6 +171,7 @@ class _Option:
         return typical(self.errors, self.truth.times)
 
     def mistake(self, before: tuple[Array, ...], as_well: Iterable["_Option"] = ()) -> Mistake:
+        """Return the mistake; before: the errors with it, as_well: options that explain as much."""
         names = tuple(each.name for each in as_well)
         return Mistake(self.family, self.name, largest(before), largest(self.errors), names)
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import mujoco
 
-from robotball import PRESETS, Scene, Settings, load_scene
+from robotball import PRESETS, Scene, load_scene
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.mjcf_export import DEFAULT_ITERATIONS, dress
 from robotball.engines.mujoco.model import Model, build, hinges_of
@@ -135,22 +135,21 @@ def parts_of(scene: Scene) -> dict[str, mujoco.MjModel]:
     roll = {**spin, "condim": 6, "rolling_friction": LEAST_FRICTION}
     prescribed = any(not hinge.own_motor for hinge in hinges_of(scene, _MINIMAL))
     servos: dict[str, Any] = {"drive": NAIVE.drive} if prescribed else {}
-    parts = {"minimal": _compiled(scene, _MINIMAL)}
+    parts = {"minimal": _compiled(scene)}
     if scene.ball.rotors:
-        parts["three rotors for each"] = _compiled(split(scene), _MINIMAL)
+        parts["three rotors for each"] = _compiled(split(scene))
     if classical:
-        parts["condim 4"] = _compiled(scene, replace(_MINIMAL, condim=4, **spin))
-    parts["condim 6"] = _compiled(scene, replace(_MINIMAL, **roll))
-    parts["geoms, textures, lights"] = _compiled(scene, _MINIMAL, dressed=True)
-    parts["sensors of every body"] = _compiled(scene, _MINIMAL, sensors=True)
+        parts["condim 4"] = _compiled(scene, condim=4, **spin)
+    parts["condim 6"] = _compiled(scene, **roll)
+    parts["geoms, textures, lights"] = _compiled(scene, dressed=True)
+    parts["sensors of every body"] = _compiled(scene, sensors=True)
     if prescribed:
-        parts["servos for the rates"] = _compiled(scene, replace(_MINIMAL, **servos))
-    parts["Newton for PGS"] = _compiled(scene, replace(_MINIMAL, solver="Newton"))
-    many = replace(_MINIMAL, iterations=DEFAULT_ITERATIONS)
-    parts[f"{DEFAULT_ITERATIONS} iterations"] = _compiled(scene, many)
+        parts["servos for the rates"] = _compiled(scene, **servos)
+    parts["Newton for PGS"] = _compiled(scene, solver="Newton")
+    parts[f"{DEFAULT_ITERATIONS} iterations"] = _compiled(scene, iterations=DEFAULT_ITERATIONS)
     # Without the huge inertias MuJoCo's own tolerance can stop the iterations early.
-    whole = replace(_MINIMAL, **roll, **servos, solver="Newton", iterations=None, tolerance=None)
-    parts["all of it"] = _compiled(split(scene), whole, dressed=True, sensors=True)
+    whole = {**roll, **servos, "solver": "Newton", "iterations": None, "tolerance": None}
+    parts["all of it"] = _compiled(split(scene), dressed=True, sensors=True, **whole)
     return parts
 
 
@@ -205,9 +204,10 @@ def _weaker(motor: Motor) -> Servo:
 
 
 def _compiled(
-    scene: Scene, settings: Settings, *, dressed: bool = False, sensors: bool = False
+    scene: Scene, *, dressed: bool = False, sensors: bool = False, **changes: Any
 ) -> mujoco.MjModel:
-    model = build(scene, settings)
+    """Return the model of the minimal settings with some changes."""
+    model = build(scene, replace(_MINIMAL, **changes))
     model = dress(model) if dressed else model
     if not sensors:
         return model.compiled

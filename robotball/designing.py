@@ -578,7 +578,9 @@ def refusal(request: _DesignRequest, limits: Limits, radius: float) -> InputErro
     within = request.frame_radius if limits.buildable else math.inf
     any_speed = replace(request, speed=math.inf)
     if _largest_margin(any_speed, within) > _LEAST_MARGIN:
-        needed = _least_speed(request, within)
+        needed = _least(
+            lambda speed: _largest_margin(replace(request, speed=speed), within), request.speed
+        )
         return InputError(
             f"rotor speed: at most {request.speed:.6g} rad/s is allowed, and the momentum "
             f"K + (J_s + d)Ω needs {needed:.4g} rad/s: {needed - request.speed:.4g} rad/s more"
@@ -600,13 +602,6 @@ def refusal(request: _DesignRequest, limits: Limits, radius: float) -> InputErro
 def _largest_margin(request: _DesignRequest, frame_radius: float) -> float:
     """Return how far a share can keep all bounds, of the trace of A⁻¹; negative if none can."""
     return max(_best(request, n, frame_radius)[2] for n in _rotor_counts(request))
-
-
-def _least_speed(request: _DesignRequest, frame_radius: float) -> float:
-    """Return the least bound on the rotors' rates with which there is a share."""
-    return _least(
-        lambda speed: _largest_margin(replace(request, speed=speed), frame_radius), request.speed
-    )
 
 
 def _least_frame_radius(request: _DesignRequest) -> float:

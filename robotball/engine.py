@@ -7,7 +7,7 @@ of the group `robotball.engines`, whose name is the engine's and whose object is
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -24,6 +24,7 @@ from robotball.motion import (
     Label,
     Loads,
     ReferenceMotion,
+    arrays_of,
     preset_named,
 )
 from robotball.rotations import Array
@@ -297,13 +298,12 @@ def integrate(
 
 def _check_finite(motion: ReferenceMotion) -> None:
     """Raise InputError, with the first number that overflowed, unless all are finite."""
-    for part in (motion, motion.loads):
-        for field in fields(part):
-            value = getattr(part, field.name)
-            if isinstance(value, np.ndarray) and not np.isfinite(value).all():
-                i = int(np.argmin(np.isfinite(value).reshape(len(value), -1).all(axis=1)))
-                raise InputError(
-                    f"{motion.scene.name}: the {field.name.replace('_', ' ')} exceeds "
-                    f"{np.finfo(float).max:.2g}, the largest number that there is, at "
-                    f"t = {motion.times[i]:g} s; bring the bodies or the rates nearer to 1"
-                )
+    for place, array in arrays_of(motion):
+        finite = np.isfinite(array).reshape(len(array), -1).all(axis=1)
+        if not finite.all():
+            t = motion.times[finite.argmin()]
+            raise InputError(
+                f"{motion.scene.name}: the {place[-1].replace('_', ' ')} exceeds "
+                f"{np.finfo(float).max:.2g}, the largest number that there is, at t = {t:g} s; "
+                "bring the bodies or the rates nearer to 1"
+            )

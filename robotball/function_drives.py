@@ -143,16 +143,16 @@ class _Polynomials:
     """A function from edges[0] to edges[-1] by one polynomial between each two edges.
 
     edges   (n + 1,)  s
-    slopes  n         coefficients of the derivative, Chebyshev's, on -1 to 1
-    areas   n         of the integral from the panel's begin, to rounding
+    slopes  (n, k)    coefficients of the derivative, Chebyshev's, on -1 to 1
+    areas   (n, k+2)  of the integral from the panel's begin, to rounding
     before  (n,)      the integral from edges[0] to the panel's begin, less the rounding there
     off     (n,)      how far the polynomial may be off the function
     size              the function's largest value
     """
 
     edges: Array
-    slopes: list[Array]
-    areas: list[Array]
+    slopes: Array
+    areas: Array
     before: Array
     off: Array
     size: float
@@ -188,28 +188,18 @@ def polynomials_of(function: _Function, edges: list[float]) -> _Polynomials:
             for panel in _halved(function, begin, end, size):
                 panels.append(panel)
                 size = max(size, float(np.abs(panel[2]).max()))
-    slopes: list[Array] = []
-    areas: list[Array] = []
-    off: list[float] = []
-    for begin, end, values in panels:
-        coefficients, half = _COEFFICIENTS @ values, (end - begin) / 2
-        off.append(_tail(coefficients))
-        # Coefficients of rounding alone would be magnified in the slope by the square of their
-        # degree.
-        coefficients[np.abs(coefficients) < _EPS * size] = 0.0
-        slopes.append(np.asarray(chebyshev.chebder(coefficients) / half, dtype=float))
-        integral = chebyshev.chebint(coefficients, lbnd=-1.0)
-        areas.append(np.asarray(integral * half, dtype=float))
+    found = np.array([panels[0][0], *(end for _, end, _ in panels)])
+    halves = np.diff(found)[:, None] / 2
+    coefficients = np.array([_COEFFICIENTS @ values for _, _, values in panels])
+    off = _tail(coefficients)
+    # Coefficients of rounding alone would be magnified in the slope by the square of their degree.
+    coefficients[np.abs(coefficients) < _EPS * size] = 0.0
+    slopes = chebyshev.chebder(coefficients, axis=1) / halves
+    areas = chebyshev.chebint(coefficients, lbnd=-1.0, axis=1) * halves
     # What rounding leaves at a panel's begin depends on the processor; the integral begins at 0.
-    begins, ends = (np.array([chebyshev.chebval(x, area) for area in areas]) for x in (-1.0, 1.0))
-    return _Polynomials(
-        edges=np.array([panels[0][0], *(end for _, end, _ in panels)]),
-        slopes=slopes,
-        areas=areas,
-        before=np.cumsum([0.0, *(ends - begins)[:-1]]) - begins,
-        off=np.array(off),
-        size=size,
-    )
+    begins, ends = (np.asarray(chebyshev.chebval(x, areas.T)) for x in (-1.0, 1.0))
+    before = np.cumsum([0.0, *(ends - begins)[:-1]]) - begins
+    return _Polynomials(found, slopes, areas, before, off, size)
 
 
 def _halved(
@@ -236,9 +226,10 @@ def _halved(
             left += [(middle, b), (a, middle)]
 
 
-def _tail(coefficients: Array) -> float:
+def _tail(coefficients: Array) -> Array:
+    """Return the largest of the last coefficients (..., degree + 1)."""
     # Three, as an odd or even function has every second coefficient zero.
-    return float(np.abs(coefficients[-3:]).max())
+    return np.abs(coefficients[..., -3:]).max(axis=-1)
 
 
 def _rounding_of(coefficients: Array, begin: float, end: float, size: float) -> float:

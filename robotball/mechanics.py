@@ -336,15 +336,12 @@ def solve_rolling(
     size, added so that the constraints hold. For momenta as the right side they are the parts of L
     along D_k, which M does not have.
     """
-    k, count = len(matrix), len(directions)
+    count = len(directions)
     columns = np.zeros_like(matrix[:, : 1 + count])
     answers = np.zeros_like(columns)
-    for i in range(k):
-        columns[i, 0] = right[i, 0]
-        answers[i, 0] = u[i, 0]
+    columns[:, 0], answers[:, 0] = right[:, 0], u[:, 0]
     for c in range(count):
-        for i in range(3):
-            columns[i, 1 + c] = directions[c, i]
+        columns[:3, 1 + c] = directions[c]
     _solve(matrix, given, columns, answers)
     small = np.zeros_like(matrix[:count, :count])
     off = np.zeros_like(matrix[:count, :1])
@@ -355,10 +352,9 @@ def solve_rolling(
             for other in range(count):
                 small[c, other] += directions[c, i] * answers[i, 1 + other]
     _solve(small, np.zeros(count, dtype=np.bool_), off, torques)
-    for i in range(k):
-        u[i, 0] = answers[i, 0]
-        for c in range(count):
-            u[i, 0] += torques[c, 0] * answers[i, 1 + c]
+    u[:, 0] = answers[:, 0]
+    for c in range(count):
+        u[:, 0] += torques[c, 0] * answers[:, 1 + c]
 
 
 @dataclass(frozen=True)

@@ -80,10 +80,9 @@ def motion_line(motion: Any) -> str:
     """Return one line: scene, engine, settings, duration, length of the path, faults."""
     report = getattr(motion, "report", None)
     by = f"{motion.engine.name} {motion.engine.version}"
-    if report is not None:
-        by += f", {report.settings.name}"
     line = f"{len(motion.times)} times to {motion.times[-1]:g} s, path {motion.path_length:.4g} m"
     if report is not None:
+        by += f", {report.settings.name}"
         line += f", {counted(len(report.faults), 'fault') if report.faults else 'no fault'}"
     return f"<{type(motion).__name__} of {motion.scene.name} by {by}: {line}>"
 
@@ -131,10 +130,8 @@ def picture(motions: Sequence[Any]) -> "Figure":
     _draw_paths(path, motions)
     path.set_title("contact point")
     for i, each in enumerate(motions):
-        for component in each.momentum.T:
-            momentum.plot(
-                each.times, component, color=each.engine.colour, linestyle=_STYLES[i % len(_STYLES)]
-            )
+        style = {"color": each.engine.colour, "linestyle": _STYLES[i % len(_STYLES)]}
+        momentum.plot(each.times, each.momentum, **style)
     for value, name in by_value(motions[0].momentum[0]).items():
         momentum.annotate(
             name, (1.0, value), xycoords=("axes fraction", "data"), xytext=(4, 0),

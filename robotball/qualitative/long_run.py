@@ -60,16 +60,12 @@ class Exponents:
 
         In phase space, with the direction of the motion, it is one more.
         """
-        return _kaplan_yorke(self.mean[0], self.mean[1])
+        return _kaplan_yorke(*self.mean)
 
     @property
     def dimension_error(self) -> float:
         """The standard error of `dimension`, from the scatter of the runs."""
-        return standard_error(
-            np.array(
-                [_kaplan_yorke(*each) for each in zip(self.largest, self.smallest, strict=True)]
-            )
-        )
+        return standard_error(np.array([*map(_kaplan_yorke, self.largest, self.smallest)]))
 
 
 def exponents(

@@ -362,12 +362,8 @@ class March:
             state = solver.within(np.array([t]))[0]
             return float(_margins_of(system, t, state)[which])
 
-        seen = [margins]
-        seen += [
-            _margins_of(system, t, state)
-            for t, state in zip(looks[1:-1], solver.within(looks[1:-1]), strict=True)
-        ]
-        seen.append(after)
+        inside = zip(looks[1:-1], solver.within(looks[1:-1]), strict=True)
+        seen = [margins, *(_margins_of(system, t, state) for t, state in inside), after]
         found: list[tuple[float, int]] = []
         for which in range(len(after)):
             for i in range(1, len(looks)):

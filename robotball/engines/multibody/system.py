@@ -91,11 +91,9 @@ def _differentiate(
     right, u = np.zeros((3 + count, 1)), np.zeros((3 + count, 1))
     # L = M×γ + λγ in the rubber model; (ω_s, γ) = 0 stands in for the unknown λ.
     L = eq.cross(M, gamma) if spin_free else M
-    for i in range(3):
-        right[i, 0] = L[i]
-    for j in range(count):
-        right[3 + j, 0] = state[HINGES + count + j]
-        u[3 + j, 0] = rates[j]
+    put(right[:, 0], 0, L)
+    right[3:, 0] = state[HINGES + count : HINGES + 2 * count]
+    u[3:, 0] = rates
     solve_rolling(matrix, given, directions, right, u)
     now = u[:, 0]
     moving = np.empty((count + 1, mechanics.MOVING))
@@ -103,8 +101,7 @@ def _differentiate(
 
     torques = readings[_PER_HINGE + count : _PER_HINGE + 2 * count]
     torques[:] = 0.0
-    for j in range(count):
-        readings[_PER_HINGE + j] = now[3 + j]
+    readings[_PER_HINGE : _PER_HINGE + count] = now[3:]
     for i in range(len(motors)):
         motor, angle, speed = motors[i], 0.0, 0.0
         for j in range(count):
@@ -120,18 +117,15 @@ def _differentiate(
             free -= motor[_FRICTION] * np.tanh(speed / SLOW)
         readings[_PER_HINGE + 2 * count + i] = free
         torque = free if modes[i] == 0 else modes[i] * motor[_LIMIT]
-        for j in range(count):
-            torques[j] += gears[i, j] * torque
+        torques += gears[i] * torque
 
     # The torques that no acceleration at all would need are the bias; without them, solving for
     # accelerations has the same matrix as solving for rates.
     u_rate, plane = np.zeros((3 + count, 1)), np.empty(3 + count)
     needed(bodies, placed, columns, moving, radius, gamma, G, now, u_rate[:, 0], plane)
-    for i in range(3 + count):
-        right[i, 0] = -plane[i]
-    for j in range(count):
-        right[3 + j, 0] += torques[j]
-        u_rate[3 + j, 0] = accelerations[j]
+    right[:, 0] = -plane
+    right[3:, 0] += torques
+    u_rate[3:, 0] = accelerations
     solve_rolling(matrix, given, directions, right, u_rate)
     force = needed(bodies, placed, columns, moving, radius, gamma, G, now, u_rate[:, 0], plane)
 
@@ -147,16 +141,14 @@ def _differentiate(
         length = np.sqrt(eq.dot(along, along))
         along = eq.scale(1 / length if length > STANDING / 2 else 0.0, along)
         by_torque, resisted = np.zeros((3 + count, 1)), np.zeros((3 + count, 1))
-        for i in range(3):
-            resisted[i, 0] = -along[i]
+        put(resisted[:, 0], 0, eq.scale(-1.0, along))
         solve_rolling(matrix, given, directions, resisted, by_torque)
         both = u_rate[:, 0] + by_torque[:, 0]
         normal = eq.dot(gamma, force)
         changed = needed(bodies, placed, columns, moving, radius, gamma, G, now, both, plane)
         per_torque = eq.dot(gamma, changed) - normal
         torque = resistance * normal / (1 - resistance * per_torque)
-        for i in range(3 + count):
-            u_rate[i, 0] += torque * by_torque[i, 0]
+        u_rate += torque * by_torque
         force = needed(bodies, placed, columns, moving, radius, gamma, G, now, u_rate[:, 0], plane)
     for j in range(count):
         if given[3 + j]:

@@ -292,6 +292,9 @@ def test_every_saddle_has_four_manifolds_along_the_flow() -> None:
     points = fixed_points(ball)
     found = separatrices(ball, points, 100.0)
     assert len(found) == 4 * sum(point.kind == "saddle" for point in points)
+    for one, other in zip(found[::2], found[1::2], strict=True):
+        # Halves begin on opposite sides: measured 1e-8, the square of the offset.
+        assert np.abs(one.path[0] + other.path[0] - 2 * one.saddle.gamma).max() < 3e-8
     for each in found:
         assert np.linalg.norm(each.path[0] - each.saddle.gamma) < 1.1e-4
         middle = len(each.path) // 2

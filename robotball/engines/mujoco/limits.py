@@ -79,6 +79,7 @@ class LimitCheck:
     def nearness(self) -> float:
         """The used part of the limit: 1 is at the limit, more is beyond it."""
         over, under = (self.limit, self.value) if self.least else (self.value, self.limit)
+        # A number that cannot be computed promises nothing, and counts as beyond its limit.
         if np.isnan(over) or np.isnan(under):
             return np.inf
         if under == 0:
@@ -599,6 +600,7 @@ def friction_block(plan: PlannedRun) -> LimitCheck | None:
         softness = plan.settings.softness * (1 - plan.impedance) / plan.impedance
         normal = 1 / plan.scene.ball.mass
         block += softness * normal * slide**2 / plan.option("impratio") * np.eye(rows)
+    # The pivots of Cholesky's factors are the ratios of successive leading minors.
     minors = np.array([np.linalg.det(block[:n, :n]) for n in range(1, rows + 1)])
     value = minors[-1] if rows < 5 else (minors / [1.0, *minors[:-1]]).min()
     name = "noslip" if noslip else "PGS"

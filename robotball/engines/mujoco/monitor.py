@@ -64,6 +64,7 @@ class Monitor:
             if mask.any()
             for row in [int(np.argmax(mask))]
         ]
+        # A state that has diverged is the cause; that the integrator gives up there only follows.
         if failure is not None and not any(each.fault.fatal for each in found):
             row = len(readings.time)
             time = _time_of(readings.time, row, self.last_time)

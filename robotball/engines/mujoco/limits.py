@@ -147,14 +147,6 @@ class PlannedRun(Chosen):
         return fastest_rate(self.scene, self.hinges)
 
     @cached_property
-    def measured_loss(self) -> float:
-        """The largest change of M over the scene's scale that RK4 makes by the end of the run."""
-        from robotball.engines.mujoco.trials import momentum_loss
-
-        turning = self.angular_velocity - self.Omega
-        return momentum_loss(self.scene, turning, self.timestep, self.duration)
-
-    @cached_property
     def axes(self) -> Array:
         """The rotation (3, 3) from principal axes to world at the start."""
         attitude = multiply(self.scene.start.attitude, self.scene.principal_quaternion)
@@ -316,7 +308,10 @@ def momentum_lost(plan: PlannedRun) -> LimitCheck | None:
         value = float(steps * factor * np.float64(theta) ** order)
     # A trial takes some 60 ms, so it is made only where the formula raises an alarm.
     if value > limit and plan.integrator.order == 4 and plan.reduced:
-        value = min(value, plan.measured_loss)
+        from robotball.engines.mujoco.trials import momentum_loss
+
+        turning = plan.angular_velocity - plan.Omega
+        value = min(value, momentum_loss(plan.scene, turning, plan.timestep, plan.duration))
     shorter = plan.timestep * (limit / value) ** (1 / (order - 1)) if value > 0 else np.inf
     fix = f"take a timestep below {shorter:.2g} s"
     fix += ", or RK4" if plan.integrator.order == 1 else ""

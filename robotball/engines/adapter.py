@@ -201,6 +201,7 @@ class Adapter(Engine):
     @property
     def requirements(self) -> tuple[str, ...]:
         """The requirements of its extra, by robotball's own metadata."""
+        # Each line is "requirement; marker", as in "pin>=4.1; extra == 'pinocchio'".
         lines = (line.partition("; ") for line in requires("robotball") or ())
         return tuple(needed for needed, _, on in lines if on == f"extra == '{self.extra}'")
 

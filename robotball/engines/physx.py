@@ -73,7 +73,9 @@ class _PhysxWorld(ServoWorld):
                     patch_radius=patch or 0.0, min_patch_radius=patch or 0.0,
                 )  # fmt: skip
             else:
-                turn = from_matrix(_x_along(link.axis))
+                side = perpendicular(link.axis)
+                # It turns x, PhysX's own hinge axis, onto the link's.
+                turn = from_matrix(np.stack([link.axis, side, np.cross(link.axis, side)], axis=1))
                 each.set_joint_name(link.name)
                 # Unwrapped, as a rotor turns through more than a thousand radians.
                 each.set_joint_properties(
@@ -118,12 +120,6 @@ class _PhysxWorld(ServoWorld):
 
 def _double(values: Any) -> Array:
     return np.array(values, dtype=float)
-
-
-def _x_along(axis: Array) -> Array:
-    """Return a rotation (3, 3) that turns x, PhysX's own hinge axis, onto `axis`."""
-    side = perpendicular(axis)
-    return np.stack([axis, side, np.cross(axis, side)], axis=1)
 
 
 _AS_IT_COMES = _PhysxSettings(name="as-it-comes", error_tolerance=1e-2, timestep=1 / 100)

@@ -179,6 +179,11 @@ def recorded(scene: Scene, trajectory: Trajectory) -> RecordedMotion:
     per_radius = turning[:, [1, 0]] * [1.0, -1.0]  # v = a (ω - Ω)×e_z
     rolled = scene.ball.radius * per_radius
     turned = float((per_radius**2).sum())
+    if scene.not_reduced:
+        loads = Loads.unknown(len(times), len(scene.hinges))
+    else:  # those that the equations need at these states
+        axes = scene.principal_axes
+        loads = loads_of(scene, times, to_world @ axes, omega @ axes)
     return RecordedMotion(
         scene=scene,
         engine=_label(trajectory.header or {}, Path(trajectory.name).stem),
@@ -189,7 +194,7 @@ def recorded(scene: Scene, trajectory: Trajectory) -> RecordedMotion:
         angular_velocity=omega,
         hinge_angles=angles,
         hinge_rates=hinge_rates,
-        loads=_loads(scene, times, attitude, omega),
+        loads=loads,
         angular_velocity_error=omega_error,
         momentum_error=momentum_error,
         slip=np.linalg.norm(velocity - rolled, axis=1),
@@ -234,14 +239,6 @@ def _hinges(scene: Scene, trajectory: Trajectory) -> tuple[Array, Array]:
         if rate is not None:
             rates[:, i] = rate
     return angles, rates
-
-
-def _loads(scene: Scene, times: Array, attitude: Array, omega: Array) -> Loads:
-    """Return the loads that the equations need at these states; NaN where they are unknown."""
-    if scene.not_reduced:
-        return Loads.unknown(len(times), len(scene.hinges))
-    axes = rotation_matrix(attitude) @ scene.principal_axes
-    return loads_of(scene, times, axes, omega @ scene.principal_axes)
 
 
 def _label(header: dict[str, str] | object, name: str) -> Label:

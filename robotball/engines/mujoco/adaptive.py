@@ -99,6 +99,7 @@ def _portion(
             for t, state in zip(pending.tolist(), solver.within(pending[:done]), strict=False):
                 read(t, state)
             pending = pending[done:]
+        # The monitor sees the end of every step; one on a sample time has its row already.
         if solver.running and not sampled_end:
             read(solver.t, solver.state)
     span = control.span

@@ -79,6 +79,7 @@ class LimitCheck:
     def nearness(self) -> float:
         """The used part of the limit: 1 is at the limit, more is beyond it."""
         over, under = (self.limit, self.value) if self.least else (self.value, self.limit)
+        # A number that cannot be computed promises nothing, and counts as beyond its limit.
         if np.isnan(over) or np.isnan(under):
             return np.inf
         if under == 0:
@@ -144,14 +145,6 @@ class PlannedRun(Chosen):
         from robotball.engines.mujoco.trials import fastest_rate
 
         return fastest_rate(self.scene, self.hinges)
-
-    @cached_property
-    def measured_loss(self) -> float:
-        """The largest change of M over the scene's scale that RK4 makes by the end of the run."""
-        from robotball.engines.mujoco.trials import momentum_loss
-
-        turning = self.angular_velocity - self.Omega
-        return momentum_loss(self.scene, turning, self.timestep, self.duration)
 
     @cached_property
     def axes(self) -> Array:
@@ -315,7 +308,10 @@ def momentum_lost(plan: PlannedRun) -> LimitCheck | None:
         value = float(steps * factor * np.float64(theta) ** order)
     # A trial takes some 60 ms, so it is made only where the formula raises an alarm.
     if value > limit and plan.integrator.order == 4 and plan.reduced:
-        value = min(value, plan.measured_loss)
+        from robotball.engines.mujoco.trials import momentum_loss
+
+        turning = plan.angular_velocity - plan.Omega
+        value = min(value, momentum_loss(plan.scene, turning, plan.timestep, plan.duration))
     shorter = plan.timestep * (limit / value) ** (1 / (order - 1)) if value > 0 else np.inf
     fix = f"take a timestep below {shorter:.2g} s"
     fix += ", or RK4" if plan.integrator.order == 1 else ""
@@ -599,6 +595,7 @@ def friction_block(plan: PlannedRun) -> LimitCheck | None:
         softness = plan.settings.softness * (1 - plan.impedance) / plan.impedance
         normal = 1 / plan.scene.ball.mass
         block += softness * normal * slide**2 / plan.option("impratio") * np.eye(rows)
+    # The pivots of Cholesky's factors are the ratios of successive leading minors.
     minors = np.array([np.linalg.det(block[:n, :n]) for n in range(1, rows + 1)])
     value = minors[-1] if rows < 5 else (minors / [1.0, *minors[:-1]]).min()
     name = "noslip" if noslip else "PGS"

@@ -16,7 +16,7 @@ import numpy as np
 
 from robotball.drives import Drive
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.model import START, Model, ModelHinge, build, hinges_of
+from robotball.engines.mujoco.model import START, Model, build, hinges_of
 from robotball.engines.mujoco.settings import Prescribed, Settings, for_load
 from robotball.film.looks import BLUR, add_materials, looks_of
 from robotball.robot import PARTS
@@ -191,17 +191,16 @@ def _held(model: Model) -> Array:
     """Return the mean controls of each step (steps, actuators) over the scene's duration."""
     step = model.compiled.opt.timestep
     edges = np.arange(round(model.scene.duration / step) + 1) * step
-    columns = [_mean_control(hinge, edges) for hinge in model.hinges if hinge.actuated]
+    columns = [
+        # The control is an acceleration, whose mean is exact by the rates at the edges.
+        np.diff(hinge.drive.rate(edges)) / np.diff(edges)
+        if isinstance(hinge.actuation, Prescribed)
+        else _mean(hinge.drive, edges)
+        for hinge in model.hinges
+        if hinge.actuated
+    ]
     columns += [_mean(command, edges) for command in model.scene.controls]
     return np.stack(columns, axis=1) if columns else np.zeros((len(edges) - 1, 0))
-
-
-def _mean_control(hinge: ModelHinge, edges: Array) -> Array:
-    """Return the mean (n,) of a hinge's control between n + 1 times [s]."""
-    if isinstance(hinge.actuation, Prescribed):
-        # The control is the acceleration, whose mean is exact by the rates at the edges.
-        return np.asarray(np.diff(hinge.drive.rate(edges)) / np.diff(edges))
-    return _mean(hinge.drive, edges)
 
 
 def _mean(drive: Drive, edges: Array) -> Array:

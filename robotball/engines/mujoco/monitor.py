@@ -17,6 +17,7 @@ from robotball.motion import DIVERGED, RATE_ERROR, SHORTEST_PATH, Fault, FaultKi
 from robotball.rotations import Array, Mask
 
 _SATURATED = 1 - 1e-6  # of the friction cone; solutions on its surface end this near
+_AT_LIMIT = 1 - 1e-9  # of a servo's torque limit, beyond which only rounding lies
 _ROUNDING = 1e-12  # of the radius; a shorter slip comes of the forces' rounding
 _LIFTING = 1e-2  # of the weight; a ball that presses less on the plane is about to lift off
 
@@ -64,6 +65,7 @@ class Monitor:
             if mask.any()
             for row in [int(np.argmax(mask))]
         ]
+        # A state that has diverged is the cause; that the integrator gives up there only follows.
         if failure is not None and not any(each.fault.fatal for each in found):
             row = len(readings.time)
             time = _time_of(readings.time, row, self.last_time)
@@ -99,7 +101,8 @@ class Monitor:
             (off_rate, Fault(kind.RATE_OFF, np.nan, limit=RATE_ERROR)),
             *(
                 (
-                    readings.servo_saturation(hinge),
+                    np.abs(readings.motor_torques[:, hinge.index])
+                    >= hinge.torque_limit * _AT_LIMIT,
                     Fault(kind.TORQUE_LIMIT, np.nan, hinge.body, note=hinge.own_motor),
                 )
                 for hinge in readings.model.hinges
@@ -132,17 +135,12 @@ class Monitor:
         slips = slipped > tolerance * rolled + least
         faults = [(slips, Fault(FaultKind.SLIPPED, np.nan, limit=tolerance))]
         if scene.keeps_momentum:
-            off = self._momentum_off(readings)
+            if self.momentum is None:
+                self.momentum = readings.momentum[0]
+            error = lengths(readings.momentum - self.momentum) / scene.momentum_scale
+            off = error > allowed(tolerance, readings.time)
             faults.append((off, Fault(FaultKind.MOMENTUM_OFF, np.nan, limit=tolerance)))
         return faults
-
-    def _momentum_off(self, readings: Readings) -> Mask:
-        """Return whether M has left its first value by more than is tolerated by then."""
-        momentum = readings.momentum
-        if self.momentum is None:
-            self.momentum = momentum[0]
-        error = lengths(momentum - self.momentum) / self.model.scene.momentum_scale
-        return error > allowed(self.tolerance, readings.time)
 
 
 def _time_of(times: Array, row: int, last_time: float) -> float:

@@ -3,7 +3,7 @@
 The room is read in this order: `settings` (the recipes), `model` (scene and settings → MJCF),
 `stepping` (MuJoCo's integrators, servos at their limits), `run`, `adaptive` (DOP853), `readings`
 (sensors → a Motion), `monitor` (faults), `limits` with `trials` (faults predicted), `accuracy` (an
-error in place of settings), `fault_window`, `mjcf_export`; MJX and MuJoCo Warp run the same models.
+error in place of settings), `fault_window`, `mjcf_export`; `ports` (MJX and MuJoCo Warp).
 """
 
 from collections.abc import Mapping

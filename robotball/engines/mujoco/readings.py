@@ -200,11 +200,6 @@ class Readings:
             worst = np.maximum(worst, error / hinge.largest_rate)
         return worst
 
-    def servo_saturation(self, hinge: ModelHinge) -> Mask:
-        """Return whether a hinge's servo is at its torque limit in each row (m,), to rounding."""
-        torque = np.abs(self.motor_torques[:, hinge.index])
-        return torque >= hinge.torque_limit * (1 - 1e-9)
-
 
 def lengths(v: Array) -> Array:
     """Return the lengths (m,) of vectors (m, k)."""

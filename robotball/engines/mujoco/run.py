@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 
 from robotball.engines import Progress
@@ -15,7 +14,7 @@ from robotball.engines.mujoco.limits import check_length
 from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.monitor import Found, Monitor
 from robotball.engines.mujoco.readings import Readings
-from robotball.engines.mujoco.stepping import Control, Portion, by_steps, controlled
+from robotball.engines.mujoco.stepping import Portion, by_steps, controlled
 from robotball.files.replacing import discard
 from robotball.motion import PIECE, ContactMotion, ContactReport, Fault, FaultKind, joined
 from robotball.rotations import Array
@@ -148,7 +147,12 @@ def _run(
     data = model.start_data(start)
     before: Portion | None = None
     with controlled(model) as control:
-        portions = _march(control, data, times)
+        if model.settings.adaptive:
+            from robotball.engines.mujoco.adaptive import by_forward
+
+            portions = by_forward(control, data, times)
+        else:
+            portions = by_steps(control, data, times)
         while True:
             # Processor time of this thread: a busy machine makes no run look slow.
             began = time.thread_time()
@@ -173,12 +177,3 @@ def _run(
             before = portion  # a window may reach back into it
             if progress is not None:
                 progress(monitor.last_time / times[-1])
-
-
-def _march(control: Control, data: mujoco.MjData, times: Array) -> Iterator[Portion]:
-    """Return the run's portions, by MuJoCo's own steps or by those of DOP853."""
-    if not control.model.settings.adaptive:
-        return by_steps(control, data, times)
-    from robotball.engines.mujoco.adaptive import by_forward
-
-    return by_forward(control, data, times)

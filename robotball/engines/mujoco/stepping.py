@@ -313,6 +313,7 @@ class _Switches:
     def _until_switch(self, data: mujoco.MjData, before: Array, left: float) -> float:
         """Return the length of a step [s] up to the first switch; one of `left` goes beyond it."""
 
+        # Each trial begins from the same state, so that `late` is continuous in the step's length.
         def late(length: float) -> float:
             mujoco.mj_setState(data.model, data, before, STATE)
             return self._after(data, length) if length else self._late(data)

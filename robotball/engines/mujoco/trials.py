@@ -94,6 +94,7 @@ def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
     for matrix in stands.matrix.transpose(2, 0, 1):
         H = onto @ matrix[np.ix_(rows, rows)] @ onto.T
         back = np.linalg.solve(H, np.eye(free + n)[:, free:])
+        # Of first order in (φ, u): springs act by the hinges' angles, dampers by their rates.
         system = np.zeros((2 * n + free, 2 * n + free))
         system[:n, n + free :] = np.eye(n)
         system[n:, :n], system[n:, n + free :] = -back @ stiffness, -back @ damping

@@ -1,4 +1,8 @@
-"""MJX as an engine: MuJoCo's models stepped by JAX, in double precision, on the processor."""
+"""MJX and MuJoCo Warp as engines: MuJoCo's models stepped by JAX, or by Warp, on the processor.
+
+JAX steps in double precision, Warp in single. Neither reads sensors: the shell's state is taken
+from MuJoCo's coordinates.
+"""
 
 import time
 from collections.abc import Callable, Iterator
@@ -9,11 +13,20 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from robotball.engines.adapter import IDLE_STEPS, Adapter, StepSettings, World, by_name, version_of
+from robotball.engines.adapter import (
+    IDLE_STEPS,
+    Adapter,
+    SteppedWorld,
+    StepSettings,
+    World,
+    by_name,
+    version_of,
+)
 from robotball.engines.links import State
-from robotball.engines.mujoco.model import Model, build, controls_at
+from robotball.engines.mujoco.model import Model, ModelHinge, build, controls_at
 from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings
 from robotball.motion import Label
+from robotball.motors import Servo
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 
@@ -124,23 +137,89 @@ _HARD = replace(
     noslip_tolerance=None,
     ls_tolerance=None,
 )
-_AS_IT_COMES = _MjxSettings(
-    name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=2e-3, model=NAIVE
-)
+_LOOSE: dict[str, Any] = {"error_tolerance": 1e-2, "stop_at_fault": False}
 _BEST = _MjxSettings(
-    name="best",
-    error_tolerance=1e-4,
-    stop_at_fault=False,
-    timestep=5e-3,
-    model=_HARD,
+    name="best", error_tolerance=1e-4, stop_at_fault=False, timestep=5e-3, model=_HARD,
     line_search=5,
-)
+)  # fmt: skip
 
 MJX = Adapter(
     label=Label("MJX", version_of("mujoco-mjx"), "#DDAA33"),
     packages=("mujoco.mjx", "jax"),  # MJX is a part of MuJoCo's package, and needs JAX
     extra="mjx",
     ladders={"as-it-comes": ("timestep", (2e-3,)), "best": ("timestep", (20e-3, 10e-3, 5e-3))},
-    presets=by_name(_AS_IT_COMES, _BEST),
+    presets=by_name(_MjxSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE), _BEST),
     world=_MjxWorld,
+)
+
+
+class _WarpWorld(SteppedWorld):
+    """One world on Warp's processor device."""
+
+    def __init__(self, scene: Scene, settings: ModelSettings, step: float) -> None:
+        super().__init__(scene)
+        import mujoco_warp
+        import warp
+
+        warp.config.quiet = True
+        warp.init()
+        self.warp, self.engine = warp, mujoco_warp
+        self.built = build(scene, replace(settings.model, timestep=step))
+        start = self.built.start_data()
+        # Warp has no such flag, and resets nothing.
+        self.built.compiled.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        with warp.ScopedDevice("cpu"):
+            self.model = mujoco_warp.put_model(self.built.compiled)
+            self.data = mujoco_warp.put_data(self.built.compiled, start)
+            mujoco_warp.step(self.model, self.data)  # compiles; not of the run
+            self.data = mujoco_warp.put_data(self.built.compiled, start)
+
+    def control(self, t: float, step: float) -> None:
+        controls = [self._control(hinge, t + step / 2) for hinge in self.built.hinges]
+        self.data.ctrl.assign(np.array([controls], dtype=np.float32))
+
+    def _control(self, hinge: ModelHinge, t: float) -> float:
+        """Return a hinge's control; a servo's also turns its own armature, or it would lag."""
+        servo = hinge.actuation
+        if not isinstance(servo, Servo):
+            return hinge.control(t)
+        return hinge.control(t) + servo.armature / servo.gain * hinge.drive.acceleration(t)
+
+    def step(self, step: float) -> None:
+        with self.warp.ScopedDevice("cpu"):
+            self.engine.step(self.model, self.data)
+
+    def state(self) -> State:
+        qpos, qvel = (each.numpy()[0].astype(float) for each in (self.data.qpos, self.data.qvel))
+        return shell_state(self.built, qpos, qvel)
+
+
+# Single precision has no room for the recipe's impedance and armature: they break it. What armature
+# it bears gives way to the load, 1e4 kg m² by 3e-4 of the rates. A servo takes that back, at 33 /s:
+# commands stand still for a step, and a faster servo would follow the stairs.
+_SINGLE = replace(
+    PRESETS["balanced"],
+    solver="Newton",
+    solimp=(0.99, 0.99, 0.001, 0.5, 1.0),
+    drive=Servo(gain=1e6, armature=3e4),
+    warmstart=None,
+    island=None,
+)
+
+
+def _in_single_precision(scene: Scene, settings: ModelSettings) -> str:
+    return "its state is in single precision"
+
+
+WARP = Adapter(
+    label=Label("MuJoCo Warp", version_of("mujoco-warp"), "#76B900"),
+    packages=("mujoco_warp",),
+    extra="mujoco-warp",
+    ladders={"best": ("timestep", (20e-3, 10e-3))},
+    presets=by_name(
+        ModelSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE),
+        ModelSettings(name="best", timestep=20e-3, model=_SINGLE, **_LOOSE),
+    ),
+    world=_WarpWorld,
+    lacks=_in_single_precision,
 )

@@ -541,16 +541,12 @@ def starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
         yield f"its contact point starts at {slip:.3g} m/s; the equations start without slipping"
     if robot.contact(data).dim == 1:
         yield "its contact has no friction (condim 1); the equations roll"
-    for body in sorted(_touching(robot, data)):
-        yield f"{body} touches the shell; the equations let it pass through"
-
-
-def _touching(robot: RobotFile, data: Any) -> set[str]:
-    """Return the robot's bodies that touch its sphere, as parts within it do."""
-    bodies = robot.model.geom_bodyid
+    # Parts within the shell may touch it, and bodies beside it; not the world, which is 0.
     pairs = [{int(each.geom1), int(each.geom2)} for each in data.contact]
     geoms = {i for pair in pairs if robot.sphere in pair for i in pair - {robot.sphere}}
-    return {robot.model.body(bodies[i]).name for i in geoms if robot.model.body_weldid[bodies[i]]}
+    touching = {i for i in robot.model.geom_bodyid[[*geoms]] if robot.model.body_weldid[i]}
+    for name in sorted(robot.model.body(i).name for i in touching):
+        yield f"{name} touches the shell; the equations let it pass through"
 
 
 def _moving(robot: RobotFile, data: Any) -> Array:

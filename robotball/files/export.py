@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from robotball.drives import Constant, Drive, Ramp, Samples, Sine, Total
 from robotball.engine import integrate
 from robotball.engines.links import links_of
+from robotball.engines.recorded import continuous
 from robotball.errors import InputError
 from robotball.files.columns import Table, write_table
 from robotball.files.replacing import replacing
@@ -75,9 +76,9 @@ def _drives(motion: Motion) -> Table:
     columns: dict[str, Array] = {"t": times}
     for hinge in motion.scene.hinges:
         command = hinge.command
-        columns[f"{hinge.name}_command"] = np.asarray(command.rate(times), dtype=float)
-        columns[f"{hinge.name}_slope"] = np.asarray(command.acceleration(times), dtype=float)
-        columns[f"{hinge.name}_integral"] = np.asarray(command.angle(times), dtype=float)
+        parts = {"command": command.rate, "slope": command.acceleration, "integral": command.angle}
+        for what, of in parts.items():
+            columns[f"{hinge.name}_{what}"] = np.asarray(of(times), dtype=float)
     return Table(columns, {"t": "s"}, {"scene": motion.scene.name})
 
 
@@ -178,18 +179,12 @@ def poses(motion: Motion) -> dict[str, _Poses]:
     return {
         link.name: _Poses(
             position=centre + in_world(states.placed[i, :3].T),
-            attitude=_without_jumps(multiply(motion.attitude, from_matrix(turned[i]))),
+            attitude=continuous(multiply(motion.attitude, from_matrix(turned[i]))),
             velocity=in_world(states.velocities[i]),
             angular_velocity=in_world(states.turning[i]),
         )
         for i, link in enumerate(scene.ball.tree)
     }
-
-
-def _without_jumps(attitude: Array) -> Array:
-    """Return quaternions (n, 4) each with the sign by which it is nearer to the one before."""
-    turns_over = np.sum(attitude[1:] * attitude[:-1], axis=1) < 0
-    return attitude * np.cumprod([1, *np.where(turns_over, -1, 1)])[:, None]
 
 
 def _about_centre(mass: float, centre: Array, inertia: Array) -> Array:

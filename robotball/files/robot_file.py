@@ -393,12 +393,17 @@ def _balanced(spec: Any) -> Iterator[str]:
     """Yield the bodies whose inertias MuJoCo changes into ones that a body can have."""
     if spec.compiler.balanceinertia:
         for each in spec.bodies[1:]:
-            xx, yy, zz, xy, xz, yz = each.fullinertia
-            full = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
-            parts = np.sort(each.inertia if xx != xx else np.linalg.eigvalsh(full))
+            full = _tensor(each)
+            parts = np.sort(each.inertia if np.isnan(full[0, 0]) else np.linalg.eigvalsh(full))
             if each.explicitinertial and parts[0] + parts[1] < parts[2]:
                 mean = parts.mean()
                 yield f"{each.name}: balanceinertia makes its impossible inertia {mean:g} each way"
+
+
+def _tensor(body: Any) -> Array:
+    """Return the inertia (3, 3) that a body of a spec states; NaN where it gives its moments."""
+    xx, yy, zz, xy, xz, yz = body.fullinertia
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def _ignored(model: Any, sphere: int) -> Iterator[str]:
@@ -541,16 +546,12 @@ def starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
         yield f"its contact point starts at {slip:.3g} m/s; the equations start without slipping"
     if robot.contact(data).dim == 1:
         yield "its contact has no friction (condim 1); the equations roll"
-    for body in sorted(_touching(robot, data)):
-        yield f"{body} touches the shell; the equations let it pass through"
-
-
-def _touching(robot: RobotFile, data: Any) -> set[str]:
-    """Return the robot's bodies that touch its sphere, as parts within it do."""
-    bodies = robot.model.geom_bodyid
+    # Parts within the shell may touch it, and bodies beside it; not the world, which is 0.
     pairs = [{int(each.geom1), int(each.geom2)} for each in data.contact]
     geoms = {i for pair in pairs if robot.sphere in pair for i in pair - {robot.sphere}}
-    return {robot.model.body(bodies[i]).name for i in geoms if robot.model.body_weldid[bodies[i]]}
+    touching = {i for i in robot.model.geom_bodyid[[*geoms]] if robot.model.body_weldid[i]}
+    for name in sorted(robot.model.body(i).name for i in touching):
+        yield f"{name} touches the shell; the equations let it pass through"
 
 
 def _moving(robot: RobotFile, data: Any) -> Array:
@@ -691,68 +692,56 @@ def _law(model: Any, i: int, name: str) -> Law:
 def solid_of_file(path: Path, kind: str, name: str) -> Solid:
     """Return a "body" of an MJCF file, or a "link" of a URDF file, with all that is fixed to it.
 
-    It is in its own axes. Raises InputError where the file cannot be loaded or has no such
-    body, or the body has no inertia or carries others that move on it.
+    It is in its own axes. Raises InputError where the file cannot be loaded or has no such body,
+    or the body has no inertia or carries others that move on it.
     """
     # The masses of an MJCF file may follow from geoms. A URDF file's links have their inertials:
     # compiling it would refuse it for a link or a mesh that nobody asked for.
     check_loads(path, "compiled" if kind == "body" else "parsed")
     with named(path):
-        return (_of_mjcf if kind == "body" else _of_urdf)(path, name)
+        if kind == "link":
+            root = re.search(r"<(\w+)", COMMENT.sub("", path.read_text(errors="replace")))
+            if root and root[1] != "robot":  # MuJoCo would read its own format as well
+                raise InputError(f"no URDF: its root is <{root[1]}>, not <robot>")
+        spec = opened_spec(path)[0] if kind == "body" else mujoco.MjSpec.from_file(str(path))
+        if (body := spec.body(name)) is None:
+            raise unknown(kind, name, [each.name for each in spec.bodies[1:]])
+        fixed = list(_fixed_to(body, f"{kind} {name!r}", np.zeros(3), np.eye(3)))
+        if kind == "body":
+            return _of_model(spec.compile(), [each.id for each, _, _ in fixed], name)
+        if not any(each.explicitinertial for each, _, _ in fixed):
+            raise InputError(f"link {name!r} has no inertial")
+        return composed(_inertial(*each) for each in fixed if each[0].explicitinertial)
 
 
-def _of_mjcf(path: Path, name: str) -> Solid:
-    model = opened_spec(path)[0].compile()
-    number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
-    if number < 0:
-        raise unknown("body", name, [model.body(i).name for i in range(1, model.nbody)])
-    below = [number]
-    for i in range(number + 1, model.nbody):  # a body has a higher number than its parent
-        if model.body_parentid[i] in below:
-            if model.body_weldid[i] != model.body_weldid[number]:
-                raise _moves("body", name, model.body(i).name)
-            below.append(i)
-    if not model.body_mass[below].any():
+def _fixed_to(
+    body: Any, what: str, origin: Array, axes: Array
+) -> Iterator[tuple[Any, Array, Array]]:
+    """Yield a body of a spec and all that is fixed to it, each with its origin and axes (3, 3)."""
+    yield body, origin, axes
+    for child in body.bodies:
+        if child.joints:
+            raise InputError(
+                f"{what} carries {child.name!r}, which moves on it; take each as a body of its own"
+            )
+        turned = axes @ rotation_matrix(child.quat)
+        yield from _fixed_to(child, what, origin + axes @ child.pos, turned)
+
+
+def _of_model(model: Any, bodies: list[int], name: str) -> Solid:
+    """Return bodies of a model as one, in the axes of the first."""
+    if not model.body_mass[bodies].any():
         raise InputError(f"body {name!r} has no mass")
     # The pose of all bodies at the model's reference, to bring what is fixed into one body's axes.
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    solid, to_body = _solid_of(model, data, below), data.xmat[number].reshape(3, 3).T
-    centre = to_body @ (solid.centre - data.xpos[number])
+    solid, to_body = _solid_of(model, data, bodies), data.xmat[bodies[0]].reshape(3, 3).T
+    centre = to_body @ (solid.centre - data.xpos[bodies[0]])
     return Solid(solid.mass, centre, to_body @ solid.inertia @ to_body.T)
 
 
-def _moves(kind: str, name: str, other: str) -> InputError:
-    return InputError(
-        f"{kind} {name!r} carries {other!r}, which moves on it; take each as a body of its own"
-    )
-
-
-def _of_urdf(path: Path, name: str) -> Solid:
-    root = re.search(r"<(\w+)", COMMENT.sub("", path.read_text(errors="replace")))
-    if root and root[1] != "robot":  # MuJoCo would read its own format as well
-        raise InputError(f"no URDF: its root is <{root[1]}>, not <robot>")
-    spec = mujoco.MjSpec.from_file(str(path))
-    link = spec.body(name)
-    if link is None:
-        raise unknown("link", name, [each.name for each in spec.bodies[1:]])
-    solids = list(_inertials(link, name, np.zeros(3), np.eye(3)))
-    if not solids:
-        raise InputError(f"link {name!r} has no inertial")
-    return composed(solids)
-
-
-def _inertials(link: Any, name: str, origin: Array, axes: Array) -> Iterator[Solid]:
-    """Yield the inertials of a link at a place, in axes (3, 3), and of what is fixed to it."""
-    if link.explicitinertial:
-        if not link.mass > 0:
-            raise InputError(f"link {link.name!r}'s inertial has no mass: {link.mass:g} kg")
-        turned = axes @ rotation_matrix(link.iquat)
-        xx, yy, zz, xy, xz, yz = link.fullinertia
-        inertia = turned @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turned.T
-        yield Solid(link.mass, origin + axes @ link.ipos, inertia)
-    for child in link.bodies:
-        if child.joints:
-            raise _moves("link", name, child.name)
-        turned = axes @ rotation_matrix(child.quat)
-        yield from _inertials(child, name, origin + axes @ child.pos, turned)
+def _inertial(link: Any, origin: Array, axes: Array) -> Solid:
+    if not link.mass > 0:
+        raise InputError(f"link {link.name!r}'s inertial has no mass: {link.mass:g} kg")
+    turned = axes @ rotation_matrix(link.iquat)
+    return Solid(link.mass, origin + axes @ link.ipos, turned @ _tensor(link) @ turned.T)

@@ -91,12 +91,8 @@ def _works(backend: str) -> bool:
     return child.returncode == 0
 
 
-def _main(arguments: list[str]) -> int:
-    backend = find_backend()
-    if "--quiet" not in arguments:
-        print(advice() if backend is None else f"off-screen GL: {backend}")
-    return 1 if backend is None else 0
-
-
 if __name__ == "__main__":
-    sys.exit(_main(sys.argv[1:]))
+    _backend = find_backend()
+    if "--quiet" not in sys.argv:
+        print(advice() if _backend is None else f"off-screen GL: {_backend}")
+    sys.exit(_backend is None)

@@ -12,9 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
-import imageio_ffmpeg
 import matplotlib
-import mediapy
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import gaussian_filter1d
@@ -420,6 +418,10 @@ def write_video(
     fraction that is done. Raises InputError as `frames` does, and for a path that has no such
     suffix or folder.
     """
+    # Their import takes longer than that of all else, which each process that draws would wait for.
+    import imageio_ffmpeg
+    import mediapy
+
     path, film = Path(path), film or Film()
     if path.suffix not in _FORMATS or not path.parent.is_dir():
         kinds = ", ".join(_FORMATS)

@@ -85,8 +85,12 @@ def test_a_body_of_mjcf_has_what_is_fixed_to_it(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("at_once")
 def test_any_body_is_taken_from_a_file(tmp_path: Path) -> None:
-    """Laid at its origin and attitude: a quarter turn about x takes y to z."""
-    path = written(tmp_path, URDF)
+    """Laid at its origin and attitude: a quarter turn about x takes y to z.
+
+    A link of which nobody asked may be one that MuJoCo would not compile.
+    """
+    mesh = '<collision><geometry><mesh filename="none.stl"/></geometry></collision>'
+    path = written(tmp_path, URDF.replace("/>", f">{mesh}</link>", 1))
     arm = solid_of_file(path, "link", "arm")
     half = repr(np.sqrt(0.5).item())
     laid = f"origin = [0, 0, 0.05], attitude = [{half}, {half}, 0, 0] }}\n"

@@ -20,7 +20,6 @@ from validation.paper.claim import AtLeast, Errors, Section, by
 from validation.paper.engine_ball import (
     CLASSICAL,
     DRIVEN,
-    INNER,
     MOTION,
     RUBBER,
     Seen,
@@ -296,7 +295,7 @@ def _path(name: str, twist: float) -> Errors:
     shell = ball.of(lambda n, omega, _: n.a * (omega - n.Omega))
     X = (np.cross(M, ball.gamma) * shell).sum(axis=1) / size
     Y = twist * (level * shell).sum(axis=1) / size
-    yield largest(np.stack([X, Y], axis=1)[INNER] - ball.path_velocity[:, :2])
+    yield ball.path_error(X, Y)
 
 
 @RECONSTRUCTION.claim("3.3", "the shell's speed is bounded by f; classical")

@@ -54,6 +54,7 @@ class Globe:
     def __init__(self, axes: Axes, view: View, title: str) -> None:
         self.axes, self.view = axes, view
         axes.set(title=title, xticks=[], yticks=[], frame_on=False)
+        axes.set(xlim=(-1.2, 1.2), ylim=(-1.2, 1.2), aspect="equal")
         axes.grid(visible=False)
         turn = np.linspace(0, 2 * np.pi, 400)
         axes.fill(np.cos(turn), np.sin(turn), facecolor="#F4F6F8", edgecolor=FAINT, zorder=0)
@@ -64,8 +65,6 @@ class Globe:
             axes.annotate("", (x - 1.0, y - 1.0), (-1.0, -1.0), arrowprops=_TRIAD)
             x, y = longer * x - 1.0, longer * y - 1.0
             axes.text(x, y, f"γ{'₁₂₃'[i]}", color=INK, ha="center", va="center", fontsize=9)
-        axes.set(xlim=(-1.2, 1.2), ylim=(-1.2, 1.2))
-        axes.set_aspect("equal")
 
     def line(self, gamma: Array, **style: Any) -> None:
         """Draw a line through γ (n, 3), pale behind."""

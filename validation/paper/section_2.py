@@ -204,11 +204,8 @@ def _full_equations(rubber: bool, twist: float) -> Errors:
 def _driven_equations(twist: float) -> Errors:
     """Compare dω/dt of (2.4)-(2.5) with differences of MuJoCo's ω, while the rates swing."""
     ball = seen(DRIVEN)
-
-    def formula(n: Numbers, omega: Array, gamma: Array) -> Array:
-        return f.acceleration(n, omega, gamma, twist * f.spin_torque(n, omega, gamma))
-
-    yield largest(rate(ball.omega) - ball.of(formula)[INNER])
+    found = ball.of(lambda n, w, g: f.acceleration(n, w, g, twist * f.spin_torque(n, w, g)))
+    yield largest(rate(ball.omega) - found[INNER])
 
 
 @claim("E4, (2.4)", "Ĩ = I + ma²(γ²E - γ⊗γ), about the contact point", _PRINTED_INERTIA)

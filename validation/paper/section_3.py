@@ -309,10 +309,9 @@ def _bounded(name: str, twist: float) -> Errors:
     """
     scene = paper_scene(name)
     n, velocity = f.numbers(scene.parameters), f.velocity_of(scene.rolling == "classical")
-    size = np.sqrt(25.0)
 
     def slowness(x: Array) -> float:
-        gamma, M = section_state(size * np.sin(x[0]), x[1], x[2], size**2)
+        gamma, M = section_state(5.0 * np.sin(x[0]), x[1], x[2], 25.0)
         return -float(np.linalg.norm(velocity(n, M, gamma) - n.Omega))
 
     random = np.random.default_rng(35)

@@ -39,15 +39,15 @@ _VIEW = View(azimuth=48.0, elevation=22.0)
 _BALL_LINES = ("A = diag(.5, .3, .6) 1/(kg m²)", "Ω = (0, 0, 1) rad/s, a = 1 m", UNBUILDABLE)
 
 
-def growth_rate(ball: Parameters, K: Vector, f: float, which: str = "σ₋") -> float:
-    """Return the largest real part of the eigenvalues of a straight-line motion [1/s].
+def growth_rate(ball: Parameters, K: Vector, f: float) -> float:
+    """Return the largest real part of the eigenvalues of the straight-line motion σ₋ [1/s].
 
     The ball has K = (K₁, K₂, 0) instead of its own, and Ω along e₃. NaN where K² < f, and there is
     no straight-line motion.
     """
     if f > K[0] ** 2 + K[1] ** 2:
         return np.nan
-    motion = straight_motion(replace(ball, K=K), line_verticals(f, K)[which])
+    motion = straight_motion(replace(ball, K=K), line_verticals(f, K)["σ₋"])
     return float(motion.eigenvalues.real.max())
 
 
@@ -99,9 +99,8 @@ def figure9() -> Figure:
         axes.annotate("K² < f", (0, 0), ha="center", va="center", color=INK)
         axes.plot(*LINE_K[:2], "o", color=INK)
         note(axes, "Fig. 10", LINE_K[:2], (6, 6), color=INK, path_effects=halo())
-        axes.set(xlabel="K₁ [kg m²/s]", ylabel="K₂ [kg m²/s]")
+        axes.set(xlabel="K₁ [kg m²/s]", ylabel="K₂ [kg m²/s]", aspect="equal")
         axes.set_title(f"f = {f:g} (kg m²/s)², a guess")
-        axes.set_aspect("equal")
     return figure
 
 

@@ -52,8 +52,7 @@ def draw_figures(
 
 
 def _draw(out: Path, name: str) -> Path:
-    (picture,) = (figures[name] for figures in FIGURES.values() if name in figures)
-    return write_picture(out / f"{name}.png", picture())
+    return write_picture(out / f"{name}.png", chosen(())[name]())
 
 
 def chosen(names: Sequence[str]) -> dict[str, Callable[[], Figure]]:

@@ -53,7 +53,9 @@ class Globe:
 
     def __init__(self, axes: Axes, view: View, title: str) -> None:
         self.axes, self.view = axes, view
-        _bare(axes, title)
+        axes.set(title=title, xticks=[], yticks=[], frame_on=False)
+        axes.set(xlim=(-1.2, 1.2), ylim=(-1.2, 1.2), aspect="equal")
+        axes.grid(visible=False)
         turn = np.linspace(0, 2 * np.pi, 400)
         axes.fill(np.cos(turn), np.sin(turn), facecolor="#F4F6F8", edgecolor=FAINT, zorder=0)
         equator = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
@@ -63,8 +65,6 @@ class Globe:
             axes.annotate("", (x - 1.0, y - 1.0), (-1.0, -1.0), arrowprops=_TRIAD)
             x, y = longer * x - 1.0, longer * y - 1.0
             axes.text(x, y, f"γ{'₁₂₃'[i]}", color=INK, ha="center", va="center", fontsize=9)
-        axes.set(xlim=(-1.2, 1.2), ylim=(-1.2, 1.2))
-        axes.set_aspect("equal")
 
     def line(self, gamma: Array, **style: Any) -> None:
         """Draw a line through γ (n, 3), pale behind."""
@@ -105,8 +105,8 @@ class Involute:
         self.axes = axes
         axes.set(xlim=(0, 2 * np.pi), ylim=(-1.04, 1.04), title=title)
         axes.set(xlabel="φ = π/4 + arctan(γ₁/γ₂) [rad], once round", ylabel="γ₃")
-        axes.set_xticks(np.pi / 4 * np.arange(9))
-        axes.set_xticklabels(["0", "π/4", "π/2", "3π/4", "π", "5π/4", "3π/2", "7π/4", "2π"])
+        labels = ["0", "π/4", "π/2", "3π/4", "π", "5π/4", "3π/2", "7π/4", "2π"]
+        axes.set_xticks(np.pi / 4 * np.arange(9), labels)
         axes.grid(alpha=0.3)
 
     def places(self, gamma: Array) -> Array:
@@ -155,16 +155,6 @@ def draw_gamma(chart: Chart, theory: Motion, engine: Motion) -> None:
     chart.marks(gamma[:1], "o", color=INK, markersize=5, zorder=5)
 
 
-def _bare(axes: Axes, title: str) -> None:
-    """Remove frame, ticks and grid."""
-    axes.set_title(title)
-    axes.grid(visible=False)
-    axes.set_xticks([])
-    axes.set_yticks([])
-    for spine in axes.spines.values():
-        spine.set_visible(False)
-
-
 def _arrow_head(axes: Axes, places: Array, colour: str) -> None:
     """Draw an arrow head halfway along a line (n, 2)."""
     k = len(places) // 2
@@ -190,8 +180,8 @@ _MARKS = {
 }
 _CYCLE = "#009E73"
 _SIDES = (  # of the circle of fixed points
-    {"color": "#117733", "linestyle": "-", "label": r"$\Sigma_s$, attracts"},
-    {"color": "#AA4499", "linestyle": (0, (2.5, 1.2)), "label": r"$\Sigma_u$, repels"},
+    ("#117733", "-", r"$\Sigma_s$, attracts"),
+    ("#AA4499", (0, (2.5, 1.2)), r"$\Sigma_u$, repels"),
 )
 _STARTS_DRAWN = 44
 _DRAWN = 5.0  # rad, of a manifold
@@ -230,25 +220,29 @@ def draw_circle(chart: Chart, circle: FixedCircle) -> None:
     """Draw the circle of fixed points: Σ_s solid, Σ_u dashed."""
     quarter = np.linspace(0.0, np.pi / 2, 100)
     for k in range(4):
-        style = _SIDES[k % 2] if k < 2 else {**_SIDES[k % 2], "label": None}
-        chart.line(circle.at(quarter + k * np.pi / 2), linewidth=2.6, zorder=4, **style)
+        colour, dashes, name = _SIDES[k % 2]
+        chart.line(circle.at(quarter + k * np.pi / 2), color=colour, linestyle=dashes,
+                   linewidth=2.6, label=_once(chart, name), zorder=4)  # fmt: skip
 
 
 def draw_separatrices(
     chart: Chart, found: Sequence[Separatrix], contour: Sequence[Separatrix]
 ) -> None:
     """Draw the saddles' manifolds; those of a closed contour in the colour of a cycle."""
-    for k, each in enumerate(contour):
-        label = "closed contour" if k == 0 else None
+    for each in contour:
+        label = _once(chart, "closed contour")
         chart.line(each.path, color=_CYCLE, linewidth=2.4, label=label, zorder=3)
     rest = [each for each in found if not any(each is other for other in contour)]
-    for stable, dashes in ((True, (0, (4, 1.5))), (False, "-")):
-        some = [each for each in rest if each.stable == stable]
-        for k, each in enumerate(some):
-            word = "stable" if stable else "unstable"
-            label = f"{word} manifolds of the saddles" if k == 0 else None
-            chart.line(_beginning(each.path), color=INK, linewidth=0.9, linestyle=dashes,
-                       label=label, zorder=2)  # fmt: skip
+    for each in sorted(rest, key=lambda each: not each.stable):
+        word, dashes = ("stable", (0, (4, 1.5))) if each.stable else ("unstable", "-")
+        label = _once(chart, f"{word} manifolds of the saddles")
+        chart.line(_beginning(each.path), color=INK, linewidth=0.9, linestyle=dashes,
+                   label=label, zorder=2)  # fmt: skip
+
+
+def _once(chart: Chart, label: str) -> str | None:
+    """Return a label the first time that a chart is given it: its legend has each once."""
+    return None if label in chart.axes.get_legend_handles_labels()[1] else label
 
 
 def _beginning(path: Array) -> Array:
@@ -259,17 +253,12 @@ def _beginning(path: Array) -> Array:
 
 def draw_cycles(chart: Chart, parameters: Parameters, cycles: Sequence[Cycle]) -> None:
     """Draw limit cycles: solid where they attract, dashed where they repel."""
-    known: set[str] = set()
     for cycle in cycles:
         curve = curve_of(parameters, cycle.gamma, cycle.period)
-        attracts = abs(cycle.multipliers[0]) < 1
-        name = "stable limit cycle" if attracts else "unstable limit cycle"
-        opposite = [] if lies_on(-cycle.gamma, curve) else [-curve]
-        for each in (curve, *opposite):
-            label = None if name in known else name
-            known.add(name)
-            chart.line(each, color=_CYCLE, linestyle="-" if attracts else "--",
-                       linewidth=2.4, label=label, zorder=3)  # fmt: skip
+        word, dashes = ("stable", "-") if abs(cycle.multipliers[0]) < 1 else ("unstable", "--")
+        for each in (curve,) if lies_on(-cycle.gamma, curve) else (curve, -curve):
+            chart.line(each, color=_CYCLE, linestyle=dashes, linewidth=2.4,
+                       label=_once(chart, f"{word} limit cycle"), zorder=3)  # fmt: skip
 
 
 def portrait(

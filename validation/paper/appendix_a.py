@@ -8,7 +8,7 @@ from robotball.rotations import Array, rotation_matrix
 from validation.paper import formulas as f
 from validation.paper.claim import Errors, Residual, Section, by
 from validation.paper.engine_ball import INNER, MOTION, RUBBER, largest, rate, seen
-from validation.paper.formulas import Numbers, cross, paper_scene
+from validation.paper.formulas import cross, paper_scene
 from validation.paper.point_masses import MASSES, Ball, Body, moments
 from validation.paper.section_3 import MOMENTUM
 
@@ -132,11 +132,8 @@ def _gyrostatic_momentum(twist: float) -> Errors:
     for rotor, rate_ in zip(scene.ball.rotors, drives[1:], strict=True):
         k = k + rotor.axial_inertia * rate_ * rotor.axis
     K = scene.principal_axes.T @ (k - scene.ball.d * Omega)
-
-    def formula(n: Numbers, omega: Array, gamma: Array) -> Array:
-        return cross(gamma, f.contact_inertia(n, gamma) @ omega + K)
-
-    yield largest(ball.of(formula) - ball.momentum)
+    M = ball.of(lambda n, w, gamma: cross(gamma, f.contact_inertia(n, gamma) @ w + K))
+    yield largest(M - ball.momentum)
 
 
 @claim("E21, (A.3)", "I = RI_sRᵀ + I_f + Σ j + Steiner's terms", "I = RI_sRᵀ + I_f + Σ j")

@@ -192,11 +192,10 @@ def examine(claim: Claim, twist: float = 1.0) -> _Finding:
         return _Finding(claim, "not checked", claim.check)
     try:
         evidence = claim.check(twist)
-    except InputError as error:
-        return _Finding(claim, "does not reproduce", str(error))
     except Exception as error:  # a wrong formula may end a computation in any way
-        words = InputError(f"its check ends in {type(error).__name__}: {error}")  # on one line
-        return _Finding(claim, "does not reproduce", str(words))
+        if not isinstance(error, InputError):
+            error = InputError(f"its check ends in {type(error).__name__}: {error}")  # on one line
+        return _Finding(claim, "does not reproduce", str(error))
     return _Finding(claim, verdict_on(evidence), evidence)
 
 
@@ -249,7 +248,9 @@ def show_findings(parts: Sequence[Part], console: Console) -> None:
     for part in parts:
         console.print(f"\n[bold]{part.title}[/]")
         console.print(_table_of(part))
-    console.print(f"\n{summary(parts)}")
+    counts = Counter(each.verdict for part in parts for each in part.findings)
+    words = (f"{verdict}: {counts[verdict]}" for verdict in get_args(_Verdict))
+    console.print("\n" + ", ".join(words))
 
 
 def _table_of(part: Part) -> Table:
@@ -267,12 +268,6 @@ def _table_of(part: Part) -> Table:
         style = _STYLES.get(each.verdict, "")
         table.add_row(place, "\n".join(lines), each.verdict, style=style)
     return table
-
-
-def summary(parts: Sequence[Part]) -> str:
-    """Return how many claims met which verdict."""
-    counts = Counter(each.verdict for part in parts for each in part.findings)
-    return ", ".join(f"{verdict}: {counts[verdict]}" for verdict in get_args(_Verdict))
 
 
 def _record(title: str, finding: _Finding) -> dict[str, Any]:

@@ -59,6 +59,10 @@ class Seen:
         states = zip(self.numbers, self.omega, self.gamma, strict=True)
         return np.array([formula(n, omega, gamma) for n, omega, gamma in states])
 
+    def path_error(self, X: Array, Y: Array) -> float:
+        """Return how far Ẋ and Ẏ (n,) are from those of the path, the farthest."""
+        return largest(self.path_velocity[:, :2] - np.stack([X, Y], axis=1)[INNER])
+
     def carried(self, rows: Array) -> Array:
         """Return the first of vectors (n, 3) in principal axes, as one that stays in space."""
         return np.einsum("nij,i->nj", self.axes, self.axes[0] @ rows[0])

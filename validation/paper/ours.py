@@ -62,13 +62,9 @@ def _turned_momentum(twist: float) -> Errors:
 def _energy_balance(name: str, twist: float) -> Errors:
     """Compare E(t) - E(0) along MuJoCo's motion with ∫ -(Ω, (A⁻¹ω + K)×ω) dt."""
     ball = seen(name)
-
-    def power(n: Numbers, omega: Array, _: Array) -> float:
-        carried = (n.I + n.d * f.E) @ omega
-        return float(-n.Omega @ cross(carried + twist * n.K, omega))
-
     E = energies(ball, classical=name == CLASSICAL)
-    work = cumulative_simpson(ball.of(power), x=ball.motion.times, initial=0)
+    power = ball.of(lambda n, w, _: -n.Omega @ cross((n.I + n.d * f.E) @ w + twist * n.K, w))
+    work = cumulative_simpson(power, x=ball.motion.times, initial=0)
     yield E - E[0] - work
 
 

@@ -167,18 +167,13 @@ def _without_gravity(twist: float) -> Errors:
 def _reaction(twist: float) -> Errors:
     """Compare λ after (2.3), with dω/dt by differences, with MuJoCo's contact force."""
     for ball in map(seen, EACH):
-        omega_rate = rate(ball.omega)
-        states = zip(
-            ball.numbers[INNER], ball.omega[INNER], ball.gamma[INNER], omega_rate, strict=True
-        )
         found = []
-        for n, w, gamma, w_rate in states:
-            ma, shell, gamma_rate = n.d / n.a, w - n.Omega, cross(gamma, w)
-            found.append(
-                -ma * cross(gamma, w_rate - n.Omega_rate)
-                - ma * cross(gamma_rate, shell)
-                - twist * ma * cross(w, cross(gamma, shell))
-            )
+        for n, w, gamma, w_rate in zip(
+            ball.numbers[INNER], ball.omega[INNER], ball.gamma[INNER], rate(ball.omega), strict=True
+        ):
+            shell = w - n.Omega
+            turning = cross(gamma, w_rate - n.Omega_rate) + cross(cross(gamma, w), shell)
+            found.append(-n.d / n.a * (turning + twist * cross(w, cross(gamma, shell))))
         yield largest(np.array(found) - _plane_force(ball)[INNER])
 
 
@@ -209,11 +204,8 @@ def _full_equations(rubber: bool, twist: float) -> Errors:
 def _driven_equations(twist: float) -> Errors:
     """Compare dω/dt of (2.4)-(2.5) with differences of MuJoCo's ω, while the rates swing."""
     ball = seen(DRIVEN)
-
-    def formula(n: Numbers, omega: Array, gamma: Array) -> Array:
-        return f.acceleration(n, omega, gamma, twist * f.spin_torque(n, omega, gamma))
-
-    yield largest(rate(ball.omega) - ball.of(formula)[INNER])
+    found = ball.of(lambda n, w, g: f.acceleration(n, w, g, twist * f.spin_torque(n, w, g)))
+    yield largest(rate(ball.omega) - found[INNER])
 
 
 @claim("E4, (2.4)", "Ĩ = I + ma²(γ²E - γ⊗γ), about the contact point", _PRINTED_INERTIA)
@@ -275,9 +267,8 @@ def contact_point(twist: float) -> Errors:
     """Compare Ẋ and Ẏ, by differences of MuJoCo's path, with (2.7): a(β, ω-Ω) and -a(α, ω-Ω)."""
     for ball in map(seen, EACH):
         shell = ball.of(lambda n, w, _: n.a * (w - n.Omega))
-        X = (ball.axes[:, 1] * shell).sum(axis=1)[INNER]
-        Y = -twist * (ball.axes[:, 0] * shell).sum(axis=1)[INNER]
-        yield largest(ball.path_velocity[:, :2] - np.stack([X, Y], axis=1))
+        alpha, beta = ball.axes[:, 0], ball.axes[:, 1]
+        yield ball.path_error((beta * shell).sum(axis=1), -twist * (alpha * shell).sum(axis=1))
 
 
 @claim("Remark 4", "turned about OZ, ω and γ stay the same")

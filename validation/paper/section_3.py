@@ -20,7 +20,6 @@ from validation.paper.claim import AtLeast, Errors, Section, by
 from validation.paper.engine_ball import (
     CLASSICAL,
     DRIVEN,
-    INNER,
     MOTION,
     RUBBER,
     Seen,
@@ -296,7 +295,7 @@ def _path(name: str, twist: float) -> Errors:
     shell = ball.of(lambda n, omega, _: n.a * (omega - n.Omega))
     X = (np.cross(M, ball.gamma) * shell).sum(axis=1) / size
     Y = twist * (level * shell).sum(axis=1) / size
-    yield largest(np.stack([X, Y], axis=1)[INNER] - ball.path_velocity[:, :2])
+    yield ball.path_error(X, Y)
 
 
 @RECONSTRUCTION.claim("3.3", "the shell's speed is bounded by f; classical")
@@ -310,10 +309,9 @@ def _bounded(name: str, twist: float) -> Errors:
     """
     scene = paper_scene(name)
     n, velocity = f.numbers(scene.parameters), f.velocity_of(scene.rolling == "classical")
-    size = np.sqrt(25.0)
 
     def slowness(x: Array) -> float:
-        gamma, M = section_state(size * np.sin(x[0]), x[1], x[2], size**2)
+        gamma, M = section_state(5.0 * np.sin(x[0]), x[1], x[2], 25.0)
         return -float(np.linalg.norm(velocity(n, M, gamma) - n.Omega))
 
     random = np.random.default_rng(35)

@@ -58,13 +58,11 @@ def _path_from_rest(twist: float) -> Errors:
         Z = (n.Omega + n.A @ n.K) @ gamma / (n.A @ gamma @ gamma)
         return n.A @ (Z * gamma - twist * n.K)
 
-    omega = ball.of(velocity)[INNER]
-    shell = omega - ball.numbers[0].Omega
-    alpha, beta = ball.axes[INNER, 0], ball.axes[INNER, 1]
-    path = np.stack([(beta * shell).sum(axis=1), -(alpha * shell).sum(axis=1)], axis=1)
-    yield largest(ball.path_velocity[:, :2] - ball.numbers[0].a * path)
-    for axis, start in ((ball.axes[:, 0], alpha), (ball.axes[:, 1], beta)):
-        yield largest(rate(axis) - np.cross(start, omega))
+    omega, (alpha, beta, _) = ball.of(velocity), ball.axes.transpose(1, 0, 2)
+    shell = ball.numbers[0].a * (omega - ball.numbers[0].Omega)
+    yield ball.path_error((beta * shell).sum(axis=1), -(alpha * shell).sum(axis=1))
+    for axis in (alpha, beta):
+        yield largest(rate(axis) - np.cross(axis, omega)[INNER])
 
 
 SECTION.unchecked("4", "(4.1) has no chaos", "a theorem: two dimensions have none")
@@ -226,10 +224,10 @@ def _velocity_at_5(twist: float) -> Errors:
     """Compare Ẋ = aΩ₁cos - aΩ₂sin and Ẏ = aΩ₂cos + aΩ₁sin of Ω₃t + φ₀ at Γ₅ with MuJoCo's."""
     ball = _on_circle(2)
     Omega1, Omega2, Omega3 = _FIG5.Omega
-    phase = Omega3 * ball.motion.times[INNER]
+    phase = Omega3 * ball.motion.times
     X = Omega1 * np.cos(phase) - twist * Omega2 * np.sin(phase)
     Y = Omega2 * np.cos(phase) + Omega1 * np.sin(phase)
-    yield largest(ball.path_velocity[:, :2] - np.stack([X, Y], axis=1))
+    yield ball.path_error(X, Y)
 
 
 @SECTION_4_1.claim("Prop. 1", "a circle of radius a√(Ω₁² + Ω₂²)/|Ω₃|")

@@ -344,13 +344,12 @@ _KINDS = {
 @by("search, eigenvalues", "δ, θ", bound=0, unit="of 10 off")
 def _types(twist: float) -> Errors:
     """Count the points of Fig. 6 that are of another type, or not found by a search."""
-    points, found = _named(), f.zeros(f.from_rest(_FIG6))
-    if twist != 1:  # the names of Δ and Θ exchanged
-        points = {name.translate(str.maketrans("δθ", "θδ")): at for name, at in points.items()}
+    found = f.zeros(f.from_rest(_FIG6))
+    exchanged = str.maketrans("δθ", "δθ" if twist == 1 else "θδ")
     yield len(found) - 10
-    for name, at in points.items():
+    for name, at in _named().items():
         seen = min(np.linalg.norm(at - other) for other in found) < 1e-9
-        yield not (seen and name in _KINDS.get(kind(_FIG6, at), ()))
+        yield not (seen and name.translate(exchanged) in _KINDS.get(kind(_FIG6, at), ()))
 
 
 _BOTH = {"senses": (-1.0, 1.0)}

@@ -180,5 +180,4 @@ def test_the_triangles_of_a_body_close_it(
     shape = Shape(kind, np.array(sizes), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), "frame")
     turn = rotation_matrix(np.array([0.5, 0.5, 0.5, 0.5]))
     corners = solid_of([shape], turn, np.array([1.0, 2.0, 3.0])).corners
-    assert np.linalg.det(corners).sum() / 6 == pytest.approx(volume, rel=0.11)
-    assert np.linalg.det(corners).sum() / 6 < volume * (1 + 1e-12)
+    assert 0.89 * volume < np.linalg.det(corners).sum() / 6 < volume * (1 + 1e-12)

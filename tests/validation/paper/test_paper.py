@@ -163,34 +163,26 @@ def test_the_largest_error_counts_or_the_number_of_wrong_ones(
 
 # The command ---------------------------------------------------------------------------------
 
-TRUE = Claim(
-    "E1, (3.1)",
-    "true",
-    lambda _: Residual(np.float64(0.0), bound=1e-9, printed=1.0),
-    means="arithmetic",
-    twist="the sign",
-    printed="untrue",
-)
+HELD = Residual(np.float64(0.0), bound=1e-9, printed=1.0)
+TRUE = Claim("E1, (3.1)", "true", lambda _: HELD, "arithmetic", "the sign", printed="untrue")
 FALSE = Claim("3.2", "false", lambda _: Value(math.nan, corrected=1.0, bound=1e-9, unit="s"))
 LOST = Claim("4.1", "lost", "nothing to compute")
-
-
-def run(
-    monkeypatch: pytest.MonkeyPatch, claims: tuple[Claim, ...], *arguments: str
-) -> int | str | None:
-    monkeypatch.setattr(validation.paper, "SECTIONS", (Section("3. A section", list(claims)),))
-    with pytest.raises(SystemExit) as leaving:
-        main(["paper", *arguments])
-    return leaving.value.code
 
 
 def test_exit_status_and_json(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """0 where all holds or is not checked, 1 where a claim fails, 2 where nothing can be written;
     the JSON is strict.
     """
+
+    def run(claims: list[Claim], *arguments: str) -> int | str | None:
+        monkeypatch.setattr(validation.paper, "SECTIONS", (Section("3. A section", claims),))
+        with pytest.raises(SystemExit) as leaving:
+            main(["paper", *arguments])
+        return leaving.value.code
+
     path = tmp_path / "paper.json"
-    assert run(monkeypatch, (TRUE, LOST)) == 0
-    assert run(monkeypatch, (TRUE, FALSE, LOST), "--json", str(path)) == 1
+    assert run([TRUE, LOST]) == 0
+    assert run([TRUE, FALSE, LOST], "--json", str(path)) == 1
     claims = json.loads(path.read_text(), parse_constant=pytest.fail)["claims"]
     held = {"verdict": "holds as corrected", "printed": 1.0, "corrected": 0.0, "bound": 1e-9}
     held |= {"section": "3. A section", "as_printed": "untrue", "means": "arithmetic"}
@@ -199,7 +191,7 @@ def test_exit_status_and_json(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -
     failed = {"verdict": "does not reproduce", "measured": None, "as_printed": "false"}
     assert claims[1].items() >= failed.items()
     assert claims[2]["verdict"] == "not checked"
-    assert run(monkeypatch, (TRUE,), "--json", str(tmp_path)) == 2
+    assert run([TRUE], "--json", str(tmp_path)) == 2
 
 
 @pytest.mark.slow

@@ -83,6 +83,7 @@ def test_defects_and_growth_make_the_error(
     assert found.measured / found.expected == ratio
     assert found.measured == agreement.path_error
     assert agreement.sensitivity is None  # as they agree
+    # Twice the time makes 0.53 of the differences on fig12, which is regular, not 1350.
     assert found.doubling < 10 or name == "fig14"
 
 
@@ -96,15 +97,6 @@ def test_a_bad_integrator_is_not_excused_by_chaos(name: str, seconds: float) -> 
     stopped = agreement_of(name, replace(EULER, error_tolerance=tolerance), seconds)
     assert stopped.faults
     assert not stopped.sensitive
-
-
-def test_a_regular_motion_is_never_called_sensitive() -> None:
-    """Its differences do not grow exponentially: twice the time makes 0.53 of them, not 1350."""
-    tolerance = 3e-7
-    found = replace(measured("fig12", "fast", 40.0), tolerance=tolerance)
-    assert found.defect < tolerance < found.measured
-    assert found.doubling == pytest.approx(0.53, abs=0.05)
-    assert not found.explains
 
 
 SENSITIVE = Sensitivity(

@@ -65,10 +65,8 @@ def test_a_chaotic_motion_is_called_sensitive() -> None:
     ("name", "settings", "seconds", "ratio"),
     [
         ("fig14", "balanced", 40.0, pytest.approx(1.10, abs=0.03)),
-        ("fig12", "fast", 40.0, pytest.approx(1.12, abs=0.03)),
         ("fig12", EULER, 10.0, pytest.approx(1.04, abs=0.03)),
         # Off balance, with free hinges.
-        ("W1", "fast", 20.0, pytest.approx(1.32, rel=0.5)),
         ("W5", "fast", 20.0, pytest.approx(1.27, rel=0.5)),
     ],
 )
@@ -83,7 +81,6 @@ def test_defects_and_growth_make_the_error(
     assert found.measured / found.expected == ratio
     assert found.measured == agreement.path_error
     assert agreement.sensitivity is None  # as they agree
-    # Twice the time makes 0.53 of the differences on fig12, which is regular, not 1350.
     assert found.doubling < 10 or name == "fig14"
 
 

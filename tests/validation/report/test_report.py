@@ -215,7 +215,7 @@ def test_a_flat_path_makes_a_low_picture_to_one_scale() -> None:
     line = Line("a", "#000000", x, np.sin(x), dash="2 3")
     assert 'stroke-dasharray="2 3"' in legend([line])
     svg = ElementTree.fromstring(chart([line], "X", "Y", equal=True))
-    assert float((svg.get("viewBox") or "").split()[3]) == 180.0
+    assert float((svg.get("viewBox") or "").split()[3]) == 165.0
     (drawn,) = svg.iter("polyline")
     points = np.array([p.split(",") for p in (drawn.get("points") or "").split()], dtype=float)
     assert len(points) == 400

@@ -65,10 +65,8 @@ def test_a_chaotic_motion_is_called_sensitive() -> None:
     ("name", "settings", "seconds", "ratio"),
     [
         ("fig14", "balanced", 40.0, pytest.approx(1.10, abs=0.03)),
-        ("fig12", "fast", 40.0, pytest.approx(1.12, abs=0.03)),
         ("fig12", EULER, 10.0, pytest.approx(1.04, abs=0.03)),
         # Off balance, with free hinges.
-        ("W1", "fast", 20.0, pytest.approx(1.32, rel=0.5)),
         ("W5", "fast", 20.0, pytest.approx(1.27, rel=0.5)),
     ],
 )
@@ -96,15 +94,6 @@ def test_a_bad_integrator_is_not_excused_by_chaos(name: str, seconds: float) -> 
     stopped = agreement_of(name, replace(EULER, error_tolerance=tolerance), seconds)
     assert stopped.faults
     assert not stopped.sensitive
-
-
-def test_a_regular_motion_is_never_called_sensitive() -> None:
-    """Its differences do not grow exponentially: twice the time makes 0.53 of them, not 1350."""
-    tolerance = 3e-7
-    found = replace(measured("fig12", "fast", 40.0), tolerance=tolerance)
-    assert found.defect < tolerance < found.measured
-    assert found.doubling == pytest.approx(0.53, abs=0.05)
-    assert not found.explains
 
 
 SENSITIVE = Sensitivity(

@@ -75,7 +75,7 @@ def plot(
     note: str = "",
 ) -> str:
     """Return a plot with its names above, and below it values under the pointer and in a table."""
-    drawn = chart(lines, x_label, y_label, log=log, equal=equal, size=(560, 330))
+    drawn = chart(lines, x_label, y_label, log=log, equal=equal)
     words = paragraph(note, "faint") if note else ""
     return (
         f"<figure><figcaption>{text(caption)}</figcaption><div>{legend(lines)}</div>{drawn}"

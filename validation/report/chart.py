@@ -15,6 +15,7 @@ import numpy as np
 from robotball.rotations import Array
 
 POINTS = 400  # of a line at most, since a screen shows no more
+_WIDTH, _HEIGHT = 560, 330  # px of the picture
 _LEFT, _RIGHT, _TOP, _BOTTOM = 68, 16, 10, 44  # px around the axes
 _DIGITS = 5  # of a value shown under the pointer
 LEAST_LOG = 1e-17  # a zero on a logarithmic axis is drawn here, below the rounding of 1
@@ -44,22 +45,21 @@ def chart(
     *,
     log: bool = False,
     equal: bool = False,
-    size: tuple[int, int] = (640, 360),
 ) -> str:
     """Return an <svg> with axes, round ticks, lines and their names.
 
     log: the y axis is logarithmic; equal: a metre is as long on both axes, and the picture is
-    lower, down to half of `size` [px], where the lines are flat. The attribute `data-lines` holds
+    lower, down to half of its height, where the lines are flat. The attribute `data-lines` holds
     the values that the page's script shows under the pointer.
     """
     thin = [_thinned(line) for line in lines]
     x0, x1 = _range(np.concatenate([line.x for line in thin]))
     y0, y1 = (_log_range if log else _range)(np.concatenate([line.y for line in thin]))
-    width = size[0] - _LEFT - _RIGHT
+    width, whole = _WIDTH - _LEFT - _RIGHT, _HEIGHT
     if equal:
         flat = width * (y1 - y0) / (x1 - x0) + _TOP + _BOTTOM
-        size = size[0], round(min(size[1], max(flat, size[1] / 2)))
-    height = size[1] - _TOP - _BOTTOM
+        whole = round(min(_HEIGHT, max(flat, _HEIGHT / 2)))
+    height = whole - _TOP - _BOTTOM
     if equal:
         x0, x1, y0, y1 = _equal_ranges(x0, x1, y0, y1, width / height)
 
@@ -90,11 +90,11 @@ def chart(
     data = [_data(line, px(line.x), py(line.y)) for line in thin]
     names = ", ".join(line.name for line in lines)
     return (
-        f'<svg class="chart" role="img" viewBox="0 0 {size[0]} {size[1]}" '
+        f'<svg class="chart" role="img" viewBox="0 0 {_WIDTH} {whole}" '
         f'aria-label="{escape(f"{y_label} over {x_label}: {names}", quote=True)}" '
         f'data-labels="{escape(json.dumps([x_label, y_label]), quote=True)}" '
         f'data-lines="{escape(json.dumps(data, separators=(",", ":")), quote=True)}" '
-        f'style="width:100%;max-width:{size[0]}px;font:13px sans-serif" fill="currentColor">'
+        f'style="width:100%;max-width:{_WIDTH}px;font:13px sans-serif" fill="currentColor">'
         + "".join(parts)
         + "</svg>"
     )

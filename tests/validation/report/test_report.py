@@ -40,6 +40,7 @@ def test_a_report_has_what_was_run_and_how_to_repeat_it(
     """
     for words in (COMMAND, "fig12", "mujoco", rb.scene_toml(agreements[0].scene).splitlines()[1]):
         assert words in page.replace("&quot;", '"')
+    assert '<th scope="col">time [s]</th><th scope="col">distance [m], naive</th>' in page
     for name, value in agreements[1].settings.plain().items():
         assert f"<td>{name}</td>" in page
         assert f">{value}<" in page or isinstance(value, dict | list)
@@ -215,7 +216,7 @@ def test_a_flat_path_makes_a_low_picture_to_one_scale() -> None:
     line = Line("a", "#000000", x, np.sin(x), dash="2 3")
     assert 'stroke-dasharray="2 3"' in legend([line])
     svg = ElementTree.fromstring(chart([line], "X", "Y", equal=True))
-    assert float((svg.get("viewBox") or "").split()[3]) == 180.0
+    assert float((svg.get("viewBox") or "").split()[3]) == 165.0
     (drawn,) = svg.iter("polyline")
     points = np.array([p.split(",") for p in (drawn.get("points") or "").split()], dtype=float)
     assert len(points) == 400

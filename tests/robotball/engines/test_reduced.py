@@ -313,7 +313,7 @@ def test_any_scene_gives_finite_numbers_or_one_line() -> None:
         loads = motion.loads
         needs = (loads.sliding_friction, loads.torsional_friction, motion.motor_powers)
         for numbers in (motion.contact_point, motion.angular_velocity, *needs):
-            assert np.isfinite(numbers).all()
-        assert length_error(motion) < 2e-15
+            assert np.isfinite(numbers).all(), seed
+        assert length_error(motion) < 2e-15, seed
     assert 20 < len(refused) < 80
     assert "\n" not in "".join(refused)

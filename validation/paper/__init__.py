@@ -1,8 +1,8 @@
 """The paper's statements in its order, misprints included, each checked by computation.
 
-A section of the paper is a module; a claim becomes a finding in claim.py. The means of checking are
-formulas.py, the paper's formulas typed a second time; point_masses.py, a ball by Newton and Euler
-alone; engine_ball.py, MuJoCo's ball; captions.py, the numbers that the captions print.
+A module has one section of the paper or several; a claim becomes a finding in claim.py. The means
+of checking are formulas.py, the paper's formulas typed a second time; point_masses.py, a ball by
+Newton and Euler alone; engine_ball.py, MuJoCo's ball; captions.py, the captions' numbers.
 """
 
 from validation.paper import (

@@ -335,15 +335,15 @@ def ends(twist: float) -> Residual:
     return Residual(float(near), bound=1e-6, printed=float(far))
 
 
-_arithmetic = partial(by, "arithmetic", "the sign of γ₁", bound=1e-15)
+_misprint = partial(by, "arithmetic", "the sign of γ₁", bound=1e-15)
 
 SECTION_4_1.claim("E17, Fig. 5b", "α₂(0) = -2√19/95: α, β, γ are orthonormal", "α₂(0) = 2√19/95")(
-    _arithmetic(name="fig05b", printed={"printed": (0, (sqrt(8949) / 95, 2 * sqrt(19) / 95, 0))})(
+    _misprint(name="fig05b", printed={"printed": (0, (sqrt(8949) / 95, 2 * sqrt(19) / 95, 0))})(
         orthonormal
     )
 )
 SECTION_4_1.claim("E18, Fig. 5c", "γ₃(0) = √39/20: α, β, γ are orthonormal", "γ₃(0) = √33/20")(
-    _arithmetic(name="fig05c", printed={"printed": (2, (19 / 20, 0, sqrt(33) / 20))})(orthonormal)
+    _misprint(name="fig05c", printed={"printed": (2, (19 / 20, 0, sqrt(33) / 20))})(orthonormal)
 )
 claim_motion(SECTION_4_1, "fig05b", 1.5e-6)
 claim_motion(SECTION_4_1, "fig05c", 4e-7)

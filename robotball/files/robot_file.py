@@ -270,11 +270,16 @@ def open_robot(path: Path, shell: str | None = None) -> RobotFile:
             model = spec.compile()
         notes += [f"there is no {file}, which is only drawn; it is left out" for file in missing]
         _check_supported(model)
-        sphere, plane = _sphere(model, shell), _plane(model)
+        planes = np.flatnonzero(model.geom_type == _PLANE).tolist()
+        if len(planes) > 1:
+            raise InputError(
+                f"the file has {len(planes)} planes, of which the ball can roll on one"
+            )
+        sphere = _sphere(model, shell)
     except (ValueError, mujoco.FatalError) as error:
         raise InputError(f"{path}: {error}") from None
     notes += [*_inferred(spec), *_by_default(spec), *_balanced(spec), *_ignored(model, sphere)]
-    return RobotFile(path, spec, model, sphere, plane, tuple(notes))
+    return RobotFile(path, spec, model, sphere, planes[0], tuple(notes))
 
 
 def _sphere(model: Any, shell: str | None) -> int:
@@ -304,13 +309,6 @@ def _sphere(model: Any, shell: str | None) -> int:
             "file, or give the others contype and conaffinity 0"
         )
     return outermost[0]
-
-
-def _plane(model: Any) -> int:
-    planes = np.flatnonzero(model.geom_type == _PLANE)
-    if len(planes) != 1:
-        raise InputError(f"the file has {len(planes)} planes, of which the ball can roll on one")
-    return int(planes[0])
 
 
 def _plane_added(spec: Any, model: Any) -> Iterator[str]:

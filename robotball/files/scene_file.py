@@ -200,9 +200,10 @@ def _robot(table: tables.SceneTable, folder: Path) -> tuple[Ball, list[_ReadHing
     radius = table.shell.outer
     rotors = [(f"rotor{i}", each) for i, each in enumerate(table.rotor, start=1)]
     pendulums = [(f"pendulum{i}", each) for i, each in enumerate(table.pendulum, start=1)]
+    shell, frame = _shell(table.shell, folder), _solid("frame", table.frame, radius, folder)
     ball = Ball(
-        shell=_shell(table.shell, folder),
-        frame=_frame(table.frame, radius, folder),
+        shell=shell,
+        frame=Frame(frame.mass, frame.inertia, frame.centre, shapes=frame.shapes),
         rotors=tuple(_rotor(*each, radius, folder) for each in rotors),
         pendulums=tuple(_pendulum(*each, radius, folder) for each in pendulums),
     )
@@ -386,12 +387,6 @@ def _wall(table: tables.ShellTable) -> tuple[float, float, float]:
     if given.axial is None or given.transverse is None:
         raise InputError('shell.inertia takes "thin", or thickness, or axial and transverse')
     return table.mass, given.axial, given.transverse
-
-
-def _frame(table: tables.FrameTable, radius: float, folder: Path) -> Frame:
-    """Return the frame in a shell of this radius [m]."""
-    solid = _solid("frame", table, radius, folder)
-    return Frame(solid.mass, solid.inertia, solid.centre, shapes=solid.shapes)
 
 
 def _rotor(name: str, table: tables.RotorTable, radius: float, folder: Path) -> Rotor:

@@ -64,7 +64,7 @@ def counted(message: str) -> str:
 
 def _worded(key: str, what: str) -> str:
     if unknown := re.search(r"unknown field `(.*)`", what, re.S):
-        word, known = unknown[1], _known_keys(key)
+        word, known = unknown[1], [each.name for table in _tables_at(key) for each in table.fields]
         meant = _MEANT.get(word)
         near = [meant] if meant in known else difflib.get_close_matches(word, known, n=1)
         return f"unknown key {word!r}" + (f"; did you mean {near[0]!r}?" if near else "")
@@ -88,11 +88,6 @@ def _worded(key: str, what: str) -> str:
 def _listed(path: str) -> str:
     known = ", ".join(dict.fromkeys(_values_at(path)))
     return f"; it takes {known}" if known else ""
-
-
-def _known_keys(path: str) -> list[str]:
-    """Return the keys of the table at a path such as `frame.part[0]`, of any of its kinds."""
-    return [field.name for table in _tables_at(path) for field in table.fields]
 
 
 def _tables_at(path: str) -> list[inspect.StructType]:

@@ -58,7 +58,7 @@ class Browser:
         return answer["result"]
 
     def run(self, script: str) -> Any:
-        """What an expression comes to, as JSON; a promise is waited for."""
+        """Return an expression's value as JSON; a promise is waited for."""
         answer = self.call(
             "Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True
         )

@@ -1,4 +1,4 @@
-"""What all tests share: repeatable draws, and the command as a user runs it."""
+"""Shared by all tests: repeatable draws, and the command as a user runs it."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -16,7 +16,7 @@ def modules_of(root: Path) -> dict[str, Path]:
 
 
 def graph_of(modules: Mapping[str, Path]) -> dict[str, set[str]]:
-    """What each module imports of the others, by `import`, by `from`, or as a member of a package.
+    """Return each module's imports of the others, by `import`, `from`, or as a package's member.
 
     To import a module runs its packages as well, but what they hand on counts only where it is
     taken from them.
@@ -36,7 +36,7 @@ def reached(graph: Mapping[str, set[str]], start: str) -> set[str]:
 
 
 def imported(module: str, file: Path, modules: Mapping[str, Path]) -> Iterator[str]:
-    """What one module imports of the others, as its file has it."""
+    """Yield what one module imports of the others, as its file has it."""
     package = module if file.name == "__init__.py" else module.rpartition(".")[0]
     for node in ast.walk(ast.parse(file.read_text())):
         if isinstance(node, ast.Import):

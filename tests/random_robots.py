@@ -42,7 +42,7 @@ def random_robot(rng: np.random.Generator, rotors: int, pendulums: int) -> Ball:
 
 
 def random_motor(rng: np.random.Generator, inertia: float) -> Motor | None:
-    """Of a hinge that turns what has an inertia [kg m²]; None keeps the rate."""
+    """Return a motor for a hinge that turns an inertia [kg m²]; None keeps the rate."""
     armature = inertia * rng.uniform(0.0, 0.5)
     return [
         None,

@@ -88,7 +88,7 @@ def test_no_import_breaks_a_rule() -> None:
 def test_an_import_that_is_forbidden_is_found(
     tmp_path: Path, home: str, line: str, rule: str
 ) -> None:
-    """The same checks on the same files with one line more."""
+    """One line is added to a file, and the checks are made again."""
     changed, module = tmp_path / "changed.py", home.replace("/", ".")
     changed.write_text(f"{MODULES[module].read_text()}\n\n{line}\n")
     found = dict(broken({**GRAPH, module: set(imported(module, changed, MODULES))}))
@@ -103,7 +103,7 @@ def test_the_tests_mirror_the_packages() -> None:
 
 
 def test_an_engines_name_is_typed_in_its_room_alone() -> None:
-    """What is printed, drawn and written takes it from its label; docstrings may say it."""
+    """Printed, drawn and written words take it from its label; docstrings may say it."""
     for name, file in MODULES.items():
         if within(name, MUJOCO) or "MuJoCo" not in (text := file.read_text()):
             continue

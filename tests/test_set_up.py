@@ -1,4 +1,4 @@
-"""What `make setup` installs, and on which Python."""
+"""`make setup` installs all that is needed, on a Python that is supported."""
 
 import re
 import tomllib

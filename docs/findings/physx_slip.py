@@ -1,4 +1,4 @@
-"""What a ball slips in PhysX does not fall with the step.
+"""The slip of a ball in PhysX does not fall with the step.
 
 A ball of radius 1 m rolls down a slope for 1 s under friction 1, of which it needs a tenth. The
 largest slip [m/s] at three steps; a solver of first order would leave a tenth of it at a tenth.

@@ -112,7 +112,7 @@ def test_a_function_is_asked_within_the_run_alone(end: float, preset: str) -> No
 
 
 def test_a_function_that_is_not_smooth_is_warned_of() -> None:
-    """What its derivative costs, where, and what to give; with breakpoints there is no warning."""
+    """The warning has the cost, the place and a remedy; with breakpoints there is none."""
     times = np.linspace(0.0, 1.0, 3)
     words = (
         r"a drive's function is not smooth at t = 0\.4 s: its derivative there follows it to "

@@ -62,7 +62,7 @@ def arrays(motion: rb.Motion) -> dict[Any, Array]:
 
 @pytest.mark.parametrize("scene", ["classical_regular", "wobbling_drive"])
 def test_pieces_change_no_bit(scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of both motions, with all loads and reports, and of every measure of the two.
+    """Compared are both motions, with all loads and reports, and every measure of the two.
 
     Sizes are multiples of the four numbers that BLAS adds at once.
     """

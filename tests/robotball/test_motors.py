@@ -71,7 +71,7 @@ def test_a_filtered_sine_lags_as_its_closed_form(settling: float, most: float) -
 
 @pytest.mark.parametrize("to", [2.0, -3.0])
 def test_a_constant_command_stays_at_the_limit_that_it_reaches(to: float) -> None:
-    """Of a filter and of an integrator, from either side; roundings of 1.7e-15 at most."""
+    """A filter and an integrator, from either side; roundings of 1.7e-15 at most."""
     filtered = passed(Activation(0.2, 0.5, -1.0, 1.5), to)
     assert np.abs(filtered - np.clip(to + (0.2 - to) * np.exp(-TIMES / 0.5), -1, 1.5)).max() < 6e-15
     summed = passed(Activation(0.2, None, -1.0, 1.5), to)

@@ -43,7 +43,7 @@ compiled_mark = numba.njit(nogil=True)(mark)
 
 @pytest.mark.parametrize("threads", [1, 7])
 def test_every_motion_is_done_once(threads: int) -> None:
-    """Of a million, taken as fast as can be; a plain counter gives some of them twice."""
+    """A million are taken as fast as can be; a plain counter gives some of them twice."""
     done = np.zeros(1_000_000, np.int64)
     with at_most(threads):
         in_threads(lambda queue: compiled_mark(queue, done), 100)

@@ -38,7 +38,7 @@ class Jumping(OwnDrive):
 
 
 def run(rate: Any, end: float = 10.0) -> rb.Motion:
-    """What the equations make of a frame's rate."""
+    """Return the motion by the equations at a frame's rate."""
     return rb.integrate(replace(FIG12, frame_rate=rate), np.array([0.0, end]))
 
 

@@ -158,7 +158,7 @@ def test_what_is_lacking_is_told() -> None:
 def test_the_hinges_turn_so_that_the_ball_has_its_momentum_and_its_way(
     make: Callable[[], rb.Scene], rolling: Rolling
 ) -> None:
-    """Of any state: M by the bodies' motions is the state's, and the shell rolls as is wanted.
+    """In any state M by the bodies' motions is the state's, and the shell rolls as is wanted.
 
     Of all rates that give M, those of least energy Σ J φ̇²/2 are taken: J φ̇ is what multipliers of
     M give. Measured 5e-15 kg m²/s: rounding.

@@ -6,7 +6,7 @@ from validation.cli import class_of
 
 
 def example(name: str) -> str:
-    """What stands behind `robotball` in it."""
+    """Return the words behind `robotball` in it."""
     found = re.findall(r"^ *Example: robotball (.*)$", class_of(name).__doc__ or "", re.MULTILINE)
     (arguments,) = found
     return str(arguments)

@@ -1,4 +1,4 @@
-"""What README and docs show is what the program gives: numbers, commands, names, links.
+"""README and docs show what the program gives: numbers, commands, names, links.
 
 docs/numbers.json is written by `make gallery`, together with the pictures and tables.
 """

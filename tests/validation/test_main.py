@@ -50,7 +50,7 @@ PIPES: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "
 
 @pytest.fixture(autouse=True)
 def interruptible() -> Iterator[None]:
-    """What is started in the background of a shell ignores Ctrl-C, and hands that on."""
+    """Takes Ctrl-C, which a process started in a shell's background ignores, and hands on."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
@@ -175,7 +175,7 @@ ASCII = {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0", "PYTHONIO
 
 
 def test_a_locale_without_greek_letters_shows_something_else(tmp_path: Path) -> None:
-    """What is printed has `?` for ²; files are the same everywhere, in UTF-8."""
+    """Printed words have `?` for ²; files are the same everywhere, in UTF-8."""
     scene = replace(rb.load_scene("fig12"), title="γ")
     (tmp_path / "greek.toml").write_bytes(rb.scene_toml(scene).encode())
     done = run(tmp_path, "validation design greek.toml", **ASCII)

@@ -1,4 +1,4 @@
-"""What is written: names of files, tables, CSV and pictures, which show what their axes say."""
+"""Output: names of files, tables, CSV and pictures, which show what their axes say."""
 
 import csv
 import json

@@ -170,7 +170,7 @@ def test_a_file_that_another_sweep_writes_and_a_device_are_refused(file: Path) -
 
 
 def test_a_disk_that_fills_up_ends_the_sweep_in_one_line(tmp_path: Path, file: Path) -> None:
-    """What was written is whole, and when there is room again the rest is added."""
+    """All that was written is whole, and when there is room again the rest is added."""
     cells = cells_of(tmp_path, 3)
     sweep(square, cells[:2], file, workers=WORKERS)
     written = lines_of(file)

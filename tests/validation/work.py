@@ -1,4 +1,4 @@
-"""What the tests of sweeps run: a cell's own square, after the trouble that the cell asks for."""
+"""Work for the tests of sweeps: a cell's own square, after the trouble that it asks for."""
 
 import ctypes
 import fcntl

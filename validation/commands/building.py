@@ -39,7 +39,7 @@ class Design:
     )
     """Within which the frame must lie; the shell's if not given."""
     shell_thickness: Annotated[float, arg(metavar="M")] = 0.0
-    """Of a homogeneous shell; 0 for a thin one."""
+    """The thickness of a homogeneous shell; 0 for a thin one."""
     out: Path = OUT
     """Folder for the scene."""
 
@@ -72,7 +72,7 @@ class Steer:
     size: Annotated[float, arg(metavar="M")] = 1.0
     """The line's length, the circle's radius or the eight's half length."""
     turns: float = 1.0
-    """Of the circle; to the right below 0."""
+    """How often round the circle; to the right below 0."""
     through: str = ""
     """Instead of a shape, points in m: "1,0 1,1 0,1"."""
     duration: Annotated[float, arg(metavar="S")] = 10.0

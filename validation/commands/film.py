@@ -42,7 +42,7 @@ class Video:
     fps: int = 30
     """Frames a second."""
     size: Annotated[str, arg(metavar="WIDTHxHEIGHT")] = "1280x720"
-    """Of the picture, in pixels."""
+    """The picture's size in pixels."""
     slow: float = 1.0
     """So many times slower than life."""
     camera: Literal["follow", "above", "whole"] = "follow"
@@ -52,7 +52,7 @@ class Video:
     arrows: bool = False
     """Show M, the angular velocity and the contact force."""
     format: Literal["mp4", "webm", "gif"] = "mp4"
-    """Of the file."""
+    """The file's format."""
     control: Controls = ()
     run_options: RunOptions = field(default_factory=Run)
     threads: Threads = None

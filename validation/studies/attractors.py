@@ -290,7 +290,7 @@ class Basins:
     transient: float = 3000.0
     """Time that each is given to reach it [s]."""
     seed: int = 0
-    """Of the random starts."""
+    """The seed of the random starts."""
     threads: Threads = None
     json: File = None
     """Also write the starts and what they reach."""
@@ -349,7 +349,7 @@ class Lyapunov:
     preset: Preset = None
     """Also measure the largest one by the engine so set, over a tenth of the duration."""
     seed: int = 0
-    """Of the random starts."""
+    """The seed of the random starts."""
     threads: Threads = None
     json: File = None
     """Also write the results, start by start."""

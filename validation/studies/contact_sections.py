@@ -405,7 +405,7 @@ class Section:
     preset: Preset = None
     """Draw the engine's crossings as well, of the scene's own start, with these settings."""
     seed: int = 0
-    """Of the random starts."""
+    """The seed of the random starts."""
     out: Path = OUT
     """Folder for the picture."""
     threads: Threads = None

@@ -528,7 +528,7 @@ class Extremes:
     """Instead of maps, N random extreme runs and N ordinary ones.
     Is any failure missed by the precheck and the monitor, and is any alarm false?"""
     seed: int = 0
-    """Of the random runs."""
+    """The seed of the random runs."""
     sweep: SweepOptions = field(default_factory=Sweep)
     json: File = None
     """Also write how many cells have which outcome, and the limits as measured."""

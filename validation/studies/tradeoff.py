@@ -472,7 +472,7 @@ def _name(axes: Axes, name: str, place: tuple[float, float]) -> None:
 
 @dataclass(frozen=True)
 class Tradeoff:
-    """What accuracy costs: error against processor time, and the Pareto front.
+    """Measure what accuracy costs: error against processor time, and the Pareto front.
 
     Example: robotball tradeoff fig12 --quick
     """

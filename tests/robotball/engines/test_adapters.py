@@ -239,7 +239,7 @@ LACKS = [
 def test_what_an_engine_lacks_is_told_before_the_run(
     name: str, preset: str, scene: str, why: str
 ) -> None:
-    """What its adapter cannot roll, and what it lacks under some settings."""
+    """A line says what its adapter cannot roll, or lacks under some settings."""
     engine, of = ADAPTERS[name], rb.load_scene(scene)
     told = engine.lacks(of, engine.presets[preset]) if preset else engine.cannot_express(of)
     assert why in str(told)

@@ -28,7 +28,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def compiled(source: str = "2 x", **options: Any) -> tuple[float, int]:
-    """What a compiled function makes of 3, and how often it was compiled and not loaded."""
+    """Return a compiled function's value at 3, and how often it was compiled and not loaded."""
     double: Any = kept.compiled_from(source, "f8(f8)", **options)(lambda x: 2.0 * x)
     return double(3.0), double.stats.cache_misses.total()
 

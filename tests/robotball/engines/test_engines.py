@@ -150,7 +150,7 @@ def test_what_can_hardly_be_meant_is_told_in_a_line(
 
 
 def doubts_of(scene: rb.Scene, times: Array) -> list[str]:
-    """Those of the warnings of a run by an engine that has no others."""
+    """Return the warnings of a run by an engine that has no others."""
     loose: dict[str, Any] = {"rtol": 1e-6}
     settings = replace(rb.engine_named("multibody").presets["best"], **loose)
     with warnings.catch_warnings(record=True) as caught:

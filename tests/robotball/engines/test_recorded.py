@@ -1,4 +1,4 @@
-"""What a trajectory's own numbers say of its angular velocity, its slip and its momentum."""
+"""A trajectory's own numbers give its angular velocity, its slip and its momentum."""
 
 from dataclasses import replace
 

@@ -95,7 +95,7 @@ def test_invariants_hold_to_rounding(edge: str) -> None:
 
 
 def test_a_long_motion_is_that_of_short_ones_and_keeps_the_invariants() -> None:
-    """Of 2e4 s and 1.4e4 turns by the compiled step, the first 5 s are those of scipy's.
+    """In 2e4 s and 1.4e4 turns by the compiled step, the first 5 s are those of scipy's.
 
     The difference of two tolerances, measured 1.1e-13 m; 3.3e-16 of M and 2.2e-16 of the lengths.
     """
@@ -163,7 +163,7 @@ def test_the_estimate_is_of_the_size_of_the_error(name: str, duration: float) ->
 
 
 def turned(scene: rb.Scene, axes: Rotation, heading: Rotation) -> rb.Scene:
-    """The same ball with the frame's own axes turned, v_new = R v, in another heading."""
+    """Return the ball with the frame's own axes turned, v_new = R v, in another heading."""
     R, ball, start = axes.as_matrix(), scene.ball, scene.start
     attitude = heading * Rotation.from_quat(start.attitude, scalar_first=True) * axes.inv()
     return replace(

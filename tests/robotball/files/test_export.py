@@ -1,4 +1,4 @@
-"""What is exported says the same of the ball as the scene does, in every format."""
+"""An export has the scene's ball, in every format."""
 
 import json
 from collections.abc import Callable
@@ -76,7 +76,7 @@ def test_the_start_rolls_and_the_hinges_turn_as_commanded(exported: Exported) ->
 
 @pytest.mark.parametrize(("file", "hinge"), [("model.xml", ""), ("model.urdf", "_hinge")])
 def test_mujoco_reads_the_same_bodies_and_hinges(exported: Exported, file: str, hinge: str) -> None:
-    """Of the MJCF and the URDF; inertia within 1.5e-15 of it, rounding of axes."""
+    """In the MJCF and the URDF; inertia within 1.5e-15 of it, rounding of axes."""
     scene, folder = exported
     spec = mujoco.MjSpec.from_file(str(folder / file))
     spec.compiler.fusestatic = False

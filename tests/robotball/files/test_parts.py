@@ -64,7 +64,7 @@ def test_parts_are_mujocos_bodies_of_that_shape(
 
 
 def without(outer: Part, inner: Part) -> Solid:
-    """What is left of a body with another cut out of its middle."""
+    """Return a body with another cut out of its middle."""
     a, b = solid_of(outer), solid_of(inner)
     return Solid(a.mass - b.mass, a.centre, a.inertia - b.inertia)
 

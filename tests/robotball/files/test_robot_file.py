@@ -141,7 +141,7 @@ def test_a_robots_scene_rolls_as_its_own_model_in_fine_steps(name: str, tmp_path
 
 @pytest.mark.usefixtures("trusted")
 def test_controls_change_in_time(tmp_path: Path) -> None:
-    """Of a filter and an integrator; measured 4.3e-5 of the path, as of constant ones."""
+    """Through a filter and an integrator; measured 4.3e-5 of the path, as of constant ones."""
     path, times = written(tmp_path, "filtered.xml", FILTERED), np.linspace(0.0, 0.6, 13)
     drive, fly = rb.Sine(amplitude=0.15, frequency=2.0), rb.Ramp(final=6.0, end=0.4)
     scene = robot_file.robot_scene(path, {"drive": drive, "fly": fly}, duration=0.6)
@@ -293,7 +293,7 @@ WARNED = {
 def test_what_a_file_does_in_silence_is_warned_of(
     file: tuple[str, str], lines: list[str], tmp_path: Path
 ) -> None:
-    """What is added, what the equations begin with instead, and what they leave out."""
+    """A line for all that is added, begun with instead, or left out."""
     path = written(tmp_path, *file)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

@@ -1,4 +1,4 @@
-"""What is written of a scene is all of it, to the last bit."""
+"""A scene is written whole, to the last bit."""
 
 from dataclasses import replace
 

@@ -125,7 +125,7 @@ def test_what_is_written_in_another_way_is_read_the_same(tmp_path: Path, text: s
 
 
 def test_columns_may_stand_in_any_order_with_others_among_them(tmp_path: Path) -> None:
-    """What is not known is kept by its own name."""
+    """Unknown columns are kept by their own names."""
     rows = "0,5,1,0,0,0,0,0,1,2\n0,6,0.6,2,0.5,0,1,0.8,1,2\n0,7,0,4,1,1,3,0,1,2\n"
     trajectory = read(tmp_path, f"qz,energy,qw,y,t,qy,x,qx,z,x_error\n{rows}")
     assert_is_the_plain_one(trajectory)
@@ -170,7 +170,7 @@ SIZES = {
     ("names", "unit", "si"), [(n, u, si) for n, sizes in SIZES.items() for u, si in sizes.items()]
 )
 def test_each_unit_has_its_size(tmp_path: Path, names: list[str], unit: str, si: float) -> None:
-    """Of seconds, metres and rad/s, in every column that has it; no other column is changed."""
+    """Seconds, metres and rad/s, in every column that has them; no other column is changed."""
     units = ", ".join(f"{name} {unit}" for name in names)
     rows = "".join(f"{t},{t},{t},{t},1,0,0,0,{t},{t},{t}\n" for t in (0, 3))
     found = read(tmp_path, f"t,x,y,z,qw,qx,qy,qz,wx,wy,wz\n# units: {units}\n{rows}")
@@ -277,7 +277,7 @@ def test_a_file_that_cannot_be_judged_is_one_line(
 def test_quaternions_that_are_rounded_are_made_unit_and_told(
     tmp_path: Path, written: str, off: str | None
 ) -> None:
-    """Those of two digits are off by a hundredth; of single precision nothing is told."""
+    """Two digits are off by a hundredth; single precision is not warned of."""
     trajectory = read(tmp_path, PLAIN.replace("0.6,0.8", written))
     assert np.linalg.norm(trajectory.attitude, axis=1).tolist() == pytest.approx([1, 1, 1], 1e-15)
     note = f"quaternions are off length 1 by up to {off}; they are made so"

@@ -33,7 +33,7 @@ def written(folder: Path, text: str) -> Path:
 
 @pytest.fixture
 def at_once(monkeypatch: pytest.MonkeyPatch) -> dict[int, tuple[int, int]]:
-    """What is to run in a process of its own runs in this one; gives the limits that it had."""
+    """Runs the work of another process in this one; gives the limits that it had."""
     limits: dict[int, tuple[int, int]] = {}
 
     def run(command: list[str], **_: object) -> subprocess.CompletedProcess[bytes]:

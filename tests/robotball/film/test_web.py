@@ -99,7 +99,7 @@ def test_a_view_plays_scrubs_and_turns(tmp_path: Path) -> None:
 @needs_browser
 @pytest.mark.slow
 def test_a_view_s_bodies_stand_as_the_motion_s(tmp_path: Path) -> None:
-    """Of rotors, and of trees with slides, with and without a frame, three views of a page.
+    """Rotors, and trees with slides, with and without a frame, three views of a page.
 
     At t = 1 s, by the poses of the library; measured 1.5e-6: 32 bits of a rotor's angle.
     """

@@ -174,7 +174,7 @@ def test_points_have_the_papers_names_and_types() -> None:
 
 
 def test_the_axis_of_k_is_a_saddle_or_a_weak_focus_by_proposition_2() -> None:
-    """Of 60 random balls, by A₁A₂ and by B/A₁: the eigenvalues and the value of third order."""
+    """For 60 random balls, by A₁A₂ and by B/A₁, the eigenvalues and the value of third order."""
     rng, found = np.random.default_rng(12), Counter[str]()
     for _ in range(60):
         some = random_ball(rng, (0.0, 0.0, rng.normal()))

@@ -211,7 +211,7 @@ def test_a_run_that_broke_in_its_first_step_has_a_page_and_no_film(
 
 
 def test_model_prints_mjcf_that_is_complete(robotball: Robotball, tmp_path: Path) -> None:
-    """What is printed compiles by itself, and starts at the scene's start."""
+    """The printed text compiles by itself, and starts at the scene's start."""
     status, out, _ = robotball("model", "fig12")
     model = mujoco.MjModel.from_xml_string(out)
     start = rb.load_scene("fig12").start.attitude

@@ -48,7 +48,7 @@ CHECKED = [
 
 @pytest.mark.parametrize("claim", CHECKED)
 def test_a_claim_of_the_paper_holds_and_fails_with_one_thing_changed(claim: Claim) -> None:
-    """What is measured stands in the finding, beside its bound; a misprint is refuted by a number.
+    """Findings have the measured value beside its bound; a misprint is refuted by a number.
 
     The negative control is a sign, a factor or an index of the statement, as its twist says.
     """
@@ -155,7 +155,7 @@ def test_a_check_that_ends_in_an_error_reproduces_nothing(error: Exception, word
 def test_the_largest_error_counts_or_the_number_of_wrong_ones(
     bound: float, errors: list[float], evidence: str
 ) -> None:
-    """Of the errors that a check yields; what is not a number is the largest of all."""
+    """The largest of a check's errors is its evidence; NaN is larger than all."""
     nine = {"errors": [9.0]}
     made = by("arithmetic", "the sign", bound=bound, unit="m", printed=nine, errors=errors)
     assert str(examine(made(lambda errors, twist: iter(errors)).claim).evidence) == evidence

@@ -111,7 +111,7 @@ def energy_distance(first: Array, second: Array) -> float:
 
 
 def test_energy_distance_of_points_is_twice_their_distance() -> None:
-    """Of single points it is 2|x - y|; of samples of one law it is little."""
+    """For single points it is 2|x - y|; of samples of one law it is little."""
     cloud, other = np.random.default_rng(0).normal(size=(2, 500, 3))
     assert energy_distance(np.zeros((1, 2)), np.array([[3.0, 4.0]])) == pytest.approx(10)
     assert 0 < energy_distance(cloud, other) < 0.02  # measured 0.010

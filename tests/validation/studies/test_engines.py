@@ -44,7 +44,7 @@ def result(value: float, error: float, seconds: float, **changes: Any) -> Result
 
 
 def test_a_run_in_a_process_says_what_a_run_here_says() -> None:
-    """The same path error, to the last bit, and what it depends on."""
+    """Their path errors are equal to the last bit, and name what they depend on."""
     record = measure(CELL)
     theory = rb.integrate(FIG12, rb.sample_times(0.2))
     here = rb.simulate(FIG12, theory.times, "balanced")
@@ -131,7 +131,7 @@ def wheel(folder: Path, name: str) -> None:
 
 @pytest.mark.slow
 def test_an_environment_has_its_engine_and_all_of_ours(tmp_path: Path) -> None:
-    """What is asked for is imported from there, robotball and numpy from ours; it makes cells."""
+    """The engine is imported from there, robotball and numpy from ours; it makes cells."""
     asked = Contestant("other", "mujoco", (str(tmp_path / "otherengine-1.0-py3-none-any.whl"),))
     wheel(tmp_path, "otherengine")
     home = install(asked, tmp_path)
@@ -147,7 +147,7 @@ def test_an_environment_has_its_engine_and_all_of_ours(tmp_path: Path) -> None:
 def test_an_environment_that_cannot_be_made_is_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What pip left where it failed is no engine's; a folder with anything in it stays as it is."""
+    """A folder that a failed pip left is no engine's; one with anything in it stays as it is."""
     create = venv.create  # without pip, so that it fails at once
     monkeypatch.setattr(venv, "create", lambda home, **_: create(home, clear=True))
     asked = Contestant("other", "mujoco", (str(tmp_path / "nowhere-1-py3-none-any.whl"),))

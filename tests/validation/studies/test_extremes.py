@@ -144,7 +144,7 @@ def result(outcome: str, error: float | None, **told: Any) -> Result:
 
 
 def test_the_totals_say_who_told_of_what_was_wrong() -> None:
-    """Of seven runs: two sound, one of them warned of, four wrong, each told of in its own way."""
+    """Seven runs: two sound, one of them warned of, four wrong, each told of in its own way."""
     foretold, faults = {"foretold": ["rotation"]}, {"faults": ["M off"]}
     runs = [
         result("ACCURATE", 0.0),

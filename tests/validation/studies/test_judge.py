@@ -402,7 +402,7 @@ def test_slip_is_measured_and_not_taken_for_the_numerical_error() -> None:
 
 
 def test_a_robot_is_judged_as_far_as_its_file_says() -> None:
-    """Of a motor that it says nothing of, momentum, slip and spin are not known; the rest is."""
+    """Where it says nothing of a motor, momentum, slip and spin are not known; the rest is."""
     scene = random_robot_scene(np.random.default_rng(2))
     motion = rb.integrate(scene, np.linspace(0, 1, 101))
     silent = bare(motion)

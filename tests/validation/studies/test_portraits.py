@@ -51,7 +51,7 @@ def test_a_cycle_that_settling_misses_is_found_once_with_its_own_period() -> Non
 
 
 def test_every_map_passes_through_the_balls_of_the_paper() -> None:
-    """The same Ω at the place that the pictures mark; and no cell is on the line K₃ = 0."""
+    """The balls' Ω is at the place that the pictures mark; and no cell is on the line K₃ = 0."""
     angle = float(np.degrees(np.arctan2(2.0, 4.0)))
     for name, y in (("axial", 1.0), ("azimuth", angle)):
         assert PLANES[name].ball(0.3, y).Omega == pytest.approx((4.0, 2.0, 1.0))

@@ -102,7 +102,7 @@ def test_a_soft_contact_and_a_quick_solver_are_wrong_where_the_load_varies() -> 
 
 
 def test_forces_torques_and_momentum_are_those_of_the_equations() -> None:
-    """Of a servo with an armature too, whose joint carries less than the motor gives."""
+    """A servo with an armature is among them, whose joint carries less than the motor gives."""
     agreement = agreement_of("W4", "balanced")
     ours, theirs = agreement.motion, agreement.theory
     of_motors = np.abs(ours.loads.motor_torques - theirs.loads.motor_torques).max(axis=0)

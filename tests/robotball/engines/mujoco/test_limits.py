@@ -1,4 +1,4 @@
-"""What is predicted of a run happens: a limit is where it fails, a size is what is measured."""
+"""Predictions of a run come true: a limit is where it fails, a size is what is measured."""
 
 import re
 from collections.abc import Callable

@@ -89,7 +89,7 @@ class SecondForm:
         return M, self.data.qfrc_bias.copy()
 
     def loads(self, t: float, q: Array, v: Array) -> Loads:
-        """What the constraints make of a state."""
+        """Return the loads of the constraints in a state."""
         M, bias = self.dynamics(q, v)
         nv, right, R = len(v), -bias, rotation_matrix(q[3:7] / np.linalg.norm(q[3:7]))
         spin_free = self.scene.rolling == "rubber"

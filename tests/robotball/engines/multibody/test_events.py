@@ -1,4 +1,4 @@
-"""What ends a smooth piece of a motion: resistance that holds the shell, lift-off."""
+"""Events that end a smooth piece of a motion: resistance that holds the shell, lift-off."""
 
 from dataclasses import replace
 from typing import Any

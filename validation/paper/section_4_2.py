@@ -304,7 +304,7 @@ def _named(n: Numbers = _FIG6) -> dict[str, Array]:
 
 
 @cache
-def _number(K3: float, starts: int = 400) -> int:
+def _number(K3: float, starts: int = 150) -> int:
     """Return the number of fixed points of (4.1) at K₃, searched for from so many points."""
     return len(f.zeros(f.from_rest(_with_K3(K3)), starts))
 
@@ -318,7 +318,7 @@ def _existence(twist: float, least: float = -1.0) -> Errors:
     """
     for K3 in (-3.0, -1.2, -0.5, -0.1, 0.2, 0.5, 1.0, 2.5):
         kappas = [_kappa(_with_K3(K3), j, twist) for j in (_DELTA, _THETA)]
-        yield _number(K3, 150) != 2 + 4 * sum(least < kappa < 1 for kappa in kappas)
+        yield _number(K3) != 2 + 4 * sum(least < kappa < 1 for kappa in kappas)
 
 
 def kind(n: Numbers, gamma: Array) -> str:

@@ -208,7 +208,10 @@ class Film:
         """
         shared = min(len(motion.times), len(theory.times))
         if shared < 2 or not np.array_equal(motion.times[:shared], theory.times[:shared]):
-            raise InputError("a video needs two motions sampled at the same times, two at least")
+            raise InputError(
+                "a film needs two motions sampled at the same times, of two samples at least, not "
+                f"{len(motion.times)} and {len(theory.times)}"
+            )
         rate, end = self.fps * self.slow, float(motion.times[shared - 1])
         # An end that is a whole number of frames must not be lost to rounding.
         count = np.floor(end * rate * (1 + 1e-12)) + 1

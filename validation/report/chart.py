@@ -187,12 +187,13 @@ def _data(line: Line, x: Array, y: Array) -> dict[str, object]:
     data: dict[str, object] = {
         "name": line.name,
         "colour": line.colour,
-        "at": [[round(a, 1), round(b, 1)] for a, b in zip(x.tolist(), y.tolist(), strict=True)],
-        "x": _digits(line.x),
-        "y": _digits(line.y),
+        "at": [*zip(_numbers(x, ".1f"), _numbers(y, ".1f"), strict=True)],
+        "x": _numbers(line.x),
+        "y": _numbers(line.y),
     }
-    return data if line.times is None else data | {"t": _digits(line.times)}
+    return data if line.times is None else data | {"t": _numbers(line.times)}
 
 
-def _digits(values: Array) -> list[float | None]:
-    return [float(f"{x:.{_DIGITS}g}") if math.isfinite(x) else None for x in values.tolist()]
+def _numbers(values: Array, form: str = f".{_DIGITS}g") -> list[float | None]:
+    # JSON has no NaN.
+    return [float(f"{x:{form}}") if math.isfinite(x) else None for x in values.tolist()]

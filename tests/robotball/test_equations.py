@@ -152,6 +152,24 @@ def test_space_axes_are_carried_and_the_contact_point_does_not_slip(state: State
     assert gap(velocity, (eq.dot(alpha, v), eq.dot(beta, v))) < EQUAL
 
 
+@pytest.mark.parametrize(("rolling", "nearest"), [("rubber", 0.677), ("classical", 0.934)])
+def test_no_ball_turns_faster_than_its_bound(rolling: Rolling, nearest: float) -> None:
+    """Of 300 random balls, in 200 states each, the nearest comes so near to it."""
+    rng, found = np.random.default_rng(1), []
+    for _ in range(300):
+        *I, d = np.exp(rng.uniform(-1, 1, 4)).tolist()
+        Omega, K, size = rng.normal(size=3), rng.normal(size=3), float(np.exp(rng.uniform(-2, 2)))
+        ball = Parameters(rolling, tuple(I), d, 1.0, tuple(Omega), tuple(K))
+        gamma, M = rng.normal(size=(2, 3, 200))
+        gamma /= np.linalg.norm(gamma, axis=0)
+        M = np.cross(gamma, M, axis=0) if rolling == "rubber" else M
+        M *= size / np.linalg.norm(M, axis=0)
+        omega = ball.angular_velocity(tuple(M), tuple(gamma))
+        bound = eq.speed_bound(ball, np.array([size]))[0]
+        found.append(np.linalg.norm(np.array(omega), axis=0).max() / bound)
+    assert nearest - 0.1 < max(found) < 1
+
+
 def test_a_rubber_ball_never_spins_in_symbols() -> None:
     """(2.2) of (3.2) for free symbols of sympy."""
     M, gamma, Omega, K, A = (sympy.symbols(f"{name}1:4") for name in "MgOKA")

@@ -302,7 +302,7 @@ def _serve(pipe: connection.Connection, work: Callable[[Any], Any]) -> None:
     pipe.send(None)
     with at_most(1), suppress(EOFError, BrokenPipeError, ConnectionResetError):
         while pipe.poll(_IDLE):
-            pipe.send(_call(work, pipe.recv()))
+            pipe.send(answered(work, pipe.recv()))
 
 
 def _end(*_: object) -> None:
@@ -318,7 +318,7 @@ def _modules(work: Any) -> list[str]:
     return [module for part in (work.func, *work.args) for module in _modules(part)]
 
 
-def _call(work: Callable[[Any], Any], job: Any) -> tuple[Any, BaseException | None, list[str]]:
+def answered(work: Callable[[Any], Any], job: Any) -> tuple[Any, BaseException | None, list[str]]:
     """Return the result of a job, or its error, and the texts of its warnings."""
     result, error = None, None
     with warnings.catch_warnings(record=True) as caught:

@@ -5,7 +5,7 @@ Imports stand within the functions, so that `robotball --help` loads none of wha
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -118,12 +118,17 @@ class Run:
     """Refuse settings that are predicted to fail, in place of a warning."""
     keep_going: bool = False
     """Go on after a fault, as long as there is a state."""
+    environments: DisallowNone[
+        Annotated[Path | None, arg(metavar="FOLDER", help_behavior_hint="")]
+    ] = None
+    """Of engines that are not installed here; out/engines if not given."""
 
     def request(self, preset: str | None) -> Request:
         """Return the request to the engine."""
-        from robotball.engine import request_of
+        from robotball.engine import ENVIRONMENTS, request_of
 
-        return request_of(self.engine, preset, self.accuracy, keep_going=self.keep_going)
+        request = request_of(self.engine, preset, self.accuracy, keep_going=self.keep_going)
+        return replace(request, environments=self.environments or ENVIRONMENTS)
 
 
 RunOptions = OmitArgPrefixes[Run]

@@ -392,7 +392,7 @@ def _cluster(work: Work, limit: float | None, address: str) -> Iterator[_Place]:
         distributed = import_module("distributed")  # whose calls have no types
     except ImportError:
         raise InputError(
-            "a cluster needs dask: install the extra, pip install 'robotball[cluster]'"
+            "a cluster needs dask: pip install '.[cluster]' in a checkout of robotball"
         ) from None
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # we say it in a line
     try:

@@ -12,10 +12,12 @@ u = S w + s(t) with w the free part of ω, and the engine's M du/dt + h = 0 is p
 term of dS/dt is left to be dropped.
 """
 
+import pickle
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib.metadata import PackageNotFoundError, requires, version
 from importlib.util import find_spec
 from itertools import pairwise
@@ -24,8 +26,8 @@ from typing import Any, Literal
 import numpy as np
 
 from robotball import equations as eq
-from robotball.engine import Engine, Ladder, Own, Request, as_own
-from robotball.engines import Compensated, Rate
+from robotball.engine import Engine, Ladder, Own, Request, as_own, engine_named
+from robotball.engines import Compensated, Progress, Rate, environments
 from robotball.engines.links import Readings, State, readings_of, start_state, state_of_rows
 from robotball.equations import as_vector
 from robotball.errors import InputError, warn
@@ -52,20 +54,33 @@ _CALLS = 200
 class World(ABC):
     """A ball in an engine, at its start. To make one is set-up, which no run's time includes.
 
-    steps: the number taken so far; longest: the longest of them [s].
+    steps: the number taken so far; longest: the longest of them [s]; friction: the coefficient of
+    the engine's contact, where it is known.
     """
+
+    friction = float("nan")
 
     def __init__(self, scene: Scene) -> None:
         self.scene, self.now = scene, start_state(scene)
         self.steps, self.longest = 0, 0.0
 
     @abstractmethod
-    def march(self, times: Array, timestep: float) -> Iterator[State]:
-        """Yield the states at times (n,) after the first, in steps of `timestep` at most [s]."""
+    def march(self, times: Array, timestep: float) -> Iterator[Callable[[], State]]:
+        """Take steps of `timestep` at most [s], and yield at each of times (n,) after the first.
+
+        What is yielded reads the state, which is no part of a run's time.
+        """
 
     @abstractmethod
     def python_seconds(self) -> float:
         """Return the processor time of Python's part in all steps so far [s]."""
+
+    def force(self) -> Array:
+        """Return the plane's force on the shell in the last step (3,) [N], world, if it is known.
+
+        The normal force is last.
+        """
+        return UNKNOWN
 
     def hinges_at(self, t: float) -> tuple[Array, Array]:
         """Return the hinges' given angles (h,) and rates (h,) at t [s]."""
@@ -105,7 +120,7 @@ class SteppedWorld(World):
     def state(self) -> State:
         """Return the state that the ball is in now."""
 
-    def march(self, times: Array, timestep: float) -> Iterator[State]:
+    def march(self, times: Array, timestep: float) -> Iterator[Callable[[], State]]:
         lengths = spans(times, self.scene.breakpoints, timestep)[1]
         # The engine has its step from set-up. Lengths that differ by rounding alone count as equal.
         if not self.any_step and not np.allclose(lengths, lengths[0], rtol=1e-9, atol=0.0):
@@ -116,7 +131,7 @@ class SteppedWorld(World):
         for begin, length, count, sample in self.stretches(times, timestep):
             self._loop(self.step, begin, length, count)
             if sample is not None:
-                yield self.state()
+                yield self.state
 
     def python_seconds(self) -> float:
         # Commands are given to the engine as in the run, so that these calls count; no step is
@@ -148,6 +163,11 @@ class ServoWorld(SteppedWorld):
         self.turn(self.hinges_at(t + step)[1])
 
 
+def upward(force: Array) -> Array:
+    """Return a contact's force (3,) on either body as that on the ball, which the plane lifts."""
+    return force * np.copysign(1.0, force[2])
+
+
 def seconds_per_call(call: Callable[[], object]) -> float:
     """Return the processor time that a function takes [s], the mean of many calls."""
     began = time.process_time()
@@ -156,6 +176,7 @@ def seconds_per_call(call: Callable[[], object]) -> float:
     return (time.process_time() - began) / _CALLS
 
 
+UNKNOWN = np.full(3, np.nan)  # a force
 _LIFTED = 0.01  # of the radius: a shell this far above the plane has left it
 
 
@@ -221,29 +242,58 @@ class Adapter(Engine):
         return None
 
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
-        """Return the motion. Its loads are unknown, NaN, and there is no fault window."""
+        """Return the motion, without a fault window. Loads that the engine does not give are NaN.
+
+        Where the engine is not installed it is run in its environment, without progress.
+        """
         settings = as_own(request.settings, type(self.presets[self.default]), self.label)
-        if not self.installed:
-            raise InputError(
-                f"{self.label.name} is not installed: pip install 'robotball[{self.extra}]', or "
-                f"robotball engines --install {self.extra} for an environment of its own"
-            )
+        if self.installed:
+            return self._roll(scene, times, settings, request.progress)
+        python = environments.interpreter_of(request.environments / self.extra)
+        if python is None:
+            raise not_installed(self.label.name, self.extra)
+        try:
+            there = environments.call(python, _roll_named, self.extra, scene, times, settings)
+        except (RuntimeError, AttributeError, pickle.PickleError) as error:
+            raise InputError(f"{self.label.name} in {python.parents[1]}: {error}") from None
+        motion: ContactMotion = there
+        return motion
+
+    def _roll(
+        self, scene: Scene, times: Array, settings: Any, progress: Progress | None = None
+    ) -> ContactMotion:
+        """Return the motion, by the engine as it is installed here."""
         # It runs all the same: how far off it then is belongs to the comparison of engines.
         if lack := self.lacks(scene, settings):
             warn(f"{scene.name}, {settings.name}: {self.label.name}: {lack}")
         world = self.world(scene, settings, longest_step(scene, times, settings.timestep))
-        # Only the engine's steps are timed, not what is made of its states. A state that is no
+        # Only the engine's steps are timed, not the reading of its states. A state that is no
         # number ends the run.
-        rows, spent = [world.now.row], 0.0
+        rows, spent, forces = [world.now.row], 0.0, [UNKNOWN]
         march = world.march(times, settings.timestep)
         while len(rows) < len(times) and np.isfinite(rows[-1]).all():
             began = time.process_time()
-            state = next(march)
+            read = next(march)
             spent += time.process_time() - began
-            rows.append(state.row)
-            if request.progress is not None:
-                request.progress(times[len(rows) - 1] / times[-1])
-        return _motion_of(self.label, world, times, np.array(rows), settings, spent)
+            rows.append(read().row)
+            forces.append(world.force())
+            if progress is not None:
+                progress(times[len(rows) - 1] / times[-1])
+        return _motion_of(
+            self.label, world, times, np.array(rows), np.array(forces), settings, spent
+        )
+
+
+def _roll_named(name: str, scene: Scene, times: Array, settings: StepSettings) -> ContactMotion:
+    """Return the motion by the adapter of a name, which is known here by its own packages."""
+    adapter: Any = engine_named(name)
+    motion: ContactMotion = adapter._roll(scene, times, settings)
+    return motion
+
+
+def not_installed(engine: str, name: str) -> InputError:
+    """Return the error for an engine, called by a name, that is neither here nor elsewhere."""
+    return InputError(f"{engine} is not installed: robotball engines --install {name}")
 
 
 def longest_step(scene: Scene, times: Array, timestep: float) -> float:
@@ -256,10 +306,14 @@ def _motion_of(
     world: World,
     times: Array,
     rows: Array,
+    forces: Array,
     settings: EngineSettings,
     seconds: float,
 ) -> ContactMotion:
-    """Return the motion of rows (n, 13 + 2h) of State, up to the fault that ends it, if any."""
+    """Return the motion of rows (n, 13 + 2h) of State and forces (n, 3) [N].
+
+    It ends at a fault that ends the run, if there is one.
+    """
     scene = world.scene
     state = state_of_rows(rows if np.isfinite(rows[-1]).all() else rows[:-1])
     # A ball that runs away overflows here, before it is cut off at its fault.
@@ -268,6 +322,7 @@ def _motion_of(
         rate_error = _rate_error(scene, times[: len(state.centre)], state)
         faults, kept = _faults(scene, times, state, readings, rate_error, settings)
     n = slice(kept)
+    loads = replace(Loads.unknown(kept, len(scene.drives)), contact_force=forces[n])
     return ContactMotion(
         scene=scene,
         engine=label,
@@ -278,14 +333,13 @@ def _motion_of(
         angular_velocity=readings.angular_velocity[n],
         hinge_angles=state.angles[n],
         hinge_rates=state.rates[n],
-        loads=Loads.unknown(kept, len(scene.drives)),
+        loads=loads,
         report=ContactReport(
             settings=settings,
             slip=readings.slip[n],
             spin=readings.spin[n],
             depth=scene.ball.radius - state.centre[n, 2],
-            # It needs the contact's force, which adapters do not read.
-            friction_used=np.full(kept, np.nan),
+            friction_used=loads.sliding_friction / world.friction,
             hinge_rate_error=rate_error[n],
             faults=faults,
             timestep=world.longest,
@@ -404,10 +458,10 @@ class IdealWorld(World):
         now = self.now
         return np.concatenate([now.centre[:2], now.attitude, now.turning[: self.S.shape[1]]])
 
-    def march(self, times: Array, timestep: float) -> Iterator[State]:
+    def march(self, times: Array, timestep: float) -> Iterator[Callable[[], State]]:
         steps = self._rk4 if self.stepper == "RK4" else self._dop853
         for t, state in steps(times, timestep, self._start):
-            yield self.state_at(t, state)
+            yield partial(self.state_at, t, state)
 
     def _rk4(self, times: Array, timestep: float, y: Array) -> Iterator[tuple[float, Array]]:
         for begin, length, count, sample in self.stretches(times, timestep):

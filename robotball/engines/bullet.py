@@ -8,7 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from robotball.engines.adapter import Adapter, ServoWorld, StepSettings, by_name, version_of
+from robotball.engines.adapter import (
+    Adapter,
+    ServoWorld,
+    StepSettings,
+    by_name,
+    upward,
+    version_of,
+)
 from robotball.engines.links import State, links_of, principal_inertia
 from robotball.motion import Label
 from robotball.rotations import Array, conjugate, multiply
@@ -43,7 +50,7 @@ class _BulletWorld(ServoWorld):
         p.setGravity(0, 0, -scene.gravity)
         p.setTimeStep(step)
         plane = p.createMultiBody(0, p.createCollisionShape(p.GEOM_PLANE))
-        self.force, links = settings.motor_force, links_of(scene)
+        self.strength, links = settings.motor_force, links_of(scene)
         (shell, *hung), names = links, [link.name for link in links]
         moments, axes = zip(*map(principal_inertia, links), strict=True)
         self.own = axes[0]  # Bullet's base is turned into principal axes
@@ -85,6 +92,7 @@ class _BulletWorld(ServoWorld):
         if settings.spinning_friction is not None and scene.rolling == "rubber":
             p.changeDynamics(plane, -1, spinningFriction=1.0)
             p.changeDynamics(self.ball, -1, spinningFriction=settings.spinning_friction)
+        self.friction = p.getDynamicsInfo(plane, -1)[1] * p.getDynamicsInfo(self.ball, -1)[1]
         p.resetBasePositionAndOrientation(
             self.ball, start.centre, _xyzw(multiply(start.attitude, self.own))
         )
@@ -101,7 +109,7 @@ class _BulletWorld(ServoWorld):
             range(len(rates)),
             self.p.VELOCITY_CONTROL,
             targetVelocities=rates.tolist(),
-            forces=[self.force] * len(rates),
+            forces=[self.strength] * len(rates),
         )
 
     def step(self, step: float) -> None:
@@ -116,6 +124,14 @@ class _BulletWorld(ServoWorld):
         return State(
             np.array(place), np.array(velocity), attitude, np.array(turning), angles, rates
         )
+
+    def force(self) -> Array:
+        total = np.zeros(3)
+        for _, _, _, _, _, _, _, normal, _, N, *friction in self.p.getContactPoints(self.ball):
+            total += np.multiply(N, normal)
+            for size, along in zip(friction[::2], friction[1::2], strict=True):
+                total += np.multiply(size, along)
+        return upward(total)
 
 
 def _xyzw(q: Array) -> list[float]:

@@ -16,6 +16,7 @@ from robotball.engines.adapter import (
     StepSettings,
     World,
     by_name,
+    upward,
     velocity_first,
     version_of,
 )
@@ -93,6 +94,7 @@ class _DartWorld(ServoWorld):
             node.createDynamicsAspect()
             if settings.friction is not None:
                 node.getDynamicsAspect().setFrictionCoeff(settings.friction)
+        self.friction = node.getDynamicsAspect().getFrictionCoeff()
         self.world.addSkeleton(ground)
         self.world.addSkeleton(self.ball)
         _put(self.ball, self.now, dartpy)
@@ -112,6 +114,10 @@ class _DartWorld(ServoWorld):
         turn, centre = from_matrix(np.array(place.rotation())), np.array(place.translation())
         moving, turning = shell.getLinearVelocity(), shell.getAngularVelocity()
         return State(centre, np.array(moving), turn, np.array(turning), q[6:], v[6:])
+
+    def force(self) -> Array:
+        contacts = self.world.getLastCollisionResult().getContacts()
+        return upward(sum((np.array(each.force) for each in contacts), np.zeros(3)))
 
 
 class _DartDynamics(IdealWorld):

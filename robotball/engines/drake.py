@@ -4,7 +4,7 @@ Point contact has no torsional friction: a torque against the spin, ours, stands
 friction lets slip is set by the stiction tolerance, not by the step.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -18,6 +18,7 @@ from robotball.engines.adapter import (
     World,
     by_name,
     longest_step,
+    upward,
     velocity_first,
     version_of,
 )
@@ -188,7 +189,7 @@ class _DrakeWorld(World):
         from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
         from pydrake.systems.framework import DiagramBuilder
 
-        builder = DiagramBuilder()
+        builder, self.friction = DiagramBuilder(), settings.friction
         discrete = settings.integrator is None
         depth = 0.0 if discrete else _carrying_depth(scene, settings)
         self.plant = plant = _add_plant(scene, settings, builder, step if discrete else 0.0, depth)
@@ -217,14 +218,23 @@ class _DrakeWorld(World):
         plant.SetVelocities(self.context, v)
         self.simulator.Initialize()
 
-    def march(self, times: Array, timestep: float) -> Iterator[State]:
-        plant, context, simulator = self.plant, self.context, self.simulator
+    def march(self, times: Array, timestep: float) -> Iterator[Callable[[], State]]:
+        simulator = self.simulator
         self.longest = longest_step(self.scene, times, timestep)
         for t in times[1:].tolist():
             simulator.AdvanceTo(t)
             self.steps = max(simulator.get_num_steps_taken(), simulator.get_num_discrete_updates())
-            q, v = plant.GetPositions(context), plant.GetVelocities(context)
-            yield State(q[4:7], v[3:6], q[:4], v[:3], q[7:], v[6:])
+            yield self._state
+
+    def _state(self) -> State:
+        q, v = self.plant.GetPositions(self.context), self.plant.GetVelocities(self.context)
+        return State(q[4:7], v[3:6], q[:4], v[:3], q[7:], v[6:])
+
+    def force(self) -> Array:
+        results = self.plant.get_contact_results_output_port().Eval(self.context)
+        count = results.num_point_pair_contacts()
+        forces = [results.point_pair_contact_info(i).contact_force() for i in range(count)]
+        return upward(sum(forces, np.zeros(3)))
 
     def python_seconds(self) -> float:
         """Return NaN: Drake itself calls our torque and motors, so their time is unknown."""

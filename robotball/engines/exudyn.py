@@ -6,8 +6,9 @@ turns inside. Rotors that are bodies of their own would ask for tiny steps: in E
 at 150 rad/s is off by 6.6e-3 at 2 ms (docs/findings/exudyn_fast_rotor.py).
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from typing import Any, Literal
 
 import numpy as np
@@ -183,7 +184,7 @@ class _ExudynWorld(World):
         x, y, z = self._axis(q[-4:] / np.linalg.norm(q[-4:])) * drive.rate(t)
         return np.array([-shell.radius * y, shell.radius * x, 0.0, z])[: self.row_count]
 
-    def march(self, times: Array, timestep: float) -> Iterator[State]:
+    def march(self, times: Array, timestep: float) -> Iterator[Callable[[], State]]:
         exudyn, settings = self.exudyn, self.settings
         self.longest = longest_step(self.scene, times, timestep)
         self.steps = round(float(times[-1]) / self.longest)
@@ -202,13 +203,18 @@ class _ExudynWorld(World):
         chosen.solution.sensors.writePeriod = 0.0
         solver = getattr(exudyn.DynamicSolverType, settings.solver)
         self.system.SolveDynamic(chosen, solverType=solver)
+        states = cache(lambda: list(self._states(times)))
+        for i in range(len(times) - 1):
+            yield partial(lambda k: states()[k], i)
+
+    def _states(self, times: Array) -> Iterator[State]:
+        """Yield the states at times (n,) after the first, from what the sensors have stored."""
         (at, *q), (_, *q_t) = (self.system.GetSensorStoredData(each).T for each in self.sensors)
         # Cubic through states and rates: its error is of order 4, and the solver's of order 2.
         path = CubicHermiteSpline(at, np.transpose(q), np.transpose(q_t))
         start = np.array([0.0, 0.0, self.scene.ball.radius, *self.now.attitude])
-        for t, place, moving in zip(times.tolist(), path(times), path(times, 1), strict=True):
-            if t > 0:
-                yield self._state(t, start + place, moving)
+        for t in times[1:].tolist():
+            yield self._state(t, start + path(t), path(t, 1))
 
     def _state(self, t: float, q: Array, q_t: Array) -> State:
         """Return the state at t [s] from the coordinates of the frame's node and their rates."""

@@ -1,40 +1,26 @@
-"""One run of one engine as a process of its own: a cell as JSON in, its record as JSON out.
-
-An engine has an environment of its own, so that none decides on another's packages. It holds the
-engine and what that requires; everything else, robotball among it, comes from our environment,
-which is searched after it. So MuJoCo of another version is only another environment.
-
-The process is started by the environment's interpreter, with a pipe whose closing ends it. What the
-engine prints goes to standard error.
-"""
+"""One run of one engine as a cell: its errors, its contact's quality, its cost and versions."""
 
 import hashlib
-import json
-import os
 import platform
 import statistics
-import subprocess
 import sys
-import sysconfig
 import time
-import venv
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import robotball
 from robotball import InputError, engine_named, engine_names, integrate, load_scene, sample_times
 from robotball.engine import DEFAULT, Request, run_request
 from robotball.engines.adapter import Adapter
+from robotball.engines.environments import interpreter_of, make
 from robotball.motion import EngineSettings, momentum_error, path_error
-from robotball.processes import end_when_closed
+from validation.contact_quality import contact_quality
 from validation.output import known
 from validation.sensitivity import total_defect
 
 OLDER = "mujoco-3.17"  # before RK4 was of order 4 on free joints
-_LINK = "zz_robotball.pth"
 
 
 @dataclass(frozen=True)
@@ -67,48 +53,23 @@ def contestants() -> dict[str, Contestant]:
 def python_of(contestant: Contestant, folder: Path) -> Path | None:
     """Return the interpreter of a contestant: its environment's, or ours where it needs none.
 
-    None where there is neither. The link is written last: an environment without it was not made to
-    its end, and is none.
+    None where there is neither.
     """
-    home = folder / contestant.name
-    if _link_of(home).exists():
-        return (home / "bin" / "python").absolute()
+    if own := interpreter_of(folder / contestant.name):
+        return own
     engine = engine_named(contestant.engine)
     there = engine.installed if isinstance(engine, Adapter) else not contestant.requirements
     return Path(sys.executable) if there else None
 
 
 def install(contestant: Contestant, folder: Path) -> Path:
-    """Make a contestant's environment anew by venv and pip, and return its folder.
+    """Make a contestant's environment anew, and return its folder.
 
-    Raises InputError where pip fails, for what our own environment has, and in place of a folder
-    that holds something else.
+    Raises InputError as `make` does, and for what our own environment has.
     """
     if not contestant.requirements:
         raise InputError(f"{contestant.name} is here already: there is nothing to install")
-    home = folder / contestant.name
-    if home.is_dir() and any(home.iterdir()) and not (home / "pyvenv.cfg").is_file():
-        raise InputError(
-            f"{home} is no environment, and would be lost: move it, or give another folder with "
-            "--environments"
-        )
-    venv.create(home, clear=True, with_pip=True)
-    python = home / "bin" / "python"
-    command = [str(python), "-m", "pip", "install", "--quiet", *contestant.requirements]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        words = [line for line in done.stderr.split("\n") if line.strip()]
-        raise InputError(f"{contestant.name} cannot be installed: {words[-1] if words else '?'}")
-    # Our packages come after its own.
-    ours: Sequence[str] = (str(Path(robotball.__file__).parents[1]), sysconfig.get_path("purelib"))
-    _link_of(home).write_text("\n".join(ours) + "\n")
-    return home
-
-
-def _link_of(home: Path) -> Path:
-    """Return the file that links an environment to ours."""
-    own = sysconfig.get_path("purelib", vars={"base": str(home), "platbase": str(home)})
-    return Path(own) / _LINK
+    return make(folder / contestant.name, contestant.requirements)
 
 
 _ENOUGH = 1.0  # s of processor time after which a run is not timed again
@@ -136,7 +97,7 @@ def run(cell: Mapping[str, Any]) -> dict[str, Any]:
             defect = total_defect(engine.prepare(scene, settings), theory)
     motion, report = motions[0], motions[0].report
     finished = len(motion.times) == len(theory.times)
-    python = [each.report.python_seconds for each in motions]
+    spent = [each.report.seconds for each in motions]
     return {
         "label": engine.label.name,
         "colour": engine.label.colour,
@@ -150,8 +111,10 @@ def run(cell: Mapping[str, Any]) -> dict[str, Any]:
         "hinge_rate_error": known(report.hinge_rate_error.max()),
         "steps": report.steps,
         "longest_step": report.timestep,
-        "seconds": statistics.median(each.report.seconds for each in motions),
-        "python_seconds": known(python[0]),
+        **contact_quality(motion, theory),
+        "seconds": statistics.median(spent),
+        "spread": max(spent) / min(spent) if len(spent) > 1 and min(spent) > 0 else None,
+        "python_seconds": known(report.python_seconds),
         "fixed_work": speed,
         "faults": [str(fault) for fault in report.faults],
         "lacks": sorted({str(each.message) for each in said}),
@@ -173,22 +136,3 @@ def fixed_work() -> float:
     began = time.process_time()
     hashlib.sha256(_FIXED_WORK).digest()
     return time.process_time() - began
-
-
-def _main() -> None:
-    """Read a cell, write its record, and end when the reader does."""
-    answer = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)  # what engines print
-    end_when_closed(int(sys.argv[1]))
-    cell = json.loads(sys.stdin.readline())
-    try:
-        record = run(cell)
-    except InputError as error:
-        record = {"refused": str(error)}
-    json.dump(record, answer, allow_nan=False)
-    answer.flush()
-    os._exit(0)  # some engines end badly
-
-
-if __name__ == "__main__":
-    _main()

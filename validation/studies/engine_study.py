@@ -1,17 +1,11 @@
 """All engines on a scene: error against processor time, orders, the Pareto front."""
 
-import json
-import os
-import signal
 import statistics
-import subprocess
 import sys
-import tempfile
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from subprocess import PIPE
 from typing import Annotated, Any
 
 from matplotlib.figure import Figure
@@ -19,6 +13,9 @@ from rich.markup import escape
 from tyro.conf import Positional, arg
 
 from robotball import InputError, Scene, engine_named, engine_names, load_scene
+from robotball.engine import DEFAULT, ENVIRONMENTS
+from robotball.engines.adapter import not_installed
+from robotball.engines.environments import call, versions_in
 from robotball.film.looks import INK
 from validation.options import (
     AGREES,
@@ -33,8 +30,14 @@ from validation.options import (
 from validation.output import in_picture, writable_folder
 from validation.results import changed
 from validation.sensitivity import chaotic
-from validation.studies import engine_runs as process
-from validation.studies.engine_runs import Contestant, contestants, install, python_of
+from validation.studies.engine_runs import (
+    LOOSEST,
+    Contestant,
+    contestants,
+    install,
+    python_of,
+    run,
+)
 from validation.studies.orders import Order, fit_order
 from validation.study import (
     CANCELLED,
@@ -78,29 +81,7 @@ def cells_of(
 
 def measure(cell: Cell) -> dict[str, Any]:
     """Run a cell in a process of its own; raises where that ends without a record."""
-    ours, theirs = os.pipe()
-    command = [cell["interpreter"], "-m", process.__name__, str(ours)]
-    text = json.dumps(dict(cell)).encode() + b"\n"
-    with tempfile.TemporaryFile() as said:
-        try:
-            # The pipe's other end is ours alone: the run ends where we do.
-            running = subprocess.Popen(
-                command, stdin=PIPE, stdout=PIPE, stderr=said, pass_fds=(ours,)
-            )
-            answer, _ = running.communicate(text)
-        finally:
-            os.close(ours)
-            os.close(theirs)
-        said.seek(0)
-        spoken = said.read().decode(errors="replace")
-        words = [line for line in spoken.split("\n") if line.strip()]
-    if running.returncode < 0:
-        raise RuntimeError(f"its process was ended by {signal.Signals(-running.returncode).name}")
-    if not answer:
-        raise RuntimeError(words[-1] if words else "it ended without a word")
-    record: dict[str, Any] = json.loads(answer)
-    if "refused" in record:
-        raise InputError(record["refused"])
+    record: dict[str, Any] = call(cell["interpreter"], run, dict(cell))
     return record
 
 
@@ -115,6 +96,7 @@ class _EngineStudy:
                     error     as `what` says
                     cost      processor time of a simulated second [s], at the speed of the
                               study's median process; python_share: Python's part of it
+                    relative_cost  over that of the default engine by its default settings, if run
                     newcomer  whether the preset is the engine as it comes
     orders        by contestant and preset, where the runs lie on a line
     pareto_front  the runs than which none is both cheaper and better, the best first
@@ -156,6 +138,9 @@ def study_of(scene: Scene, results: Sequence[Result]) -> _EngineStudy:
                 "python_share": share,
             }
         )  # fmt: skip
+    unit = _unit_of(runs.get((DEFAULT, engine_named(DEFAULT).default), ()))
+    for each in (each for of in runs.values() for each in of):
+        each["relative_cost"] = each["cost"] / unit if unit else None
     usable = [each for of in runs.values() for each in of if _usable(each)]
     front = pareto_front(*([each[name] for each in usable] for name in ("error", "cost")))
     orders = {key: order for key, of in runs.items() if (order := _order(of)) is not None}
@@ -164,6 +149,14 @@ def study_of(scene: Scene, results: Sequence[Result]) -> _EngineStudy:
         scene, what if by_defects else "path errors", runs, orders,
         [usable[i] for i in front][::-1], [*broken, *failed],
     )  # fmt: skip
+
+
+def _unit_of(runs: Sequence[Row]) -> float | None:
+    """Return the cost of the default preset at its own value; None where it was not run."""
+    engine = engine_named(DEFAULT)
+    preset = engine.presets[engine.default]
+    own = [each["cost"] for each in runs if each["value"] == getattr(preset, each["field"])]
+    return own[0] if own else None
 
 
 def _order(runs: Sequence[Row]) -> Order | None:
@@ -175,7 +168,7 @@ def _order(runs: Sequence[Row]) -> Order | None:
 def _usable(run: Row) -> bool:
     """Return whether the error says how well it rolls."""
     honest = run["momentum_error"] < CANCELLED * max(run["error"], _LEAST)
-    return run["error"] < process.LOOSEST and honest and "diverged" not in " ".join(run["faults"])
+    return run["error"] < LOOSEST and honest and "diverged" not in " ".join(run["faults"])
 
 
 def _name(run: Row) -> str:
@@ -186,8 +179,11 @@ _MARKERS = "osD^vPX*<>hp"
 _STYLES = ("-", "--", ":", "-.")  # of an engine's presets, in their order
 _LEAST = 1e-15  # below it errors cannot be distinguished
 _NOTE = (
-    "CPU: processor time of a simulated second, set-up excluded. Python: the part of it\n"
-    "that Python takes at every step. * on the Pareto front: nothing is both cheaper and better."
+    "N error: of the normal force, over the weight. cone: friction beyond the cone. slip work:\n"
+    "lost to slip, over the kinetic energy. energy: gained (+) or lost. CPU: processor time of a\n"
+    "simulated second, without set-up and reading; relative to that of {} by default;\n"
+    "spread of its rounds, longest over shortest. Python: the part that Python takes at every\n"
+    "step. * on the Pareto front: nothing is both cheaper and better."
 )
 
 
@@ -199,7 +195,7 @@ def _engines_study(scene: Scene, results: Sequence[Result], words: Sequence[str]
         shown=(
             f"[bold]{escape(scene.name)} ({scene.rolling}): {study.what}[/]",
             table_of(COLUMNS, _shown(study), lambda row: not row.get("usable")),
-            _NOTE,
+            _NOTE.format(engine_named(DEFAULT).label.name),
         ),
         picture=_engines_picture(study),
     )  # fmt: skip
@@ -238,7 +234,13 @@ COLUMNS = (
     Column("order", "order", form=".2f"),
     Column("M error", "momentum_error"),
     Column("slip", "slip", "m/s"),
+    Column("N error", "normal_force_error"),
+    Column("cone", "cone_violation"),
+    Column("slip work", "slip_work"),
+    Column("energy", "energy_error"),
     Column("CPU", "cost", "ms", form=".3g", scale=1e3),
+    Column("relative", "relative_cost", form=".3g"),
+    Column("spread", "spread", form=".2f"),
     Column("Python", "python_share", form=".0%"),
     Column("first fault", "fault", words=True),
 )
@@ -304,7 +306,7 @@ class Engines:
     """Engines to run; all that are there if not given. Several: drake,bullet."""
     install: Names = ()
     """Make environments of their own for these engines first, by pip. Several: drake,bullet."""
-    environments: Path = Path("out/engines")
+    environments: Path = ENVIRONMENTS
     """Folder for the environments."""
     duration: Duration = None
     """Simulated time; each scene's own if not given."""
@@ -325,6 +327,9 @@ class Engines:
         return AGREES
 
     def _study(self, name: str, chosen: Sequence[Contestant]) -> None:
+        for each in chosen if self.only else ():
+            if python_of(each, self.environments) is None:
+                raise not_installed(engine_named(each.engine).label.name, each.name)
         scene, quick = load_scene(name), self.sweep.quick
         seconds = seconds_of(self.duration, quick, scene)
         cells = cells_of(name, chosen, self.environments, seconds, 1 if quick else _ROUNDS)
@@ -339,9 +344,11 @@ def _list(chosen: Sequence[Contestant], environments: Path) -> None:
     for each in chosen:
         engine, python = engine_named(each.engine), python_of(each, environments)
         place = "nowhere: not installed" if python is None else str(python.parents[1])
-        here = each.name == each.engine and python == Path(sys.executable)
-        version = engine.label.version if here else "-"
-        cells = (each.name, engine.label.name, version, ", ".join(engine.presets), place)
+        held = versions_in(environments / each.name, (*each.requirements, DEFAULT))
+        version = ", ".join(f"{name} {number}" for name, number in held.items())
+        if python == Path(sys.executable):
+            version = engine.label.version
+        cells = (each.name, engine.label.name, version or "-", ", ".join(engine.presets), place)
         rows.append(dict(zip(names, cells, strict=True)))
     there = {each.engine for each in chosen}
     for key in (each for each in engine_names() if each not in there):

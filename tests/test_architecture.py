@@ -26,7 +26,9 @@ FLOORS = (
     ("robotball",),
     ("validation.output",),
     ("validation.sweeps",),
-    ("validation.sensitivity", "validation.agreement", "validation.results"),
+    tuple(
+        f"validation.{name}" for name in ("sensitivity", "agreement", "results", "contact_quality")
+    ),
     ("validation.plots", "validation.runs", "validation.study"),
     ("validation.options",),
     ("validation.studies",),

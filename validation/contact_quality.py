@@ -6,6 +6,7 @@ Signorini's condition, which a rolling ball meets with equality, the force itsel
 """
 
 import numpy as np
+from scipy.integrate import trapezoid
 
 from robotball.motion import ContactMotion, Motion
 from robotball.rotations import Array, rotation_matrix
@@ -22,52 +23,44 @@ def contact_quality(motion: ContactMotion, theory: Motion) -> dict[str, float | 
     slip_work           what friction takes by slip, over the kinetic energy at the start
     energy_error        the kinetic energy gained, or lost, over the reference's: the largest part
 
-    None is of what is not known: the force, in engines that give none and at the start of those
-    that give it by steps; energies of balls that are not balanced.
+    None where it is not known: forces of engines that give none, energies of balls that are not
+    balanced.
     """
-    n, scene, report = slice(len(motion.times)), theory.scene, motion.report
-    force = motion.loads.contact_force
-    weight = scene.ball.mass * scene.gravity
-    values = {
-        "normal_force_error": np.abs(force - theory.loads.contact_force[n])[:, 2] / weight,
-        "cone_violation": np.maximum(report.friction_used - 1.0, 0.0),
+    n, ball = slice(len(motion.times)), theory.scene.ball
+    off = motion.loads.normal_force - theory.loads.normal_force[n]
+    # The first sample is of the start, before any step.
+    found = {
+        "normal_force_error": np.abs(off[1:]).max(initial=0.0) / (ball.mass * theory.scene.gravity),
+        "cone_violation": (motion.report.friction_used[1:] - 1.0).max(initial=0.0),
+        "slip_work": np.nan,
+        "energy_error": np.nan,
     }
-    if not scene.not_reduced:
-        energy, slip = kinetic_energy(motion, scene.ball.radius - report.depth)
-        right, _ = kinetic_energy(theory, np.full(len(theory.times), scene.ball.radius))
-        power = -np.einsum("ni,ni->n", np.nan_to_num(force), slip)
-        work = np.cumsum((power[1:] + power[:-1]) / 2 * np.diff(motion.times))
-        values["slip_work"] = work[-1:] / right[0] if np.isfinite(force).any() else work * np.nan
-        values["energy_error"] = energy / right[n] - 1.0
-    names = ("normal_force_error", "cone_violation", "slip_work", "energy_error")
-    return {name: _largest(values.get(name, np.array([]))) for name in names}
+    if not theory.scene.not_reduced:
+        energy, slip = kinetic_energy(motion, motion.report.depth)
+        right, _ = kinetic_energy(theory, 0.0 * theory.times)
+        power = -(motion.loads.contact_force * slip).sum(axis=1)
+        found["slip_work"] = trapezoid(power[1:], motion.times[1:]) / right[0]
+        error = energy / right[n] - 1.0
+        found["energy_error"] = error[np.abs(error).argmax()]
+    return {name: known(value) for name, value in found.items()}
 
 
-def kinetic_energy(motion: Motion, height: Array) -> tuple[Array, Array]:
+def kinetic_energy(motion: Motion, depth: Array) -> tuple[Array, Array]:
     """Return the kinetic energy (n,) [J] of a balanced ball and its velocity of slip (n, 3) [m/s].
 
-    height: (n,) m, of the centre above the plane. The centre's velocity v is that of M, which has
-    r×mv in it: so it is known though the contact point's path is only sampled.
+    depth: (n,) m, of the plane in the shell. The centre's velocity v is that of M, which has r×mv
+    in it: so it is known though the contact point's path is only sampled.
     """
-    ball, up, R = motion.scene.ball, _UP, rotation_matrix(motion.attitude)
+    ball, R = motion.scene.ball, rotation_matrix(motion.attitude)
     omega, rates = motion.angular_velocity, motion.hinge_rates
-    turning = omega @ ball.inertia + rates @ ball.gyrostatic_inertia.T
-    L = np.cross(motion.momentum, up) if motion.scene.rolling == "rubber" else motion.momentum
-    carried = L - np.einsum("nij,nj->ni", R, turning)
-    v = np.cross(carried, up) / (ball.mass * height)[:, None]
+    arm = (ball.radius - depth)[:, None]
+    k = rates @ ball.gyrostatic_inertia.T
+    L = np.cross(motion.momentum, _UP) if motion.scene.rolling == "rubber" else motion.momentum
+    carried = L - np.einsum("nij,nj->ni", R, omega @ ball.inertia + k)
+    v = np.cross(carried, _UP) / (ball.mass * arm)
     shell = np.einsum("nij,nj->ni", R, omega - rates[:, :1] * ball.shell.axis)
-    # Each hinge's own inertia is along its axis, and its column the inertia times the axis.
-    own = np.linalg.norm(ball.gyrostatic_inertia, axis=0)
-    energy = (
-        ball.mass * (v * v).sum(axis=1)
-        + np.einsum("ni,ij,nj->n", omega, ball.inertia, omega)
-        + 2 * np.einsum("ni,ij,nj->n", omega, ball.gyrostatic_inertia, rates)
-        + rates**2 @ own
-    ) / 2
-    return energy, v - height[:, None] * np.cross(shell, up)
-
-
-def _largest(values: Array) -> float | None:
-    """Return the value that is farthest from 0, with its sign; None where none is known."""
-    finite = values[np.isfinite(values)]
-    return known(finite[np.abs(finite).argmax()]) if len(finite) else None
+    # A hinge's column of gyrostatic inertia is along its axis, and as long as its inertia.
+    own = rates**2 @ np.linalg.norm(ball.gyrostatic_inertia, axis=0)
+    turning = (omega * (omega @ ball.inertia + 2 * k)).sum(axis=1)
+    energy = (ball.mass * (v * v).sum(axis=1) + turning + own) / 2
+    return energy, v - arm * np.cross(shell, _UP)

@@ -12,7 +12,6 @@ u = S w + s(t) with w the free part of ω, and the engine's M du/dt + h = 0 is p
 term of dS/dt is left to be dropped.
 """
 
-import pickle
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
@@ -49,13 +48,14 @@ from robotball.scene import Scene, spans
 # Python's part of a run is measured afterwards, on so many steps or calls without the engine.
 IDLE_STEPS = 200
 _CALLS = 200
+_UNKNOWN = np.full(3, np.nan)  # a force
 
 
 class World(ABC):
     """A ball in an engine, at its start. To make one is set-up, which no run's time includes.
 
-    steps: the number taken so far; longest: the longest of them [s]; friction: the coefficient of
-    the engine's contact, where it is known.
+    steps: the number taken so far; longest: the longest of them [s]; forces: as they were read;
+    friction: the coefficient of the engine's contact, where it is known.
     """
 
     friction = float("nan")
@@ -63,6 +63,7 @@ class World(ABC):
     def __init__(self, scene: Scene) -> None:
         self.scene, self.now = scene, start_state(scene)
         self.steps, self.longest = 0, 0.0
+        self.forces = [_UNKNOWN]
 
     @abstractmethod
     def march(self, times: Array, timestep: float) -> Iterator[Callable[[], State]]:
@@ -80,7 +81,7 @@ class World(ABC):
 
         The normal force is last.
         """
-        return UNKNOWN
+        return _UNKNOWN
 
     def hinges_at(self, t: float) -> tuple[Array, Array]:
         """Return the hinges' given angles (h,) and rates (h,) at t [s]."""
@@ -163,11 +164,6 @@ class ServoWorld(SteppedWorld):
         self.turn(self.hinges_at(t + step)[1])
 
 
-def upward(force: Array) -> Array:
-    """Return a contact's force (3,) on either body as that on the ball, which the plane lifts."""
-    return force * np.copysign(1.0, force[2])
-
-
 def seconds_per_call(call: Callable[[], object]) -> float:
     """Return the processor time that a function takes [s], the mean of many calls."""
     began = time.process_time()
@@ -176,7 +172,6 @@ def seconds_per_call(call: Callable[[], object]) -> float:
     return (time.process_time() - began) / _CALLS
 
 
-UNKNOWN = np.full(3, np.nan)  # a force
 _LIFTED = 0.01  # of the radius: a shell this far above the plane has left it
 
 
@@ -252,12 +247,7 @@ class Adapter(Engine):
         python = environments.interpreter_of(request.environments / self.extra)
         if python is None:
             raise not_installed(self.label.name, self.extra)
-        try:
-            there = environments.call(python, _roll_named, self.extra, scene, times, settings)
-        except (RuntimeError, AttributeError, pickle.PickleError) as error:
-            raise InputError(f"{self.label.name} in {python.parents[1]}: {error}") from None
-        motion: ContactMotion = there
-        return motion
+        return environments.call(python, _roll_named, self.extra, scene, times, settings)
 
     def _roll(
         self, scene: Scene, times: Array, settings: Any, progress: Progress | None = None
@@ -269,26 +259,24 @@ class Adapter(Engine):
         world = self.world(scene, settings, longest_step(scene, times, settings.timestep))
         # Only the engine's steps are timed, not the reading of its states. A state that is no
         # number ends the run.
-        rows, spent, forces = [world.now.row], 0.0, [UNKNOWN]
+        rows, spent = [world.now.row], 0.0
         march = world.march(times, settings.timestep)
         while len(rows) < len(times) and np.isfinite(rows[-1]).all():
             began = time.process_time()
             read = next(march)
             spent += time.process_time() - began
             rows.append(read().row)
-            forces.append(world.force())
+            world.forces.append(world.force())
             if progress is not None:
                 progress(times[len(rows) - 1] / times[-1])
-        return _motion_of(
-            self.label, world, times, np.array(rows), np.array(forces), settings, spent
-        )
+        return _motion_of(self.label, world, times, np.array(rows), settings, spent)
 
 
 def _roll_named(name: str, scene: Scene, times: Array, settings: StepSettings) -> ContactMotion:
     """Return the motion by the adapter of a name, which is known here by its own packages."""
-    adapter: Any = engine_named(name)
-    motion: ContactMotion = adapter._roll(scene, times, settings)
-    return motion
+    engine = engine_named(name)
+    assert isinstance(engine, Adapter)
+    return engine._roll(scene, times, settings)
 
 
 def not_installed(engine: str, name: str) -> InputError:
@@ -306,14 +294,10 @@ def _motion_of(
     world: World,
     times: Array,
     rows: Array,
-    forces: Array,
     settings: EngineSettings,
     seconds: float,
 ) -> ContactMotion:
-    """Return the motion of rows (n, 13 + 2h) of State and forces (n, 3) [N].
-
-    It ends at a fault that ends the run, if there is one.
-    """
+    """Return the motion of rows (n, 13 + 2h) of State, up to the fault that ends it, if any."""
     scene = world.scene
     state = state_of_rows(rows if np.isfinite(rows[-1]).all() else rows[:-1])
     # A ball that runs away overflows here, before it is cut off at its fault.
@@ -322,7 +306,7 @@ def _motion_of(
         rate_error = _rate_error(scene, times[: len(state.centre)], state)
         faults, kept = _faults(scene, times, state, readings, rate_error, settings)
     n = slice(kept)
-    loads = replace(Loads.unknown(kept, len(scene.drives)), contact_force=forces[n])
+    loads = replace(Loads.unknown(kept, len(scene.drives)), contact_force=np.array(world.forces[n]))
     return ContactMotion(
         scene=scene,
         engine=label,

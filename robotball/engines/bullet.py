@@ -8,15 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from robotball.engines.adapter import (
-    Adapter,
-    ServoWorld,
-    StepSettings,
-    by_name,
-    upward,
-    version_of,
-)
-from robotball.engines.links import State, links_of, principal_inertia
+from robotball.engines.adapter import Adapter, ServoWorld, StepSettings, by_name, version_of
+from robotball.engines.links import State, lifting, links_of, principal_inertia
 from robotball.motion import Label
 from robotball.rotations import Array, conjugate, multiply
 from robotball.scene import Scene
@@ -126,12 +119,9 @@ class _BulletWorld(ServoWorld):
         )
 
     def force(self) -> Array:
-        total = np.zeros(3)
-        for _, _, _, _, _, _, _, normal, _, N, *friction in self.p.getContactPoints(self.ball):
-            total += np.multiply(N, normal)
-            for size, along in zip(friction[::2], friction[1::2], strict=True):
-                total += np.multiply(size, along)
-        return upward(total)
+        # Of each contact the normal force and two of friction, with their directions.
+        contacts = self.p.getContactPoints(self.ball)
+        return lifting(np.array([c[9], c[10], c[12]]) @ [c[7], c[11], c[13]] for c in contacts)
 
 
 def _xyzw(q: Array) -> list[float]:

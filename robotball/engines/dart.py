@@ -16,11 +16,10 @@ from robotball.engines.adapter import (
     StepSettings,
     World,
     by_name,
-    upward,
     velocity_first,
     version_of,
 )
-from robotball.engines.links import State, links_of
+from robotball.engines.links import State, lifting, links_of
 from robotball.motion import Label
 from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.scene import Scene
@@ -117,7 +116,7 @@ class _DartWorld(ServoWorld):
 
     def force(self) -> Array:
         contacts = self.world.getLastCollisionResult().getContacts()
-        return upward(sum((np.array(each.force) for each in contacts), np.zeros(3)))
+        return lifting(np.array(each.force) for each in contacts)
 
 
 class _DartDynamics(IdealWorld):

@@ -18,11 +18,10 @@ from robotball.engines.adapter import (
     World,
     by_name,
     longest_step,
-    upward,
     velocity_first,
     version_of,
 )
-from robotball.engines.links import State, links_of, start_state
+from robotball.engines.links import State, lifting, links_of, start_state
 from robotball.motion import Label
 from robotball.rotations import Array
 from robotball.scene import Scene
@@ -232,9 +231,8 @@ class _DrakeWorld(World):
 
     def force(self) -> Array:
         results = self.plant.get_contact_results_output_port().Eval(self.context)
-        count = results.num_point_pair_contacts()
-        forces = [results.point_pair_contact_info(i).contact_force() for i in range(count)]
-        return upward(sum(forces, np.zeros(3)))
+        contacts = map(results.point_pair_contact_info, range(results.num_point_pair_contacts()))
+        return lifting(each.contact_force() for each in contacts)
 
     def python_seconds(self) -> float:
         """Return NaN: Drake itself calls our torque and motors, so their time is unknown."""

@@ -8,6 +8,7 @@ A process is started by the environment's interpreter, with a pipe whose closing
 engine prints goes to standard error.
 """
 
+import operator
 import os
 import pickle
 import re
@@ -18,15 +19,17 @@ import sysconfig
 import tempfile
 import venv
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from importlib.metadata import distributions
 from pathlib import Path
 from subprocess import PIPE
-from typing import Any
+from typing import Any, TypeVar
 
 import robotball
 from robotball.errors import InputError, warn
 from robotball.processes import answered, end_when_closed
 
+T = TypeVar("T")
 _LINK = "zz_robotball.pth"
 
 
@@ -38,11 +41,11 @@ def interpreter_of(home: Path) -> Path | None:
     return (home / "bin" / "python").absolute() if (_packages(home) / _LINK).exists() else None
 
 
-def versions_in(home: Path, requirements: Iterable[str]) -> dict[str, str]:
-    """Return the versions of the packages required, by name, of those that an environment holds."""
-    there = {each.name: each.version for each in distributions(path=[str(_packages(home))])}
-    names = (re.split(r"[^\w.-]", each)[0] for each in requirements)
-    return {name: there[name] for name in names if name in there}
+def versions_in(home: Path, requirements: Iterable[str]) -> str:
+    """Return names and versions of the packages required, of those that an environment holds."""
+    names = {re.split(r"[^\w.-]", each)[0] for each in requirements}
+    there = distributions(path=[str(_packages(home))])
+    return ", ".join(sorted(f"{each.name} {each.version}" for each in there if each.name in names))
 
 
 def make(home: Path, requirements: Sequence[str]) -> Path:
@@ -78,41 +81,33 @@ def _last_word(said: str) -> str:
     return words[-1] if words else "it ended without a word"
 
 
-def call(python: Path | str, function: Callable[..., Any], *given: Any) -> Any:
+def call(python: Path | str, function: Callable[..., T], *given: Any) -> T:
     """Return what a function gives in a process of another interpreter.
 
-    Function and arguments are pickled. Its warnings are issued here, and its InputError is raised;
-    raises RuntimeError, with its last word, where the process ends otherwise.
+    Its warnings are issued here, and its InputError is raised. Raises InputError too where function
+    or arguments cannot be pickled, and where the process ends otherwise, with its last word.
     """
+    try:
+        job = pickle.dumps(partial(function, *given))
+    except (AttributeError, TypeError, pickle.PicklingError) as error:
+        raise InputError(f"{python} takes what stands in a module alone: {error}") from None
     ours, theirs = os.pipe()
-    command = [str(python), "-m", __name__, str(ours)]
-    with tempfile.TemporaryFile() as said:
-        try:
-            # The pipe's other end is ours alone: the run ends where we do.
-            running = subprocess.Popen(
-                command, stdin=PIPE, stdout=PIPE, stderr=said, pass_fds=(ours,)
-            )
-            answer, _ = running.communicate(pickle.dumps((function, given)))
-        finally:
-            os.close(ours)
-            os.close(theirs)
+    # The pipe's other end is ours alone: the run ends where we do.
+    with os.fdopen(ours), os.fdopen(theirs, "w"), tempfile.TemporaryFile() as said:
+        command = [python, "-m", __name__, str(ours)]
+        done = subprocess.run(command, input=job, stdout=PIPE, stderr=said, pass_fds=[ours])
         said.seek(0)
-        spoken = said.read().decode(errors="replace")
-    if running.returncode < 0:
-        raise RuntimeError(f"its process was ended by {signal.Signals(-running.returncode).name}")
-    if not answer:
-        raise RuntimeError(_last_word(spoken))
-    result, error, lines = pickle.loads(answer)
-    for line in lines:
+        why = _last_word(said.read().decode(errors="replace"))
+    if done.returncode < 0:
+        why = f"its process was ended by {signal.Signals(-done.returncode).name}"
+    if done.returncode < 0 or not done.stdout:
+        raise InputError(f"{python}: {why}")
+    answer: tuple[T, InputError | None, list[str]] = pickle.loads(done.stdout)
+    for line in answer[2]:
         warn(line)
-    if error is not None:
-        raise error
-    return result
-
-
-def _apply(job: tuple[Callable[..., Any], Sequence[Any]]) -> Any:
-    function, given = job
-    return function(*given)
+    if answer[1] is not None:
+        raise answer[1]
+    return answer[0]
 
 
 def _main() -> None:
@@ -120,11 +115,11 @@ def _main() -> None:
     answer = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what engines print
     end_when_closed(int(sys.argv[1]))
-    result, error, lines = answered(_apply, pickle.load(sys.stdin.buffer))
-    if not (error is None or isinstance(error, InputError)):
-        raise error  # of a kind that may be unknown to the reader: its last word is read
-    pickle.dump((result, error, lines), answer)
-    answer.flush()
+    found = answered(operator.call, pickle.load(sys.stdin.buffer))
+    if not isinstance(found[1], InputError | None):
+        raise found[1]  # of a kind that may be unknown to the reader, who has its last word
+    with answer:
+        pickle.dump(found, answer)
     os._exit(0)  # some engines end badly
 
 

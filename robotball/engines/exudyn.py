@@ -8,7 +8,6 @@ at 150 rad/s is off by 6.6e-3 at 2 ms (docs/findings/exudyn_fast_rotor.py).
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cache, partial
 from typing import Any, Literal
 
 import numpy as np
@@ -203,9 +202,9 @@ class _ExudynWorld(World):
         chosen.solution.sensors.writePeriod = 0.0
         solver = getattr(exudyn.DynamicSolverType, settings.solver)
         self.system.SolveDynamic(chosen, solverType=solver)
-        states = cache(lambda: list(self._states(times)))
-        for i in range(len(times) - 1):
-            yield partial(lambda k: states()[k], i)
+        states = self._states(times)
+        for _ in times[1:]:
+            yield states.__next__
 
     def _states(self, times: Array) -> Iterator[State]:
         """Yield the states at times (n,) after the first, from what the sensors have stored."""

@@ -5,6 +5,7 @@ body that touches the plane it then has no drift of the contact's Jacobian, whic
 (docs/findings/mujoco_frame_root.py).
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -80,6 +81,12 @@ def start_state(scene: Scene) -> State:
     centre = np.array([0.0, 0.0, scene.ball.radius])
     velocity = np.cross(turning, centre)
     return State(centre, velocity, start.attitude, turning, np.zeros(len(rates)), rates)
+
+
+def lifting(forces: Iterable[Array]) -> Array:
+    """Return the sum (3,) of a contact's forces, on either body, as that on the ball."""
+    total = sum(forces, np.zeros(3))
+    return total * np.copysign(1.0, total[2])
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 import statistics
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -30,14 +30,8 @@ from validation.options import (
 from validation.output import in_picture, writable_folder
 from validation.results import changed
 from validation.sensitivity import chaotic
-from validation.studies.engine_runs import (
-    LOOSEST,
-    Contestant,
-    contestants,
-    install,
-    python_of,
-    run,
-)
+from validation.studies import engine_runs as process
+from validation.studies.engine_runs import Contestant, contestants, install, python_of
 from validation.studies.orders import Order, fit_order
 from validation.study import (
     CANCELLED,
@@ -81,8 +75,7 @@ def cells_of(
 
 def measure(cell: Cell) -> dict[str, Any]:
     """Run a cell in a process of its own; raises where that ends without a record."""
-    record: dict[str, Any] = call(cell["interpreter"], run, dict(cell))
-    return record
+    return call(cell["interpreter"], process.run, dict(cell))
 
 
 @dataclass(frozen=True)
@@ -105,9 +98,9 @@ class _EngineStudy:
 
     scene: Scene
     what: str
-    runs: dict[tuple[str, str], list[Row]]
+    runs: Mapping[tuple[str, str], Sequence[Row]]
     orders: dict[tuple[str, str], Order]
-    pareto_front: list[Row]
+    pareto_front: Sequence[Row]
     failed: list[Row]
 
 
@@ -116,7 +109,7 @@ def study_of(scene: Scene, results: Sequence[Result]) -> _EngineStudy:
     works = [result.record["fixed_work"] for result in results if result.record]
     speed = statistics.median(works) if works else 1.0
     by_defects = any(result.cell["stretches"] for result in results)
-    runs: dict[tuple[str, str], list[Row]] = {}
+    runs: dict[tuple[str, str], list[dict[str, Any]]] = {}
     broken, failed = [], []
     for cell, record, failure in ((each.cell, each.record, each.failure) for each in results):
         place = {name: cell[name] for name in ("contestant", "preset", "value")}
@@ -138,9 +131,11 @@ def study_of(scene: Scene, results: Sequence[Result]) -> _EngineStudy:
                 "python_share": share,
             }
         )  # fmt: skip
-    unit = _unit_of(runs.get((DEFAULT, engine_named(DEFAULT).default), ()))
+    preset = engine_named(DEFAULT).presets[engine_named(DEFAULT).default]
+    own = runs.get((DEFAULT, preset.name), ())
+    units = [each["cost"] for each in own if each["value"] == getattr(preset, each["field"])]
     for each in (each for of in runs.values() for each in of):
-        each["relative_cost"] = each["cost"] / unit if unit else None
+        each["relative_cost"] = each["cost"] / units[0] if units else None
     usable = [each for of in runs.values() for each in of if _usable(each)]
     front = pareto_front(*([each[name] for each in usable] for name in ("error", "cost")))
     orders = {key: order for key, of in runs.items() if (order := _order(of)) is not None}
@@ -149,14 +144,6 @@ def study_of(scene: Scene, results: Sequence[Result]) -> _EngineStudy:
         scene, what if by_defects else "path errors", runs, orders,
         [usable[i] for i in front][::-1], [*broken, *failed],
     )  # fmt: skip
-
-
-def _unit_of(runs: Sequence[Row]) -> float | None:
-    """Return the cost of the default preset at its own value; None where it was not run."""
-    engine = engine_named(DEFAULT)
-    preset = engine.presets[engine.default]
-    own = [each["cost"] for each in runs if each["value"] == getattr(preset, each["field"])]
-    return own[0] if own else None
 
 
 def _order(runs: Sequence[Row]) -> Order | None:
@@ -168,7 +155,7 @@ def _order(runs: Sequence[Row]) -> Order | None:
 def _usable(run: Row) -> bool:
     """Return whether the error says how well it rolls."""
     honest = run["momentum_error"] < CANCELLED * max(run["error"], _LEAST)
-    return run["error"] < LOOSEST and honest and "diverged" not in " ".join(run["faults"])
+    return run["error"] < process.LOOSEST and honest and "diverged" not in " ".join(run["faults"])
 
 
 def _name(run: Row) -> str:
@@ -344,14 +331,12 @@ def _list(chosen: Sequence[Contestant], environments: Path) -> None:
     for each in chosen:
         engine, python = engine_named(each.engine), python_of(each, environments)
         place = "nowhere: not installed" if python is None else str(python.parents[1])
-        held = versions_in(environments / each.name, (*each.requirements, DEFAULT))
-        version = ", ".join(f"{name} {number}" for name, number in held.items())
-        if python == Path(sys.executable):
-            version = engine.label.version
-        cells = (each.name, engine.label.name, version or "-", ", ".join(engine.presets), place)
+        there = versions_in(environments / each.name, (*each.requirements, DEFAULT))
+        version = engine.label.version if python == Path(sys.executable) else there or "-"
+        cells = (each.name, engine.label.name, version, ", ".join(engine.presets), place)
         rows.append(dict(zip(names, cells, strict=True)))
-    there = {each.engine for each in chosen}
-    for key in (each for each in engine_names() if each not in there):
+    others = {each.engine for each in chosen}
+    for key in (each for each in engine_names() if each not in others):
         try:
             engine_named(key)
         except InputError as error:

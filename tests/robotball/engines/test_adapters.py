@@ -6,6 +6,7 @@ engine itself is run where it is installed.
 
 import tomllib
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ import robotball as rb
 from robotball import FaultKind
 from robotball.engine import OURS
 from robotball.engines.adapter import Adapter, IdealWorld, ServoWorld, StepSettings, by_name
-from robotball.engines.links import State, links_of, principal_inertia
+from robotball.engines.links import State, lifting, links_of, principal_inertia
 from robotball.engines.pinocchio import PINOCCHIO
 from robotball.motion import Label, momentum_error, path_error
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
@@ -142,6 +143,45 @@ def test_what_is_wrong_with_a_state_is_a_fault_of_the_run(
         assert motion.report.timestep == pytest.approx(0.1)
 
 
+class Clocked(Repeated):
+    """Steps and readings that advance a clock, and a contact that bears the weight aslant."""
+
+    clock = 0.0
+    friction = 2.0
+
+    def step(self, step: float) -> None:
+        super().step(step)
+        Clocked.clock += 1.0
+
+    def state(self) -> State:
+        Clocked.clock += 100.0
+        return super().state()
+
+    def force(self) -> Array:
+        Clocked.clock += 100.0
+        return np.array([3.0, 4.0, 10.0])
+
+
+def test_the_clock_stops_for_our_reading(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Twenty steps take twenty seconds. The force is a load of the motion; others are NaN."""
+    monkeypatch.setattr("robotball.engines.adapter.time.process_time", lambda: Clocked.clock)
+    engine = replace(spoilt({}), world=lambda scene, settings, step: Clocked(scene, {}))
+    motion = rb.simulate(FIG12, rb.sample_times(2.0, 0.1), engine=engine)
+    assert motion.report.seconds == 20.0
+    assert motion.loads.contact_force[1:].tolist() == [[3.0, 4.0, 10.0]] * 20
+    assert motion.report.friction_used[1:] == pytest.approx(0.25, rel=1e-15)
+    assert np.isnan(motion.loads.contact_force[0]).all()
+    assert np.isnan(motion.loads.spin_torque).all()
+
+
+def test_a_contacts_force_lifts_the_ball() -> None:
+    """Whichever of the two bodies an engine gives it of."""
+    parts = [np.array([1.0, 0.0, -2.0]), np.array([0.0, 1.0, -1.0])]
+    assert lifting(parts).tolist() == [-1.0, -1.0, 3.0]
+    assert lifting([-each for each in parts]).tolist() == [-1.0, -1.0, 3.0]
+    assert lifting([]).tolist() == [0.0, 0.0, 0.0]
+
+
 def test_equal_steps_end_on_every_sample_with_the_rates_of_then() -> None:
     """Two steps and a half are refused, in one line, and three are not."""
     sine = rb.Sine(amplitude=1.0, frequency=0.3)
@@ -154,7 +194,7 @@ def test_equal_steps_end_on_every_sample_with_the_rates_of_then() -> None:
         list(world.march(np.array([0.0, 0.1, 0.2, 0.25]), 0.1))
 
 
-class _Dynamics(IdealWorld):
+class Dynamics(IdealWorld):
     """Pinocchio's world on MuJoCo's mass matrix and bias."""
 
     def __init__(self, scene: Scene, settings: Any, step: float) -> None:
@@ -196,7 +236,7 @@ def test_our_constraints_roll_ideally_on_the_dynamics_of_another(
     given = worked(scene) if scene == "W4" else rb.load_scene(scene)
     theory = rb.integrate(replace(given, motors=()), rb.sample_times(2.0, 0.04))
     shown: list[float] = []
-    engine = replace(PINOCCHIO, packages=("mujoco",), world=_Dynamics)
+    engine = replace(PINOCCHIO, packages=("mujoco",), world=Dynamics)
     motion = rb.simulate(theory.scene, theory.times, preset, engine=engine, progress=shown.append)
     error = path_error(motion, theory)
     assert error < 3 * measured
@@ -208,15 +248,20 @@ def test_our_constraints_roll_ideally_on_the_dynamics_of_another(
 
 
 @pytest.mark.parametrize("name", ADAPTERS)
-def test_an_adapter_is_told_without_its_package(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Presets, ladders, and the extra, which a run without the package names in one line."""
+def test_an_adapter_is_known_without_its_package(
+    name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Presets, ladders, and the extra; a run without the package says how to get it in a line."""
     engine = ADAPTERS[name]
     assert sorted(PROJECT["optional-dependencies"][name]) == sorted(engine.requirements) != []
     assert engine.default in engine.presets
     for preset, (field, _) in engine.ladders.items():
         assert hasattr(engine.presets[preset], field)
     monkeypatch.setattr("robotball.engines.adapter.find_spec", lambda _: None)
-    with pytest.raises(rb.InputError, match=rf"pip install 'robotball\[{name}\]'"):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(
+        rb.InputError, match=f"is not installed: robotball engines --install {name}$"
+    ):
         rb.simulate(FIG12, engine=name)
 
 
@@ -236,6 +281,11 @@ LACKS = [
     ("physx", "best", "fig12", "single precision"),
     ("mujoco-warp", "best", "fig12", "single precision"),
 ]
+
+
+def test_mjx_has_the_version_that_it_runs_on() -> None:
+    """Its own, and that of MuJoCo."""
+    assert ADAPTERS["mjx"].label.version.endswith(f" on MuJoCo {version('mujoco')}")
 
 
 @pytest.mark.parametrize(("name", "preset", "scene", "why"), LACKS)

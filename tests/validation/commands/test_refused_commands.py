@@ -39,6 +39,9 @@ REFUSED = {
         for each in ("compare", "video")
     },
     "tradeoff fig12 --parts --friction": "give one of parts and friction",
+    "engines fig12 --only mujoco-3.17": (
+        "^robotball: MuJoCo is not installed: robotball engines --install mujoco-3.17$"
+    ),
     "extremes zzzz": "no map is called 'zzzz'; there are momentum, frame",
     "portraits axail": r"^robotball: no map is called 'axail'; did you mean axial\?$",
     "figures 2": "no figure 2 to draw; there are 3 to 14, and tori",

@@ -1,0 +1,21 @@
+"""An engine of a package that an environment alone has: MuJoCo's mass matrix under our steps."""
+
+from typing import Any
+
+from robotball.engines.adapter import Adapter, World, by_name, version_of
+from robotball.engines.pinocchio import PINOCCHIO
+from robotball.motion import Label
+from robotball.scene import Scene
+from tests.robotball.engines.test_adapters import Dynamics
+
+
+def _world(scene: Scene, settings: Any, step: float) -> World:
+    print("an engine prints what it likes")
+    return Dynamics(scene, settings, step)
+
+
+ELSEWHERE = Adapter(
+    label=Label("Elsewhere", version_of("only-there"), "#123456"), packages=("only_there",),
+    extra="elsewhere", presets=by_name(PINOCCHIO.presets["RK4"]), ladders={}, default="RK4",
+    world=_world, lacks=lambda scene, settings: "it warns",
+)  # fmt: skip

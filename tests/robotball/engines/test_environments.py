@@ -1,0 +1,102 @@
+"""An engine that only an environment has runs there by itself, and what goes wrong is one line."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import robotball as rb
+from robotball.engine import request_of, run_request
+from robotball.engines import environments
+from tests.elsewhere_engine import ELSEWHERE
+from tests.imports import PROJECT
+
+FIG12 = rb.load_scene("fig12")
+TIMES = rb.sample_times(0.2)
+
+
+def package(folder: Path, name: str, points: str = "") -> None:
+    """The metadata of an installed package, with its entry points."""
+    info = folder / f"{name.replace('-', '_')}-1.5.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.5\n")
+    (info / "entry_points.txt").write_text(points)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of environments, in which the one of the engine is: its interpreter finds more."""
+    point = "[robotball.engines]\nelsewhere = tests.elsewhere_engine:ELSEWHERE\n"
+    package(tmp_path / "ours", "elsewhere", point)
+    monkeypatch.setattr(sys, "path", [str(tmp_path / "ours"), *sys.path])
+    home = tmp_path / "engines" / "elsewhere"
+    there = environments._packages(home)
+    package(there, "only-there")
+    (there / "only_there.py").touch()
+    (there / environments._LINK).touch()
+    python = home / "bin" / "python"
+    python.parent.mkdir()
+    path = f"{there}:{tmp_path / 'ours'}:{PROJECT}"
+    python.write_text(f'#!/bin/sh\nPYTHONPATH="{path}" exec "{sys.executable}" "$@"\n')
+    python.chmod(0o755)
+    return home.parent
+
+
+@pytest.mark.slow
+def test_an_engine_runs_in_its_environment_by_itself(folder: Path) -> None:
+    """The same motion to the last bit, with the version of there; its warning is issued here."""
+    request = replace(request_of("elsewhere"), environments=folder)
+    with pytest.warns(rb.SceneWarning, match="fig12, RK4: Elsewhere: it warns"):
+        there = run_request(FIG12, TIMES, request)
+    assert there.engine.version == "1.5"
+    assert ELSEWHERE.label.version == "not installed"
+    here = rb.simulate(FIG12, TIMES, engine=replace(ELSEWHERE, packages=()))
+    assert np.array_equal(there.contact_point, here.contact_point)
+    assert there.report.steps == here.report.steps == 10
+
+
+def test_what_cannot_run_there_is_one_line(folder: Path, tmp_path: Path) -> None:
+    """It is nowhere; or the environment has lost it; or a drive is a function of no module."""
+    request = request_of("elsewhere")
+    nowhere = replace(request, environments=tmp_path / "none")
+    with pytest.raises(rb.InputError, match=r"^Elsewhere is not installed: robotball engines --i"):
+        run_request(FIG12, TIMES, nowhere)
+    lambdas = replace(FIG12, frame_rate=lambda t: 1.0 + 0.1 * t)
+    with pytest.raises(rb.InputError, match="stands in a module alone: Can.t pickle"):
+        run_request(lambdas, TIMES, replace(request, environments=folder))
+
+
+@pytest.mark.parametrize(
+    ("script", "said"),
+    [
+        ("kill -SEGV $$", "python: its process was ended by SIGSEGV$"),
+        ("echo the last word >&2; exit 3", "python: the last word$"),
+        ("exit 0", "python: it ended without a word$"),
+    ],
+)
+def test_a_process_that_ends_badly_is_one_line(tmp_path: Path, script: str, said: str) -> None:
+    """Its signal, or its last word, with the interpreter."""
+    interpreter = tmp_path / "python"
+    interpreter.write_text(f"#!/bin/sh\n{script}\n")
+    interpreter.chmod(0o755)
+    with pytest.raises(rb.InputError, match=said):
+        environments.call(interpreter, int)
+
+
+@pytest.mark.slow
+def test_an_error_of_another_process_is_raised_here() -> None:
+    """An InputError as it was; of any other its last word."""
+    with pytest.raises(rb.InputError, match="no scene is called 'fig112'"):
+        environments.call(sys.executable, rb.load_scene, "fig112")
+    with pytest.raises(rb.InputError, match=r"python.*: ValueError: could not convert"):
+        environments.call(sys.executable, float, "no number")
+
+
+def test_versions_are_those_that_the_environment_holds(folder: Path) -> None:
+    """By the names in requirements; of what is not there nothing is said."""
+    home = folder / "elsewhere"
+    assert environments.versions_in(home, ("only-there>=1", "numpy")) == "only-there 1.5"
+    assert environments.interpreter_of(home) == home / "bin" / "python"
+    assert environments.interpreter_of(folder / "none") is None

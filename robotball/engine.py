@@ -6,7 +6,7 @@ what an engine depends on is imported only for its users. A package adds an engi
 of the group `robotball.engines`, whose name is the engine's and whose object is an Engine.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from importlib.metadata import entry_points
@@ -67,6 +67,13 @@ class Engine(Protocol):
         """Return the engine made ready to run the scene's ball from one start after another."""
         request = Request(self, settings)
         return lambda times, start: self.run(replace(scene, start=start), times, request)
+
+    def run_many(
+        self, scene: Scene, times: Array, settings: EngineSettings, starts: Sequence[Start]
+    ) -> Iterator[ContactMotion]:
+        """Yield the motions of the scene's ball from each start, as `run` returns them."""
+        for start in starts:
+            yield self.run(replace(scene, start=start), times, Request(self, settings))
 
 
 @dataclass(frozen=True)
@@ -174,6 +181,44 @@ def simulate(
     return run_request(scene, times, whole)
 
 
+def simulate_many(
+    scene: Scene,
+    starts: Sequence[Start],
+    times: Array | None = None,
+    settings: EngineSettings | str | None = None,
+    *,
+    engine: Engine | str = DEFAULT,
+    progress: Progress | None = None,
+) -> Iterator[ContactMotion]:
+    """Return an iterator of the motions of a scene's ball from many starts, in their order.
+
+    Each is the motion that `simulate` returns of the scene with that start, to the last bit; other
+    arguments are as there. An engine that can takes all cores for it, and holds the rows of some of
+    the runs at a time: whoever keeps no motion needs no memory for it. progress is called with the
+    part of the runs that is done. Warns of settings that are predicted to fail from the first
+    start, and of each motion that can hardly be what was meant. Raises InputError as `simulate`.
+    """
+    request = request_of(engine, settings)
+    return _each(scene, starts, _runnable(scene, times, request), request, progress)
+
+
+def _each(
+    scene: Scene,
+    starts: Sequence[Start],
+    times: Array,
+    request: Request,
+    progress: Progress | None,
+) -> Iterator[ContactMotion]:
+    """Yield the motions of `simulate_many`."""
+    assert request.settings is not None  # as no accuracy is requested
+    whole = scene.until(float(times[-1]))
+    motions = request.engine.run_many(whole, times, request.settings, starts) if starts else ()
+    for done, (start, motion) in enumerate(zip(starts, motions, strict=True), start=1):
+        yield _own(motion, replace(scene, start=start))
+        if progress is not None:
+            progress(done / len(starts))
+
+
 def request_of(
     of: Engine | str = DEFAULT,
     settings: EngineSettings | str | None = None,
@@ -213,12 +258,21 @@ def _check_accuracy(
 
 def run_request(scene: Scene, times: Array | None, request: Request) -> ContactMotion:
     """Simulate the scene as `simulate` does, by a request."""
-    if why := request.engine.cannot_express(scene):
-        raise InputError(f"{request.engine.label.name} cannot run {scene.name}: {why}")
+    times = _runnable(scene, times, request)
     # The drives must reach to the last time that is asked for, which may be beyond the scene's own
     # duration. The motion's scene is the user's again.
-    times = scene.times if times is None else check_times(times)
-    motion = request.engine.run(scene.until(float(times[-1])), times, request)
+    return _own(request.engine.run(scene.until(float(times[-1])), times, request), scene)
+
+
+def _runnable(scene: Scene, times: Array | None, request: Request) -> Array:
+    """Return the times of a run. Raises InputError where the engine cannot run the scene."""
+    if why := request.engine.cannot_express(scene):
+        raise InputError(f"{request.engine.label.name} cannot run {scene.name}: {why}")
+    return scene.times if times is None else check_times(times)
+
+
+def _own(motion: ContactMotion, scene: Scene) -> ContactMotion:
+    """Return the motion as that of the user's scene, and warn of what can hardly be meant."""
     for line in _doubts(motion):
         warn(f"{scene.name}: {line}")
     return replace(motion, scene=scene)

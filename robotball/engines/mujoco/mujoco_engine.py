@@ -1,12 +1,14 @@
 """MuJoCo as an engine: it takes a request and returns a motion with its report.
 
 The room is read in this order: `settings` (the recipes), `model` (scene and settings → MJCF),
-`stepping` (MuJoCo's integrators, servos at their limits), `run`, `adaptive` (DOP853), `readings`
-(sensors → a Motion), `monitor` (faults), `limits` with `trials` (faults predicted), `accuracy` (an
-error in place of settings), `fault_window`, `mjcf_export`; `ports` (MJX and MuJoCo Warp).
+`stepping` (MuJoCo's integrators, servos at their limits), `run`, `many`, `adaptive` (DOP853),
+`readings` (sensors → a Motion), `monitor` (faults), `limits` with `trials` (faults predicted),
+`accuracy` (an error in place of settings), `fault_window`, `mjcf_export`; `ports` (MJX and MuJoCo
+Warp).
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from robotball.engine import Engine, Ladder, Request, Runner, as_own
 from robotball.engines import Progress
@@ -17,7 +19,7 @@ from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import PRESETS, Settings
 from robotball.motion import ContactMotion, EngineSettings
 from robotball.rotations import Array
-from robotball.scene import Scene
+from robotball.scene import Scene, Start
 
 # A ball near an unstable motion magnifies the rounding of its start to half of it.
 LEAST_ACCURACY = 1e-11
@@ -53,6 +55,16 @@ class MuJoCo(Engine):
         """Return a function that runs one model, built here, from any start of the scene's ball."""
         model = build(scene, as_own(settings, Settings, LABEL))
         return lambda times, start: run(model, times, start=start)
+
+    def run_many(
+        self, scene: Scene, times: Array, settings: EngineSettings, starts: Sequence[Start]
+    ) -> Iterator[ContactMotion]:
+        """Yield the motions of the scene's ball from each start, as `run` returns them."""
+        from robotball.engines.mujoco.many import run_many
+
+        own = as_own(settings, Settings, LABEL)
+        precheck(replace(scene, start=starts[0]), own, times)
+        return run_many(scene, own, times, starts)
 
 
 MUJOCO = MuJoCo()

@@ -69,11 +69,11 @@ class Engine(Protocol):
         return lambda times, start: self.run(replace(scene, start=start), times, request)
 
     def run_many(
-        self, scene: Scene, times: Array, settings: EngineSettings, starts: Sequence[Start]
+        self, scenes: Sequence[Scene], times: Array, settings: EngineSettings
     ) -> Iterator[ContactMotion]:
-        """Yield the motions of the scene's ball from each start, as `run` returns them."""
-        for start in starts:
-            yield self.run(replace(scene, start=start), times, Request(self, settings))
+        """Yield the motions of scenes, as `run` returns them."""
+        request = Request(self, settings)
+        return (self.run(each, times, request) for each in scenes)
 
 
 @dataclass(frozen=True)
@@ -182,8 +182,8 @@ def simulate(
 
 
 def simulate_many(
-    scene: Scene,
-    starts: Sequence[Start],
+    scene: Scene | Sequence[Scene],
+    starts: Sequence[Start] | None = None,
     times: Array | None = None,
     settings: EngineSettings | str | None = None,
     *,
@@ -192,31 +192,39 @@ def simulate_many(
 ) -> Iterator[ContactMotion]:
     """Return an iterator of the motions of a scene's ball from many starts, in their order.
 
-    Each is the motion that `simulate` returns of the scene with that start, to the last bit; other
-    arguments are as there. An engine that can takes all cores for it, and holds the rows of some of
-    the runs at a time: whoever keeps no motion needs no memory for it. progress is called with the
-    part of the runs that is done. Warns of settings that are predicted to fail from the first
-    start, and of each motion that can hardly be what was meant. Raises InputError as `simulate`.
+    Or of several scenes, which may differ in drives and bodies too, at the same times: without
+    `starts`. Each is the motion that `simulate` returns of that scene, to the last bit; times (the
+    first scene's own if None), settings and engine are as there. An engine that can works on all
+    cores, and holds the rows of some of the runs at a time: whoever keeps no motion needs no memory
+    for it. progress is called with the part of the runs that is done. Warns of settings that are
+    predicted to fail from the first start, and of each motion that can hardly be what was meant.
+    Raises InputError as `simulate` does.
     """
     request = request_of(engine, settings)
-    return _each(scene, starts, _runnable(scene, times, request), request, progress)
+    if (starts is None) == isinstance(scene, Scene):
+        raise InputError("give starts with one scene, and none with several")
+    if isinstance(scene, Scene):
+        scenes: Sequence[Scene] = [replace(scene, start=each) for each in starts or ()]
+    else:
+        scenes = scene
+    for each in scenes:
+        times = _runnable(each, times, request)
+    if times is None or not scenes:
+        return iter(())
+    return _each(scenes, times, request, progress)
 
 
 def _each(
-    scene: Scene,
-    starts: Sequence[Start],
-    times: Array,
-    request: Request,
-    progress: Progress | None,
+    scenes: Sequence[Scene], times: Array, request: Request, progress: Progress | None
 ) -> Iterator[ContactMotion]:
     """Yield the motions of `simulate_many`."""
     assert request.settings is not None  # as no accuracy is requested
-    whole = scene.until(float(times[-1]))
-    motions = request.engine.run_many(whole, times, request.settings, starts) if starts else ()
-    for done, (start, motion) in enumerate(zip(starts, motions, strict=True), start=1):
-        yield _own(motion, replace(scene, start=start))
+    whole = [each.until(float(times[-1])) for each in scenes]
+    motions = request.engine.run_many(whole, times, request.settings)
+    for done, (scene, motion) in enumerate(zip(scenes, motions, strict=True), start=1):
+        yield _own(motion, scene)
         if progress is not None:
-            progress(done / len(starts))
+            progress(done / len(scenes))
 
 
 def request_of(

@@ -1,194 +1,164 @@
-"""Many runs of one scene, from one start after another, on all cores.
+"""Many runs at once: by MuJoCo's own threads, or in processes.
 
-Where the controls keep their values a run is nothing but steps, and MuJoCo's own threads
-(`mujoco.rollout`) take those of many runs at once; each run is monitored meanwhile from its rows.
-A drive that changes calls Python at every step, which threads would wait for, so such runs go to
-processes. Either way a motion is that of `run` to the last bit, and one with a fault is that run's.
+Where controls keep their values a run is nothing but steps, and the threads of `mujoco.rollout`
+take those of many starts while the runs before are monitored from their rows. A drive that changes
+calls Python at every step, which threads would wait for, and scenes that differ in more than the
+start are built one by one: these go to processes. A motion is that of `run` to the last bit.
 """
 
 import pickle
-import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import groupby
+from time import perf_counter
 
 import mujoco
 import numpy as np
 from mujoco.rollout import Rollout
 
 from robotball.engines.mujoco.limits import check_length
-from robotball.engines.mujoco.model import Model, build, hinges_of
-from robotball.engines.mujoco.readings import Readings
+from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import Record, monitored, recorded, run
 from robotball.engines.mujoco.settings import Settings
-from robotball.engines.mujoco.stepping import Portion, Stretch, is_plain, stretches
-from robotball.motion import ContactMotion
+from robotball.engines.mujoco.stepping import Portion, is_plain, stretches
+from robotball.motion import ContactMotion, FaultKind
 from robotball.processes import allowed, in_processes
 from robotball.rotations import Array
-from robotball.scene import Scene, Start
+from robotball.scene import Scene
 
+_BYTES = 2e7  # of the rows that threads write at once, twice: a dozen runs of 2000 steps
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
-_BYTES = 64e6  # of the rows that are held at once, twice: some hundred runs of 10 s
+# MuJoCo's threads stop a run that is warned of, without a word: its rows repeat the last one.
+_STOPPED = {FaultKind.DIVERGED, FaultKind.RESET, FaultKind.ENGINE_WARNED}
 
 
 @dataclass(frozen=True)
 class _Alone:
-    """A run from a start, in any process."""
+    """Scene → its motion at times (n,) [s], in any process."""
 
-    scene: Scene
     settings: Settings
     times: Array
 
-    def __call__(self, start: Start) -> ContactMotion:
-        return run(build(replace(self.scene, start=start), self.settings), self.times)
+    def __call__(self, scene: Scene) -> ContactMotion:
+        return run(build(scene, self.settings), self.times)
 
 
-def run_many(
-    scene: Scene, settings: Settings, times: Array, starts: Sequence[Start]
-) -> Iterator[ContactMotion]:
-    """Yield the motions at times (n,) [s] from 0 from each start, in their order.
+def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Iterator[ContactMotion]:
+    """Yield the motions of scenes at times (n,) [s] from 0, in their order.
 
     Raises InputError as `build` and `run` do.
     """
-    alone = _Alone(scene, settings, times)
-    first = build(replace(scene, start=starts[0]), settings)
+    alone = _Alone(settings, times)
+    first = build(scenes[0], settings)
     check_length(first.scene, first.settings, times)
-    if not _in_threads(first):
-        yield from in_processes(alone, starts) if _goes_elsewhere(alone) else map(alone, starts)
+    rolling = _Rolling(first, times)
+    if rolling.size >= allowed() and all(map(rolling.takes, scenes)):
+        yield from _in_threads(rolling, scenes, alone)
         return
-    threads, parts = allowed(), [*_stretches(first, times)]
-    steps = max(int(each.counts.sum()) for each in parts)
-    size = max(threads, int(_BYTES / (8 * (steps + 1) * first.compiled.nsensordata)))
-    data = [mujoco.MjData(first.compiled) for _ in range(threads)]
-    with Rollout(nthread=threads) as pool, ThreadPoolExecutor(1) as beside:
-        waiting: deque[tuple[_Batch, Future[_Rolled]]] = deque()
-        for i in range(0, len(starts), size):
-            batch = _Batch(alone, first, starts[i : i + size], data)
-            for part in parts:
-                waiting.append((batch, beside.submit(batch.roll, pool, part, part is parts[-1])))
-                # While the threads are at this part, the one before is looked at.
-                if len(waiting) > 1:
-                    yield from _looked_at(*waiting.popleft())
-        yield from _looked_at(*waiting.popleft())
+    yield from in_processes(alone, scenes) if _goes_elsewhere(scenes) else map(alone, scenes)
 
 
-def _in_threads(model: Model) -> bool:
-    """Return whether MuJoCo's threads can run a model: by steps alone that start from no guess."""
-    settings = model.settings
-    return not settings.adaptive and settings.warmstart == "disable" and is_plain(model)
-
-
-def _goes_elsewhere(work: _Alone) -> bool:
-    """Return whether work can be done in another process, which no function of a user's can."""
+def _goes_elsewhere(scenes: Sequence[Scene]) -> bool:
+    """Return whether processes can have the scenes, which they cannot with a user's functions."""
     try:
-        return bool(pickle.dumps(work))
+        return bool(pickle.dumps(scenes))
     except (pickle.PicklingError, AttributeError, TypeError):
         return False
 
 
-def _stretches(model: Model, times: Array) -> Iterator[Stretch]:
-    return stretches(times, model.scene.breakpoints, model.compiled.opt.timestep)
+def _in_threads(
+    rolling: "_Rolling", scenes: Sequence[Scene], alone: _Alone
+) -> Iterator[ContactMotion]:
+    """Yield the motions of scenes that the threads take."""
+    first, threads = rolling.model, allowed()
+    data = [mujoco.MjData(first.compiled) for _ in range(threads)]
+    batches = deque[tuple[list[Model | None], Future[tuple[Array, float]]]]()
+
+    def motions() -> Iterator[ContactMotion]:
+        nonlocal done
+        models, future = batches.popleft()
+        rows, seconds = future.result()
+        each = iter(rows)
+        for model in models:
+            motion = model and rolling.motion(model, next(each), seconds)
+            yield motion or alone(scenes[done])
+            done += 1
+
+    done = 0
+    with Rollout(nthread=threads) as pool, ThreadPoolExecutor(1) as beside:
+        for i in range(0, len(scenes), rolling.size):
+            models = [first.started(each) for each in scenes[i : i + rolling.size]]
+            future = beside.submit(rolling.rows, pool, data, [*filter(None, models)])
+            batches.append((models, future))
+            if len(batches) > 1:
+                yield from motions()
+        yield from motions()
 
 
-@dataclass(frozen=True)
-class _Rolled:
-    """The rows (b, m, columns of Readings) of a stretch of b runs, as a Portion has them.
+class _Rolling:
+    """How runs of a model from several starts are stepped together.
 
-    last: whether the runs end with it; seconds: of a processor's time for each run.
+    size: how many at once; groups: consecutive steps of one length [s], and their number, with one
+    more at the end, as sensors are those of the state before a step.
     """
 
-    rows: Array
-    stretch: Stretch
-    last: bool
-    seconds: float
+    def __init__(self, model: Model, times: Array) -> None:
+        self.model, self.times, compiled = model, times, model.compiled
+        self.parts = [*stretches(times, model.scene.breakpoints, compiled.opt.timestep)]
+        each = [(length, count) for part in self.parts for _, length, count in part]
+        grouped = groupby(each, key=lambda some: some[0])
+        self.groups = [(length, sum(n for _, n in some)) for length, some in grouped]
+        self.groups[-1] = (self.groups[-1][0], self.groups[-1][1] + 1)
+        steps = sum(count for _, count in self.groups)
+        self.size = int(_BYTES / (8 * steps * compiled.nsensordata))
 
+    def takes(self, scene: Scene) -> bool:
+        """Return whether a scene is that of the model but for its start, and a run steps alone."""
+        settings = self.model.settings
+        # The guess from which a solver starts is no part of the state between two groups.
+        guesses = settings.warmstart != "disable" and len(self.groups) > 1
+        same = replace(scene, start=self.model.scene.start) == self.model.scene
+        return same and not settings.adaptive and not guesses and is_plain(self.model)
 
-class _Batch:
-    """Runs that are stepped together, each by an MjModel with its own start."""
+    def rows(
+        self, pool: Rollout, data: list[mujoco.MjData], models: list[Model]
+    ) -> tuple[Array, float]:
+        """Return the sensors (b, steps + 1, n) of b runs, and the processor time of each [s]."""
+        if not models:
+            return np.empty(0), 0.0
+        began, compiled = perf_counter(), [each.compiled for each in models]
+        state = np.empty((len(models), mujoco.mj_stateSize(compiled[0], _STATE)))
+        for model, place in zip(models, state, strict=True):
+            mujoco.mj_getState(model.compiled, model.start_data(), place, _STATE)
+        control = compiled[0].key_ctrl[0] if compiled[0].nu else None
+        rows = []
+        for length, count in self.groups:
+            for each in compiled:
+                each.opt.timestep = length
+            states, sensors = pool.rollout(compiled, data, state, control, nstep=count)
+            state = states[:, -1]
+            rows.append(sensors)
+        busy = min(len(data), len(models))
+        return np.concatenate(rows, axis=1), (perf_counter() - began) * busy / len(models)
 
-    def __init__(
-        self, alone: _Alone, first: Model, starts: Sequence[Start], data: list[mujoco.MjData]
-    ) -> None:
-        self.runs, self.data = [_Run(alone, first, start) for start in starts], data
-        self.models = [each.model.compiled for each in self.runs]
-        self.states = np.empty((len(starts), mujoco.mj_stateSize(first.compiled, _STATE)))
-        for model, state in zip(self.models, self.states, strict=True):
-            mujoco.mj_resetDataKeyframe(model, data[0], 0)
-            mujoco.mj_getState(model, data[0], state, _STATE)
+    def motion(self, model: Model, sensors: Array, seconds: float) -> ContactMotion | None:
+        """Return the motion of a run's sensors (steps + 1, n); None where the threads stopped."""
+        record = Record(keeps_window=False, seconds=seconds)
+        readings = monitored(model, self.times, self._portions(sensors), record)
+        motion = recorded(self.times, readings, record)
+        return None if _STOPPED & {kind for kind, _ in record.faults} else motion
 
-    def roll(self, pool: Rollout, stretch: Stretch, last: bool) -> _Rolled:
-        """Step all runs over a stretch."""
-        began, count = time.perf_counter(), int(stretch.counts.sum())
-        columns = self.models[0].nsensordata + len(self.data[0].warning.number)
-        rows = np.zeros((len(self.runs), count + last, columns))
-        done = 0
-        for _, length, steps in stretch:
-            self.states = self._step(pool, length, rows[:, done : done + steps])
-            done += steps
-        if last:  # sensors are those of the state before a step
-            self._step(pool, length, rows[:, done:])
-        threads = min(len(self.data), len(self.runs))
-        seconds = (time.perf_counter() - began) * threads / len(self.runs)
-        return _Rolled(rows, stretch, last, seconds)
-
-    def _step(self, pool: Rollout, length: float, rows: Array) -> Array:
-        """Fill rows (b, m, columns) by m steps of a length [s], and return the states after."""
-        (b, m, _), (model, *_) = rows.shape, self.models
-        for each in self.models:
-            each.opt.timestep = length
-        control = np.tile(model.key_ctrl[0], (b, m, 1)) if model.nu else None
-        states, sensors = (
-            np.empty((b, m, self.states.shape[1])),
-            np.empty((b, m, model.nsensordata)),
-        )
-        pool.rollout(
-            self.models, self.data, self.states, control,
-            skip_checks=True, nstep=m, state=states, sensordata=sensors,
-        )  # fmt: skip
-        rows[:, :, : model.nsensordata] = sensors
-        return np.ascontiguousarray(states[:, -1])
-
-
-class _Run:
-    """A run of a batch: its model, and what has been read of it so far."""
-
-    def __init__(self, alone: _Alone, first: Model, start: Start) -> None:
-        scene = replace(alone.scene, start=start)
-        # A start at an angle may turn a hinge that the first one's model has not.
-        self.apart = hinges_of(scene, first.settings) != first.hinges
-        self.model = first.started(first.scene if self.apart else scene)
-        self.alone, self.start = alone, start
-        self.record, self.portions = Record(keeps_window=False), deque[Portion | None]()
-        stream = iter(self.portions.popleft, None)
-        self.stream = monitored(self.model, alone.times, stream, self.record)
-        self.readings: list[Readings] = []
-
-    def look(self, rolled: _Rolled, rows: Array) -> None:
-        """Read a stretch's rows (m, columns)."""
-        if self.apart:
-            return
-        samples, steps = rolled.stretch.samples, len(rows) - rolled.last
-        if rolled.last:
-            samples = np.append(samples, steps)
-        longest = float(rolled.stretch.lengths.max())
-        self.portions.append(Portion(rows, samples, steps, longest, again=list))
-        self.readings.append(next(self.stream))
-        self.record.seconds += rolled.seconds
-        # MuJoCo's threads stop a run that is warned of, and say no more of it.
-        self.apart = bool(self.record.faults)
-
-    def motion(self) -> ContactMotion:
-        """Return the motion, once all is read."""
-        if self.apart:
-            return self.alone(self.start)
-        return recorded(self.alone.times, self.readings, self.record)
-
-
-def _looked_at(batch: _Batch, rolling: Future[_Rolled]) -> Iterator[ContactMotion]:
-    """Look at the rows of a stretch, and yield the motions that end with it."""
-    rolled = rolling.result()
-    for each, rows in zip(batch.runs, rolled.rows, strict=True):
-        each.look(rolled, rows)
-    if rolled.last:
-        yield from (each.motion() for each in batch.runs)
+    def _portions(self, sensors: Array) -> Iterator[Portion]:
+        rows = np.zeros((len(sensors), sensors.shape[1] + int(mujoco.mjtWarning.mjNWARNING)))
+        rows[:, : sensors.shape[1]] = sensors
+        begin = 0
+        for part in self.parts:
+            count, samples = int(part.counts.sum()), part.samples
+            end = begin + count
+            if part is self.parts[-1]:
+                samples, end = np.append(samples, count), end + 1
+            longest = float(part.lengths.max())
+            yield Portion(rows[begin:end], samples, count, longest, again=list)
+            begin = end

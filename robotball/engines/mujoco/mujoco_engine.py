@@ -8,7 +8,6 @@ Warp).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 
 from robotball.engine import Engine, Ladder, Request, Runner, as_own
 from robotball.engines import Progress
@@ -19,7 +18,7 @@ from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import PRESETS, Settings
 from robotball.motion import ContactMotion, EngineSettings
 from robotball.rotations import Array
-from robotball.scene import Scene, Start
+from robotball.scene import Scene
 
 # A ball near an unstable motion magnifies the rounding of its start to half of it.
 LEAST_ACCURACY = 1e-11
@@ -57,14 +56,14 @@ class MuJoCo(Engine):
         return lambda times, start: run(model, times, start=start)
 
     def run_many(
-        self, scene: Scene, times: Array, settings: EngineSettings, starts: Sequence[Start]
+        self, scenes: Sequence[Scene], times: Array, settings: EngineSettings
     ) -> Iterator[ContactMotion]:
-        """Yield the motions of the scene's ball from each start, as `run` returns them."""
+        """Yield the motions of scenes, as `run` returns them."""
         from robotball.engines.mujoco.many import run_many
 
         own = as_own(settings, Settings, LABEL)
-        precheck(replace(scene, start=starts[0]), own, times)
-        return run_many(scene, own, times, starts)
+        precheck(scenes[0], own, times)
+        return run_many(scenes, own, times)
 
 
 MUJOCO = MuJoCo()

@@ -188,6 +188,7 @@ def simulate_many(
     settings: EngineSettings | str | None = None,
     *,
     engine: Engine | str = DEFAULT,
+    device: str | None = None,
     progress: Progress | None = None,
 ) -> Iterator[ContactMotion]:
     """Return an iterator of the motions of a scene's ball from many starts, in their order.
@@ -196,11 +197,17 @@ def simulate_many(
     `starts`. Each is the motion that `simulate` returns of that scene, to the last bit; times (the
     first scene's own if None), settings and engine are as there. An engine that can works on all
     cores, and holds the rows of some of the runs at a time: whoever keeps no motion needs no memory
-    for it. progress is called with the part of the runs that is done. Warns of settings that are
-    predicted to fail from the first start, and of each motion that can hardly be what was meant.
-    Raises InputError as `simulate` does.
+    for it. device: "cpu" or "cuda", in place of the settings', where an engine with a choice steps
+    all balls abreast. progress is called with the part of the runs that is done. Warns of settings
+    that are predicted to fail from the first start, and of each motion that can hardly be what was
+    meant. Raises InputError as `simulate` does.
     """
     request = request_of(engine, settings)
+    if device is not None:
+        own: Any = request.settings
+        if not hasattr(own, "device"):
+            raise InputError(f"{request.engine.label.name} has no choice of a device: leave it out")
+        request = replace(request, settings=replace(own, device=device))
     if (starts is None) == isinstance(scene, Scene):
         raise InputError("give starts with one scene, and none with several")
     if isinstance(scene, Scene):

@@ -14,8 +14,8 @@ term of dS/dt is left to be dropped.
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, requires, version
 from importlib.util import find_spec
 from itertools import pairwise
@@ -25,7 +25,7 @@ import numpy as np
 
 from robotball import equations as eq
 from robotball.engine import Engine, Ladder, Own, Request, as_own
-from robotball.engines import Compensated, Rate
+from robotball.engines import Compensated, Progress, Rate
 from robotball.engines.links import Readings, State, readings_of, start_state, state_of_rows
 from robotball.equations import as_vector
 from robotball.errors import InputError, warn
@@ -52,12 +52,13 @@ _CALLS = 200
 class World(ABC):
     """A ball in an engine, at its start. To make one is set-up, which no run's time includes.
 
-    steps: the number taken so far; longest: the longest of them [s].
+    steps: the number taken so far; longest: the longest of them [s]; clock: by which they are
+    timed, the processor's unless another device takes them.
     """
 
     def __init__(self, scene: Scene) -> None:
         self.scene, self.now = scene, start_state(scene)
-        self.steps, self.longest = 0, 0.0
+        self.steps, self.longest, self.clock = 0, 0.0, time.process_time
 
     @abstractmethod
     def march(self, times: Array, timestep: float) -> Iterator[State]:
@@ -185,18 +186,20 @@ class Adapter(Engine):
     packages: the names that are imported; extra: the extra of robotball that brings them; world:
     what makes the ball at its start of a scene, settings and the length of its steps [s]; lacks:
     what says in a line what the engine lacks for a scene under settings, if anything. Both get its
-    own kind of settings, that of its presets.
+    own kind of settings, that of its presets. abreast: how many balls a world can roll, each as if
+    it were alone; `world` then takes the scenes too, which differ in their starts.
     """
 
     label: Label
     packages: tuple[str, ...]
     extra: str
     presets: Mapping[str, StepSettings]
-    world: Callable[[Scene, Any, float], World]
+    world: Callable[..., World]
     lacks: Callable[[Scene, Any], str | None] = _nothing
     ladders: Mapping[str, Ladder] = field()  # or it would take an Engine's for its default
     default: str = "best"
     least_accuracy: float | None = None
+    abreast: int = 1
 
     @property
     def requirements(self) -> tuple[str, ...]:
@@ -222,7 +225,28 @@ class Adapter(Engine):
 
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
         """Return the motion. Its loads are unknown, NaN, and there is no fault window."""
-        settings = as_own(request.settings, type(self.presets[self.default]), self.label)
+        (motion,) = self._rolled([scene], times, request.settings, request.progress)
+        return motion
+
+    def run_many(
+        self, scenes: Sequence[Scene], times: Array, settings: EngineSettings
+    ) -> Iterator[ContactMotion]:
+        """Yield the motions of scenes, in one world where they differ in the start alone."""
+        first = scenes[0]
+        alike = all(replace(each, start=first.start) == first for each in scenes)
+        size = self.abreast if alike else 1
+        for i in range(0, len(scenes), size):
+            yield from self._rolled(scenes[i : i + size], times, settings)
+
+    def _rolled(
+        self,
+        scenes: Sequence[Scene],
+        times: Array,
+        of: EngineSettings | None,
+        progress: Progress | None = None,
+    ) -> Iterator[ContactMotion]:
+        """Yield the motions of scenes, by one world."""
+        settings, scene = as_own(of, type(self.presets[self.default]), self.label), scenes[0]
         if not self.installed:
             raise InputError(
                 f"{self.label.name} is not installed: pip install 'robotball[{self.extra}]', or "
@@ -231,19 +255,28 @@ class Adapter(Engine):
         # It runs all the same: how far off it then is belongs to the comparison of engines.
         if lack := self.lacks(scene, settings):
             warn(f"{scene.name}, {settings.name}: {self.label.name}: {lack}")
-        world = self.world(scene, settings, longest_step(scene, times, settings.timestep))
+        more = (scenes,) if len(scenes) > 1 else ()
+        world = self.world(scene, settings, longest_step(scene, times, settings.timestep), *more)
         # Only the engine's steps are timed, not what is made of its states. A state that is no
-        # number ends the run.
-        rows, spent = [world.now.row], 0.0
+        # number ends the run of its ball.
+        rows, spent = [np.array([start_state(each).row for each in scenes])], 0.0
         march = world.march(times, settings.timestep)
-        while len(rows) < len(times) and np.isfinite(rows[-1]).all():
-            began = time.process_time()
+        while len(rows) < len(times) and np.isfinite(rows[-1]).all(axis=1).any():
+            began = world.clock()
             state = next(march)
-            spent += time.process_time() - began
-            rows.append(state.row)
-            if request.progress is not None:
-                request.progress(times[len(rows) - 1] / times[-1])
-        return _motion_of(self.label, world, times, np.array(rows), settings, spent)
+            spent += world.clock() - began
+            rows.append(np.atleast_2d(state.row))
+            if progress is not None:
+                progress(times[len(rows) - 1] / times[-1])
+        seconds, python = spent / len(scenes), world.python_seconds() / len(scenes)
+        for each, own in zip(scenes, np.stack(rows, axis=1), strict=True):
+            sound = np.logical_and.accumulate(np.isfinite(own).all(axis=1))
+            motion = _motion_of(self.label, each, times, own[sound], settings)
+            report = replace(
+                motion.report, timestep=world.longest, steps=world.steps, seconds=seconds,
+                total_seconds=seconds, python_seconds=python,
+            )  # fmt: skip
+            yield replace(motion, report=report)
 
 
 def longest_step(scene: Scene, times: Array, timestep: float) -> float:
@@ -252,16 +285,13 @@ def longest_step(scene: Scene, times: Array, timestep: float) -> float:
 
 
 def _motion_of(
-    label: Label,
-    world: World,
-    times: Array,
-    rows: Array,
-    settings: EngineSettings,
-    seconds: float,
+    label: Label, scene: Scene, times: Array, rows: Array, settings: EngineSettings
 ) -> ContactMotion:
-    """Return the motion of rows (n, 13 + 2h) of State, up to the fault that ends it, if any."""
-    scene = world.scene
-    state = state_of_rows(rows if np.isfinite(rows[-1]).all() else rows[:-1])
+    """Return the motion of rows (n, 13 + 2h) of State, up to the fault that ends it, if any.
+
+    Its report has no cost yet.
+    """
+    state = state_of_rows(rows)
     # A ball that runs away overflows here, before it is cut off at its fault.
     with np.errstate(all="ignore"):
         readings = readings_of(scene, state)
@@ -288,11 +318,10 @@ def _motion_of(
             friction_used=np.full(kept, np.nan),
             hinge_rate_error=rate_error[n],
             faults=faults,
-            timestep=world.longest,
-            steps=world.steps,
-            seconds=seconds,
-            total_seconds=seconds,
-            python_seconds=world.python_seconds(),
+            timestep=0.0,
+            steps=0,
+            seconds=0.0,
+            total_seconds=0.0,
         ),
     )
 

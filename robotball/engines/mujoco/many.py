@@ -6,7 +6,6 @@ calls Python at every step, which threads would wait for, and scenes that differ
 start are built one by one: these go to processes. A motion is that of `run` to the last bit.
 """
 
-import pickle
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -57,15 +56,7 @@ def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Itera
     if rolling.size >= allowed() and all(map(rolling.takes, scenes)):
         yield from _in_threads(rolling, scenes, alone)
         return
-    yield from in_processes(alone, scenes) if _goes_elsewhere(scenes) else map(alone, scenes)
-
-
-def _goes_elsewhere(scenes: Sequence[Scene]) -> bool:
-    """Return whether processes can have the scenes, which they cannot with a user's functions."""
-    try:
-        return bool(pickle.dumps(scenes))
-    except (pickle.PicklingError, AttributeError, TypeError):
-        return False
+    yield from in_processes(alone, scenes, or_here=True)
 
 
 def _in_threads(
@@ -74,25 +65,22 @@ def _in_threads(
     """Yield the motions of scenes that the threads take."""
     first, threads = rolling.model, allowed()
     data = [mujoco.MjData(first.compiled) for _ in range(threads)]
-    batches = deque[tuple[list[Model | None], Future[tuple[Array, float]]]]()
+    ahead = deque[tuple[Sequence[Scene], list[Model | None], Future[tuple[Array, float]]]]()
 
     def motions() -> Iterator[ContactMotion]:
-        nonlocal done
-        models, future = batches.popleft()
+        some, models, future = ahead.popleft()
         rows, seconds = future.result()
-        each = iter(rows)
-        for model in models:
-            motion = model and rolling.motion(model, next(each), seconds)
-            yield motion or alone(scenes[done])
-            done += 1
+        left = iter(rows)
+        for scene, model in zip(some, models, strict=True):
+            yield (model and rolling.motion(model, next(left), seconds)) or alone(scene)
 
-    done = 0
     with Rollout(nthread=threads) as pool, ThreadPoolExecutor(1) as beside:
         for i in range(0, len(scenes), rolling.size):
-            models = [first.started(each) for each in scenes[i : i + rolling.size]]
+            some = scenes[i : i + rolling.size]
+            models = [first.started(each) for each in some]
             future = beside.submit(rolling.rows, pool, data, [*filter(None, models)])
-            batches.append((models, future))
-            if len(batches) > 1:
+            ahead.append((some, models, future))
+            if len(ahead) > 1:
                 yield from motions()
         yield from motions()
 

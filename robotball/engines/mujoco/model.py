@@ -6,7 +6,7 @@ state at the start, and the depth at which its contact carries the weight.
 
 import contextlib
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -161,6 +161,12 @@ class Model:
         if start is not None:
             data.qpos, data.qvel = _state_at(self.scene, self.settings.root, start, self.hinges)
         return data
+
+    def coordinates(self, scenes: Sequence[Scene]) -> tuple[Array, Array]:
+        """Return qpos (n, nq) and qvel (n, nv) at the starts of scenes that turn these hinges."""
+        some = (_state_at(each, self.settings.root, each.start, self.hinges) for each in scenes)
+        qpos, qvel = zip(*some, strict=True)
+        return np.array(qpos), np.array(qvel)
 
     def started(self, scene: Scene) -> "Model | None":
         """Return the model of the same scene with another start; None if it turns other hinges.

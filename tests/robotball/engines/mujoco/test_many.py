@@ -121,6 +121,6 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
 @pytest.mark.parametrize(("asked", "message"), REFUSED)
 def test_what_cannot_run_is_refused_at_once(asked: dict[str, Any], message: str) -> None:
     """Before the first motion is asked for."""
+    whole: dict[str, Any] = {"scene": FIG12, "starts": starts_of(FIG12, 1)} | asked
     with pytest.raises(rb.InputError, match=message):
-        whole: dict[str, Any] = {"scene": FIG12, "starts": starts_of(FIG12, 1)} | asked
         rb.simulate_many(**whole)

@@ -28,7 +28,7 @@ FLOORS = (
     ("validation.sweeps",),
     ("validation.sensitivity", "validation.agreement", "validation.results"),
     ("validation.plots", "validation.runs", "validation.study"),
-    ("validation.options",),
+    ("validation.options", "validation.many_runs"),
     ("validation.studies",),
     ("validation.figures", "validation.paper", "validation.bench", "validation.report"),
     ("validation.commands",),

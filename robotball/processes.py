@@ -10,6 +10,7 @@ lock: after several random kills all others wait for it, or the whole pool break
 import fcntl
 import multiprocessing
 import os
+import pickle
 import signal
 import threading
 import time
@@ -106,17 +107,18 @@ def cores() -> int:
 
 
 def in_processes(
-    work: Callable[[Job], Result], jobs: Sequence[Job], least: int = 2
+    work: Callable[[Job], Result], jobs: Sequence[Job], least: int = 2, *, or_here: bool = False
 ) -> Iterator[Result]:
     """Yield the results of jobs in their order, from as many processes as `at_most` allows.
 
     work: a module's function, `partial` of one, or an object that can be called; like jobs and
     results it can be pickled. With one process, or fewer jobs than `least`, it is called here: a
     process takes a second to start. Its warnings and errors are the caller's. The processes end
-    with the iterator. Raises ChildProcessError where one of them dies.
+    with the iterator. or_here: jobs that cannot be pickled, as with a user's functions in them, are
+    done here. Raises ChildProcessError where one of them dies.
     """
     count = min(allowed(), len(jobs))
-    if count < 2 or len(jobs) < least:
+    if count < 2 or len(jobs) < least or (or_here and not _goes_elsewhere(jobs)):
         yield from map(work, jobs)
         return
     with pool(work, count) as submit:
@@ -134,6 +136,14 @@ def in_processes(
             in_order.extend(more)
             while in_order and in_order[0].done():
                 yield _answer(in_order.popleft())[0]
+
+
+def _goes_elsewhere(jobs: Sequence[object]) -> bool:
+    """Return whether other processes can be given the jobs."""
+    try:
+        return bool(pickle.dumps(jobs))
+    except (pickle.PicklingError, AttributeError, TypeError):
+        return False
 
 
 def _answer(future: futures.Future[Answer]) -> Answer:

@@ -71,6 +71,8 @@ def spans(
     stops = np.union1d(times, inside) if inside else times
     ends = np.stack([stops[:-1], stops[1:]], axis=1)
     lengths = np.diff(stops)
+    if np.ptp(lengths) <= 4 * np.spacing(stops[-1]):  # equal but for the rounding of the times
+        lengths[:] = (stops[-1] - stops[0]) / len(lengths)
     # Times such as 0.02 i are rounded, and a length that exceeds its steps by that needs no more.
     counts = np.ceil(lengths / timestep * (1 - 1e-9))
     return ends, np.minimum(lengths / counts, timestep), counts

@@ -30,7 +30,7 @@ FLOORS = (
         f"validation.{name}" for name in ("sensitivity", "agreement", "results", "contact_quality")
     ),
     ("validation.plots", "validation.runs", "validation.study"),
-    ("validation.options",),
+    ("validation.options", "validation.many_runs"),
     ("validation.studies",),
     ("validation.figures", "validation.paper", "validation.bench", "validation.report"),
     ("validation.commands",),

@@ -52,15 +52,16 @@ Threads = DisallowNone[
 ]
 
 
+Cluster = DisallowNone[Annotated[str | None, arg(metavar="tcp://HOST:PORT", help_behavior_hint="")]]
+
+
 @dataclass(frozen=True)
 class Sweep:
     """Options of a study that sweeps over many runs."""
 
     workers: DisallowNone[Annotated[int | None, arg(metavar="N", help_behavior_hint="")]] = None
     """Processes on this machine; as many as it has cores if not given."""
-    cluster: DisallowNone[
-        Annotated[str | None, arg(metavar="tcp://HOST:PORT", help_behavior_hint="")]
-    ] = None
+    cluster: Cluster = None
     """The scheduler of a dask cluster to run on instead."""
     quick: bool = False
     """A coarse form of the study, under a minute."""

@@ -14,18 +14,19 @@ term of dS/dt is left to be dropped.
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, requires, version
 from importlib.util import find_spec
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from robotball import equations as eq
-from robotball.engine import Engine, Ladder, Own, Request, as_own, engine_named
+from robotball.engine import ENVIRONMENTS, Engine, Ladder, Own, Request, as_own, engine_named
 from robotball.engines import Compensated, Progress, Rate, environments
 from robotball.engines.links import Readings, State, readings_of, start_state, state_of_rows
 from robotball.equations import as_vector
@@ -54,15 +55,16 @@ _UNKNOWN = np.full(3, np.nan)  # a force
 class World(ABC):
     """A ball in an engine, at its start. To make one is set-up, which no run's time includes.
 
-    steps: the number taken so far; longest: the longest of them [s]; forces: as they were read;
-    friction: the coefficient of the engine's contact, where it is known.
+    steps: the number taken so far; longest: the longest of them [s]; clock: by which they are
+    timed, the processor's unless another device takes them; forces: as they were read; friction:
+    the coefficient of the engine's contact, where it is known.
     """
 
     friction = float("nan")
 
     def __init__(self, scene: Scene) -> None:
         self.scene, self.now = scene, start_state(scene)
-        self.steps, self.longest = 0, 0.0
+        self.steps, self.longest, self.clock = 0, 0.0, time.process_time
         self.forces = [_UNKNOWN]
 
     @abstractmethod
@@ -201,18 +203,20 @@ class Adapter(Engine):
     packages: the names that are imported; extra: the extra of robotball that brings them; world:
     what makes the ball at its start of a scene, settings and the length of its steps [s]; lacks:
     what says in a line what the engine lacks for a scene under settings, if anything. Both get its
-    own kind of settings, that of its presets.
+    own kind of settings, that of its presets. abreast: how many balls a world can roll, each as if
+    it were alone; `world` then takes the scenes too, which differ in their starts.
     """
 
     label: Label
     packages: tuple[str, ...]
     extra: str
     presets: Mapping[str, StepSettings]
-    world: Callable[[Scene, Any, float], World]
+    world: Callable[..., World]
     lacks: Callable[[Scene, Any], str | None] = _nothing
     ladders: Mapping[str, Ladder] = field()  # or it would take an Engine's for its default
     default: str = "best"
     least_accuracy: float | None = None
+    abreast: int = 1
 
     @property
     def requirements(self) -> tuple[str, ...]:
@@ -241,42 +245,78 @@ class Adapter(Engine):
 
         Where the engine is not installed it is run in its environment, without progress.
         """
-        settings = as_own(request.settings, type(self.presets[self.default]), self.label)
+        (motion,) = self._motions(
+            [scene], times, request.settings, request.environments, request.progress
+        )
+        return motion
+
+    def run_many(
+        self, scenes: Sequence[Scene], times: Array, settings: EngineSettings
+    ) -> Iterator[ContactMotion]:
+        """Yield the motions of scenes, in one world where they differ in the start alone."""
+        first = scenes[0]
+        alike = all(replace(each, start=first.start) == first for each in scenes)
+        size = self.abreast if alike else 1
+        for i in range(0, len(scenes), size):
+            yield from self._motions(scenes[i : i + size], times, settings)
+
+    def _motions(
+        self,
+        scenes: Sequence[Scene],
+        times: Array,
+        of: EngineSettings | None,
+        folder: Path = ENVIRONMENTS,
+        progress: Progress | None = None,
+    ) -> Iterable[ContactMotion]:
+        """Return the motions of scenes by one world, here or in the engine's environment."""
+        settings = as_own(of, type(self.presets[self.default]), self.label)
         if self.installed:
-            return self._roll(scene, times, settings, request.progress)
-        python = environments.interpreter_of(request.environments / self.extra)
+            return self._rolled(scenes, times, settings, progress)
+        python = environments.interpreter_of(folder / self.extra)
         if python is None:
             raise not_installed(self.label.name, self.extra)
-        return environments.call(python, _roll_named, self.extra, scene, times, settings)
+        return environments.call(python, _rolled_by, self.extra, scenes, times, settings)
 
-    def _roll(
-        self, scene: Scene, times: Array, settings: Any, progress: Progress | None = None
-    ) -> ContactMotion:
-        """Return the motion, by the engine as it is installed here."""
+    def _rolled(
+        self,
+        scenes: Sequence[Scene],
+        times: Array,
+        settings: Any,
+        progress: Progress | None = None,
+    ) -> Iterator[ContactMotion]:
+        """Yield the motions of scenes by one world of the engine as it is installed here."""
+        scene = scenes[0]
         # It runs all the same: how far off it then is belongs to the comparison of engines.
         if lack := self.lacks(scene, settings):
             warn(f"{scene.name}, {settings.name}: {self.label.name}: {lack}")
-        world = self.world(scene, settings, longest_step(scene, times, settings.timestep))
+        more = (scenes,) if len(scenes) > 1 else ()
+        world = self.world(scene, settings, longest_step(scene, times, settings.timestep), *more)
         # Only the engine's steps are timed, not the reading of its states. A state that is no
-        # number ends the run.
-        rows, spent = [world.now.row], 0.0
+        # number ends the run of its ball.
+        rows, spent = [np.array([start_state(each).row for each in scenes])], 0.0
         march = world.march(times, settings.timestep)
-        while len(rows) < len(times) and np.isfinite(rows[-1]).all():
-            began = time.process_time()
+        while len(rows) < len(times) and np.isfinite(rows[-1]).all(axis=1).any():
+            began = world.clock()
             read = next(march)
-            spent += time.process_time() - began
-            rows.append(read().row)
+            spent += world.clock() - began
+            rows.append(np.atleast_2d(read().row))
             world.forces.append(world.force())
             if progress is not None:
                 progress(times[len(rows) - 1] / times[-1])
-        return _motion_of(self.label, world, times, np.array(rows), settings, spent)
+        share, python = spent / len(scenes), world.python_seconds() / len(scenes)
+        cost = {"seconds": share, "total_seconds": share, "python_seconds": python}
+        for each, own in zip(scenes, np.stack(rows, axis=1), strict=True):
+            sound = np.logical_and.accumulate(np.isfinite(own).all(axis=1))
+            yield _motion_of(self.label, world, each, times, own[sound], settings, cost)
 
 
-def _roll_named(name: str, scene: Scene, times: Array, settings: StepSettings) -> ContactMotion:
-    """Return the motion by the adapter of a name, which is known here by its own packages."""
+def _rolled_by(
+    name: str, scenes: Sequence[Scene], times: Array, settings: StepSettings
+) -> list[ContactMotion]:
+    """Return the motions by the adapter of a name, which is known here by its own packages."""
     engine = engine_named(name)
     assert isinstance(engine, Adapter)
-    return engine._roll(scene, times, settings)
+    return list(engine._rolled(scenes, times, settings))
 
 
 def not_installed(engine: str, name: str) -> InputError:
@@ -292,14 +332,17 @@ def longest_step(scene: Scene, times: Array, timestep: float) -> float:
 def _motion_of(
     label: Label,
     world: World,
+    scene: Scene,
     times: Array,
     rows: Array,
     settings: EngineSettings,
-    seconds: float,
+    cost: Mapping[str, float],
 ) -> ContactMotion:
-    """Return the motion of rows (n, 13 + 2h) of State, up to the fault that ends it, if any."""
-    scene = world.scene
-    state = state_of_rows(rows if np.isfinite(rows[-1]).all() else rows[:-1])
+    """Return the motion of rows (n, 13 + 2h) of State, up to the fault that ends it, if any.
+
+    cost: the report's times [s].
+    """
+    state = state_of_rows(rows)
     # A ball that runs away overflows here, before it is cut off at its fault.
     with np.errstate(all="ignore"):
         readings = readings_of(scene, state)
@@ -328,9 +371,7 @@ def _motion_of(
             faults=faults,
             timestep=world.longest,
             steps=world.steps,
-            seconds=seconds,
-            total_seconds=seconds,
-            python_seconds=world.python_seconds(),
+            **cost,
         ),
     )
 

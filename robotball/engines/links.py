@@ -40,7 +40,7 @@ def principal_inertia(link: Link) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class State:
-    """The state of the shell and the hinges at one time, or at n times with n rows each.
+    """The state of the shell and the hinges at one time, or at n times or of n balls, a row each.
 
     centre    (3,) m, world: of the sphere
     velocity  (3,) m/s, world: of the same point of the shell
@@ -60,9 +60,8 @@ class State:
     @property
     def row(self) -> Array:
         """All numbers (13 + 2h,), in the order of the fields."""
-        return np.concatenate(
-            [self.centre, self.velocity, self.attitude, self.turning, self.angles, self.rates]
-        )
+        parts = (self.centre, self.velocity, self.attitude, self.turning, self.angles, self.rates)
+        return np.concatenate(parts, axis=-1)
 
 
 def state_of_rows(rows: Array) -> State:

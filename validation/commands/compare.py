@@ -7,6 +7,7 @@ import sys
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Annotated
 
@@ -17,6 +18,7 @@ from validation.options import (
     BAD_INPUT,
     DISAGREES,
     OUT,
+    Cluster,
     Controls,
     File,
     Names,
@@ -53,8 +55,20 @@ class Compare:
     """Also write the results as a list of objects, one a scene and preset."""
     csv: File = None
     """Also write the table as CSV."""
+    starts: DisallowNone[Annotated[int | None, arg(metavar="N", help_behavior_hint="")]] = None
+    """Run from so many random starts in place of the scene's own, and show how the errors spread."""
+    seed: int = 0
+    """The seed of the random starts."""
+    device: DisallowNone[Annotated[str | None, arg(metavar="cpu|cuda", help_behavior_hint="")]] = (
+        None
+    )
+    """Where an engine with a choice steps the random starts."""
+    cluster: Cluster = None
+    """The scheduler of a dask cluster to run the random starts on."""
 
     def run(self) -> int:
+        if self.starts is not None:
+            return self._many(self.starts)
         from validation.plots import prepare_drawing
 
         if self.plots:  # before the imports that take longest
@@ -100,6 +114,40 @@ class Compare:
         if refused:
             return BAD_INPUT
         return AGREES if all(record["agrees"] for record in records) else DISAGREES
+
+    def _many(self, starts: int) -> int:
+        from robotball import InputError
+        from robotball.errors import check_count
+        from validation.many_runs import ERRORS, PERCENTILES, many_runs
+        from validation.study import Column, Study, present, table_of
+
+        options, rows, runs = self.run_options, [], {}
+        check_count("starts", starts, 1)
+        check_count("seed", self.seed, 0)
+        if options.accuracy is not None or options.strict:
+            raise InputError("random starts run by presets: leave out --accuracy and --strict")
+        check_files(self.json, self.csv)
+        requests = [options.request(name) for name in listed(self.preset) or (None,)]
+        for scene, request in product(self.scenes, requests):
+            found = many_runs(
+                scene, options.duration, starts, self.cluster, options.out,
+                engine=options.engine, preset=request.name, control=self.control, seed=self.seed,
+                keep_going=options.keep_going, device=self.device,
+            )  # fmt: skip
+            same = {"scene": scene, "preset": request.name, "runs": starts, "faulty": found.faulty}
+            for error in ERRORS:
+                row = {"error": error.replace("_", " "), **found.percentiles(error)}
+                rows.append({**same, **row, "runs_per_second": found.rate})
+            runs[f"{scene}, {request.name}"] = found.rows
+        columns = [Column(name, name, words=True) for name in ("scene", "preset", "error")]
+        columns += [Column(name, name, form="d") for name in ("runs", "faulty")]
+        columns += [Column(name, name) for name in PERCENTILES]
+        columns.append(Column("runs", "runs_per_second", "1/s", form=".0f"))
+        table = table_of(columns, rows, lambda row: row["faulty"], "preset")
+        record = {"seed": self.seed, "spread": rows, "runs": runs}
+        present(Study("", None, (), rows, record, [table]), options.out, self.json, self.csv)
+        agree = all(each["agrees"] for some in runs.values() for each in some)
+        return AGREES if agree else DISAGREES
 
     def _check_no_preset_is_a_scene(self, presets: Collection[str]) -> None:
         from robotball import InputError, catalog

@@ -36,6 +36,7 @@ from robotball.robot import Ball, Frame, Rotor, Shell
 from robotball.rotations import Array
 from robotball.scene import Start
 from validation.agreement import compare
+from validation.many_runs import random_start
 from validation.output import Show
 from validation.studies.extreme_maps import WRONG, scaled, scaled_body
 from validation.studies.mistakes import with_bodies
@@ -146,10 +147,9 @@ def balanced() -> list[Scene]:
 def _varied_scene(random: np.random.Generator) -> Scene:
     """Return a ball of the catalog with another start and other rates."""
     scene = balanced()[int(random.integers(len(balanced())))]
-    attitude = Rotation.random(random_state=random).as_quat(scalar_first=True)
-    momentum = scene.start.momentum * random.uniform(0.3, 1.5)
+    start = random_start(scene, random)
     frame, rotors = random.uniform(0.3, 1.3, 2).tolist()
-    return _faster(replace(scene, start=Start(attitude, momentum)), frame, rotors)
+    return _faster(replace(scene, start=start), frame, rotors)
 
 
 def _faster(scene: Scene, frame: float = 1.0, rotors: float = 1.0) -> Scene:

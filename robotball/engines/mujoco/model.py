@@ -6,8 +6,9 @@ state at the start, and the depth at which its contact carries the weight.
 
 import contextlib
 import warnings
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 from xml.etree import ElementTree
@@ -161,6 +162,30 @@ class Model:
             data.qpos, data.qvel = _state_at(self.scene, self.settings.root, start, self.hinges)
         return data
 
+    def coordinates(self, scenes: Sequence[Scene]) -> tuple[Array, Array]:
+        """Return qpos (n, nq) and qvel (n, nv) at the starts of scenes that turn these hinges."""
+        some = (_state_at(each, self.settings.root, each.start, self.hinges) for each in scenes)
+        qpos, qvel = zip(*some, strict=True)
+        return np.array(qpos), np.array(qvel)
+
+    def started(self, scene: Scene) -> "Model | None":
+        """Return the model of the same scene with another start; None if it turns other hinges.
+
+        Its MjModel is that of `build`, in a fiftieth of the time; its text is not renewed.
+        """
+        hinges = hinges_of(scene, self.settings)
+        if [each.index for each in hinges] != [each.index for each in self.hinges]:
+            return None
+        compiled = copy(self.compiled)
+        qpos, qvel = _state_at(scene, self.settings.root, scene.start, hinges)
+        mujoco.mj_normalizeQuat(compiled, qpos)  # as the compiler does
+        compiled.key_qpos[0], compiled.key_qvel[0] = qpos, qvel
+        if self.settings.start_in_equilibrium:
+            compiled.pair_margin[0] = _carrying_depth(Chosen(scene, self.settings), compiled)
+        model = replace(self, scene=scene, hinges=hinges)
+        vars(model)["compiled"] = compiled  # the property's own place
+        return model
+
 
 def build(scene: Scene, settings: Settings) -> Model:
     """Return the model of `scene` under `settings`, at its start; frames and shapes as in Scene.
@@ -172,7 +197,9 @@ def build(scene: Scene, settings: Settings) -> Model:
     hinges = hinges_of(scene, chosen.settings)
     root, pair = _compose(chosen, hinges)
     if chosen.settings.start_in_equilibrium:
-        pair.margin = _carrying_depth(chosen, _text_of(root))
+        pair.margin = _carrying_depth(
+            chosen, compiled_model(_text_of(root), chosen.settings.softness)
+        )
     model = Model(scene, chosen.settings, _text_of(root), hinges)
     assert model.compiled is not None  # an InputError is raised here, if at all
     return model
@@ -434,11 +461,12 @@ def compiled_model(xml: str, softness: float = 1.0) -> Any:
     return model
 
 
-def _carrying_depth(chosen: Chosen, xml: str) -> float:
+def _carrying_depth(chosen: Chosen, model: mujoco.MjModel) -> float:
     """Return the depth [m] at which the contact carries the weight, for the pair's margin.
 
-    With it the ball starts at rest vertically, its centre at the height of its radius. Raises
-    InputError where there is no such depth, for the contact has no stiffness.
+    With it the ball starts at rest vertically, its centre at the height of its radius. `model` is
+    tried with several. Raises InputError where there is no such depth, for the contact has no
+    stiffness.
     """
     softness, stiffness = chosen.settings.softness, chosen.normal_reference[0]
     if not 0 < stiffness < np.inf:
@@ -446,8 +474,7 @@ def _carrying_depth(chosen: Chosen, xml: str) -> float:
             f"the contact cannot carry the ball at any depth: solref {chosen.solref} has no "
             "stiffness; give another, or start_in_equilibrium off"
         )
-    model = compiled_model(xml, softness)
-    data = mujoco.MjData(model)
+    data, noslip = mujoco.MjData(model), model.opt.noslip_iterations
     if softness < 1:
         # So hard a contact hardly slips without the noslip solver. That takes the acceleration from
         # the forces, whose rounding is magnified until no depth is found.
@@ -464,6 +491,7 @@ def _carrying_depth(chosen: Chosen, xml: str) -> float:
     with warnings.catch_warnings(), contextlib.suppress(ValueError):  # no secant to follow
         warnings.simplefilter("ignore")
         found = root_scalar(vertical_acceleration, x0=scale, x1=1.1 * scale, xtol=1e-16)
+        model.opt.noslip_iterations = noslip
         if found.converged and 0 < found.root < np.inf:
             return float(found.root)
     # A ball that slips from the start is thrown up at any depth; the normal force alone has one.

@@ -1,12 +1,13 @@
 """MuJoCo as an engine: it takes a request and returns a motion with its report.
 
 The room is read in this order: `settings` (the recipes), `model` (scene and settings → MJCF),
-`stepping` (MuJoCo's integrators, servos at their limits), `run`, `adaptive` (DOP853), `readings`
-(sensors → a Motion), `monitor` (faults), `limits` with `trials` (faults predicted), `accuracy` (an
-error in place of settings), `fault_window`, `mjcf_export`; `ports` (MJX and MuJoCo Warp).
+`stepping` (MuJoCo's integrators, servos at their limits), `run`, `many`, `adaptive` (DOP853),
+`readings` (sensors → a Motion), `monitor` (faults), `limits` with `trials` (faults predicted),
+`accuracy` (an error in place of settings), `fault_window`, `mjcf_export`; `ports` (MJX and MuJoCo
+Warp).
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 from robotball.engine import Engine, Ladder, Request, Runner, as_own
 from robotball.engines import Progress
@@ -53,6 +54,16 @@ class MuJoCo(Engine):
         """Return a function that runs one model, built here, from any start of the scene's ball."""
         model = build(scene, as_own(settings, Settings, LABEL))
         return lambda times, start: run(model, times, start=start)
+
+    def run_many(
+        self, scenes: Sequence[Scene], times: Array, settings: EngineSettings
+    ) -> Iterator[ContactMotion]:
+        """Yield the motions of scenes, as `run` returns them."""
+        from robotball.engines.mujoco.many import run_many
+
+        own = as_own(settings, Settings, LABEL)
+        precheck(scenes[0], own, times)
+        return run_many(scenes, own, times)
 
 
 MUJOCO = MuJoCo()

@@ -5,7 +5,7 @@ from MuJoCo's coordinates.
 """
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -26,19 +26,25 @@ from robotball.engines.links import State
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, ModelHinge, build, controls_at
 from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings
+from robotball.errors import InputError
 from robotball.motion import Label
 from robotball.motors import Servo
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 
+_ABREAST = 1024  # worlds at once; their samples are held until the end
 _PASSES = 50  # of the loop at most in one call, whose controls are an array of fixed size
 
 
 @dataclass(frozen=True, kw_only=True)
 class ModelSettings(StepSettings):
-    """Settings of a run of MuJoCo's model: MuJoCo's own, for the model and its options."""
+    """Settings of a run of MuJoCo's model: MuJoCo's own, for the model and its options.
+
+    device: "cpu" or "cuda", where the balls are stepped.
+    """
 
     model: Settings
+    device: str = "cpu"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,11 +58,14 @@ class _MjxSettings(ModelSettings):
 
 
 class _MjxWorld(World):
-    """One world, whose steps are the passes of a compiled loop."""
+    """Worlds abreast, one unless scenes are given; steps are the passes of a compiled loop."""
 
-    def __init__(self, scene: Scene, settings: _MjxSettings, step: float) -> None:
+    def __init__(
+        self, scene: Scene, settings: _MjxSettings, step: float, scenes: Sequence[Scene] = ()
+    ) -> None:
         super().__init__(scene)
-        self.advance = _advance()
+        self.advance = _advance(bool(scenes))
+        import jax
         from mujoco import mjx
 
         self.built = build(scene, replace(settings.model, timestep=step))
@@ -65,7 +74,14 @@ class _MjxWorld(World):
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
         if settings.line_search is not None:
             model.opt.ls_iterations = settings.line_search
-        self.model, self.data, self.calls = mjx.put_model(model), mjx.put_data(model, start), 0
+        cuda = jax.default_backend() == "gpu"
+        device = jax.devices(_device(self, settings, cuda))[0]
+        self.model = mjx.put_model(model, device)
+        self.data, self.calls = mjx.put_data(model, start, device), 0
+        if scenes:
+            n, (qpos, qvel) = len(scenes), self.built.coordinates(scenes)
+            many = jax.tree.map(lambda x: jax.numpy.broadcast_to(x, (n, *x.shape)), self.data)
+            self.data = jax.device_put(many.replace(qpos=qpos, qvel=qvel), device)
         for _ in range(2):  # compiles; the data of the second have the types that a step gives
             self._take(0.0, step, 0)
 
@@ -86,10 +102,7 @@ class _MjxWorld(World):
         self.data = self.advance(self.model, self.data, controls, step, count)
 
     def _state(self) -> State:
-        qpos, qvel = np.asarray(self.data.qpos), np.asarray(self.data.qvel)
-        if not (np.isfinite(qpos).all() and np.isfinite(qvel).all()):
-            return replace(self.now, centre=np.full(3, np.nan))
-        return shell_state(self.built, qpos, qvel)
+        return shell_state(self.built, np.asarray(self.data.qpos), np.asarray(self.data.qvel))
 
     def python_seconds(self) -> float:
         """Return the processor time [s] of the calls themselves, measured on empty ones."""
@@ -101,27 +114,44 @@ class _MjxWorld(World):
 
 
 def shell_state(model: Model, qpos: Array, qvel: Array) -> State:
-    """Return the state of MuJoCo's coordinates, with the shell as the root."""
-    count, places = len(model.scene.drives), [hinge.index for hinge in model.hinges]
-    angles, rates = np.zeros(count), np.zeros(count)
-    angles[places], rates[places] = qpos[7:], qvel[6:]
-    attitude = qpos[3:7] / np.linalg.norm(qpos[3:7])
-    return State(qpos[:3], qvel[:3], attitude, rotation_matrix(attitude) @ qvel[3:6], angles, rates)
+    """Return the state of MuJoCo's coordinates (…, nq) and (…, nv), with the shell as the root."""
+    places = [hinge.index for hinge in model.hinges]
+    angles, rates = np.zeros((2, *qpos.shape[:-1], len(model.scene.drives)))
+    angles[..., places], rates[..., places] = qpos[..., 7:], qvel[..., 6:]
+    broken = ~np.isfinite(np.concatenate([qpos, qvel], axis=-1)).all(axis=-1, keepdims=True)
+    attitude = np.where(broken, [1.0, 0.0, 0.0, 0.0], qpos[..., 3:7])
+    attitude /= np.linalg.norm(attitude, axis=-1, keepdims=True)
+    turning = np.einsum("...ij,...j->...i", rotation_matrix(attitude), qvel[..., 3:6])
+    centre = np.where(broken, np.nan, qpos[..., :3])
+    return State(centre, qvel[..., :3], attitude, turning, angles, rates)
+
+
+def _device(world: World, settings: ModelSettings, cuda: bool) -> str:
+    """Return the device of the settings, and time its steps. Raises InputError for no device."""
+    if settings.device not in ("cpu", "cuda") or (settings.device == "cuda" and not cuda):
+        there = "cpu and cuda" if cuda else "cpu alone: no CUDA device is found"
+        raise InputError(f"the device can be {there}, not {settings.device!r}")
+    if settings.device == "cuda":
+        world.clock = time.perf_counter
+    return settings.device
 
 
 @cache
-def _advance() -> Callable[..., Any]:
+def _advance(many: bool) -> Callable[..., Any]:
     """Return the compiled loop: model, data, controls (PASSES, nu), step [s], count → data."""
     import jax
 
     jax.config.update("jax_enable_x64", True)
     from mujoco import mjx
 
+    one_step = jax.vmap(mjx.step, in_axes=(None, 0)) if many else mjx.step
+
     def advance(model: Any, data: Any, controls: Any, step: float, count: int) -> Any:
         model = model.tree_replace({"opt.timestep": step})
 
         def taken(i: int, now: Any) -> Any:
-            after = mjx.step(model, now.replace(ctrl=controls[i]))
+            control = jax.numpy.broadcast_to(controls[i], now.ctrl.shape)
+            after = one_step(model, now.replace(ctrl=control))
             return jax.tree.map(lambda new, old: new.astype(old.dtype), after, now)
 
         return jax.lax.fori_loop(0, count, taken, data)
@@ -152,13 +182,16 @@ MJX = Adapter(
     ladders={"as-it-comes": ("timestep", (2e-3,)), "best": ("timestep", (20e-3, 10e-3, 5e-3))},
     presets=by_name(_MjxSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE), _BEST),
     world=_MjxWorld,
+    abreast=_ABREAST,
 )
 
 
 class _WarpWorld(SteppedWorld):
-    """One world on Warp's processor device."""
+    """Worlds abreast, one unless scenes are given, on one of Warp's devices."""
 
-    def __init__(self, scene: Scene, settings: ModelSettings, step: float) -> None:
+    def __init__(
+        self, scene: Scene, settings: ModelSettings, step: float, scenes: Sequence[Scene] = ()
+    ) -> None:
         super().__init__(scene)
         import mujoco_warp
         import warp
@@ -170,15 +203,20 @@ class _WarpWorld(SteppedWorld):
         start = self.built.start_data()
         # Warp has no such flag, and resets nothing.
         self.built.compiled.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-        with warp.ScopedDevice("cpu"):
+        self.device, self.n = _device(self, settings, warp.is_cuda_available()), len(scenes) or 1
+        with warp.ScopedDevice(self.device):
             self.model = mujoco_warp.put_model(self.built.compiled)
-            self.data = mujoco_warp.put_data(self.built.compiled, start)
+            self.data = mujoco_warp.put_data(self.built.compiled, start, self.n)
             mujoco_warp.step(self.model, self.data)  # compiles; not of the run
-            self.data = mujoco_warp.put_data(self.built.compiled, start)
+            self.data = mujoco_warp.put_data(self.built.compiled, start, self.n)
+            if scenes:
+                qpos, qvel = self.built.coordinates(scenes)
+                self.data.qpos.assign(qpos.astype(np.float32))
+                self.data.qvel.assign(qvel.astype(np.float32))
 
     def control(self, t: float, step: float) -> None:
         controls = [self._control(hinge, t + step / 2) for hinge in self.built.hinges]
-        self.data.ctrl.assign(np.array([controls], dtype=np.float32))
+        self.data.ctrl.assign(np.array([controls] * self.n, dtype=np.float32))
 
     def _control(self, hinge: ModelHinge, t: float) -> float:
         """Return a hinge's control; a servo's also turns its own armature, or it would lag."""
@@ -188,11 +226,11 @@ class _WarpWorld(SteppedWorld):
         return hinge.control(t) + servo.armature / servo.gain * hinge.drive.acceleration(t)
 
     def step(self, step: float) -> None:
-        with self.warp.ScopedDevice("cpu"):
+        with self.warp.ScopedDevice(self.device):
             self.engine.step(self.model, self.data)
 
     def state(self) -> State:
-        qpos, qvel = (each.numpy()[0].astype(float) for each in (self.data.qpos, self.data.qvel))
+        qpos, qvel = (each.numpy().astype(float) for each in (self.data.qpos, self.data.qvel))
         return shell_state(self.built, qpos, qvel)
 
 
@@ -223,5 +261,6 @@ WARP = Adapter(
         ModelSettings(name="best", timestep=20e-3, model=_SINGLE, **_LOOSE),
     ),
     world=_WarpWorld,
+    abreast=_ABREAST,
     lacks=_in_single_precision,
 )

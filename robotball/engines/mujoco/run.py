@@ -1,11 +1,12 @@
 """One run of a built model: stepped over its times, monitored at every step, and recorded."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import mujoco
 import numpy as np
 
 from robotball.engines import Progress
@@ -14,7 +15,7 @@ from robotball.engines.mujoco.limits import check_length
 from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.monitor import Found, Monitor
 from robotball.engines.mujoco.readings import Readings
-from robotball.engines.mujoco.stepping import Portion, by_steps, controlled
+from robotball.engines.mujoco.stepping import Control, Portion, by_steps, controlled
 from robotball.files.replacing import discard
 from robotball.motion import PIECE, ContactMotion, ContactReport, Fault, FaultKind, joined
 from robotball.rotations import Array
@@ -38,9 +39,10 @@ def run(
     more steps than the settings allow.
     """
     check_length(model.scene, model.settings, times)
-    record = _Record(keeps_window=fault_window is not None)
-    readings = _in_pieces(_run(model, times, progress, start, record))
-    motion = joined(_parts(times, readings), len(times))
+    record = Record(keeps_window=fault_window is not None)
+    with controlled(model) as control:
+        portions = _march(control, model.start_data(start), times)
+        motion = recorded(times, monitored(model, times, portions, record, progress), record)
     if fault_window is not None:
         if record.window is None:
             discard(fault_window)  # a former run's would pass for this one's
@@ -48,6 +50,12 @@ def run(
             from robotball.engines.mujoco.fault_window import write
 
             write(fault_window, record.window)
+    return motion
+
+
+def recorded(times: Array, readings: Iterable[Readings], record: "Record") -> ContactMotion:
+    """Return the motion of a run's readings at sample times (n,), and of its record."""
+    motion = joined(_parts(times, _in_pieces(readings)), len(times))
     # A note is an event of the motion, as a motor at the limit that its scene gives it.
     report = replace(
         motion.report,
@@ -95,7 +103,7 @@ def _parts(times: Array, some: Iterator[Readings]) -> Iterator[ContactMotion]:
         done += count
 
 
-def _in_pieces(readings: Iterator[Readings]) -> Iterator[Readings]:
+def _in_pieces(readings: Iterable[Readings]) -> Iterator[Readings]:
     """Join consecutive readings, so that each piece is long enough to be converted cheaply."""
     waiting: list[Readings] = []
     for some in readings:
@@ -115,7 +123,7 @@ def _together(readings: list[Readings]) -> Readings:
 
 
 @dataclass
-class _Record:
+class Record:
     """The record of a run besides its rows: the first fault of each kind, and its cost.
 
     keeps_window: whether the window around the first fault is kept.
@@ -139,41 +147,46 @@ class _Record:
         return ends
 
 
-def _run(
-    model: Model, times: Array, progress: Progress | None, start: Start | None, record: _Record
+def monitored(
+    model: Model,
+    times: Array,
+    portions: Iterator[Portion],
+    record: Record,
+    progress: Progress | None = None,
 ) -> Iterator[Readings]:
-    """Yield the readings at the times, fewer if the run breaks off, and fill the record."""
+    """Yield the readings of portions at the times, until the run breaks off; fill the record."""
     monitor = Monitor(model)
-    data = model.start_data(start)
     before: Portion | None = None
-    with controlled(model) as control:
-        if model.settings.adaptive:
-            from robotball.engines.mujoco.adaptive import by_forward
+    while True:
+        # Processor time of this thread: a busy machine makes no run look slow.
+        began = time.thread_time()
+        portion = next(portions, None)
+        record.seconds += time.thread_time() - began
+        if portion is None:
+            break
+        readings = Readings(model, portion.rows)
+        found = monitor.look(readings, portion.failure)
+        ends = record.add(portion, found)
+        wrong = [each for each in found if not each.fault.note]
+        if record.keeps_window and wrong and record.window is None:
+            from robotball.engines.mujoco.fault_window import window_around
 
-            portions = by_forward(control, data, times)
-        else:
-            portions = by_steps(control, data, times)
-        while True:
-            # Processor time of this thread: a busy machine makes no run look slow.
-            began = time.thread_time()
-            portion = next(portions, None)
-            record.seconds += time.thread_time() - began
-            if portion is None:
-                break
-            readings = Readings(model, portion.rows)
-            found = monitor.look(readings, portion.failure)
-            ends = record.add(portion, found)
-            wrong = [each for each in found if not each.fault.note]
-            if record.keeps_window and wrong and record.window is None:
-                from robotball.engines.mujoco.fault_window import window_around
+            record.window = window_around(model, wrong, portion, before)
+        # The row of the fatal fault is bad itself, so the motion ends before it.
+        kept = portion.sampled if ends is None else portion.sampled[portion.sampled < ends]
+        whole = len(kept) == len(portion.rows)
+        yield readings if whole else Readings(model, portion.rows[kept])
+        if ends is not None:
+            break
+        before = portion  # a window may reach back into it
+        if progress is not None:
+            progress(monitor.last_time / times[-1])
 
-                record.window = window_around(model, wrong, portion, before)
-            # The row of the fatal fault is bad itself, so the motion ends before it.
-            kept = portion.sampled if ends is None else portion.sampled[portion.sampled < ends]
-            whole = len(kept) == len(portion.rows)
-            yield readings if whole else Readings(model, portion.rows[kept])
-            if ends is not None:
-                break
-            before = portion  # a window may reach back into it
-            if progress is not None:
-                progress(monitor.last_time / times[-1])
+
+def _march(control: Control, data: mujoco.MjData, times: Array) -> Iterator[Portion]:
+    """Return the portions of a run, by MuJoCo's own steps or by those of DOP853."""
+    if not control.model.settings.adaptive:
+        return by_steps(control, data, times)
+    from robotball.engines.mujoco.adaptive import by_forward
+
+    return by_forward(control, data, times)

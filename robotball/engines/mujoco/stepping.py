@@ -195,6 +195,12 @@ _MOST = 8  # switches in a step; one with more is taken with MuJoCo's own limits
 _OWN = 2  # in place of a side: MuJoCo limits the torque itself
 
 
+def is_plain(model: Model) -> bool:
+    """Return whether a run is steps alone: no control changes, and nothing ends a step early."""
+    with controlled(model) as control, switched(control) as switches:
+        return switches is None and mujoco.get_mjcb_control() is None
+
+
 @dataclass(frozen=True)
 class _Limited:
     """A motor with a torque limit: its law without it, and its index and numbers in MjModel.
@@ -370,7 +376,7 @@ _LOOK = 4096  # steps between two looks of the monitor; at most so many are take
 
 
 @dataclass(frozen=True)
-class _Stretch:
+class Stretch:
     """Consecutive spans of time that are stepped before the monitor looks at them.
 
     ends     (m, 2)  s, the begin and end of each span
@@ -390,7 +396,7 @@ class _Stretch:
         )
 
 
-def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> Iterator[_Stretch]:
+def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> Iterator[Stretch]:
     """Yield the stretches of a run over `times` (n,) [s], each of about LOOK steps.
 
     Between two sample times or breakpoints lie the fewest equal steps not longer than `timestep`.
@@ -401,7 +407,7 @@ def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> 
         yield from _stretches(some, tuple(t for t in breakpoints if t > some[0]), timestep)
 
 
-def _stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> Iterator[_Stretch]:
+def _stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> Iterator[Stretch]:
     """Yield the stretches of a piece of the samples."""
     ends, lengths, counts = spans(times, breakpoints, timestep)
     # A long span is cut into parts of LOOK steps.
@@ -418,7 +424,7 @@ def _stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) ->
     look = (np.cumsum(sizes) - 1) // _LOOK
     for which in np.split(np.arange(len(sizes)), np.flatnonzero(np.diff(look)) + 1):
         starts = np.cumsum(sizes[which]) - sizes[which]
-        yield _Stretch(ends[which], lengths[which], sizes[which], starts[sampled[which]])
+        yield Stretch(ends[which], lengths[which], sizes[which], starts[sampled[which]])
 
 
 class Step(NamedTuple):
@@ -484,7 +490,7 @@ def by_steps(control: Control, data: mujoco.MjData, times: Array) -> Iterator[Po
 
 
 def _step(
-    control: Control, data: mujoco.MjData, stretch: _Stretch
+    control: Control, data: mujoco.MjData, stretch: Stretch
 ) -> tuple[Array, NDArray[np.int64], float]:
     """Return the rows of a stretch, the indices of its planned steps in them, the longest step.
 
@@ -509,7 +515,7 @@ def _step(
     return rows, np.arange(count, dtype=np.int64), float(stretch.lengths.max())
 
 
-def _warnings(control: Control, start: Array, stretch: _Stretch, before: Array) -> Array:
+def _warnings(control: Control, start: Array, stretch: Stretch, before: Array) -> Array:
     """Return MuJoCo's counters (m, 7) after each step of a stretch, which is repeated.
 
     To read them at every step would slow all runs for the few in which one changes.
@@ -520,7 +526,7 @@ def _warnings(control: Control, start: Array, stretch: _Stretch, before: Array) 
 
 
 def _step_to_switches(
-    control: Control, switches: _Switches, data: mujoco.MjData, stretch: _Stretch
+    control: Control, switches: _Switches, data: mujoco.MjData, stretch: Stretch
 ) -> tuple[Array, NDArray[np.int64], float]:
     """Return the same as `_step`, with a step more at every switch of a servo's torque limit."""
     rows: list[Array] = []
@@ -539,7 +545,7 @@ def _again(
     switches: _Switches | None,
     start: Array,
     sides: list[int],
-    stretch: _Stretch,
+    stretch: Stretch,
     end: float | None,
 ) -> list[Step]:
     """Return the steps of a stretch, which is repeated from its start with the servos' sides.
@@ -557,7 +563,7 @@ def _again(
 
 
 def _each(
-    control: Control, switches: _Switches | None, data: mujoco.MjData, stretch: _Stretch
+    control: Control, switches: _Switches | None, data: mujoco.MjData, stretch: Stretch
 ) -> Iterator[tuple[bool, Step]]:
     """Take the steps of a stretch; yield of each whether it begins a planned one, and itself."""
     for length, span, count in _set_for_each(control, stretch):
@@ -579,7 +585,7 @@ def _data_at(control: Control, state: Array) -> mujoco.MjData:
 
 
 def _set_for_each(
-    control: Control, stretch: _Stretch
+    control: Control, stretch: Stretch
 ) -> Iterator[tuple[float, Sequence[float], int]]:
     """Set model and control for every span of a stretch, and yield its step, itself and its count.
 

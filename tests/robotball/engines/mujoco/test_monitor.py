@@ -13,6 +13,7 @@ from robotball.engines.mujoco.readings import Readings
 from robotball.engines.mujoco.stepping import by_steps, controlled, read_row
 from robotball.motors import Servo
 from robotball.rotations import Array
+from robotball.scene import spans
 from validation import compare
 from validation.studies.random_runs import extreme, judged, ordinary
 
@@ -178,7 +179,7 @@ def test_every_step_is_read_with_the_warnings_so_far() -> None:
     with controlled(model) as control:
         (portion,) = by_steps(control, model.start_data(), times)
     data, rows = model.start_data(), []
-    for length in np.minimum(np.diff(times), 0.02):
+    for length in spans(times, (), 0.02)[1]:
         model.compiled.opt.timestep = length
         mujoco.mj_step(model.compiled, data)
         rows.append(read_row(data))

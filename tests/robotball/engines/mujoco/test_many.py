@@ -1,0 +1,126 @@
+"""Many runs at once are the runs one by one, to the last bit."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import robotball as rb
+from robotball.engines.mujoco import many
+from robotball.motion import arrays_of
+from robotball.processes import at_most
+
+FIG12 = rb.load_scene("fig12")
+SLIPPERY = replace(rb.preset("balanced"), sliding_friction=1.0)
+UNEVEN = np.array([0.0, 0.13, 0.5, 1.0])
+# A scene, settings and sample times, None for ten a second.
+CASES: dict[str, tuple[str, Any, Any]] = {
+    "a balanced ball": ("fig12", "fast", None),
+    "a classical one": ("classical_regular", "fast", None),
+    "a load that varies": ("swinging_frame", "fast", None),
+    "servos": ("servo_motors", "fast", None),
+    "samples far from even": ("fig12", "fast", UNEVEN),
+    "steps from a guess": ("fig12", "naive", None),
+    "steps from a guess, uneven": ("fig12", "naive", UNEVEN),
+    "steps chosen by their error": ("fig12", "adaptive", None),
+    "a drive that changes": ("wobbling_drive", "fast", None),
+    "some that fault": ("fig12", SLIPPERY, None),
+    "some that go on": ("fig12", replace(SLIPPERY, stop_at_fault=False), None),
+}
+
+
+def starts_of(scene: rb.Scene, count: int) -> list[rb.Start]:
+    rng = np.random.default_rng(3)
+    turns = rng.normal(size=(count, 4))
+    turns /= np.linalg.norm(turns, axis=1)[:, None]
+    return [replace(scene.start, attitude=each) for each in turns]
+
+
+def check_same(motions: Sequence[rb.ContactMotion], alone: Sequence[rb.ContactMotion]) -> None:
+    """Check that motions are equal to the last bit, with their reports."""
+    for one, other in zip(motions, alone, strict=True):
+        assert one.scene == other.scene
+        ours, theirs = dict(arrays_of(one)), dict(arrays_of(other))
+        assert {name for name in theirs if not np.array_equal(ours[name], theirs[name])} == set()
+        reports = [
+            (each.faults, each.notes, each.steps, each.timestep)
+            for each in (one.report, other.report)
+        ]
+        assert reports[0] == reports[1]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_each_motion_is_that_of_a_run_alone(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In threads, in processes, and where some of the runs fault; in several batches."""
+    name, settings, times = CASES[case]
+    scene = rb.load_scene(name)
+    starts, times = starts_of(scene, 5), np.linspace(0.0, 1.0, 11) if times is None else times
+    if case == "some that go on":  # and one that breaks, where MuJoCo's threads stop
+        starts[3] = replace(starts[3], momentum=1e4 * starts[3].momentum)
+    monkeypatch.setattr(many, "_BYTES", 2.5e5)
+    done: list[float] = []
+    with at_most(2):
+        motions = [*rb.simulate_many(scene, starts, times, settings, progress=done.append)]
+    assert done == [0.2, 0.4, 0.6, 0.8, 1.0]
+    alone = [rb.simulate(replace(scene, start=each), times, settings) for each in starts]
+    check_same(motions, alone)
+    lengths = [len(each.times) for each in motions]
+    faulty = sum(bool(each.report.faults) for each in motions)
+    if "some" in case:
+        assert 0 < faulty < 5
+        assert min(lengths) < max(lengths)
+
+
+def test_a_long_run_is_looked_at_part_by_part() -> None:
+    """Of 6000 steps in two parts; the times of the samples are no multiples of the step."""
+    times, starts = np.linspace(0.0, 30.0, 77), starts_of(FIG12, 2)
+    alone = [rb.simulate(replace(FIG12, start=each), times) for each in starts]
+    check_same([*rb.simulate_many(FIG12, starts, times)], alone)
+
+
+def test_a_start_that_turns_other_hinges_runs_alone() -> None:
+    """The model of the first start has no hinge for a rotor that stands, the second's has."""
+    scene, times = rb.load_scene("zero_rotor"), np.linspace(0.0, 0.5, 6)
+    angles = np.full(len(scene.hinges), 0.1)
+    starts = [scene.start, replace(scene.start, hinge_angles=angles), *starts_of(scene, 1)]
+    alone = [rb.simulate(replace(scene, start=each), times) for each in starts]
+    check_same([*rb.simulate_many(scene, starts, times)], alone)
+
+
+def test_scenes_may_differ_in_drives_and_bodies() -> None:
+    """Each has a model of its own then; a user's function, which no other process has, runs too."""
+    times = np.linspace(0.0, 0.5, 6)
+    scenes = [
+        FIG12,
+        replace(FIG12, frame_rate=lambda t: 1.0 + 0.1 * t),
+        rb.load_scene("classical_regular"),
+    ]
+    for some in (scenes, scenes[::2]):
+        check_same([*rb.simulate_many(some, times=times)], [rb.simulate(s, times) for s in some])
+
+
+def test_any_engine_takes_many_starts() -> None:
+    """The equations' own engine runs them one after another; no starts are no motions."""
+    starts, times = starts_of(FIG12, 2), np.linspace(0.0, 0.5, 6)
+    motions = [*rb.simulate_many(FIG12, starts, times, engine="multibody")]
+    assert [each.scene.start for each in motions] == starts
+    assert [*rb.simulate_many(FIG12, [], times)] == []
+
+
+REFUSED: list[tuple[dict[str, Any], str]] = [
+    ({"settings": "wild"}, "no preset is called 'wild'"),
+    ({"engine": "none"}, "no engine is called 'none'"),
+    ({"times": np.array([0.0, 0.0])}, "times"),
+    ({"starts": None}, "give starts with one scene, and none with several"),
+    ({"scene": [FIG12]}, "give starts with one scene, and none with several"),
+]
+
+
+@pytest.mark.parametrize(("asked", "message"), REFUSED)
+def test_what_cannot_run_is_refused_at_once(asked: dict[str, Any], message: str) -> None:
+    """Before the first motion is asked for."""
+    whole: dict[str, Any] = {"scene": FIG12, "starts": starts_of(FIG12, 1)} | asked
+    with pytest.raises(rb.InputError, match=message):
+        rb.simulate_many(**whole)

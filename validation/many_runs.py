@@ -1,0 +1,156 @@
+"""Many random starts of a scene by a contact engine and by the equations: how the errors spread."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robotball import Engine, EngineSettings, InputError, Motion, Scene, integrate, sample_times
+from robotball.engine import DEFAULT, request_of, simulate_many
+from robotball.engines import Progress
+from robotball.engines.reduced import motion_of
+from robotball.motion import extended
+from robotball.processes import in_processes
+from robotball.rotations import Array
+from robotball.scene import Start
+from validation.agreement import Agreement
+from validation.output import known, progress_bar
+from validation.results import controlled, file_name
+from validation.study import Row, scene_cell
+from validation.sweeps import Cell, sweep
+
+ERRORS = ("path_error", "gamma_error", "momentum_error")
+PERCENTILES = {"p5": 5, "p50": 50, "p95": 95, "worst": 100}
+_ABREAST = 256  # starts that the compiled steps take at once
+_CELL = 64  # starts that a process of a cluster takes
+
+
+def random_start(scene: Scene, random: np.random.Generator) -> Start:
+    """Return the scene's start with any attitude, and M times a factor of 0.3 to 1.5."""
+    attitude = Rotation.random(random_state=random).as_quat(scalar_first=True)
+    momentum = scene.start.momentum * random.uniform(0.3, 1.5)
+    return replace(scene.start, attitude=attitude, momentum=momentum)
+
+
+@dataclass(frozen=True)
+class ManyRuns:
+    """The runs of a scene from n starts, in their order.
+
+    rows (n,): of each its errors as an Agreement has them, None where it broke off; `fault`, the
+    kind of its first one or None; `agrees`; `seconds`, of stepping the engine.
+    """
+
+    rows: tuple[Row, ...]
+
+    def percentiles(self, error: str) -> dict[str, float | None]:
+        """Return the 5th, 50th and 95th percentile, and the worst, of the runs with that error."""
+        values = [each[error] for each in self.rows if each[error] is not None]
+        found = np.percentile(values, [*PERCENTILES.values()]) if values else [np.nan] * 4
+        return dict(zip(PERCENTILES, map(known, found), strict=True))
+
+    @property
+    def faulty(self) -> int:
+        """The number of runs with a fault."""
+        return sum(each["fault"] is not None for each in self.rows)
+
+    @property
+    def rate(self) -> float:
+        """Runs for a second of stepping the engine: of a processor, or of the device [1/s]."""
+        return len(self.rows) / sum(each["seconds"] for each in self.rows)
+
+
+def compare_many(
+    scene: Scene,
+    starts: Sequence[Start],
+    settings: EngineSettings | str | None = None,
+    times: Array | None = None,
+    *,
+    engine: Engine | str = DEFAULT,
+    device: str | None = None,
+    progress: Progress | None = None,
+) -> ManyRuns:
+    """Compare a contact engine's runs of a scene from many starts with the equations' motions.
+
+    Arguments are those of `simulate_many`. A balanced ball's references are integrated by compiled
+    steps, many at once, others in processes; no motion is kept. Raises InputError and warns as
+    `simulate_many` and `integrate` do.
+    """
+    times = scene.times if times is None else times
+    scenes = [replace(scene, start=each) for each in starts]
+    motions = simulate_many(
+        scenes, None, times, settings, engine=engine, device=device, progress=progress
+    )
+    return ManyRuns(tuple(map(_row, map(Agreement, _references(scenes, times), motions))))
+
+
+def _row(agreement: Agreement) -> Row:
+    fault = agreement.faults[0].kind.name if agreement.faults else None
+    errors = {name: getattr(agreement, name) for name in ERRORS}
+    more = {"agrees": agreement.agrees, "seconds": agreement.report.seconds}
+    return {**errors, "fault": fault, **more}
+
+
+def _references(scenes: Sequence[Scene], times: Array) -> Iterator[Motion]:
+    """Yield the equations' motions of scenes that differ in their start, at times (n,) [s]."""
+    if not all(each.steady and each.not_reduced is None for each in scenes[:1]):
+        yield from in_processes(partial(_reference, times), scenes, or_here=True)
+        return
+    from robotball.engines.ensembles.orbits import kernel_start, orbits
+
+    for i in range(0, len(scenes), _ABREAST):
+        some = scenes[i : i + _ABREAST]
+        _, attitudes, momenta = zip(*map(kernel_start, some), strict=True)
+        found = orbits(
+            some[0].parameters, np.concatenate(attitudes), np.concatenate(momenta), times
+        )
+        states = np.concatenate([found.attitudes, found.contact_points], axis=2)
+        for scene, own in zip(some, states, strict=True):
+            # A start that the compiled steps gave up is refused in words.
+            known = np.isfinite(own).all()
+            yield motion_of(scene, times, own) if known else _reference(times, scene)
+
+
+def _reference(times: Array, scene: Scene) -> Motion:
+    return extended(integrate(scene, times), Motion)  # without what cannot be pickled
+
+
+def of_cell(cell: Cell, progress: Progress | None = None) -> Mapping[str, Any]:
+    """Return the rows of a cell of `many_runs`."""
+    scene, first = controlled(cell["scene"], cell["control"]), cell["first"]
+    randoms = (np.random.default_rng([cell["seed"], first + i]) for i in range(cell["count"]))
+    starts = [random_start(scene, each) for each in randoms]
+    of = request_of(cell["engine"], cell["preset"], keep_going=cell["keep_going"])
+    times = sample_times(cell["duration"])
+    more: dict[str, Any] = {"device": cell["device"], "progress": progress}
+    found = compare_many(scene, starts, of.settings, times, engine=of.engine, **more)
+    return {"rows": found.rows}
+
+
+def many_runs(
+    scene: str, duration: float | None, count: int, cluster: str | None, out: Path, **run: Any
+) -> ManyRuns:
+    """Compare from `count` random starts, here or on the dask cluster at an address.
+
+    scene: a name or path; duration: s, the scene's own if None; out: the folder for the journal of
+    a cluster's cells, with which they go on after a break; run: engine, preset, control, seed,
+    keep_going and device of `of_cell`.
+    """
+    own = controlled(scene, run["control"])
+    whole = {**scene_cell(scene, duration or own.duration), **run}
+    size = _CELL if cluster else count
+    cells = [{**whole, "first": i, "count": min(size, count - i)} for i in range(0, count, size)]
+    with progress_bar(len(cells)) as show:
+        if not cluster:
+            (cell,) = cells
+            return ManyRuns(of_cell(cell, lambda part: show(part, own.name))["rows"])
+        journal = out / f"{file_name(own.name, None, ['starts'])}.jsonl"
+        results = sweep(of_cell, cells, journal, cluster=cluster, show=show)
+    for each in results:
+        if each.record is None:
+            raise InputError(f"{own.name}, from start {each.cell['first']}: {each.failure}")
+    return ManyRuns(tuple(chain(*(each.record["rows"] for each in results if each.record))))

@@ -19,7 +19,7 @@ import sysconfig
 import time
 import venv
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -175,20 +175,20 @@ def fixed_work() -> float:
     return time.process_time() - began
 
 
-def _main() -> None:
-    """Read a cell, write its record, and end when the reader does."""
-    answer = os.fdopen(os.dup(1), "w")
+def answer(work: Callable[[Mapping[str, Any]], dict[str, Any]]) -> None:
+    """Read a cell, write the record that `work` returns, and end when the reader does."""
+    out = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # what engines print
     end_when_closed(int(sys.argv[1]))
     cell = json.loads(sys.stdin.readline())
     try:
-        record = run(cell)
+        record = work(cell)
     except InputError as error:
         record = {"refused": str(error)}
-    json.dump(record, answer, allow_nan=False)
-    answer.flush()
+    json.dump(record, out, allow_nan=False)
+    out.flush()
     os._exit(0)  # some engines end badly
 
 
 if __name__ == "__main__":
-    _main()
+    answer(run)

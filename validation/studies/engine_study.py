@@ -76,10 +76,10 @@ def cells_of(
     ]
 
 
-def measure(cell: Cell) -> dict[str, Any]:
-    """Run a cell in a process of its own; raises where that ends without a record."""
+def measure(cell: Cell, module: str = process.__name__) -> dict[str, Any]:
+    """Run a cell in a process of its own, of this module; raises where it ends without a record."""
     ours, theirs = os.pipe()
-    command = [cell["interpreter"], "-m", process.__name__, str(ours)]
+    command = [cell["interpreter"], "-m", module, str(ours)]
     text = json.dumps(dict(cell)).encode() + b"\n"
     with tempfile.TemporaryFile() as said:
         try:

@@ -38,8 +38,9 @@ _COMMANDED = {type(None) | Servo: "rad/s", PositionServo: "rad", DCMotor: "1", F
 MARGIN = 1.5
 # Readers of URDF and SDF ask for limits of every joint; these limit nothing.
 _FASTEST, _STRONGEST, _FARTHEST, _BOUNDLESS = "1e6", "1e9", "1e6", "1e16"
-# The newest that DART reads. It has no type `continuous`: such a joint has limits without end.
-_SDF_VERSION = "1.6"
+# The newest with gravity where DART looks for it; others read it as newer ones. It has no type
+# `continuous`: such a joint has limits without end.
+_SDF_VERSION = "1.5"
 _README = "README.md"
 
 
@@ -327,7 +328,8 @@ def sdf(motion: Motion) -> str:
     scene = motion.scene
     root = Element("sdf", version=_SDF_VERSION)
     world = SubElement(root, "world", name=scene.name)
-    _fill(world, {"gravity": numbers(scene.gravity_world)})
+    physics = SubElement(world, "physics", type="ode")
+    _fill(physics, {"gravity": numbers(scene.gravity_world)})
     surface = _surface(motion)
     plane = _fill(SubElement(world, "model", name="plane"), {"static": "true"})
     ground = SubElement(SubElement(plane, "link", name="plane"), "collision", name="plane")

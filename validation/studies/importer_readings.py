@@ -189,7 +189,9 @@ def _newton(path: str, form: str) -> dict[str, Any]:
     def placed(pose: Any) -> tuple[Any, Any]:
         return rotation_matrix(pose[[6, 3, 4, 5]]), pose[:3]
 
-    poses = [placed(pose) for pose in model.body_q.numpy().astype(float)]
+    state = model.state()
+    newton.eval_fk(model, model.joint_q, model.joint_qd, state)
+    poses = [placed(pose) for pose in state.body_q.numpy().astype(float)]
     own = [each.numpy() for each in (model.body_mass, model.body_com, model.body_inertia)]
     bodies = [
         _solid(mass, place + turn @ com, turn, inertia)

@@ -83,6 +83,7 @@ def _bullet(path: str, form: str, **options: int) -> dict[str, Any]:
     import pybullet as p
 
     p.connect(p.DIRECT)
+    p.resetSimulation()
     getattr(p, f"load{form}")(path, **options)
     ball = next(i for i in range(p.getNumBodies()) if p.getBodyInfo(i)[0] == b"shell")
     bodies, hinges = [], {}

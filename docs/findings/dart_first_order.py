@@ -4,8 +4,14 @@ The body and the rotor of mujoco_implicitfast.py, 10 s at 1 ms: the relative cha
 momentum, which is MuJoCo's by Euler and by implicitfast.
 """
 
-import dartpy as dart
+from importlib.metadata import version
+
 import numpy as np
+
+try:
+    import dartpy as dart
+except ImportError:
+    raise SystemExit("skipped: DART is not installed") from None
 
 I, J = np.array([0.5, 0.7, 0.3]), np.array([0.02, 0.01, 0.01])
 world, ball = dart.simulation.World(), dart.dynamics.Skeleton("ball")
@@ -31,3 +37,6 @@ before = momentum()
 for _ in range(10_000):
     world.step()
 print("with a rotor:", momentum() / before - 1)
+print("expected: 0: nothing turns a free body")
+print("version: DART", version("dartpy"))
+print("verdict: open; none found")

@@ -5,14 +5,19 @@ slip after 0.5 s of steps of 1 ms [m/s], which friction should bring to zero.
 """
 
 import logging
+from importlib.metadata import version
 
 import numpy as np
-from pydrake.geometry import HalfSpace, Sphere
-from pydrake.math import RigidTransform
-from pydrake.multibody import plant as mp
-from pydrake.multibody.tree import RevoluteJoint, SpatialInertia
-from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
+
+try:
+    from pydrake.geometry import HalfSpace, Sphere
+    from pydrake.math import RigidTransform
+    from pydrake.multibody import plant as mp
+    from pydrake.multibody.tree import RevoluteJoint, SpatialInertia
+    from pydrake.systems.analysis import Simulator
+    from pydrake.systems.framework import DiagramBuilder
+except ImportError:
+    raise SystemExit("skipped: Drake is not installed") from None
 
 logging.getLogger("drake").setLevel(logging.ERROR)
 
@@ -46,3 +51,6 @@ def slip(approximation: str, reflected: float) -> float:
 for approximation in ("kTamsi", "kSap", "kLagged"):
     for reflected in (1e2, 1e12):
         print(f"{approximation}, {reflected:g} kg m²:", slip(approximation, reflected))
+print("expected: slips near 0 in each line, as by kTamsi")
+print("version: Drake", version("drake"))
+print("verdict: bug; none found, see reports/drake_frozen.md")

@@ -4,6 +4,8 @@ A solid sphere of radius 1 m rolls on at 2 m/s for 1 s, with the same friction b
 part of the speed that it loses; by theory μ g / (7/5 a²) t = 0.35 m/s, of 2.
 """
 
+from importlib.metadata import version
+
 import mujoco
 
 ROLL = """<mujoco><option timestep="1e-3" cone="elliptic" impratio="100"/><worldbody>
@@ -22,3 +24,6 @@ def lost(condim: int) -> float:
 
 for condim in (3, 4, 6):
     print(f"condim {condim}:", lost(condim))
+print("expected: 0.175 by condim 6, and nothing by the others")
+print("version: MuJoCo", version("mujoco"))
+print("verdict: documented; MuJoCo's manual, Modeling, Contact parameters, condim")

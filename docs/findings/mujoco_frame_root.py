@@ -5,6 +5,8 @@ with the shell on the free joint, and with the frame on it. Largest slip of the 
 within 1 s [m/s]; slip decays at the rate b = 1/s.
 """
 
+from importlib.metadata import version
+
 import mujoco
 import numpy as np
 
@@ -41,3 +43,6 @@ def slip(root: str, child: str, sign: int) -> float:
 
 print("shell root:", slip("shell", "frame", 1))
 print("frame root:", slip("frame", "shell", -1))
+print("expected: 0 for both: they are one robot")
+print("version: MuJoCo", version("mujoco"))
+print("verdict: documented; MuJoCo's manual, Computation, Inverse dynamics")

@@ -6,6 +6,8 @@ rolling rows by (μ_slide / μ)² / impratio times the normal row's softness, so
 coefficient creeps below the limit. Last, the part of the steps in which the ball touches the plane.
 """
 
+from importlib.metadata import version
+
 import mujoco
 
 RADIUS, TIME, STEP = 0.1, 0.2, 1e-3
@@ -42,3 +44,6 @@ for impratio in (1, 100):
             print(f"{cone}, impratio {impratio}, {mu} m:", delivered(cone, impratio, mu, 0.5))
 print("elliptic at 0.1 m/s:", delivered("elliptic", 1, 2e-3, 0.1))
 print("in contact, 0.015 m at 2 m/s:", lost(6, "elliptic", 100, 0.015, 2.0)[1])
+print("expected: 1 for each cone and coefficient")
+print("version: MuJoCo", version("mujoco"))
+print("verdict: documented; MuJoCo's manual, Modeling, Slow slippage, and mujoco #3328")

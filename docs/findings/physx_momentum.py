@@ -4,8 +4,14 @@ The body and the rotor of mujoco_implicitfast.py, 10 s: the relative change of t
 at three steps. No other engine's steps here are as good: they gain 4.5 % at 1 ms.
 """
 
+from importlib.metadata import version
+
 import numpy as np
-import sapien
+
+try:
+    import sapien
+except ImportError:
+    raise SystemExit("skipped: SAPIEN is not installed") from None
 
 I, J = np.array([0.5, 0.7, 0.3]), np.array([0.02, 0.01, 0.01])
 config = sapien.physx.PhysxSceneConfig()
@@ -46,3 +52,6 @@ def change(step: float) -> float:
 
 for step in (1e-2, 1e-3, 1e-4):
     print(f"{step * 1e3:g} ms:", change(step))
+print("expected: 0, or less with shorter steps")
+print("version: SAPIEN", version("sapien"))
+print("verdict: open; none found")

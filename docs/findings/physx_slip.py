@@ -4,8 +4,14 @@ A ball of radius 1 m rolls down a slope for 1 s under friction 1, of which it ne
 largest slip [m/s] at three steps; a solver of first order would leave a tenth of it at a tenth.
 """
 
+from importlib.metadata import version
+
 import numpy as np
-import sapien
+
+try:
+    import sapien
+except ImportError:
+    raise SystemExit("skipped: SAPIEN is not installed") from None
 
 physx = sapien.physx
 scene_config, bodies = physx.PhysxSceneConfig(), physx.PhysxBodyConfig()
@@ -43,3 +49,6 @@ def slip(step: float) -> float:
 
 for step in (1e-3, 1e-4, 1e-5):
     print(f"{step * 1e3:g} ms:", slip(step))
+print("expected: a tenth of the slip at a tenth of the step")
+print("version: SAPIEN", version("sapien"))
+print("verdict: open; none found, see reports/physx_slip.md")

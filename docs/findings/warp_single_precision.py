@@ -4,10 +4,16 @@ A body of moments .5, .7 and .3 kg m² with a rotor at 100 rad/s turns freely fo
 change of its angular momentum by MuJoCo, in double precision, and by Warp.
 """
 
+from importlib.metadata import version
+
 import mujoco
-import mujoco_warp
 import numpy as np
-import warp
+
+try:
+    import mujoco_warp
+    import warp
+except ImportError:
+    raise SystemExit("skipped: MuJoCo Warp is not installed") from None
 
 BODY = """<mujoco><option timestep="{}" gravity="0 0 0" integrator="RK4"/><worldbody><body>
 <freejoint/><inertial pos="0 0 0" mass="1" diaginertia=".5 .7 .3"/><body><joint axis="1 0 0"/>
@@ -37,3 +43,6 @@ for step in (20e-3, 5e-3):
     warped = momentum(model, state.qpos.numpy()[0], state.qvel.numpy()[0]) / before - 1
     print(f"MuJoCo, {step * 1e3:g} ms:", double)
     print(f"Warp, {step * 1e3:g} ms:", warped)
+print("expected: Warp as MuJoCo")
+print("version: MuJoCo Warp", version("mujoco-warp"))
+print("verdict: documented; MuJoCo Warp computes in 32 bits")

@@ -36,8 +36,11 @@ _SHAPES = {"linear": "u", "smooth": "3u² - 2u³", "quintic": "10u³ - 15u⁴ + 
 _COMMANDED = {type(None) | Servo: "rad/s", PositionServo: "rad", DCMotor: "1", Free: "none"}
 # Times the friction that the motion needs: another engine's contact must not slip at the peak.
 MARGIN = 1.5
-# URDF's readers ask for limits of every joint; these limit nothing.
-_FASTEST, _STRONGEST, _FARTHEST = "1e6", "1e9", "1e6"
+# Readers of URDF and SDF ask for limits of every joint; these limit nothing.
+_FASTEST, _STRONGEST, _FARTHEST, _BOUNDLESS = "1e6", "1e9", "1e6", "1e16"
+# The newest with gravity where DART looks for it; others read it as newer ones. It has no type
+# `continuous`: such a joint has limits without end.
+_SDF_VERSION = "1.5"
 _README = "README.md"
 
 
@@ -237,11 +240,6 @@ def formula(command: Drive) -> dict[str, Any]:
     return {**msgspec.to_builtins(command), "formula": text}
 
 
-def _joint(slides: bool) -> str:
-    """Return the type of a joint that turns or slides without an end, in URDF and SDF."""
-    return "prismatic" if slides else "continuous"
-
-
 def _mjcf(motion: Motion) -> str:
     """Return the MJCF of a reference motion's scene, its start as the keyframe `start`.
 
@@ -258,6 +256,7 @@ def _mjcf(motion: Motion) -> str:
     contact = {"friction": numbers(friction), "condim": condim}
     SubElement(world, "geom", {"name": "floor", "type": "plane", "size": "0 0 1", **contact})
     bodies = {"": world}
+    armatures = {hinge.name: hinge.motor.armature for hinge in scene.hinges if hinge.motor}
     for link in links_of(scene):
         origin = link.pivot if link.parent else [0.0, 0.0, scene.ball.radius]
         # All hinges are at angle 0 here; the keyframe turns them.
@@ -266,13 +265,16 @@ def _mjcf(motion: Motion) -> str:
         moments = " ".join(_moments(link.inertia).values())
         SubElement(body, "inertial", {**mass, "fullinertia": moments})
         if not link.parent:
-            SubElement(body, "freejoint", name=link.name)
+            # Not `freejoint`, which DART and PyBullet do not know.
+            SubElement(body, "joint", name=link.name, type="free")
             # Without a mass of its own: the inertial above has all of the shell's.
             sphere = {"name": "sphere", "type": "sphere", "size": repr(float(scene.ball.radius))}
             SubElement(body, "geom", {**sphere, "mass": "0", **contact})
         else:
-            kind = "slide" if link.slides else "hinge"
-            SubElement(body, "joint", name=link.name, type=kind, axis=numbers(link.axis))
+            joint = {"name": link.name, "type": "slide" if link.slides else "hinge"}
+            if armature := armatures.get(link.name):
+                joint["armature"] = repr(float(armature))
+            SubElement(body, "joint", joint, axis=numbers(link.axis))
         bodies[link.name] = body
     shell = poses(motion)["shell"]
     hinges = scene.hinges
@@ -290,6 +292,8 @@ def _mjcf(motion: Motion) -> str:
 def urdf(scene: Scene) -> str:
     """Return the URDF of a scene's ball, without plane, start, rates and friction."""
     root = Element("robot", name=scene.name)
+    # MuJoCo fixes the shell to the world, and would leave its mass out; others pass over this.
+    SubElement(SubElement(root, "mujoco"), "compiler", fusestatic="false")
     links = links_of(scene)
     for link in links:
         element = SubElement(root, "link", name=link.name)
@@ -303,7 +307,8 @@ def urdf(scene: Scene) -> str:
             SubElement(geometry, "sphere", radius=repr(float(scene.ball.radius)))
     for link in links:
         if link.parent:
-            joint = SubElement(root, "joint", name=f"{link.name}_hinge", type=_joint(link.slides))
+            kind = "prismatic" if link.slides else "continuous"
+            joint = SubElement(root, "joint", name=f"{link.name}_hinge", type=kind)
             SubElement(joint, "parent", link=link.parent)
             SubElement(joint, "child", link=link.name)
             SubElement(joint, "origin", xyz=numbers(link.pivot), rpy="0 0 0")
@@ -321,9 +326,10 @@ def sdf(motion: Motion) -> str:
     Hinges are at angle 0, and their rates are left to who simulates it.
     """
     scene = motion.scene
-    root = Element("sdf", version="1.9")
+    root = Element("sdf", version=_SDF_VERSION)
     world = SubElement(root, "world", name=scene.name)
-    _fill(world, {"gravity": numbers(scene.gravity_world)})
+    physics = SubElement(world, "physics", type="ode")
+    _fill(physics, {"gravity": numbers(scene.gravity_world)})
     surface = _surface(motion)
     plane = _fill(SubElement(world, "model", name="plane"), {"static": "true"})
     ground = SubElement(SubElement(plane, "link", name="plane"), "collision", name="plane")
@@ -352,8 +358,10 @@ def sdf(motion: Motion) -> str:
             _fill(collision, {"geometry": sphere, "surface": surface})
     for link in links:
         if link.parent:
-            joint = SubElement(ball, "joint", name=f"{link.name}_hinge", type=_joint(link.slides))
-            axis = {"xyz": numbers(link.axis)}
+            kind = "prismatic" if link.slides else "revolute"
+            joint = SubElement(ball, "joint", name=f"{link.name}_hinge", type=kind)
+            limits = {"lower": f"-{_BOUNDLESS}", "upper": _BOUNDLESS}
+            axis = {"xyz": numbers(link.axis), "limit": limits}
             _fill(joint, {"parent": link.parent, "child": link.name, "axis": axis})
     return _xml_text(root)
 

@@ -60,6 +60,7 @@ _INTERRUPTED = 130
 COMMANDS = {
     "scenes": "validation.commands.scene_commands",
     "engines": "validation.studies.engine_study",
+    "history": "validation.studies.history",
     "compare": "validation.commands.compare",
     "check": "validation.commands.checking",
     "report": "validation.commands.report",

@@ -243,7 +243,10 @@ class Adapter(Engine):
             rows.append(state.row)
             if request.progress is not None:
                 request.progress(times[len(rows) - 1] / times[-1])
-        return _motion_of(self.label, world, times, np.array(rows), settings, spent)
+        return motion_of_rows(
+            self.label, scene, times, np.array(rows), settings, timestep=world.longest,
+            steps=world.steps, seconds=spent, python_seconds=world.python_seconds(),
+        )  # fmt: skip
 
 
 def longest_step(scene: Scene, times: Array, timestep: float) -> float:
@@ -251,16 +254,13 @@ def longest_step(scene: Scene, times: Array, timestep: float) -> float:
     return float(spans(times, scene.breakpoints, timestep)[1].max())
 
 
-def _motion_of(
-    label: Label,
-    world: World,
-    times: Array,
-    rows: Array,
-    settings: EngineSettings,
-    seconds: float,
+def motion_of_rows(
+    label: Label, scene: Scene, times: Array, rows: Array, settings: EngineSettings, **run: Any
 ) -> ContactMotion:
-    """Return the motion of rows (n, 13 + 2h) of State, up to the fault that ends it, if any."""
-    scene = world.scene
+    """Return the motion of rows (n, 13 + 2h) of State, up to the fault that ends it, if any.
+
+    run: the report's timestep, steps, seconds and python_seconds.
+    """
     state = state_of_rows(rows if np.isfinite(rows[-1]).all() else rows[:-1])
     # A ball that runs away overflows here, before it is cut off at its fault.
     with np.errstate(all="ignore"):
@@ -288,11 +288,8 @@ def _motion_of(
             friction_used=np.full(kept, np.nan),
             hinge_rate_error=rate_error[n],
             faults=faults,
-            timestep=world.longest,
-            steps=world.steps,
-            seconds=seconds,
-            total_seconds=seconds,
-            python_seconds=world.python_seconds(),
+            total_seconds=run["seconds"],
+            **run,
         ),
     )
 

@@ -74,7 +74,8 @@ def python_of(contestant: Contestant, folder: Path) -> Path | None:
     if _link_of(home).exists():
         return (home / "bin" / "python").absolute()
     engine = engine_named(contestant.engine)
-    there = engine.installed if isinstance(engine, Adapter) else not contestant.requirements
+    ours = contestant.name == contestant.engine  # another has a version of its own
+    there = ours and (not isinstance(engine, Adapter) or engine.installed)
     return Path(sys.executable) if there else None
 
 
@@ -93,16 +94,22 @@ def install(contestant: Contestant, folder: Path) -> Path:
             "--environments"
         )
     venv.create(home, clear=True, with_pip=True)
-    python = home / "bin" / "python"
-    command = [str(python), "-m", "pip", "install", "--quiet", *contestant.requirements]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        words = [line for line in done.stderr.split("\n") if line.strip()]
-        raise InputError(f"{contestant.name} cannot be installed: {words[-1] if words else '?'}")
+    failure = f"{contestant.name} cannot be installed"
+    pip(home / "bin" / "python", failure, "install", "--quiet", *contestant.requirements)
     # Our packages come after its own.
     ours: Sequence[str] = (str(Path(robotball.__file__).parents[1]), sysconfig.get_path("purelib"))
     _link_of(home).write_text("\n".join(ours) + "\n")
     return home
+
+
+def pip(python: Path, failure: str, *arguments: str) -> str:
+    """Return what an environment's pip prints. Raises InputError, the failure and pip's reason."""
+    command = [str(python), "-m", "pip", "--disable-pip-version-check", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        words = [line for line in done.stderr.split("\n") if line.strip()]
+        raise InputError(f"{failure}: {words[-1] if words else '?'}")
+    return done.stdout
 
 
 def _link_of(home: Path) -> Path:

@@ -78,8 +78,17 @@ def cells_of(
 
 def measure(cell: Cell) -> dict[str, Any]:
     """Run a cell in a process of its own; raises where that ends without a record."""
+    return answer_of(cell["interpreter"], process.__name__, cell)
+
+
+def answer_of(interpreter: str, module: str, cell: Cell) -> dict[str, Any]:
+    """Return the answer to a cell of a module that an interpreter runs, both as JSON.
+
+    Raises RuntimeError, in a line, where the process ends without one, and InputError where it
+    refuses the cell.
+    """
     ours, theirs = os.pipe()
-    command = [cell["interpreter"], "-m", process.__name__, str(ours)]
+    command = [interpreter, "-m", module, str(ours)]
     text = json.dumps(dict(cell)).encode() + b"\n"
     with tempfile.TemporaryFile() as said:
         try:

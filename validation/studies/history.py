@@ -7,7 +7,6 @@ which an old version may not know. pip lists the versions, and a wheel's newest 
 
 import re
 import sys
-import sysconfig
 import venv
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,6 +18,7 @@ from zipfile import ZipFile
 
 import numpy as np
 from matplotlib.figure import Figure
+from rich.markup import escape
 from tyro.conf import DisallowNone, Positional, arg
 
 from robotball import InputError, engine_named, integrate, load_scene, sample_times
@@ -28,7 +28,7 @@ from robotball.errors import unknown
 from robotball.motion import path_error
 from robotball.rotations import rotation_matrix
 from validation.options import AGREES, Sweep, SweepOptions, seconds_of
-from validation.output import known, writable_folder, write_text
+from validation.output import writable_folder, write_text
 from validation.results import changed
 from validation.studies import bare_steps
 from validation.studies.engine_runs import Contestant, fixed_work, install, pip, python_of
@@ -45,11 +45,9 @@ _MOMENTS = (0.5, 0.7, 0.3)  # kg m² of the free body, as docs/findings/mujoco_i
 _FREE_BODY = """<mujoco><option timestep="1e-3" gravity="0 0 0" integrator="implicitfast"/>
 <worldbody><body><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="{} {} {}"/></body>
 </worldbody><keyframe><key qvel="0 0 0 3 1 5"/></keyframe></mujoco>""".format(*_MOMENTS)
+# Each number, its name, and the word by which a changelog's entry is about it: its integrator.
 NUMBERS = {"as_it_comes": "as it comes", "recipe": "recipe", "free_body": "free body"}
-# The word by which a changelog's entry is about a number: the integrator that makes it.
 _WORDS = {"as_it_comes": "Euler", "recipe": "RK4", "free_body": "implicitfast"}
-Change = tuple[str, Row, Row]
-"""A number, and the rows of two versions between which it changed."""
 
 
 def versions_in(listing: str) -> list[str]:
@@ -80,19 +78,20 @@ def differ(before: float, after: float) -> bool:
     return large > _FACTOR * small or (large > _ROUNDING and before * after < 0)
 
 
-def bisect(count: int, number: Callable[[int], float | None]) -> tuple[int, int]:
+def bisect(count: int, row: Callable[[int], Row], number: str) -> tuple[int, int]:
     """Return the neighbours of so many versions between which a number changed.
 
     It is known to differ between the first and the last. Versions without it are passed over, so
     that some may lie between the two that are returned.
     """
-    first, low, high = number(0), 0, count - 1
+    low, high = 0, count - 1
     while True:
         inner = sorted(range(low + 1, high), key=lambda i: abs(2 * i - low - high))
-        found = ((i, value) for i in inner if (value := number(i)) is not None)
-        if first is None or (middle := next(found, None)) is None:
+        middle = next((i for i in inner if row(i).get(number) is not None), None)
+        if middle is None:
             return low, high
-        low, high = (low, middle[0]) if differ(first, middle[1]) else (middle[0], high)
+        new = differ(row(0)[number], row(middle)[number])
+        low, high = (low, middle) if new else (middle, high)
 
 
 def _package(engine: str) -> str:
@@ -127,18 +126,23 @@ def _environment(engine: str, version: str, folder: Path) -> tuple[str, str | No
 
 def measure(cell: Cell) -> dict[str, Any]:
     """Measure a version, installed if need be; our own where the cell has no environments."""
-    python, record, engine = sys.executable, {"date": None}, engine_named(cell["engine"])
+    name, python, date = cell["engine"], sys.executable, None
+    engine, ours = engine_named(name), name == DEFAULT
     if folder := cell["environments"]:
-        python, record["date"] = _environment(cell["engine"], cell["version"], Path(folder))
-    ours = cell["engine"] == DEFAULT
-    for number, preset in (("as_it_comes", engine.as_it_comes), ("recipe", engine.default)):
+        python, date = _environment(name, cell["version"], Path(folder))
+    record = {"date": date, "free_body": _free_body(python) if ours else None}
+    presets = {"as_it_comes": engine.as_it_comes, "recipe": engine.default}
+    for number, preset in presets.items():
+        if preset not in engine.presets:  # its newcomer has no contact to begin with
+            continue
         found = (_bare if ours else _adapted)(cell, python, preset)
         record |= {number: found.pop("error")} | {f"{number}_{key}": found[key] for key in found}
-    return record | {"free_body": _free_body(python) if ours else None}
+    return record
 
 
 def _bare(cell: Cell, python: str, preset: str) -> dict[str, Any]:
     """Run a preset's MJCF by plain calls of a version, and read its states by our own code."""
+    from robotball.engines.mujoco import LABEL
     from robotball.engines.mujoco.mjcf_export import write_model
     from robotball.engines.mujoco.settings import PRESETS
 
@@ -148,21 +152,19 @@ def _bare(cell: Cell, python: str, preset: str) -> dict[str, Any]:
     # The sensors do not move the ball, and old versions lack some.
     xml = re.sub("<sensor>.*</sensor>", "", xml, flags=re.DOTALL)
     told = _stepped(python, xml, times[1], len(times))
-    qpos, qvel = np.array(told["qpos"]), np.array(told["qvel"])
-    turning = np.einsum("nij,nj->ni", rotation_matrix(qpos[:, 3:7]), qvel[:, 3:6])
-    states = [qpos[:, :3], qvel[:, :3], qpos[:, 3:7], turning, qpos[:, 7:], qvel[:, 6:]]
-    run = {"timestep": told["timestep"], "steps": round(times[-1] / told["timestep"])}
-    motion = motion_of_rows(
-        engine_named(cell["engine"]).label, scene, times, np.concatenate(states, axis=1), settings,
-        seconds=told["seconds"], python_seconds=None, **run,
-    )  # fmt: skip
+    seconds, step, qpos, qvel = (told[each] for each in ("seconds", "timestep", "qpos", "qvel"))
+    cost = 2 * seconds / (before + fixed_work())
+    place, turn, angles = np.split(np.array(qpos), (3, 7), axis=1)
+    moving, own, rates = np.split(np.array(qvel), (3, 6), axis=1)
+    turning = np.einsum("nij,nj->ni", rotation_matrix(turn), own)
+    rows = np.concatenate([place, moving, turn, turning, angles, rates], axis=1)
+    run = {"timestep": step, "steps": round(times[-1] / step), "seconds": seconds}
+    motion = motion_of_rows(LABEL, scene, times, rows, settings, python_seconds=None, **run)
     whole = len(motion.times) == len(times)
-    return {
-        "error": known(path_error(motion, integrate(scene, times))) if whole else None,
-        "fault": str(motion.report.faults[0]) if motion.report.faults else "",
-        "cost": 2 * told["seconds"] / (before + fixed_work()),
-        "without": ", ".join(told["left_out"]),
-    }
+    error = path_error(motion, integrate(scene, times)) if whole else None
+    faults = [str(each) for each in motion.report.faults]
+    without = ", ".join(told["left_out"])
+    return {"error": error, "fault": "; ".join(faults[:1]), "cost": cost, "without": without}
 
 
 def _stepped(python: str, xml: str, interval: float, samples: int) -> dict[str, Any]:
@@ -184,15 +186,15 @@ def _adapted(cell: Cell, python: str, preset: str) -> dict[str, Any]:
     """Run a preset by our adapter in a version's environment."""
     engine = engine_named(cell["engine"])
     name = engine.ladders[preset][0]
-    run = {"contestant": "", "preset": preset, "field": name, "interpreter": python}
-    run |= {"value": getattr(engine.presets[preset], name), "rounds": _ROUNDS, "stretches": False}
-    told = measure_run({**cell, **run})
-    cost, faults = told["seconds"] / told["fixed_work"], told["faults"]
-    return {"error": told["path_error"], "fault": "; ".join(faults[:1]), "cost": cost}
+    run = {**cell, "contestant": "", "preset": preset, "field": name, "interpreter": python}
+    value = getattr(engine.presets[preset], name)
+    told = measure_run({**run, "value": value, "rounds": _ROUNDS, "stretches": False})
+    cost, fault = told["seconds"] / told["fixed_work"], "; ".join(told["faults"][:1])
+    return {"error": told["path_error"], "fault": fault, "cost": cost}
 
 
-def changes_of(rows: Sequence[Row]) -> list[Change]:
-    """Return the changes of each number between two versions that have it."""
+def changes_of(rows: Sequence[Row]) -> list[tuple[str, Row, Row]]:
+    """Return each number that changed, with the rows of the two versions between which it did."""
     return [
         (number, before, after)
         for number in NUMBERS
@@ -204,12 +206,12 @@ def changes_of(rows: Sequence[Row]) -> list[Change]:
 def rows_of(results: Sequence[Result]) -> list[Row]:
     """Return a row a version, with its speed over the newest's and what changed in it."""
     rows = [{**each.cell, **(each.record or {}), "failure": each.failure} for each in results]
-    costs = [row.get("recipe_cost") for row in rows]
-    newest = next((cost for cost in costs[::-1] if cost), None)
+    newest = next((row["recipe_cost"] for row in rows[::-1] if row.get("recipe_cost")), None)
     changes = changes_of(rows)
-    for row, cost in zip(rows, costs, strict=True):
-        row["speed"] = newest / cost if newest and cost else None
-        row["fault"] = row["failure"] or row["as_it_comes_fault"]
+    for row in rows:
+        row["speed"] = newest / row["recipe_cost"] if row.get("recipe_cost") else None
+        faults = (row["failure"], row.get("as_it_comes_fault"), row.get("recipe_fault"))
+        row["fault"] = next(filter(None, faults), "").removeprefix("InputError: ")
         row["changed"] = ", ".join(NUMBERS[number] for number, _, after in changes if after is row)
     return [*rows]
 
@@ -226,16 +228,15 @@ def changelog_line(changelog: str, version: str, word: str) -> str:
     return ""
 
 
-def lines_of(changes: Sequence[Change], package: str) -> list[str]:
-    """Return each change in a line, with the words of the changelog that our own version carries."""
-    carried = Path(sysconfig.get_path("purelib"), package, "doc", "changelog.rst")
-    changelog = carried.read_text(encoding="utf-8") if carried.exists() else ""
-    return [
-        f"{NUMBERS[number]}: {before[number]:.1e} in {before['version']}, {after[number]:.1e} in "
-        f"{after['version']}: "
-        + (changelog_line(changelog, after["version"], _WORDS[number]) or "?")
-        for number, before, after in changes
-    ]
+def lines_of(changes: Sequence[tuple[str, Row, Row]], package: str) -> list[str]:
+    """Return each change in a line, with the words of the changelog in our version's package."""
+    carried = Path(sys.prefix).glob(f"lib/*/site-packages/{package}/doc/changelog.rst")
+    log, lines = "".join(each.read_text(encoding="utf-8") for each in carried), []
+    for number, before, after in changes:
+        words = changelog_line(log, after["version"], _WORDS[number]) or "not in a changelog"
+        was = f"{before[number]:.1e} in {before['version']}"
+        lines += [f"{NUMBERS[number]}: {was}, {after[number]:.1e} in {after['version']}: {words}"]
+    return lines
 
 
 COLUMNS = (
@@ -248,39 +249,24 @@ COLUMNS = (
 
 def _page(rows: Sequence[Row], lines: Sequence[str]) -> str:
     """Return the table and the changes as Markdown."""
-    table = [[each.header for each in COLUMNS], ["---" for _ in COLUMNS]]
+    table = [[each.header for each in COLUMNS], ["---"] * len(COLUMNS)]
     table += [[each.text(row) for each in COLUMNS] for row in rows]
-    return "\n".join(
-        [*(f"| {' | '.join(each)} |" for each in table), "", *map("* {}".format, lines)]
-    )
+    return "\n".join([*(f"| {' | '.join(each)} |" for each in table), "", *lines, ""])
 
 
 def _picture(title: str, rows: Sequence[Row]) -> Figure:
     """Draw errors and speed over the dates, or over the versions in order where one has none."""
-    figure, rows = (
-        Figure(figsize=(10.0, 6.0), layout="constrained"),
-        [r for r in rows if not r["failure"]],
-    )
-    axes = figure.subplots()
-    dated = all(row["date"] for row in rows)
-    at = [np.datetime64(row["date"]) if dated else row["version"] for row in rows]
-    for number, words, style in [
-        *((*each, "o-") for each in NUMBERS.items()),
-        ("speed", "speed, newest = 1", "k.:"),
-    ]:
-        sizes = [np.nan if row[number] is None else max(abs(row[number]), 1e-15) for row in rows]
-        axes.semilogy(at, sizes, style, label=words)
+    figure = Figure(figsize=(10.0, 6.0), layout="constrained")
+    axes, dated = figure.subplots(), all(row["date"] for row in rows)
+    at: list[Any] = [np.datetime64(row["date"]) if dated else row["version"] for row in rows]
+    drawn = {**NUMBERS, "speed": "speed, newest = 1"}
+    for (number, words), mark in zip(drawn.items(), "sod.", strict=True):
+        sizes = [abs(row.get(number) or np.nan) for row in rows]
+        axes.semilogy(at, sizes, f"{mark}-", label=words)
     for place, row in zip(at, rows, strict=True):
         if row["changed"]:
-            axes.axvline(place, color="0.7", linewidth=0.6, zorder=0)
-            axes.text(
-                place, 0.02, f" {row['version']}", rotation=90, transform=axes.get_xaxis_transform()
-            )
-    axes.set(
-        title=title,
-        xlabel="date of the release" if dated else "version",
-        ylabel="path error; |gain| of the free body",
-    )
+            axes.text(place, 0.5, row["version"], rotation=90, transform=axes.get_xaxis_transform())
+    axes.set(title=title, xlabel="release", ylabel="path error; |gain| of the free body")
     axes.legend(frameon=False)
     return figure
 
@@ -339,12 +325,12 @@ class History:
         rows, label = self._rows(versions), engine_named(self.engine).label
         lines = lines_of(changes_of(rows), _package(self.engine))
         title = f"{label.name} on {_SCENE}, version after version"
+        table = table_of(COLUMNS, rows, lambda row: row["failure"])
+        picture = _picture(title, [row for row in rows if not row["failure"]])
+        record, words = {"history": rows, "changes": lines}, changed(self, "since", "to", "every")
         study = Study(
-            _SCENE, label, ["history"], rows, {"history": rows, "changes": lines},
-            shown=(title, table_of(COLUMNS, rows, lambda row: row["failure"]), *lines),
-            picture=_picture(title, rows),
-        )  # fmt: skip
-        words = changed(self, "since", "to", "every")
+            _SCENE, label, ["history"], rows, record, (title, table, *map(escape, lines)), picture
+        )
         stem = study.stem(*words, *changed(self.sweep, "quick"))
         write_text(self.sweep.out / f"{stem}.md", _page(rows, lines))
         return self.sweep.present(study, *words)
@@ -355,8 +341,8 @@ class History:
         chosen = [each for each, *_ in ends if (self.of or each).replace("-", "_") == each]
         show([] if chosen else [f"the same in {versions[0]} and {versions[-1]}"])
         for number in chosen:
-            pair = bisect(len(versions), lambda i, of=number: self._rows([versions[i]])[0].get(of))  # type: ignore[misc]
-            rows = self._rows([versions[i] for i in pair])
-            found = [each for each in changes_of(rows) if each[0] == number]
-            show(lines_of(found, _package(self.engine)))
+            pair = bisect(len(versions), lambda i: self._rows([versions[i]])[0], number)
+            found = changes_of(self._rows([versions[i] for i in pair]))
+            found = [each for each in found if each[0] == number]
+            show(map(escape, lines_of(found, _package(self.engine))))
         return AGREES

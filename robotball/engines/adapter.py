@@ -304,10 +304,12 @@ class Adapter(Engine):
             if progress is not None:
                 progress(times[len(rows) - 1] / times[-1])
         share, python = spent / len(scenes), world.python_seconds() / len(scenes)
-        cost = {"seconds": share, "total_seconds": share, "python_seconds": python}
+        cost = {"seconds": share, "python_seconds": python}
         for each, own in zip(scenes, np.stack(rows, axis=1), strict=True):
-            sound = np.logical_and.accumulate(np.isfinite(own).all(axis=1))
-            yield _motion_of(self.label, world, each, times, own[sound], settings, cost)
+            yield motion_of_rows(
+                self.label, each, times, own, settings, np.array(world.forces),
+                world.friction, timestep=world.longest, steps=world.steps, **cost,
+            )  # fmt: skip
 
 
 def _rolled_by(
@@ -329,27 +331,32 @@ def longest_step(scene: Scene, times: Array, timestep: float) -> float:
     return float(spans(times, scene.breakpoints, timestep)[1].max())
 
 
-def _motion_of(
+def motion_of_rows(
     label: Label,
-    world: World,
     scene: Scene,
     times: Array,
     rows: Array,
     settings: EngineSettings,
-    cost: Mapping[str, float],
+    forces: Array | None = None,
+    friction: float = float("nan"),
+    **run: Any,
 ) -> ContactMotion:
     """Return the motion of rows (n, 13 + 2h) of State, up to the fault that ends it, if any.
 
-    cost: the report's times [s].
+    forces: (n, 3) N, of the contact, and friction its coefficient, where they are known; run: the
+    report's timestep, steps, seconds and python_seconds.
     """
-    state = state_of_rows(rows)
+    sound = np.logical_and.accumulate(np.isfinite(rows).all(axis=1))
+    state = state_of_rows(rows[sound])
     # A ball that runs away overflows here, before it is cut off at its fault.
     with np.errstate(all="ignore"):
         readings = readings_of(scene, state)
         rate_error = _rate_error(scene, times[: len(state.centre)], state)
         faults, kept = _faults(scene, times, state, readings, rate_error, settings)
     n = slice(kept)
-    loads = replace(Loads.unknown(kept, len(scene.drives)), contact_force=np.array(world.forces[n]))
+    loads = Loads.unknown(kept, len(scene.drives))
+    if forces is not None:
+        loads = replace(loads, contact_force=forces[n])
     return ContactMotion(
         scene=scene,
         engine=label,
@@ -366,12 +373,11 @@ def _motion_of(
             slip=readings.slip[n],
             spin=readings.spin[n],
             depth=scene.ball.radius - state.centre[n, 2],
-            friction_used=loads.sliding_friction / world.friction,
+            friction_used=loads.sliding_friction / friction,
             hinge_rate_error=rate_error[n],
             faults=faults,
-            timestep=world.longest,
-            steps=world.steps,
-            **cost,
+            total_seconds=run["seconds"],
+            **run,
         ),
     )
 

@@ -59,15 +59,21 @@ def make(home: Path, requirements: Sequence[str]) -> Path:
             "--environments"
         )
     venv.create(home, clear=True, with_pip=True)
-    python = home / "bin" / "python"
-    command = [str(python), "-m", "pip", "install", "--quiet", *requirements]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise InputError(f"{home.name} cannot be installed: {_last_word(done.stderr)}")
+    failure = f"{home.name} cannot be installed"
+    pip(home / "bin" / "python", failure, "install", "--quiet", *requirements)
     # Our packages come after its own.
     ours: Sequence[str] = (str(Path(robotball.__file__).parents[1]), sysconfig.get_path("purelib"))
     (_packages(home) / _LINK).write_text("\n".join(ours) + "\n")
     return home
+
+
+def pip(python: Path, failure: str, *arguments: str) -> str:
+    """Return what an environment's pip prints. Raises InputError, the failure and pip's reason."""
+    command = [str(python), "-m", "pip", "--disable-pip-version-check", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise InputError(f"{failure}: {_last_word(done.stderr)}")
+    return done.stdout
 
 
 def _packages(home: Path) -> Path:

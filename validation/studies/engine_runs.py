@@ -58,7 +58,8 @@ def python_of(contestant: Contestant, folder: Path) -> Path | None:
     if own := interpreter_of(folder / contestant.name):
         return own
     engine = engine_named(contestant.engine)
-    there = engine.installed if isinstance(engine, Adapter) else not contestant.requirements
+    ours = contestant.name == contestant.engine  # another has a version of its own
+    there = ours and (not isinstance(engine, Adapter) or engine.installed)
     return Path(sys.executable) if there else None
 
 

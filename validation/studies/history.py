@@ -1,0 +1,348 @@
+"""One engine in every released version: what changed, when, and which version changed it.
+
+Each version has an environment of its own. MuJoCo's take the exported MJCF by plain calls
+(`bare_steps`), so that nothing but the version differs; other engines run by our adapter of today,
+which an old version may not know. pip lists the versions, and a wheel's newest file is its date.
+"""
+
+import re
+import sys
+import venv
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated, Any, Literal
+from zipfile import ZipFile
+
+import numpy as np
+from matplotlib.figure import Figure
+from rich.markup import escape
+from tyro.conf import DisallowNone, Positional, arg
+
+from robotball import InputError, engine_named, integrate, load_scene, sample_times
+from robotball.engine import DEFAULT
+from robotball.engines.adapter import motion_of_rows
+from robotball.engines.environments import call, pip
+from robotball.errors import unknown
+from robotball.motion import path_error
+from robotball.rotations import rotation_matrix
+from validation.options import AGREES, Sweep, SweepOptions, seconds_of
+from validation.output import writable_folder, write_text
+from validation.results import changed
+from validation.studies import bare_steps
+from validation.studies.engine_runs import Contestant, fixed_work, install, python_of
+from validation.studies.engine_study import measure as measure_run
+from validation.study import Column, Row, Study, scene_cell, show, table_of
+from validation.sweeps import Cell, Result
+
+_SCENE = "fig12"  # its rates are steady and its load constant: plain MJCF has all of it
+_LIMIT = 900.0  # s that a version may take, its installation included
+_ROUNDS = 5  # of timing
+_FACTOR, _ROUNDING = 2.0, 1e-12  # a number that changes by less, or below this, is the same
+_MOMENTS = (0.5, 0.7, 0.3)  # kg m² of the free body, as docs/findings/mujoco_implicitfast.py has it
+_FREE_BODY = """<mujoco><option timestep="1e-3" gravity="0 0 0" integrator="implicitfast"/>
+<worldbody><body><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="{} {} {}"/></body>
+</worldbody><keyframe><key qvel="0 0 0 3 1 5"/></keyframe></mujoco>""".format(*_MOMENTS)
+# Each number, its name, and the word by which a changelog's entry is about it: its integrator.
+NUMBERS = {"as_it_comes": "as it comes", "recipe": "recipe", "free_body": "free body"}
+_WORDS = {"as_it_comes": "Euler", "recipe": "RK4", "free_body": "implicitfast"}
+
+
+def versions_in(listing: str) -> list[str]:
+    """Return the versions in what `pip index versions` prints, the oldest first."""
+    found = re.search(r"^Available versions: (.*)$", listing, re.MULTILINE)
+    return found[1].split(", ")[::-1] if found else []
+
+
+def last_patches(versions: Sequence[str]) -> list[str]:
+    """Return the last version of each major and minor number."""
+    return [*{tuple(each.split(".")[:2]): each for each in versions}.values()]
+
+
+def places_of(versions: Sequence[str], name: str) -> list[int]:
+    """Return the places of a version, or of all that a name like 3.10 begins.
+
+    Raises InputError where there is none.
+    """
+    places = [i for i, each in enumerate(versions) if f"{each}.".startswith(f"{name}.")]
+    if not places:
+        raise unknown("version", name, versions)
+    return places
+
+
+def differ(before: float, after: float) -> bool:
+    """Return whether a number changed: beyond a factor, or its sign, and not within rounding."""
+    small, large = sorted(max(abs(each), _ROUNDING) for each in (before, after))
+    return large > _FACTOR * small or (large > _ROUNDING and before * after < 0)
+
+
+def bisect(count: int, row: Callable[[int], Row], number: str) -> tuple[int, int]:
+    """Return the neighbours of so many versions between which a number changed.
+
+    It is known to differ between the first and the last. Versions without it are passed over, so
+    that some may lie between the two that are returned.
+    """
+    low, high = 0, count - 1
+    while True:
+        inner = sorted(range(low + 1, high), key=lambda i: abs(2 * i - low - high))
+        middle = next((i for i in inner if row(i).get(number) is not None), None)
+        if middle is None:
+            return low, high
+        new = differ(row(0)[number], row(middle)[number])
+        low, high = (low, middle) if new else (middle, high)
+
+
+def _package(engine: str) -> str:
+    """Return the name of an engine's package, the first of its requirements."""
+    needed = (DEFAULT,) if engine == DEFAULT else getattr(engine_named(engine), "requirements", ())
+    if not needed:
+        raise InputError(f"{engine} comes with robotball: it has no released versions")
+    return re.split(r"[^\w-]", needed[0])[0]
+
+
+def _pip(folder: Path, failure: str, *arguments: str) -> str:
+    """Return what the pip of an environment of its own prints."""
+    if not (folder / "pip" / "pyvenv.cfg").exists():
+        venv.create(folder / "pip", with_pip=True)
+    return pip(folder / "pip" / "bin" / "python", failure, *arguments)
+
+
+def _environment(engine: str, version: str, folder: Path) -> tuple[str, str | None]:
+    """Return a version's interpreter, installed where it is not there yet, and its date."""
+    wanted, package = Contestant(f"{engine}-{version}", engine, ()), _package(engine)
+    with TemporaryDirectory() as fetched:
+        # Wheels alone: to build a version takes its compiler, and may take an hour.
+        _pip(folder, f"{wanted.name} cannot be installed", "download", "--quiet", "--no-deps",
+             "--only-binary=:all:", "--dest", fetched, f"{package}=={version}")  # fmt: skip
+        (wheel,) = Path(fetched).iterdir()
+        if (python := python_of(wanted, folder)) is None:
+            python = install(replace(wanted, requirements=(str(wheel),)), folder) / "bin" / "python"
+        year, month, day, *_ = max(each.date_time for each in ZipFile(wheel).infolist())
+    # Some packers give all files the least year that a wheel can have.
+    return str(python), f"{year}-{month:02}-{day:02}" if year > 1980 else None
+
+
+def measure(cell: Cell) -> dict[str, Any]:
+    """Measure a version, installed if need be; our own where the cell has no environments."""
+    name, python, date = cell["engine"], sys.executable, None
+    engine, ours = engine_named(name), name == DEFAULT
+    if folder := cell["environments"]:
+        python, date = _environment(name, cell["version"], Path(folder))
+    record = {"date": date, "free_body": _free_body(python) if ours else None}
+    presets = {"as_it_comes": engine.as_it_comes, "recipe": engine.default}
+    for number, preset in presets.items():
+        if preset not in engine.presets:  # its newcomer has no contact to begin with
+            continue
+        found = (_bare if ours else _adapted)(cell, python, preset)
+        record |= {number: found.pop("error")} | {f"{number}_{key}": found[key] for key in found}
+    return record
+
+
+def _bare(cell: Cell, python: str, preset: str) -> dict[str, Any]:
+    """Run a preset's MJCF by plain calls of a version, and read its states by our own code."""
+    from robotball.engines.mujoco import LABEL
+    from robotball.engines.mujoco.mjcf_export import write_model
+    from robotball.engines.mujoco.settings import PRESETS
+
+    scene, times = load_scene(cell["scene"]), sample_times(cell["duration"])
+    settings, before = replace(PRESETS[preset], stop_at_fault=False), fixed_work()
+    xml = write_model(scene, settings, dressed=False, stem=preset).xml
+    # The sensors do not move the ball, and old versions lack some.
+    xml = re.sub("<sensor>.*</sensor>", "", xml, flags=re.DOTALL)
+    told = _stepped(python, xml, times[1], len(times))
+    seconds, step, qpos, qvel = (told[each] for each in ("seconds", "timestep", "qpos", "qvel"))
+    cost = 2 * seconds / (before + fixed_work())
+    place, turn, angles = np.split(np.array(qpos), (3, 7), axis=1)
+    moving, own, rates = np.split(np.array(qvel), (3, 6), axis=1)
+    turning = np.einsum("nij,nj->ni", rotation_matrix(turn), own)
+    rows = np.concatenate([place, moving, turn, turning, angles, rates], axis=1)
+    run = {"timestep": step, "steps": round(times[-1] / step), "seconds": seconds}
+    motion = motion_of_rows(LABEL, scene, times, rows, settings, python_seconds=None, **run)
+    whole = len(motion.times) == len(times)
+    error = path_error(motion, integrate(scene, times)) if whole else None
+    faults = [str(each) for each in motion.report.faults]
+    without = ", ".join(told["left_out"])
+    return {"error": error, "fault": "; ".join(faults[:1]), "cost": cost, "without": without}
+
+
+def _stepped(python: str, xml: str, interval: float, samples: int) -> dict[str, Any]:
+    task = {"xml": xml, "interval": interval, "samples": samples, "rounds": _ROUNDS}
+    return call(python, bare_steps.run, task)
+
+
+def _free_body(python: str) -> float | None:
+    """Return the relative change of a free body's |M| in 10 s; None without implicitfast."""
+    try:
+        turning = [row[3:] for row in _stepped(python, _FREE_BODY, 10.0, 2)["qvel"]]
+    except InputError:
+        return None
+    before, after = np.linalg.norm(np.array(turning) * _MOMENTS, axis=1)
+    return float(after / before - 1)
+
+
+def _adapted(cell: Cell, python: str, preset: str) -> dict[str, Any]:
+    """Run a preset by our adapter in a version's environment."""
+    engine = engine_named(cell["engine"])
+    name = engine.ladders[preset][0]
+    run = {**cell, "contestant": "", "preset": preset, "field": name, "interpreter": python}
+    value = getattr(engine.presets[preset], name)
+    told = measure_run({**run, "value": value, "rounds": _ROUNDS, "stretches": False})
+    cost, fault = told["seconds"] / told["fixed_work"], "; ".join(told["faults"][:1])
+    return {"error": told["path_error"], "fault": fault, "cost": cost}
+
+
+def changes_of(rows: Sequence[Row]) -> list[tuple[str, Row, Row]]:
+    """Return each number that changed, with the rows of the two versions between which it did."""
+    return [
+        (number, before, after)
+        for number in NUMBERS
+        for before, after in pairwise(row for row in rows if row.get(number) is not None)
+        if differ(before[number], after[number])
+    ]
+
+
+def rows_of(results: Sequence[Result]) -> list[Row]:
+    """Return a row a version, with its speed over the newest's and what changed in it."""
+    rows = [{**each.cell, **(each.record or {}), "failure": each.failure} for each in results]
+    newest = next((row["recipe_cost"] for row in rows[::-1] if row.get("recipe_cost")), None)
+    changes = changes_of(rows)
+    for row in rows:
+        row["speed"] = newest / row["recipe_cost"] if row.get("recipe_cost") else None
+        faults = (row["failure"], row.get("as_it_comes_fault"), row.get("recipe_fault"))
+        row["fault"] = next(filter(None, faults), "").removeprefix("InputError: ")
+        row["changed"] = ", ".join(NUMBERS[number] for number, _, after in changes if after is row)
+    return [*rows]
+
+
+def changelog_line(changelog: str, version: str, word: str) -> str:
+    """Return the first sentence of a version's first entry with the word; empty without one."""
+    sections = re.split(r"^Version (\S+) .*\n-+$", changelog, flags=re.MULTILINE)
+    text = dict(zip(sections[1::2], sections[2::2], strict=True)).get(version, "")
+    for entry in re.split(r"^ *\d+\. ", text, flags=re.MULTILINE)[1:]:
+        if word in entry:
+            plain = re.sub(r":commit:`\w+` ", "", " ".join(entry.split()))
+            plain = re.sub(r":[\w-]+:`([^`<]*?)(?: *<[^`]*>)?`", r"\1", plain).replace("``", "")
+            return re.split(r"(?<=\.) (?=[A-Z])", plain)[0]
+    return ""
+
+
+def lines_of(changes: Sequence[tuple[str, Row, Row]], package: str) -> list[str]:
+    """Return each change in a line, with the words of the changelog in our version's package."""
+    carried = Path(sys.prefix).glob(f"lib/*/site-packages/{package}/doc/changelog.rst")
+    log, lines = "".join(each.read_text(encoding="utf-8") for each in carried), []
+    for number, before, after in changes:
+        words = changelog_line(log, after["version"], _WORDS[number]) or "not in a changelog"
+        was = f"{before[number]:.1e} in {before['version']}"
+        lines += [f"{NUMBERS[number]}: {was}, {after[number]:.1e} in {after['version']}: {words}"]
+    return lines
+
+
+COLUMNS = (
+    Column("version", "version", words=True), Column("date", "date", words=True),
+    *(Column(words, number) for number, words in NUMBERS.items()),
+    Column("speed", "speed", form=".2f"), Column("recipe without", "recipe_without", words=True),
+    Column("changed", "changed", words=True), Column("first fault", "fault", words=True),
+)  # fmt: skip
+
+
+def _page(rows: Sequence[Row], lines: Sequence[str]) -> str:
+    """Return the table and the changes as Markdown."""
+    table = [[each.header for each in COLUMNS], ["---"] * len(COLUMNS)]
+    table += [[each.text(row) for each in COLUMNS] for row in rows]
+    return "\n".join([*(f"| {' | '.join(each)} |" for each in table), "", *lines, ""])
+
+
+def _picture(title: str, rows: Sequence[Row]) -> Figure:
+    """Draw errors and speed over the dates, or over the versions in order where one has none."""
+    figure = Figure(figsize=(10.0, 6.0), layout="constrained")
+    axes, dated = figure.subplots(), all(row["date"] for row in rows)
+    at: list[Any] = [np.datetime64(row["date"]) if dated else row["version"] for row in rows]
+    drawn = {**NUMBERS, "speed": "speed, newest = 1"}
+    for (number, words), mark in zip(drawn.items(), "sod.", strict=True):
+        sizes = [abs(row.get(number) or np.nan) for row in rows]
+        axes.semilogy(at, sizes, f"{mark}-", label=words)
+    for place, row in zip(at, rows, strict=True):
+        if row["changed"]:
+            axes.text(place, 0.5, row["version"], rotation=90, transform=axes.get_xaxis_transform())
+    axes.set(title=title, xlabel="release", ylabel="path error; |gain| of the free body")
+    axes.legend(frameon=False)
+    return figure
+
+
+Version = DisallowNone[Annotated[str | None, arg(metavar="VERSION", help_behavior_hint="")]]
+Pair = DisallowNone[Annotated[tuple[str, str] | None, arg(metavar="A B", help_behavior_hint="")]]
+Number = DisallowNone[
+    Annotated[Literal["as-it-comes", "recipe", "free-body"] | None, arg(help_behavior_hint="")]
+]
+
+
+@dataclass(frozen=True)
+class History:
+    """Measure an engine in every released version, each in an environment of its own.
+
+    Example: robotball history mujoco --from 3.5
+    """
+
+    engine: Positional[Annotated[str, arg(metavar="ENGINE")]]
+    """The engine; `robotball engines` lists them."""
+    since: Annotated[Version, arg(name="from")] = None
+    """The first version; pip's first if not given. 3.10 is any patch of it."""
+    to: Version = None
+    """The last version; pip's last if not given."""
+    every: bool = False
+    """Take all versions, not only the last patch of each minor one."""
+    bisect: Pair = None
+    """Name instead the version between two in which a number changed."""
+    of: Number = None
+    """The number to bisect by; all that changed if not given."""
+    sweep: SweepOptions = field(default_factory=Sweep)
+
+    def run(self) -> int:
+        package, home = _package(self.engine), writable_folder(self.sweep.out) / "history"
+        if self.sweep.quick:
+            return self._table([engine_named(self.engine).label.version])
+        failure = f"the versions of {package} cannot be listed"
+        versions = versions_in(_pip(home, failure, "index", "versions", package))
+        first, last = self.bisect or (self.since, self.to)
+        end = places_of(versions, last)[-1] if last else len(versions) - 1
+        start = places_of(versions, first)[-1 if self.bisect else 0] if first else 0
+        versions = versions[start : end + 1]
+        if self.bisect:
+            return self._bisect(versions)
+        return self._table(versions if self.every else last_patches(versions))
+
+    def _rows(self, versions: Sequence[str]) -> list[Row]:
+        quick = self.sweep.quick
+        cell = scene_cell(_SCENE, seconds_of(None, quick, load_scene(_SCENE)))
+        home = None if quick else str((self.sweep.out / "history").absolute())
+        shared = {**cell, "engine": self.engine, "environments": home}
+        cells = [{**shared, "version": each} for each in versions]
+        return rows_of(self.sweep.results(measure, cells, f"{self.engine}-history", _LIMIT))
+
+    def _table(self, versions: Sequence[str]) -> int:
+        rows, label = self._rows(versions), engine_named(self.engine).label
+        lines = lines_of(changes_of(rows), _package(self.engine))
+        title = f"{label.name} on {_SCENE}, version after version"
+        table = table_of(COLUMNS, rows, lambda row: row["failure"])
+        picture = _picture(title, [row for row in rows if not row["failure"]])
+        record, words = {"history": rows, "changes": lines}, changed(self, "since", "to", "every")
+        study = Study(
+            _SCENE, label, ["history"], rows, record, (title, table, *map(escape, lines)), picture
+        )
+        stem = study.stem(*words, *changed(self.sweep, "quick"))
+        write_text(self.sweep.out / f"{stem}.md", _page(rows, lines))
+        return self.sweep.present(study, *words)
+
+    def _bisect(self, versions: Sequence[str]) -> int:
+        """Print where each number changed; of the versions between, few are measured."""
+        ends = changes_of(self._rows([versions[0], versions[-1]]))
+        chosen = [each for each, *_ in ends if (self.of or each).replace("-", "_") == each]
+        show([] if chosen else [f"the same in {versions[0]} and {versions[-1]}"])
+        for number in chosen:
+            pair = bisect(len(versions), lambda i: self._rows([versions[i]])[0], number)
+            found = changes_of(self._rows([versions[i] for i in pair]))
+            found = [each for each in found if each[0] == number]
+            show(map(escape, lines_of(found, _package(self.engine))))
+        return AGREES

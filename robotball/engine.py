@@ -46,6 +46,8 @@ class Engine(Protocol):
     as_it_comes     the preset that a newcomer would write
     ladders         by preset, a field of its settings and the values at which the engine's error is
                     held against its cost
+    ours            by preset, the parts of its runs that are robotball's and not the engine's
+    source          the page or example of its own documentation that `as_it_comes` follows
     """
 
     label: Label
@@ -54,6 +56,8 @@ class Engine(Protocol):
     least_accuracy: float | None
     as_it_comes: str = "as-it-comes"
     ladders: Mapping[str, "Ladder"] = MappingProxyType({})
+    ours: Mapping[str, str] = MappingProxyType({})
+    source: str = ""
 
     def cannot_express(self, scene: Scene) -> str | None:
         """Return why the engine cannot roll this scene, in a line; None where it can."""

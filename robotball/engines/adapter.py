@@ -174,6 +174,30 @@ def by_name(*presets: Own) -> dict[str, Own]:
     return {each.name: each for each in presets}
 
 
+def spin_damping(scene: Scene, part: float, step: float) -> float:
+    """Return the c of a torque -c (ω, e_z) on a rubber shell [N m s], and 0 of any other ball.
+
+    It stands in for torsional friction where an engine's contact has none. An explicit torque is
+    stable up to about inertia over step, so c is a part of that, with the ball's least moment; an
+    implicit integrator bears any number of times as much.
+    """
+    if scene.rolling == "classical":
+        return 0.0
+    return part * float(np.linalg.eigvalsh(scene.ball.inertia)[0]) / step
+
+
+def no_torsion(scene: Scene, instead: str = "the shell spins freely") -> str | None:
+    """Return that a contact has no torsional friction, where a ball needs it, and what follows."""
+    if scene.rolling == "classical":
+        return None
+    return f"its contact has no torsional friction: {instead}"
+
+
+AGAINST_SPIN = "torque against spin"
+DAMPED = "a torque of ours damps the spin"
+CONSTRAINTS = "constraints and steps"
+
+
 def _nothing(scene: Scene, settings: Any) -> str | None:
     return None
 
@@ -195,6 +219,8 @@ class Adapter(Engine):
     world: Callable[[Scene, Any, float], World]
     lacks: Callable[[Scene, Any], str | None] = _nothing
     ladders: Mapping[str, Ladder] = field()  # or it would take an Engine's for its default
+    ours: Mapping[str, str] = field(default_factory=dict)
+    source: str = ""
     default: str = "best"
     least_accuracy: float | None = None
 

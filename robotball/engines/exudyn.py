@@ -19,6 +19,7 @@ from robotball.engines.adapter import (
     World,
     by_name,
     longest_step,
+    no_torsion,
     seconds_per_call,
     version_of,
 )
@@ -299,9 +300,9 @@ _CONTACT = replace(_BEST, name="contact", tolerance=1e-9, modified=False, fricti
 
 def _lacks(scene: Scene, settings: _ExudynSettings) -> str | None:
     """Return that its own contact has no torsional friction, where a ball needs it."""
-    if scene.rolling == "classical" or settings.friction is None:
+    if settings.friction is None:
         return None
-    return "its contact has no torsional friction: a constraint of ours forbids the spin"
+    return no_torsion(scene, "a constraint of ours forbids the spin")
 
 
 def _world(scene: Scene, settings: _ExudynSettings, step: float) -> World:

@@ -10,7 +10,14 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
 
-from robotball.engines.adapter import Adapter, ServoWorld, StepSettings, by_name, version_of
+from robotball.engines.adapter import (
+    Adapter,
+    ServoWorld,
+    StepSettings,
+    by_name,
+    no_torsion,
+    version_of,
+)
 from robotball.engines.links import State, links_of
 from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
@@ -142,8 +149,8 @@ _BEST = _GenesisSettings(
 def _lacks(scene: Scene, settings: _GenesisSettings) -> str | None:
     """Return that it lacks double precision, or torsional friction, as it comes."""
     lack = ["its state is in single precision"] if settings.precision == "32" else []
-    if scene.rolling == "rubber" and settings.torsional is None:
-        lack.append("its contact has no torsional friction: the shell spins freely")
+    if settings.torsional is None and (spins := no_torsion(scene)):
+        lack.append(spins)
     return "; ".join(lack) or None
 
 

@@ -9,7 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from robotball.engines.adapter import Adapter, SteppedWorld, StepSettings, by_name, version_of
+from robotball.engines.adapter import (
+    Adapter,
+    SteppedWorld,
+    StepSettings,
+    by_name,
+    no_torsion,
+    version_of,
+)
 from robotball.engines.links import State, links_of
 from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
@@ -179,9 +186,8 @@ _BEST = _NewtonSettings(
 def _lacks(scene: Scene, settings: _NewtonSettings) -> str | None:
     """Return that it lacks double precision and, as it comes, torsional friction."""
     lack = "its model and its states are in single precision"
-    if scene.rolling == "rubber" and settings.impedance is None:
-        lack += "; its contact has no torsional friction: the shell spins freely"
-    return lack
+    spins = no_torsion(scene) if settings.impedance is None else None
+    return f"{lack}; {spins}" if spins else lack
 
 
 NEWTON = Adapter(

@@ -24,7 +24,7 @@ from typing import Any, Literal
 import numpy as np
 
 from robotball import equations as eq
-from robotball.engine import Engine, Ladder, Own, Request, as_own
+from robotball.engine import Engine, Knobs, Ladder, Own, Request, as_own
 from robotball.engines import Compensated, Rate
 from robotball.engines.links import Readings, State, readings_of, start_state, state_of_rows
 from robotball.equations import as_vector
@@ -174,16 +174,24 @@ def by_name(*presets: Own) -> dict[str, Own]:
     return {each.name: each for each in presets}
 
 
-def spin_damping(scene: Scene, part: float, step: float) -> float:
-    """Return the c of a torque -c (ω, e_z) on a rubber shell [N m s], and 0 of any other ball.
+@dataclass(frozen=True, kw_only=True)
+class DampedSettings(StepSettings):
+    """Settings of an engine whose point contact resists no spin.
 
-    It stands in for torsional friction where an engine's contact has none. An explicit torque is
-    stable up to about inertia over step, so c is a part of that, with the ball's least moment; an
-    implicit integrator bears any number of times as much.
+    spin_part: of inertia over step, for a torque of ours against the spin; None for no torque.
     """
-    if scene.rolling == "classical":
+
+    spin_part: float | None = None
+
+
+def spin_damping(scene: Scene, settings: DampedSettings, step: float) -> float:
+    """Return the c of our torque -c (ω, e_z) on a rubber shell [N m s], and 0 where there is none.
+
+    An explicit torque is stable up to twice inertia over step, of the ball's least moment.
+    """
+    if scene.rolling == "classical" or settings.spin_part is None:
         return 0.0
-    return part * float(np.linalg.eigvalsh(scene.ball.inertia)[0]) / step
+    return settings.spin_part * float(np.linalg.eigvalsh(scene.ball.inertia)[0]) / step
 
 
 def no_torsion(scene: Scene, instead: str = "the shell spins freely") -> str | None:
@@ -193,8 +201,15 @@ def no_torsion(scene: Scene, instead: str = "the shell spins freely") -> str | N
     return f"its contact has no torsional friction: {instead}"
 
 
+def spins(scene: Scene, settings: DampedSettings) -> str | None:
+    """Return that the shell spins freely, or that a torque of ours damps that; None if neither."""
+    if settings.spin_part is None:
+        return no_torsion(scene)
+    return no_torsion(scene, "a torque of ours damps the spin")
+
+
+# Parts of a run that are ours.
 AGAINST_SPIN = "torque against spin"
-DAMPED = "a torque of ours damps the spin"
 CONSTRAINTS = "constraints and steps"
 
 
@@ -221,6 +236,7 @@ class Adapter(Engine):
     ladders: Mapping[str, Ladder] = field()  # or it would take an Engine's for its default
     ours: Mapping[str, str] = field(default_factory=dict)
     source: str = ""
+    knobs: Knobs | None = None
     default: str = "best"
     least_accuracy: float | None = None
 

@@ -12,17 +12,16 @@ import numpy as np
 from robotball.engines.adapter import (
     AGAINST_SPIN,
     CONSTRAINTS,
-    DAMPED,
     Adapter,
+    DampedSettings,
     IdealWorld,
     ServoWorld,
     Stepper,
-    StepSettings,
     World,
     by_name,
-    no_torsion,
     seconds_per_call,
     spin_damping,
+    spins,
     velocity_first,
     version_of,
 )
@@ -33,15 +32,14 @@ from robotball.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
-class _DartSettings(StepSettings):
+class _DartSettings(DampedSettings):
     """Settings of a DART run.
 
-    friction: of ball and plane; spin_part: of `spin_damping`, for our torque; ideal: the steps of
-    our own constraints on DART's mass matrix and bias, with rtol for DOP853.
+    friction: of ball and plane; ideal: the steps of our own constraints on DART's mass matrix and
+    bias, with rtol for DOP853.
     """
 
     friction: float | None = None
-    spin_part: float | None = None
     ideal: Stepper | None = None
     rtol: float = 1e-12
 
@@ -86,7 +84,7 @@ class _DartWorld(ServoWorld):
         import dartpy
 
         self.world, self.ball = dartpy.simulation.World(), _skeleton(scene, dartpy)
-        self.damping = spin_damping(scene, settings.spin_part or 0.0, step)
+        self.damping = spin_damping(scene, settings, step)
         self.world.setTimeStep(step)
         self.world.setGravity([0.0, 0.0, -scene.gravity])
         ground = dartpy.dynamics.Skeleton("ground")
@@ -151,9 +149,7 @@ class _DartDynamics(IdealWorld):
 
 def _lacks(scene: Scene, settings: _DartSettings) -> str | None:
     """Return that its contact has no torsional friction, where a ball needs it."""
-    if settings.ideal:
-        return None
-    return no_torsion(scene) if settings.spin_part is None else no_torsion(scene, DAMPED)
+    return None if settings.ideal else spins(scene, settings)
 
 
 def _world(scene: Scene, settings: _DartSettings, step: float) -> World:
@@ -176,13 +172,16 @@ DART = Adapter(
         # More friction than the ball needs, 1.2. What error is left is of the steps, of first
         # order.
         _DartSettings(
-            name="best", error_tolerance=5e-2, timestep=1e-3, friction=20.0, spin_part=0.3
+            name="best", error_tolerance=5e-2, timestep=1e-3, friction=20.0, spin_part=1.5
         ),
         # DOP853 chooses its steps itself; the timestep is only the longest.
         _DartSettings(name="ideal", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
     ),
     ours={"best": AGAINST_SPIN, "ideal": CONSTRAINTS},
+    knobs=("best", {
+        "timestep": slice(1e-4, 4e-3), "friction": slice(1.0, 1e3), "spin_part": slice(0.1, 2.0),
+    }),
     source="python/tutorials/04_biped, lesson 6: velocity actuators",
     world=_world,
     lacks=_lacks,
-)
+)  # fmt: skip

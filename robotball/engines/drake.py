@@ -13,16 +13,15 @@ import numpy as np
 from robotball.engines.adapter import (
     AGAINST_SPIN,
     CONSTRAINTS,
-    DAMPED,
     Adapter,
+    DampedSettings,
     IdealWorld,
     Stepper,
-    StepSettings,
     World,
     by_name,
     longest_step,
-    no_torsion,
     spin_damping,
+    spins,
     velocity_first,
     version_of,
 )
@@ -38,14 +37,15 @@ _Integrator = Literal["runge_kutta3", "radau3", "implicit_euler", "cenic"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class _DrakeSettings(StepSettings):
+class _DrakeSettings(DampedSettings):
     """Settings of a Drake run.
 
     approximation: of the contact in discrete steps; integrator: for continuous time instead, where
     the timestep is the longest step, or every step without error_control; accuracy_per_step: of
     that control, and of Newton's iteration in implicit steps; stiction m/s: the slip below which
     friction is not full; gain N m s/rad: of velocity servos on the hinges; armature kg m²:
-    reflected inertia instead of servos; spin_part: of `spin_damping`, for our torque; ideal: the steps of our own constraints on Drake's mass matrix and bias, with rtol for DOP853.
+    reflected inertia instead of servos; ideal: the steps of our own constraints on Drake's mass
+    matrix and bias, with rtol for DOP853.
     """
 
     approximation: Literal["tamsi", "sap", "lagged", "similar"] | None = None
@@ -56,7 +56,6 @@ class _DrakeSettings(StepSettings):
     friction: float = 1.0
     gain: float | None = None
     armature: float | None = None
-    spin_part: float | None = None
     ideal: Stepper | None = None
     rtol: float = 1e-12
 
@@ -202,7 +201,7 @@ class _DrakeWorld(World):
             builder.Connect(motors.get_output_port(0), plant.get_actuation_input_port())
         else:
             builder.Connect(motors.get_output_port(0), plant.get_desired_state_input_port(only))
-        if damping := spin_damping(scene, settings.spin_part or 0.0, step):
+        if damping := spin_damping(scene, settings, step):
             torque = builder.AddSystem(_against_spin(plant, damping))
             builder.Connect(plant.get_state_output_port(), torque.get_input_port(0))
             builder.Connect(torque.get_output_port(0), plant.get_applied_spatial_force_input_port())
@@ -262,7 +261,7 @@ _AS_IT_COMES = _DrakeSettings(
 # silence (docs/findings/drake_frozen.py).
 _TAMSI = _DrakeSettings(
     name="tamsi", error_tolerance=5e-2, stop_at_fault=False, timestep=1e-3,
-    approximation="tamsi", friction=20.0, armature=1e12, spin_part=0.3,
+    approximation="tamsi", friction=20.0, armature=1e12, spin_part=1.5,
 )  # fmt: skip
 # RADAU in equal steps. Under error control they shrink to 2e-5 s where friction passes zero, and
 # what Newton's tolerance leaves of each adds up. The stiction tolerance sets the error: it falls to
@@ -281,9 +280,7 @@ _IDEAL = _DrakeSettings(
 
 def _lacks(scene: Scene, settings: _DrakeSettings) -> str | None:
     """Return that its point contact has no torsional friction, where a ball needs it."""
-    if settings.ideal:
-        return None
-    return no_torsion(scene) if settings.spin_part is None else no_torsion(scene, DAMPED)
+    return None if settings.ideal else spins(scene, settings)
 
 
 def _world(scene: Scene, settings: _DrakeSettings, step: float) -> World:
@@ -304,7 +301,14 @@ DRAKE = Adapter(
     },
     presets=by_name(_AS_IT_COMES, _TAMSI, _BEST, _IDEAL),
     ours={"tamsi": AGAINST_SPIN, "best": AGAINST_SPIN, "ideal": CONSTRAINTS},
+    knobs=("best", {
+        "timestep": slice(1e-4, 5e-3), "approximation": ("tamsi", "sap", "lagged", "similar"),
+        "integrator": (None, "runge_kutta3", "radau3", "implicit_euler"),
+        "friction": slice(2.0, 100.0), "accuracy_per_step": slice(1e-10, 1e-4),
+        "error_control": (False, True), "stiction": slice(1e-4, 1e-2), "spin_part": slice(0.1, 1e4),
+        "armature": slice(1e2, 1e12),
+    }),
     source="examples/multibody/deformable/deformable_common.cc: a gain of 1 on rates",
     world=_world,
     lacks=_lacks,
-)
+)  # fmt: skip

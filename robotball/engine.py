@@ -32,6 +32,8 @@ from robotball.scene import Scene, Start, check_times
 
 Ladder = tuple[str, tuple[float, ...]]
 """A field of an engine's settings and the values that it takes in turn."""
+Knobs = tuple[str, Mapping[str, tuple[Any, ...] | slice]]
+"""A preset, and the values of its fields that a search may take: some, or all of a slice's span."""
 Runner = Callable[[Array, Start], ContactMotion]
 """Times (n,) [s] from 0 and a start → the motion."""
 Own = TypeVar("Own", bound=EngineSettings)
@@ -47,6 +49,9 @@ class Engine(Protocol):
     as_it_comes     the preset that a newcomer would write
     ladders         by preset, a field of its settings and the values at which the engine's error is
                     held against its cost
+    ours            by preset, the parts of its runs that are robotball's and not the engine's
+    source          the page or example of its own documentation that `as_it_comes` follows
+    knobs           what a search for its best settings may change; None: there is nothing to search
     """
 
     label: Label
@@ -55,6 +60,9 @@ class Engine(Protocol):
     least_accuracy: float | None
     as_it_comes: str = "as-it-comes"
     ladders: Mapping[str, "Ladder"] = MappingProxyType({})
+    ours: Mapping[str, str] = MappingProxyType({})
+    source: str = ""
+    knobs: "Knobs | None" = None
 
     def cannot_express(self, scene: Scene) -> str | None:
         """Return why the engine cannot roll this scene, in a line; None where it can."""

@@ -26,7 +26,16 @@ from typing import Any, Literal
 import numpy as np
 
 from robotball import equations as eq
-from robotball.engine import ENVIRONMENTS, Engine, Ladder, Own, Request, as_own, engine_named
+from robotball.engine import (
+    ENVIRONMENTS,
+    Engine,
+    Knobs,
+    Ladder,
+    Own,
+    Request,
+    as_own,
+    engine_named,
+)
 from robotball.engines import Compensated, Progress, Rate, environments
 from robotball.engines.links import Readings, State, readings_of, start_state, state_of_rows
 from robotball.equations import as_vector
@@ -192,6 +201,45 @@ def by_name(*presets: Own) -> dict[str, Own]:
     return {each.name: each for each in presets}
 
 
+@dataclass(frozen=True, kw_only=True)
+class DampedSettings(StepSettings):
+    """Settings of an engine whose point contact resists no spin.
+
+    spin_part: of inertia over step, for a torque of ours against the spin; None for no torque.
+    """
+
+    spin_part: float | None = None
+
+
+def spin_damping(scene: Scene, settings: DampedSettings, step: float) -> float:
+    """Return the c of our torque -c (ω, e_z) on a rubber shell [N m s], and 0 where there is none.
+
+    An explicit torque is stable up to twice inertia over step, of the ball's least moment.
+    """
+    if scene.rolling == "classical" or settings.spin_part is None:
+        return 0.0
+    return settings.spin_part * float(np.linalg.eigvalsh(scene.ball.inertia)[0]) / step
+
+
+def no_torsion(scene: Scene, instead: str = "the shell spins freely") -> str | None:
+    """Return that a contact has no torsional friction, where a ball needs it, and what follows."""
+    if scene.rolling == "classical":
+        return None
+    return f"its contact has no torsional friction: {instead}"
+
+
+def spins(scene: Scene, settings: DampedSettings) -> str | None:
+    """Return that the shell spins freely, or that a torque of ours damps that; None if neither."""
+    if settings.spin_part is None:
+        return no_torsion(scene)
+    return no_torsion(scene, "a torque of ours damps the spin")
+
+
+# Parts of a run that are ours.
+AGAINST_SPIN = "torque against spin"
+CONSTRAINTS = "constraints and steps"
+
+
 def _nothing(scene: Scene, settings: Any) -> str | None:
     return None
 
@@ -214,6 +262,9 @@ class Adapter(Engine):
     world: Callable[..., World]
     lacks: Callable[[Scene, Any], str | None] = _nothing
     ladders: Mapping[str, Ladder] = field()  # or it would take an Engine's for its default
+    ours: Mapping[str, str] = field(default_factory=dict)
+    source: str = ""
+    knobs: Knobs | None = None
     default: str = "best"
     least_accuracy: float | None = None
     abreast: int = 1

@@ -130,8 +130,9 @@ def _xyzw(q: Array) -> list[float]:
 
 
 _AS_IT_COMES = _BulletSettings(
-    name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1 / 240
-)
+    name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1 / 240,
+    motor_force=500.0,
+)  # fmt: skip
 # Friction beyond what the ball needs, 1.2; motors so strong that hinges keep their rates to 1e-7;
 # and a limit far above the rotor's 148 rad/s, which the default of 100 rad/s cuts by a third. The
 # solver's iterations and the contact's parameters change nothing: the error left is of the steps.
@@ -146,5 +147,11 @@ BULLET = Adapter(
     extra="bullet",
     ladders={"as-it-comes": ("timestep", (1 / 240,)), "best": ("timestep", (1 / 250, 1e-3, 1e-4))},
     presets=by_name(_AS_IT_COMES, _BEST),
+    knobs=("best", {
+        "timestep": slice(1e-4, 4e-3), "lateral_friction": slice(1.0, 100.0),
+        "damping": (0.0, None), "spinning_friction": slice(0.1, 100.0),
+        "motor_force": slice(1e3, 1e10),
+    }),
+    source="PyBullet Quickstart Guide, setJointMotorControl2",
     world=_BulletWorld,
-)
+)  # fmt: skip

@@ -1,6 +1,7 @@
 """DART as an engine: its bodies with velocity actuators, or its dynamics under our constraints.
 
-Its contact has no torsional friction. It steps by semi-implicit Euler alone.
+Its contact has no torsional friction: a torque against the spin, ours, stands in for it. It steps
+by semi-implicit Euler alone.
 """
 
 from dataclasses import dataclass
@@ -9,13 +10,18 @@ from typing import Any
 import numpy as np
 
 from robotball.engines.adapter import (
+    AGAINST_SPIN,
+    CONSTRAINTS,
     Adapter,
+    DampedSettings,
     IdealWorld,
     ServoWorld,
     Stepper,
-    StepSettings,
     World,
     by_name,
+    seconds_per_call,
+    spin_damping,
+    spins,
     velocity_first,
     version_of,
 )
@@ -26,7 +32,7 @@ from robotball.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
-class _DartSettings(StepSettings):
+class _DartSettings(DampedSettings):
     """Settings of a DART run.
 
     friction: of ball and plane; ideal: the steps of our own constraints on DART's mass matrix and
@@ -78,6 +84,7 @@ class _DartWorld(ServoWorld):
         import dartpy
 
         self.world, self.ball = dartpy.simulation.World(), _skeleton(scene, dartpy)
+        self.damping = spin_damping(scene, settings, step)
         self.world.setTimeStep(step)
         self.world.setGravity([0.0, 0.0, -scene.gravity])
         ground = dartpy.dynamics.Skeleton("ground")
@@ -104,7 +111,17 @@ class _DartWorld(ServoWorld):
             self.ball.setCommand(i, rate)
 
     def step(self, step: float) -> None:
-        self.world.step(False)  # True would reset the commands
+        if self.damping:
+            self._resist_spin()
+        self.world.step(False)  # True would reset the commands, and the torque
+
+    def _resist_spin(self) -> None:
+        shell = self.ball.getBodyNode(0)
+        shell.setExtTorque([0.0, 0.0, -self.damping * shell.getAngularVelocity()[2]], False)
+
+    def python_seconds(self) -> float:
+        torque = seconds_per_call(self._resist_spin) * self.steps if self.damping else 0.0
+        return super().python_seconds() + torque
 
     def state(self) -> State:
         shell = self.ball.getBodyNode(0)
@@ -137,9 +154,7 @@ class _DartDynamics(IdealWorld):
 
 def _lacks(scene: Scene, settings: _DartSettings) -> str | None:
     """Return that its contact has no torsional friction, where a ball needs it."""
-    if scene.rolling == "classical" or settings.ideal:
-        return None
-    return "its contact has no torsional friction: the shell spins freely"
+    return None if settings.ideal else spins(scene, settings)
 
 
 def _world(scene: Scene, settings: _DartSettings, step: float) -> World:
@@ -161,10 +176,17 @@ DART = Adapter(
         _DartSettings(name="as-it-comes", error_tolerance=1e-2, timestep=1e-3),
         # More friction than the ball needs, 1.2. What error is left is of the steps, of first
         # order.
-        _DartSettings(name="best", error_tolerance=5e-2, timestep=1e-3, friction=20.0),
+        _DartSettings(
+            name="best", error_tolerance=5e-2, timestep=1e-3, friction=20.0, spin_part=1.5
+        ),
         # DOP853 chooses its steps itself; the timestep is only the longest.
         _DartSettings(name="ideal", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
     ),
+    ours={"best": AGAINST_SPIN, "ideal": CONSTRAINTS},
+    knobs=("best", {
+        "timestep": slice(1e-4, 4e-3), "friction": slice(1.0, 1e3), "spin_part": slice(0.1, 2.0),
+    }),
+    source="python/tutorials/04_biped, lesson 6: velocity actuators",
     world=_world,
     lacks=_lacks,
-)
+)  # fmt: skip

@@ -11,13 +11,17 @@ from typing import Any, Literal
 import numpy as np
 
 from robotball.engines.adapter import (
+    AGAINST_SPIN,
+    CONSTRAINTS,
     Adapter,
+    DampedSettings,
     IdealWorld,
     Stepper,
-    StepSettings,
     World,
     by_name,
     longest_step,
+    spin_damping,
+    spins,
     velocity_first,
     version_of,
 )
@@ -33,15 +37,15 @@ _Integrator = Literal["runge_kutta3", "radau3", "implicit_euler", "cenic"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class _DrakeSettings(StepSettings):
+class _DrakeSettings(DampedSettings):
     """Settings of a Drake run.
 
     approximation: of the contact in discrete steps; integrator: for continuous time instead, where
     the timestep is the longest step, or every step without error_control; accuracy_per_step: of
     that control, and of Newton's iteration in implicit steps; stiction m/s: the slip below which
     friction is not full; gain N m s/rad: of velocity servos on the hinges; armature kg m²:
-    reflected inertia instead of servos; spin_damping N m s: of our torque, of a rubber ball alone;
-    ideal: the steps of our own constraints on Drake's mass matrix and bias, with rtol for DOP853.
+    reflected inertia instead of servos; ideal: the steps of our own constraints on Drake's mass
+    matrix and bias, with rtol for DOP853.
     """
 
     approximation: Literal["tamsi", "sap", "lagged", "similar"] | None = None
@@ -52,7 +56,6 @@ class _DrakeSettings(StepSettings):
     friction: float = 1.0
     gain: float | None = None
     armature: float | None = None
-    spin_damping: float | None = None
     ideal: Stepper | None = None
     rtol: float = 1e-12
 
@@ -198,8 +201,8 @@ class _DrakeWorld(World):
             builder.Connect(motors.get_output_port(0), plant.get_actuation_input_port())
         else:
             builder.Connect(motors.get_output_port(0), plant.get_desired_state_input_port(only))
-        if settings.spin_damping is not None and scene.rolling == "rubber":
-            torque = builder.AddSystem(_against_spin(plant, settings.spin_damping))
+        if damping := spin_damping(scene, settings, step):
+            torque = builder.AddSystem(_against_spin(plant, damping))
             builder.Connect(plant.get_state_output_port(), torque.get_input_port(0))
             builder.Connect(torque.get_output_port(0), plant.get_applied_spatial_force_input_port())
         self.simulator = Simulator(builder.Build())
@@ -260,23 +263,22 @@ class _DrakeDynamics(IdealWorld):
 
 
 _AS_IT_COMES = _DrakeSettings(
-    name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-3, gain=10.0
+    name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-3, gain=1.0
 )
 # TAMSI turns the hinges by an armature; SAP and Lagged would freeze all velocities beside it, in
-# silence (docs/findings/drake_frozen.py). Its torque against spin is explicit in time, and fails
-# near inertia over step, at 1e3 N m s here.
+# silence (docs/findings/drake_frozen.py).
 _TAMSI = _DrakeSettings(
     name="tamsi", error_tolerance=5e-2, stop_at_fault=False, timestep=1e-3,
-    approximation="tamsi", friction=20.0, armature=1e12, spin_damping=100.0,
+    approximation="tamsi", friction=20.0, armature=1e12, spin_part=1.5,
 )  # fmt: skip
 # RADAU in equal steps. Under error control they shrink to 2e-5 s where friction passes zero, and
 # what Newton's tolerance leaves of each adds up. The stiction tolerance sets the error: it falls to
-# a tenth from 1e-3 to 1e-4 m/s, and at 3e-5 the run does not end. At a spin damping of 1e4 N m s
-# the spin that it lets through was most of the error.
+# a tenth from 1e-3 to 1e-4 m/s, and at 3e-5 the run does not end. At a spin damping of 1e4 N m s,
+# 30 times inertia over step, the spin that it lets through was most of the error.
 _BEST = replace(
     _TAMSI, name="best", error_tolerance=1e-3, timestep=1e-3, approximation=None,
     integrator="radau3", accuracy_per_step=1e-8, error_control=False, stiction=1e-4,
-    spin_damping=1e6,
+    spin_part=3e3,
 )  # fmt: skip
 # DOP853 chooses its steps itself; the timestep is only the longest.
 _IDEAL = _DrakeSettings(
@@ -286,11 +288,7 @@ _IDEAL = _DrakeSettings(
 
 def _lacks(scene: Scene, settings: _DrakeSettings) -> str | None:
     """Return that its point contact has no torsional friction, where a ball needs it."""
-    if scene.rolling == "classical" or settings.ideal:
-        return None
-    if settings.spin_damping is None:
-        return "its point contact has no torsional friction: the shell spins freely"
-    return "its point contact has no torsional friction: a torque of ours damps the spin"
+    return None if settings.ideal else spins(scene, settings)
 
 
 def _world(scene: Scene, settings: _DrakeSettings, step: float) -> World:
@@ -310,6 +308,15 @@ DRAKE = Adapter(
         "ideal": ("rtol", (1e-6, 1e-9, 1e-12)),
     },
     presets=by_name(_AS_IT_COMES, _TAMSI, _BEST, _IDEAL),
+    ours={"tamsi": AGAINST_SPIN, "best": AGAINST_SPIN, "ideal": CONSTRAINTS},
+    knobs=("best", {
+        "timestep": slice(1e-4, 5e-3), "approximation": ("tamsi", "sap", "lagged", "similar"),
+        "integrator": (None, "runge_kutta3", "radau3", "implicit_euler"),
+        "friction": slice(2.0, 100.0), "accuracy_per_step": slice(1e-10, 1e-4),
+        "error_control": (False, True), "stiction": slice(1e-4, 1e-2), "spin_part": slice(0.1, 1e4),
+        "armature": slice(1e2, 1e12),
+    }),
+    source="examples/multibody/deformable/deformable_common.cc: a gain of 1 on rates",
     world=_world,
     lacks=_lacks,
-)
+)  # fmt: skip

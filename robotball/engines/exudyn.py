@@ -19,6 +19,7 @@ from robotball.engines.adapter import (
     World,
     by_name,
     longest_step,
+    no_torsion,
     seconds_per_call,
     version_of,
 )
@@ -37,7 +38,8 @@ class _ExudynSettings(StepSettings):
 
     solver: of its dynamic solvers; tolerance: of Newton's, relative; modified: whether Newton's
     matrix is kept over steps; load_jacobian: whether it has our torque's derivatives; friction: of
-    Exudyn's own contact, None for our constraint; slip_zone m/s: where friction is not yet full.
+    Exudyn's own contact, None for our constraint; slip_zone m/s: where friction is not yet full;
+    stiffness N/m: of the contact, None for one that the weight hardly presses in.
     """
 
     solver: Literal["TrapezoidalIndex2", "GeneralizedAlpha"] = "GeneralizedAlpha"
@@ -46,6 +48,7 @@ class _ExudynSettings(StepSettings):
     load_jacobian: bool = True
     friction: float | None = None
     slip_zone: float = 2e-5
+    stiffness: float | None = None
 
 
 class _ExudynWorld(World):
@@ -254,21 +257,22 @@ class _ContactWorld(_ExudynWorld):
         ground = system.AddMarker(
             items.MarkerBodyRigid(bodyNumber=system.AddObject(items.ObjectGround()))
         )
-        depth, far = _CONTACT_DEPTH * ball.radius, _PLANE * ball.radius
+        weight, far = ball.mass * scene.gravity, _PLANE * ball.radius
+        stiffness = settings.stiffness or weight / (_CONTACT_DEPTH * ball.radius)
         system.AddObject(
             items.ObjectContactSphereTriangle(
                 markerNumbers=[sphere, ground],
                 nodeNumber=system.AddNode(
                     items.NodeGenericData(initialCoordinates=[0.0] * 4, numberOfDataCoordinates=4)
                 ),
-                sphereRadius=ball.radius + depth,
+                sphereRadius=ball.radius + weight / stiffness,
                 trianglePoints=self.exudyn.Vector3DList(
                     [[-2 * far, -far, 0], [2 * far, -far, 0], [0, 3 * far, 0]]
                 ),
                 includeEdges=0,
                 dynamicFriction=settings.friction,
                 frictionProportionalZone=settings.slip_zone,
-                contactStiffness=ball.mass * scene.gravity / depth,
+                contactStiffness=stiffness,
             )
         )
 
@@ -289,7 +293,12 @@ class _ContactWorld(_ExudynWorld):
         return State(q[:3], q_t[:3], q[3:] / np.linalg.norm(q[3:]), turning, *self.hinges_at(t))
 
 
-# There is no preset as it comes: this one has our constraint, and leaves the rest to Exudyn.
+# The contact of its own example. This and the others have our constraint: of the hinge, or all.
+_AS_IT_COMES = _ExudynSettings(
+    name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=2e-4, tolerance=1e-6,
+    solver="TrapezoidalIndex2", modified=True, friction=0.2, slip_zone=1e-3, stiffness=1e5,
+)  # fmt: skip
+_GYROSTAT = "gyrostat's torque"
 _OWN_SOLVER = _ExudynSettings(
     name="own-solver", error_tolerance=1e-3, stop_at_fault=False, timestep=1e-3
 )
@@ -304,9 +313,9 @@ _CONTACT = replace(_BEST, name="contact", tolerance=1e-9, modified=False, fricti
 
 def _lacks(scene: Scene, settings: _ExudynSettings) -> str | None:
     """Return that its own contact has no torsional friction, where a ball needs it."""
-    if scene.rolling == "classical" or settings.friction is None:
+    if settings.friction is None:
         return None
-    return "its contact has no torsional friction: a constraint of ours forbids the spin"
+    return no_torsion(scene, "a constraint of ours forbids the spin")
 
 
 def _world(scene: Scene, settings: _ExudynSettings, step: float) -> World:
@@ -318,11 +327,24 @@ EXUDYN = Adapter(
     packages=("exudyn",),
     extra="exudyn",
     ladders={
+        "as-it-comes": ("timestep", (2e-4,)),
         "own-solver": ("timestep", (20e-3, 5e-3, 1e-3)),
         "best": ("timestep", (20e-3, 5e-3, 1e-3)),
         "contact": ("timestep", (5e-3, 1e-3)),
     },
-    presets=by_name(_OWN_SOLVER, _BEST, _CONTACT),
+    knobs=("best", {
+        "timestep": slice(1e-3, 2e-2), "solver": ("TrapezoidalIndex2", "GeneralizedAlpha"),
+        "tolerance": slice(1e-12, 1e-5), "modified": (False, True), "load_jacobian": (False, True),
+        "friction": (None, 2.0, 20.0), "slip_zone": slice(1e-6, 1e-3),
+    }),
+    presets=by_name(_AS_IT_COMES, _OWN_SOLVER, _BEST, _CONTACT),
+    ours={
+        "as-it-comes": f"hinge, {_GYROSTAT}",
+        "contact": f"hinge, {_GYROSTAT}",
+        "own-solver": f"constraint, {_GYROSTAT}",
+        "best": f"constraint, {_GYROSTAT}",
+    },
+    source="TestModels/sphereTriangleTest.py",
     world=_world,
     lacks=_lacks,
-)
+)  # fmt: skip

@@ -23,9 +23,9 @@ class _GenesisSettings(StepSettings):
 
     precision: of its arithmetic, in bits; integrator, cone: by its own names; friction: of ball
     and plane, of which it takes 5 at most; torsional m: friction against spin, of a rubber ball
-    alone; damping N m s/rad: of the hinges' velocity servos; armature
-    kg m²: their reflected inertia; impedance: of the contact; impratio: how much harder friction
-    is than the normal force; iterations, tolerance: of its solver.
+    alone; damping N m s/rad: of the hinges' velocity servos; most_torque N m: that they give;
+    armature kg m²: their reflected inertia; impedance: of the contact; impratio: how much harder
+    friction is than the normal force; iterations, tolerance: of its solver.
     """
 
     precision: Literal["32", "64"] = "32"
@@ -33,7 +33,8 @@ class _GenesisSettings(StepSettings):
     cone: str | None = None
     friction: float | None = None
     torsional: float | None = None
-    damping: float = 10.0
+    damping: float = 450.0
+    most_torque: float = np.inf
     armature: float | None = None
     impedance: float | None = None
     impratio: float | None = None
@@ -74,7 +75,8 @@ class _GenesisWorld(ServoWorld):
         start, h = self.now, len(scene.drives)
         self.hinges = list(range(6, 6 + h))
         self.ball.set_dofs_kv(np.full(h, settings.damping), self.hinges)
-        self.ball.set_dofs_force_range(np.full(h, -np.inf), np.full(h, np.inf), self.hinges)
+        most = np.full(h, settings.most_torque)
+        self.ball.set_dofs_force_range(-most, most, self.hinges)
         if settings.armature is not None:
             self.ball.set_dofs_armature(np.full(h, settings.armature), self.hinges)
         self.ball.set_qpos(np.concatenate([start.centre, start.attitude, start.angles]))
@@ -127,8 +129,9 @@ def _text(values: Any) -> str:
 
 
 _AS_IT_COMES = _GenesisSettings(
-    name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-2
-)
+    name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-2,
+    most_torque=87.0,
+)  # fmt: skip
 # Friction is the most that Genesis takes, and well above the 1.2 that the ball needs. The rest is
 # MuJoCo's recipe: an elliptic cone, a hard contact, armatures that the load does not turn, and a
 # solver that iterates to its end instead of stopping at a tolerance relative to those armatures.
@@ -153,6 +156,13 @@ GENESIS = Adapter(
     extra="genesis",
     ladders={"as-it-comes": ("timestep", (1e-2,)), "best": ("timestep", (4e-3, 1e-3, 2.5e-4))},
     presets=by_name(_AS_IT_COMES, _BEST),
+    knobs=("best", {
+        "timestep": slice(1e-4, 1e-2), "friction": slice(1.5, 5.0), "torsional": slice(0.1, 5.0),
+        "integrator": ("Euler", "implicitfast"), "damping": slice(1e2, 1e9),
+        "iterations": (20, 50, 200), "armature": slice(1.0, 1e9),
+        "impedance": (0.9, 0.99, 0.999, 0.9999), "impratio": slice(1.0, 1e5),
+    }),
+    source="Control Your Robot, of its user guide",
     world=_GenesisWorld,
     lacks=_lacks,
-)
+)  # fmt: skip

@@ -16,7 +16,8 @@ from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 
 _TIME_CONSTANT = 0.04  # s, of the contact whose impedance is set
-_SERVO = 10.0  # N m s/rad, of a newcomer's hinges
+# Of a newcomer's hinges: the servo's gain [N m s/rad], and their armature [kg m²].
+_SERVO = {"target_kd": 1.0, "armature": 0.01}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +96,7 @@ class _NewtonWorld(SteppedWorld):
             material.mu = settings.friction
         motor: dict[str, Any] = {"armature": settings.armature}
         if settings.armature is None:
-            motor = {"target_kd": _SERVO, "actuator_mode": newton.JointTargetMode.VELOCITY}
+            motor = {**_SERVO, "actuator_mode": newton.JointTargetMode.VELOCITY}
         bodies: dict[str, int] = {}
         joints: list[int] = []
         for link in links_of(scene):
@@ -165,7 +166,7 @@ class _NewtonWorld(SteppedWorld):
 
 
 _AS_IT_COMES = _NewtonSettings(
-    name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=2e-3
+    name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-3
 )
 # MuJoCo's recipe, as far as Newton passes it on. The state is rounded to single precision after
 # every step, so longer steps are better: on fig12 20 ms have a tenth of the error of 1 ms.
@@ -189,11 +190,17 @@ NEWTON = Adapter(
     packages=("newton",),
     extra="newton",
     ladders={
-        "as-it-comes": ("timestep", (2e-3,)),
+        "as-it-comes": ("timestep", (1e-3,)),
         "best": ("timestep", (20e-3, 5e-3, 1e-3)),
         "kept": ("timestep", (20e-3, 5e-3)),
     },
     presets=by_name(_AS_IT_COMES, _BEST, replace(_BEST, name="kept", kept=True)),
+    knobs=("best", {
+        "timestep": slice(1e-3, 2e-2), "integrator": ("rk4", "euler", "implicitfast"),
+        "cone": ("elliptic", "pyramidal"), "iterations": (5, 10, 50), "friction": slice(2.0, 100.0),
+        "armature": slice(1e2, 1e14), "impedance": (0.9, 0.99, 0.999, 0.9999), "noslip": (0, 1, 5),
+    }),
+    source="newton/examples/basic/example_basic_urdf.py",
     world=_NewtonWorld,
     lacks=_lacks,
-)
+)  # fmt: skip

@@ -1,20 +1,28 @@
-"""Pinocchio as an engine: its mass matrix and bias, under our rolling constraints and steps.
+"""Pinocchio as an engine: its mass matrix and bias under our constraints, or its own contact.
 
 Its own constraints hold a point that stays where it is on a body. A ball touches with ever another
 one, and a constraint at its lowest point, set anew at every step, has the wrong acceleration
-(docs/findings/pinocchio_rolling.py).
+(docs/findings/pinocchio_rolling.py). Its frictional contacts are constraints on velocities, which
+that does not touch.
 """
 
 from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 
 from robotball.engines.adapter import (
+    AGAINST_SPIN,
+    CONSTRAINTS,
     Adapter,
+    DampedSettings,
     IdealWorld,
+    SteppedWorld,
     Stepper,
-    StepSettings,
+    World,
     by_name,
+    spin_damping,
+    spins,
     version_of,
 )
 from robotball.engines.links import State, links_of
@@ -24,52 +32,128 @@ from robotball.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
-class _PinocchioSettings(StepSettings):
-    """Settings of a Pinocchio run: our stepper, and rtol for DOP853 alone."""
+class _PinocchioSettings(DampedSettings):
+    """Settings of a Pinocchio run.
 
-    stepper: Stepper
+    stepper: of our constraints, None for a contact of its own, and rtol for DOP853 alone; solver:
+    of that contact; friction: of ball and plane.
+    """
+
+    stepper: Stepper | None = None
     rtol: float = 1e-12
+    solver: Literal["ADMM", "PGS"] = "ADMM"
+    friction: float = 0.8
+
+
+_ARMATURE = 1e12  # kg m², of the hinges beside a contact, which the load does not turn
+
+
+def _model(scene: Scene, pin: Any) -> Any:
+    """Return the ball as a free shell with hinges."""
+    model, joints = pin.Model(), {"": 0}
+    for link in links_of(scene):
+        joint = (
+            pin.JointModelRevoluteUnaligned(*link.axis)
+            if link.parent
+            else pin.JointModelFreeFlyer()
+        )
+        # All links have the ball's axes at the start, so that places are shifts alone.
+        place = pin.SE3(np.eye(3), link.pivot)
+        made = model.addJoint(joints[link.parent], joint, place, link.name)
+        joints[link.name] = made
+        body = pin.Inertia(link.mass, link.centre, link.inertia)
+        model.appendBodyToJoint(made, body, pin.SE3.Identity())
+    model.gravity.linear = scene.gravity_world
+    return model
+
+
+def _coordinates(state: State) -> tuple[Array, Array]:
+    """Return Pinocchio's q and v, whose velocities of the shell are in its own axes."""
+    R = rotation_matrix(state.attitude)
+    # Pinocchio's quaternions are (x, y, z, w).
+    q = np.concatenate([state.centre, np.roll(state.attitude, -1), state.angles])
+    return q, np.concatenate([R.T @ state.velocity, R.T @ state.turning, state.rates])
 
 
 class _PinocchioWorld(IdealWorld):
     """The ball as a free shell with hinges, in Pinocchio's local coordinates."""
 
     def __init__(self, scene: Scene, settings: _PinocchioSettings, step: float) -> None:
-        super().__init__(scene, settings.stepper, settings.rtol)
+        super().__init__(scene, settings.stepper or "RK4", settings.rtol)
         import pinocchio
 
-        self.pin, self.model = pinocchio, pinocchio.Model()
-        joints = {"": 0}
-        for link in links_of(scene):
-            joint = (
-                pinocchio.JointModelRevoluteUnaligned(*link.axis)
-                if link.parent
-                else pinocchio.JointModelFreeFlyer()
-            )
-            # All links have the ball's axes at the start, so that places are shifts alone.
-            place = pinocchio.SE3(np.eye(3), link.pivot)
-            made = self.model.addJoint(joints[link.parent], joint, place, link.name)
-            joints[link.name] = made
-            body = pinocchio.Inertia(link.mass, link.centre, link.inertia)
-            self.model.appendBodyToJoint(made, body, pinocchio.SE3.Identity())
-        self.model.gravity.linear = scene.gravity_world
+        self.pin, self.model = pinocchio, _model(scene, pinocchio)
         self.data = self.model.createData()
         self.T = np.eye(self.model.nv)
 
     def dynamics(self, state: State) -> tuple[Array, Array]:
         R = rotation_matrix(state.attitude)
-        v, w = R.T @ state.velocity, R.T @ state.turning
-        # Pinocchio's quaternions are (x, y, z, w).
-        q = np.concatenate([state.centre, np.roll(state.attitude, -1), state.angles])
-        qdot = np.concatenate([v, w, state.rates])
+        q, qdot = _coordinates(state)
         M = self.pin.crba(self.model, self.data, q, self.pin.Convention.WORLD)
         M = np.triu(M) + np.triu(M, 1).T  # crba fills the upper half alone
         h = self.pin.nonLinearEffects(self.model, self.data, q, qdot)
         # Its velocities are in the shell's axes: T turns them, and because these axes turn with ω
         # the acceleration there is Rᵀdv/dt - ω×v.
         self.T[:3, :3] = self.T[3:6, 3:6] = R.T
-        turned = np.concatenate([-np.cross(w, v), np.zeros(self.model.nv - 3)])
+        turned = np.concatenate([-np.cross(qdot[3:6], qdot[:3]), np.zeros(self.model.nv - 3)])
         return self.T.T @ M @ self.T, self.T.T @ (h + M @ turned)
+
+
+class _ContactWorld(SteppedWorld):
+    """The ball on a frictional contact of Pinocchio's, by the loop of its own example."""
+
+    any_step = True
+
+    def __init__(self, scene: Scene, settings: _PinocchioSettings, step: float) -> None:
+        super().__init__(scene)
+        import pinocchio as pin
+
+        self.pin, self.model = pin, _model(scene, pin)
+        self.model.armature = np.array([*np.zeros(6), *np.full(len(scene.drives), _ARMATURE)])
+        self.data, self.tau = self.model.createData(), np.zeros(self.model.nv)
+        self.damping = spin_damping(scene, settings, step)
+        self.q, self.v = _coordinates(self.now)
+        here, of = pin.SE3.Identity(), settings.solver
+        self.contact = pin.PointContactConstraintModel(self.model, 0, here, 1, here)
+        self.contact.setFriction(settings.friction)
+        self.solver, self.settings, self.result = (
+            getattr(pin, of + each)()
+            for each in ("ConstraintSolver", "SolverSettings", "SolverResult")
+        )
+        self.settings.max_iterations, self.settings.solve_ncp = 1000, True
+        for kind in ("feasibility", "complementarity"):
+            setattr(self.settings, f"absolute_{kind}_tol", 1e-10)
+            setattr(self.settings, f"relative_{kind}_tol", 1e-12)
+
+    def control(self, t: float, step: float) -> None:
+        self.tau[6:] = [_ARMATURE * drive.acceleration(t + step / 2) for drive in self.scene.drives]
+
+    def step(self, step: float) -> None:
+        pin, model, data, q, v = self.pin, self.model, self.data, self.q, self.v
+        R, a = rotation_matrix(np.roll(q[3:7], 1)), self.scene.ball.radius
+        self.tau[3:6] = -self.damping * (R[2] @ v[3:6]) * R[2]
+        # The contact is where the shell is lowest now; both of its frames are in world axes.
+        self.contact.joint1_placement = pin.SE3(np.eye(3), np.array([q[0], q[1], 0.0]))
+        self.contact.joint2_placement = pin.SE3(R.T, -a * R[2])
+        models = [pin.ConstraintModel(self.contact)]
+        datas = [models[0].createData()]
+        pin.crba(model, data, q, pin.Convention.WORLD)
+        free = v + step * pin.aba(model, data, q, v, self.tau)
+        data.q_in = q
+        models[0].calc(model, data, datas[0])
+        cholesky = pin.ConstraintCholeskyDecomposition(model, data, models, datas)
+        cholesky.compute(model, data, models, datas, 1e-10)
+        J = pin.getConstraintsJacobian(model, data, models, datas)
+        drift = J @ free + [0.0, 0.0, (q[2] - a) / step]
+        delassus = cholesky.getDelassusOperatorCholeskyExpression()
+        self.solver.solve(delassus, drift, models, datas, self.settings, self.result)
+        push = J.T @ self.result.retrieveConstraintImpulses() / step
+        self.v = v + step * pin.aba(model, data, q, v, self.tau + push)
+        self.q = pin.integrate(model, q, self.v * step)
+
+    def state(self) -> State:
+        q, v, R = self.q, self.v, rotation_matrix(np.roll(self.q[3:7], 1))
+        return State(q[:3], R @ v[:3], np.roll(q[3:7], 1), R @ v[3:6], q[7:], v[6:])
 
 
 class _Pinocchio(Adapter):
@@ -88,6 +172,15 @@ class _Pinocchio(Adapter):
         return None
 
 
+def _lacks(scene: Scene, settings: _PinocchioSettings) -> str | None:
+    """Return that its own contact has no torsional friction, where a ball needs it."""
+    return None if settings.stepper else spins(scene, settings)
+
+
+def _world(scene: Scene, settings: _PinocchioSettings, step: float) -> World:
+    return (_ContactWorld if settings.stepper is None else _PinocchioWorld)(scene, settings, step)
+
+
 PINOCCHIO = _Pinocchio(
     label=Label("Pinocchio", version_of("pin"), "#56B4E9"),
     packages=("pinocchio",),
@@ -95,11 +188,26 @@ PINOCCHIO = _Pinocchio(
     ladders={
         "RK4": ("timestep", (20e-3, 10e-3, 5e-3)),
         "best": ("rtol", (1e-6, 1e-9, 1e-12, 1e-14)),
+        "as-it-comes": ("timestep", (1e-3,)),
+        "contact": ("timestep", (4e-3, 1e-3)),
     },
     presets=by_name(
         _PinocchioSettings(name="RK4", error_tolerance=1e-4, timestep=20e-3, stepper="RK4"),
         # DOP853 chooses its steps itself; the timestep is only the longest.
         _PinocchioSettings(name="best", error_tolerance=1e-10, timestep=1.0, stepper="DOP853"),
+        _PinocchioSettings(
+            name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-3
+        ),
+        _PinocchioSettings(
+            name="contact", error_tolerance=5e-2, timestep=1e-3, friction=20.0, spin_part=1.5
+        ),
     ),
-    world=_PinocchioWorld,
-)
+    ours={"RK4": CONSTRAINTS, "best": CONSTRAINTS, "contact": AGAINST_SPIN},
+    knobs=("contact", {
+        "timestep": slice(1e-4, 4e-3), "solver": ("ADMM", "PGS"), "friction": slice(1.0, 100.0),
+        "spin_part": slice(0.1, 2.0),
+    }),
+    source="examples/admm-constraint-solver.py",
+    world=_world,
+    lacks=_lacks,
+)  # fmt: skip

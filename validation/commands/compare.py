@@ -56,7 +56,7 @@ class Compare:
     csv: File = None
     """Also write the table as CSV."""
     starts: DisallowNone[Annotated[int | None, arg(metavar="N", help_behavior_hint="")]] = None
-    """Run from so many random starts in place of the scene's own, and show how the errors spread."""
+    """Run from so many random starts in place of the scene's own; show how the errors spread."""
     seed: int = 0
     """The seed of the random starts."""
     device: DisallowNone[Annotated[str | None, arg(metavar="cpu|cuda", help_behavior_hint="")]] = (

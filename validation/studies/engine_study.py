@@ -1,5 +1,7 @@
 """All engines on a scene: error against processor time, orders, the Pareto front."""
 
+import json
+import math
 import statistics
 import sys
 from collections import Counter
@@ -16,6 +18,7 @@ from robotball import InputError, Scene, engine_named, engine_names, load_scene
 from robotball.engine import DEFAULT, ENVIRONMENTS
 from robotball.engines.adapter import not_installed
 from robotball.engines.environments import call, versions_in
+from robotball.errors import check_count, check_positive
 from robotball.film.looks import INK
 from validation.options import (
     AGREES,
@@ -33,6 +36,7 @@ from validation.sensitivity import chaotic
 from validation.studies import engine_runs as process
 from validation.studies.engine_runs import Contestant, contestants, install, python_of
 from validation.studies.orders import Order, fit_order
+from validation.studies.tuning import Changes, search
 from validation.study import (
     CANCELLED,
     Column,
@@ -48,6 +52,7 @@ from validation.sweeps import Cell, Result, rows_of
 
 _LIMIT = 300.0  # s that a run may take
 _ROUNDS = 3  # of timing
+_LEAST_BUDGET = 8  # of a search
 
 
 def cells_of(
@@ -90,7 +95,9 @@ class _EngineStudy:
                     cost      processor time of a simulated second [s], at the speed of the
                               study's median process; python_share: Python's part of it
                     relative_cost  over that of the default engine by its default settings, if run
-                    newcomer  whether the preset is the engine as it comes
+                    newcomer  whether the preset is the engine as it comes, by its `source`
+                    ours      the parts that are robotball's
+                    changes   of the preset, in a search for the best
     orders        by contestant and preset, where the runs lie on a line
     pareto_front  the runs than which none is both cheaper and better, the best first
     failed        a row with its contestant, preset, value and why, for each run without an answer
@@ -129,6 +136,8 @@ def study_of(scene: Scene, results: Sequence[Result]) -> _EngineStudy:
                 "newcomer": cell["preset"] == engine_named(cell["engine"]).as_it_comes,
                 "cost": seconds / cell["duration"] * speed / record["fixed_work"],
                 "python_share": share,
+                "ours": engine_named(cell["engine"]).ours.get(cell["preset"], ""),
+                "source": engine_named(cell["engine"]).source, "changes": cell.get("changes", {}),
             }
         )  # fmt: skip
     preset = engine_named(DEFAULT).presets[engine_named(DEFAULT).default]
@@ -229,8 +238,18 @@ COLUMNS = (
     Column("relative", "relative_cost", form=".3g"),
     Column("spread", "spread", form=".2f"),
     Column("Python", "python_share", form=".0%"),
+    Column("ours", "ours", words=True),
     Column("first fault", "fault", words=True),
 )
+
+
+def _changes(run: Row) -> str:
+    """Return what a run of a search changed, in a line."""
+    return ", ".join(f"{name} {value}" for name, value in run["changes"].items()) or "as published"
+
+
+_SHOWN = 5  # of a search
+_TUNED = (COLUMNS[2], *COLUMNS[4:7], Column("settings", _changes, words=True))
 
 
 def _engines_picture(study: _EngineStudy) -> Figure:
@@ -295,6 +314,12 @@ class Engines:
     """Make environments of their own for these engines first, by pip. Several: drake,bullet."""
     environments: Path = ENVIRONMENTS
     """Folder for the environments."""
+    tune: bool = False
+    """Search each engine's own knobs for its best settings, by as many runs for every engine."""
+    budget: Annotated[int, arg(metavar="N")] = 60
+    """Configurations that the search tries."""
+    cap: Annotated[float, arg(metavar="MS")] = 100.0
+    """Processor time of a simulated second that the best of a search may take, in ms."""
     duration: Duration = None
     """Simulated time; each scene's own if not given."""
     sweep: SweepOptions = field(default_factory=Sweep)
@@ -310,8 +335,42 @@ class Engines:
             return AGREES
         writable_folder(self.sweep.out)
         for name in self.scenes:
-            self._study(name, some)
+            for each in some if self.tune else ():
+                self._tune(name, each)
+            if not self.tune:
+                self._study(name, some)
         return AGREES
+
+    def _tune(self, name: str, contestant: Contestant) -> None:
+        scene, engine = load_scene(name), engine_named(contestant.engine)
+        if engine.knobs is None:
+            raise InputError(f"{contestant.name} has no knobs: there is nothing to tune")
+        check_count("budget", self.budget, _LEAST_BUDGET)
+        check_positive("cap", self.cap, "ms")
+        seconds = seconds_of(self.duration, self.sweep.quick, scene)
+        cells = cells_of(name, [contestant], self.environments, seconds, 1)
+        base = next((cell for cell in cells if cell["preset"] == engine.knobs[0]), None)
+        if base is None:
+            raise not_installed(engine.label.name, contestant.name)
+        published = getattr(engine.presets[base["preset"]], base["field"])
+        tried: list[Result] = []
+        best: list[Row] = []
+
+        def errors(configurations: Sequence[Changes]) -> list[float]:
+            wanted = [{**base, "value": published, "changes": each} for each in configurations]
+            journal = f"{scene.name}-tune-{contestant.name}"
+            tried[:] = self.sweep.results(measure, wanted, journal, _LIMIT)
+            runs = [run for of in study_of(scene, tried).runs.values() for run in of]
+            within = [run for run in runs if _usable(run) and run["cost"] <= self.cap / 1e3]
+            best[:] = sorted(within, key=lambda run: run["error"])
+            by_changes = {json.dumps(run["changes"]): run["error"] for run in best}
+            return [by_changes.get(json.dumps(each), math.inf) for each in configurations]
+
+        search(engine.knobs, self.budget, errors)
+        title = f"{scene.name}, {base['preset']} of {contestant.name}, within {self.cap:g} ms"
+        shown = (f"[bold]{escape(title)}[/]", table_of(_TUNED, best[:_SHOWN]))
+        study = Study(scene.name, engine.label, ["tune"], rows_of(tried), {"best": best}, shown)
+        self.sweep.present(study, *changed(self, "duration", "budget", "cap"))
 
     def _study(self, name: str, chosen: Sequence[Contestant]) -> None:
         for each in chosen if self.only else ():

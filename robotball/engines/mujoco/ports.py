@@ -169,6 +169,10 @@ _HARD = replace(
     noslip_tolerance=None,
     ls_tolerance=None,
 )
+_KNOBS: dict[str, Any] = {
+    "model.softness": slice(1e-4, 10.0), "model.sliding_friction": slice(2.0, 100.0),
+    "model.integrator": ("RK4", "Euler", "implicitfast"),
+}  # fmt: skip
 _LOOSE: dict[str, Any] = {"error_tolerance": 1e-2, "stop_at_fault": False}
 _BEST = _MjxSettings(
     name="best", error_tolerance=1e-4, stop_at_fault=False, timestep=5e-3, model=_HARD,
@@ -181,6 +185,7 @@ MJX = Adapter(
     extra="mjx",
     ladders={"as-it-comes": ("timestep", (2e-3,)), "best": ("timestep", (20e-3, 10e-3, 5e-3))},
     presets=by_name(_MjxSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE), _BEST),
+    knobs=("best", {"timestep": slice(1e-3, 2e-2), "line_search": (3, 5, 20), **_KNOBS}),
     world=_MjxWorld,
     abreast=_ABREAST,
 )
@@ -260,6 +265,7 @@ WARP = Adapter(
         ModelSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE),
         ModelSettings(name="best", timestep=20e-3, model=_SINGLE, **_LOOSE),
     ),
+    knobs=("best", {"timestep": slice(2e-3, 2e-2), **_KNOBS}),
     world=_WarpWorld,
     abreast=_ABREAST,
     lacks=_in_single_precision,

@@ -426,6 +426,7 @@ class _Multibody(Engine):
     default = "best"
     least_accuracy: float | None = None
     ladders: Mapping[str, Ladder] = {"best": ("rtol", (1e-6, 1e-9, 1e-12, 1e-15))}
+    ours: Mapping[str, str] = {"best": "all"}
 
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
         """Return the motion, which neither slips nor spins."""

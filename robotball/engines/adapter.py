@@ -26,7 +26,7 @@ import numpy as np
 
 from robotball import equations as eq
 from robotball.engine import Engine, Ladder, Own, Request, as_own, engine_named
-from robotball.engines import Compensated, Progress, Rate, environments
+from robotball.engines import Compensated, Rate, environments
 from robotball.engines.links import Readings, State, readings_of, start_state, state_of_rows
 from robotball.equations import as_vector
 from robotball.errors import InputError, warn
@@ -241,18 +241,16 @@ class Adapter(Engine):
 
         Where the engine is not installed it is run in its environment, without progress.
         """
-        settings = as_own(request.settings, type(self.presets[self.default]), self.label)
         if self.installed:
-            return self._roll(scene, times, settings, request.progress)
+            return self._roll(scene, times, request)
         python = environments.interpreter_of(request.environments / self.extra)
         if python is None:
             raise not_installed(self.label.name, self.extra)
-        return environments.call(python, _roll_named, self.extra, scene, times, settings)
+        return environments.call(python, _roll_named, self.extra, scene, times, request.settings)
 
-    def _roll(
-        self, scene: Scene, times: Array, settings: Any, progress: Progress | None = None
-    ) -> ContactMotion:
+    def _roll(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
         """Return the motion, by the engine as it is installed here."""
+        settings = as_own(request.settings, type(self.presets[self.default]), self.label)
         # It runs all the same: how far off it then is belongs to the comparison of engines.
         if lack := self.lacks(scene, settings):
             warn(f"{scene.name}, {settings.name}: {self.label.name}: {lack}")
@@ -267,16 +265,18 @@ class Adapter(Engine):
             spent += time.process_time() - began
             rows.append(read().row)
             world.forces.append(world.force())
-            if progress is not None:
-                progress(times[len(rows) - 1] / times[-1])
+            if request.progress is not None:
+                request.progress(times[len(rows) - 1] / times[-1])
         return _motion_of(self.label, world, times, np.array(rows), settings, spent)
 
 
-def _roll_named(name: str, scene: Scene, times: Array, settings: StepSettings) -> ContactMotion:
-    """Return the motion by the adapter of a name, which is known here by its own packages."""
+def _roll_named(
+    name: str, scene: Scene, times: Array, settings: EngineSettings | None
+) -> ContactMotion:
+    """Return the motion by an adapter, as its environment has it."""
     engine = engine_named(name)
     assert isinstance(engine, Adapter)
-    return engine._roll(scene, times, settings)
+    return engine._roll(scene, times, Request(engine, settings))
 
 
 def not_installed(engine: str, name: str) -> InputError:

@@ -166,11 +166,10 @@ _MARKERS = "osD^vPX*<>hp"
 _STYLES = ("-", "--", ":", "-.")  # of an engine's presets, in their order
 _LEAST = 1e-15  # below it errors cannot be distinguished
 _NOTE = (
-    "N error: of the normal force, over the weight. cone: friction beyond the cone. slip work:\n"
-    "lost to slip, over the kinetic energy. energy: gained (+) or lost. CPU: processor time of a\n"
-    "simulated second, without set-up and reading; relative to that of {} by default;\n"
-    "spread of its rounds, longest over shortest. Python: the part that Python takes at every\n"
-    "step. * on the Pareto front: nothing is both cheaper and better."
+    "N error, over the weight; cone: friction beyond it; slip work, over the kinetic energy;\n"
+    "energy gained (+) or lost. CPU: processor time of a simulated second, without set-up and\n"
+    "reading; relative to that of {} by default; spread of its rounds; Python: its part\n"
+    "that Python takes at every step. * on the Pareto front: nothing is both cheaper and better."
 )
 
 

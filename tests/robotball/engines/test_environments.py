@@ -64,14 +64,14 @@ def test_what_cannot_run_there_is_one_line(folder: Path, tmp_path: Path) -> None
     with pytest.raises(rb.InputError, match=r"^Elsewhere is not installed: robotball engines --i"):
         run_request(FIG12, TIMES, nowhere)
     lambdas = replace(FIG12, frame_rate=lambda t: 1.0 + 0.1 * t)
-    with pytest.raises(rb.InputError, match="stands in a module alone: Can.t pickle"):
+    with pytest.raises(rb.InputError, match="stands in a module alone: Can't pickle"):
         run_request(lambdas, TIMES, replace(request, environments=folder))
 
 
 @pytest.mark.parametrize(
     ("script", "said"),
     [
-        ("kill -SEGV $$", "python: its process was ended by SIGSEGV$"),
+        ("kill -SEGV $$", "python: ended by SIGSEGV$"),
         ("echo the last word >&2; exit 3", "python: the last word$"),
         ("exit 0", "python: it ended without a word$"),
     ],

@@ -166,9 +166,9 @@ _MARKERS = "osD^vPX*<>hp"
 _STYLES = ("-", "--", ":", "-.")  # of an engine's presets, in their order
 _LEAST = 1e-15  # below it errors cannot be distinguished
 _NOTE = (
-    "N error, over the weight; cone: friction beyond it; slip work, over the kinetic energy;\n"
-    "energy gained (+) or lost. CPU: processor time of a simulated second, without set-up and\n"
-    "reading; relative to that of {} by default; spread of its rounds; Python: its part\n"
+    "N error, over the weight; cone: friction beyond it; slip work, over the kinetic energy; "
+    "energy gained (+) or lost. CPU: processor time of a simulated second, without set-up and "
+    "reading; relative to that of {} by default; spread of its rounds; Python: its part "
     "that Python takes at every step. * on the Pareto front: nothing is both cheaper and better."
 )
 

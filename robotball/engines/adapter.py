@@ -20,13 +20,15 @@ from functools import partial
 from importlib.metadata import PackageNotFoundError, requires, version
 from importlib.util import find_spec
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from robotball import equations as eq
 from robotball.engine import Engine, Ladder, Own, Request, as_own, engine_named
-from robotball.engines import Compensated, Rate, environments
+from robotball.engines import Compensated, Rate
+from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of
 from robotball.engines.links import Readings, State, readings_of, start_state, state_of_rows
 from robotball.equations import as_vector
 from robotball.errors import InputError, warn
@@ -198,10 +200,11 @@ def _nothing(scene: Scene, settings: Any) -> str | None:
 class Adapter(Engine):
     """An engine of another package.
 
-    packages: the names that are imported; extra: the extra of robotball that brings them; world:
-    what makes the ball at its start of a scene, settings and the length of its steps [s]; lacks:
-    what says in a line what the engine lacks for a scene under settings, if anything. Both get its
-    own kind of settings, that of its presets.
+    packages: the names that are imported; extra: the extra of robotball that brings them, the
+    engine's own name and that of its environment, in the folder `environments`; world: what makes
+    the ball at its start of a scene, settings and the length of its steps [s]; lacks: what says in
+    a line what the engine lacks for a scene under settings, if anything. Both get its own kind of
+    settings, that of its presets.
     """
 
     label: Label
@@ -213,6 +216,7 @@ class Adapter(Engine):
     ladders: Mapping[str, Ladder] = field()  # or it would take an Engine's for its default
     default: str = "best"
     least_accuracy: float | None = None
+    environments: Path = ENVIRONMENTS
 
     @property
     def requirements(self) -> tuple[str, ...]:
@@ -243,10 +247,10 @@ class Adapter(Engine):
         """
         if self.installed:
             return self._roll(scene, times, request)
-        python = environments.interpreter_of(request.environments / self.extra)
+        python = interpreter_of(self.environments / self.extra)
         if python is None:
             raise not_installed(self.label.name, self.extra)
-        return environments.call(python, _roll_named, self.extra, scene, times, request.settings)
+        return call(python, _roll_named, self.extra, scene, times, request.settings)
 
     def _roll(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
         """Return the motion, by the engine as it is installed here."""
@@ -277,6 +281,11 @@ def _roll_named(
     engine = engine_named(name)
     assert isinstance(engine, Adapter)
     return engine._roll(scene, times, Request(engine, settings))
+
+
+def elsewhere(engine: Engine, folder: Path) -> Engine:
+    """Return the engine with environments in a folder, where it is one that may need them."""
+    return replace(engine, environments=folder) if isinstance(engine, Adapter) else engine
 
 
 def not_installed(engine: str, name: str) -> InputError:

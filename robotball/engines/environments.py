@@ -30,6 +30,7 @@ from robotball.errors import InputError, warn
 from robotball.processes import answered, end_when_closed
 
 T = TypeVar("T")
+ENVIRONMENTS = Path("out/engines")  # a folder each
 _LINK = "zz_robotball.pth"
 
 

@@ -13,9 +13,9 @@ from rich.markup import escape
 from tyro.conf import Positional, arg
 
 from robotball import InputError, Scene, engine_named, engine_names, load_scene
-from robotball.engine import DEFAULT, ENVIRONMENTS
+from robotball.engine import DEFAULT
 from robotball.engines.adapter import not_installed
-from robotball.engines.environments import call, versions_in
+from robotball.engines.environments import ENVIRONMENTS, call, versions_in
 from robotball.film.looks import INK
 from validation.options import (
     AGREES,

@@ -37,7 +37,6 @@ Knobs = tuple[str, Mapping[str, tuple[Any, ...] | slice]]
 Runner = Callable[[Array, Start], ContactMotion]
 """Times (n,) [s] from 0 and a start → the motion."""
 Own = TypeVar("Own", bound=EngineSettings)
-ENVIRONMENTS = Path("out/engines")  # of engines, a folder each; `robotball engines --install`
 
 
 class Engine(Protocol):
@@ -95,7 +94,6 @@ class Request:
     fault_window  the file for the states around the first fault, of an engine that keeps them
     progress      is called with the simulated fraction
     loads         of the whole motion, where a reference knows them, for the predictions
-    environments  the folder where an engine of another package is run that is not installed here
     """
 
     engine: Engine
@@ -105,7 +103,6 @@ class Request:
     fault_window: Path | None = None
     progress: Progress | None = None
     loads: Loads | None = None
-    environments: Path = ENVIRONMENTS
 
     @property
     def name(self) -> str:

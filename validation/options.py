@@ -126,10 +126,14 @@ class Run:
 
     def request(self, preset: str | None) -> Request:
         """Return the request to the engine."""
-        from robotball.engine import ENVIRONMENTS, request_of
+        from robotball.engine import request_of
 
         request = request_of(self.engine, preset, self.accuracy, keep_going=self.keep_going)
-        return replace(request, environments=self.environments or ENVIRONMENTS)
+        if self.environments is None:
+            return request
+        from robotball.engines.adapter import elsewhere
+
+        return replace(request, engine=elsewhere(request.engine, self.environments))
 
 
 RunOptions = OmitArgPrefixes[Run]

@@ -26,17 +26,9 @@ from typing import Any, Literal
 import numpy as np
 
 from robotball import equations as eq
-from robotball.engine import (
-    ENVIRONMENTS,
-    Engine,
-    Knobs,
-    Ladder,
-    Own,
-    Request,
-    as_own,
-    engine_named,
-)
-from robotball.engines import Compensated, Progress, Rate, environments
+from robotball.engine import Engine, Knobs, Ladder, Own, Request, as_own, engine_named
+from robotball.engines import Compensated, Progress, Rate
+from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of
 from robotball.engines.links import Readings, State, readings_of, start_state, state_of_rows
 from robotball.equations import as_vector
 from robotball.errors import InputError, warn
@@ -248,11 +240,12 @@ def _nothing(scene: Scene, settings: Any) -> str | None:
 class Adapter(Engine):
     """An engine of another package.
 
-    packages: the names that are imported; extra: the extra of robotball that brings them; world:
-    what makes the ball at its start of a scene, settings and the length of its steps [s]; lacks:
-    what says in a line what the engine lacks for a scene under settings, if anything. Both get its
-    own kind of settings, that of its presets. abreast: how many balls a world can roll, each as if
-    it were alone; `world` then takes the scenes too, which differ in their starts.
+    packages: the names that are imported; extra: the extra of robotball that brings them, the
+    engine's own name and that of its environment, in the folder `environments`; world: what makes
+    the ball at its start of a scene, settings and the length of its steps [s]; lacks: what says in
+    a line what the engine lacks for a scene under settings, if anything. Both get its own kind of
+    settings, that of its presets. abreast: how many balls a world can roll, each as if it were
+    alone; `world` then takes the scenes too, which differ in their starts.
     """
 
     label: Label
@@ -268,6 +261,7 @@ class Adapter(Engine):
     default: str = "best"
     least_accuracy: float | None = None
     abreast: int = 1
+    environments: Path = ENVIRONMENTS
 
     @property
     def requirements(self) -> tuple[str, ...]:
@@ -296,9 +290,7 @@ class Adapter(Engine):
 
         Where the engine is not installed it is run in its environment, without progress.
         """
-        (motion,) = self._motions(
-            [scene], times, request.settings, request.environments, request.progress
-        )
+        (motion,) = self._motions([scene], times, request.settings, request.progress)
         return motion
 
     def run_many(
@@ -315,28 +307,26 @@ class Adapter(Engine):
         self,
         scenes: Sequence[Scene],
         times: Array,
-        of: EngineSettings | None,
-        folder: Path = ENVIRONMENTS,
+        settings: EngineSettings | None,
         progress: Progress | None = None,
     ) -> Iterable[ContactMotion]:
         """Return the motions of scenes by one world, here or in the engine's environment."""
-        settings = as_own(of, type(self.presets[self.default]), self.label)
         if self.installed:
             return self._rolled(scenes, times, settings, progress)
-        python = environments.interpreter_of(folder / self.extra)
+        python = interpreter_of(self.environments / self.extra)
         if python is None:
             raise not_installed(self.label.name, self.extra)
-        return environments.call(python, _rolled_by, self.extra, scenes, times, settings)
+        return call(python, _rolled_by, self.extra, scenes, times, settings)
 
     def _rolled(
         self,
         scenes: Sequence[Scene],
         times: Array,
-        settings: Any,
+        of: EngineSettings | None,
         progress: Progress | None = None,
     ) -> Iterator[ContactMotion]:
         """Yield the motions of scenes by one world of the engine as it is installed here."""
-        scene = scenes[0]
+        scene, settings = scenes[0], as_own(of, type(self.presets[self.default]), self.label)
         # It runs all the same: how far off it then is belongs to the comparison of engines.
         if lack := self.lacks(scene, settings):
             warn(f"{scene.name}, {settings.name}: {self.label.name}: {lack}")
@@ -364,12 +354,17 @@ class Adapter(Engine):
 
 
 def _rolled_by(
-    name: str, scenes: Sequence[Scene], times: Array, settings: StepSettings
+    name: str, scenes: Sequence[Scene], times: Array, settings: EngineSettings | None
 ) -> list[ContactMotion]:
-    """Return the motions by the adapter of a name, which is known here by its own packages."""
+    """Return the motions by an adapter, as its environment has it."""
     engine = engine_named(name)
     assert isinstance(engine, Adapter)
     return list(engine._rolled(scenes, times, settings))
+
+
+def elsewhere(engine: Engine, folder: Path) -> Engine:
+    """Return the engine with environments in a folder, where it is one that may need them."""
+    return replace(engine, environments=folder) if isinstance(engine, Adapter) else engine
 
 
 def not_installed(engine: str, name: str) -> InputError:

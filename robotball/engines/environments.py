@@ -30,6 +30,7 @@ from robotball.errors import InputError, warn
 from robotball.processes import answered, end_when_closed
 
 T = TypeVar("T")
+ENVIRONMENTS = Path("out/engines")  # a folder each
 _LINK = "zz_robotball.pth"
 
 
@@ -104,10 +105,9 @@ def call(python: Path | str, function: Callable[..., T], *given: Any) -> T:
         done = subprocess.run(command, input=job, stdout=PIPE, stderr=said, pass_fds=[ours])
         said.seek(0)
         why = _last_word(said.read().decode(errors="replace"))
-    if done.returncode < 0:
-        why = f"its process was ended by {signal.Signals(-done.returncode).name}"
-    if done.returncode < 0 or not done.stdout:
-        raise InputError(f"{python}: {why}")
+    if done.returncode or not done.stdout:
+        killed = f"ended by {signal.Signals(-done.returncode).name}" if done.returncode < 0 else ""
+        raise InputError(f"{python}: {killed or why}")
     answer: tuple[T, InputError | None, list[str]] = pickle.loads(done.stdout)
     for line in answer[2]:
         warn(line)

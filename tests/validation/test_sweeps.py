@@ -377,7 +377,7 @@ def test_a_cluster_that_does_not_answer_is_refused(
     """In one line; where dask is not installed it says how to install the extra."""
     with monkeypatch.context() as without:
         without.setitem(sys.modules, "distributed", None)
-        with pytest.raises(InputError, match=r"pip install 'robotball\[cluster\]'"):
+        with pytest.raises(InputError, match=r"pip install '\.\[cluster\]'"):
             sweep(square, cells_of(tmp_path, 1), file, cluster=NOWHERE)
     pytest.importorskip("distributed")
     monkeypatch.setattr("validation.sweeps._ANSWER", 0.5)

@@ -92,6 +92,7 @@ class Report:
         words = ["robotball", "report", *self.scenes]
         words += ["--preset", ",".join(listed(self.preset))] if self.preset else []
         words += ["--engine", options.engine] if options.engine != Run.engine else []
+        words += ["--environments", str(options.environments)] if options.environments else []
         words += ["--accuracy", f"{options.accuracy:g}"] if options.accuracy else []
         words += ["--duration", f"{options.duration:g}"] if options.duration else []
         words += ["--keep-going"] if options.keep_going else []

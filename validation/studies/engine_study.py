@@ -15,9 +15,9 @@ from rich.markup import escape
 from tyro.conf import Positional, arg
 
 from robotball import InputError, Scene, engine_named, engine_names, load_scene
-from robotball.engine import DEFAULT, ENVIRONMENTS
+from robotball.engine import DEFAULT
 from robotball.engines.adapter import not_installed
-from robotball.engines.environments import call, versions_in
+from robotball.engines.environments import ENVIRONMENTS, call, versions_in
 from robotball.errors import check_count, check_positive
 from robotball.film.looks import INK
 from validation.options import (
@@ -175,11 +175,10 @@ _MARKERS = "osD^vPX*<>hp"
 _STYLES = ("-", "--", ":", "-.")  # of an engine's presets, in their order
 _LEAST = 1e-15  # below it errors cannot be distinguished
 _NOTE = (
-    "N error: of the normal force, over the weight. cone: friction beyond the cone. slip work:\n"
-    "lost to slip, over the kinetic energy. energy: gained (+) or lost. CPU: processor time of a\n"
-    "simulated second, without set-up and reading; relative to that of {} by default;\n"
-    "spread of its rounds, longest over shortest. Python: the part that Python takes at every\n"
-    "step. * on the Pareto front: nothing is both cheaper and better."
+    "N error, over the weight; cone: friction beyond it; slip work, over the kinetic energy; "
+    "energy gained (+) or lost. CPU: processor time of a simulated second, without set-up and "
+    "reading; relative to that of {} by default; spread of its rounds; Python: its part "
+    "that Python takes at every step. * on the Pareto front: nothing is both cheaper and better."
 )
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engine import request_of, run_request
 from robotball.engines import environments
+from robotball.engines.adapter import elsewhere
 from tests.elsewhere_engine import ELSEWHERE
 from tests.imports import PROJECT
 
@@ -47,31 +47,32 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.slow
 def test_an_engine_runs_in_its_environment_by_itself(folder: Path) -> None:
     """The same motion to the last bit, with the version of there; its warning is issued here."""
-    request = replace(request_of("elsewhere"), environments=folder)
+    engine = elsewhere(ELSEWHERE, folder)
     with pytest.warns(rb.SceneWarning, match="fig12, RK4: Elsewhere: it warns"):
-        there = run_request(FIG12, TIMES, request)
+        there = rb.simulate(FIG12, TIMES, engine=engine)
     assert there.engine.version == "1.5"
     assert ELSEWHERE.label.version == "not installed"
     here = rb.simulate(FIG12, TIMES, engine=replace(ELSEWHERE, packages=()))
     assert np.array_equal(there.contact_point, here.contact_point)
     assert there.report.steps == here.report.steps == 10
+    prepared = engine.prepare(FIG12, engine.presets["RK4"])(TIMES, FIG12.start)
+    assert np.array_equal(prepared.momentum, here.momentum)
 
 
 def test_what_cannot_run_there_is_one_line(folder: Path, tmp_path: Path) -> None:
     """It is nowhere; or the environment has lost it; or a drive is a function of no module."""
-    request = request_of("elsewhere")
-    nowhere = replace(request, environments=tmp_path / "none")
     with pytest.raises(rb.InputError, match=r"^Elsewhere is not installed: robotball engines --i"):
-        run_request(FIG12, TIMES, nowhere)
-    lambdas = replace(FIG12, frame_rate=lambda t: 1.0 + 0.1 * t)
-    with pytest.raises(rb.InputError, match="stands in a module alone: Can.t pickle"):
-        run_request(lambdas, TIMES, replace(request, environments=folder))
+        rb.simulate(FIG12, TIMES, engine=elsewhere(ELSEWHERE, tmp_path / "none"))
+    function = replace(FIG12, frame_rate=lambda t: 1.0 + 0.1 * t)
+    with pytest.raises(rb.InputError, match="stands in a module alone: Can't pickle"):
+        rb.simulate(function, TIMES, engine=elsewhere(ELSEWHERE, folder))
+    assert elsewhere(rb.engine_named("mujoco"), folder) is rb.engine_named("mujoco")
 
 
 @pytest.mark.parametrize(
     ("script", "said"),
     [
-        ("kill -SEGV $$", "python: its process was ended by SIGSEGV$"),
+        ("kill -SEGV $$", "python: ended by SIGSEGV$"),
         ("echo the last word >&2; exit 3", "python: the last word$"),
         ("exit 0", "python: it ended without a word$"),
     ],

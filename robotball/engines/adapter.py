@@ -15,7 +15,7 @@ term of dS/dt is left to be dropped.
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, requires, version
 from importlib.util import find_spec
 from itertools import pairwise
@@ -24,6 +24,7 @@ from typing import Any, Literal
 import numpy as np
 
 from robotball import equations as eq
+from robotball.at_once import differ_in_start
 from robotball.engine import Engine, Ladder, Own, Request, as_own
 from robotball.engines import Compensated, Progress, Rate
 from robotball.engines.links import Readings, State, readings_of, start_state, state_of_rows
@@ -232,9 +233,7 @@ class Adapter(Engine):
         self, scenes: Sequence[Scene], times: Array, settings: EngineSettings
     ) -> Iterator[ContactMotion]:
         """Yield the motions of scenes, in one world where they differ in the start alone."""
-        first = scenes[0]
-        alike = all(replace(each, start=first.start) == first for each in scenes)
-        size = self.abreast if alike else 1
+        size = self.abreast if differ_in_start(scenes) else 1
         for i in range(0, len(scenes), size):
             yield from self._rolled(scenes[i : i + size], times, settings)
 
@@ -269,14 +268,11 @@ class Adapter(Engine):
             if progress is not None:
                 progress(times[len(rows) - 1] / times[-1])
         seconds, python = spent / len(scenes), world.python_seconds() / len(scenes)
+        cost = {"seconds": seconds, "total_seconds": seconds, "python_seconds": python}
+        cost |= {"timestep": world.longest, "steps": world.steps}
         for each, own in zip(scenes, np.stack(rows, axis=1), strict=True):
             sound = np.logical_and.accumulate(np.isfinite(own).all(axis=1))
-            motion = _motion_of(self.label, each, times, own[sound], settings)
-            report = replace(
-                motion.report, timestep=world.longest, steps=world.steps, seconds=seconds,
-                total_seconds=seconds, python_seconds=python,
-            )  # fmt: skip
-            yield replace(motion, report=report)
+            yield _motion_of(self.label, each, times, own[sound], settings, cost)
 
 
 def longest_step(scene: Scene, times: Array, timestep: float) -> float:
@@ -285,12 +281,14 @@ def longest_step(scene: Scene, times: Array, timestep: float) -> float:
 
 
 def _motion_of(
-    label: Label, scene: Scene, times: Array, rows: Array, settings: EngineSettings
+    label: Label,
+    scene: Scene,
+    times: Array,
+    rows: Array,
+    settings: EngineSettings,
+    cost: Mapping[str, Any],
 ) -> ContactMotion:
-    """Return the motion of rows (n, 13 + 2h) of State, up to the fault that ends it, if any.
-
-    Its report has no cost yet.
-    """
+    """Return the motion of rows (n, 13 + 2h) of State, up to the fault that ends it, if any."""
     state = state_of_rows(rows)
     # A ball that runs away overflows here, before it is cut off at its fault.
     with np.errstate(all="ignore"):
@@ -318,10 +316,7 @@ def _motion_of(
             friction_used=np.full(kept, np.nan),
             hinge_rate_error=rate_error[n],
             faults=faults,
-            timestep=0.0,
-            steps=0,
-            seconds=0.0,
-            total_seconds=0.0,
+            **cost,
         ),
     )
 

@@ -27,6 +27,7 @@ from validation.options import (
     Threads,
     check_files,
     listed,
+    seconds_of,
     times_of,
 )
 
@@ -127,7 +128,8 @@ class Compare:
         same = {"engine": options.engine, "keep_going": options.keep_going, "seed": self.seed}
         requests = [options.request(name) for name in listed(self.preset) or (None,)]
         for name, request in product(self.scenes, requests):
-            duration = options.duration or controlled(name, self.control).duration
+            scene = controlled(name, self.control)
+            duration = seconds_of(options.duration, quick=False, scene=scene)
             cell = scene_cell(name, duration) | same | {"control": self.control}
             cell["preset"] = request.name
             found = many_runs(cell, starts, self.cluster, options.out)

@@ -9,15 +9,14 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robotball import Engine, EngineSettings, InputError, Motion, Scene, integrate, sample_times
-from robotball.at_once import simulate_many
+from robotball import Engine, EngineSettings, Scene, Start, integrate, sample_times, simulate_many
 from robotball.engine import DEFAULT, request_of
 from robotball.engines import Progress
 from robotball.engines.reduced import motion_of
-from robotball.motion import extended
+from robotball.errors import InputError
+from robotball.motion import Motion, extended
 from robotball.processes import in_processes
 from robotball.rotations import Array
-from robotball.scene import Start
 from validation.agreement import Agreement
 from validation.output import known, progress_bar
 from validation.results import controlled
@@ -47,17 +46,17 @@ class ManyRuns:
 
     rows: tuple[Row, ...]
 
-    def percentiles(self, error: str) -> dict[str, float | None]:
-        """Return the 5th, 50th and 95th percentile, and the worst, of the runs with that error."""
-        values = [each[error] for each in self.rows if each[error] is not None]
-        found = np.percentile(values or [np.nan], [*PERCENTILES.values()])
-        return dict(zip(PERCENTILES, map(known, found), strict=True))
+    def summary(self, error: str) -> Row:
+        """Return the percentiles of one of ERRORS over the runs that have it, None without any.
 
-    def summary(self) -> Row:
-        """Return the numbers of runs and of those with a fault, and runs a second of stepping."""
+        With the numbers of runs and of those with a fault, and the runs a second of stepping.
+        """
+        values = [each[error] for each in self.rows if each[error] is not None] or [np.nan]
+        found = zip(PERCENTILES, np.percentile(values, [*PERCENTILES.values()]), strict=True)
         faulty = sum(each["fault"] is not None for each in self.rows)
         rate = len(self.rows) / sum(each["seconds"] for each in self.rows)
-        return {"runs": len(self.rows), "faulty": faulty, "runs_per_second": rate}
+        counts = {"runs": len(self.rows), "faulty": faulty, "runs_per_second": rate}
+        return counts | {name: known(value) for name, value in found}
 
 
 def compare_many(

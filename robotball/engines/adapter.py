@@ -26,7 +26,7 @@ import numpy as np
 from robotball import equations as eq
 from robotball.at_once import differ_in_start
 from robotball.engine import Engine, Ladder, Own, Request, as_own
-from robotball.engines import Compensated, Progress, Rate
+from robotball.engines import Compensated, Rate
 from robotball.engines.links import Readings, State, readings_of, start_state, state_of_rows
 from robotball.equations import as_vector
 from robotball.errors import InputError, warn
@@ -226,7 +226,7 @@ class Adapter(Engine):
 
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
         """Return the motion. Its loads are unknown, NaN, and there is no fault window."""
-        (motion,) = self._rolled([scene], times, request.settings, request.progress)
+        (motion,) = self._rolled([scene], times, request)
         return motion
 
     def run_many(
@@ -235,17 +235,14 @@ class Adapter(Engine):
         """Yield the motions of scenes, in one world where they differ in the start alone."""
         size = self.abreast if differ_in_start(scenes) else 1
         for i in range(0, len(scenes), size):
-            yield from self._rolled(scenes[i : i + size], times, settings)
+            yield from self._rolled(scenes[i : i + size], times, Request(self, settings))
 
     def _rolled(
-        self,
-        scenes: Sequence[Scene],
-        times: Array,
-        of: EngineSettings | None,
-        progress: Progress | None = None,
+        self, scenes: Sequence[Scene], times: Array, request: Request
     ) -> Iterator[ContactMotion]:
         """Yield the motions of scenes, by one world."""
-        settings, scene = as_own(of, type(self.presets[self.default]), self.label), scenes[0]
+        settings = as_own(request.settings, type(self.presets[self.default]), self.label)
+        scene = scenes[0]
         if not self.installed:
             raise InputError(
                 f"{self.label.name} is not installed: pip install 'robotball[{self.extra}]', or "
@@ -265,8 +262,8 @@ class Adapter(Engine):
             state = next(march)
             spent += world.clock() - began
             rows.append(np.atleast_2d(state.row))
-            if progress is not None:
-                progress(times[len(rows) - 1] / times[-1])
+            if request.progress is not None:
+                request.progress(times[len(rows) - 1] / times[-1])
         seconds, python = spent / len(scenes), world.python_seconds() / len(scenes)
         cost = {"seconds": seconds, "total_seconds": seconds, "python_seconds": python}
         cost |= {"timestep": world.longest, "steps": world.steps}

@@ -125,18 +125,18 @@ class Compare:
         if options.accuracy is not None or options.strict:
             raise InputError("random starts run by presets: leave out --accuracy and --strict")
         check_files(self.json, self.csv)
-        same = {"engine": options.engine, "keep_going": options.keep_going, "seed": self.seed}
+        same = {"engine": options.engine, "keep_going": options.keep_going}
+        same |= {"seed": self.seed, "control": self.control}
         requests = [options.request(name) for name in listed(self.preset) or (None,)]
         for name, request in product(self.scenes, requests):
             scene = controlled(name, self.control)
             duration = seconds_of(options.duration, quick=False, scene=scene)
-            cell = scene_cell(name, duration) | same | {"control": self.control}
-            cell["preset"] = request.name
+            cell = scene_cell(name, duration) | same | {"preset": request.name}
             found = many_runs(cell, starts, self.cluster, options.out)
             runs[f"{name}, {request.name}"] = found.rows
             for error in ERRORS:
                 of = {"scene": name, "preset": request.name, "error": error.replace("_", " ")}
-                rows.append({**of, **found.summary(), **found.percentiles(error)})
+                rows.append({**of, **found.summary(error)})
         columns = [Column(name, name, words=True) for name in ("scene", "preset", "error")]
         columns += [Column(name, name, form="d") for name in ("runs", "faulty")]
         columns += [Column(name, name) for name in PERCENTILES]

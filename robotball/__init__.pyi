@@ -1,5 +1,6 @@
 """The names of `robotball`, each from its home; loaded when they are first used."""
 
+from .at_once import simulate_many as simulate_many
 from .designing import Design as Design
 from .designing import Limits as Limits
 from .designing import design as design
@@ -15,7 +16,6 @@ from .engine import engine_named as engine_named
 from .engine import engine_names as engine_names
 from .engine import integrate as integrate
 from .engine import simulate as simulate
-from .engine import simulate_many as simulate_many
 from .engines.mujoco.settings import PRESETS as PRESETS
 from .engines.mujoco.settings import Settings as Settings
 from .engines.mujoco.settings import preset as preset

@@ -189,59 +189,6 @@ def simulate(
     return run_request(scene, times, whole)
 
 
-def simulate_many(
-    scene: Scene | Sequence[Scene],
-    starts: Sequence[Start] | None = None,
-    times: Array | None = None,
-    settings: EngineSettings | str | None = None,
-    *,
-    engine: Engine | str = DEFAULT,
-    device: str | None = None,
-    progress: Progress | None = None,
-) -> Iterator[ContactMotion]:
-    """Return an iterator of the motions of a scene's ball from many starts, in their order.
-
-    Or of several scenes, which may differ in drives and bodies too, at the same times: without
-    `starts`. Each is the motion that `simulate` returns of that scene, to the last bit; times (the
-    first scene's own if None), settings and engine are as there. An engine that can works on all
-    cores, and holds the rows of some of the runs at a time: whoever keeps no motion needs no memory
-    for it. device: "cpu" or "cuda", in place of the settings', where an engine with a choice steps
-    all balls abreast. progress is called with the part of the runs that is done. Warns of settings
-    that are predicted to fail from the first start, and of each motion that can hardly be what was
-    meant. Raises InputError as `simulate` does.
-    """
-    request = request_of(engine, settings)
-    if device is not None:
-        own: Any = request.settings
-        if not hasattr(own, "device"):
-            raise InputError(f"{request.engine.label.name} has no choice of a device: leave it out")
-        request = replace(request, settings=replace(own, device=device))
-    if (starts is None) == isinstance(scene, Scene):
-        raise InputError("give starts with one scene, and none with several")
-    if isinstance(scene, Scene):
-        scenes: Sequence[Scene] = [replace(scene, start=each) for each in starts or ()]
-    else:
-        scenes = scene
-    for each in scenes:
-        times = _runnable(each, times, request)
-    if times is None or not scenes:
-        return iter(())
-    return _each(scenes, times, request, progress)
-
-
-def _each(
-    scenes: Sequence[Scene], times: Array, request: Request, progress: Progress | None
-) -> Iterator[ContactMotion]:
-    """Yield the motions of `simulate_many`."""
-    assert request.settings is not None  # as no accuracy is requested
-    whole = [each.until(float(times[-1])) for each in scenes]
-    motions = request.engine.run_many(whole, times, request.settings)
-    for done, (scene, motion) in enumerate(zip(scenes, motions, strict=True), start=1):
-        yield _own(motion, scene)
-        if progress is not None:
-            progress(done / len(scenes))
-
-
 def request_of(
     of: Engine | str = DEFAULT,
     settings: EngineSettings | str | None = None,
@@ -281,21 +228,21 @@ def _check_accuracy(
 
 def run_request(scene: Scene, times: Array | None, request: Request) -> ContactMotion:
     """Simulate the scene as `simulate` does, by a request."""
-    times = _runnable(scene, times, request)
+    times = runnable(scene, times, request)
     # The drives must reach to the last time that is asked for, which may be beyond the scene's own
     # duration. The motion's scene is the user's again.
-    return _own(request.engine.run(scene.until(float(times[-1])), times, request), scene)
+    return as_of(scene, request.engine.run(scene.until(float(times[-1])), times, request))
 
 
-def _runnable(scene: Scene, times: Array | None, request: Request) -> Array:
+def runnable(scene: Scene, times: Array | None, request: Request) -> Array:
     """Return the times of a run. Raises InputError where the engine cannot run the scene."""
     if why := request.engine.cannot_express(scene):
         raise InputError(f"{request.engine.label.name} cannot run {scene.name}: {why}")
     return scene.times if times is None else check_times(times)
 
 
-def _own(motion: ContactMotion, scene: Scene) -> ContactMotion:
-    """Return the motion as that of the user's scene, and warn of what can hardly be meant."""
+def as_of(scene: Scene, motion: ContactMotion) -> ContactMotion:
+    """Return the motion as that of a user's scene, and warn of what can hardly be meant."""
     for line in _doubts(motion):
         warn(f"{scene.name}: {line}")
     return replace(motion, scene=scene)

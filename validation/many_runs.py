@@ -3,25 +3,24 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robotball import Engine, EngineSettings, InputError, Motion, Scene, integrate, sample_times
-from robotball.engine import DEFAULT, request_of, simulate_many
+from robotball import Engine, EngineSettings, Scene, Start, integrate, sample_times, simulate_many
+from robotball.engine import DEFAULT, request_of
 from robotball.engines import Progress
 from robotball.engines.reduced import motion_of
-from robotball.motion import extended
+from robotball.errors import InputError
+from robotball.motion import Motion, extended
 from robotball.processes import in_processes
 from robotball.rotations import Array
-from robotball.scene import Start
 from validation.agreement import Agreement
 from validation.output import known, progress_bar
-from validation.results import controlled, file_name
-from validation.study import Row, scene_cell
+from validation.results import controlled
+from validation.study import Row
 from validation.sweeps import Cell, sweep
 
 ERRORS = ("path_error", "gamma_error", "momentum_error")
@@ -47,21 +46,17 @@ class ManyRuns:
 
     rows: tuple[Row, ...]
 
-    def percentiles(self, error: str) -> dict[str, float | None]:
-        """Return the 5th, 50th and 95th percentile, and the worst, of the runs with that error."""
-        values = [each[error] for each in self.rows if each[error] is not None]
-        found = np.percentile(values, [*PERCENTILES.values()]) if values else [np.nan] * 4
-        return dict(zip(PERCENTILES, map(known, found), strict=True))
+    def summary(self, error: str) -> Row:
+        """Return the percentiles of one of ERRORS over the runs that have it, None without any.
 
-    @property
-    def faulty(self) -> int:
-        """The number of runs with a fault."""
-        return sum(each["fault"] is not None for each in self.rows)
-
-    @property
-    def rate(self) -> float:
-        """Runs for a second of stepping the engine: of a processor, or of the device [1/s]."""
-        return len(self.rows) / sum(each["seconds"] for each in self.rows)
+        With the numbers of runs and of those with a fault, and the runs a second of stepping.
+        """
+        values = [each[error] for each in self.rows if each[error] is not None] or [np.nan]
+        found = zip(PERCENTILES, np.percentile(values, [*PERCENTILES.values()]), strict=True)
+        faulty = sum(each["fault"] is not None for each in self.rows)
+        rate = len(self.rows) / sum(each["seconds"] for each in self.rows)
+        counts = {"runs": len(self.rows), "faulty": faulty, "runs_per_second": rate}
+        return counts | {name: known(value) for name, value in found}
 
 
 def compare_many(
@@ -82,17 +77,15 @@ def compare_many(
     """
     times = scene.times if times is None else times
     scenes = [replace(scene, start=each) for each in starts]
-    motions = simulate_many(
-        scenes, None, times, settings, engine=engine, device=device, progress=progress
-    )
+    more: Any = {"engine": engine, "device": device, "progress": progress}
+    motions = simulate_many(scenes, None, times, settings, **more)
     return ManyRuns(tuple(map(_row, map(Agreement, _references(scenes, times), motions))))
 
 
 def _row(agreement: Agreement) -> Row:
     fault = agreement.faults[0].kind.name if agreement.faults else None
-    errors = {name: getattr(agreement, name) for name in ERRORS}
-    more = {"agrees": agreement.agrees, "seconds": agreement.report.seconds}
-    return {**errors, "fault": fault, **more}
+    row = {name: getattr(agreement, name) for name in (*ERRORS, "agrees")}
+    return row | {"fault": fault, "seconds": agreement.report.seconds}
 
 
 def _references(scenes: Sequence[Scene], times: Array) -> Iterator[Motion]:
@@ -104,15 +97,13 @@ def _references(scenes: Sequence[Scene], times: Array) -> Iterator[Motion]:
 
     for i in range(0, len(scenes), _ABREAST):
         some = scenes[i : i + _ABREAST]
-        _, attitudes, momenta = zip(*map(kernel_start, some), strict=True)
-        found = orbits(
-            some[0].parameters, np.concatenate(attitudes), np.concatenate(momenta), times
-        )
-        states = np.concatenate([found.attitudes, found.contact_points], axis=2)
-        for scene, own in zip(some, states, strict=True):
-            # A start that the compiled steps gave up is refused in words.
-            known = np.isfinite(own).all()
-            yield motion_of(scene, times, own) if known else _reference(times, scene)
+        _, attitudes, momenta = map(list, zip(*map(kernel_start, some), strict=True))
+        parameters = scenes[0].parameters
+        found = orbits(parameters, np.concatenate(attitudes), np.concatenate(momenta), times)
+        if gave_up := np.count_nonzero(found.status):
+            raise InputError(f"the equations' motions from {gave_up} starts need too many steps")
+        for scene, *states in zip(some, found.attitudes, found.contact_points, strict=True):
+            yield motion_of(scene, times, np.concatenate(states, axis=1))
 
 
 def _reference(times: Array, scene: Scene) -> Motion:
@@ -122,35 +113,26 @@ def _reference(times: Array, scene: Scene) -> Motion:
 def of_cell(cell: Cell, progress: Progress | None = None) -> Mapping[str, Any]:
     """Return the rows of a cell of `many_runs`."""
     scene, first = controlled(cell["scene"], cell["control"]), cell["first"]
-    randoms = (np.random.default_rng([cell["seed"], first + i]) for i in range(cell["count"]))
-    starts = [random_start(scene, each) for each in randoms]
+    seeds = ([cell["seed"], i] for i in range(first, first + cell["count"]))
+    starts = [random_start(scene, np.random.default_rng(each)) for each in seeds]
     of = request_of(cell["engine"], cell["preset"], keep_going=cell["keep_going"])
-    times = sample_times(cell["duration"])
-    more: dict[str, Any] = {"device": cell["device"], "progress": progress}
-    found = compare_many(scene, starts, of.settings, times, engine=of.engine, **more)
+    more: Any = {"engine": of.engine, "progress": progress}
+    found = compare_many(scene, starts, of.settings, sample_times(cell["duration"]), **more)
     return {"rows": found.rows}
 
 
-def many_runs(
-    scene: str, duration: float | None, count: int, cluster: str | None, out: Path, **run: Any
-) -> ManyRuns:
+def many_runs(whole: Cell, count: int, cluster: str | None, out: Path) -> ManyRuns:
     """Compare from `count` random starts, here or on the dask cluster at an address.
 
-    scene: a name or path; duration: s, the scene's own if None; out: the folder for the journal of
-    a cluster's cells, with which they go on after a break; run: engine, preset, control, seed,
-    keep_going and device of `of_cell`.
+    whole: a cell of `of_cell` without `first` and `count`, which are its part of the starts; out:
+    the folder for the journal of a cluster's cells, with which they go on after a break.
     """
-    own = controlled(scene, run["control"])
-    whole = {**scene_cell(scene, duration or own.duration), **run}
     size = _CELL if cluster else count
     cells = [{**whole, "first": i, "count": min(size, count - i)} for i in range(0, count, size)]
     with progress_bar(len(cells)) as show:
         if not cluster:
-            (cell,) = cells
-            return ManyRuns(of_cell(cell, lambda part: show(part, own.name))["rows"])
-        journal = out / f"{file_name(own.name, None, ['starts'])}.jsonl"
-        results = sweep(of_cell, cells, journal, cluster=cluster, show=show)
-    for each in results:
-        if each.record is None:
-            raise InputError(f"{own.name}, from start {each.cell['first']}: {each.failure}")
-    return ManyRuns(tuple(chain(*(each.record["rows"] for each in results if each.record))))
+            return ManyRuns(of_cell(cells[0], lambda part: show(part, whole["scene"]))["rows"])
+        results = sweep(of_cell, cells, out / "starts.jsonl", cluster=cluster, show=show)
+    if failures := [each.failure for each in results if each.failure]:
+        raise InputError(failures[0])
+    return ManyRuns(tuple(row for each in results for row in (each.record or {})["rows"]))

@@ -26,8 +26,9 @@ from typing import Any, Literal
 import numpy as np
 
 from robotball import equations as eq
+from robotball.at_once import differ_in_start
 from robotball.engine import Engine, Knobs, Ladder, Own, Request, as_own, engine_named
-from robotball.engines import Compensated, Progress, Rate
+from robotball.engines import Compensated, Rate
 from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of
 from robotball.engines.links import Readings, State, readings_of, start_state, state_of_rows
 from robotball.equations import as_vector
@@ -290,43 +291,34 @@ class Adapter(Engine):
 
         Where the engine is not installed it is run in its environment, without progress.
         """
-        (motion,) = self._motions([scene], times, request.settings, request.progress)
+        (motion,) = self._motions([scene], times, request)
         return motion
 
     def run_many(
         self, scenes: Sequence[Scene], times: Array, settings: EngineSettings
     ) -> Iterator[ContactMotion]:
         """Yield the motions of scenes, in one world where they differ in the start alone."""
-        first = scenes[0]
-        alike = all(replace(each, start=first.start) == first for each in scenes)
-        size = self.abreast if alike else 1
+        size = self.abreast if differ_in_start(scenes) else 1
         for i in range(0, len(scenes), size):
-            yield from self._motions(scenes[i : i + size], times, settings)
+            yield from self._motions(scenes[i : i + size], times, Request(self, settings))
 
     def _motions(
-        self,
-        scenes: Sequence[Scene],
-        times: Array,
-        settings: EngineSettings | None,
-        progress: Progress | None = None,
+        self, scenes: Sequence[Scene], times: Array, request: Request
     ) -> Iterable[ContactMotion]:
         """Return the motions of scenes by one world, here or in the engine's environment."""
         if self.installed:
-            return self._rolled(scenes, times, settings, progress)
+            return self._rolled(scenes, times, request)
         python = interpreter_of(self.environments / self.extra)
         if python is None:
             raise not_installed(self.label.name, self.extra)
-        return call(python, _rolled_by, self.extra, scenes, times, settings)
+        return call(python, _rolled_by, self.extra, scenes, times, request.settings)
 
     def _rolled(
-        self,
-        scenes: Sequence[Scene],
-        times: Array,
-        of: EngineSettings | None,
-        progress: Progress | None = None,
+        self, scenes: Sequence[Scene], times: Array, request: Request
     ) -> Iterator[ContactMotion]:
         """Yield the motions of scenes by one world of the engine as it is installed here."""
-        scene, settings = scenes[0], as_own(of, type(self.presets[self.default]), self.label)
+        settings = as_own(request.settings, type(self.presets[self.default]), self.label)
+        scene = scenes[0]
         # It runs all the same: how far off it then is belongs to the comparison of engines.
         if lack := self.lacks(scene, settings):
             warn(f"{scene.name}, {settings.name}: {self.label.name}: {lack}")
@@ -342,8 +334,8 @@ class Adapter(Engine):
             spent += world.clock() - began
             rows.append(np.atleast_2d(read().row))
             world.forces.append(world.force())
-            if progress is not None:
-                progress(times[len(rows) - 1] / times[-1])
+            if request.progress is not None:
+                request.progress(times[len(rows) - 1] / times[-1])
         share, python = spent / len(scenes), world.python_seconds() / len(scenes)
         cost = {"seconds": share, "python_seconds": python}
         for each, own in zip(scenes, np.stack(rows, axis=1), strict=True):
@@ -359,7 +351,7 @@ def _rolled_by(
     """Return the motions by an adapter, as its environment has it."""
     engine = engine_named(name)
     assert isinstance(engine, Adapter)
-    return list(engine._rolled(scenes, times, settings))
+    return list(engine._rolled(scenes, times, Request(engine, settings)))
 
 
 def elsewhere(engine: Engine, folder: Path) -> Engine:

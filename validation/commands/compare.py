@@ -27,6 +27,7 @@ from validation.options import (
     Threads,
     check_files,
     listed,
+    seconds_of,
     times_of,
 )
 
@@ -56,13 +57,9 @@ class Compare:
     csv: File = None
     """Also write the table as CSV."""
     starts: DisallowNone[Annotated[int | None, arg(metavar="N", help_behavior_hint="")]] = None
-    """Run from so many random starts in place of the scene's own; show how the errors spread."""
+    """Run from so many random starts in place of the scene's own, and say how the errors spread."""
     seed: int = 0
     """The seed of the random starts."""
-    device: DisallowNone[Annotated[str | None, arg(metavar="cpu|cuda", help_behavior_hint="")]] = (
-        None
-    )
-    """Where an engine with a choice steps the random starts."""
     cluster: Cluster = None
     """The scheduler of a dask cluster to run the random starts on."""
 
@@ -119,7 +116,8 @@ class Compare:
         from robotball import InputError
         from robotball.errors import check_count
         from validation.many_runs import ERRORS, PERCENTILES, many_runs
-        from validation.study import Column, Study, present, table_of
+        from validation.results import controlled
+        from validation.study import Column, Study, present, scene_cell, table_of
 
         options, rows, runs = self.run_options, [], {}
         check_count("starts", starts, 1)
@@ -127,18 +125,18 @@ class Compare:
         if options.accuracy is not None or options.strict:
             raise InputError("random starts run by presets: leave out --accuracy and --strict")
         check_files(self.json, self.csv)
+        same = {"engine": options.engine, "keep_going": options.keep_going}
+        same |= {"seed": self.seed, "control": self.control}
         requests = [options.request(name) for name in listed(self.preset) or (None,)]
-        for scene, request in product(self.scenes, requests):
-            found = many_runs(
-                scene, options.duration, starts, self.cluster, options.out,
-                engine=options.engine, preset=request.name, control=self.control, seed=self.seed,
-                keep_going=options.keep_going, device=self.device,
-            )  # fmt: skip
-            same = {"scene": scene, "preset": request.name, "runs": starts, "faulty": found.faulty}
+        for name, request in product(self.scenes, requests):
+            scene = controlled(name, self.control)
+            duration = seconds_of(options.duration, quick=False, scene=scene)
+            cell = scene_cell(name, duration) | same | {"preset": request.name}
+            found = many_runs(cell, starts, self.cluster, options.out)
+            runs[f"{name}, {request.name}"] = found.rows
             for error in ERRORS:
-                row = {"error": error.replace("_", " "), **found.percentiles(error)}
-                rows.append({**same, **row, "runs_per_second": found.rate})
-            runs[f"{scene}, {request.name}"] = found.rows
+                of = {"scene": name, "preset": request.name, "error": error.replace("_", " ")}
+                rows.append({**of, **found.summary(error)})
         columns = [Column(name, name, words=True) for name in ("scene", "preset", "error")]
         columns += [Column(name, name, form="d") for name in ("runs", "faulty")]
         columns += [Column(name, name) for name in PERCENTILES]

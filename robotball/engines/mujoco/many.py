@@ -9,7 +9,9 @@ start are built one by one: these go to processes. A motion is that of `run` to 
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from copy import copy
+from dataclasses import replace
+from functools import partial
 from itertools import groupby
 from time import perf_counter
 
@@ -17,10 +19,11 @@ import mujoco
 import numpy as np
 from mujoco.rollout import Rollout
 
+from robotball.at_once import differ_in_start
 from robotball.engines.mujoco.limits import check_length
-from robotball.engines.mujoco.model import Model, build
+from robotball.engines.mujoco.model import Model, build, carrying_depth, hinges_of, state_at
 from robotball.engines.mujoco.run import Record, monitored, recorded, run
-from robotball.engines.mujoco.settings import Settings
+from robotball.engines.mujoco.settings import Chosen, Settings
 from robotball.engines.mujoco.stepping import Portion, is_plain, stretches
 from robotball.motion import ContactMotion, FaultKind
 from robotball.processes import allowed, in_processes
@@ -33,82 +36,81 @@ _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 _STOPPED = {FaultKind.DIVERGED, FaultKind.RESET, FaultKind.ENGINE_WARNED}
 
 
-@dataclass(frozen=True)
-class _Alone:
-    """Scene → its motion at times (n,) [s], in any process."""
-
-    settings: Settings
-    times: Array
-
-    def __call__(self, scene: Scene) -> ContactMotion:
-        return run(build(scene, self.settings), self.times)
-
-
 def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Iterator[ContactMotion]:
     """Yield the motions of scenes at times (n,) [s] from 0, in their order.
 
     Raises InputError as `build` and `run` do.
     """
-    alone = _Alone(settings, times)
-    first = build(scenes[0], settings)
-    check_length(first.scene, first.settings, times)
-    rolling = _Rolling(first, times)
-    if rolling.size >= allowed() and all(map(rolling.takes, scenes)):
-        yield from _in_threads(rolling, scenes, alone)
+    model, alone = build(scenes[0], settings), partial(_alone, settings, times)
+    check_length(model.scene, model.settings, times)
+    together = _Together(model, times)
+    if not (together.size >= allowed() and together.steps_alone and differ_in_start(scenes)):
+        yield from in_processes(alone, scenes, or_here=True)
         return
-    yield from in_processes(alone, scenes, or_here=True)
-
-
-def _in_threads(
-    rolling: "_Rolling", scenes: Sequence[Scene], alone: _Alone
-) -> Iterator[ContactMotion]:
-    """Yield the motions of scenes that the threads take."""
-    first, threads = rolling.model, allowed()
-    data = [mujoco.MjData(first.compiled) for _ in range(threads)]
+    data = [mujoco.MjData(model.compiled) for _ in range(allowed())]
     ahead = deque[tuple[Sequence[Scene], list[Model | None], Future[tuple[Array, float]]]]()
 
     def motions() -> Iterator[ContactMotion]:
         some, models, future = ahead.popleft()
         rows, seconds = future.result()
         left = iter(rows)
-        for scene, model in zip(some, models, strict=True):
-            yield (model and rolling.motion(model, next(left), seconds)) or alone(scene)
+        for scene, own in zip(some, models, strict=True):
+            yield (own and together.motion(own, next(left), seconds)) or alone(scene)
 
-    with Rollout(nthread=threads) as pool, ThreadPoolExecutor(1) as beside:
-        for i in range(0, len(scenes), rolling.size):
-            some = scenes[i : i + rolling.size]
-            models = [first.started(each) for each in some]
-            future = beside.submit(rolling.rows, pool, data, [*filter(None, models)])
+    with Rollout(nthread=len(data)) as pool, ThreadPoolExecutor(1) as beside:
+        for i in range(0, len(scenes), together.size):
+            some = scenes[i : i + together.size]
+            models = [_started(model, each) for each in some]
+            future = beside.submit(together.rows, pool, data, [*filter(None, models)])
             ahead.append((some, models, future))
             if len(ahead) > 1:
                 yield from motions()
         yield from motions()
 
 
-class _Rolling:
+def _alone(settings: Settings, times: Array, scene: Scene) -> ContactMotion:
+    return run(build(scene, settings), times)
+
+
+def _started(model: Model, scene: Scene) -> Model | None:
+    """Return the model of a scene with another start; None where that turns other hinges.
+
+    Its MjModel is that of `build`, in a fiftieth of the time; its text is not renewed.
+    """
+    settings, hinges = model.settings, hinges_of(scene, model.settings)
+    if [each.index for each in hinges] != [each.index for each in model.hinges]:
+        return None
+    compiled = copy(model.compiled)
+    qpos, qvel = state_at(scene, settings.root, scene.start, hinges)
+    mujoco.mj_normalizeQuat(compiled, qpos)  # as the compiler does
+    compiled.key_qpos[0], compiled.key_qvel[0] = qpos, qvel
+    if settings.start_in_equilibrium:
+        compiled.pair_margin[0] = carrying_depth(Chosen(scene, settings), copy(compiled))
+    started = replace(model, scene=scene, hinges=hinges)
+    vars(started)["compiled"] = compiled  # the property's own place
+    return started
+
+
+class _Together:
     """How runs of a model from several starts are stepped together.
 
     size: how many at once; groups: consecutive steps of one length [s], and their number, with one
-    more at the end, as sensors are those of the state before a step.
+    more at the end, as sensors are those of the state before a step; steps_alone: whether MuJoCo's
+    steps are all that a run consists of.
     """
 
     def __init__(self, model: Model, times: Array) -> None:
-        self.model, self.times, compiled = model, times, model.compiled
+        settings, compiled = model.settings, model.compiled
+        self.times = times
         self.parts = [*stretches(times, model.scene.breakpoints, compiled.opt.timestep)]
-        each = [(length, count) for part in self.parts for _, length, count in part]
-        grouped = groupby(each, key=lambda some: some[0])
+        spans = [(length, count) for part in self.parts for _, length, count in part]
+        grouped = groupby([*spans, (spans[-1][0], 1)], key=lambda span: span[0])
         self.groups = [(length, sum(n for _, n in some)) for length, some in grouped]
-        self.groups[-1] = (self.groups[-1][0], self.groups[-1][1] + 1)
         steps = sum(count for _, count in self.groups)
         self.size = int(_BYTES / (8 * steps * compiled.nsensordata))
-
-    def takes(self, scene: Scene) -> bool:
-        """Return whether a scene is that of the model but for its start, and a run steps alone."""
-        settings = self.model.settings
         # The guess from which a solver starts is no part of the state between two groups.
         guesses = settings.warmstart != "disable" and len(self.groups) > 1
-        same = replace(scene, start=self.model.scene.start) == self.model.scene
-        return same and not settings.adaptive and not guesses and is_plain(self.model)
+        self.steps_alone = not settings.adaptive and not guesses and is_plain(model)
 
     def rows(
         self, pool: Rollout, data: list[mujoco.MjData], models: list[Model]
@@ -139,14 +141,11 @@ class _Rolling:
         return None if _STOPPED & {kind for kind, _ in record.faults} else motion
 
     def _portions(self, sensors: Array) -> Iterator[Portion]:
-        rows = np.zeros((len(sensors), sensors.shape[1] + int(mujoco.mjtWarning.mjNWARNING)))
-        rows[:, : sensors.shape[1]] = sensors
-        begin = 0
+        rows = np.pad(sensors, ((0, 0), (0, int(mujoco.mjtWarning.mjNWARNING))))
         for part in self.parts:
-            count, samples = int(part.counts.sum()), part.samples
-            end = begin + count
-            if part is self.parts[-1]:
-                samples, end = np.append(samples, count), end + 1
+            count, samples, last = int(part.counts.sum()), part.samples, part is self.parts[-1]
+            if last:
+                samples = np.append(samples, count)
             longest = float(part.lengths.max())
-            yield Portion(rows[begin:end], samples, count, longest, again=list)
-            begin = end
+            yield Portion(rows[: count + last], samples, count, longest, again=list)
+            rows = rows[count:]

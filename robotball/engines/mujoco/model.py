@@ -6,9 +6,8 @@ state at the start, and the depth at which its contact carries the weight.
 
 import contextlib
 import warnings
-from collections.abc import Mapping, Sequence
-from copy import copy
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 from xml.etree import ElementTree
@@ -159,32 +158,8 @@ class Model:
         data = mujoco.MjData(self.compiled)
         mujoco.mj_resetDataKeyframe(self.compiled, data, 0)
         if start is not None:
-            data.qpos, data.qvel = _state_at(self.scene, self.settings.root, start, self.hinges)
+            data.qpos, data.qvel = state_at(self.scene, self.settings.root, start, self.hinges)
         return data
-
-    def coordinates(self, scenes: Sequence[Scene]) -> tuple[Array, Array]:
-        """Return qpos (n, nq) and qvel (n, nv) at the starts of scenes that turn these hinges."""
-        some = (_state_at(each, self.settings.root, each.start, self.hinges) for each in scenes)
-        qpos, qvel = zip(*some, strict=True)
-        return np.array(qpos), np.array(qvel)
-
-    def started(self, scene: Scene) -> "Model | None":
-        """Return the model of the same scene with another start; None if it turns other hinges.
-
-        Its MjModel is that of `build`, in a fiftieth of the time; its text is not renewed.
-        """
-        hinges = hinges_of(scene, self.settings)
-        if [each.index for each in hinges] != [each.index for each in self.hinges]:
-            return None
-        compiled = copy(self.compiled)
-        qpos, qvel = _state_at(scene, self.settings.root, scene.start, hinges)
-        mujoco.mj_normalizeQuat(compiled, qpos)  # as the compiler does
-        compiled.key_qpos[0], compiled.key_qvel[0] = qpos, qvel
-        if self.settings.start_in_equilibrium:
-            compiled.pair_margin[0] = _carrying_depth(Chosen(scene, self.settings), compiled)
-        model = replace(self, scene=scene, hinges=hinges)
-        vars(model)["compiled"] = compiled  # the property's own place
-        return model
 
 
 def build(scene: Scene, settings: Settings) -> Model:
@@ -197,9 +172,8 @@ def build(scene: Scene, settings: Settings) -> Model:
     hinges = hinges_of(scene, chosen.settings)
     root, pair = _compose(chosen, hinges)
     if chosen.settings.start_in_equilibrium:
-        pair.margin = _carrying_depth(
-            chosen, compiled_model(_text_of(root), chosen.settings.softness)
-        )
+        trial = compiled_model(_text_of(root), chosen.settings.softness)
+        pair.margin = carrying_depth(chosen, trial)
     model = Model(scene, chosen.settings, _text_of(root), hinges)
     assert model.compiled is not None  # an InputError is raised here, if at all
     return model
@@ -267,14 +241,14 @@ def _compose(chosen: Chosen, hinges: tuple[ModelHinge, ...]) -> tuple[Any, Any]:
     pair = root.contact.add("pair", geom1="floor", geom2=_SPHERE)
     _fill(pair, values | own)
     _add_sensors(root, scene, settings.root, hinges)
-    qpos, qvel = _state_at(scene, settings.root, scene.start, hinges)
+    qpos, qvel = state_at(scene, settings.root, scene.start, hinges)
     ctrl = np.array(controls_at(scene, hinges, 0.0))
     actuated = {"ctrl": ctrl} if len(ctrl) else {}  # no empty attribute
     root.keyframe.add("key", name=START, qpos=qpos, qvel=qvel, **actuated)
     return root, pair
 
 
-def _state_at(
+def state_at(
     scene: Scene, root: str, start: Start, hinges: tuple[ModelHinge, ...]
 ) -> tuple[Array, Array]:
     """Return qpos and qvel of a start on the constraints, for the body with the free joint."""
@@ -461,11 +435,11 @@ def compiled_model(xml: str, softness: float = 1.0) -> Any:
     return model
 
 
-def _carrying_depth(chosen: Chosen, model: mujoco.MjModel) -> float:
+def carrying_depth(chosen: Chosen, model: mujoco.MjModel) -> float:
     """Return the depth [m] at which the contact carries the weight, for the pair's margin.
 
     With it the ball starts at rest vertically, its centre at the height of its radius. `model` is
-    tried with several. Raises InputError where there is no such depth, for the contact has no
+    tried, and changed. Raises InputError where there is no such depth, for the contact has no
     stiffness.
     """
     softness, stiffness = chosen.settings.softness, chosen.normal_reference[0]
@@ -474,7 +448,7 @@ def _carrying_depth(chosen: Chosen, model: mujoco.MjModel) -> float:
             f"the contact cannot carry the ball at any depth: solref {chosen.solref} has no "
             "stiffness; give another, or start_in_equilibrium off"
         )
-    data, noslip = mujoco.MjData(model), model.opt.noslip_iterations
+    data = mujoco.MjData(model)
     if softness < 1:
         # So hard a contact hardly slips without the noslip solver. That takes the acceleration from
         # the forces, whose rounding is magnified until no depth is found.
@@ -491,7 +465,6 @@ def _carrying_depth(chosen: Chosen, model: mujoco.MjModel) -> float:
     with warnings.catch_warnings(), contextlib.suppress(ValueError):  # no secant to follow
         warnings.simplefilter("ignore")
         found = root_scalar(vertical_acceleration, x0=scale, x1=1.1 * scale, xtol=1e-16)
-        model.opt.noslip_iterations = noslip
         if found.converged and 0 < found.root < np.inf:
             return float(found.root)
     # A ball that slips from the start is thrown up at any depth; the normal force alone has one.

@@ -24,7 +24,7 @@ from robotball.engines.adapter import (
 )
 from robotball.engines.links import State
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.model import Model, ModelHinge, build, controls_at
+from robotball.engines.mujoco.model import Model, ModelHinge, build, controls_at, state_at
 from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings
 from robotball.errors import InputError
 from robotball.motion import Label
@@ -79,7 +79,7 @@ class _MjxWorld(World):
         self.model = mjx.put_model(model, device)
         self.data, self.calls = mjx.put_data(model, start, device), 0
         if scenes:
-            n, (qpos, qvel) = len(scenes), self.built.coordinates(scenes)
+            n, (qpos, qvel) = len(scenes), _coordinates(self.built, scenes)
             many = jax.tree.map(lambda x: jax.numpy.broadcast_to(x, (n, *x.shape)), self.data)
             self.data = jax.device_put(many.replace(qpos=qpos, qvel=qvel), device)
         for _ in range(2):  # compiles; the data of the second have the types that a step gives
@@ -124,6 +124,13 @@ def shell_state(model: Model, qpos: Array, qvel: Array) -> State:
     turning = np.einsum("...ij,...j->...i", rotation_matrix(attitude), qvel[..., 3:6])
     centre = np.where(broken, np.nan, qpos[..., :3])
     return State(centre, qvel[..., :3], attitude, turning, angles, rates)
+
+
+def _coordinates(model: Model, scenes: Sequence[Scene]) -> tuple[Array, Array]:
+    """Return qpos (n, nq) and qvel (n, nv) at the starts of scenes."""
+    root, hinges = model.settings.root, model.hinges
+    qpos, qvel = zip(*(state_at(s, root, s.start, hinges) for s in scenes), strict=True)
+    return np.array(qpos), np.array(qvel)
 
 
 def _device(world: World, settings: ModelSettings, cuda: bool) -> str:
@@ -215,7 +222,7 @@ class _WarpWorld(SteppedWorld):
             mujoco_warp.step(self.model, self.data)  # compiles; not of the run
             self.data = mujoco_warp.put_data(self.built.compiled, start, self.n)
             if scenes:
-                qpos, qvel = self.built.coordinates(scenes)
+                qpos, qvel = _coordinates(self.built, scenes)
                 self.data.qpos.assign(qpos.astype(np.float32))
                 self.data.qvel.assign(qvel.astype(np.float32))
 

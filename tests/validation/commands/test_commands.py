@@ -24,6 +24,9 @@ from validation.studies.portrait_maps import PLANES
 RUNS = {
     "scenes": r"fig12 +rubber +10 s",
     "compare fig12 --duration 1 --keep-going": r"rubber +balanced +5 .* agrees plots: out/fig12-",
+    "compare fig12 --starts 3 --duration 1 --preset fast --seed 2 --json a.json": (
+        r"fig12 +fast +path error +3 +0 "
+    ),
     "engines wobbling_drive --only mujoco --quick --duration 0.2 --workers 1": "MuJoCo",
     "model fig12 --explain": r"one along K \+ \(J_s \+ d\)Ω makes the same motion",
     "model chaplygin_ball --explain": (

@@ -113,6 +113,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"settings": "wild"}, "no preset is called 'wild'"),
     ({"engine": "none"}, "no engine is called 'none'"),
     ({"times": np.array([0.0, 0.0])}, "times"),
+    ({"device": "cuda"}, "MuJoCo has no choice of a device"),
     ({"starts": None}, "give starts with one scene, and none with several"),
     ({"scene": [FIG12]}, "give starts with one scene, and none with several"),
 ]

@@ -1,0 +1,90 @@
+"""Many random starts: the errors are those of runs one by one, however they are shared out."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import robotball as rb
+from validation import ManyRuns, compare, compare_many, many_runs
+from validation.study import scene_cell
+
+TIMES = rb.sample_times(1.0)
+
+
+def starts_of(scene: rb.Scene, count: int) -> list[rb.Start]:
+    randoms = (np.random.default_rng([7, i]) for i in range(count))
+    return [many_runs.random_start(scene, each) for each in randoms]
+
+
+# Compiled steps in lanes; the same of the classical model; in processes: a drive that changes, and
+# the equations of any robot.
+@pytest.mark.parametrize(
+    "name", ["fig12", "classical_regular", "wobbling_drive", "offset_routh_sphere"]
+)
+def test_errors_are_those_of_comparisons_one_by_one(name: str) -> None:
+    """To 1e-5 of themselves: measured 3e-8, as the references have other steps."""
+    scene = rb.load_scene(name)
+    starts = starts_of(scene, 3)
+    rows = compare_many(scene, starts, "fast", TIMES).rows
+    for row, start in zip(rows, starts, strict=True):
+        one = compare(replace(scene, start=start), "fast", TIMES)
+        for error in many_runs.ERRORS:
+            assert row[error] == pytest.approx(getattr(one, error), rel=1e-5)
+        assert (row["fault"], row["agrees"]) == (None, True)
+
+
+def test_a_broken_run_is_counted_and_has_no_error() -> None:
+    """Too little friction ends a run; percentiles are of the runs that have errors, if any."""
+    scene, slippery = rb.load_scene("fig12"), replace(rb.preset("fast"), sliding_friction=0.05)
+    found = compare_many(scene, starts_of(scene, 3), slippery, TIMES)
+    none = found.summary("path_error")
+    assert none["faulty"] == 3
+    assert {none[name] for name in many_runs.PERCENTILES} == {None}
+    row = {"path_error": 1.0, "fault": None, "agrees": True, "seconds": 1.0}
+    rows = tuple(row | {"path_error": float(i)} for i in range(101))
+    broken = row | {"path_error": None, "fault": "SLIPPED"}
+    counts = {"runs": 102, "faulty": 1, "runs_per_second": 1.0}
+    percentiles = {"p5": 5.0, "p50": 50.0, "p95": 95.0, "worst": 100.0}
+    assert ManyRuns((*rows, broken)).summary("path_error") == counts | percentiles
+
+
+def whole() -> dict[str, Any]:
+    more = {"engine": "mujoco", "preset": "fast", "keep_going": False, "seed": 3, "control": ()}
+    return scene_cell("fig12", 0.5) | more
+
+
+def without_seconds(rows: Any) -> list[dict[str, Any]]:
+    return [{**each, "seconds": 0.0} for each in rows]
+
+
+def test_cells_are_parts_of_the_whole() -> None:
+    """A start depends on its number alone, so that a cluster's cells have the same runs."""
+    alone = many_runs.of_cell(whole() | {"first": 0, "count": 5})["rows"]
+    parts = [whole() | {"first": i, "count": count} for i, count in ((0, 2), (2, 3))]
+    rows = [row for each in parts for row in many_runs.of_cell(each)["rows"]]
+    assert without_seconds(rows) == without_seconds(alone)
+
+
+@pytest.fixture
+def cluster() -> Iterator[str]:
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
+@pytest.mark.slow
+def test_a_cluster_gives_the_same_rows(
+    tmp_path: Path, cluster: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In cells of two starts; a cell that fails is refused with its reason."""
+    monkeypatch.setattr(many_runs, "_CELL", 2)
+    here, there = (many_runs.many_runs(whole(), 5, at, tmp_path) for at in (None, cluster))
+    assert without_seconds(there.rows) == without_seconds(here.rows)
+    with pytest.raises(rb.InputError, match="no scene is called 'nowhere'"):
+        many_runs.many_runs(whole() | {"scene": "nowhere"}, 1, cluster, tmp_path)

@@ -26,4 +26,4 @@ for condim in (3, 4, 6):
     print(f"condim {condim}:", lost(condim))
 print("expected: 0.175 by condim 6, and nothing by the others")
 print("version: MuJoCo", version("mujoco"))
-print("verdict: documented; MuJoCo's manual, Modeling, Contact parameters, condim")
+print("verdict: documented; MuJoCo's manual, Modeling, Preventing slip")

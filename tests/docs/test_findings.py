@@ -12,6 +12,7 @@ FOLDER = Path(__file__).parents[2] / "docs/findings"
 PACKAGES = {
     "mujoco": "mujoco", "warp": "mujoco_warp", "pybullet": "pybullet", "drake": "pydrake",
     "exudyn": "exudyn", "pinocchio": "pinocchio", "dart": "dartpy", "physx": "sapien",
+    "newton": "newton", "mjx": "jax",
 }  # fmt: skip
 FIRST_ORDER = "with a rotor: 0.04499 0.04501"  # 0.0450016 in four engines
 # Of every line that a script prints: its label, and bounds close to what was measured.
@@ -33,6 +34,9 @@ EXPECTED = {
         "pyramidal, impratio 100, 0.006 m: 0.85 0.9; elliptic, impratio 100, 0.0001 m: 0.98 1; "
         "elliptic, impratio 100, 0.002 m: 0.98 1; elliptic, impratio 100, 0.006 m: 0.98 1; "
         "elliptic at 0.1 m/s: 0.21 0.23; in contact, 0.015 m at 2 m/s: 0.2 0.4",
+    "mujoco_creep":
+        "impratio 1: 0.999999 1.000001; impratio 10: 0.999999 1.000001; "
+        "impratio 100: 0.999999 1.000001; noslip: -1e-15 1e-15",
     "mujoco_newton_stops":
         "default tolerance, iterations: 0 0; default tolerance, slip: 0.34 0.36; "
         'default tolerance, warnings: 0 0; tolerance="0", iterations: 1 100; '
@@ -62,6 +66,11 @@ EXPECTED = {
     # The latter is of the overlap's lever arm.
     "drake_fixed_accuracy": "by the config: 6e-4 7.3e-4; by the integrator: 0.95e-5 1.2e-5",
     "exudyn_fast_rotor": "2 ms: 6.4e-3 6.9e-3; 0.5 ms: 2.4e-6 2.7e-6",
+    "exudyn_sensor_times": "rows: 101 101; off: 0.0074 0.0076",
+    "newton_torsional": "as it comes: 0.9999 1.0001; with condim 4: -1e-6 1e-6",
+    "mjx_nan":
+        "MuJoCo, 0.01: 1.0713 1.0715; MuJoCo, 1e-06: 1.0713 1.0715; "
+        "MJX, 0.01: 1.0713 1.0715; MJX, 0.01, finite: 1 1; MJX, 1e-06, finite: 0 0",
     "pinocchio_rolling": "along: 0 1e-12; across: 1.714 1.715; up: -4.001 -3.999",
     "pinocchio_drift":
         "corrector 0 /s: 0.1 0.103; corrector 10 /s: 2.4e-3 2.5e-3; "
@@ -94,10 +103,22 @@ def test_a_finding_is_what_its_script_prints(name: str, tmp_path: Path) -> None:
 
 
 def test_every_finding_has_its_figures_here_and_its_line_in_the_page() -> None:
-    """No script without a test, none that a reader does not find, and nothing of ours in one."""
-    page = (FOLDER.parent / "engines.md").read_text()
+    """No script without a test, none that a reader does not find, and nothing of ours in one.
+
+    Its verdict and its reference are those that the page has; a report that it names is there.
+    """
+    page = (FOLDER.parent / "findings.md").read_text()
     scripts = {file.stem: file.read_text() for file in FOLDER.glob("*.py")}
     assert scripts.keys() == EXPECTED.keys()
-    assert {name for name in scripts if f"findings/{name}.py" not in page} == set()
     ours = re.compile(r"^\s*(import|from) (robotball|validation)", re.M)
     assert {name for name, text in scripts.items() if ours.search(text)} == set()
+    rows = r"^\| \[`(\w+)`\]\(findings/\1\.py\) \| .* \| (\w+) \| (.*) \|$"
+    linked = {name: (verdict, where) for name, verdict, where in re.findall(rows, page, re.M)}
+    for name, text in scripts.items():
+        ((verdict, where),) = re.findall(r'^print\("verdict: (\w+); (.+)"\)$', text, re.M)
+        assert verdict in ("bug", "documented", "open"), name
+        assert linked[name] == (verdict, linked[name][1]), name
+        assert re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", linked[name][1]) == where, name
+        assert {"expected: ", "version: "} <= set(re.findall(r'^print\("(\w+: )', text, re.M)), name
+    reports = {file.stem for file in (FOLDER / "reports").glob("*.md")}
+    assert reports == {name for name in scripts if f"see reports/{name}.md" in scripts[name]}

@@ -30,10 +30,8 @@ from robotball.rotations import rotation_matrix
 from validation.options import AGREES, Sweep, SweepOptions, seconds_of
 from validation.output import writable_folder, write_text
 from validation.results import changed
-from validation.studies import bare_steps
+from validation.studies import bare_steps, engine_study
 from validation.studies.engine_runs import Contestant, fixed_work, install, pip, python_of
-from validation.studies.engine_study import answer_of
-from validation.studies.engine_study import measure as measure_run
 from validation.study import Column, Row, Study, scene_cell, show, table_of
 from validation.sweeps import Cell, Result
 
@@ -167,7 +165,7 @@ def _bare(cell: Cell, python: str, preset: str) -> dict[str, Any]:
 
 def _stepped(python: str, xml: str, interval: float, samples: int) -> dict[str, Any]:
     task = {"xml": xml, "interval": interval, "samples": samples, "rounds": _ROUNDS}
-    return answer_of(python, bare_steps.__name__, task)
+    return engine_study.answer_of(python, bare_steps.__name__, task)
 
 
 def _free_body(python: str) -> float | None:
@@ -186,7 +184,7 @@ def _adapted(cell: Cell, python: str, preset: str) -> dict[str, Any]:
     name = engine.ladders[preset][0]
     run = {**cell, "contestant": "", "preset": preset, "field": name, "interpreter": python}
     value = getattr(engine.presets[preset], name)
-    told = measure_run({**run, "value": value, "rounds": _ROUNDS, "stretches": False})
+    told = engine_study.measure({**run, "value": value, "rounds": _ROUNDS, "stretches": False})
     cost, fault = told["seconds"] / told["fixed_work"], "; ".join(told["faults"][:1])
     return {"error": told["path_error"], "fault": fault, "cost": cost}
 
@@ -206,13 +204,17 @@ def changes_of(rows: Sequence[Row], *only: str) -> list[tuple[str, Row, Row]]:
 
 def rows_of(results: Sequence[Result]) -> list[Row]:
     """Return a row a version, with its speed over the newest's and what changed in it."""
-    rows = [{**each.cell, **(each.record or {}), "failure": each.failure} for each in results]
+    # A version without a record has the same columns, empty.
+    empty = dict.fromkeys(key for each in results for key in each.record or ())
+    rows = [
+        {**each.cell, **empty, **(each.record or {}), "failure": each.failure} for each in results
+    ]
     newest = next((row["recipe_cost"] for row in rows[::-1] if row.get("recipe_cost")), None)
     changes = changes_of(rows)
     for row in rows:
         row["speed"] = newest / row["recipe_cost"] if row.get("recipe_cost") else None
-        faults = (row["failure"], row.get("as_it_comes_fault"), row.get("recipe_fault"))
-        row["fault"] = re.sub(r"^\w+Error: ", "", next(filter(None, faults), ""))
+        fault = row["failure"] or row.get("as_it_comes_fault") or ""
+        row["fault"] = re.sub(r"^\w+Error: ", "", fault)
         row["changed"] = ", ".join(NUMBERS[number] for number, _, after in changes if after is row)
     return [*rows]
 
@@ -244,6 +246,7 @@ COLUMNS = (
     *(Column(words, number) for number, words in NUMBERS.items()),
     Column("speed", "speed", form=".2f"), Column("recipe without", "recipe_without", words=True),
     Column("changed", "changed", words=True), Column("first fault", "fault", words=True),
+    Column("recipe: first fault", "recipe_fault", words=True),
 )  # fmt: skip
 
 
@@ -251,7 +254,8 @@ def _page(rows: Sequence[Row], lines: Sequence[str]) -> str:
     """Return the table and the changes as Markdown."""
     table = [[each.header for each in COLUMNS], ["---"] * len(COLUMNS)]
     table += [[each.text(row) for each in COLUMNS] for row in rows]
-    return "\n".join([*(f"| {' | '.join(each)} |" for each in table), "", *lines, ""])
+    cells = map("| {} |".format, map(" | ".join, table))
+    return "\n".join([*cells, "", *map("* {}".format, lines), ""])
 
 
 def _picture(title: str, rows: Sequence[Row]) -> Figure:

@@ -88,7 +88,7 @@ def test_bisection_names_the_version_that_changed_a_number(
 
 
 def result(version: str, recipe: float | None, cost: float = 1.0) -> Result:
-    record = {"recipe": recipe, "recipe_cost": cost, "recipe_fault": "slip"}
+    record = {"recipe": recipe, "recipe_cost": cost, "as_it_comes_fault": "slip"}
     return Result({"version": version}, record, None)
 
 

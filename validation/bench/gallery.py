@@ -37,6 +37,7 @@ _PICTURES = {
     },
 }
 _BY_NAME = {
+    "history mujoco": {"fig12-mujoco-history.png": "history.png"},
     "engines fig12 classical_regular": {
         "fig12-engines.png": "engines.png",
         "classical_regular-engines.png": "engines-classical.png",

@@ -31,9 +31,8 @@ from robotball.rotations import rotation_matrix
 from validation.options import AGREES, Sweep, SweepOptions, seconds_of
 from validation.output import writable_folder, write_text
 from validation.results import changed
-from validation.studies import bare_steps
+from validation.studies import bare_steps, engine_study
 from validation.studies.engine_runs import Contestant, fixed_work, install, python_of
-from validation.studies.engine_study import measure as measure_run
 from validation.study import Column, Row, Study, scene_cell, show, table_of
 from validation.sweeps import Cell, Result
 
@@ -131,12 +130,10 @@ def measure(cell: Cell) -> dict[str, Any]:
     if folder := cell["environments"]:
         python, date = _environment(name, cell["version"], Path(folder))
     record = {"date": date, "free_body": _free_body(python) if ours else None}
-    presets = {"as_it_comes": engine.as_it_comes, "recipe": engine.default}
-    for number, preset in presets.items():
-        if preset not in engine.presets:  # its newcomer has no contact to begin with
-            continue
-        found = (_bare if ours else _adapted)(cell, python, preset)
-        record |= {number: found.pop("error")} | {f"{number}_{key}": found[key] for key in found}
+    for number, preset in (("as_it_comes", engine.as_it_comes), ("recipe", engine.default)):
+        if preset in engine.presets:
+            found = (_bare if ours else _adapted)(cell, python, preset)
+            record |= {number: found.pop("error"), **{f"{number}_{x}": found[x] for x in found}}
     return record
 
 
@@ -188,16 +185,19 @@ def _adapted(cell: Cell, python: str, preset: str) -> dict[str, Any]:
     name = engine.ladders[preset][0]
     run = {**cell, "contestant": "", "preset": preset, "field": name, "interpreter": python}
     value = getattr(engine.presets[preset], name)
-    told = measure_run({**run, "value": value, "rounds": _ROUNDS, "stretches": False})
+    told = engine_study.measure({**run, "value": value, "rounds": _ROUNDS, "stretches": False})
     cost, fault = told["seconds"] / told["fixed_work"], "; ".join(told["faults"][:1])
     return {"error": told["path_error"], "fault": fault, "cost": cost}
 
 
-def changes_of(rows: Sequence[Row]) -> list[tuple[str, Row, Row]]:
-    """Return each number that changed, with the rows of the two versions between which it did."""
+def changes_of(rows: Sequence[Row], *only: str) -> list[tuple[str, Row, Row]]:
+    """Return each number that changed, with the rows of the two versions between which it did.
+
+    only: the numbers to look at, all if not given.
+    """
     return [
         (number, before, after)
-        for number in NUMBERS
+        for number in only or NUMBERS
         for before, after in pairwise(row for row in rows if row.get(number) is not None)
         if differ(before[number], after[number])
     ]
@@ -205,38 +205,41 @@ def changes_of(rows: Sequence[Row]) -> list[tuple[str, Row, Row]]:
 
 def rows_of(results: Sequence[Result]) -> list[Row]:
     """Return a row a version, with its speed over the newest's and what changed in it."""
-    rows = [{**each.cell, **(each.record or {}), "failure": each.failure} for each in results]
+    # A version without a record has the same columns, empty.
+    empty = dict.fromkeys(key for each in results for key in each.record or ())
+    rows = [
+        {**each.cell, **empty, **(each.record or {}), "failure": each.failure} for each in results
+    ]
     newest = next((row["recipe_cost"] for row in rows[::-1] if row.get("recipe_cost")), None)
     changes = changes_of(rows)
     for row in rows:
         row["speed"] = newest / row["recipe_cost"] if row.get("recipe_cost") else None
-        faults = (row["failure"], row.get("as_it_comes_fault"), row.get("recipe_fault"))
-        row["fault"] = next(filter(None, faults), "").removeprefix("InputError: ")
+        fault = row["failure"] or row.get("as_it_comes_fault") or ""
+        row["fault"] = re.sub(r"^\w+Error: ", "", fault)
         row["changed"] = ", ".join(NUMBERS[number] for number, _, after in changes if after is row)
     return [*rows]
 
 
 def changelog_line(changelog: str, version: str, word: str) -> str:
     """Return the first sentence of a version's first entry with the word; empty without one."""
-    sections = re.split(r"^Version (\S+) .*\n-+$", changelog, flags=re.MULTILINE)
-    text = dict(zip(sections[1::2], sections[2::2], strict=True)).get(version, "")
-    for entry in re.split(r"^ *\d+\. ", text, flags=re.MULTILINE)[1:]:
-        if word in entry:
-            plain = re.sub(r":commit:`\w+` ", "", " ".join(entry.split()))
-            plain = re.sub(r":[\w-]+:`([^`<]*?)(?: *<[^`]*>)?`", r"\1", plain).replace("``", "")
-            return re.split(r"(?<=\.) (?=[A-Z])", plain)[0]
-    return ""
+    heading = rf"^Version {re.escape(version)} .*?(?=^Version |\Z)"
+    section = re.search(heading, changelog, re.MULTILINE | re.DOTALL)
+    entries = re.split(r"^ *\d+\. ", section[0] if section else "", flags=re.MULTILINE)[1:]
+    entry = " ".join(next((each for each in entries if word in each), "").split())
+    plain = re.sub(r":commit:`\w+` |``", "", entry)
+    plain = re.sub(r":[\w-]+:`([^`<]*?)(?: *<[^`]*>)?`", r"\1", plain)
+    return re.split(r"(?<=\.) (?=[A-Z])", plain)[0]
 
 
 def lines_of(changes: Sequence[tuple[str, Row, Row]], package: str) -> list[str]:
     """Return each change in a line, with the words of the changelog in our version's package."""
     carried = Path(sys.prefix).glob(f"lib/*/site-packages/{package}/doc/changelog.rst")
-    log, lines = "".join(each.read_text(encoding="utf-8") for each in carried), []
-    for number, before, after in changes:
-        words = changelog_line(log, after["version"], _WORDS[number]) or "not in a changelog"
-        was = f"{before[number]:.1e} in {before['version']}"
-        lines += [f"{NUMBERS[number]}: {was}, {after[number]:.1e} in {after['version']}: {words}"]
-    return lines
+    log = "".join(each.read_text(encoding="utf-8") for each in carried)
+    return [
+        f"{NUMBERS[number]}: {before[number]:.1e} in {before['version']}, {after[number]:.1e} in "
+        f"{after['version']}: {changelog_line(log, after['version'], _WORDS[number]) or 'no word'}"
+        for number, before, after in changes
+    ]
 
 
 COLUMNS = (
@@ -244,6 +247,7 @@ COLUMNS = (
     *(Column(words, number) for number, words in NUMBERS.items()),
     Column("speed", "speed", form=".2f"), Column("recipe without", "recipe_without", words=True),
     Column("changed", "changed", words=True), Column("first fault", "fault", words=True),
+    Column("recipe: first fault", "recipe_fault", words=True),
 )  # fmt: skip
 
 
@@ -251,7 +255,8 @@ def _page(rows: Sequence[Row], lines: Sequence[str]) -> str:
     """Return the table and the changes as Markdown."""
     table = [[each.header for each in COLUMNS], ["---"] * len(COLUMNS)]
     table += [[each.text(row) for each in COLUMNS] for row in rows]
-    return "\n".join([*(f"| {' | '.join(each)} |" for each in table), "", *lines, ""])
+    cells = map("| {} |".format, map(" | ".join, table))
+    return "\n".join([*cells, "", *map("* {}".format, lines), ""])
 
 
 def _picture(title: str, rows: Sequence[Row]) -> Figure:
@@ -262,7 +267,7 @@ def _picture(title: str, rows: Sequence[Row]) -> Figure:
     drawn = {**NUMBERS, "speed": "speed, newest = 1"}
     for (number, words), mark in zip(drawn.items(), "sod.", strict=True):
         sizes = [abs(row.get(number) or np.nan) for row in rows]
-        axes.semilogy(at, sizes, f"{mark}-", label=words)
+        axes.semilogy(at, sizes, f"{mark}-", drawstyle="steps-post", label=words)
     for place, row in zip(at, rows, strict=True):
         if row["changed"]:
             axes.text(place, 0.5, row["version"], rotation=90, transform=axes.get_xaxis_transform())
@@ -282,6 +287,7 @@ Number = DisallowNone[
 class History:
     """Measure an engine in every released version, each in an environment of its own.
 
+    --quick measures the version that is installed here alone, without pip.
     Example: robotball history mujoco --from 3.5
     """
 
@@ -308,7 +314,7 @@ class History:
         first, last = self.bisect or (self.since, self.to)
         end = places_of(versions, last)[-1] if last else len(versions) - 1
         start = places_of(versions, first)[-1 if self.bisect else 0] if first else 0
-        versions = versions[start : end + 1]
+        versions = versions[min(start, end) : max(start, end) + 1]
         if self.bisect:
             return self._bisect(versions)
         return self._table(versions if self.every else last_patches(versions))
@@ -337,12 +343,11 @@ class History:
 
     def _bisect(self, versions: Sequence[str]) -> int:
         """Print where each number changed; of the versions between, few are measured."""
-        ends = changes_of(self._rows([versions[0], versions[-1]]))
-        chosen = [each for each, *_ in ends if (self.of or each).replace("-", "_") == each]
-        show([] if chosen else [f"the same in {versions[0]} and {versions[-1]}"])
-        for number in chosen:
+        ends, package = self._rows([versions[0], versions[-1]]), _package(self.engine)
+        changes = changes_of(ends, *(self.of.replace("-", "_"),) if self.of else ())
+        show([] if changes else [f"the same in {versions[0]} and {versions[-1]}"])
+        for number, *_ in changes:
             pair = bisect(len(versions), lambda i: self._rows([versions[i]])[0], number)
-            found = changes_of(self._rows([versions[i] for i in pair]))
-            found = [each for each in found if each[0] == number]
-            show(map(escape, lines_of(found, _package(self.engine))))
+            rows = self._rows([versions[i] for i in pair])
+            show(map(escape, lines_of(changes_of(rows, number), package)))
         return AGREES

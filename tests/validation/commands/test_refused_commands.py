@@ -25,6 +25,8 @@ REFUSED = {
     "compair fig12": r"^robotball: no command is called 'compair'; did you mean compare\?$",
     "compare": "compare needs a scene",
     "compare fig112": "no scene is called 'fig112'; did you mean fig12",
+    "history mujco": "no engine is called 'mujco'; did you mean mujoco",
+    "history multibody": "multibody comes with robotball: it has no released versions",
     "judge fig112 a.csv": "no scene is called 'fig112'; did you mean fig12",
     "compare fig12 --preset balancd": r"no preset is called 'balancd'; did you mean balanced\?",
     "compare fig12 fast": "'fast' is a preset and no scene: write --preset fast",

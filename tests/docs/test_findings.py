@@ -62,6 +62,9 @@ EXPECTED = {
     # The latter is of the overlap's lever arm.
     "drake_fixed_accuracy": "by the config: 6e-4 7.3e-4; by the integrator: 0.95e-5 1.2e-5",
     "exudyn_fast_rotor": "2 ms: 6.4e-3 6.9e-3; 0.5 ms: 2.4e-6 2.7e-6",
+    "exudyn_explicit":
+        "TrapezoidalIndex2, 200 µs: 0 1e-5; RK44, 30 µs: 1e-4 1e-2; RK44, 10 µs: 1e-4 1e-2; "
+        "DOPRI5, 10 µs: 0 1e-5; joint taken: 0 0",
     "pinocchio_rolling": "along: 0 1e-12; across: 1.714 1.715; up: -4.001 -3.999",
     "pinocchio_drift":
         "corrector 0 /s: 0.1 0.103; corrector 10 /s: 2.4e-3 2.5e-3; "

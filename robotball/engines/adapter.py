@@ -210,7 +210,7 @@ def spins(scene: Scene, settings: DampedSettings) -> str | None:
 
 # Parts of a run that are ours.
 AGAINST_SPIN = "torque against spin"
-CONSTRAINTS = "constraints and steps"
+CONSTRAINTS = "constraints, steps"
 
 
 def _nothing(scene: Scene, settings: Any) -> str | None:

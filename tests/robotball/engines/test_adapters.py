@@ -17,8 +17,8 @@ from robotball import FaultKind
 from robotball.engine import OURS
 from robotball.engines.adapter import (
     Adapter,
-    DampedSettings,
     IdealWorld,
+    PointSettings,
     ServoWorld,
     StepSettings,
     by_name,
@@ -166,7 +166,7 @@ class _Dynamics(IdealWorld):
     """Pinocchio's world on MuJoCo's mass matrix and bias."""
 
     def __init__(self, scene: Scene, settings: Any, step: float) -> None:
-        super().__init__(scene, settings.stepper, settings.rtol)
+        super().__init__(scene, settings)
         self.form = SecondForm(scene)
 
     def dynamics(self, state: State) -> tuple[Array, Array]:
@@ -233,7 +233,7 @@ def test_an_adapter_is_told_without_its_package(name: str, monkeypatch: pytest.M
 
 def test_a_torque_against_spin_goes_with_inertia_over_step() -> None:
     """Of the least moment, 0.35 kg m² in the ball of Fig. 12; a classical ball may spin."""
-    settings = DampedSettings(name="", error_tolerance=1.0, timestep=1e-3, spin_part=2.0)
+    settings = PointSettings(name="", error_tolerance=1.0, timestep=1e-3, spin_part=2.0)
     for step in (4e-3, 1e-4):
         assert spin_damping(FIG12, settings, step) == pytest.approx(2 * 0.35 / step, rel=1e-12)
     assert spin_damping(rb.load_scene("classical_regular"), settings, 1e-3) == 0.0

@@ -195,16 +195,20 @@ def by_name(*presets: Own) -> dict[str, Own]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DampedSettings(StepSettings):
-    """Settings of an engine whose point contact resists no spin.
+class PointSettings(StepSettings):
+    """Settings of an engine whose point contact resists no spin, or that needs none.
 
     spin_part: of inertia over step, for a torque of ours against the spin; None for no torque.
+    ideal: the steps of our own constraints on the engine's mass matrix and bias, None for its own
+    contact; rtol: of DOP853.
     """
 
     spin_part: float | None = None
+    ideal: Literal["RK4", "DOP853"] | None = None
+    rtol: float = 1e-12
 
 
-def spin_damping(scene: Scene, settings: DampedSettings, step: float) -> float:
+def spin_damping(scene: Scene, settings: PointSettings, step: float) -> float:
     """Return the c of our torque -c (ω, e_z) on a rubber shell [N m s], and 0 where there is none.
 
     An explicit torque is stable up to twice inertia over step, of the ball's least moment.
@@ -221,16 +225,11 @@ def no_torsion(scene: Scene, instead: str = "the shell spins freely") -> str | N
     return f"its contact has no torsional friction: {instead}"
 
 
-def spins(scene: Scene, settings: DampedSettings) -> str | None:
+def spins(scene: Scene, settings: PointSettings) -> str | None:
     """Return that the shell spins freely, or that a torque of ours damps that; None if neither."""
-    if settings.spin_part is None:
-        return no_torsion(scene)
+    if settings.ideal or settings.spin_part is None:
+        return None if settings.ideal else no_torsion(scene)
     return no_torsion(scene, "a torque of ours damps the spin")
-
-
-# Parts of a run that are ours.
-AGAINST_SPIN = "torque against spin"
-CONSTRAINTS = "constraints and steps"
 
 
 def _nothing(scene: Scene, settings: Any) -> str | None:
@@ -478,19 +477,16 @@ def version_of(distribution: str) -> str:
         return "not installed"
 
 
-Stepper = Literal["RK4", "DOP853"]
-
-
 class IdealWorld(World):
     """A world that asks an engine for its dynamics, and takes the steps itself.
 
-    stepper: of fixed steps, or DOP853, which chooses its own, none longer than the timestep, by an
-    error of `rtol` in one step.
+    They are of fixed length, or DOP853's, which chooses its own, none longer than the timestep, by
+    an error of `rtol` in one step.
     """
 
-    def __init__(self, scene: Scene, stepper: Stepper, rtol: float) -> None:
+    def __init__(self, scene: Scene, settings: PointSettings) -> None:
         super().__init__(scene)
-        self.stepper, self.rtol, self.evaluations = stepper, rtol, 0
+        self.stepper, self.rtol, self.evaluations = settings.ideal, settings.rtol, 0
         a, h = scene.ball.radius, len(scene.drives)
         rolling = np.array([[0.0, a, 0.0], [-a, 0.0, 0.0], [0.0, 0.0, 0.0]])
         whole = np.concatenate([rolling, np.eye(3), np.zeros((h, 3))])

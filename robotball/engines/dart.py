@@ -10,13 +10,10 @@ from typing import Any
 import numpy as np
 
 from robotball.engines.adapter import (
-    AGAINST_SPIN,
-    CONSTRAINTS,
     Adapter,
-    DampedSettings,
     IdealWorld,
+    PointSettings,
     ServoWorld,
-    Stepper,
     World,
     by_name,
     seconds_per_call,
@@ -32,16 +29,10 @@ from robotball.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
-class _DartSettings(DampedSettings):
-    """Settings of a DART run.
-
-    friction: of ball and plane; ideal: the steps of our own constraints on DART's mass matrix and
-    bias, with rtol for DOP853.
-    """
+class _DartSettings(PointSettings):
+    """Settings of a DART run. friction: of ball and plane."""
 
     friction: float | None = None
-    ideal: Stepper | None = None
-    rtol: float = 1e-12
 
 
 def _skeleton(scene: Scene, dart: Any) -> Any:
@@ -139,8 +130,8 @@ class _DartWorld(ServoWorld):
 class _DartDynamics(IdealWorld):
     """The skeleton's mass matrix and bias, with no contact of its own."""
 
-    def __init__(self, scene: Scene, stepper: Stepper, settings: _DartSettings) -> None:
-        super().__init__(scene, stepper, settings.rtol)
+    def __init__(self, scene: Scene, settings: _DartSettings, step: float) -> None:
+        super().__init__(scene, settings)
         import dartpy
 
         self.dart, self.ball = dartpy, _skeleton(scene, dartpy)
@@ -152,15 +143,8 @@ class _DartDynamics(IdealWorld):
         return velocity_first(self.ball.getMassMatrix(), self.ball.getCoriolisAndGravityForces())
 
 
-def _lacks(scene: Scene, settings: _DartSettings) -> str | None:
-    """Return that its contact has no torsional friction, where a ball needs it."""
-    return None if settings.ideal else spins(scene, settings)
-
-
 def _world(scene: Scene, settings: _DartSettings, step: float) -> World:
-    if settings.ideal is not None:
-        return _DartDynamics(scene, settings.ideal, settings)
-    return _DartWorld(scene, settings, step)
+    return (_DartDynamics if settings.ideal else _DartWorld)(scene, settings, step)
 
 
 DART = Adapter(
@@ -182,11 +166,11 @@ DART = Adapter(
         # DOP853 chooses its steps itself; the timestep is only the longest.
         _DartSettings(name="ideal", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
     ),
-    ours={"best": AGAINST_SPIN, "ideal": CONSTRAINTS},
+    ours={"best": "torque against spin", "ideal": "constraints, steps"},
     knobs=("best", {
         "timestep": slice(1e-4, 4e-3), "friction": slice(1.0, 1e3), "spin_part": slice(0.1, 2.0),
     }),
     source="python/tutorials/04_biped, lesson 6: velocity actuators",
     world=_world,
-    lacks=_lacks,
+    lacks=spins,
 )  # fmt: skip

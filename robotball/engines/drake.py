@@ -11,12 +11,9 @@ from typing import Any, Literal
 import numpy as np
 
 from robotball.engines.adapter import (
-    AGAINST_SPIN,
-    CONSTRAINTS,
     Adapter,
-    DampedSettings,
     IdealWorld,
-    Stepper,
+    PointSettings,
     World,
     by_name,
     longest_step,
@@ -37,15 +34,14 @@ _Integrator = Literal["runge_kutta3", "radau3", "implicit_euler", "cenic"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class _DrakeSettings(DampedSettings):
+class _DrakeSettings(PointSettings):
     """Settings of a Drake run.
 
     approximation: of the contact in discrete steps; integrator: for continuous time instead, where
     the timestep is the longest step, or every step without error_control; accuracy_per_step: of
     that control, and of Newton's iteration in implicit steps; stiction m/s: the slip below which
     friction is not full; gain N m s/rad: of velocity servos on the hinges; armature kg m²:
-    reflected inertia instead of servos; ideal: the steps of our own constraints on Drake's mass
-    matrix and bias, with rtol for DOP853.
+    reflected inertia instead of servos.
     """
 
     approximation: Literal["tamsi", "sap", "lagged", "similar"] | None = None
@@ -56,8 +52,6 @@ class _DrakeSettings(DampedSettings):
     friction: float = 1.0
     gain: float | None = None
     armature: float | None = None
-    ideal: Stepper | None = None
-    rtol: float = 1e-12
 
 
 def _add_plant(
@@ -245,8 +239,8 @@ class _DrakeWorld(World):
 class _DrakeDynamics(IdealWorld):
     """The plant's mass matrix and bias, with no contact of its own."""
 
-    def __init__(self, scene: Scene, stepper: Stepper, settings: _DrakeSettings) -> None:
-        super().__init__(scene, stepper, settings.rtol)
+    def __init__(self, scene: Scene, settings: _DrakeSettings, step: float) -> None:
+        super().__init__(scene, settings)
         from pydrake.systems.framework import DiagramBuilder
 
         builder = DiagramBuilder()
@@ -286,15 +280,8 @@ _IDEAL = _DrakeSettings(
 )
 
 
-def _lacks(scene: Scene, settings: _DrakeSettings) -> str | None:
-    """Return that its point contact has no torsional friction, where a ball needs it."""
-    return None if settings.ideal else spins(scene, settings)
-
-
 def _world(scene: Scene, settings: _DrakeSettings, step: float) -> World:
-    if settings.ideal is not None:
-        return _DrakeDynamics(scene, settings.ideal, settings)
-    return _DrakeWorld(scene, settings, step)
+    return (_DrakeDynamics if settings.ideal else _DrakeWorld)(scene, settings, step)
 
 
 DRAKE = Adapter(
@@ -308,7 +295,9 @@ DRAKE = Adapter(
         "ideal": ("rtol", (1e-6, 1e-9, 1e-12)),
     },
     presets=by_name(_AS_IT_COMES, _TAMSI, _BEST, _IDEAL),
-    ours={"tamsi": AGAINST_SPIN, "best": AGAINST_SPIN, "ideal": CONSTRAINTS},
+    ours={
+        **dict.fromkeys(("tamsi", "best"), "torque against spin"), "ideal": "constraints, steps"
+    },
     knobs=("best", {
         "timestep": slice(1e-4, 5e-3), "approximation": ("tamsi", "sap", "lagged", "similar"),
         "integrator": (None, "runge_kutta3", "radau3", "implicit_euler"),
@@ -318,5 +307,5 @@ DRAKE = Adapter(
     }),
     source="examples/multibody/deformable/deformable_common.cc: a gain of 1 on rates",
     world=_world,
-    lacks=_lacks,
+    lacks=spins,
 )  # fmt: skip

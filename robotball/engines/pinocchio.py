@@ -12,13 +12,10 @@ from typing import Any, Literal
 import numpy as np
 
 from robotball.engines.adapter import (
-    AGAINST_SPIN,
-    CONSTRAINTS,
     Adapter,
-    DampedSettings,
     IdealWorld,
+    PointSettings,
     SteppedWorld,
-    Stepper,
     World,
     by_name,
     spin_damping,
@@ -32,15 +29,9 @@ from robotball.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
-class _PinocchioSettings(DampedSettings):
-    """Settings of a Pinocchio run.
+class _PinocchioSettings(PointSettings):
+    """Settings of a Pinocchio run. solver: of its contact; friction: of ball and plane."""
 
-    stepper: of our constraints, None for a contact of its own, and rtol for DOP853 alone; solver:
-    of that contact; friction: of ball and plane.
-    """
-
-    stepper: Stepper | None = None
-    rtol: float = 1e-12
     solver: Literal["ADMM", "PGS"] = "ADMM"
     friction: float = 0.8
 
@@ -79,7 +70,7 @@ class _PinocchioWorld(IdealWorld):
     """The ball as a free shell with hinges, in Pinocchio's local coordinates."""
 
     def __init__(self, scene: Scene, settings: _PinocchioSettings, step: float) -> None:
-        super().__init__(scene, settings.stepper or "RK4", settings.rtol)
+        super().__init__(scene, settings)
         import pinocchio
 
         self.pin, self.model = pinocchio, _model(scene, pinocchio)
@@ -172,13 +163,8 @@ class _Pinocchio(Adapter):
         return None
 
 
-def _lacks(scene: Scene, settings: _PinocchioSettings) -> str | None:
-    """Return that its own contact has no torsional friction, where a ball needs it."""
-    return None if settings.stepper else spins(scene, settings)
-
-
 def _world(scene: Scene, settings: _PinocchioSettings, step: float) -> World:
-    return (_ContactWorld if settings.stepper is None else _PinocchioWorld)(scene, settings, step)
+    return (_PinocchioWorld if settings.ideal else _ContactWorld)(scene, settings, step)
 
 
 PINOCCHIO = _Pinocchio(
@@ -192,9 +178,9 @@ PINOCCHIO = _Pinocchio(
         "contact": ("timestep", (4e-3, 1e-3)),
     },
     presets=by_name(
-        _PinocchioSettings(name="RK4", error_tolerance=1e-4, timestep=20e-3, stepper="RK4"),
+        _PinocchioSettings(name="RK4", error_tolerance=1e-4, timestep=20e-3, ideal="RK4"),
         # DOP853 chooses its steps itself; the timestep is only the longest.
-        _PinocchioSettings(name="best", error_tolerance=1e-10, timestep=1.0, stepper="DOP853"),
+        _PinocchioSettings(name="best", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
         _PinocchioSettings(
             name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-3
         ),
@@ -202,12 +188,14 @@ PINOCCHIO = _Pinocchio(
             name="contact", error_tolerance=5e-2, timestep=1e-3, friction=20.0, spin_part=1.5
         ),
     ),
-    ours={"RK4": CONSTRAINTS, "best": CONSTRAINTS, "contact": AGAINST_SPIN},
+    ours={
+        **dict.fromkeys(("RK4", "best"), "constraints, steps"), "contact": "torque against spin"
+    },
     knobs=("contact", {
         "timestep": slice(1e-4, 4e-3), "solver": ("ADMM", "PGS"), "friction": slice(1.0, 100.0),
         "spin_part": slice(0.1, 2.0),
     }),
     source="examples/admm-constraint-solver.py",
     world=_world,
-    lacks=_lacks,
+    lacks=spins,
 )  # fmt: skip

@@ -71,6 +71,9 @@ EXPECTED = {
     "mjx_nan":
         "MuJoCo, 0.01: 1.0713 1.0715; MuJoCo, 1e-06: 1.0713 1.0715; "
         "MJX, 0.01: 1.0713 1.0715; MJX, 0.01, finite: 1 1; MJX, 1e-06, finite: 0 0",
+    "exudyn_explicit":
+        "TrapezoidalIndex2, 200 µs: 0 1e-5; RK44, 30 µs: 1e-4 1e-2; RK44, 10 µs: 1e-4 1e-2; "
+        "DOPRI5, 10 µs: 0 1e-5; joint taken: 0 0",
     "pinocchio_rolling": "along: 0 1e-12; across: 1.714 1.715; up: -4.001 -3.999",
     "pinocchio_drift":
         "corrector 0 /s: 0.1 0.103; corrector 10 /s: 2.4e-3 2.5e-3; "

@@ -52,7 +52,7 @@ from validation.sweeps import Cell, Result, rows_of
 
 _LIMIT = 300.0  # s that a run may take
 _ROUNDS = 3  # of timing
-_LEAST_BUDGET = 8  # of a search
+_LEAST_BUDGET = 4  # of a search
 
 
 def cells_of(
@@ -346,11 +346,11 @@ class Engines:
             raise InputError(f"{contestant.name} has no knobs: there is nothing to tune")
         check_count("budget", self.budget, _LEAST_BUDGET)
         check_positive("cap", self.cap, "ms")
+        if python_of(contestant, self.environments) is None:
+            raise not_installed(engine.label.name, contestant.name)
         seconds = seconds_of(self.duration, self.sweep.quick, scene)
         cells = cells_of(name, [contestant], self.environments, seconds, 1)
-        base = next((cell for cell in cells if cell["preset"] == engine.knobs[0]), None)
-        if base is None:
-            raise not_installed(engine.label.name, contestant.name)
+        (base, *_) = (cell for cell in cells if cell["preset"] == engine.knobs[0])
         published = getattr(engine.presets[base["preset"]], base["field"])
         tried: list[Result] = []
         best: list[Row] = []

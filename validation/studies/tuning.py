@@ -14,7 +14,7 @@ Changes = Mapping[str, Any]
 """Values of an engine's settings, by the names of their fields."""
 _DRAWN = 2 / 3  # of the budget; the rest refines
 _BEST = 4  # are refined
-_NEAR = 0.1  # of every knob's span: the deviation of what is drawn around one of the best
+_NEAR = (0.2, 0.02)  # of every knob's span: the deviations around the best, the first and the last
 
 
 def search(
@@ -34,7 +34,8 @@ def search(
     drawn = qmc.Halton(len(names), rng=0).random(round(_DRAWN * budget) - 1)
     tried: list[Changes] = [{}, *at(drawn)]
     best = np.argsort(errors(tried)[1:], kind="stable")[:_BEST]
-    normal = np.random.default_rng(0).normal(0.0, _NEAR, (budget - len(tried), len(names)))
+    normal = np.random.default_rng(0).normal(size=(budget - len(tried), len(names)))
+    normal *= np.geomspace(*_NEAR, len(normal))[:, None]
     around = np.clip(drawn[np.resize(best, len(normal))] + normal, 0.0, 1.0)
     distinct = {json.dumps(each): each for each in [*tried, *at(around)]}
     errors([*distinct.values()])

@@ -187,25 +187,25 @@ def test_what_is_wrong_with_a_state_is_a_fault_of_the_run(
 class Clocked(Repeated):
     """Steps and readings that advance a clock, and a contact that bears the weight aslant."""
 
-    clock = 0.0
+    shown = 0.0
     friction = 2.0
 
     def step(self, step: float) -> None:
         super().step(step)
-        Clocked.clock += 1.0
+        Clocked.shown += 1.0
 
     def state(self) -> State:
-        Clocked.clock += 100.0
+        Clocked.shown += 100.0
         return super().state()
 
     def force(self) -> Array:
-        Clocked.clock += 100.0
+        Clocked.shown += 100.0
         return np.array([3.0, 4.0, 10.0])
 
 
 def test_the_clock_stops_for_our_reading(monkeypatch: pytest.MonkeyPatch) -> None:
     """Twenty steps take twenty seconds. The force is a load of the motion; others are NaN."""
-    monkeypatch.setattr("robotball.engines.adapter.time.process_time", lambda: Clocked.clock)
+    monkeypatch.setattr("robotball.engines.adapter.time.process_time", lambda: Clocked.shown)
     engine = replace(spoilt({}), world=lambda scene, settings, step: Clocked(scene, {}))
     motion = rb.simulate(FIG12, rb.sample_times(2.0, 0.1), engine=engine)
     assert motion.report.seconds == 20.0

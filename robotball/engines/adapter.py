@@ -274,9 +274,7 @@ class Adapter(Engine):
         return _motion_of(self.label, world, times, np.array(rows), settings, spent)
 
 
-def _roll_named(
-    name: str, scene: Scene, times: Array, settings: EngineSettings | None
-) -> ContactMotion:
+def _roll_named(name: str, scene: Scene, times: Array, settings: Any) -> ContactMotion:
     """Return the motion by an adapter, as its environment has it."""
     engine = engine_named(name)
     assert isinstance(engine, Adapter)

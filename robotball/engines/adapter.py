@@ -345,7 +345,7 @@ class Adapter(Engine):
 
 
 def _rolled_by(
-    name: str, scenes: Sequence[Scene], times: Array, settings: EngineSettings | None
+    name: str, scenes: Sequence[Scene], times: Array, settings: Any
 ) -> list[ContactMotion]:
     """Return the motions by an adapter, as its environment has it."""
     engine = engine_named(name)

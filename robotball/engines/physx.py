@@ -117,6 +117,12 @@ class _PhysxWorld(ServoWorld):
         angles, rates = _double(ball.qpos), _double(ball.qvel)
         return State(_double(pose.p), velocity, attitude, turning, angles, rates)
 
+    def force(self) -> Array:
+        points = [point for each in self.world.get_contacts() for point in each.points]
+        # SAPIEN reports the impulse along the normal, and none of friction.
+        normal = sum(abs(point.impulse[2]) for point in points) / self.world.timestep
+        return np.array([np.nan, np.nan, normal])
+
 
 def _double(values: Any) -> Array:
     return np.array(values, dtype=float)

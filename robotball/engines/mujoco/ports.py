@@ -22,7 +22,7 @@ from robotball.engines.adapter import (
     by_name,
     version_of,
 )
-from robotball.engines.links import State
+from robotball.engines.links import State, lifting
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, ModelHinge, build, controls_at, state_at
 from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings
@@ -70,6 +70,7 @@ class _MjxWorld(World):
 
         self.built = build(scene, replace(settings.model, timestep=step))
         start, model = self.built.start_data(), self.built.compiled
+        self.friction = model.pair_friction[0, 0]
         # Nothing reads the sensors, and every stage of RK4 would be compiled with them.
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
         if settings.line_search is not None:
@@ -103,6 +104,11 @@ class _MjxWorld(World):
 
     def _state(self) -> State:
         return shell_state(self.built, np.asarray(self.data.qpos), np.asarray(self.data.qvel))
+
+    def force(self) -> Array:
+        from mujoco import mjx
+
+        return _force(self.built.compiled, mjx.get_data(self.built.compiled, self.data))
 
     def python_seconds(self) -> float:
         """Return the processor time [s] of the calls themselves, measured on empty ones."""
@@ -141,6 +147,14 @@ def _device(world: World, settings: ModelSettings, cuda: bool) -> str:
     if settings.device == "cuda":
         world.clock = time.perf_counter
     return settings.device
+
+
+def _force(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    """Return the force (3,) [N] of the contact, if there is one, by what a port has computed."""
+    wrench, frame = np.zeros(6), data.contact.frame.reshape(-1, 3, 3)
+    if data.ncon:
+        mujoco.mj_contactForce(model, data, 0, wrench)
+    return lifting(wrench[:3] @ each for each in frame[:1])
 
 
 @cache
@@ -212,7 +226,7 @@ class _WarpWorld(SteppedWorld):
         warp.init()
         self.warp, self.engine = warp, mujoco_warp
         self.built = build(scene, replace(settings.model, timestep=step))
-        start = self.built.start_data()
+        start, self.friction = self.built.start_data(), self.built.compiled.pair_friction[0, 0]
         # Warp has no such flag, and resets nothing.
         self.built.compiled.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         self.device, self.n = _device(self, settings, warp.is_cuda_available()), len(scenes) or 1
@@ -244,6 +258,11 @@ class _WarpWorld(SteppedWorld):
     def state(self) -> State:
         qpos, qvel = (each.numpy().astype(float) for each in (self.data.qpos, self.data.qvel))
         return shell_state(self.built, qpos, qvel)
+
+    def force(self) -> Array:
+        data = mujoco.MjData(self.built.compiled)
+        self.engine.get_data_into(data, self.built.compiled, self.data)
+        return _force(self.built.compiled, data)
 
 
 # Single precision has no room for the recipe's impedance and armature: they break it. What armature

@@ -12,6 +12,7 @@ import pytest
 
 import robotball as rb
 from robotball.engines import LEAST_RTOL
+from robotball.engines.environments import versions_in
 from validation.studies.engine_runs import (
     LOOSEST,
     OLDER,
@@ -132,6 +133,7 @@ def test_an_environment_has_its_engine_and_all_of_ours(tmp_path: Path) -> None:
     found = subprocess.check_output([python, "-c", code], text=True, cwd=home).split()
     assert Path(found[0]).is_relative_to(home)
     assert Path(found[1]).samefile(rb.__file__)
+    assert versions_in(home, ("otherengine>=1", "pip")).startswith("otherengine 1.0, pip ")
     assert {cell["engine"] for cell in cells_of("fig12", [asked], tmp_path, 1.0, 1)} == {"mujoco"}
 
 

@@ -332,7 +332,8 @@ class Adapter(Engine):
             read = next(march)
             spent += world.clock() - began
             rows.append(np.atleast_2d(read().row))
-            world.forces.append(world.force())
+            # Of balls abreast the forces are not read.
+            world.forces.append(world.force() if len(scenes) == 1 else _UNKNOWN)
             if request.progress is not None:
                 request.progress(times[len(rows) - 1] / times[-1])
         share, python = spent / len(scenes), world.python_seconds() / len(scenes)

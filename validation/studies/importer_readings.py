@@ -5,7 +5,7 @@ The importers are the engines' own, each in the environment of its engine. Hinge
 
 import json
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ def _solid(mass: float, centre: Any, axes: Any, inertia: Any) -> Solid:
     return Solid(float(mass), np.array(centre), axes @ own @ np.transpose(axes))
 
 
-def _robot(
+def plain(
     axes: Any, place: Any, bodies: list[Solid], hinges: Hinges, gravity: Any, freedoms: int
 ) -> dict[str, Any]:
     """Return a robot that was read in world axes as plain data, in the shell's, from its place.
@@ -36,13 +36,13 @@ def _robot(
     """
     turn, whole = np.transpose(axes), composed(bodies)
     # Hinges have their bodies' names, in every format and engine.
-    plain = {name.rpartition("/")[2].removesuffix("_hinge"): each for name, each in hinges.items()}
+    names = {name: name.rpartition("/")[2].removesuffix("_hinge") for name in hinges}
     return {
         "mass": whole.mass,
         "centre": (turn @ (whole.centre - place)).tolist(),
         "inertia": (turn @ whole.inertia @ axes).tolist(),
-        "axes": {name: (turn @ axis).tolist() for name, (axis, _) in plain.items()},
-        "armatures": {name: float(armature) for name, (_, armature) in plain.items()},
+        "axes": {names[name]: (turn @ axis).tolist() for name, (axis, _) in hinges.items()},
+        "armature": {names[name]: float(each) for name, (_, each) in hinges.items()},
         "gravity": np.asarray(gravity, dtype=float).tolist(),
         "freedoms": freedoms,
     }
@@ -57,7 +57,7 @@ def _json(path: str, form: str) -> dict[str, Any]:
         if hinge := each["hinge"]:
             armature = (hinge["motor"] or {}).get("armature", 0.0)
             hinges[each["name"]] = np.array(hinge["axis"]), armature
-    return _robot(world, np.zeros(3), bodies, hinges, whole["gravity"], 6 + len(hinges))
+    return plain(world, np.zeros(3), bodies, hinges, whole["gravity"], 6 + len(hinges))
 
 
 def _mujoco(path: str, form: str) -> dict[str, Any]:
@@ -75,7 +75,7 @@ def _mujoco(path: str, form: str) -> dict[str, Any]:
         if model.jnt_type[i] != mujoco.mjtJoint.mjJNT_FREE
     }
     axes = data.xmat[shell].reshape(3, 3)
-    return _robot(axes, data.xpos[shell], bodies, hinges, model.opt.gravity, model.nv)
+    return plain(axes, data.xpos[shell], bodies, hinges, model.opt.gravity, model.nv)
 
 
 def _bullet(path: str, form: str, **options: int) -> dict[str, Any]:
@@ -99,7 +99,7 @@ def _bullet(path: str, form: str, **options: int) -> dict[str, Any]:
     world = p.getPhysicsEngineParameters()
     gravity = [world[f"gravityAcceleration{axis}"] for axis in "XYZ"]
     freedoms = len(p.calculateMassMatrix(ball, [0.0] * len(hinges)))
-    return _robot(axes, origin, bodies, hinges, gravity, freedoms)
+    return plain(axes, origin, bodies, hinges, gravity, freedoms)
 
 
 def _dart(path: str, form: str) -> dict[str, Any]:
@@ -122,7 +122,7 @@ def _dart(path: str, form: str) -> dict[str, Any]:
             hinges[joint.getName()] = turn @ own @ joint.getAxis(), 0.0
     shell = ball.getBodyNode("shell").getTransform()
     axes, place = np.array(shell.rotation()), np.array(shell.translation())
-    return _robot(axes, place, bodies, hinges, world.getGravity(), ball.getNumDofs())
+    return plain(axes, place, bodies, hinges, world.getGravity(), ball.getNumDofs())
 
 
 def _drake(path: str, form: str) -> dict[str, Any]:
@@ -133,13 +133,11 @@ def _drake(path: str, form: str) -> dict[str, Any]:
     Parser(plant).AddModels(path)
     plant.Finalize()
     context, shell = plant.CreateDefaultContext(), plant.GetBodyByName("shell")
-    bodies, hinges = [], {}
-    for i in plant.GetBodyIndices(shell.model_instance()):
-        own = plant.get_body(i).CalcSpatialInertiaInBodyFrame(context)
-        at, inertia = own.get_com(), own.Shift(own.get_com()).CalcRotationalInertia()
-        pose = plant.EvalBodyPoseInWorld(context, plant.get_body(i))
-        turn = pose.rotation().matrix()
-        bodies.append(_solid(own.get_mass(), pose @ at, turn, inertia.CopyToFullMatrix3()))
+    whole = plant.CalcSpatialInertia(
+        context, plant.world_frame(), plant.GetBodyIndices(shell.model_instance())
+    )
+    inertia = whole.Shift(whole.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
+    bodies, hinges = [Solid(whole.get_mass(), whole.get_com(), inertia)], {}
     motors = [plant.get_joint_actuator(i) for i in plant.GetJointActuatorIndices()]
     reflected = {m.joint().name(): m.calc_reflected_inertia(context) for m in motors}
     for i in plant.GetJointIndices(shell.model_instance()):
@@ -151,7 +149,7 @@ def _drake(path: str, form: str) -> dict[str, Any]:
             hinges[joint.name()] = turn @ axis, reflected.get(joint.name(), 0.0)
     pose, gravity = plant.EvalBodyPoseInWorld(context, shell), plant.gravity_field()
     axes, freedoms = pose.rotation().matrix(), plant.num_velocities()
-    return _robot(axes, pose.translation(), bodies, hinges, gravity.gravity_vector(), freedoms)
+    return plain(axes, pose.translation(), bodies, hinges, gravity.gravity_vector(), freedoms)
 
 
 def _pinocchio(path: str, form: str) -> dict[str, Any]:
@@ -162,18 +160,17 @@ def _pinocchio(path: str, form: str) -> dict[str, Any]:
     free = pin.JointModelFreeFlyer()
     model = pin.buildModelFromMJCF(path) if form == "MJCF" else pin.buildModelFromUrdf(path, free)
     data = model.createData()
-    pin.computeJointJacobians(model, data, pin.neutral(model))
-    bodies, hinges = [], {}
-    for i in range(1, model.njoints):
-        pose, own = data.oMi[i], model.inertias[i]
-        bodies.append(_solid(own.mass, pose.act(own.lever), pose.rotation, own.inertia))
-        if model.joints[i].nv == 1:
-            column = data.J[:, model.joints[i].idx_v]
-            axis = column[3:] if column[3:].any() else column[:3]
-            hinges[model.names[i]] = axis, model.armature[model.joints[i].idx_v]
-    root = data.oMi[1]
-    gravity = model.gravity.linear
-    return _robot(root.rotation, root.translation, bodies, hinges, gravity, model.nv)
+    start = pin.neutral(model)
+    pin.ccrba(model, data, start, np.zeros(model.nv))
+    pin.computeJointJacobians(model, data, start)
+    bodies, hinges = [Solid(data.Ig.mass, data.com[0], data.Ig.inertia)], {}
+    for i in range(2, model.njoints):
+        place = model.joints[i].idx_v
+        column = data.J[:, place]
+        axis = column[3:] if column[3:].any() else column[:3]
+        hinges[model.names[i]] = axis, model.armature[place]
+    root, gravity = data.oMi[1], model.gravity.linear
+    return plain(root.rotation, root.translation, bodies, hinges, gravity, model.nv)
 
 
 def _newton(path: str, form: str) -> dict[str, Any]:
@@ -203,12 +200,12 @@ def _newton(path: str, form: str) -> dict[str, Any]:
         if parents[i] >= 0:
             axis = placed(frame)[0] @ model.joint_axis.numpy()[first[i]]
             hinges[model.joint_label[i]] = poses[parents[i]][0] @ axis, armatures[first[i]]
-    return _robot(*poses[0], bodies, hinges, model.gravity.numpy()[0], len(armatures))
+    return plain(*poses[0], bodies, hinges, model.gravity.numpy()[0], len(armatures))
 
 
 # By the engine and its option: the importer, and the formats by which it is tried. Nothing but
 # Python reads our JSON.
-IMPORTERS = {
+IMPORTERS: dict[str, tuple[Callable[..., dict[str, Any]], tuple[str, ...]]] = {
     "multibody": (_json, ("JSON",)),
     "mujoco": (_mujoco, ("MJCF", "URDF")),
     "bullet": (_bullet, ("URDF", "SDF", "MJCF")),
@@ -220,7 +217,7 @@ IMPORTERS = {
 }
 
 
-def reading(cell: Mapping[str, Any]) -> dict[str, Any]:
+def read(cell: Mapping[str, Any]) -> dict[str, Any]:
     """Return the numbers of a cell's text as its importer reads it, and the importer's version."""
     importer, form = IMPORTERS[cell["importer"]][0], cell["format"]
     with tempfile.TemporaryDirectory() as folder:

@@ -12,11 +12,12 @@ from tyro.conf import Positional, arg
 
 from robotball import Scene, export_scene, load_scene
 from robotball.engines.environments import call
-from robotball.robot import Solid, composed
-from validation.options import AGREES, Names, Sweep, SweepOptions, chosen, listed
+from robotball.robot import Solid
+from validation.options import Names, Sweep, SweepOptions, chosen, listed
 from validation.output import writable_folder
+from validation.studies import importer_readings
 from validation.studies.engine_runs import contestants, python_of
-from validation.studies.importer_readings import FILES, IMPORTERS, reading
+from validation.studies.importer_readings import FILES, IMPORTERS, plain
 from validation.study import Column, Row, Study, table_of
 from validation.sweeps import Cell, Result
 
@@ -33,7 +34,7 @@ _UNSAID = {"URDF": {"gravity", "armature"}, "SDF": {"armature"}}
 
 def read(cell: Cell) -> dict[str, Any]:
     """Read a cell's text in a process of its own."""
-    return call(cell["interpreter"], reading, dict(cell))
+    return call(cell["interpreter"], importer_readings.read, dict(cell))
 
 
 def cells_of(scenes: Sequence[Scene], engines: Collection[str], folder: Path) -> list[Cell]:
@@ -53,32 +54,26 @@ def cells_of(scenes: Sequence[Scene], engines: Collection[str], folder: Path) ->
     return cells
 
 
-def errors_of(scene: Scene, form: str, found: Mapping[str, Any]) -> dict[str, float | None]:
+def errors_of(scene: Scene, form: str, found: Mapping[str, Any]) -> dict[str, float]:
     """Return the relative errors of a reading in this format against the scene itself.
 
-    That of the centre is over the radius; None where the scene or the format has no such number.
+    That of the centre is over the radius. What the scene or the format does not have is left out.
     """
-    ball, hinges = scene.ball, scene.hinges
-    whole = composed(Solid(each.mass, each.centre, each.inertia) for _, each in ball.named_bodies)
-    ours = {
-        "mass": whole.mass,
-        "centre": whole.centre,
-        "inertia": whole.inertia,
-        "axes": [hinge.axis for hinge in hinges],
-        "gravity": scene.gravity_world,
-        "armature": [hinge.motor.armature if hinge.motor else 0.0 for hinge in hinges],
-        "freedoms": 6 + len(hinges),
+    bodies = [Solid(each.mass, each.centre, each.inertia) for _, each in scene.ball.named_bodies]
+    hinges = {
+        hinge.name: (hinge.axis, hinge.motor.armature if hinge.motor else 0.0)
+        for hinge in scene.hinges
     }
-    theirs = {
-        **found,
-        "axes": [found["axes"].get(hinge.name, [0.0] * 3) for hinge in hinges],
-        "armature": [found["armatures"].get(hinge.name, 0.0) for hinge in hinges],
-    }
-    errors: dict[str, float | None] = {}
-    for name, right in ours.items():
-        size = ball.radius if name == "centre" else np.abs(right).max()
-        off = np.abs(np.subtract(theirs[name], right)).max()
-        errors[name] = float(off / size) if size and name not in _UNSAID.get(form, ()) else None
+    own = plain(np.eye(3), np.zeros(3), bodies, hinges, scene.gravity_world, 6 + len(hinges))
+    errors = {}
+    for name in (name for name in CHECKED if name not in _UNSAID.get(form, ())):
+        ours, theirs = own[name], found[name]
+        if isinstance(ours, dict):
+            theirs = [theirs.get(hinge, np.zeros_like(each)) for hinge, each in ours.items()]
+            ours = [*ours.values()]
+        size = scene.ball.radius if name == "centre" else np.abs(ours).max()
+        if size:
+            errors[name] = float(np.abs(np.subtract(theirs, ours)).max() / size)
     return errors
 
 
@@ -88,34 +83,30 @@ def rows_of(scenes: Sequence[Scene], results: Sequence[Result]) -> list[Row]:
     `fault` has what is wrong: with the importer, where another reads it right from the same file,
     else with the file or with all who read it.
     """
-    found: dict[tuple[str, str], list[Row]] = {}
+    rows: dict[tuple[str, str], dict[str, Any]] = {}
     of = {scene.name: scene for scene in scenes}
     for cell, record, failure in ((each.cell, each.record, each.failure) for each in results):
-        row: Row = {"by": cell["importer"], "failure": failure}
+        form, name = cell["format"], cell["importer"]
+        row = rows.setdefault((form, name), {"title": f"{form}, {name}", "fault": failure or ""})
         if record:
-            errors = errors_of(of[cell["scene"]], cell["format"], record)
-            row = {"by": ", ".join([record["by"], *cell["importer"].split(", ")[1:]]), **errors}
-        found.setdefault((cell["format"], cell["importer"]), []).append(row)
-    rows = []
-    for (form, _), each in sorted(found.items(), key=lambda item: [*FILES].index(item[0][0])):
-        known = {name: [row[name] for row in each if row.get(name) is not None] for name in CHECKED}
-        worst = {name: max(values) if values else None for name, values in known.items()}
-        why = next((row["failure"] for row in each if row.get("failure")), "")
-        rows.append({"title": f"{form}, {each[-1]['by']}", "format": form, **worst, "fault": why})
-    for row in rows:
-        wrong = [name for name in CHECKED if row[name] is not None and not _right(row[name])]
-        others = [other for other in rows if other["format"] == row["format"] and other != row]
-        right = {name for other in others for name in CHECKED if _right(other[name])}
-        mine = [name for name in wrong if name in right]
-        parts = {"importer": mine, "file or all": [name for name in wrong if name not in mine]}
-        row["fault"] = row["fault"] or "; ".join(
-            f"{whose}: {', '.join(names)}" for whose, names in parts.items() if names
-        )
-    return rows
+            row["title"] = ", ".join([form, record["by"], *name.split(", ")[1:]])
+            for what, error in errors_of(of[cell["scene"]], form, record).items():
+                row[what] = max(error, row.get(what, 0.0))
+    right = [(key, name) for key, row in rows.items() for name in CHECKED if _is_right(row, name)]
+    for (form, importer), row in rows.items():
+        wrong = [name for name in CHECKED if name in row and not _is_right(row, name)]
+        other = {name for key, name in right if key[0] == form and key[1] != importer}
+        parts = {
+            "importer": [name for name in wrong if name in other],
+            "file or all": [name for name in wrong if name not in other],
+        }
+        found = [f"{whose}: {', '.join(names)}" for whose, names in parts.items() if names]
+        row["fault"] = row["fault"] or "; ".join(found)
+    return sorted(rows.values(), key=lambda row: [*FILES].index(row["title"].partition(",")[0]))
 
 
-def _right(error: float | None) -> bool:
-    return error is not None and error <= _RIGHT
+def _is_right(row: Row, name: str) -> bool:
+    return bool(row.get(name, np.inf) <= _RIGHT)
 
 
 _COLUMNS = (
@@ -151,14 +142,9 @@ class Importers:
         scenes = [load_scene(name) for name in names]
         writable_folder(self.sweep.out)
         cells = cells_of(scenes, engines, self.environments)
-        results = self.sweep.results(read, cells, "importers", _LIMIT)
-        rows = rows_of(scenes, results)
+        rows = rows_of(scenes, self.sweep.results(read, cells, "importers", _LIMIT))
         title = " ".join(scene.name for scene in scenes)
+        table = table_of(_COLUMNS, rows, lambda row: row["fault"])
         words = ["importers", *listed(self.only)]
-        shown = (f"[bold]{escape(title)}[/]", table_of(_COLUMNS, rows, _doubtful), _NOTE)
-        self.sweep.present(Study(title, None, words, rows, {"rows": rows}, shown))
-        return AGREES
-
-
-def _doubtful(row: Row) -> bool:
-    return bool(row["fault"])
+        study = Study(title, None, words, rows, {"rows": rows}, (escape(title), table, _NOTE))
+        return self.sweep.present(study)

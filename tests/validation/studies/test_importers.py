@@ -38,10 +38,14 @@ LOST["MJCF, bullet, URDF_USE_INERTIA_FROM_FILE"] = LOST["MJCF, bullet"]
 
 
 def read_by(name: str, scene: rb.Scene) -> list[tuple[dict[str, Any], dict[str, Any]]]:
-    """The cells of one importer, and what it read."""
+    """The cells of one importer, and what it read; Pinocchio's wheel is built without SDF."""
     pytest.importorskip(PACKAGES[name.partition(",")[0]])
-    cells = cells_of([scene], [name.partition(",")[0]], Path())
-    return [(dict(cell), read(cell)) for cell in cells if cell["importer"] == name]
+    cells = [dict(each) for each in cells_of([scene], [name.partition(",")[0]], Path())]
+    return [
+        (cell, read(cell))
+        for cell in cells
+        if cell["importer"] == name and (name, cell["format"]) != ("pinocchio", "SDF")
+    ]
 
 
 @pytest.mark.parametrize("scene", SCENES, ids=range(3))
@@ -69,7 +73,7 @@ def test_a_fault_is_the_importers_where_another_reads_the_same_file_right() -> N
         rows = rows_of([scene], [Result(cell, wrong, None), Result(other, second, None)])
         assert rows[0]["fault"] == f"{owner}: mass, centre, inertia"
     (row,) = rows_of([scene], [Result(cell, None, "it broke")])
-    assert (row["fault"], row["mass"]) == ("it broke", None)
+    assert (row["fault"], "mass" in row) == ("it broke", False)
 
 
 def test_the_page_has_the_rows_of_the_command() -> None:
@@ -79,7 +83,7 @@ def test_the_page_has_the_rows_of_the_command() -> None:
     for row in rows_of(scenes, [Result(cell, read(cell), None) for cell in cells]):
         (numbers,) = re.findall(rf"^\| {row['title']} ((?:\| \S+ ){{7}})\|", PAGE, re.M)
         for name, theirs in zip(CHECKED, numbers.replace("|", "").split(), strict=True):
-            ours = "-" if row[name] is None else f"{row[name]:.1e}"
+            ours = f"{row[name]:.1e}" if name in row else "-"
             assert ours == theirs or max(float(ours), float(theirs)) < 1e-14, row["title"]
 
 

@@ -269,7 +269,14 @@ def _picture(title: str, rows: Sequence[Row]) -> Figure:
         axes.semilogy(at, sizes, f"{mark}-", drawstyle="steps-post", label=words)
     for place, row in zip(at, rows, strict=True):
         if row["changed"]:
-            axes.text(place, 0.5, row["version"], rotation=90, transform=axes.get_xaxis_transform())
+            axes.text(
+                place,
+                0.5,
+                row["version"],
+                rotation=90,
+                ha="right",
+                transform=axes.get_xaxis_transform(),
+            )
     axes.set(title=title, xlabel="release", ylabel="path error; |gain| of the free body")
     axes.legend(frameon=False)
     return figure

@@ -168,7 +168,7 @@ def _stepped(python: str, xml: str, interval: float, samples: int) -> dict[str, 
 
 
 def _free_body(python: str) -> float | None:
-    """Return the relative change of a free body's |M| in 10 s; None where a version cannot run it."""
+    """Return the relative change of a free body's |M| in 10 s; None where that cannot run."""
     try:
         turning = [row[3:] for row in _stepped(python, _FREE_BODY, 10.0, 2)["qvel"]]
     except RuntimeError:
@@ -345,6 +345,6 @@ class History:
         show([] if changes else [f"the same in {versions[0]} and {versions[-1]}"])
         for number, *_ in changes:
             pair = bisect(len(versions), lambda i: self._rows([versions[i]])[0], number)
-            rows = self._rows([versions[i] for i in pair])
-            show(map(escape, lines_of(changes_of(rows, number), package)))
+            before, after = self._rows([versions[i] for i in pair])
+            show(map(escape, lines_of([(number, before, after)], package)))
         return AGREES

@@ -159,9 +159,8 @@ def _bare(cell: Cell, python: str, preset: str) -> dict[str, Any]:
     motion = motion_of_rows(LABEL, scene, times, rows, settings, python_seconds=None, **run)
     whole = len(motion.times) == len(times)
     error = path_error(motion, integrate(scene, times)) if whole else None
-    faults = [str(each) for each in motion.report.faults]
-    without = ", ".join(told["left_out"])
-    return {"error": error, "fault": "; ".join(faults[:1]), "cost": cost, "without": without}
+    fault, without = "; ".join(map(str, motion.report.faults[:1])), ", ".join(told["left_out"])
+    return {"error": error, "fault": fault, "cost": cost, "without": without}
 
 
 def _stepped(python: str, xml: str, interval: float, samples: int) -> dict[str, Any]:
@@ -170,7 +169,7 @@ def _stepped(python: str, xml: str, interval: float, samples: int) -> dict[str, 
 
 
 def _free_body(python: str) -> float | None:
-    """Return the relative change of a free body's |M| in 10 s; None without implicitfast."""
+    """Return the relative change of a free body's |M| in 10 s; None where that cannot run."""
     try:
         turning = [row[3:] for row in _stepped(python, _FREE_BODY, 10.0, 2)["qvel"]]
     except InputError:
@@ -207,9 +206,7 @@ def rows_of(results: Sequence[Result]) -> list[Row]:
     """Return a row a version, with its speed over the newest's and what changed in it."""
     # A version without a record has the same columns, empty.
     empty = dict.fromkeys(key for each in results for key in each.record or ())
-    rows = [
-        {**each.cell, **empty, **(each.record or {}), "failure": each.failure} for each in results
-    ]
+    rows = [{**r.cell, **empty, **(r.record or {}), "failure": r.failure} for r in results]
     newest = next((row["recipe_cost"] for row in rows[::-1] if row.get("recipe_cost")), None)
     changes = changes_of(rows)
     for row in rows:
@@ -268,9 +265,10 @@ def _picture(title: str, rows: Sequence[Row]) -> Figure:
     for (number, words), mark in zip(drawn.items(), "sod.", strict=True):
         sizes = [abs(row.get(number) or np.nan) for row in rows]
         axes.semilogy(at, sizes, f"{mark}-", drawstyle="steps-post", label=words)
+    inside = axes.get_xaxis_transform()
     for place, row in zip(at, rows, strict=True):
         if row["changed"]:
-            axes.text(place, 0.5, row["version"], rotation=90, transform=axes.get_xaxis_transform())
+            axes.text(place, 0.5, row["version"], rotation=90, ha="right", transform=inside)
     axes.set(title=title, xlabel="release", ylabel="path error; |gain| of the free body")
     axes.legend(frameon=False)
     return figure
@@ -348,6 +346,6 @@ class History:
         show([] if changes else [f"the same in {versions[0]} and {versions[-1]}"])
         for number, *_ in changes:
             pair = bisect(len(versions), lambda i: self._rows([versions[i]])[0], number)
-            rows = self._rows([versions[i] for i in pair])
-            show(map(escape, lines_of(changes_of(rows, number), package)))
+            before, after = self._rows([versions[i] for i in pair])
+            show(map(escape, lines_of([(number, before, after)], package)))
         return AGREES

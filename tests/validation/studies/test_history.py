@@ -1,12 +1,17 @@
 """The history of an engine's versions: which there are, what changed, and in which."""
 
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 import robotball as rb
+from validation.options import Sweep
+from validation.studies import history
 from validation.studies.bare_steps import compiled
 from validation.studies.history import (
+    History,
     bisect,
     changelog_line,
     changes_of,
@@ -16,6 +21,7 @@ from validation.studies.history import (
     rows_of,
     versions_in,
 )
+from validation.study import Row
 from validation.sweeps import Result
 
 LISTING = """engine (3.10.0)
@@ -119,3 +125,21 @@ def test_an_attribute_that_a_version_lacks_is_left_out_and_named() -> None:
     assert (model.opt.timestep, sorted(left_out)) == (0.5, ["age", "size"])
     with pytest.raises(ValueError, match="age"):
         compiled("<mujoco><age/></mujoco>")
+
+
+def test_a_change_is_found_among_all_releases_between(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Of the number that is asked for, between the patches that the two names mean."""
+    numbers = {each: 1e-9 if each in ("3.9.1", "3.10.0") else 7e-6 for each in VERSIONS}
+
+    def rows(_: History, versions: Sequence[str]) -> list[Row]:
+        return rows_of([result(each, numbers[each]) for each in versions])
+
+    monkeypatch.setattr(History, "_rows", rows)
+    monkeypatch.setattr(history, "_pip", lambda *_: LISTING)
+    options: dict[str, Any] = {"sweep": Sweep(out=tmp_path), "bisect": ("3.10", "2.3")}
+    assert History("mujoco", **options).run() == 0
+    assert capsys.readouterr().out.startswith("recipe: 7.0e-06 in 3.9.0, 1.0e-09 in 3.9.1: ")
+    assert History("mujoco", **options, of="free-body").run() == 0
+    assert capsys.readouterr().out == "the same in 2.3.1.post1 and 3.10.0\n"

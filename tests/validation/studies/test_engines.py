@@ -21,7 +21,7 @@ from validation.studies.engine_runs import (
     python_of,
     settings_of,
 )
-from validation.studies.engine_study import cells_of, measure, study_of
+from validation.studies.engine_study import COLUMNS, cells_of, measure, study_of
 from validation.sweeps import Result
 
 FIG12 = rb.load_scene("fig12")
@@ -107,6 +107,26 @@ def test_runs_have_an_order_and_costs_at_one_speed() -> None:
     assert order.order == pytest.approx(4, abs=1e-9)
     (runs,) = study.runs.values()
     assert [run["cost"] for run in runs] == pytest.approx([10.0] * 3)
+
+
+@pytest.mark.parametrize(
+    ("engine", "preset", "ours"),
+    [
+        ("mujoco", "naive", ""),
+        ("mujoco", "adaptive", "steps"),
+        ("dart", "best", "torque against spin"),
+    ],
+)
+def test_a_row_says_which_parts_are_ours(engine: str, preset: str, ours: str) -> None:
+    """In the data and in the table."""
+    found = result(1e-3, 1e-6, 1.0)
+    study = study_of(
+        FIG12, [replace(found, cell={**found.cell, "engine": engine, "preset": preset})]
+    )
+    ((run,),) = study.runs.values()
+    assert (run["ours"], run["newcomer"]) == (ours, preset == "naive")
+    (column,) = (each for each in COLUMNS if each.header == "ours")
+    assert column.text(run) == ours
 
 
 @pytest.mark.slow

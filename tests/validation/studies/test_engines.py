@@ -110,7 +110,7 @@ def test_runs_have_an_order_and_costs_at_one_speed() -> None:
 
 
 def test_the_runs_of_a_search_have_no_order() -> None:
-    """They differ in more than the step, and may have the same; all are kept, with their changes."""
+    """They may all have the same step; each is kept, with its changes."""
     found = result(1e-3, 1e-6, 1.0)
     changes = [{"iterations": count} for count in range(1, 9)]
     study = study_of(FIG12, [replace(found, cell={**CELL, "changes": each}) for each in changes])

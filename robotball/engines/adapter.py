@@ -198,12 +198,13 @@ def by_name(*presets: Own) -> dict[str, Own]:
 class PointSettings(StepSettings):
     """Settings of an engine whose point contact resists no spin, or that needs none.
 
-    spin_part: of inertia over step, for a torque of ours against the spin; None for no torque.
+    spin_part: of inertia over step, for a torque of ours against the spin; 0 for no torque. One
+    that is explicit in time is stable up to 2.
     ideal: the steps of our own constraints on the engine's mass matrix and bias, None for its own
     contact; rtol: of DOP853.
     """
 
-    spin_part: float | None = None
+    spin_part: float = 1.5
     ideal: Literal["RK4", "DOP853"] | None = None
     rtol: float = 1e-12
 
@@ -211,9 +212,9 @@ class PointSettings(StepSettings):
 def spin_damping(scene: Scene, settings: PointSettings, step: float) -> float:
     """Return the c of our torque -c (ω, e_z) on a rubber shell [N m s], and 0 where there is none.
 
-    An explicit torque is stable up to twice inertia over step, of the ball's least moment.
+    The inertia is the ball's least moment.
     """
-    if scene.rolling == "classical" or settings.spin_part is None:
+    if scene.rolling == "classical":
         return 0.0
     return settings.spin_part * float(np.linalg.eigvalsh(scene.ball.inertia)[0]) / step
 
@@ -227,9 +228,10 @@ def no_torsion(scene: Scene, instead: str = "the shell spins freely") -> str | N
 
 def spins(scene: Scene, settings: PointSettings) -> str | None:
     """Return that the shell spins freely, or that a torque of ours damps that; None if neither."""
-    if settings.ideal or settings.spin_part is None:
-        return None if settings.ideal else no_torsion(scene)
-    return no_torsion(scene, "a torque of ours damps the spin")
+    if settings.ideal:
+        return None
+    damped = ["a torque of ours damps the spin"] if settings.spin_part else []
+    return no_torsion(scene, *damped)
 
 
 def _nothing(scene: Scene, settings: Any) -> str | None:

@@ -157,12 +157,10 @@ DART = Adapter(
         "ideal": ("rtol", (1e-6, 1e-9, 1e-12)),
     },
     presets=by_name(
-        _DartSettings(name="as-it-comes", error_tolerance=1e-2, timestep=1e-3),
+        _DartSettings(name="as-it-comes", error_tolerance=1e-2, timestep=1e-3, spin_part=0.0),
         # More friction than the ball needs, 1.2. What error is left is of the steps, of first
         # order.
-        _DartSettings(
-            name="best", error_tolerance=5e-2, timestep=1e-3, friction=20.0, spin_part=1.5
-        ),
+        _DartSettings(name="best", error_tolerance=5e-2, timestep=1e-3, friction=20.0),
         # DOP853 chooses its steps itself; the timestep is only the longest.
         _DartSettings(name="ideal", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
     ),

@@ -257,13 +257,14 @@ class _DrakeDynamics(IdealWorld):
 
 
 _AS_IT_COMES = _DrakeSettings(
-    name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-3, gain=1.0
-)
+    name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-3, gain=1.0,
+    spin_part=0.0,
+)  # fmt: skip
 # TAMSI turns the hinges by an armature; SAP and Lagged would freeze all velocities beside it, in
 # silence (docs/findings/drake_frozen.py).
 _TAMSI = _DrakeSettings(
     name="tamsi", error_tolerance=5e-2, stop_at_fault=False, timestep=1e-3,
-    approximation="tamsi", friction=20.0, armature=1e12, spin_part=1.5,
+    approximation="tamsi", friction=20.0, armature=1e12,
 )  # fmt: skip
 # RADAU in equal steps. Under error control they shrink to 2e-5 s where friction passes zero, and
 # what Newton's tolerance leaves of each adds up. The stiction tolerance sets the error: it falls to

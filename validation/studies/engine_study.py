@@ -157,7 +157,7 @@ def study_of(scene: Scene, results: Sequence[Result]) -> _EngineStudy:
 
 def _order(runs: Sequence[Row]) -> Order | None:
     """Return the order of a preset's error in the timestep; None where runs lie on no line."""
-    mine = [each for each in runs if each["field"] == "timestep"]
+    mine = [each for each in runs if each["field"] == "timestep" and not each["changes"]]
     return fit_order([each["longest_step"] for each in mine], [each["error"] for each in mine])
 
 

@@ -42,7 +42,7 @@ def search(
 
 
 def _value(span: tuple[Any, ...] | slice, part: float) -> Any:
-    """Return the value at a part, from 0 to 1, of a knob's span; rounded, to be told in a line."""
+    """Return the value at a part, from 0 to 1, of a knob's span, to three digits."""
     if isinstance(span, slice):
         return float(f"{span.start * (span.stop / span.start) ** part:.3g}")
     return span[min(int(part * len(span)), len(span) - 1)]

@@ -315,7 +315,7 @@ def test_a_torque_against_spin_goes_with_inertia_over_step() -> None:
     for step in (4e-3, 1e-4):
         assert spin_damping(FIG12, settings, step) == pytest.approx(2 * 0.35 / step, rel=1e-12)
     assert spin_damping(rb.load_scene("classical_regular"), settings, 1e-3) == 0.0
-    assert spin_damping(FIG12, replace(settings, spin_part=None), 1e-3) == 0.0
+    assert spin_damping(FIG12, replace(settings, spin_part=0.0), 1e-3) == 0.0
 
 
 LACKS = [

@@ -22,7 +22,7 @@ from validation.studies.engine_runs import (
     python_of,
     settings_of,
 )
-from validation.studies.engine_study import cells_of, measure, study_of
+from validation.studies.engine_study import COLUMNS, cells_of, measure, study_of
 from validation.sweeps import Result
 
 FIG12 = rb.load_scene("fig12")
@@ -99,6 +99,36 @@ def test_runs_have_an_order_and_costs_at_one_speed() -> None:
         assert [run["relative_cost"] for run in runs] == relative
     (runs,) = study_of(FIG12, [result(1e-3, 1e-7, 7.0)]).runs.values()
     assert [run["relative_cost"] for run in runs] == [None]
+
+
+def test_the_runs_of_a_search_have_no_order() -> None:
+    """They may all have the same step; each is kept, with its changes."""
+    found = result(1e-3, 1e-6, 1.0)
+    changes = [{"iterations": count} for count in range(1, 9)]
+    study = study_of(FIG12, [replace(found, cell={**CELL, "changes": each}) for each in changes])
+    ((run, *others),) = study.runs.values()
+    assert [each["changes"] for each in (run, *others)] == changes
+    assert study.orders == {}
+
+
+@pytest.mark.parametrize(
+    ("engine", "preset", "ours"),
+    [
+        ("mujoco", "naive", ""),
+        ("mujoco", "adaptive", "steps"),
+        ("dart", "best", "torque against spin"),
+    ],
+)
+def test_a_row_says_which_parts_are_ours(engine: str, preset: str, ours: str) -> None:
+    """In the data and in the table."""
+    found = result(1e-3, 1e-6, 1.0)
+    study = study_of(
+        FIG12, [replace(found, cell={**found.cell, "engine": engine, "preset": preset})]
+    )
+    ((run,),) = study.runs.values()
+    assert (run["ours"], run["newcomer"]) == (ours, preset == "naive")
+    (column,) = (each for each in COLUMNS if each.header == "ours")
+    assert column.text(run) == ours
 
 
 @pytest.mark.slow

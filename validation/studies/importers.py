@@ -87,7 +87,8 @@ def rows_of(scenes: Sequence[Scene], results: Sequence[Result]) -> list[Row]:
     of = {scene.name: scene for scene in scenes}
     for cell, record, failure in ((each.cell, each.record, each.failure) for each in results):
         form, name = cell["format"], cell["importer"]
-        row = rows.setdefault((form, name), {"title": f"{form}, {name}", "fault": failure or ""})
+        row = rows.setdefault((form, name), {"title": f"{form}, {name}", "fault": ""})
+        row["fault"] = row["fault"] or failure or ""
         if record:
             row["title"] = ", ".join([form, record["by"], *name.split(", ")[1:]])
             for what, error in errors_of(of[cell["scene"]], form, record).items():

@@ -72,6 +72,8 @@ def test_a_fault_is_the_importers_where_another_reads_the_same_file_right() -> N
     for second, owner in ((found, "importer"), (wrong, "file or all")):
         rows = rows_of([scene], [Result(cell, wrong, None), Result(other, second, None)])
         assert rows[0]["fault"] == f"{owner}: mass, centre, inertia"
+    (row,) = rows_of([scene], [Result(cell, found, None), Result(cell, None, "it broke")])
+    assert (row["fault"], row["mass"]) == ("it broke", 0.0)
     (row,) = rows_of([scene], [Result(cell, None, "it broke")])
     assert (row["fault"], "mass" in row) == ("it broke", False)
 

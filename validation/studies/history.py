@@ -286,6 +286,7 @@ class History:
     """Measure an engine in every released version, each in an environment of its own.
 
     --quick measures the version that is installed here alone, without pip.
+
     Example: robotball history mujoco --from 3.5
     """
 

@@ -6,19 +6,25 @@ in Euler parameters, and by explicit integrators with a rotation-vector node. Th
 a ball that a spherical joint holds.
 """
 
-import exudyn
+from importlib.metadata import version
+
 import numpy as np
-from exudyn.itemInterface import (
-    LoadForceVector,
-    MarkerBodyRigid,
-    NodeGenericData,
-    NodeRigidBodyEP,
-    NodeRigidBodyRotVecLG,
-    ObjectContactSphereTriangle,
-    ObjectGround,
-    ObjectJointSpherical,
-    ObjectRigidBody,
-)
+
+try:
+    import exudyn
+    from exudyn.itemInterface import (
+        LoadForceVector,
+        MarkerBodyRigid,
+        NodeGenericData,
+        NodeRigidBodyEP,
+        NodeRigidBodyRotVecLG,
+        ObjectContactSphereTriangle,
+        ObjectGround,
+        ObjectJointSpherical,
+        ObjectRigidBody,
+    )
+except ImportError:
+    raise SystemExit("skipped: Exudyn is not installed") from None
 
 MASS, RADIUS, WEIGHT, STIFFNESS, TURNING = 0.9, 1.0, 0.9 * 9.81, 1e5, 2.0
 
@@ -73,3 +79,6 @@ try:
     print("joint taken: 1")
 except (RuntimeError, ValueError):
     print("joint taken: 0")
+print("expected: 0 slip by each, to its own order, and a joint that is taken")
+print("version: Exudyn", version("exudyn"))
+print("verdict: open; none found")

@@ -306,7 +306,7 @@ DRAKE = Adapter(
         "error_control": (False, True), "stiction": slice(1e-4, 1e-2), "spin_part": slice(0.1, 1e4),
         "armature": slice(1e2, 1e12),
     }),
-    source="examples/multibody/deformable/deformable_common.cc: a gain of 1 on rates",
+    source="examples/multibody/strandbeest/run_with_motor.cc: a gain as large as the mass",
     world=_world,
     lacks=spins,
 )  # fmt: skip

@@ -401,15 +401,14 @@ def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> 
 
     Between two sample times or breakpoints lie the fewest equal steps not longer than `timestep`.
     """
-    # Piece by piece of the samples, so that a long run's stretches are not all in memory.
-    for piece in pieces(len(times) - 1):
-        some = times[piece.start : piece.stop + 1]
-        yield from _stretches(some, tuple(t for t in breakpoints if t > some[0]), timestep)
+    # Piece by piece of the spans, so that a long run's stretches are not all in memory.
+    every = spans(times, breakpoints, timestep)
+    for piece in pieces(len(every[0])):
+        yield from _stretches(times, *(each[piece] for each in every))
 
 
-def _stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> Iterator[Stretch]:
-    """Yield the stretches of a piece of the samples."""
-    ends, lengths, counts = spans(times, breakpoints, timestep)
+def _stretches(times: Array, ends: Array, lengths: Array, counts: Array) -> Iterator[Stretch]:
+    """Yield the stretches of a piece of the spans."""
     # A long span is cut into parts of LOOK steps.
     parts = np.ceil(counts / _LOOK).astype(int)
     first = np.cumsum(parts) - parts
@@ -418,9 +417,7 @@ def _stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) ->
     sizes = np.minimum(np.repeat(counts, parts) - _LOOK * part, _LOOK).astype(int)
     begins = begins + _LOOK * part * lengths
     ends = np.stack([begins, begins + sizes * lengths], axis=1)
-    sampled = part == 0
-    if breakpoints:
-        sampled &= np.isin(begins, times)
+    sampled = (part == 0) & (times[np.searchsorted(times, begins)] == begins)
     look = (np.cumsum(sizes) - 1) // _LOOK
     for which in np.split(np.arange(len(sizes)), np.flatnonzero(np.diff(look)) + 1):
         starts = np.cumsum(sizes[which]) - sizes[which]

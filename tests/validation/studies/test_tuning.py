@@ -93,7 +93,7 @@ def test_an_engine_s_search_keeps_its_log_and_says_the_best(
     ("words", "why"),
     [
         ("--only multibody", "multibody has no knobs"),
-        ("--only dart", "dart is not installed: robotball engines --install dart"),
+        ("--only dart", "DART is not installed: robotball engines --install dart"),
         ("--only mujoco --budget 3", "budget must be"),
         ("--only mujoco --cap 0", "cap must be positive"),
     ],

@@ -13,7 +13,7 @@ from robotball import Engine, EngineSettings, Scene, Start, integrate, sample_ti
 from robotball.engine import DEFAULT, request_of
 from robotball.engines import Progress
 from robotball.engines.reduced import motion_of
-from robotball.errors import InputError
+from robotball.errors import InputError, check_count
 from robotball.motion import Motion, extended
 from robotball.processes import in_processes
 from robotball.rotations import Array
@@ -75,6 +75,7 @@ def compare_many(
     steps, many at once, others in processes; no motion is kept. Raises InputError and warns as
     `simulate_many` and `integrate` do.
     """
+    check_count("the number of starts", len(starts), 1)
     times = scene.times if times is None else times
     scenes = [replace(scene, start=each) for each in starts]
     more: Any = {"engine": engine, "device": device, "progress": progress}

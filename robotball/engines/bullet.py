@@ -131,7 +131,7 @@ def _xyzw(q: Array) -> list[float]:
 
 _AS_IT_COMES = _BulletSettings(
     name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1 / 240,
-    motor_force=500.0,
+    motor_force=100.0,
 )  # fmt: skip
 # Friction beyond what the ball needs, 1.2; motors so strong that hinges keep their rates to 1e-7;
 # and a limit far above the rotor's 148 rad/s, which the default of 100 rad/s cuts by a third. The
@@ -152,6 +152,6 @@ BULLET = Adapter(
         "damping": (0.0, None), "spinning_friction": slice(0.1, 100.0),
         "motor_force": slice(1e3, 1e10),
     }),
-    source="PyBullet Quickstart Guide, setJointMotorControl2",
+    source="examples/pybullet/examples/robotcontrol.py",
     world=_BulletWorld,
 )  # fmt: skip

@@ -78,6 +78,8 @@ class Compare:
         from validation.results import scenes_of, show, write_csv, write_json
         from validation.runs import Comparing, compare_all, tell_fault_windows
 
+        if self.seed or self.cluster:
+            raise InputError("--seed and --cluster are of random starts: give --starts too")
         if not self.scenes:
             raise InputError("compare needs a scene; `robotball scenes` lists the catalog")
         options = self.run_options

@@ -118,13 +118,12 @@ def call(python: Path | str, function: Callable[..., T], *given: Any) -> T:
 
 def _main() -> None:
     """Read a function with its arguments, write what it gives, and end when the reader does."""
-    answer = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what engines print
     end_when_closed(int(sys.argv[1]))
-    found = answered(operator.call, pickle.load(sys.stdin.buffer))
-    if not isinstance(found[1], InputError | None):
-        raise found[1]  # of a kind that may be unknown to the reader, who has its last word
-    with answer:
+    with os.fdopen(os.dup(1), "wb") as answer:
+        os.dup2(2, 1)  # what engines print
+        found = answered(operator.call, pickle.load(sys.stdin.buffer))
+        if not isinstance(found[1], InputError | None):
+            raise found[1]  # of a kind that may be unknown to the reader, who has its last word
         pickle.dump(found, answer)
     os._exit(0)  # some engines end badly
 

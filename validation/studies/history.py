@@ -132,7 +132,11 @@ def measure(cell: Cell) -> dict[str, Any]:
     record = {"date": date, "free_body": _free_body(python) if ours else None}
     for number, preset in (("as_it_comes", engine.as_it_comes), ("recipe", engine.default)):
         if preset in engine.presets:
-            found = (_bare if ours else _adapted)(cell, python, preset)
+            try:
+                found = (_bare if ours else _adapted)(cell, python, preset)
+            except InputError as error:  # an old version may know the other preset's names
+                why = str(error).removeprefix(f"{python}: ")
+                found = {"error": None, "fault": re.sub(r"^\w+Error: ", "", why)}
             record |= {number: found.pop("error"), **{f"{number}_{x}": found[x] for x in found}}
     return record
 

@@ -259,7 +259,7 @@ def test_what_has_no_motion_is_refused_in_a_line(snippet: str, message: str) -> 
 
 def any_scene(rng: np.random.Generator) -> rb.Scene:
     """Bodies, rates and momenta over hundreds of decades; half of them within the usual twenty."""
-    decades = rng.choice([3.0, 10.0, 10.0, 45.0, 150.0])
+    decades = float(rng.choice([3.0, 10.0, 10.0, 45.0, 150.0]))
 
     def size(most: float = 150.0) -> float:
         """A positive number over so many decades either side of 1."""

@@ -58,8 +58,8 @@ class World(ABC):
     """A ball in an engine, at its start. To make one is set-up, which no run's time includes.
 
     steps: the number taken so far; longest: the longest of them [s]; clock: by which they are
-    timed, the processor's unless another device takes them; forces: as they were read; friction:
-    the coefficient of the engine's contact, where it is known.
+    timed, the processor's unless another device takes them; friction: the coefficient of the
+    engine's contact, where it is known.
     """
 
     friction = float("nan")
@@ -67,7 +67,6 @@ class World(ABC):
     def __init__(self, scene: Scene) -> None:
         self.scene, self.now = scene, start_state(scene)
         self.steps, self.longest, self.clock = 0, 0.0, time.process_time
-        self.forces = [_UNKNOWN]
 
     @abstractmethod
     def march(self, times: Array, timestep: float) -> Iterator[Callable[[], State]]:
@@ -328,6 +327,7 @@ class Adapter(Engine):
         # Only the engine's steps are timed, not the reading of its states. A state that is no
         # number ends the run of its ball.
         rows, spent = [np.array([start_state(each).row for each in scenes])], 0.0
+        forces = [_UNKNOWN]
         march = world.march(times, settings.timestep)
         while len(rows) < len(times) and np.isfinite(rows[-1]).all(axis=1).any():
             began = world.clock()
@@ -335,14 +335,14 @@ class Adapter(Engine):
             spent += world.clock() - began
             rows.append(np.atleast_2d(read().row))
             # Of balls abreast the forces are not read.
-            world.forces.append(world.force() if len(scenes) == 1 else _UNKNOWN)
+            forces.append(world.force() if len(scenes) == 1 else _UNKNOWN)
             if request.progress is not None:
                 request.progress(times[len(rows) - 1] / times[-1])
         share, python = spent / len(scenes), world.python_seconds() / len(scenes)
         cost = {"seconds": share, "python_seconds": python}
         for each, own in zip(scenes, np.stack(rows, axis=1), strict=True):
             yield motion_of_rows(
-                self.label, each, times, own, settings, np.array(world.forces),
+                self.label, each, times, own, settings, np.array(forces),
                 world.friction, timestep=world.longest, steps=world.steps, **cost,
             )  # fmt: skip
 

@@ -49,7 +49,7 @@ NUMBERS = {"as_it_comes": "as it comes", "recipe": "recipe", "free_body": "free 
 _WORDS = {"as_it_comes": "Euler", "recipe": "RK4", "free_body": "implicitfast"}
 
 
-def versions_in(listing: str) -> list[str]:
+def released(listing: str) -> list[str]:
     """Return the versions in what `pip index versions` prints, the oldest first."""
     found = re.search(r"^Available versions: (.*)$", listing, re.MULTILINE)
     return found[1].split(", ")[::-1] if found else []
@@ -313,7 +313,7 @@ class History:
         if self.sweep.quick:
             return self._table([engine_named(self.engine).label.version])
         failure = f"the versions of {package} cannot be listed"
-        versions = versions_in(_pip(home, failure, "index", "versions", package))
+        versions = released(_pip(home, failure, "index", "versions", package))
         first, last = self.bisect or (self.since, self.to)
         end = places_of(versions, last)[-1] if last else len(versions) - 1
         start = places_of(versions, first)[-1 if self.bisect else 0] if first else 0

@@ -11,7 +11,7 @@ from rich.markup import escape
 from tyro.conf import Positional, arg
 
 from robotball import Scene, export_scene, load_scene
-from robotball.engines.environments import call
+from robotball.engines.environments import ENVIRONMENTS, call
 from robotball.robot import Solid
 from validation.options import Names, Sweep, SweepOptions, chosen, listed
 from validation.output import writable_folder
@@ -40,13 +40,14 @@ def read(cell: Cell) -> dict[str, Any]:
 def cells_of(scenes: Sequence[Scene], engines: Collection[str], folder: Path) -> list[Cell]:
     """Return every reading of the scenes' exports by the engines that are there."""
     cells: list[Cell] = []
+    known = contestants()
     for scene in scenes:
         with tempfile.TemporaryDirectory() as place:
             export_scene(scene, place, _TIMES)
             texts = {form: (Path(place) / name).read_text("utf-8") for form, name in FILES.items()}
         for name, (_, formats) in IMPORTERS.items():
             engine = name.partition(",")[0]
-            python = python_of(contestants()[engine], folder) if engine in engines else None
+            python = python_of(known[engine], folder) if engine in engines else None
             for form in formats if python else ():
                 who = {"importer": name, "engine": engine, "interpreter": str(python)}
                 what = {"scene": scene.name, "format": form, "text": texts[form]}
@@ -132,7 +133,7 @@ class Importers:
     """Names from the catalog, or paths to TOML, MJCF or URDF files."""
     only: Names = ()
     """Engines whose importers to try; all that are there if not given. Several: drake,bullet."""
-    environments: Path = Path("out/engines")
+    environments: Path = ENVIRONMENTS
     """Folder of the engines' environments, which `robotball engines --install` makes."""
     sweep: SweepOptions = field(default_factory=Sweep)
 

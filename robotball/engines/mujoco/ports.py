@@ -180,9 +180,8 @@ def _advance(many: bool) -> Callable[..., Any]:
     return jax.jit(advance)
 
 
-# MJX has no noslip. A harder contact needs none; where friction is so hard that a step of Newton
-# ends on the cone's axis, the line search of MJX takes the root of a negative number: softness
-# 1e-6 gives NaN, and 1e-2 does not.
+# MJX has no noslip. A harder contact needs none; one that is too hard gives NaN, as a softness of
+# 1e-6 does and 1e-2 does not (docs/findings/mjx_nan.py).
 _HARD = replace(
     PRESETS["balanced"],
     **CONSTANT | {"solver": "Newton", "softness": 1e-2},

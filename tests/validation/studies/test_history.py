@@ -18,8 +18,8 @@ from validation.studies.history import (
     differ,
     last_patches,
     places_of,
+    released,
     rows_of,
-    versions_in,
 )
 from validation.study import Row
 from validation.sweeps import Result
@@ -43,8 +43,8 @@ Version 3.1.1 (Mar 18, 2024)
 
 def test_pips_listing_has_the_versions() -> None:
     """The oldest first; 3.1 is no 3.10, and a text without versions has none."""
-    assert versions_in(LISTING) == VERSIONS
-    assert versions_in("ERROR: No matching distribution found") == []
+    assert released(LISTING) == VERSIONS
+    assert released("ERROR: No matching distribution found") == []
     assert last_patches(VERSIONS) == ["2.3.1.post1", "3.1.2", "3.9.1", "3.10.0"]
     assert [places_of(VERSIONS, each) for each in ("3.1", "3.9", "2.3.0")] == [[2], [3, 4], [0]]
     with pytest.raises(rb.InputError, match=r"no version is called '3\.99'"):

@@ -23,9 +23,9 @@ class _GenesisSettings(StepSettings):
 
     precision: of its arithmetic, in bits; integrator, cone: by its own names; friction: of ball
     and plane, of which it takes 5 at most; torsional m: friction against spin, of a rubber ball
-    alone; damping N m s/rad: of the hinges' velocity servos; most_torque N m: that they give;
-    armature kg m²: their reflected inertia; impedance: of the contact; impratio: how much harder
-    friction is than the normal force; iterations, tolerance: of its solver.
+    alone; damping N m s/rad: of the hinges' velocity servos; most_torque N m: that they give, any
+    if None; armature kg m²: their reflected inertia; impedance: of the contact; impratio: how much
+    harder friction is than the normal force; iterations, tolerance: of its solver.
     """
 
     precision: Literal["32", "64"] = "32"
@@ -34,7 +34,7 @@ class _GenesisSettings(StepSettings):
     friction: float | None = None
     torsional: float | None = None
     damping: float = 450.0
-    most_torque: float = np.inf
+    most_torque: float | None = None
     armature: float | None = None
     impedance: float | None = None
     impratio: float | None = None
@@ -75,7 +75,7 @@ class _GenesisWorld(ServoWorld):
         start, h = self.now, len(scene.drives)
         self.hinges = list(range(6, 6 + h))
         self.ball.set_dofs_kv(np.full(h, settings.damping), self.hinges)
-        most = np.full(h, settings.most_torque)
+        most = np.full(h, settings.most_torque or np.inf)
         self.ball.set_dofs_force_range(-most, most, self.hinges)
         if settings.armature is not None:
             self.ball.set_dofs_armature(np.full(h, settings.armature), self.hinges)

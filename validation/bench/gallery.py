@@ -11,7 +11,7 @@ import shutil
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from robotball.files.replacing import replacing
 from robotball.film.render import Film, frames
 from validation.agreement import compare
 from validation.output import write_text
+from validation.studies.engine_study import value_of
 from validation.studies.extremes import Outcome
 
 _DOCS = Path(__file__).parents[2] / "docs"
@@ -36,13 +37,20 @@ _PICTURES = {
         for name in ("momentum", "contact", "duration")
     },
 }
+_ROLLED = ("fig12", "classical_regular", "wobbling_drive", "classical_chaotic")  # by all engines
 _BY_NAME = {
     "history mujoco": {"fig12-mujoco-history.png": "history.png"},
-    "engines fig12 classical_regular": {
+    f"engines {' '.join(_ROLLED)}": {
         "fig12-engines.png": "engines.png",
         "classical_regular-engines.png": "engines-classical.png",
     },
 }
+_COSTS = (
+    ("cost", 1e3, ".3g"),
+    ("relative_cost", 1, ".2g"),
+    ("spread", 1, ".2f"),
+    ("python_share", 1, ".0%"),
+)
 _RANDOM = "extremes --random 500"
 _FILMED, SHOWN = 3.2, 3.0  # s of the README's film, and the time of its picture
 # What the studies counted: the numbers that README and docs print are held against it.
@@ -56,6 +64,7 @@ or a sampling error may leave something.
 | place | corrected | measured |
 |---|---|---|
 """
+ENGINES = r"\| engine, preset \| step or rtol \|.*?(?=\n\n)"
 _TABLE = r"\| scene \| preset \| step \|.*?(?=\n\n)"
 OUTCOMES = r"\| of [0-9]+ runs each \|.*?(?=\n\n)"
 
@@ -75,6 +84,9 @@ def _main(only: str = "") -> None:
         outcomes = _outcomes_of(record["summary"])
         _write_numbers("extremes", {**record["totals"], "outcomes": outcomes})
         _replace(_DOCS / "extremes.md", OUTCOMES, outcomes_table(outcomes))
+    if only and f"engines {' '.join(_ROLLED)}".startswith(only):
+        records = [_read(_OUT / f"{scene}-engines.json") for scene in _ROLLED]
+        _replace(_DOCS / "engines.md", ENGINES, engines_table(records))
     if _RANDOM.startswith(only):
         _run(_RANDOM, "--json", str(_OUT / "random.json"))
         record = _read(_OUT / "random.json")
@@ -135,6 +147,37 @@ def outcomes_table(outcomes: Mapping[str, Mapping[str, int]]) -> str:
         if any(counts):
             words = kind.sentence.partition(":")[0]
             lines.append(f"| {words} | {' | '.join(map(str, counts))} |")
+    return "\n".join(lines)
+
+
+def engines_table(records: Sequence[Mapping[str, Any]]) -> str:
+    """Return every engine's errors as a Markdown table: a row a run, a column of each scene.
+
+    records: of `robotball engines`, a scene each; costs are those of the first. Bold: on a front.
+    """
+    titles = ["CPU [ms]", "relative", "spread", "Python", "ours"]
+    head = ["engine, preset", "step or rtol", *(each["scene"] for each in records), *titles]
+    lines = [f"| {' | '.join(head)} |", "|---|" + "---:|" * (len(head) - 2) + "---|"]
+    found: dict[tuple[str, str], dict[str, Mapping[str, Any]]] = {}
+    for record in records:
+        for run in record["runs"]:
+            name = f"{run['label']} {run['version']}, {run['preset']}"
+            found.setdefault((name, value_of(run)), {})[record["scene"]] = run
+    for (name, value), runs in found.items():
+        errors = [
+            "-"
+            if run is None
+            else f"{'**' * run['on_the_pareto_front']}{run['error']:.1e}"
+            f"{'**' * run['on_the_pareto_front']}"
+            for run in (runs.get(each["scene"]) for each in records)
+        ]
+        first = runs.get(records[0]["scene"], {})
+        costs = [
+            "-" if (number := first.get(key)) is None else f"{number * scale:{form}}"
+            for key, scale, form in _COSTS
+        ]
+        ours = next(iter(runs.values()))["ours"] or "-"
+        lines.append(f"| {' | '.join([name, value, *errors, *costs, ours])} |")
     return "\n".join(lines)
 
 

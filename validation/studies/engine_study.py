@@ -4,7 +4,6 @@ import json
 import math
 import statistics
 import sys
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -172,7 +171,7 @@ def _name(run: Row) -> str:
 
 
 _MARKERS = "osD^vPX*<>hp"
-_STYLES = ("-", "--", ":", "-.")  # of an engine's presets, in their order
+_IDEAL = ":"  # where the engine gives its dynamics alone
 _LEAST = 1e-15  # below it errors cannot be distinguished
 _NOTE = (
     "N error, over the weight; cone: friction beyond it; slip work, over the kinetic energy; "
@@ -201,7 +200,7 @@ def _shown(study: _EngineStudy) -> list[Row]:
     rows = [
         {
             **run,
-            "title": f"{_name(run)}, {run['preset']}, {_value(run)}",
+            "title": f"{_name(run)}, {run['preset']}, {value_of(run)}",
             "front": "*" if run in study.pareto_front else "",
             "order": study.orders[key].order if key in study.orders else None,
             "fault": run["faults"][0] if run["faults"] else "",
@@ -217,7 +216,8 @@ def _shown(study: _EngineStudy) -> list[Row]:
     return [*rows, *failed]
 
 
-def _value(run: Row) -> str:
+def value_of(run: Row) -> str:
+    """Return the timestep of a run with its unit, or its tolerance."""
     value: float = run["value"]
     return f"{value * 1e3:g} ms" if run["field"] == "timestep" else f"{value:g}"
 
@@ -252,29 +252,30 @@ _TUNED = (COLUMNS[2], *COLUMNS[4:7], Column("settings", _changes, words=True))
 
 
 def _engines_picture(study: _EngineStudy) -> Figure:
-    """Draw every engine's error against its cost: filled at its best, hollow as it comes."""
+    """Draw every engine's error against its cost, as many engines as there are markers."""
+    names = list(dict.fromkeys(contestant for contestant, _ in study.runs))
+    left = f"; not drawn: {', '.join(names[len(_MARKERS) :])}" if names[len(_MARKERS) :] else ""
     figure, axes = cost_axes(
-        f"{in_picture(study.scene.name)} ({study.scene.rolling}): {study.what}",
+        f"{in_picture(study.scene.name)} ({study.scene.rolling}): {study.what}{left}",
         "error, relative to the path's length",
     )
-    engines = list(dict.fromkeys(contestant for contestant, _ in study.runs))
-    drawn: Counter[str] = Counter()
-    for (contestant, preset), runs in study.runs.items():
-        order, first = study.orders.get((contestant, preset)), runs[0]
-        label = f"{_name(first)}, {preset}" + (f" (order {order.order:.1f})" if order else "")
-        errors = [min(max(run["error"], _LEAST), 10.0) for run in runs]
-        mark = _MARKERS[engines.index(contestant) % len(_MARKERS)]
-        style, colour = _STYLES[drawn[contestant] % len(_STYLES)], first["colour"]
-        fill = "none" if first["newcomer"] else colour
-        axes.plot(errors, [run["cost"] for run in runs], f"{mark}{style}", color=colour, mfc=fill,
-                  markersize=6, linewidth=1, zorder=2, label=in_picture(label))  # fmt: skip
-        drawn[contestant] += 1
+    for name, mark in zip(names, _MARKERS, strict=False):
+        label = _name(next(runs[0] for key, runs in study.runs.items() if key[0] == name))
+        for runs in (runs for key, runs in study.runs.items() if key[0] == name):
+            first, errors = runs[0], [min(max(run["error"], _LEAST), 10.0) for run in runs]
+            style = _IDEAL if {"all", "constraints"} & set(first["ours"].split(", ")) else "-"
+            axes.plot(errors, [run["cost"] for run in runs], f"{mark}{style}", markersize=6,
+                      mfc="none" if first["newcomer"] else first["colour"], color=first["colour"],
+                      linewidth=1, zorder=2)  # fmt: skip
+        axes.plot([], [], f"{mark}-", color=first["colour"], linewidth=1, label=in_picture(label))
     front = study.pareto_front
     axes.plot(
         [max(run["error"], _LEAST) for run in front], [run["cost"] for run in front],
-        color=INK, linewidth=1.4, zorder=1, label="Pareto front",
+        color=INK, linewidth=1.8, zorder=1, label="Pareto front",
     )  # fmt: skip
-    figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=8)
+    axes.plot([], [], "o", color=INK, mfc="none", label="as it comes")
+    axes.plot([], [], _IDEAL, color=INK, linewidth=1, label="rolling constraints of ours")
+    figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     return figure
 
 

@@ -282,7 +282,7 @@ class Settings(EngineSettings):
 
 
 # It shows how wrong a newcomer's model gets, so a run goes on after its first fault.
-NAIVE = Settings(name="naive", error_tolerance=1e-2, stop_at_fault=False, drive=Servo(gain=10.0))
+NAIVE = Settings(name="naive", error_tolerance=1e-2, stop_at_fault=False, drive=Servo(gain=1.0))
 
 
 def recipe(name: str, error_tolerance: float, **steps: Any) -> Settings:

@@ -20,7 +20,7 @@ FIG12, NAMES = rb.load_scene("fig12"), [choice.name for choice in CHOICES]
 # has 2.5e-12 and 7.2e-12. Where friction is too weak the ball leaves the plane, and rounding tells
 # how much of M is lost: 2e-4 or 5e-5.
 WORTH = {
-    "drive": (9.7e-2, 3.3e-11),
+    "drive": (3.8e-1, 8.6e-12),
     "friction": (4.2e-1, None),
     "cone": (6.5e-2, 1.6e-1),
     "root": (3.0e-1, 1.8e-12),

@@ -1,5 +1,6 @@
 """The study of all engines: a crash is a row, the front a front, an environment looks into ours."""
 
+import json
 import subprocess
 import sys
 import venv
@@ -132,6 +133,13 @@ def test_a_row_says_which_parts_are_ours(engine: str, preset: str, ours: str) ->
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("name", rb.engine_names())
+def test_every_preset_is_a_line_of_json(name: str) -> None:
+    """A record of a run has its settings, and no number that JSON lacks."""
+    for preset in rb.engine_named(name).presets.values():
+        assert json.loads(json.dumps(preset.plain(), allow_nan=False))["name"] == preset.name
+
+
 def test_an_engine_that_is_nowhere_has_no_cells(tmp_path: Path) -> None:
     """Ours is taken where the engine is there."""
     known = contestants()

@@ -174,7 +174,8 @@ def test_every_step_is_read_with_the_warnings_so_far() -> None:
 
     MuJoCo warns first in the tenth step; the last row is of the end, from which no step was taken.
     """
-    model = build(FIG12, replace(rb.PRESETS["naive"], timestep=0.02))
+    servo = rb.Servo(gain=10.0)
+    model = build(FIG12, replace(rb.PRESETS["naive"], timestep=0.02, drive=servo))
     times = np.linspace(0.0, 0.3, 16)
     with controlled(model) as control:
         (portion,) = by_steps(control, model.start_data(), times)

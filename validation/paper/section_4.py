@@ -13,6 +13,8 @@ from scipy.integrate import cumulative_simpson
 from scipy.optimize import brentq
 from scipy.special import ellipj
 
+from robotball.equations import Parameters, as_vector
+from robotball.qualitative import equilibria
 from robotball.rotations import Array
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS, claim_motion, orthonormal
@@ -46,6 +48,14 @@ def _field_on_the_sphere(twist: float) -> Errors:
     ball = seen("fig06")
     found = ball.of(lambda n, _, gamma: f.from_rest(replace(n, K=twist * n.K))(gamma))
     yield largest(rate(ball.gamma) - found[INNER])
+
+
+@SECTION.claim("(4.1)", "flow: dγ/dt")
+@f.beside_ours(2e-14, "1/s")
+def _our_flow(p: Parameters, n: Numbers, state: f.State) -> tuple[Array, Array]:
+    """Return dγ/dt from rest, which has no classical form."""
+    found = equilibria.flow(replace(p, rolling="rubber"), as_vector(state.gamma))
+    return np.array(found), f.from_rest(n)(state.gamma)
 
 
 @SECTION.claim("(4.2)", "dα/dt, dβ/dt, Ẋ and Ẏ")
@@ -245,6 +255,18 @@ def circle(index: int, twist: float) -> Errors:
     yield np.linalg.norm(path - centre, axis=1) - radius
 
 
+@SECTION_4_1.claim("Prop. 1", "contact_path: circles at Γ₁, Γ₃ and Γ₅")
+@by("the paper's line", "the sign of Ωₖ²", bound=2e-14, unit="m, rad/s")
+def _our_circles(twist: float) -> Errors:
+    """Compare the circle's radius with a√(Ωⱼ² + Ωₖ²)/|Ωᵢ|, and its sense of turning with Ωᵢ."""
+    for n in balls(50, 20):
+        for i, gamma in enumerate(f.E):
+            one, other = np.delete(n.Omega, i)
+            radius = sqrt(abs(one**2 + twist * other**2)) / abs(n.Omega[i])
+            path = equilibria.contact_path(f.parameters(n), gamma)
+            yield [path.radius - radius, path.turning - n.Omega[i]]
+
+
 # The circle Σ¹ -------------------------------------------------------------------------------
 
 
@@ -272,6 +294,22 @@ def _sides(twist: float) -> Errors:
         values = f.eigenvalues(f.from_rest(n), gamma).real
         across = values[np.argmax(np.abs(values))]  # along the circle it is 0
         yield across * twist * _side(n, gamma) >= 0
+
+
+@SECTION_4_1.claim("4.1", "fixed_circle: Σ_s and the eigenvalue across it")
+@by("(4.1)", "Σ_u for Σ_s", bound=1e-13, unit="1/s")
+def _our_circle(twist: float) -> Errors:
+    """Compare the eigenvalue at a point of Σ_s with that of (4.1); wrong by 1 unless it is there.
+
+    Twisted, with that at a point of Σ_u.
+    """
+    for n in balls(54, 20):
+        circle = equilibria.fixed_circle(f.parameters(n))
+        assert circle is not None
+        gamma, other = circle.at(np.array([0.5, 0.5 * twist]))
+        values = f.eigenvalues(f.from_rest(n), other)
+        yield circle.rate(gamma) - values[np.argmax(np.abs(values))]
+        yield _side(n, gamma) <= 0
 
 
 @SECTION_4_1.claim("4.1", "on Σ¹ the frame rests, the path is straight")
@@ -311,13 +349,15 @@ def _periodic(twist: float) -> Errors:
     yield np.linalg.norm(beside)
 
 
-@SECTION_4_1.claim("E24, 4.1", "ζ that meets Σ¹ ends on Σ_s ∩ ζ", "tends to Σ_s ∪ ζ")
-@by(MOTION, "Σ_u for Σ_s")
+@SECTION_4_1.claim(
+    "E24, 4.1", "ζ that meets Σ¹ ends at the point Σ_s ∩ ζ", "at the equilibrium point Σ_s ∪ ζ"
+)
+@by(f"{MOTION}, from the farthest point of rest named", "Σ_u for Σ_s")
 def ends(twist: float) -> Residual:
-    """Compare the γ in which Fig. 5b's motion is after 60 s with Σ_s ∩ ζ.
+    """Compute how far the farthest point of rest in Σ_s ∩ ζ is from Fig. 5b's γ after 60 s.
 
-    Σ_s ∩ ζ: (Ω,γ) = 0, (Aγ,γ) that of the start, and (Aγ, γ×Ω) > 0. As printed it may be all over
-    Σ_s.
+    Σ_s ∩ ζ: (Ω,γ) = 0, (Aγ,γ) that of the start and γ on its side of e₃, about which ζ runs, and
+    (Aγ, γ×Ω) > 0. As printed all of Σ_s, half of a circle, is named.
     """
     ball, start = seen("fig05b", 60.0, 0.05), CAPTIONS["fig05b"].axes[2]
 
@@ -328,11 +368,35 @@ def ends(twist: float) -> Residual:
     angles = np.linspace(0.0, 2 * np.pi, 201)
     crossings = [(x, y) for x, y in pairwise(angles) if off_curve(x) * off_curve(y) < 0]
     meeting = [f.sigma(_FIG5, brentq(off_curve, x, y, xtol=1e-14)) for x, y in crossings]
-    stable = [gamma for gamma in meeting if twist * _side(_FIG5, gamma) > 0]
-    all_over = [gamma for x in angles if _side(_FIG5, gamma := f.sigma(_FIG5, x)) > 0]
-    near = min(np.linalg.norm(gamma - ball.gamma[-1]) for gamma in stable)
-    far = max(np.linalg.norm(gamma - ball.gamma[-1]) for gamma in all_over)
-    return Residual(float(near), bound=1e-6, printed=float(far))
+    both = [
+        [gamma for gamma in meeting if twist * _side(_FIG5, gamma) > 0 and gamma[2] * start[2] > 0],
+        [gamma for x in angles if _side(_FIG5, gamma := f.sigma(_FIG5, x)) > 0],
+    ]
+    corrected, printed = (
+        max(float(np.linalg.norm(gamma - ball.gamma[-1])) for gamma in each) for each in both
+    )
+    return Residual(corrected, bound=1e-6, printed=printed)
+
+
+@SECTION_4_1.claim(
+    "4.1", "but Γ₃,₄'s separatrices from Σ_u end at Γ₃,₄", "ζ is periodic or ends on Σ_s"
+)
+@by("(4.1) by scipy", "Σ_s for Σ_u", bound=1e-4, printed={"on_sigma": True})
+def _separatrices(twist: float, on_sigma: bool = False) -> Errors:
+    """Measure how far from Γ₃,₄ motions with (Aγ,γ) = a₂ are 25 s after they were near Σ_u.
+
+    As printed, how far they are from where they started and from Σ_s ∩ ζ, the nearer.
+    """
+    a1, a2, a3 = _FIG5.moments
+    # Two great circles through Γ₃,₄, each of which meets Σ¹ in a γ and -γ.
+    others = [f.unit(np.array([sqrt(a2 - a3), 0.0, s * sqrt(a1 - a2)])) for s in (1, -1)]
+    meeting = [f.unit(cross(_FIG5.Omega, cross(f.E[1], each))) for each in others]
+    unstable, stable = sorted(meeting, key=lambda gamma: twist * _side(_FIG5, gamma))
+    for side in (0.1, -0.1):
+        start = f.unit(unstable + side * f.E[1])
+        end = f.followed(f.from_rest(_FIG5), start, np.array([0.0, 25.0]))[-1]
+        targets = [stable, -stable, start] if on_sigma else [f.E[1], -f.E[1]]
+        yield min(np.linalg.norm(end - each) for each in targets)
 
 
 _misprint = partial(by, "arithmetic", "the sign of γ₁", bound=1e-15)

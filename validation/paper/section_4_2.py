@@ -8,19 +8,13 @@ import numpy as np
 from numpy import arcsin, arctan2, pi, sqrt
 from scipy.optimize import brentq
 
+from robotball.qualitative import equilibria
 from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.portraits import limit_cycles
 from robotball.rotations import Array
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS, claim_axes, claim_motion
-from validation.paper.claim import (
-    AtLeast,
-    Errors,
-    Evidence,
-    Section,
-    Value,
-    by,
-)
+from validation.paper.claim import AtLeast, Errors, Section, by
 from validation.paper.formulas import Numbers, paper_scene
 
 SECTION = Section("4.2. K ≠ 0")
@@ -107,6 +101,15 @@ def _foci() -> tuple[tuple[Numbers, float], ...]:
     return tuple(found)
 
 
+@claim("Prop. 2", "proposition_2: A₁, A₂ and B/A₁")
+@by("the paper's lines", "the sign in B", bound=1e-12)
+def _our_proposition(twist: float) -> Errors:
+    """Compare A₁, A₂ and B of robotball with the paper's as corrected."""
+    for n in balls():
+        A1, A2, B = equilibria.proposition_2(f.parameters(n))
+        yield np.array([A1, A2, B / A1]) - [*_A1_A2(n), _criterion(n, twist)]
+
+
 def _growth_in_a_turn(n: Numbers, r: float) -> float:
     """Return r of the next crossing of γ₂ = 0 on the same side, less r."""
     field = f.from_rest(n)
@@ -137,6 +140,15 @@ def _B_of_the_foci(twist: float, printed: bool = False) -> Errors:
     """Count the foci mistaken with B as corrected, and with the factor K₃ as printed."""
     for n, growth in _foci():
         yield ((n.K[2] if printed else 1.0) * _criterion(n, twist) < 0) != (growth < 0)
+
+
+@claim("Prop. 2", "fixed_point_at: slow foci, stable or not")
+@_turned("the sign of the growth")
+def _our_foci(twist: float) -> Errors:
+    """Count the foci Γ₅ that robotball's first Lyapunov value mistakes."""
+    for n, growth in _foci():
+        found = equilibria.fixed_point_at(f.parameters(n), f.E[2]).kind
+        yield found != f"slow {'stable' if twist * growth < 0 else 'unstable'} focus"
 
 
 def _taylor(n: Numbers, top: float) -> Array:
@@ -294,13 +306,24 @@ def _theta_3(twist: float, printed: bool = False) -> Errors:
 # Figs 6 to 8 -------------------------------------------------------------------------------
 
 
-def _named(n: Numbers = _FIG6) -> dict[str, Array]:
-    """Return the fixed points of Fig. 6 by their names."""
+def _named(n: Numbers = _FIG6, twist: float = 1.0) -> dict[str, Array]:
+    """Return the fixed points that there are by their names, of Fig. 6 by default."""
     found = {"Γ₅": f.E[2], "Γ₆": -f.E[2]}
     for letter, j in (("δ", _DELTA), ("θ", _THETA)):
-        for index, phi in zip("₁₂₃₄", _angles(arcsin(_kappa(n, j)), _nu(n, j)), strict=True):
-            found[letter + index] = _point(j, phi)
+        if abs(_kappa(n, j, twist)) < 1:
+            angles = _angles(arcsin(_kappa(n, j, twist)), _nu(n, j))
+            found |= {letter + i: _point(j, phi) for i, phi in zip("₁₂₃₄", angles, strict=True)}
     return found
+
+
+@claim("4.2", "closed_form_points: δ₁ … δ₄, θ₁ … θ₄")
+@by("the paper's lines", "the sign of K₃", bound=1e-13)
+def _our_points(twist: float) -> Errors:
+    """Compare robotball's points with the paper's as corrected; off by 1 if not the same exist."""
+    for n in balls():
+        ours, paper = equilibria.closed_form_points(f.parameters(n)), _named(n, twist)
+        yield float(ours.keys() != paper.keys())
+        yield [ours[name] - paper[name] for name in ours.keys() & paper.keys()]
 
 
 @cache
@@ -309,16 +332,30 @@ def _number(K3: float, starts: int = 150) -> int:
     return len(f.zeros(f.from_rest(_with_K3(K3)), starts))
 
 
-@claim("E12, 4.2", "Δ exist iff |κ₁| < 1, Θ iff |κ₂| < 1", "0 < κ₂ < κ₁ < 1 and so on")
-@by("search", "the sign of K₃", bound=0, unit="of 8 wrong", printed={"least": 0.0})
-def _existence(twist: float, least: float = -1.0) -> Errors:
-    """Count the K₃ with another number of fixed points than 2 + 4[|κ₁| < 1] + 4[|κ₂| < 1].
-
-    A search finds them; as printed, with [0 < κ < 1].
-    """
+@claim("4.2", "Δ exist iff |κ₁| < 1, Θ iff |κ₂| < 1")
+@by("search", "the sign of K₃", bound=0, unit="of 8 wrong")
+def _existence(twist: float) -> Errors:
+    """Count the K₃ with another number of fixed points than 2 + 4[|κ₁| < 1] + 4[|κ₂| < 1]."""
     for K3 in (-3.0, -1.2, -0.5, -0.1, 0.2, 0.5, 1.0, 2.5):
         kappas = [_kappa(_with_K3(K3), j, twist) for j in (_DELTA, _THETA)]
-        yield _number(K3) != 2 + 4 * sum(least < kappa < 1 for kappa in kappas)
+        yield _number(K3) != 2 + 4 * sum(abs(kappa) < 1 for kappa in kappas)
+
+
+@claim(
+    "E12, 4.2",
+    "|κ₂| < |κ₁| < 1: 10 points; |κ₂| < 1 < |κ₁|: 6; 1 < |κ₂| < |κ₁|: 2",
+    "0 < κ₂ < κ₁ < 1; κ₂ < 1 < κ₁; 1 < κ₂ < κ₁",
+)
+@by("search, Figs 6-8", "the sign of K₃", bound=0, unit="of 3 wrong", printed={"size": float})
+def _cases(twist: float, size: Callable[[float], float] = abs) -> Errors:
+    """Count the figures where the condition that holds, if any, gives another number of points.
+
+    Than a search finds; as printed, κ have their signs, and none holds.
+    """
+    for K3 in (0.3, 0.52, 3.0):
+        kappa_1, kappa_2 = (size(_kappa(_with_K3(K3), j, twist)) for j in (_DELTA, _THETA))
+        cases = {10: 0 < kappa_2 < kappa_1 < 1, 6: kappa_2 < 1 < kappa_1, 2: 1 < kappa_2 < kappa_1}
+        yield [number for number, holds in cases.items() if holds] != [_number(K3)]
 
 
 def kind(n: Numbers, gamma: Array) -> str:
@@ -341,16 +378,22 @@ _KINDS = {
 }
 
 
+@claim("Fig. 6", "fixed_points: the ten and their types")
+@by("the paper's list", "δ, θ", bound=0, unit="of 10 off", ours=True)
 @claim("Fig. 6", "saddles θ₁,₂ δ₃,₄; foci θ₃,₄ Γ₅,₆; nodes δ₁,₂")
-@by("search, eigenvalues", "δ, θ", bound=0, unit="of 10 off")
-def _types(twist: float) -> Errors:
-    """Count the points of Fig. 6 that are of another type, or not found by a search."""
-    found = f.zeros(f.from_rest(_FIG6))
+@by("search, eigenvalues", "δ, θ", bound=0, unit="of 10 off", ours=False)
+def _types(ours: bool, twist: float) -> Errors:
+    """Count the points of Fig. 6 that are of another type, or not found: by a search, or ours."""
+    if ours:
+        found = [(p.gamma, p.kind) for p in equilibria.fixed_points(f.parameters(_FIG6))]
+    else:
+        found = [(gamma, kind(_FIG6, gamma)) for gamma in f.zeros(f.from_rest(_FIG6))]
     exchanged = str.maketrans("δθ", "δθ" if twist == 1 else "θδ")
     yield len(found) - 10
     for name, at in _named().items():
-        seen = min(np.linalg.norm(at - other) for other in found) < 1e-9
-        yield not (seen and name.translate(exchanged) in _KINDS.get(kind(_FIG6, at), ()))
+        near, type_ = min(found, key=lambda each: float(np.linalg.norm(each[0] - at)))
+        there = np.linalg.norm(near - at) < 1e-9
+        yield not (there and name.translate(exchanged) in _KINDS.get(type_, ()))
 
 
 _BOTH = {"senses": (-1.0, 1.0)}
@@ -385,11 +428,6 @@ def _branches_off(sense: float) -> int:
     return off
 
 
-def number(K3: float, stated: int, twist: float) -> Value:
-    """Count the fixed points of (4.1) at K₃, by a search; twisted, at -K₃/2."""
-    return Value(_number(K3 if twist == 1 else -K3 / 2), corrected=stated, bound=0)
-
-
 @cache
 def cycle(name: str) -> Cycle | None:
     """Return the only limit cycle of Fig. 6, 7 or 8, if there is one."""
@@ -398,23 +436,29 @@ def cycle(name: str) -> Cycle | None:
     return found[0] if len(found) == 1 else None
 
 
-def _unstable_cycle(name: str, twist: float) -> Evidence:
-    """Measure the growth of a neighbour's distance in a period of (4.1), by scipy, if that closes.
+@cache
+def growth(name: str) -> float:
+    """Return a neighbour's growth in a period of a figure's limit cycle; NaN if none closes.
 
-    Followed back in time, in which it shrinks. Twisted, with Fig. 6's K₃.
+    By the divergence of (4.1) on the sphere along it, followed back in time, in which it attracts.
     """
-    name = name if twist == 1 else "fig06"
     found = cycle(name)
     if found is None:
-        return AtLeast(float("nan"), bound=1.01)
-    field, times, gamma = f.from_rest(CAPTIONS[name].n), np.array([0.0, found.period]), found.gamma
-    beside = np.cross(gamma, field(gamma))
-    beside *= 1e-5 / np.linalg.norm(beside)
-    starts = (gamma, gamma + beside, gamma - beside)
-    ends = [f.followed(lambda x: -field(x), start, times, 1e-12)[-1] for start in starts]
-    closes = np.linalg.norm(ends[0] - gamma) < 1e-8
-    shrinking = float((ends[1] - ends[2]) @ beside / (2 * beside @ beside))
-    return AtLeast(1 / abs(shrinking) if closes else float("nan"), bound=1.01)
+        return float("nan")
+    field = f.from_rest(CAPTIONS[name].n)
+
+    def back(x: Array) -> Array:
+        linear = f.jacobian(field, x[:3])
+        return -np.append(field(x[:3]), np.trace(linear) - x[:3] @ linear @ x[:3])
+
+    end = f.followed(back, np.append(found.gamma, 0.0), np.array([0.0, found.period]))[-1]
+    closes = np.linalg.norm(end[:3] - found.gamma) < 1e-8
+    return float(np.exp(-end[3])) if closes else float("nan")
+
+
+def _unstable_cycle(name: str, twist: float) -> AtLeast:
+    """Compute the growth of a neighbour's distance in a period; twisted, with Fig. 6's K₃."""
+    return AtLeast(growth(name if twist == 1 else "fig06"), bound=1.01)
 
 
 def _vanishing(j: int, K3: float, more: int, twist: float) -> Errors:
@@ -433,20 +477,17 @@ def four_fewer(K3: float, side: float, more: int, starts: int) -> Errors:
 
 
 _vanishes = partial(by, "search", "the factor of K₃", 0.9, bound=0, unit="points off")
-_counted = partial(by, "search", "another K₃")
 _grows = partial(by, "(4.1) by scipy", "K₃ of Fig. 6")
 
 claim_axes(SECTION, "fig06")
 claim_motion(SECTION, "fig06", 6e-6)
 claim("4.2", "Δ disappears where |κ₁| = 1")(_vanishes(j=_DELTA, K3=0.5, more=10)(_vanishing))
-claim("Fig. 7", "|κ₂| < 1 < |κ₁|: six points")(_counted(K3=0.52, stated=6)(number))
 claim("Fig. 7", "an unstable limit cycle: growth in a period")(
     _grows(name="fig07")(_unstable_cycle)
 )
 claim_axes(SECTION, "fig07")
 claim_motion(SECTION, "fig07", 4e-6)
 claim("4.2", "Θ disappears where |κ₂| = 1")(_vanishes(j=_THETA, K3=2.0, more=6)(_vanishing))
-claim("Fig. 8", "1 < |κ₂| < |κ₁|: Γ₅ and Γ₆")(_counted(K3=3.0, stated=2)(number))
 claim("Fig. 8", "an unstable limit cycle: growth in a period")(
     _grows(name="fig08")(_unstable_cycle)
 )

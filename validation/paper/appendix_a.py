@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from robotball import robot
-from robotball.equations import parameters_of
-from robotball.rotations import Array, perpendicular, rotation_matrix
+from robotball.robot import Solid, composed
+from robotball.rotations import Array, rotation_matrix
 from validation.paper import formulas as f
 from validation.paper.claim import Errors, Residual, Section, by
 from validation.paper.engine_ball import INNER, MOTION, RUBBER, largest, rate, seen
@@ -134,6 +133,7 @@ def _gyrostatic_momentum(twist: float) -> Errors:
     for rotor, rate_ in zip(scene.ball.rotors, drives[1:], strict=True):
         k = k + rotor.axial_inertia * rate_ * rotor.axis
     K = scene.principal_axes.T @ (k - scene.ball.d * Omega)
+    yield K - scene.parameters.K
     M = ball.of(lambda n, w, gamma: cross(gamma, f.contact_inertia(n, gamma) @ w + K))
     yield largest(M - ball.momentum)
 
@@ -147,39 +147,14 @@ def _steiner_terms(twist: float, steiner: float = 1.0) -> Errors:
     """
     for moment in moments(83):
         ball = moment.ball
-        own, far = _without(ball, "shell", "frame").inertia(_CENTRE), np.zeros((3, 3))
+        rest, far = _without(ball, "shell", "frame"), np.zeros((3, 3))
+        centre, own = ball.frame.masses @ ball.frame.points / rest.mass, rest.inertia(_CENTRE)
+        ours = [Solid(rest.mass, centre, rest.inertia(centre))]
         for rotor in ball.rotors:
             alone = replace(ball, rotors=(replace(rotor, centre=_CENTRE),))
             c = rotor.centre
-            own = own + _without(alone, "rotors").inertia(_CENTRE)
+            ours.append(Solid(rotor.mass, c, _without(alone, "rotors").inertia(_CENTRE)))
+            own = own + ours[-1].inertia
             far += rotor.mass * (twist * c @ c * f.E - np.outer(c, c))
         yield ball.inertia(_CENTRE) - own - steiner * far
-
-
-def _built(ball: Ball) -> robot.Ball:
-    """Return a ball of point masses as robotball's bodies, each by its own sums."""
-
-    def numbers(body: Body) -> tuple[float, float, float, Array]:
-        across = body.moment(perpendicular(body.axis))
-        return body.mass, body.moment(body.axis), across, body.axis
-
-    frame = ball.frame
-    centre = frame.masses @ frame.points / frame.mass
-    own = _without(ball, "frame").inertia(centre)
-    rotors = tuple(robot.Rotor(*numbers(each), each.centre) for each in ball.rotors)
-    shell = robot.Shell(ball.a, *numbers(ball.shell))
-    return robot.Ball(shell, robot.Frame(frame.mass, own, centre), rotors)
-
-
-@claim("(A.3)", "parameters_of: I with Steiner's terms, Ω and K")
-@by(MASSES, "the sign of k", bound=1e-13)
-def _our_bodies(twist: float) -> Errors:
-    """Compare the numbers of robotball's ball, in frame axes, with those of its point masses."""
-    for moment in moments(84):
-        ball, n = moment.ball, moment.ball.numbers
-        same = _built(ball)
-        rates = [-ball.shell.rate, *(rotor.rate for rotor in ball.rotors)]
-        p, axes = parameters_of(same, "rubber", rates), same.principal[1]
-        yield axes * p.I @ axes.T - n.I
-        yield axes @ p.Omega - n.Omega
-        yield axes @ p.K - (twist * n.k - n.d * n.Omega)
+        yield ball.inertia(_CENTRE) - composed(ours).inertia

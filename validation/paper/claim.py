@@ -108,7 +108,7 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 @dataclass(frozen=True)
-class Checked(Generic[_Function]):
+class _Checked(Generic[_Function]):
     """A function, and the claim that it checks, without its place and statement."""
 
     function: _Function
@@ -123,7 +123,7 @@ def by(
     unit: str = "",
     printed: Mapping[str, Any] | None = None,
     **given: Any,
-) -> Callable[[_Function], Checked[_Function]]:
+) -> Callable[[_Function], _Checked[_Function]]:
     """Return a decorator that makes a function the check of the claim above.
 
     The function takes `twist`, which is 1 or `control`, and the arguments given, and returns
@@ -132,7 +132,7 @@ def by(
     checks the printed form of a misprint.
     """
 
-    def made(function: _Function) -> Checked[_Function]:
+    def made(function: _Function) -> _Checked[_Function]:
         def worst(**arguments: Any) -> float:
             errors = [np.abs(each).max() for each in function(**{**given, **arguments})]
             # By NumPy, to which what is not a number is the largest of all.
@@ -145,7 +145,7 @@ def by(
             refuted = None if printed is None else worst(**{"twist": 1.0, **printed})
             return Residual(worst(twist=twist), bound, refuted, unit)
 
-        return Checked(function, Claim("", "", check, means, twist, control))
+        return _Checked(function, Claim("", "", check, means, twist, control))
 
     return made
 
@@ -159,13 +159,13 @@ class Section:
 
     def claim(
         self, place: str, statement: str, printed: str = ""
-    ) -> Callable[[Checked[_Function]], _Function]:
+    ) -> Callable[[_Checked[_Function]], _Function]:
         """Return a decorator that adds a claim, checked `by` what stands below, to the section.
 
         Of several claims above one function Python adds the lowest first.
         """
 
-        def add(each: Checked[_Function]) -> _Function:
+        def add(each: _Checked[_Function]) -> _Function:
             found = replace(each.claim, place=place, statement=statement, printed=printed)
             self.claims.append(found)
             return each.function

@@ -15,10 +15,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from robotball import Scene, SceneWarning, load_scene
-from robotball.equations import Parameters, as_vector
+from robotball.equations import Parameters
 from robotball.qualitative.portraits import spread_points
 from robotball.rotations import Array, perpendicular
-from validation.paper.claim import Checked, Errors, by
 
 Field = Callable[[Array], Array]
 E = np.eye(3)
@@ -56,9 +55,10 @@ def numbers(p: Parameters) -> Numbers:
     return Numbers(np.diag(p.I), p.d, np.array(p.Omega), np.array(p.K), p.a)
 
 
-def parameters(n: Numbers, classical: bool = False) -> Parameters:
-    """Return a ball in its principal axes as robotball's formulas take it."""
-    I, Omega, K = map(as_vector, (np.diag(n.I), n.Omega, n.K))
+def ours(n: Numbers, classical: bool = False) -> Any:
+    """Return the Parameters of a ball in its principal axes, whose formulas take arrays, too."""
+    vectors = (tuple(each.tolist()) for each in (np.diag(n.I), n.Omega, n.K))
+    I, Omega, K = vectors
     return Parameters("classical" if classical else "rubber", I, n.d, n.a, Omega, K)
 
 
@@ -286,7 +286,7 @@ def zeros(field: Field, starts: int = 400) -> list[Array]:
 
 
 @dataclass(frozen=True)
-class State:
+class _State:
     """A ball with any numbers, its rates changing too, and a moment of its motion."""
 
     n: Numbers
@@ -299,7 +299,7 @@ class State:
         return self.M if classical else level(self.M, self.gamma)
 
 
-def states(seed: int, count: int = 100) -> Iterator[State]:
+def states(seed: int, count: int = 100) -> Iterator[_State]:
     """Yield random states: I of a body, Ω and K of either sign; ω and M any, (M, γ) ≠ 0."""
     random = np.random.default_rng(seed)
     for _ in range(count):
@@ -307,28 +307,7 @@ def states(seed: int, count: int = 100) -> Iterator[State]:
         # Any three moments from 0.5 to 1 satisfy the triangle inequality of a body.
         I = np.diag(random.uniform(0.5, 1.0, 3))
         n = Numbers(I, random.uniform(0.2, 2.0), Omega, K, 1.0, Omega_rate, k_rate)
-        yield State(n, omega, unit(gamma), M)
-
-
-def beside_ours(
-    bound: float, unit: str = ""
-) -> Callable[[Callable[[Parameters, Numbers, State], tuple[Any, Any]]], Checked[Any]]:
-    """Return a decorator that makes a check of what returns robotball's value and the paper's.
-
-    Of a ball as robotball takes it, its numbers and a state. They are compared at random states of
-    both models; twisted, the paper's line has Ω and K with the other sign.
-    """
-
-    def made(both: Callable[[Parameters, Numbers, State], tuple[Any, Any]]) -> Checked[Any]:
-        def errors(twist: float) -> Errors:
-            for state in states(101):
-                n = replace(state.n, Omega=twist * state.n.Omega, K=twist * state.n.K)
-                for classical in (False, True):
-                    yield np.subtract(*both(parameters(state.n, classical), n, state))
-
-        return by("the paper's line", "the signs of Ω and K", bound=bound, unit=unit)(errors)
-
-    return made
+        yield _State(n, omega, unit(gamma), M)
 
 
 def still(n: Numbers) -> Numbers:

@@ -12,8 +12,7 @@ import numpy as np
 
 from robotball import equations as eq
 from robotball import sample_times, simulate
-from robotball.equations import Parameters, as_vector
-from robotball.motion import Loads, loads_of
+from robotball.equations import as_vector
 from robotball.robot import Ball, Frame
 from robotball.rotations import Array, from_matrix, multiply
 from robotball.scene import Start
@@ -128,9 +127,9 @@ def _gyrostatic_momentum(twist: float) -> Errors:
         yield ball.momenta(moment.v, moment.omega)[1] - (n.I @ moment.omega + k)
 
 
-def _plane_force(ball: Seen, loads: Loads | None = None) -> Array:
-    """Return λ (n, 3) of MuJoCo's contact, or of other loads, without the weight, in frame axes."""
-    in_space = (loads or ball.motion.loads).contact_force.copy()
+def _plane_force(ball: Seen) -> Array:
+    """Return λ (n, 3) of MuJoCo's contact, without the weight's part, in frame axes."""
+    in_space = ball.motion.loads.contact_force.copy()
     in_space[:, 2] = 0.0  # the centre stays at its height, so λ has no vertical part
     return np.einsum("nij,ni->nj", ball.axes, in_space)
 
@@ -165,38 +164,19 @@ def _without_gravity(twist: float) -> Errors:
     yield largest(paths[0] - paths[1])
 
 
-def _lambda(n: Numbers, w: Array, gamma: Array, w_rate: Array, twist: float = 1.0) -> Array:
-    """Return λ after (2.3); twisted, with the other sign of its last term."""
-    shell = w - n.Omega
-    turning = cross(gamma, w_rate - n.Omega_rate) + cross(cross(gamma, w), shell)
-    return -n.d / n.a * (turning + twist * cross(w, cross(gamma, shell)))
-
-
 @claim("2", "λ = -maγ×(ω̇ - Ω̇) - …")
 @by(MOTION, "the sign of its last term", bound=3e-5, unit="N")
 def _reaction(twist: float) -> Errors:
     """Compare λ after (2.3), with dω/dt by differences, with MuJoCo's contact force."""
     for ball in map(seen, EACH):
-        inner = zip(
+        found = []
+        for n, w, gamma, w_rate in zip(
             ball.numbers[INNER], ball.omega[INNER], ball.gamma[INNER], rate(ball.omega), strict=True
-        )
-        found = [_lambda(*state, twist) for state in inner]
+        ):
+            shell = w - n.Omega
+            turning = cross(gamma, w_rate - n.Omega_rate) + cross(cross(gamma, w), shell)
+            found.append(-n.d / n.a * (turning + twist * cross(w, cross(gamma, shell))))
         yield largest(np.array(found) - _plane_force(ball)[INNER])
-
-
-@claim("2", "loads_of: λ and λ₀")
-@by("(2.3)-(2.5)", "the sign of λ's last term", bound=1e-12, unit="N, N m")
-def _loads(twist: float) -> Errors:
-    """Compare robotball's λ and λ₀ of MuJoCo's motion with (2.3)-(2.5), dω/dt by (2.4)."""
-    for name, rubber in ((DRIVEN, True), (CLASSICAL, False)):
-        ball = seen(name)
-        loads = loads_of(ball.motion.scene, ball.motion.times, ball.axes, ball.omega)
-        force, some = _plane_force(ball, loads), slice(None, None, 100)
-        states = zip(ball.numbers[some], ball.omega[some], ball.gamma[some], strict=True)
-        for i, (n, w, gamma) in enumerate(states):
-            spin = f.spin_torque(n, w, gamma) if rubber else 0.0
-            pushed = _lambda(n, w, gamma, f.acceleration(n, w, gamma, spin), twist)
-            yield [*(force[some][i] - pushed), loads.spin_torque[some][i] - spin]
 
 
 def _by_masses(seed: int, rubber: bool) -> Iterator[tuple[Moment, Numbers, Array, Array, float]]:
@@ -221,15 +201,11 @@ def _full_equations(rubber: bool, twist: float) -> Errors:
         yield np.linalg.solve(f.contact_inertia(n, moment.gamma), torque) - omega_rate
 
 
-@claim("(2.4), (2.5)", "full_angular_acceleration: dω/dt and λ₀")
-@f.beside_ours(5e-14, "rad/s², N m")
-def _full_acceleration(p: Parameters, n: Numbers, state: f.State) -> tuple[Array, Array]:
-    """Return dω/dt and λ₀, of the classical ball 0, with Ω and k changing."""
-    w, gamma, rubber = state.omega, state.gamma, p.rolling == "rubber"
-    known = map(as_vector, (w, gamma, state.n.Omega, n.Omega_rate, np.array(p.k), n.k_rate))
-    omega_rate, torque = eq.full_angular_acceleration(*known, p.I, p.d, spin_free=rubber)
-    spin = f.spin_torque(n, w, gamma) if rubber else 0.0
-    return np.array([*omega_rate, torque]), np.append(f.acceleration(n, w, gamma, spin), spin)
+def _ours(n: Numbers, omega: Array, gamma: Array) -> Array:
+    """Return dω/dt and λ₀ (4,) of a rubber ball by robotball."""
+    known = map(as_vector, (omega, gamma, n.Omega, n.Omega_rate, n.k, n.k_rate, np.diag(n.I)))
+    omega_rate, spin_torque = eq.full_angular_acceleration(*known, d=n.d, spin_free=True)
+    return np.array([*omega_rate, spin_torque])
 
 
 @claim("(2.4)", "dω/dt while Ω and k change")
@@ -239,6 +215,7 @@ def _driven_equations(twist: float) -> Errors:
     ball = seen(DRIVEN)
     found = ball.of(lambda n, w, g: f.acceleration(n, w, g, twist * f.spin_torque(n, w, g)))
     yield largest(rate(ball.omega) - found[INNER])
+    yield largest(rate(ball.omega) - ball.of(_ours)[INNER, :3])
 
 
 @claim("E4, (2.4)", "Ĩ = I + ma²(γ²E - γ⊗γ), about the contact point", _PRINTED_INERTIA)
@@ -269,8 +246,8 @@ def _multiplier(twist: float) -> Errors:
 def _contact_torque(twist: float) -> Errors:
     """Compare λ₀ of (2.5) with the torque that MuJoCo's contact feels, while the rates swing."""
     ball = seen(DRIVEN)
-    off = twist * ball.of(f.spin_torque) - ball.motion.loads.spin_torque
-    yield largest(off)
+    for found in (twist * ball.of(f.spin_torque), ball.of(_ours)[:, 3]):
+        yield largest(found - ball.motion.loads.spin_torque)
 
 
 @claim("E3, (2.5)", "the rate of (2.2): … - (Ω̇, γ) = 0", "… + (Ω̇, γ) = 0")
@@ -292,6 +269,9 @@ def _reconstruction(twist: float) -> Errors:
         for axis in (ball.axes[:, 0], ball.axes[:, 1]):
             turning = twist * np.cross(axis, ball.omega)[INNER]
             yield largest(rate(axis) - turning)
+        q, omega = ball.motion.attitude, ball.motion.angular_velocity
+        ours = np.stack(eq.attitude_rate(tuple(q.T), tuple(omega.T)), axis=1)
+        yield largest(rate(q) - ours[INNER])
 
 
 @claim("(2.7)", "Ẋ = a(β, ω - Ω), Ẏ = -a(α, ω - Ω)")
@@ -302,21 +282,9 @@ def contact_point(twist: float) -> Errors:
         shell = ball.of(lambda n, w, _: n.a * (w - n.Omega))
         alpha, beta = ball.axes[:, 0], ball.axes[:, 1]
         yield ball.path_error((beta * shell).sum(axis=1), -twist * (alpha * shell).sum(axis=1))
-
-
-@claim("(2.6), (2.7)", "attitude_rate and contact_velocity")
-@f.beside_ours(1e-14, "1/s, m/s")
-def _kinematics(p: Parameters, n: Numbers, state: f.State) -> tuple[Array, Array]:
-    """Return the rates of α, β, γ, and Ẋ, Ẏ: robotball's by a quaternion."""
-    axes = np.array([*f.across(state.gamma), state.gamma])
-    q, omega = from_matrix(axes), as_vector(state.omega)
-    turning = np.array(eq.attitude_rate(tuple(q), omega))
-    moving = f.slope(lambda x: np.array(eq.space_axes(tuple(x))), q, turning)
-    alpha, beta, _ = map(as_vector, axes)
-    path = eq.contact_velocity(alpha, beta, omega, p.Omega, p.a)
-    shell = n.a * (state.omega - n.Omega)
-    by_paper = np.append(np.cross(axes, state.omega), [axes[1] @ shell, -axes[0] @ shell])
-    return np.append(moving, path), by_paper
+        Omega = ball.of(lambda n, *_: n.Omega)
+        columns = (tuple(each.T) for each in (alpha, beta, ball.omega, Omega))
+        yield ball.path_error(*eq.contact_velocity(*columns, a=ball.numbers[0].a))
 
 
 @claim("Remark 4", "turned about OZ, ω and γ stay the same")

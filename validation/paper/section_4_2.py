@@ -101,15 +101,6 @@ def _foci() -> tuple[tuple[Numbers, float], ...]:
     return tuple(found)
 
 
-@claim("Prop. 2", "proposition_2: A₁, A₂ and B/A₁")
-@by("the paper's lines", "the sign in B", bound=1e-12)
-def _our_proposition(twist: float) -> Errors:
-    """Compare A₁, A₂ and B of robotball with the paper's as corrected."""
-    for n in balls():
-        A1, A2, B = equilibria.proposition_2(f.parameters(n))
-        yield np.array([A1, A2, B / A1]) - [*_A1_A2(n), _criterion(n, twist)]
-
-
 def _growth_in_a_turn(n: Numbers, r: float) -> float:
     """Return r of the next crossing of γ₂ = 0 on the same side, less r."""
     field = f.from_rest(n)
@@ -132,6 +123,8 @@ def _stable_foci(twist: float) -> Errors:
     """Count where B/A₁ < 0 mistakes a focus for stable or unstable, and B/A₁ > 0 as printed."""
     for n, growth in _foci():
         yield (twist * _criterion(n) < 0) != (growth < 0)
+        ours = equilibria.fixed_point_at(f.ours(n), f.E[2]).kind
+        yield ours != f"slow {'stable' if growth < 0 else 'unstable'} focus"
 
 
 @claim("E7, Prop. 2", "B = Ω₁Ω₂((a₂-a₃)²A₁² - (a₁-a₃)²A₂²)", "B = K₃Ω₁Ω₂(…)")
@@ -140,15 +133,8 @@ def _B_of_the_foci(twist: float, printed: bool = False) -> Errors:
     """Count the foci mistaken with B as corrected, and with the factor K₃ as printed."""
     for n, growth in _foci():
         yield ((n.K[2] if printed else 1.0) * _criterion(n, twist) < 0) != (growth < 0)
-
-
-@claim("Prop. 2", "fixed_point_at: slow foci, stable or not")
-@_turned("the sign of the growth")
-def _our_foci(twist: float) -> Errors:
-    """Count the foci Γ₅ that robotball's first Lyapunov value mistakes."""
-    for n, growth in _foci():
-        found = equilibria.fixed_point_at(f.parameters(n), f.E[2]).kind
-        yield found != f"slow {'stable' if twist * growth < 0 else 'unstable'} focus"
+        A1, _, B = equilibria.proposition_2(f.ours(n))
+        yield (B / A1 < 0) != (growth < 0)
 
 
 def _taylor(n: Numbers, top: float) -> Array:
@@ -291,6 +277,8 @@ def _at_rest(j: int, twist: float, nu: Callable[[Numbers, int], float] = _nu) ->
         k = _kappa(n, j, twist)
         if abs(_kappa(n, j)) < 1 and abs(k) < 1:
             yield [_speed(n, j, phi) for phi in _angles(arcsin(k), nu(n, j))]
+            ours = equilibria.closed_form_points(f.ours(n))
+            yield [f.from_rest(n)(ours["θδ"[j] + index]) for index in "₁₂₃₄"]
 
 
 @claim("E11, 4.2", "θ₃: φ = -(arcsin κ₂ + ν₂)/2 + π/2", "φ = -(arcsin κ₂ + ν₂)/2 π")
@@ -306,24 +294,13 @@ def _theta_3(twist: float, printed: bool = False) -> Errors:
 # Figs 6 to 8 -------------------------------------------------------------------------------
 
 
-def _named(n: Numbers = _FIG6, twist: float = 1.0) -> dict[str, Array]:
-    """Return the fixed points that there are by their names, of Fig. 6 by default."""
+def _named(n: Numbers = _FIG6) -> dict[str, Array]:
+    """Return the fixed points of Fig. 6 by their names."""
     found = {"Γ₅": f.E[2], "Γ₆": -f.E[2]}
     for letter, j in (("δ", _DELTA), ("θ", _THETA)):
-        if abs(_kappa(n, j, twist)) < 1:
-            angles = _angles(arcsin(_kappa(n, j, twist)), _nu(n, j))
-            found |= {letter + i: _point(j, phi) for i, phi in zip("₁₂₃₄", angles, strict=True)}
+        for index, phi in zip("₁₂₃₄", _angles(arcsin(_kappa(n, j)), _nu(n, j)), strict=True):
+            found[letter + index] = _point(j, phi)
     return found
-
-
-@claim("4.2", "closed_form_points: δ₁ … δ₄, θ₁ … θ₄")
-@by("the paper's lines", "the sign of K₃", bound=1e-13)
-def _our_points(twist: float) -> Errors:
-    """Compare robotball's points with the paper's as corrected; off by 1 if not the same exist."""
-    for n in balls():
-        ours, paper = equilibria.closed_form_points(f.parameters(n)), _named(n, twist)
-        yield float(ours.keys() != paper.keys())
-        yield [ours[name] - paper[name] for name in ours.keys() & paper.keys()]
 
 
 @cache
@@ -378,22 +355,18 @@ _KINDS = {
 }
 
 
-@claim("Fig. 6", "fixed_points: the ten and their types")
-@by("the paper's list", "δ, θ", bound=0, unit="of 10 off", ours=True)
 @claim("Fig. 6", "saddles θ₁,₂ δ₃,₄; foci θ₃,₄ Γ₅,₆; nodes δ₁,₂")
-@by("search, eigenvalues", "δ, θ", bound=0, unit="of 10 off", ours=False)
-def _types(ours: bool, twist: float) -> Errors:
-    """Count the points of Fig. 6 that are of another type, or not found: by a search, or ours."""
-    if ours:
-        found = [(p.gamma, p.kind) for p in equilibria.fixed_points(f.parameters(_FIG6))]
-    else:
-        found = [(gamma, kind(_FIG6, gamma)) for gamma in f.zeros(f.from_rest(_FIG6))]
+@by("search, eigenvalues", "δ, θ", bound=0, unit="of 10 off")
+def _types(twist: float) -> Errors:
+    """Count the points of Fig. 6 that are of another type, or not found by a search; and ours."""
+    found, ours = f.zeros(f.from_rest(_FIG6)), equilibria.fixed_points(f.ours(_FIG6))
     exchanged = str.maketrans("δθ", "δθ" if twist == 1 else "θδ")
     yield len(found) - 10
     for name, at in _named().items():
-        near, type_ = min(found, key=lambda each: float(np.linalg.norm(each[0] - at)))
-        there = np.linalg.norm(near - at) < 1e-9
-        yield not (there and name.translate(exchanged) in _KINDS.get(type_, ()))
+        seen = min(np.linalg.norm(at - other) for other in found) < 1e-9
+        yield not (seen and name.translate(exchanged) in _KINDS.get(kind(_FIG6, at), ()))
+        same = [each.kind for each in ours if np.linalg.norm(at - each.gamma) < 1e-9]
+        yield same != [kind(_FIG6, at)] or equilibria.name_of(f.ours(_FIG6), at) != name
 
 
 _BOTH = {"senses": (-1.0, 1.0)}
@@ -436,15 +409,16 @@ def cycle(name: str) -> Cycle | None:
     return found[0] if len(found) == 1 else None
 
 
-@cache
-def growth(name: str) -> float:
-    """Return a neighbour's growth in a period of a figure's limit cycle; NaN if none closes.
+def _unstable_cycle(name: str, twist: float) -> AtLeast:
+    """Measure the growth of a neighbour's distance in a period of (4.1), if that closes.
 
-    By the divergence of (4.1) on the sphere along it, followed back in time, in which it attracts.
+    By its divergence on the sphere, followed back in time, in which the cycle attracts; NaN unless
+    robotball's multiplier is the same. Twisted, with Fig. 6's K₃.
     """
+    name = name if twist == 1 else "fig06"
     found = cycle(name)
     if found is None:
-        return float("nan")
+        return AtLeast(float("nan"), bound=1.01)
     field = f.from_rest(CAPTIONS[name].n)
 
     def back(x: Array) -> Array:
@@ -452,13 +426,10 @@ def growth(name: str) -> float:
         return -np.append(field(x[:3]), np.trace(linear) - x[:3] @ linear @ x[:3])
 
     end = f.followed(back, np.append(found.gamma, 0.0), np.array([0.0, found.period]))[-1]
-    closes = np.linalg.norm(end[:3] - found.gamma) < 1e-8
-    return float(np.exp(-end[3])) if closes else float("nan")
-
-
-def _unstable_cycle(name: str, twist: float) -> AtLeast:
-    """Compute the growth of a neighbour's distance in a period; twisted, with Fig. 6's K₃."""
-    return AtLeast(growth(name if twist == 1 else "fig06"), bound=1.01)
+    growth = float(np.exp(-end[3]))
+    same = np.linalg.norm(end[:3] - found.gamma) < 1e-8
+    same = same and abs(found.multipliers[0] / growth - 1) < 1e-6
+    return AtLeast(growth if same else float("nan"), bound=1.01)
 
 
 def _vanishing(j: int, K3: float, more: int, twist: float) -> Errors:

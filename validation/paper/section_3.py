@@ -304,7 +304,9 @@ def _path(name: str, twist: float) -> Errors:
     yield ball.path_error(X, Y)
 
 
-_greatest = partial(by, f"{MOTION}, 150 s, over the greatest", "half of M", control=0.5, bound=1.0)
+_greatest = partial(
+    by, f"{MOTION}, 150 s, over the greatest", "a tenth of M", control=0.1, bound=1.0
+)
 
 
 @RECONSTRUCTION.claim("3.3", "f and c bound the shell's speed; classical")
@@ -314,7 +316,7 @@ _greatest = partial(by, f"{MOTION}, 150 s, over the greatest", "half of M", cont
 def _bounded(name: str, twist: float) -> Errors:
     """Compute |ω - Ω| in 150 s of MuJoCo's motion over its maximum for all γ, M with f and c.
 
-    Those of the start; twisted, of half the momentum.
+    Those of the start; twisted, of a tenth of the momentum.
     """
     scene, ball = paper_scene(name), seen(name, 150.0, 0.05)
     n, velocity = f.numbers(scene.parameters), f.velocity_of(scene.rolling == "classical")

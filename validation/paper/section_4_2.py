@@ -420,14 +420,10 @@ def _unstable_cycle(name: str, twist: float) -> AtLeast:
     if found is None:
         return AtLeast(float("nan"), bound=1.01)
     field = f.from_rest(CAPTIONS[name].n)
-
-    def back(x: Array) -> Array:
-        linear = f.jacobian(field, x[:3])
-        return -np.append(field(x[:3]), np.trace(linear) - x[:3] @ linear @ x[:3])
-
-    end = f.followed(back, np.append(found.gamma, 0.0), np.array([0.0, found.period]))[-1]
-    growth = float(np.exp(-end[3]))
-    same = np.linalg.norm(end[:3] - found.gamma) < 1e-8
+    path = f.followed(lambda x: -field(x), found.gamma, np.linspace(0.0, found.period, 4001))
+    rates = [np.trace(J) - x @ J @ x for x in path[1:] for J in [f.jacobian(field, x)]]
+    growth = float(np.exp(found.period * np.mean(rates)))
+    same = np.linalg.norm(path[-1] - found.gamma) < 1e-8
     same = same and abs(found.multipliers[0] / growth - 1) < 1e-6
     return AtLeast(growth if same else float("nan"), bound=1.01)
 

@@ -136,9 +136,9 @@ def claim_motion(section: Section, name: str, bound: float, *sampled: float) -> 
     the turning rate sets.
     """
     duration = sampled[0] if sampled else 10.0
-    given = {"name": name, "sampled": sampled}
+    means = f"{NAME}; (3.2) by scipy"
     section.claim(place(name), f"{duration:g} s of the motion that starts as its caption says")(
-        by(f"{NAME}; (3.2) by scipy", "the sign of Ω", bound=bound, **given)(_as_captioned)
+        by(means, "the sign of Ω", bound=bound, name=name, sampled=sampled)(_as_captioned)
     )
 
 

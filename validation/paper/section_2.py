@@ -203,8 +203,11 @@ def _full_equations(rubber: bool, twist: float) -> Errors:
 
 def _ours(n: Numbers, omega: Array, gamma: Array) -> Array:
     """Return dω/dt and λ₀ (4,) of a rubber ball by robotball."""
-    known = map(as_vector, (omega, gamma, n.Omega, n.Omega_rate, n.k, n.k_rate, np.diag(n.I)))
-    omega_rate, spin_torque = eq.full_angular_acceleration(*known, d=n.d, spin_free=True)
+    w, vertical, I = map(as_vector, (omega, gamma, np.diag(n.I)))
+    Omega, Omega_rate, k, k_rate = map(as_vector, (n.Omega, n.Omega_rate, n.k, n.k_rate))
+    omega_rate, spin_torque = eq.full_angular_acceleration(
+        w, vertical, Omega, Omega_rate, k, k_rate, I, n.d, spin_free=True
+    )
     return np.array([*omega_rate, spin_torque])
 
 
@@ -283,8 +286,8 @@ def contact_point(twist: float) -> Errors:
         alpha, beta = ball.axes[:, 0], ball.axes[:, 1]
         yield ball.path_error((beta * shell).sum(axis=1), -twist * (alpha * shell).sum(axis=1))
         Omega = ball.of(lambda n, *_: n.Omega)
-        columns = (tuple(each.T) for each in (alpha, beta, ball.omega, Omega))
-        yield ball.path_error(*eq.contact_velocity(*columns, a=ball.numbers[0].a))
+        X, Y, w, drive = (tuple(each.T) for each in (alpha, beta, ball.omega, Omega))
+        yield ball.path_error(*eq.contact_velocity(X, Y, w, drive, ball.numbers[0].a))
 
 
 @claim("Remark 4", "turned about OZ, ω and γ stay the same")

@@ -84,7 +84,7 @@ PLANTED: dict[str, tuple[Any, str, Callable[[Formula], Formula], str, str]] = {
     ),
     "Σ_u for Σ_s": (
         equilibria, "fixed_circle",
-        with_value(lambda circle: replace(circle, axes=circle.axes[::-1])), "4.1", "stable where",
+        with_value(lambda circle: replace(circle, axes=circle.axes * [[1], [-1]])), "4.1", "stable where",
     ),
     "the free term of P₃": (
         straight_motions, "straight_motion",

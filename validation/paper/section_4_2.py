@@ -122,9 +122,9 @@ _turned = partial(by, "a turn about Γ₅ by scipy", bound=0, unit="of 84 wrong"
 def _stable_foci(twist: float) -> Errors:
     """Count where B/A₁ < 0 mistakes a focus for stable or unstable, and B/A₁ > 0 as printed."""
     for n, growth in _foci():
-        yield (twist * _criterion(n) < 0) != (growth < 0)
         ours = equilibria.fixed_point_at(f.ours(n), f.E[2]).kind
-        yield ours != f"slow {'stable' if growth < 0 else 'unstable'} focus"
+        mistaken = ours != f"slow {'stable' if growth < 0 else 'unstable'} focus"
+        yield mistaken or (twist * _criterion(n) < 0) != (growth < 0)
 
 
 @claim("E7, Prop. 2", "B = Ω₁Ω₂((a₂-a₃)²A₁² - (a₁-a₃)²A₂²)", "B = K₃Ω₁Ω₂(…)")
@@ -132,9 +132,9 @@ def _stable_foci(twist: float) -> Errors:
 def _B_of_the_foci(twist: float, printed: bool = False) -> Errors:
     """Count the foci mistaken with B as corrected, and with the factor K₃ as printed."""
     for n, growth in _foci():
-        yield ((n.K[2] if printed else 1.0) * _criterion(n, twist) < 0) != (growth < 0)
         A1, _, B = equilibria.proposition_2(f.ours(n))
-        yield (B / A1 < 0) != (growth < 0)
+        both = (n.K[2] if printed else 1.0) * _criterion(n, twist), B / A1
+        yield any((each < 0) != (growth < 0) for each in both)
 
 
 def _taylor(n: Numbers, top: float) -> Array:
@@ -364,9 +364,10 @@ def _types(twist: float) -> Errors:
     yield len(found) - 10
     for name, at in _named().items():
         seen = min(np.linalg.norm(at - other) for other in found) < 1e-9
-        yield not (seen and name.translate(exchanged) in _KINDS.get(kind(_FIG6, at), ()))
-        same = [each.kind for each in ours if np.linalg.norm(at - each.gamma) < 1e-9]
-        yield same != [kind(_FIG6, at)] or equilibria.name_of(f.ours(_FIG6), at) != name
+        type_ = kind(_FIG6, at)
+        seen = seen and [type_] == [p.kind for p in ours if np.linalg.norm(at - p.gamma) < 1e-9]
+        seen = seen and equilibria.name_of(f.ours(_FIG6), at) == name
+        yield not (seen and name.translate(exchanged) in _KINDS.get(type_, ()))
 
 
 _BOTH = {"senses": (-1.0, 1.0)}

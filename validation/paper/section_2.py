@@ -275,6 +275,8 @@ def _reconstruction(twist: float) -> Errors:
         q, omega = ball.motion.attitude, ball.motion.angular_velocity
         ours = np.stack(eq.attitude_rate(tuple(q.T), tuple(omega.T)), axis=1)
         yield largest(rate(q) - ours[INNER])
+        axes: Array = np.array(eq.space_axes(tuple(q.T))).transpose(2, 0, 1)
+        yield np.abs(axes @ ball.motion.scene.principal_axes - ball.axes).max()
 
 
 @claim("(2.7)", "Ẋ = a(β, ω - Ω), Ẏ = -a(α, ω - Ω)")

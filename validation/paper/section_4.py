@@ -6,6 +6,7 @@ For K = 0: the fixed points, the circle Σ¹ of them, where motions end, and Fig
 from dataclasses import replace
 from functools import cache, partial
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy import sqrt
@@ -276,8 +277,7 @@ def _sides(twist: float) -> Errors:
         gamma = f.sigma(n, float(i))
         values = f.eigenvalues(f.from_rest(n), gamma).real
         across = values[np.argmax(np.abs(values))]  # along the circle it is 0
-        circle = equilibria.fixed_circle(f.ours(n))
-        assert circle is not None
+        circle: Any = equilibria.fixed_circle(f.ours(n))  # as K = 0, there is one
         ours = abs(circle.rate(gamma) - across) < 1e-12
         ours = ours and _side(n, circle.at(np.array([0.5]))[0]) > 0
         yield not ours or across * twist * _side(n, gamma) >= 0
@@ -339,12 +339,10 @@ def ends(twist: float) -> Residual:
     angles = np.linspace(0.0, 2 * np.pi, 201)
     crossings = [(x, y) for x, y in pairwise(angles) if off_curve(x) * off_curve(y) < 0]
     meeting = [f.sigma(_FIG5, brentq(off_curve, x, y, xtol=1e-14)) for x, y in crossings]
-    both = [
-        [gamma for gamma in meeting if twist * _side(_FIG5, gamma) > 0 and gamma[2] * start[2] > 0],
-        [gamma for x in angles if _side(_FIG5, gamma := f.sigma(_FIG5, x)) > 0],
-    ]
+    stable = [g for g in meeting if twist * _side(_FIG5, g) > 0 and g[2] * start[2] > 0]
+    all_over = [gamma for x in angles if _side(_FIG5, gamma := f.sigma(_FIG5, x)) > 0]
     corrected, printed = (
-        max(float(np.linalg.norm(gamma - ball.gamma[-1])) for gamma in each) for each in both
+        float(np.linalg.norm(each - ball.gamma[-1], axis=1).max()) for each in (stable, all_over)
     )
     return Residual(corrected, bound=1e-6, printed=printed)
 

@@ -359,15 +359,15 @@ _KINDS = {
 @by("search, eigenvalues", "δ, θ", bound=0, unit="of 10 off")
 def _types(twist: float) -> Errors:
     """Count the points of Fig. 6 that are of another type, or not found by a search; and ours."""
-    found, ours = f.zeros(f.from_rest(_FIG6)), equilibria.fixed_points(f.ours(_FIG6))
+    found, points = f.zeros(f.from_rest(_FIG6)), equilibria.fixed_points(f.ours(_FIG6))
     exchanged = str.maketrans("δθ", "δθ" if twist == 1 else "θδ")
     yield len(found) - 10
     for name, at in _named().items():
         seen = min(np.linalg.norm(at - other) for other in found) < 1e-9
         type_ = kind(_FIG6, at)
-        seen = seen and [type_] == [p.kind for p in ours if np.linalg.norm(at - p.gamma) < 1e-9]
-        seen = seen and equilibria.name_of(f.ours(_FIG6), at) == name
-        yield not (seen and name.translate(exchanged) in _KINDS.get(type_, ()))
+        ours = [p.kind for p in points if np.linalg.norm(at - p.gamma) < 1e-9]
+        same = ours == [type_] and equilibria.name_of(f.ours(_FIG6), at) == name
+        yield not (seen and same and name.translate(exchanged) in _KINDS.get(type_, ()))
 
 
 _BOTH = {"senses": (-1.0, 1.0)}

@@ -47,6 +47,9 @@ PLANTED: dict[str, tuple[Any, str, Callable[[Formula], Formula], str, str]] = {
         eq, "full_angular_acceleration", with_value(lambda v: (v[0], -v[1])), "(2.5)", "λ₀ is",
     ),
     "the sign of dq/dt": (eq, "attitude_rate", with_value(minus), "(2.6)", "dα/dt"),
+    "α and β exchanged": (
+        eq, "space_axes", with_value(lambda axes: (axes[1], axes[0], axes[2])), "(2.6)", "dα/dt",
+    ),
     "Ẏ's sign in (2.7)": (
         eq, "contact_velocity", with_value(lambda v: (v[0], -v[1])), "(2.7)", "Ẋ",
     ),
@@ -84,7 +87,8 @@ PLANTED: dict[str, tuple[Any, str, Callable[[Formula], Formula], str, str]] = {
     ),
     "Σ_u for Σ_s": (
         equilibria, "fixed_circle",
-        with_value(lambda circle: replace(circle, axes=circle.axes * [[1], [-1]])), "4.1", "stable where",
+        with_value(lambda circle: replace(circle, axes=circle.axes * [[1], [-1]])),
+        "4.1", "stable where",
     ),
     "the free term of P₃": (
         straight_motions, "straight_motion",

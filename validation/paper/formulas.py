@@ -55,10 +55,9 @@ def numbers(p: Parameters) -> Numbers:
     return Numbers(np.diag(p.I), p.d, np.array(p.Omega), np.array(p.K), p.a)
 
 
-def ours(n: Numbers, classical: bool = False) -> Any:
+def ball(n: Numbers, classical: bool = False) -> Any:
     """Return the Parameters of a ball in its principal axes, whose formulas take arrays, too."""
-    vectors = (tuple(each.tolist()) for each in (np.diag(n.I), n.Omega, n.K))
-    I, Omega, K = vectors
+    I, Omega, K = (tuple(each.tolist()) for each in (np.diag(n.I), n.Omega, n.K))
     return Parameters("classical" if classical else "rubber", I, n.d, n.a, Omega, K)
 
 

@@ -92,7 +92,7 @@ def _same_tori(twist: float) -> Errors:
         [f.level(f.contact_inertia(other, v) @ w, v) for w, v in zip(omega, gamma, strict=True)]
     )
     E = [each @ f.classical_velocity(n, each, v) / 2 for each, v in zip(L, gamma, strict=True)]
-    for kept in (np.array(E), shared_integral(f.ours(other), gamma, L)):
+    for kept in (np.array(E), shared_integral(f.ball(other), gamma, L)):
         yield np.ptp(kept) / abs(kept[0])
 
 

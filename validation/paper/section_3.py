@@ -91,7 +91,7 @@ def _momentum_of_the_bodies(classical: bool, twist: float) -> Errors:
     ball = _driven(classical)
     formula = ball.of(lambda n, w, gamma: _momentum(classical, replace(n, d=twist * n.d), w, gamma))
     yield largest(formula - ball.momentum)
-    ours = ball.of(lambda n, w, gamma: np.array(f.ours(n, classical).momentum(w, gamma)))
+    ours = ball.of(lambda n, w, gamma: np.array(f.ball(n, classical).momentum(w, gamma)))
     yield largest(ours - ball.momentum)
 
 
@@ -124,7 +124,7 @@ def _rubber_inverse(twist: float) -> Errors:
         omega = np.linalg.lstsq(linear, given, rcond=None)[0]
         found = f.rubber_velocity(replace(n, Omega=twist * n.Omega), M, gamma)
         yield found - omega
-        yield f.ours(n).angular_velocity(M, gamma) - omega
+        yield f.ball(n).angular_velocity(M, gamma) - omega
 
 
 @CLASSICAL_MODEL.claim("(3.3)", "ω(M, γ) solves M = Ĩω + …")
@@ -137,7 +137,7 @@ def _classical_inverse(twist: float) -> Errors:
         omega = np.linalg.solve(f.contact_inertia(n, gamma), given)
         found = f.classical_velocity(replace(n, Omega=twist * n.Omega), state.M, gamma)
         yield found - omega
-        yield f.ours(n, classical=True).angular_velocity(state.M, gamma) - omega
+        yield f.ball(n, classical=True).angular_velocity(state.M, gamma) - omega
 
 
 @RUBBER_MODEL.claim("(3.2)", "ω(M, γ) of the rubber ball")
@@ -243,7 +243,7 @@ def _measure(classical: bool, twist: float) -> Errors:
         n, M, gamma = f.still(state.n), state.momentum(classical), state.gamma
         yield f.divergence(_symmetric(n), M, gamma, classical, -0.5 * twist)
         # Any other ball keeps no measure, and robotball has what this density grows by.
-        yield f.divergence(n, M, gamma, classical, -0.5) - f.ours(n, classical).divergence(gamma)
+        yield f.divergence(n, M, gamma, classical, -0.5) - f.ball(n, classical).divergence(gamma)
 
 
 def _symmetric(n: Numbers) -> Numbers:

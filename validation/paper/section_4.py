@@ -48,7 +48,7 @@ def _field_on_the_sphere(twist: float) -> Errors:
     """Compare dγ/dt, by differences of MuJoCo's γ, with (4.1)."""
     ball = seen("fig06")
     found = ball.of(lambda n, _, gamma: f.from_rest(replace(n, K=twist * n.K))(gamma))
-    ours = ball.of(lambda n, _, gamma: np.array(equilibria.flow(f.ours(n), as_vector(gamma))))
+    ours = ball.of(lambda n, _, gamma: np.array(equilibria.flow(f.ball(n), as_vector(gamma))))
     for each in (found, ours):
         yield largest(rate(ball.gamma) - each[INNER])
 
@@ -248,7 +248,7 @@ def circle(index: int, twist: float) -> Errors:
     table = np.column_stack([2 * path, np.ones(len(path))])
     centre = np.linalg.lstsq(table, (path**2).sum(axis=1), rcond=None)[0][:2]
     yield np.linalg.norm(path - centre, axis=1) - radius
-    yield equilibria.contact_path(f.ours(_FIG5), f.E[index]).radius - radius
+    yield equilibria.contact_path(f.ball(_FIG5), f.E[index]).radius - radius
 
 
 # The circle Σ¹ -------------------------------------------------------------------------------
@@ -277,7 +277,7 @@ def _sides(twist: float) -> Errors:
         gamma = f.sigma(n, float(i))
         values = f.eigenvalues(f.from_rest(n), gamma).real
         across = values[np.argmax(np.abs(values))]  # along the circle it is 0
-        circle: Any = equilibria.fixed_circle(f.ours(n))  # as K = 0, there is one
+        circle: Any = equilibria.fixed_circle(f.ball(n))  # as K = 0, there is one
         ours = abs(circle.rate(gamma) - across) < 1e-12
         ours = ours and _side(n, circle.at(np.array([0.5]))[0]) > 0
         yield not ours or across * twist * _side(n, gamma) >= 0

@@ -122,7 +122,7 @@ _turned = partial(by, "a turn about Γ₅ by scipy", bound=0, unit="of 84 wrong"
 def _stable_foci(twist: float) -> Errors:
     """Count where B/A₁ < 0 mistakes a focus for stable or unstable, and B/A₁ > 0 as printed."""
     for n, growth in _foci():
-        ours = equilibria.fixed_point_at(f.ours(n), f.E[2]).kind
+        ours = equilibria.fixed_point_at(f.ball(n), f.E[2]).kind
         mistaken = ours != f"slow {'stable' if growth < 0 else 'unstable'} focus"
         yield mistaken or (twist * _criterion(n) < 0) != (growth < 0)
 
@@ -132,7 +132,7 @@ def _stable_foci(twist: float) -> Errors:
 def _B_of_the_foci(twist: float, printed: bool = False) -> Errors:
     """Count the foci mistaken with B as corrected, and with the factor K₃ as printed."""
     for n, growth in _foci():
-        A1, _, B = equilibria.proposition_2(f.ours(n))
+        A1, _, B = equilibria.proposition_2(f.ball(n))
         both = (n.K[2] if printed else 1.0) * _criterion(n, twist), B / A1
         yield any((each < 0) != (growth < 0) for each in both)
 
@@ -277,7 +277,7 @@ def _at_rest(j: int, twist: float, nu: Callable[[Numbers, int], float] = _nu) ->
         k = _kappa(n, j, twist)
         if abs(_kappa(n, j)) < 1 and abs(k) < 1:
             yield [_speed(n, j, phi) for phi in _angles(arcsin(k), nu(n, j))]
-            ours = equilibria.closed_form_points(f.ours(n))
+            ours = equilibria.closed_form_points(f.ball(n))
             yield [f.from_rest(n)(ours["θδ"[j] + index]) for index in "₁₂₃₄"]
 
 
@@ -359,14 +359,14 @@ _KINDS = {
 @by("search, eigenvalues", "δ, θ", bound=0, unit="of 10 off")
 def _types(twist: float) -> Errors:
     """Count the points of Fig. 6 that are of another type, or not found by a search; and ours."""
-    found, points = f.zeros(f.from_rest(_FIG6)), equilibria.fixed_points(f.ours(_FIG6))
+    found, points = f.zeros(f.from_rest(_FIG6)), equilibria.fixed_points(f.ball(_FIG6))
     exchanged = str.maketrans("δθ", "δθ" if twist == 1 else "θδ")
     yield len(found) - 10
     for name, at in _named().items():
         seen = min(np.linalg.norm(at - other) for other in found) < 1e-9
         type_ = kind(_FIG6, at)
         ours = [p.kind for p in points if np.linalg.norm(at - p.gamma) < 1e-9]
-        same = ours == [type_] and equilibria.name_of(f.ours(_FIG6), at) == name
+        same = ours == [type_] and equilibria.name_of(f.ball(_FIG6), at) == name
         yield not (seen and same and name.translate(exchanged) in _KINDS.get(type_, ()))
 
 

@@ -111,7 +111,7 @@ def _characteristic(
             formula = x**power * np.polyval(expected, x)
             scale = np.abs(x) ** power * np.polyval(np.abs(expected), np.abs(x))
             yield abs(determinant - formula) / scale
-        ours = lines.straight_motion(f.ours(n), gamma).polynomial
+        ours = lines.straight_motion(f.ball(n), gamma).polynomial
         yield ours - np.append(expected, np.zeros(power - 3))
 
 
@@ -232,8 +232,8 @@ def _number_of_lines(twist: float, at_zero: int = 2) -> Errors:
     angles = np.linspace(0.0, 2 * np.pi, 2000, endpoint=False) + 0.001
     for n, level in balls(50):
         off = False
-        for ours in lines.straight_motions(f.ours(n), level):
-            paper = line(n, level, lines.name_of_line(f.ours(n), ours.gamma))
+        for ours in lines.straight_motions(f.ball(n), level):
+            paper = line(n, level, lines.name_of_line(f.ball(n), ours.gamma))
             off |= not np.linalg.norm(ours.gamma - paper.gamma) < 1e-12
             off |= ours.is_stable != paper.stable
         if twist != 1:

@@ -87,6 +87,19 @@ def straight_motions(parameters: Parameters, f: float) -> list[StraightMotion]:
     return [straight_motion(parameters, on_circle(across, angle)) for angle in angles]
 
 
+def name_of_line(parameters: Parameters, gamma: Array) -> str:
+    """Return the name in Proposition 3 of a rubber ball's straight motion with the vertical γ (3,).
+
+    σ₊, σ₋, δ₊ or δ₋: by (5.3) γ = c₁K + c₂K×Ω, σ has c₂ > 0, and the index is the sign of c₁.
+    Nothing for a classical ball, and unless K is across Ω and neither is zero.
+    """
+    Omega, K = np.array(parameters.Omega), np.array(parameters.K)
+    size = np.linalg.norm(K) * np.linalg.norm(Omega)
+    if parameters.rolling != "rubber" or size == 0 or abs(K @ Omega) > _ROUNDING * size:
+        return ""
+    return ("σ" if np.cross(K, Omega) @ gamma > 0 else "δ") + ("₊" if K @ gamma > 0 else "₋")
+
+
 def stability_limit(parameters: Parameters) -> float | None:
     """Return the f [(kg m²/s)²] below which two of four rubber motions are stable, or 0.
 

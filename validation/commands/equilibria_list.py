@@ -24,6 +24,7 @@ from robotball.qualitative.equilibria import (
 from robotball.qualitative.portraits import limit_cycles
 from robotball.qualitative.straight_motions import (
     StraightMotion,
+    name_of_line,
     stability_limit,
     straight_motion,
     straight_motions,
@@ -66,9 +67,9 @@ def _cycle_cells(cycle: Cycle) -> _Cells:
     return "cycle", _row(cycle.gamma), _row(cycle.multipliers), f"period {cycle.period:.7f} s"
 
 
-def _straight_cells(line: StraightMotion) -> _Cells:
+def _straight_cells(line: StraightMotion, name: str) -> _Cells:
     kind = "stable" if line.is_stable else "unstable"
-    return "straight", _row(line.gamma), _row(line.eigenvalues), kind
+    return name or "straight", _row(line.gamma), _row(line.eigenvalues), f"{kind},\nstraight line"
 
 
 def _row(values: Array) -> str:
@@ -84,7 +85,7 @@ def _record(
     points: Sequence[_Point],
     circle: FixedCircle | None,
     cycles: Sequence[Cycle],
-    lines: Sequence[StraightMotion],
+    lines: Sequence[tuple[StraightMotion, str]],
 ) -> dict[str, Any]:
     """Return all that was found as plain data."""
     return {
@@ -99,7 +100,9 @@ def _record(
         ],
         "fixed_circle": circle and _plain(circle, "axes", "index"),
         "limit_cycles": [_plain(cycle, "gamma", "period", "multipliers") for cycle in cycles],
-        "straight_motions": [_plain(line, "gamma", "eigenvalues", "speed") for line in lines],
+        "straight_motions": [
+            {"name": name, **_plain(line, "gamma", "eigenvalues", "speed")} for line, name in lines
+        ],
     }
 
 
@@ -147,11 +150,11 @@ class Equilibria:
         gamma = rotation_matrix(level_starts(scene, 1, 0)[0])[0, 2]
         line = straight_motion(scene.parameters, gamma)
         table = Table("", "γ", "eigenvalues [1/s]", "", box=box.SIMPLE_HEAD)
-        table.add_row(*_straight_cells(line))
+        table.add_row(*_straight_cells(line, ""))
         momentum = f"M = ({_row(line.momentum)}) kg m²/s; γ in principal axes:"
         above = "A classical ball can roll straight on at any γ; at the scene's own, with"
         show([above, momentum, table])
-        write_record(self.json, {"scene": scene.name, **_record((), None, (), (line,))})
+        write_record(self.json, {"scene": scene.name, **_record((), None, (), ((line, ""),))})
         return AGREES
 
     def _rubber(self, scene: Scene) -> int:
@@ -162,7 +165,8 @@ class Equilibria:
             progress(0, f"{scene.name}: fixed points")
             points, circle = fixed_points(ball), fixed_circle(ball)
             points.sort(key=lambda point: name_of(ball, point.gamma))
-            lines = straight_motions(ball, f) if f > 0 and np.any(ball.Omega) else []
+            motions = straight_motions(ball, f) if f > 0 and np.any(ball.Omega) else []
+            lines = [(line, name_of_line(ball, line.gamma)) for line in motions]
             progress(1, f"{scene.name}: limit cycles")
             cycles = limit_cycles(ball, self.longest) if self.longest > 0 else []
             progress(2, f"{scene.name}: picture")
@@ -173,7 +177,7 @@ class Equilibria:
         if circle is not None:
             rows.append(_half_circle_cells(circle, "Σ_s", 0.0, "attracts"))
             rows.append(_half_circle_cells(circle, "Σ_u", np.pi / 2, "repels"))
-        rows += [*map(_cycle_cells, cycles), *map(_straight_cells, lines)]
+        rows += [*map(_cycle_cells, cycles), *(_straight_cells(*line) for line in lines)]
         for cells in rows:
             table.add_row(*cells)
         shown = ["Fixed points and cycles of the motion from rest (M = 0); γ in principal axes."]

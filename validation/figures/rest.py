@@ -101,7 +101,7 @@ def figure6() -> Figure:
     facts = (
         "The slow foci Γ₅, Γ₆ have imaginary",
         "  eigenvalues and attract by their first",
-        "  Lyapunov value (E9).",
+        "  Lyapunov value (E6, E7).",
         "Closed contour: back in time the stable",
         "  manifolds of δ₃, δ₄ end at δ₁, δ₂.",
         "|κ₁| = 1 at K₃ = 0.51503: δ₁ … δ₄ vanish,",

@@ -2,7 +2,8 @@
 
 A module has one section of the paper or several; a claim becomes a finding in claim.py. The means
 of checking are formulas.py, the paper's formulas typed a second time; point_masses.py, a ball by
-Newton and Euler alone; engine_ball.py, MuJoCo's ball; captions.py, the captions' numbers.
+Newton and Euler alone; engine_ball.py, MuJoCo's ball; captions.py, the captions' numbers. Where
+robotball has a formula of its own, its value is held beside the paper's by the same row.
 """
 
 from validation.paper import (

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from robotball.robot import Solid, composed
 from robotball.rotations import Array, rotation_matrix
 from validation.paper import formulas as f
 from validation.paper.claim import Errors, Residual, Section, by
@@ -132,6 +133,7 @@ def _gyrostatic_momentum(twist: float) -> Errors:
     for rotor, rate_ in zip(scene.ball.rotors, drives[1:], strict=True):
         k = k + rotor.axial_inertia * rate_ * rotor.axis
     K = scene.principal_axes.T @ (k - scene.ball.d * Omega)
+    yield K - scene.parameters.K
     M = ball.of(lambda n, w, gamma: cross(gamma, f.contact_inertia(n, gamma) @ w + K))
     yield largest(M - ball.momentum)
 
@@ -145,10 +147,14 @@ def _steiner_terms(twist: float, steiner: float = 1.0) -> Errors:
     """
     for moment in moments(83):
         ball = moment.ball
-        own, far = _without(ball, "shell", "frame").inertia(_CENTRE), np.zeros((3, 3))
+        rest, far = _without(ball, "shell", "frame"), np.zeros((3, 3))
+        centre, own = ball.frame.masses @ ball.frame.points / rest.mass, rest.inertia(_CENTRE)
+        ours = [Solid(rest.mass, centre, rest.inertia(centre))]
         for rotor in ball.rotors:
             alone = replace(ball, rotors=(replace(rotor, centre=_CENTRE),))
             c = rotor.centre
-            own = own + _without(alone, "rotors").inertia(_CENTRE)
+            ours.append(Solid(rotor.mass, c, _without(alone, "rotors").inertia(_CENTRE)))
+            own = own + ours[-1].inertia
             far += rotor.mass * (twist * c @ c * f.E - np.outer(c, c))
         yield ball.inertia(_CENTRE) - own - steiner * far
+        yield ball.inertia(_CENTRE) - composed(ours).inertia

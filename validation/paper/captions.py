@@ -100,9 +100,9 @@ def motion(caption: _Caption, times: Array, rtol: float = 1e-12) -> tuple[Array,
     return found[:, 9:12], found[:, 12:]
 
 
-def _as_captioned(name: str, twist: float) -> Errors:
-    """Compare MuJoCo's contact point, relative to the path, and γ over 10 s with the caption's."""
-    caption, ball = CAPTIONS[name], seen(name)
+def _as_captioned(name: str, sampled: tuple[float, ...], twist: float) -> Errors:
+    """Compare MuJoCo's contact point, relative to the path, and γ with the caption's."""
+    caption, ball = CAPTIONS[name], seen(name, *sampled)
     caption = replace(caption, n=replace(caption.n, Omega=twist * caption.n.Omega))
     gamma, path = motion(caption, ball.motion.times)
     in_frame = ball.gamma @ paper_scene(name).principal_axes.T
@@ -129,13 +129,16 @@ def place(name: str) -> str:
     return "Fig. " + name.removeprefix("fig").lstrip("0")
 
 
-def claim_motion(section: Section, name: str, bound: float) -> None:
-    """Add the claim that a figure's motion starts as captioned.
+def claim_motion(section: Section, name: str, bound: float, *sampled: float) -> None:
+    """Add the claim that a figure's motion is that from its captioned start, over 10 s.
 
-    The bound is that of RK4's error, which the turning rate sets.
+    sampled: another duration and interval of samples [s]. The bound is that of RK4's error, which
+    the turning rate sets.
     """
-    section.claim(place(name), "the motion that starts as its caption says")(
-        by(f"{NAME}; (3.2) by scipy", "the sign of Ω", bound=bound, name=name)(_as_captioned)
+    duration = sampled[0] if sampled else 10.0
+    means = f"{NAME}; (3.2) by scipy"
+    section.claim(place(name), f"{duration:g} s of the motion that starts as its caption says")(
+        by(means, "the sign of Ω", bound=bound, name=name, sampled=sampled)(_as_captioned)
     )
 
 

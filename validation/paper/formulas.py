@@ -1,14 +1,15 @@
 """The paper's formulas, typed a second time, with matrices, and the tools that the checks share.
 
-Nothing here comes from robotball.equations, because robotball's motions are compared with these
-formulas. A vector is (3,), a matrix (3, 3), in frame axes; SI units. Misprints are corrected where
-a name says E….
+Nothing here comes from robotball.equations, because robotball's motions and its own formulas are
+compared with these. A vector is (3,), a matrix (3, 3), in frame axes; SI units. Misprints are
+corrected where a name says E….
 """
 
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -52,6 +53,12 @@ class Numbers:
 def numbers(p: Parameters) -> Numbers:
     """Return the numbers of a scene's parameters, in principal axes."""
     return Numbers(np.diag(p.I), p.d, np.array(p.Omega), np.array(p.K), p.a)
+
+
+def ball(n: Numbers, classical: bool = False) -> Any:
+    """Return the Parameters of a ball in its principal axes, whose formulas take arrays, too."""
+    I, Omega, K = (tuple(each.tolist()) for each in (np.diag(n.I), n.Omega, n.K))
+    return Parameters("classical" if classical else "rubber", I, n.d, n.a, Omega, K)
 
 
 def with_A(

@@ -5,7 +5,7 @@ check here, which takes the model.
 """
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 from scipy.optimize import minimize
@@ -91,6 +91,8 @@ def _momentum_of_the_bodies(classical: bool, twist: float) -> Errors:
     ball = _driven(classical)
     formula = ball.of(lambda n, w, gamma: _momentum(classical, replace(n, d=twist * n.d), w, gamma))
     yield largest(formula - ball.momentum)
+    ours = ball.of(lambda n, w, gamma: np.array(f.ball(n, classical).momentum(w, gamma)))
+    yield largest(ours - ball.momentum)
 
 
 @RUBBER_MODEL.claim("3.1", "M stays while Ω and K change in time")
@@ -122,6 +124,7 @@ def _rubber_inverse(twist: float) -> Errors:
         omega = np.linalg.lstsq(linear, given, rcond=None)[0]
         found = f.rubber_velocity(replace(n, Omega=twist * n.Omega), M, gamma)
         yield found - omega
+        yield f.ball(n).angular_velocity(M, gamma) - omega
 
 
 @CLASSICAL_MODEL.claim("(3.3)", "ω(M, γ) solves M = Ĩω + …")
@@ -134,6 +137,7 @@ def _classical_inverse(twist: float) -> Errors:
         omega = np.linalg.solve(f.contact_inertia(n, gamma), given)
         found = f.classical_velocity(replace(n, Omega=twist * n.Omega), state.M, gamma)
         yield found - omega
+        yield f.ball(n, classical=True).angular_velocity(state.M, gamma) - omega
 
 
 @RUBBER_MODEL.claim("(3.2)", "ω(M, γ) of the rubber ball")
@@ -227,17 +231,19 @@ def _routh_energy(classical: bool, twist: float) -> Errors:
 
 
 @RUBBER_MODEL.claim("Remark 5", "and (1/d - (Aγ,γ))^(-1/2) dM dγ; classical")
-@by("divergence of (3.3)", "the exponent", bound=5e-15, unit="1/s", classical=True)
+@by("divergence of (3.3)", "the exponent", bound=1e-14, unit="1/s", classical=True)
 @RUBBER_MODEL.claim("Remark 5", "and (Aγ,γ)^(-1/2) dM dγ is kept; rubber")
-@by("divergence of (3.2)", "the exponent", bound=5e-15, unit="1/s", classical=False)
+@by("divergence of (3.2)", "the exponent", bound=1e-14, unit="1/s", classical=False)
 def _measure(classical: bool, twist: float) -> Errors:
     """Compute the divergence of ρ times (3.2) or (3.3) for random Routh spheres.
 
     ρ is (Aγ,γ)^(-1/2), or (1/d - (Aγ,γ))^(-1/2) if classical.
     """
     for state in f.states(33):
-        n, M = _symmetric(state.n), state.momentum(classical)
-        yield f.divergence(n, M, state.gamma, classical, -0.5 * twist)
+        n, M, gamma = f.still(state.n), state.momentum(classical), state.gamma
+        yield f.divergence(_symmetric(n), M, gamma, classical, -0.5 * twist)
+        # Any other ball keeps no measure, and robotball has what this density grows by.
+        yield f.divergence(n, M, gamma, classical, -0.5) - f.ball(n, classical).divergence(gamma)
 
 
 def _symmetric(n: Numbers) -> Numbers:
@@ -298,29 +304,31 @@ def _path(name: str, twist: float) -> Errors:
     yield ball.path_error(X, Y)
 
 
-@RECONSTRUCTION.claim("3.3", "the shell's speed is bounded by f; classical")
-@by("maximum over the level", "the size of M", control=4.0, bound=1.0, name="classical_regular")
-@RECONSTRUCTION.claim("3.3", "the shell's speed is bounded by f; rubber")
-@by("maximum over the level", "the size of M", control=4.0, bound=1.0, name="fig14")
-def _bounded(name: str, twist: float) -> Errors:
-    """Compute |ω - Ω| over 2000 s, relative to its maximum over all γ, M with the same f.
+_greatest = partial(
+    by, f"{MOTION}, 150 s, over the greatest", "a tenth of M", control=0.1, bound=1.0
+)
 
-    c is 0; twisted, of a motion with more M.
+
+@RECONSTRUCTION.claim("3.3", "f and c bound the shell's speed; classical")
+@_greatest(name=CLASSICAL)
+@RECONSTRUCTION.claim("3.3", "f and c bound the shell's speed; rubber")
+@_greatest(name="fig14")
+def _bounded(name: str, twist: float) -> Errors:
+    """Compute |ω - Ω| in 150 s of MuJoCo's motion over its maximum for all γ, M with f and c.
+
+    Those of the start; twisted, of a tenth of the momentum.
     """
-    scene = paper_scene(name)
+    scene, ball = paper_scene(name), seen(name, 150.0, 0.05)
     n, velocity = f.numbers(scene.parameters), f.velocity_of(scene.rolling == "classical")
+    kept = twist * scene.start.momentum
+    size = float(np.linalg.norm(kept))
 
     def slowness(x: Array) -> float:
-        gamma, M = section_state(5.0 * np.sin(x[0]), x[1], x[2], 25.0)
+        gamma, M = section_state(size * np.sin(x[0]), x[1], x[2], size**2, kept[2])
         return -float(np.linalg.norm(velocity(n, M, gamma) - n.Omega))
 
     random = np.random.default_rng(35)
     # The search is local, so it begins at several places and the greatest maximum counts.
     starts = random.uniform(0.0, 2 * np.pi, (6, 3))
     most = max(-float(minimize(slowness, x).fun) for x in starts)
-    parameters, attitude, momentum = kernel_start(scene)
-    momentum = twist * momentum
-    attitudes, _ = orbit(parameters, attitude[0], momentum[0], np.arange(0.0, 2000.0, 0.1), 1e-9)
-    axes = rotation_matrix(attitudes)
-    reached = max(float(np.linalg.norm(velocity(n, momentum[0] @ S, S[2]) - n.Omega)) for S in axes)
-    yield reached / most
+    yield largest(ball.omega - n.Omega) / most

@@ -6,6 +6,7 @@ For K = 0: the fixed points, the circle Σ¹ of them, where motions end, and Fig
 from dataclasses import replace
 from functools import cache, partial
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy import sqrt
@@ -13,6 +14,8 @@ from scipy.integrate import cumulative_simpson
 from scipy.optimize import brentq
 from scipy.special import ellipj
 
+from robotball.equations import as_vector
+from robotball.qualitative import equilibria
 from robotball.rotations import Array
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS, claim_motion, orthonormal
@@ -45,7 +48,9 @@ def _field_on_the_sphere(twist: float) -> Errors:
     """Compare dγ/dt, by differences of MuJoCo's γ, with (4.1)."""
     ball = seen("fig06")
     found = ball.of(lambda n, _, gamma: f.from_rest(replace(n, K=twist * n.K))(gamma))
-    yield largest(rate(ball.gamma) - found[INNER])
+    ours = ball.of(lambda n, _, gamma: np.array(equilibria.flow(f.ball(n), as_vector(gamma))))
+    for each in (found, ours):
+        yield largest(rate(ball.gamma) - each[INNER])
 
 
 @SECTION.claim("(4.2)", "dα/dt, dβ/dt, Ẋ and Ẏ")
@@ -243,6 +248,7 @@ def circle(index: int, twist: float) -> Errors:
     table = np.column_stack([2 * path, np.ones(len(path))])
     centre = np.linalg.lstsq(table, (path**2).sum(axis=1), rcond=None)[0][:2]
     yield np.linalg.norm(path - centre, axis=1) - radius
+    yield equilibria.contact_path(f.ball(_FIG5), f.E[index]).radius - radius
 
 
 # The circle Σ¹ -------------------------------------------------------------------------------
@@ -271,7 +277,10 @@ def _sides(twist: float) -> Errors:
         gamma = f.sigma(n, float(i))
         values = f.eigenvalues(f.from_rest(n), gamma).real
         across = values[np.argmax(np.abs(values))]  # along the circle it is 0
-        yield across * twist * _side(n, gamma) >= 0
+        circle: Any = equilibria.fixed_circle(f.ball(n))  # as K = 0, there is one
+        ours = abs(circle.rate(gamma) - across) < 1e-12
+        ours = ours and _side(n, circle.at(np.array([0.5]))[0]) > 0
+        yield not ours or across * twist * _side(n, gamma) >= 0
 
 
 @SECTION_4_1.claim("4.1", "on Σ¹ the frame rests, the path is straight")
@@ -311,13 +320,15 @@ def _periodic(twist: float) -> Errors:
     yield np.linalg.norm(beside)
 
 
-@SECTION_4_1.claim("E24, 4.1", "ζ that meets Σ¹ ends on Σ_s ∩ ζ", "tends to Σ_s ∪ ζ")
-@by(MOTION, "Σ_u for Σ_s")
+@SECTION_4_1.claim(
+    "E24, 4.1", "ζ that meets Σ¹ ends at the point Σ_s ∩ ζ", "at the equilibrium point Σ_s ∪ ζ"
+)
+@by(f"{MOTION}, from the farthest point of rest named", "Σ_u for Σ_s")
 def ends(twist: float) -> Residual:
-    """Compare the γ in which Fig. 5b's motion is after 60 s with Σ_s ∩ ζ.
+    """Compute how far the farthest point of rest in Σ_s ∩ ζ is from Fig. 5b's γ after 60 s.
 
-    Σ_s ∩ ζ: (Ω,γ) = 0, (Aγ,γ) that of the start, and (Aγ, γ×Ω) > 0. As printed it may be all over
-    Σ_s.
+    Σ_s ∩ ζ: (Ω,γ) = 0, (Aγ,γ) that of the start and γ on its side of e₃, about which ζ runs, and
+    (Aγ, γ×Ω) > 0. As printed all of Σ_s, half of a circle, is named.
     """
     ball, start = seen("fig05b", 60.0, 0.05), CAPTIONS["fig05b"].axes[2]
 
@@ -328,11 +339,33 @@ def ends(twist: float) -> Residual:
     angles = np.linspace(0.0, 2 * np.pi, 201)
     crossings = [(x, y) for x, y in pairwise(angles) if off_curve(x) * off_curve(y) < 0]
     meeting = [f.sigma(_FIG5, brentq(off_curve, x, y, xtol=1e-14)) for x, y in crossings]
-    stable = [gamma for gamma in meeting if twist * _side(_FIG5, gamma) > 0]
+    stable = [g for g in meeting if twist * _side(_FIG5, g) > 0 and g[2] * start[2] > 0]
     all_over = [gamma for x in angles if _side(_FIG5, gamma := f.sigma(_FIG5, x)) > 0]
-    near = min(np.linalg.norm(gamma - ball.gamma[-1]) for gamma in stable)
-    far = max(np.linalg.norm(gamma - ball.gamma[-1]) for gamma in all_over)
-    return Residual(float(near), bound=1e-6, printed=float(far))
+    corrected, printed = (
+        float(np.linalg.norm(each - ball.gamma[-1], axis=1).max()) for each in (stable, all_over)
+    )
+    return Residual(corrected, bound=1e-6, printed=printed)
+
+
+@SECTION_4_1.claim(
+    "4.1", "but Γ₃,₄'s separatrices from Σ_u end at Γ₃,₄", "ζ is periodic or ends on Σ_s"
+)
+@by("(4.1) by scipy", "Σ_s for Σ_u", bound=1e-4, printed={"on_sigma": True})
+def _separatrices(twist: float, on_sigma: bool = False) -> Errors:
+    """Measure how far from Γ₃,₄ motions with (Aγ,γ) = a₂ are 25 s after they were near Σ_u.
+
+    As printed, how far they are from where they started and from Σ_s ∩ ζ, the nearer.
+    """
+    a1, a2, a3 = _FIG5.moments
+    # Two great circles through Γ₃,₄, each of which meets Σ¹ in a γ and -γ.
+    others = [f.unit(np.array([sqrt(a2 - a3), 0.0, s * sqrt(a1 - a2)])) for s in (1, -1)]
+    meeting = [f.unit(cross(_FIG5.Omega, cross(f.E[1], each))) for each in others]
+    unstable, stable = sorted(meeting, key=lambda gamma: twist * _side(_FIG5, gamma))
+    for side in (0.1, -0.1):
+        start = f.unit(unstable + side * f.E[1])
+        end = f.followed(f.from_rest(_FIG5), start, np.array([0.0, 25.0]))[-1]
+        targets = [stable, -stable, start] if on_sigma else [f.E[1], -f.E[1]]
+        yield min(np.linalg.norm(end - each) for each in targets)
 
 
 _misprint = partial(by, "arithmetic", "the sign of γ₁", bound=1e-15)

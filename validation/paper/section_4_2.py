@@ -8,19 +8,13 @@ import numpy as np
 from numpy import arcsin, arctan2, pi, sqrt
 from scipy.optimize import brentq
 
+from robotball.qualitative import equilibria
 from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.portraits import limit_cycles
 from robotball.rotations import Array
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS, claim_axes, claim_motion
-from validation.paper.claim import (
-    AtLeast,
-    Errors,
-    Evidence,
-    Section,
-    Value,
-    by,
-)
+from validation.paper.claim import AtLeast, Errors, Section, by
 from validation.paper.formulas import Numbers, paper_scene
 
 SECTION = Section("4.2. K ≠ 0")
@@ -128,7 +122,9 @@ _turned = partial(by, "a turn about Γ₅ by scipy", bound=0, unit="of 84 wrong"
 def _stable_foci(twist: float) -> Errors:
     """Count where B/A₁ < 0 mistakes a focus for stable or unstable, and B/A₁ > 0 as printed."""
     for n, growth in _foci():
-        yield (twist * _criterion(n) < 0) != (growth < 0)
+        ours = equilibria.fixed_point_at(f.ball(n), f.E[2]).kind
+        mistaken = ours != f"slow {'stable' if growth < 0 else 'unstable'} focus"
+        yield mistaken or (twist * _criterion(n) < 0) != (growth < 0)
 
 
 @claim("E7, Prop. 2", "B = Ω₁Ω₂((a₂-a₃)²A₁² - (a₁-a₃)²A₂²)", "B = K₃Ω₁Ω₂(…)")
@@ -136,7 +132,9 @@ def _stable_foci(twist: float) -> Errors:
 def _B_of_the_foci(twist: float, printed: bool = False) -> Errors:
     """Count the foci mistaken with B as corrected, and with the factor K₃ as printed."""
     for n, growth in _foci():
-        yield ((n.K[2] if printed else 1.0) * _criterion(n, twist) < 0) != (growth < 0)
+        A1, _, B = equilibria.proposition_2(f.ball(n))
+        both = (n.K[2] if printed else 1.0) * _criterion(n, twist), B / A1
+        yield any((each < 0) != (growth < 0) for each in both)
 
 
 def _taylor(n: Numbers, top: float) -> Array:
@@ -279,6 +277,8 @@ def _at_rest(j: int, twist: float, nu: Callable[[Numbers, int], float] = _nu) ->
         k = _kappa(n, j, twist)
         if abs(_kappa(n, j)) < 1 and abs(k) < 1:
             yield [_speed(n, j, phi) for phi in _angles(arcsin(k), nu(n, j))]
+            ours = equilibria.closed_form_points(f.ball(n))
+            yield [f.from_rest(n)(ours["θδ"[j] + index]) for index in "₁₂₃₄"]
 
 
 @claim("E11, 4.2", "θ₃: φ = -(arcsin κ₂ + ν₂)/2 + π/2", "φ = -(arcsin κ₂ + ν₂)/2 π")
@@ -309,16 +309,30 @@ def _number(K3: float, starts: int = 150) -> int:
     return len(f.zeros(f.from_rest(_with_K3(K3)), starts))
 
 
-@claim("E12, 4.2", "Δ exist iff |κ₁| < 1, Θ iff |κ₂| < 1", "0 < κ₂ < κ₁ < 1 and so on")
-@by("search", "the sign of K₃", bound=0, unit="of 8 wrong", printed={"least": 0.0})
-def _existence(twist: float, least: float = -1.0) -> Errors:
-    """Count the K₃ with another number of fixed points than 2 + 4[|κ₁| < 1] + 4[|κ₂| < 1].
-
-    A search finds them; as printed, with [0 < κ < 1].
-    """
+@claim("4.2", "Δ exist iff |κ₁| < 1, Θ iff |κ₂| < 1")
+@by("search", "the sign of K₃", bound=0, unit="of 8 wrong")
+def _existence(twist: float) -> Errors:
+    """Count the K₃ with another number of fixed points than 2 + 4[|κ₁| < 1] + 4[|κ₂| < 1]."""
     for K3 in (-3.0, -1.2, -0.5, -0.1, 0.2, 0.5, 1.0, 2.5):
         kappas = [_kappa(_with_K3(K3), j, twist) for j in (_DELTA, _THETA)]
-        yield _number(K3) != 2 + 4 * sum(least < kappa < 1 for kappa in kappas)
+        yield _number(K3) != 2 + 4 * sum(abs(kappa) < 1 for kappa in kappas)
+
+
+@claim(
+    "E12, 4.2",
+    "|κ₂| < |κ₁| < 1: 10 points; |κ₂| < 1 < |κ₁|: 6; 1 < |κ₂| < |κ₁|: 2",
+    "0 < κ₂ < κ₁ < 1; κ₂ < 1 < κ₁; 1 < κ₂ < κ₁",
+)
+@by("search, Figs 6-8", "the sign of K₃", bound=0, unit="of 3 wrong", printed={"size": float})
+def _cases(twist: float, size: Callable[[float], float] = abs) -> Errors:
+    """Count the figures where the condition that holds, if any, gives another number of points.
+
+    Than a search finds; as printed, κ have their signs, and none holds.
+    """
+    for K3 in (0.3, 0.52, 3.0):
+        kappa_1, kappa_2 = (size(_kappa(_with_K3(K3), j, twist)) for j in (_DELTA, _THETA))
+        cases = {10: 0 < kappa_2 < kappa_1 < 1, 6: kappa_2 < 1 < kappa_1, 2: 1 < kappa_2 < kappa_1}
+        yield [number for number, holds in cases.items() if holds] != [_number(K3)]
 
 
 def kind(n: Numbers, gamma: Array) -> str:
@@ -344,13 +358,16 @@ _KINDS = {
 @claim("Fig. 6", "saddles θ₁,₂ δ₃,₄; foci θ₃,₄ Γ₅,₆; nodes δ₁,₂")
 @by("search, eigenvalues", "δ, θ", bound=0, unit="of 10 off")
 def _types(twist: float) -> Errors:
-    """Count the points of Fig. 6 that are of another type, or not found by a search."""
-    found = f.zeros(f.from_rest(_FIG6))
+    """Count the points of Fig. 6 that are of another type, or not found by a search; and ours."""
+    found, points = f.zeros(f.from_rest(_FIG6)), equilibria.fixed_points(f.ball(_FIG6))
     exchanged = str.maketrans("δθ", "δθ" if twist == 1 else "θδ")
     yield len(found) - 10
     for name, at in _named().items():
         seen = min(np.linalg.norm(at - other) for other in found) < 1e-9
-        yield not (seen and name.translate(exchanged) in _KINDS.get(kind(_FIG6, at), ()))
+        type_ = kind(_FIG6, at)
+        ours = [p.kind for p in points if np.linalg.norm(at - p.gamma) < 1e-9]
+        same = ours == [type_] and equilibria.name_of(f.ball(_FIG6), at) == name
+        yield not (seen and same and name.translate(exchanged) in _KINDS.get(type_, ()))
 
 
 _BOTH = {"senses": (-1.0, 1.0)}
@@ -385,11 +402,6 @@ def _branches_off(sense: float) -> int:
     return off
 
 
-def number(K3: float, stated: int, twist: float) -> Value:
-    """Count the fixed points of (4.1) at K₃, by a search; twisted, at -K₃/2."""
-    return Value(_number(K3 if twist == 1 else -K3 / 2), corrected=stated, bound=0)
-
-
 @cache
 def cycle(name: str) -> Cycle | None:
     """Return the only limit cycle of Fig. 6, 7 or 8, if there is one."""
@@ -398,23 +410,23 @@ def cycle(name: str) -> Cycle | None:
     return found[0] if len(found) == 1 else None
 
 
-def _unstable_cycle(name: str, twist: float) -> Evidence:
-    """Measure the growth of a neighbour's distance in a period of (4.1), by scipy, if that closes.
+def _unstable_cycle(name: str, twist: float) -> AtLeast:
+    """Measure the growth of a neighbour's distance in a period of (4.1), if that closes.
 
-    Followed back in time, in which it shrinks. Twisted, with Fig. 6's K₃.
+    By its divergence on the sphere, followed back in time, in which the cycle attracts; NaN unless
+    robotball's multiplier is the same. Twisted, with Fig. 6's K₃.
     """
     name = name if twist == 1 else "fig06"
     found = cycle(name)
     if found is None:
         return AtLeast(float("nan"), bound=1.01)
-    field, times, gamma = f.from_rest(CAPTIONS[name].n), np.array([0.0, found.period]), found.gamma
-    beside = np.cross(gamma, field(gamma))
-    beside *= 1e-5 / np.linalg.norm(beside)
-    starts = (gamma, gamma + beside, gamma - beside)
-    ends = [f.followed(lambda x: -field(x), start, times, 1e-12)[-1] for start in starts]
-    closes = np.linalg.norm(ends[0] - gamma) < 1e-8
-    shrinking = float((ends[1] - ends[2]) @ beside / (2 * beside @ beside))
-    return AtLeast(1 / abs(shrinking) if closes else float("nan"), bound=1.01)
+    field = f.from_rest(CAPTIONS[name].n)
+    path = f.followed(lambda x: -field(x), found.gamma, np.linspace(0.0, found.period, 4001))
+    rates = [np.trace(J) - x @ J @ x for x in path[1:] for J in [f.jacobian(field, x)]]
+    growth = float(np.exp(found.period * np.mean(rates)))
+    same = np.linalg.norm(path[-1] - found.gamma) < 1e-8
+    same = same and abs(found.multipliers[0] / growth - 1) < 1e-6
+    return AtLeast(growth if same else float("nan"), bound=1.01)
 
 
 def _vanishing(j: int, K3: float, more: int, twist: float) -> Errors:
@@ -433,20 +445,17 @@ def four_fewer(K3: float, side: float, more: int, starts: int) -> Errors:
 
 
 _vanishes = partial(by, "search", "the factor of K₃", 0.9, bound=0, unit="points off")
-_counted = partial(by, "search", "another K₃")
 _grows = partial(by, "(4.1) by scipy", "K₃ of Fig. 6")
 
 claim_axes(SECTION, "fig06")
 claim_motion(SECTION, "fig06", 6e-6)
 claim("4.2", "Δ disappears where |κ₁| = 1")(_vanishes(j=_DELTA, K3=0.5, more=10)(_vanishing))
-claim("Fig. 7", "|κ₂| < 1 < |κ₁|: six points")(_counted(K3=0.52, stated=6)(number))
 claim("Fig. 7", "an unstable limit cycle: growth in a period")(
     _grows(name="fig07")(_unstable_cycle)
 )
 claim_axes(SECTION, "fig07")
 claim_motion(SECTION, "fig07", 4e-6)
 claim("4.2", "Θ disappears where |κ₂| = 1")(_vanishes(j=_THETA, K3=2.0, more=6)(_vanishing))
-claim("Fig. 8", "1 < |κ₂| < |κ₁|: Γ₅ and Γ₆")(_counted(K3=3.0, stated=2)(number))
 claim("Fig. 8", "an unstable limit cycle: growth in a period")(
     _grows(name="fig08")(_unstable_cycle)
 )

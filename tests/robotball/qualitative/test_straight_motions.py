@@ -10,6 +10,7 @@ from robotball.equations import Parameters, as_vector
 from robotball.errors import InputError
 from robotball.qualitative.straight_motions import (
     StraightMotion,
+    name_of_line,
     stability_limit,
     straight_motion,
     straight_motions,
@@ -43,6 +44,18 @@ def test_the_ball_rolls_straight_on(some: Parameters, motion: StraightMotion) ->
     divergence = some.divergence(as_vector(motion.gamma))
     assert motion.eigenvalues.sum() == pytest.approx(divergence, abs=1e-13)
     assert np.abs(np.polyval(motion.polynomial, motion.eigenvalues)).max() < 1e-12
+
+
+def test_they_have_the_names_of_proposition_3() -> None:
+    """(K, γ) and (K×Ω, γ) have the signs of c₁ and c₂; K must be across Ω, and the ball rubber."""
+    named = {name_of_line(FIG10, each.gamma): each.gamma for each in straight_motions(FIG10, 3.0)}
+    signs = {"σ₊": (1, 1), "σ₋": (-1, 1), "δ₊": (1, -1), "δ₋": (-1, -1)}
+    # K = (4, 5, 0), K×Ω = (5, -4, 0).
+    along = {name: (gamma @ (4, 5, 0), gamma @ (5, -4, 0)) for name, gamma in named.items()}
+    assert {name: tuple(np.sign(each)) for name, each in along.items()} == signs
+    tilted, still = replace(FIG10, K=(4.0, 5.0, 3.0)), replace(FIG10, Omega=(0.0, 0.0, 0.0))
+    for other in (tilted, still, replace(FIG10, rolling="classical")):
+        assert name_of_line(other, named["σ₊"]) == ""
 
 
 def test_there_are_four_on_a_level() -> None:

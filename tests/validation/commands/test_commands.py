@@ -59,6 +59,7 @@ RUNS = {
         r"at rest.*every motion from rest is closed"
     ),
     "equilibria classical_regular --json a.json": r"straight +0\.",
+    "equilibria fig10_stable --longest 0 --json a.json": r"δ₊ .* stable,.*σ₋ .* stable,",
     "attractors --quick --json a.json": "holds",
     "extremes --random 2 --workers 1 --json a.json": "2 ordinary runs: 0 false alarms",
 }

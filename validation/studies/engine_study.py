@@ -252,8 +252,11 @@ _TUNED = (COLUMNS[2], *COLUMNS[4:7], Column("settings", _changes, words=True))
 
 
 def _engines_picture(study: _EngineStudy) -> Figure:
-    """Draw every engine's error against its cost, as many engines as there are markers."""
-    names = list(dict.fromkeys(contestant for contestant, _ in study.runs))
+    """Draw engines' errors against their costs: as many as there are markers, of least errors."""
+    least: dict[str, float] = {}
+    for (contestant, _), runs in study.runs.items():
+        least[contestant] = min(least.get(contestant, math.inf), *(run["error"] for run in runs))
+    names = sorted(least, key=lambda name: least[name])
     left = f"; not drawn: {', '.join(names[len(_MARKERS) :])}" if names[len(_MARKERS) :] else ""
     figure, axes = cost_axes(
         f"{in_picture(study.scene.name)} ({study.scene.rolling}): {study.what}{left}",

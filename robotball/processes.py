@@ -118,11 +118,12 @@ def in_processes(
     done here. Raises ChildProcessError where one of them dies.
     """
     count = min(allowed(), len(jobs))
-    if count < 2 or len(jobs) < least or (or_here and not _goes_elsewhere(jobs)):
+    pickled = _pickled(jobs) if or_here and count > 1 else None
+    if count < 2 or len(jobs) < least or (or_here and pickled is None):
         yield from map(work, jobs)
         return
-    with pool(work, count) as submit:
-        waiting = iter(jobs)
+    with pool(partial(_of_pickled, work) if pickled else work, count) as submit:
+        waiting: Iterator[Any] = iter(pickled or jobs)
         # As many as keep every process busy: the results of a film's frames would fill the memory.
         in_order = deque(submit(job) for job in islice(waiting, 2 * count))
         running = set(in_order)
@@ -138,12 +139,16 @@ def in_processes(
                 yield _answer(in_order.popleft())[0]
 
 
-def _goes_elsewhere(jobs: Sequence[object]) -> bool:
-    """Return whether other processes can be given the jobs."""
+def _pickled(jobs: Iterable[object]) -> list[bytes] | None:
+    """Return the jobs as other processes are given them, None where one cannot be."""
     try:
-        return bool(pickle.dumps(jobs))
+        return [pickle.dumps(job) for job in jobs]
     except (pickle.PicklingError, AttributeError, TypeError):
-        return False
+        return None
+
+
+def _of_pickled(work: Callable[[Any], Result], job: bytes) -> Result:
+    return work(pickle.loads(job))
 
 
 def _answer(future: futures.Future[Answer]) -> Answer:

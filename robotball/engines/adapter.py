@@ -356,9 +356,9 @@ def _rolled_by(
     return list(engine._rolled(scenes, times, Request(engine, settings)))
 
 
-def elsewhere(engine: Engine, folder: Path) -> Engine:
+def elsewhere(engine: Engine, folder: Path | str) -> Engine:
     """Return the engine with environments in a folder, where it is one that may need them."""
-    return replace(engine, environments=folder) if isinstance(engine, Adapter) else engine
+    return replace(engine, environments=Path(folder)) if isinstance(engine, Adapter) else engine
 
 
 def not_installed(engine: str, name: str) -> InputError:

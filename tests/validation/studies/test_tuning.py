@@ -12,7 +12,7 @@ from robotball import engine_names
 from robotball.engine import Knobs
 from tests.conftest import Robotball
 from validation.studies.engine_runs import changed
-from validation.studies.tuning import Changes, search
+from validation.studies.engine_study import Changes, search
 
 KINDS = ("wrong", "right", "worst")
 KNOBS: Knobs = ("best", {"step": slice(1e-4, 1e-1), "kind": KINDS, "gain": slice(1.0, 1e6)})

@@ -9,7 +9,7 @@ from scipy.integrate import cumulative_simpson
 
 import robotball as rb
 from robotball.motion import ContactMotion
-from validation.contact_quality import contact_quality, kinetic_energy
+from validation.studies.engine_runs import contact_quality, kinetic_energy
 
 TIMES = rb.sample_times(2.0, 1e-3)
 

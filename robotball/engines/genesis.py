@@ -95,6 +95,9 @@ class _GenesisWorld(ServoWorld):
         attitude = q[3:7] / np.linalg.norm(q[3:7])
         return State(q[:3], v[:3], attitude, rotation_matrix(attitude) @ v[3:6], q[7:], v[6:])
 
+    def force(self) -> Array:
+        return _double(self.ball.get_links_net_contact_force())[0]
+
 
 def _double(values: Any) -> Array:
     return np.asarray(values.numpy(), dtype=float)

@@ -22,7 +22,7 @@ from robotball.engines.adapter import (
     by_name,
     version_of,
 )
-from robotball.engines.links import State, lifting
+from robotball.engines.links import State, force_in
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, ModelHinge, build, controls_at, state_at
 from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings
@@ -108,7 +108,7 @@ class _MjxWorld(World):
     def force(self) -> Array:
         from mujoco import mjx
 
-        return _force(self.built.compiled, mjx.get_data(self.built.compiled, self.data))
+        return force_in(self.built.compiled, mjx.get_data(self.built.compiled, self.data))
 
     def python_seconds(self) -> float:
         """Return the processor time [s] of the calls themselves, measured on empty ones."""
@@ -147,14 +147,6 @@ def _device(world: World, settings: ModelSettings, cuda: bool) -> str:
     if settings.device == "cuda":
         world.clock = time.perf_counter
     return settings.device
-
-
-def _force(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
-    """Return the force (3,) [N] of the contact, if there is one, by what a port has computed."""
-    wrench, frame = np.zeros(6), data.contact.frame.reshape(-1, 3, 3)
-    if data.ncon:
-        mujoco.mj_contactForce(model, data, 0, wrench)
-    return lifting(wrench[:3] @ each for each in frame[:1])
 
 
 @cache
@@ -261,7 +253,7 @@ class _WarpWorld(SteppedWorld):
     def force(self) -> Array:
         data = mujoco.MjData(self.built.compiled)
         self.engine.get_data_into(data, self.built.compiled, self.data)
-        return _force(self.built.compiled, data)
+        return force_in(self.built.compiled, data)
 
 
 # Single precision has no room for the recipe's impedance and armature: they break it. What armature

@@ -50,8 +50,8 @@ _IDLE = 60.0  # s that a process waits for a job before it ends, as after a swee
 _GRACE = 1.0  # s for a process to end in; compiled code, which writes no file, is killed then
 _PARTS = 20  # a limit is waited for in so many parts: a time in which we are stopped takes one
 
-Job = TypeVar("Job")
-Result = TypeVar("Result")
+_Job = TypeVar("_Job")
+_Result = TypeVar("_Result")
 Answer: TypeAlias = tuple[Any, list[str]]  # the result of a job, and the texts of its warnings
 
 
@@ -107,8 +107,8 @@ def cores() -> int:
 
 
 def in_processes(
-    work: Callable[[Job], Result], jobs: Sequence[Job], least: int = 2, *, or_here: bool = False
-) -> Iterator[Result]:
+    work: Callable[[_Job], _Result], jobs: Sequence[_Job], least: int = 2, *, or_here: bool = False
+) -> Iterator[_Result]:
     """Yield the results of jobs in their order, from as many processes as `at_most` allows.
 
     work: a module's function, `partial` of one, or an object that can be called; like jobs and
@@ -147,7 +147,7 @@ def _pickled(jobs: Iterable[object]) -> list[bytes] | None:
         return None
 
 
-def _of_pickled(work: Callable[[Any], Result], job: bytes) -> Result:
+def _of_pickled(work: Callable[[Any], _Result], job: bytes) -> _Result:
     return work(pickle.loads(job))
 
 

@@ -35,7 +35,7 @@ _SHAPES = {"linear": "u", "smooth": "3u² - 2u³", "quintic": "10u³ - 15u⁴ + 
 # Of a hinge's command; of a motor that is not here a torque.
 _COMMANDED = {type(None) | Servo: "rad/s", PositionServo: "rad", DCMotor: "1", Free: "none"}
 # Times the friction that the motion needs: another engine's contact must not slip at the peak.
-MARGIN = 1.5
+_MARGIN = 1.5
 # Readers of URDF and SDF ask for limits of every joint; these limit nothing.
 _FASTEST, _STRONGEST, _FARTHEST, _BOUNDLESS = "1e6", "1e9", "1e6", "1e16"
 # The newest with gravity where DART looks for it; others read it as newer ones. It has no type
@@ -116,12 +116,12 @@ def plain(motion: Motion) -> dict[str, Any]:
             "momentum_world": motion.momentum[0].tolist(),
             "centre": [*motion.contact_point[0].tolist(), ball.radius],
         },
-        "friction_needed": friction_needed(motion),
+        "friction_needed": _friction_needed(motion),
         "friction": asdict(scene.friction),
     }
 
 
-def friction_needed(motion: Motion) -> dict[str, Any]:
+def _friction_needed(motion: Motion) -> dict[str, Any]:
     """Return the least coefficients without which the ball slips or, a rubber one, spins."""
     sliding = float(motion.loads.sliding_friction.max())
     torsional = float(motion.loads.torsional_friction.max())
@@ -249,8 +249,8 @@ def _mjcf(motion: Motion) -> str:
     root = Element("mujoco", model=scene.name)
     SubElement(root, "option", gravity=numbers(scene.gravity_world))
     world = SubElement(root, "worldbody")
-    needed = friction_needed(motion)
-    friction = [MARGIN * needed["sliding"], MARGIN * needed["torsional"], 0.0]
+    needed = _friction_needed(motion)
+    friction = [_MARGIN * needed["sliding"], _MARGIN * needed["torsional"], 0.0]
     # A contact of dimension 4 resists spinning about its normal, which a rubber ball does not do.
     condim = "4" if scene.rolling == "rubber" else "3"
     contact = {"friction": numbers(friction), "condim": condim}
@@ -368,12 +368,12 @@ def sdf(motion: Motion) -> str:
 
 def _surface(motion: Motion) -> dict[str, Any]:
     """Return the contents of an SDF surface with the friction that the motion needs."""
-    needed = friction_needed(motion)
-    sliding = repr(MARGIN * needed["sliding"])
+    needed = _friction_needed(motion)
+    sliding = repr(_MARGIN * needed["sliding"])
     friction: dict[str, Any] = {"ode": {"mu": sliding, "mu2": sliding}}
     if needed["torsional"]:
         # Its torque is 3π/16 · coefficient · patch radius · normal force; the radius is 1 m here.
-        coefficient = repr(MARGIN * needed["torsional"] * 16 / (3 * np.pi))
+        coefficient = repr(_MARGIN * needed["torsional"] * 16 / (3 * np.pi))
         patch = {"use_patch_radius": "true", "patch_radius": "1.0"}
         friction["torsional"] = {**patch, "coefficient": coefficient}
     return {"friction": friction}

@@ -44,7 +44,7 @@ _BY_NAME = {
     },
 }
 _RANDOM = "extremes --random 500"
-_FILMED, SHOWN = 3.2, 3.0  # s of the README's film, and the time of its picture
+_FILMED, _SHOWN = 3.2, 3.0  # s of the README's film, and the time of its picture
 # What the studies counted: the numbers that README and docs print are held against it.
 NUMBERS = _DOCS / "numbers.json"
 _PROOFS = """
@@ -96,7 +96,7 @@ def _write_frame(path: Path) -> None:
     import mediapy
 
     agreement, film = compare("fig12", None, sample_times(_FILMED)), Film()
-    shown = islice(frames(agreement.motion, agreement.theory, film), round(SHOWN * film.fps), None)
+    shown = islice(frames(agreement.motion, agreement.theory, film), round(_SHOWN * film.fps), None)
     with replacing(path) as temporary:
         mediapy.write_image(temporary, next(shown), fmt="png")
 

@@ -45,7 +45,7 @@ _FREE_BODY = """<mujoco><option timestep="1e-3" gravity="0 0 0" integrator="impl
 <worldbody><body><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="{} {} {}"/></body>
 </worldbody><keyframe><key qvel="0 0 0 3 1 5"/></keyframe></mujoco>""".format(*_MOMENTS)
 # Each number, its name, and the word by which a changelog's entry is about it: its integrator.
-NUMBERS = {"as_it_comes": "as it comes", "recipe": "recipe", "free_body": "free body"}
+_NUMBERS = {"as_it_comes": "as it comes", "recipe": "recipe", "free_body": "free body"}
 _WORDS = {"as_it_comes": "Euler", "recipe": "RK4", "free_body": "implicitfast"}
 
 
@@ -196,7 +196,7 @@ def changes_of(rows: Sequence[Row]) -> list[tuple[str, Row, Row]]:
     """Return each number that changed, with the rows of the two versions between which it did."""
     return [
         (number, before, after)
-        for number in NUMBERS
+        for number in _NUMBERS
         for before, after in pairwise(row for row in rows if row.get(number) is not None)
         if differ(before[number], after[number])
     ]
@@ -213,7 +213,7 @@ def rows_of(results: Sequence[Result]) -> list[Row]:
         row["speed"] = newest / row["recipe_cost"] if row.get("recipe_cost") else None
         fault = row["failure"] or row.get("as_it_comes_fault") or ""
         row["fault"] = re.sub(r"^\w+Error: ", "", fault)
-        row["changed"] = ", ".join(NUMBERS[number] for number, _, after in changes if after is row)
+        row["changed"] = ", ".join(_NUMBERS[number] for number, _, after in changes if after is row)
     return [*rows]
 
 
@@ -228,20 +228,20 @@ def changelog_line(changelog: str, version: str, word: str) -> str:
     return re.split(r"(?<=\.) (?=[A-Z])", plain)[0]
 
 
-def lines_of(changes: Sequence[tuple[str, Row, Row]], package: str) -> list[str]:
+def _lines_of(changes: Sequence[tuple[str, Row, Row]], package: str) -> list[str]:
     """Return each change in a line, with the words of the changelog in our version's package."""
     carried = Path(sys.prefix).glob(f"lib/*/site-packages/{package}/doc/changelog.rst")
     log = "".join(each.read_text(encoding="utf-8") for each in carried)
     return [
-        f"{NUMBERS[number]}: {before[number]:.1e} in {before['version']}, {after[number]:.1e} in "
+        f"{_NUMBERS[number]}: {before[number]:.1e} in {before['version']}, {after[number]:.1e} in "
         f"{after['version']}: {changelog_line(log, after['version'], _WORDS[number]) or 'no word'}"
         for number, before, after in changes
     ]
 
 
-COLUMNS = (
+_COLUMNS = (
     Column("version", "version", words=True), Column("date", "date", words=True),
-    *(Column(words, number) for number, words in NUMBERS.items()),
+    *(Column(words, number) for number, words in _NUMBERS.items()),
     Column("speed", "speed", form=".2f"), Column("recipe without", "recipe_without", words=True),
     Column("changed", "changed", words=True), Column("first fault", "fault", words=True),
     Column("recipe: first fault", "recipe_fault", words=True),
@@ -250,8 +250,8 @@ COLUMNS = (
 
 def _page(rows: Sequence[Row], lines: Sequence[str]) -> str:
     """Return the table and the changes as Markdown."""
-    table = [[each.header for each in COLUMNS], ["---"] * len(COLUMNS)]
-    table += [[each.text(row) for each in COLUMNS] for row in rows]
+    table = [[each.header for each in _COLUMNS], ["---"] * len(_COLUMNS)]
+    table += [[each.text(row) for each in _COLUMNS] for row in rows]
     cells = map("| {} |".format, map(" | ".join, table))
     return "\n".join([*cells, "", *map("* {}".format, lines), ""])
 
@@ -261,7 +261,7 @@ def _picture(title: str, rows: Sequence[Row]) -> Figure:
     figure = Figure(figsize=(10.0, 6.0), layout="constrained")
     axes, dated = figure.subplots(), all(row["date"] for row in rows)
     at: list[Any] = [np.datetime64(row["date"]) if dated else row["version"] for row in rows]
-    drawn = {**NUMBERS, "speed": "speed, newest = 1"}
+    drawn = {**_NUMBERS, "speed": "speed, newest = 1"}
     for (number, words), mark in zip(drawn.items(), "sod.", strict=True):
         sizes = [abs(row.get(number) or np.nan) for row in rows]
         axes.semilogy(at, sizes, f"{mark}-", drawstyle="steps-post", label=words)
@@ -323,9 +323,9 @@ class History:
 
     def _table(self, versions: Sequence[str]) -> int:
         rows, label = self._rows(versions), engine_named(self.engine).label
-        lines = lines_of(changes_of(rows), _package(self.engine))
+        lines = _lines_of(changes_of(rows), _package(self.engine))
         title = f"{label.name} on {_SCENE}, version after version"
-        table = table_of(COLUMNS, rows, lambda row: row["failure"])
+        table = table_of(_COLUMNS, rows, lambda row: row["failure"])
         picture = _picture(title, [row for row in rows if not row["failure"]])
         record, words = {"history": rows, "changes": lines}, changed(self, "since", "to", "every")
         study = Study(
@@ -340,9 +340,9 @@ class History:
         row = cache(lambda i: self._rows([versions[i]])[0])
         found = [
             (number, row(before), row(after))
-            for number in NUMBERS
+            for number in _NUMBERS
             for before, after in bisect(row, number, 0, len(versions) - 1)
         ]
-        lines = lines_of(found, _package(self.engine))
+        lines = _lines_of(found, _package(self.engine))
         show(map(escape, lines or [f"no number changed between {versions[0]} and {versions[-1]}"]))
         return AGREES

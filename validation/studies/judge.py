@@ -49,7 +49,7 @@ _TOLERANCE = 1e-2  # of path, momentum and the hinges' rates, relative; of the a
 _ENOUGH = 0.1  # of the scene's duration; a file that covers less says too little to agree
 _ROWS = 20_000  # that are judged, at most, where the frame turns little between them
 _TURN = 0.1  # rad
-LONGEST = 100  # times the scene's duration; a longer file is in another unit
+_LONGEST = 100  # times the scene's duration; a longer file is in another unit
 
 
 @dataclass(frozen=True)
@@ -195,7 +195,7 @@ class _Order:
 
 
 @dataclass(frozen=True)
-class Judgement:
+class _Judgement:
     """Files of one scene, the one with the longest step first, and orders of convergence."""
 
     scene: Scene
@@ -214,7 +214,7 @@ def judge(
     timesteps: Sequence[float] = (),
     tolerance: float = _TOLERANCE,
     progress: Callable[[float], None] | None = None,
-) -> Judgement:
+) -> _Judgement:
     """Find what is wrong with trajectories of a scene.
 
     files: each a file, or a trajectory as `read_trajectory` gives it. timesteps: the engine's in
@@ -230,7 +230,7 @@ def judge(
         each if isinstance(each, Trajectory) else read_trajectory(Path(each)) for each in given
     ]
     for each in trajectories:
-        if (end := float(each.times[-1])) > LONGEST * scene.duration:
+        if (end := float(each.times[-1])) > _LONGEST * scene.duration:
             raise InputError(
                 f"{each.name}: t goes to {end:g} s, and {scene.name} lasts {scene.duration:g} s; "
                 "if t is in another unit, call the column t [ms], t [us] or t [ns]"
@@ -242,7 +242,7 @@ def judge(
         if progress is not None:
             progress(i / len(trajectories))
     judged.sort(key=lambda each: -each.timestep)
-    return Judgement(scene, tuple(judged), tuple(_orders(judged)))
+    return _Judgement(scene, tuple(judged), tuple(_orders(judged)))
 
 
 def _thinned(trajectory: Trajectory) -> Trajectory:
@@ -300,12 +300,12 @@ def _orders(judged: Sequence[FileJudgement]) -> Iterator[_Order]:
 
 _ON_THE_PLANE = 0.05  # of the radius: a height so near 0 is the contact point's
 _OFF_HEIGHT = 0.01  # of the radius, by which a centre may be off without a line
-SHOWN = 2  # trials of each family
+_SHOWN = 2  # trials of each family
 _ROUNDING = 1e-16
 _EXACT = 1e-9  # of the radius
 
 
-def _show(judgement: Judgement, console: Console, every: bool = False) -> None:
+def _show(judgement: _Judgement, console: Console, every: bool = False) -> None:
     """Print each file's errors, what is wrong with it and what was tried; then the orders.
 
     every: all trials, in place of the best of each kind.
@@ -435,7 +435,7 @@ def _table(judged: FileJudgement, every: bool) -> Table:
         own = [each for each in own if not _same(each.after, plain)]
         own.sort(key=lambda each: float(np.log(np.maximum(each.after.given, _ROUNDING)).sum()))
         unique = list({each.name: each for each in reversed(own)}.values())[::-1]
-        rows += [(each.name, each.after, "") for each in unique[: None if every else SHOWN]]
+        rows += [(each.name, each.after, "") for each in unique[: None if every else _SHOWN]]
     for name, errors, style in rows:
         cells = map(scientific, (errors.path, errors.attitude, errors.rate))
         table.add_row(escape(name), *cells, style=style)
@@ -446,7 +446,7 @@ def _same(errors: Errors, others: Errors) -> bool:
     return np.allclose(errors.given, others.given, rtol=1e-9, atol=1e-12)
 
 
-def _record(judgement: Judgement) -> dict[str, Any]:
+def _record(judgement: _Judgement) -> dict[str, Any]:
     """Return the judgement as plain data; numbers that are not known are None."""
     return {
         "scene": judgement.scene.name,

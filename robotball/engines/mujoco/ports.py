@@ -37,7 +37,7 @@ _PASSES = 50  # of the loop at most in one call, whose controls are an array of 
 
 
 @dataclass(frozen=True, kw_only=True)
-class ModelSettings(StepSettings):
+class _ModelSettings(StepSettings):
     """Settings of a run of MuJoCo's model: MuJoCo's own, for the model and its options.
 
     device: "cpu" or "cuda", where the balls are stepped.
@@ -48,7 +48,7 @@ class ModelSettings(StepSettings):
 
 
 @dataclass(frozen=True, kw_only=True)
-class _MjxSettings(ModelSettings):
+class _MjxSettings(_ModelSettings):
     """Settings of an MJX run.
 
     line_search: the iterations of its line search at most; None leaves MuJoCo's.
@@ -139,7 +139,7 @@ def _coordinates(model: Model, scenes: Sequence[Scene]) -> tuple[Array, Array]:
     return np.array(qpos), np.array(qvel)
 
 
-def _device(world: World, settings: ModelSettings, cuda: bool) -> str:
+def _device(world: World, settings: _ModelSettings, cuda: bool) -> str:
     """Return the device of the settings, and time its steps. Raises InputError for no device."""
     if settings.device not in ("cpu", "cuda") or (settings.device == "cuda" and not cuda):
         there = "cpu and cuda" if cuda else "cpu alone: no CUDA device is found"
@@ -207,7 +207,7 @@ class _WarpWorld(SteppedWorld):
     """Worlds abreast, one unless scenes are given, on one of Warp's devices."""
 
     def __init__(
-        self, scene: Scene, settings: ModelSettings, step: float, scenes: Sequence[Scene] = ()
+        self, scene: Scene, settings: _ModelSettings, step: float, scenes: Sequence[Scene] = ()
     ) -> None:
         super().__init__(scene)
         import mujoco_warp
@@ -269,7 +269,7 @@ _SINGLE = replace(
 )
 
 
-def _in_single_precision(scene: Scene, settings: ModelSettings) -> str:
+def _in_single_precision(scene: Scene, settings: _ModelSettings) -> str:
     return "its state is in single precision"
 
 
@@ -279,8 +279,8 @@ WARP = Adapter(
     extra="mujoco-warp",
     ladders={"best": ("timestep", (20e-3, 10e-3))},
     presets=by_name(
-        ModelSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE),
-        ModelSettings(name="best", timestep=20e-3, model=_SINGLE, **_LOOSE),
+        _ModelSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE),
+        _ModelSettings(name="best", timestep=20e-3, model=_SINGLE, **_LOOSE),
     ),
     knobs=("best", {"timestep": slice(2e-3, 2e-2), **_KNOBS}),
     world=_WarpWorld,

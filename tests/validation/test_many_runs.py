@@ -53,8 +53,8 @@ def test_a_broken_run_is_counted_and_has_no_error() -> None:
 
 
 def whole() -> dict[str, Any]:
-    more = {"engine": "mujoco", "preset": "fast", "keep_going": False, "seed": 3, "control": ()}
-    return scene_cell("fig12", 0.5) | more
+    more = {"engine": "mujoco", "preset": "fast", "keep_going": False, "environments": None}
+    return scene_cell("fig12", 0.5) | more | {"seed": 3, "control": ()}
 
 
 def without_seconds(rows: Any) -> list[dict[str, Any]]:
@@ -67,6 +67,17 @@ def test_cells_are_parts_of_the_whole() -> None:
     parts = [whole() | {"first": i, "count": count} for i, count in ((0, 2), (2, 3))]
     rows = [row for each in parts for row in many_runs.of_cell(each)["rows"]]
     assert without_seconds(rows) == without_seconds(alone)
+
+
+def test_a_cells_engine_is_looked_for_in_its_environments(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As `compare --environments` has it for a single run."""
+    looked: list[Path] = []
+    monkeypatch.setattr("robotball.engines.adapter.find_spec", lambda _: None)
+    monkeypatch.setattr("robotball.engines.adapter.interpreter_of", looked.append)
+    cell = whole() | {"engine": "dart", "preset": "best", "environments": "elsewhere"}
+    with pytest.raises(rb.InputError, match="DART is not installed"):
+        many_runs.of_cell(cell | {"first": 0, "count": 1})
+    assert looked == [Path("elsewhere/dart")]
 
 
 @pytest.fixture

@@ -89,6 +89,13 @@ def test_the_page_has_the_rows_of_the_command() -> None:
             assert ours == theirs or max(float(ours), float(theirs)) < 1e-14, row["title"]
 
 
+def test_an_importer_that_is_nowhere_is_refused(robotball: Robotball) -> None:
+    """Where it is named; in one line."""
+    status, _, err = robotball("importers", "--only", "mujoco,newton")
+    assert status == 2
+    assert err.endswith("Newton is not installed: robotball engines --install newton\n")
+
+
 @pytest.mark.slow
 def test_the_command_prints_each_row(robotball: Robotball) -> None:
     """Its quick form, of MuJoCo alone, with a process a reading."""

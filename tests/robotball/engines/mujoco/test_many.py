@@ -109,6 +109,22 @@ def test_any_engine_takes_many_starts() -> None:
     assert [*rb.simulate_many(FIG12, [], times)] == []
 
 
+def test_a_start_that_is_predicted_to_fail_is_warned_of() -> None:
+    """Wherever it stands: of one scene it has the most momentum; each of several is looked at.
+
+    At 10 M the ball of Fig. 12 needs 26.9 m of torsional friction, of 20.
+    """
+    times = np.linspace(0.0, 0.1, 6)
+    fast = replace(FIG12.start, momentum=10 * FIG12.start.momentum)
+    starts = [FIG12.start, fast, *starts_of(FIG12, 2)]
+    scenes = [replace(FIG12, start=each) for each in (FIG12.start, fast)]
+    scenes[0] = replace(scenes[0], name="other")
+    for given in ({"scene": FIG12, "starts": starts}, {"scene": scenes}):
+        with pytest.warns(rb.SceneWarning, match=r"fig12.* at least 26\.9 m") as said:
+            next(rb.simulate_many(**given, times=times))
+        assert len(said) == 1
+
+
 REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"settings": "wild"}, "no preset is called 'wild'"),
     ({"engine": "none"}, "no engine is called 'none'"),

@@ -78,9 +78,8 @@ def _add_plant(
         parent = bodies[link.parent].body_frame()
         place = tree.FixedOffsetFrame(f"{link.name}_hinge", parent, RigidTransform(link.pivot))
         ends = plant.AddFrame(place), bodies[link.name].body_frame()
-        motor = plant.AddJointActuator(
-            link.name, plant.AddJoint(tree.RevoluteJoint(link.name, *ends, link.axis))
-        )
+        hinge = plant.AddJoint(tree.RevoluteJoint(link.name, *ends, link.axis))
+        motor = plant.AddJointActuator(link.name, hinge)
         if settings.armature is not None:
             motor.set_default_rotor_inertia(settings.armature)
             motor.set_default_gear_ratio(1.0)
@@ -148,11 +147,11 @@ def _motors(scene: Scene, armature: float | None) -> Any:
     if scene.steady:
         return ConstantVectorSource(inputs(0.0))  # saves the calls into Python at every step
     system = LeafSystem()
-    system.DeclareVectorOutputPort(
-        "inputs",
-        len(inputs(0.0)),
-        lambda context, output: output.SetFromVector(inputs(context.get_time())),
-    )
+
+    def output(context: Any, port: Any) -> None:
+        port.SetFromVector(inputs(context.get_time()))
+
+    system.DeclareVectorOutputPort("inputs", len(inputs(0.0)), output)
     return system
 
 
@@ -191,10 +190,10 @@ class _DrakeWorld(World):
         self.plant = plant = _add_plant(scene, settings, builder, step if discrete else 0.0, depth)
         motors = builder.AddSystem(_motors(scene, settings.armature))
         only = plant.GetModelInstanceByName("DefaultModelInstance")
-        if settings.armature is not None:
-            builder.Connect(motors.get_output_port(0), plant.get_actuation_input_port())
-        else:
-            builder.Connect(motors.get_output_port(0), plant.get_desired_state_input_port(only))
+        takes = plant.get_actuation_input_port()
+        if settings.armature is None:
+            takes = plant.get_desired_state_input_port(only)
+        builder.Connect(motors.get_output_port(0), takes)
         if damping := spin_damping(scene, settings, step):
             torque = builder.AddSystem(_against_spin(plant, damping))
             builder.Connect(plant.get_state_output_port(), torque.get_input_port(0))

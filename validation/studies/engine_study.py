@@ -61,7 +61,7 @@ from validation.study import (
 )
 from validation.sweeps import Cell, Result, rows_of
 
-_LIMIT = 300.0  # s that a run may take
+_LIMIT, _SET_UP = 300.0, 100.0  # s that a run may take, and its set-up, compilation included
 _ROUNDS = 3  # of timing
 _LEAST_BUDGET = 4  # of a search
 _DRAWN = 2 / 3  # of the budget; the rest refines
@@ -349,13 +349,15 @@ class Engines:
         cells = cells_of(name, [contestant], self.environments, seconds, 1)
         (base, *_) = (cell for cell in cells if cell["preset"] == engine.knobs[0])
         published = getattr(engine.presets[base["preset"]], base["field"])
+        # What takes far longer than the cap cannot be the best; set-up may take its time.
+        limit = min(_LIMIT, _SET_UP + 10 * self.cap / 1e3 * seconds)
         tried: list[Result] = []
         best: list[Row] = []
 
         def errors(configurations: Sequence[Changes]) -> list[float]:
             wanted = [{**base, "value": published, "changes": each} for each in configurations]
             journal = f"{scene.name}-tune-{contestant.name}"
-            tried[:] = self.sweep.results(measure, wanted, journal, _LIMIT)
+            tried[:] = self.sweep.results(measure, wanted, journal, limit)
             runs = study_of(scene, tried)["runs"]
             within = (run for run in runs if run["usable"] and run["cost"] <= self.cap / 1e3)
             best[:] = sorted(within, key=lambda run: run["error"])

@@ -175,12 +175,9 @@ def _advance(many: bool) -> Callable[..., Any]:
 # MJX has no noslip. A harder contact needs none; one that is too hard gives NaN, as a softness of
 # 1e-6 does and 1e-2 does not (docs/findings/mjx_nan.py).
 _HARD = replace(
-    PRESETS["balanced"],
-    **CONSTANT | {"solver": "Newton", "softness": 1e-2},
-    noslip_iterations=None,
-    noslip_tolerance=None,
-    ls_tolerance=None,
-)
+    PRESETS["balanced"], **CONSTANT | {"solver": "Newton", "softness": 1e-2},
+    noslip_iterations=None, noslip_tolerance=None, ls_tolerance=None,
+)  # fmt: skip
 _KNOBS: dict[str, Any] = {
     "model.softness": slice(1e-4, 10.0), "model.sliding_friction": slice(2.0, 100.0),
     "model.integrator": ("RK4", "Euler", "implicitfast"),
@@ -260,13 +257,9 @@ class _WarpWorld(SteppedWorld):
 # it bears gives way to the load, 1e4 kg m² by 3e-4 of the rates. A servo takes that back, at 33 /s:
 # commands stand still for a step, and a faster servo would follow the stairs.
 _SINGLE = replace(
-    PRESETS["balanced"],
-    solver="Newton",
-    solimp=(0.99, 0.99, 0.001, 0.5, 1.0),
-    drive=Servo(gain=1e6, armature=3e4),
-    warmstart=None,
-    island=None,
-)
+    PRESETS["balanced"], solver="Newton", solimp=(0.99, 0.99, 0.001, 0.5, 1.0),
+    drive=Servo(gain=1e6, armature=3e4), warmstart=None, island=None,
+)  # fmt: skip
 
 
 def _in_single_precision(scene: Scene, settings: _ModelSettings) -> str:

@@ -185,26 +185,18 @@ def recorded(scene: Scene, trajectory: Trajectory) -> RecordedMotion:
         axes = scene.principal_axes
         loads = loads_of(scene, times, to_world @ axes, omega @ axes)
     return RecordedMotion(
-        scene=scene,
-        engine=_label(trajectory.header or {}, Path(trajectory.name).stem),
-        times=times,
-        contact_point=trajectory.position[:, :2],
-        attitude=attitude,
-        momentum=momentum,
-        angular_velocity=omega,
-        hinge_angles=angles,
-        hinge_rates=hinge_rates,
-        loads=loads,
-        angular_velocity_error=omega_error,
-        momentum_error=momentum_error,
+        scene=scene, engine=_label(trajectory.header or {}, Path(trajectory.name).stem),
+        times=times, contact_point=trajectory.position[:, :2], attitude=attitude,
+        momentum=momentum, momentum_error=momentum_error,
+        angular_velocity=omega, angular_velocity_error=omega_error,
+        hinge_angles=angles, hinge_rates=hinge_rates, loads=loads,
         slip=np.linalg.norm(velocity - rolled, axis=1),
         slip_error=velocity_error + scene.ball.radius * omega_error,
-        spin=turning[:, 2],
-        spin_error=omega_error,
+        spin=turning[:, 2], spin_error=omega_error,
         # Least squares of v = r (ω - Ω)×e_z over all samples.
         rolling_radius=float((velocity * per_radius).sum()) / turned if turned else np.nan,
         height=trajectory.position[:, 2],
-    )
+    )  # fmt: skip
 
 
 def _angular_velocity(trajectory: Trajectory) -> tuple[Array, Array]:

@@ -68,17 +68,13 @@ def _part(scene: Scene, times: Array, states: Array) -> Motion:
     M = axes.transpose(0, 2, 1) @ scene.start.momentum
     omega = _angular_velocity(scene, times, M, axes[:, 2])
     return Motion(
-        scene=scene,
-        engine=LABEL,
-        times=times,
-        contact_point=states[:, 4:],
+        scene=scene, engine=LABEL, times=times, contact_point=states[:, 4:],
         attitude=multiply(attitude, conjugate(scene.principal_quaternion)),
-        momentum=np.einsum("nij,nj->ni", axes, M),
-        angular_velocity=omega @ scene.principal_axes.T,
+        momentum=np.einsum("nij,nj->ni", axes, M), angular_velocity=omega @ scene.principal_axes.T,
         hinge_angles=np.stack([drive.angle(times) for drive in scene.drives], axis=1),
         hinge_rates=np.stack([drive.rate(times) for drive in scene.drives], axis=1),
         loads=loads_of(scene, times, axes, omega),
-    )
+    )  # fmt: skip
 
 
 def _angular_velocity(scene: Scene, times: Array, M: Array, gamma: Array) -> Array:

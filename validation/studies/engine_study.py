@@ -78,20 +78,13 @@ def cells_of(
     stretches = chaotic(load_scene(scene))
     shared = {**scene_cell(scene, duration), "rounds": rounds, "stretches": stretches}
     return [
-        {
-            **shared,
-            "contestant": each.name,
-            "engine": each.engine,
-            "preset": preset,
-            "field": field,
-            "value": value,
-            "interpreter": str(python),
-        }
+        {**shared, "contestant": each.name, "engine": each.engine, "preset": preset,
+         "field": field, "value": value, "interpreter": str(python)}
         for each in contestants
         if (python := python_of(each, folder)) is not None
         for preset, (field, values) in engine_named(each.engine).ladders.items()
         for value in values
-    ]
+    ]  # fmt: skip
 
 
 def measure(cell: Cell) -> dict[str, Any]:
@@ -210,23 +203,16 @@ def _front(run: Row) -> str:
 
 
 COLUMNS = (
-    Column("", _front, words=True),
-    Column("engine, preset, step or rtol", "title", words=True),
-    Column("error", "error"),
-    Column("order", "order", form=".2f"),
-    Column("M error", "momentum_error"),
-    Column("slip", "slip", "m/s"),
-    Column("N error", "normal_force_error"),
-    Column("cone", "cone_violation"),
-    Column("slip work", "slip_work"),
-    Column("energy", "energy_error"),
+    Column("", _front, words=True), Column("engine, preset, step or rtol", "title", words=True),
+    Column("error", "error"), Column("order", "order", form=".2f"),
+    Column("M error", "momentum_error"), Column("slip", "slip", "m/s"),
+    Column("N error", "normal_force_error"), Column("cone", "cone_violation"),
+    Column("slip work", "slip_work"), Column("energy", "energy_error"),
     Column("CPU", "cost", "ms", form=".3g", scale=1e3),
-    Column("relative", "relative_cost", form=".3g"),
-    Column("spread", "spread", form=".2f"),
-    Column("Python", "python_share", form=".0%"),
-    Column("ours", "ours", words=True),
+    Column("relative", "relative_cost", form=".3g"), Column("spread", "spread", form=".2f"),
+    Column("Python", "python_share", form=".0%"), Column("ours", "ours", words=True),
     Column("first fault", "fault", words=True),
-)
+)  # fmt: skip
 
 
 def _changes(run: Row) -> str:

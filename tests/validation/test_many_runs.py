@@ -1,6 +1,5 @@
 """Many random starts: the errors are those of runs one by one, however they are shared out."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import pytest
 import robotball as rb
 from validation import ManyRuns, compare, compare_many, many_runs
 from validation.study import scene_cell
+from validation.sweeps import Result, sweep
 
 TIMES = rb.sample_times(1.0)
 
@@ -80,22 +80,23 @@ def test_a_cells_engine_is_looked_for_in_its_environments(monkeypatch: pytest.Mo
     assert looked == [Path("elsewhere/dart")]
 
 
-@pytest.fixture
-def cluster() -> Iterator[str]:
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None
-    ) as cluster:
-        yield cluster.scheduler_address
-
-
 @pytest.mark.slow
-def test_a_cluster_gives_the_same_rows(
-    tmp_path: Path, cluster: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """In cells of two starts; a cell that fails is refused with its reason."""
+def test_a_cluster_gives_the_same_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In cells of two starts; a cell that fails is refused with its reason.
+
+    A process of this machine takes the cells, as a sweep gives the same on a cluster.
+    """
+    addresses: list[str] = []
+
+    def local(*of: Any, cluster: str, **more: Any) -> list[Result]:
+        addresses.append(cluster)
+        return sweep(*of, workers=1, **more)
+
+    monkeypatch.setattr(many_runs, "sweep", local)
     monkeypatch.setattr(many_runs, "_CELL", 2)
-    here, there = (many_runs.many_runs(whole(), 5, at, tmp_path) for at in (None, cluster))
+    here, there = (many_runs.many_runs(whole(), 5, at, tmp_path) for at in (None, "tcp://a:1"))
     assert without_seconds(there.rows) == without_seconds(here.rows)
+    assert len((tmp_path / "starts.jsonl").read_text().splitlines()) == 1 + 3
     with pytest.raises(rb.InputError, match="no scene is called 'nowhere'"):
-        many_runs.many_runs(whole() | {"scene": "nowhere"}, 1, cluster, tmp_path)
+        many_runs.many_runs(whole() | {"scene": "nowhere"}, 1, "tcp://a:1", tmp_path)
+    assert addresses == ["tcp://a:1"] * 2

@@ -258,7 +258,7 @@ class _ContactWorld(_ExudynWorld):
         )  # fmt: skip
         of = {"objectNumber": system.AddObject(contact)}
         self.felt = self._sensor(items.SensorObject, of, "Force")
-        self.t, self.friction = 0.0, settings.friction
+        self.t, self.friction = 0.0, settings.friction or self.friction
 
     def _rows(self, q: Array) -> Array:
         rest, shell = np.array(self.G(q[3:7])), np.array(self.G(q[10:]))

@@ -195,7 +195,7 @@ class _Order:
 
 
 @dataclass(frozen=True)
-class _Judgement:
+class Judgement:
     """Files of one scene, the one with the longest step first, and orders of convergence."""
 
     scene: Scene
@@ -214,7 +214,7 @@ def judge(
     timesteps: Sequence[float] = (),
     tolerance: float = _TOLERANCE,
     progress: Callable[[float], None] | None = None,
-) -> _Judgement:
+) -> Judgement:
     """Find what is wrong with trajectories of a scene.
 
     files: each a file, or a trajectory as `read_trajectory` gives it. timesteps: the engine's in
@@ -242,7 +242,7 @@ def judge(
         if progress is not None:
             progress(i / len(trajectories))
     judged.sort(key=lambda each: -each.timestep)
-    return _Judgement(scene, tuple(judged), tuple(_orders(judged)))
+    return Judgement(scene, tuple(judged), tuple(_orders(judged)))
 
 
 def _thinned(trajectory: Trajectory) -> Trajectory:
@@ -305,7 +305,7 @@ _ROUNDING = 1e-16
 _EXACT = 1e-9  # of the radius
 
 
-def _show(judgement: _Judgement, console: Console, every: bool = False) -> None:
+def _show(judgement: Judgement, console: Console, every: bool = False) -> None:
     """Print each file's errors, what is wrong with it and what was tried; then the orders.
 
     every: all trials, in place of the best of each kind.
@@ -446,7 +446,7 @@ def _same(errors: Errors, others: Errors) -> bool:
     return np.allclose(errors.given, others.given, rtol=1e-9, atol=1e-12)
 
 
-def _record(judgement: _Judgement) -> dict[str, Any]:
+def _record(judgement: Judgement) -> dict[str, Any]:
     """Return the judgement as plain data; numbers that are not known are None."""
     return {
         "scene": judgement.scene.name,

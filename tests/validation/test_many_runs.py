@@ -21,8 +21,8 @@ def starts_of(scene: rb.Scene, count: int) -> list[rb.Start]:
     return [many_runs.random_start(scene, each) for each in randoms]
 
 
-# Compiled steps in lanes; the same of the classical model; then one by one: a drive that changes, and
-# the equations of any robot.
+# Compiled steps in lanes; the same of the classical model; one by one, a drive that changes and the
+# equations of any robot.
 @pytest.mark.parametrize(
     "name", ["fig12", "classical_regular", "wobbling_drive", "offset_routh_sphere"]
 )

@@ -72,7 +72,7 @@ class _GenesisWorld(ServoWorld):
         robot = gs.morphs.MJCF(file=_mjcf(scene, settings))
         self.ball = self.world.add_entity(robot, material=material)
         self.world.build()
-        start, h = self.now, len(scene.drives)
+        start, h, self.friction = self.now, len(scene.drives), settings.friction or self.friction
         self.hinges = list(range(6, 6 + h))
         self.ball.set_dofs_kv(np.full(h, settings.damping), self.hinges)
         most = np.full(h, settings.most_torque)

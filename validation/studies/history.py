@@ -168,7 +168,7 @@ def _bare(cell: Cell, python: str, preset: str) -> dict[str, Any]:
 
 def _stepped(python: str, xml: str, interval: float, samples: int) -> dict[str, Any]:
     task = {"xml": xml, "interval": interval, "samples": samples, "rounds": _ROUNDS}
-    return call(python, bare_steps.run, task)
+    return bare_steps.run(task) if python == sys.executable else call(python, bare_steps.run, task)
 
 
 def _free_body(python: str) -> float | None:

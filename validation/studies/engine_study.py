@@ -39,14 +39,8 @@ from validation.options import (
 from validation.output import in_picture, writable_folder
 from validation.results import changed
 from validation.sensitivity import chaotic
-from validation.studies import engine_runs as process
-from validation.studies.engine_runs import (
-    Contestant,
-    check_installed,
-    contestants,
-    install,
-    python_of,
-)
+from validation.studies import engine_runs
+from validation.studies.engine_runs import Contestant, python_of
 from validation.studies.orders import fit_order
 from validation.study import (
     CANCELLED,
@@ -89,7 +83,7 @@ def cells_of(
 
 def measure(cell: Cell) -> dict[str, Any]:
     """Run a cell in a process of its own; raises where that ends without a record."""
-    return call(cell["interpreter"], process.run, dict(cell))
+    return call(cell["interpreter"], engine_runs.run, dict(cell))
 
 
 def study_of(scene: Scene, results: Sequence[Result]) -> dict[str, Any]:
@@ -173,7 +167,9 @@ def _title(run: Row) -> str:
 def _usable(run: Row) -> bool:
     """Return whether the error says how well it rolls."""
     honest = run["momentum_error"] < CANCELLED * max(run["error"], _LEAST)
-    return run["error"] < process.LOOSEST and honest and "diverged" not in " ".join(run["faults"])
+    return (
+        run["error"] < engine_runs.LOOSEST and honest and "diverged" not in " ".join(run["faults"])
+    )
 
 
 _MARKERS = "osD^vPX*<>hp"
@@ -307,16 +303,16 @@ class Engines:
     sweep: SweepOptions = field(default_factory=Sweep)
 
     def run(self) -> int:
-        known = contestants()
+        known = engine_runs.contestants()
         for each in chosen("engine", listed(self.install), known) if self.install else ():
-            print(install(each, writable_folder(self.environments)))
+            print(engine_runs.install(each, writable_folder(self.environments)))
         some = chosen("engine", listed(self.only), known)
         if not self.scenes:
             if not self.install:
                 _list(some, self.environments)
             return AGREES
         if self.only or self.tune:
-            check_installed(some, self.environments)
+            engine_runs.check_installed(some, self.environments)
         writable_folder(self.sweep.out)
         for name in self.scenes:
             for each in some if self.tune else ():

@@ -1,6 +1,7 @@
 """Contact quality: its energy is the motors' work, and a bad contact is seen in each number."""
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,7 @@ def test_the_kinetic_energy_is_the_motors_work(name: str, measured: float) -> No
     assert slip > 0.01
 
 
+@cache
 def quality(preset: str) -> tuple[rb.Motion, ContactMotion, dict[str, float | None]]:
     theory = rb.integrate(rb.load_scene("fig12"), rb.sample_times(2.0))
     settings = replace(rb.PRESETS[preset], stop_at_fault=False)

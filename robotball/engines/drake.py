@@ -38,10 +38,10 @@ class _DrakeSettings(PointSettings):
     """Settings of a Drake run.
 
     approximation: of the contact in discrete steps; integrator: for continuous time instead, where
-    the timestep is the longest step, or every step without error_control; accuracy_per_step: of
-    that control, and of Newton's iteration in implicit steps; stiction m/s: the slip below which
-    friction is not full; gain N m s/rad: of velocity servos on the hinges; armature kg m²:
-    reflected inertia instead of servos.
+    the approximation says nothing and the timestep is the longest step, or every step without
+    error_control; accuracy_per_step: of that control, and of Newton's iteration in implicit steps;
+    stiction m/s: the slip below which friction is not full; gain N m s/rad: of velocity servos on
+    the hinges; armature kg m²: reflected inertia instead of servos.
     """
 
     approximation: Literal["tamsi", "sap", "lagged", "similar"] | None = None
@@ -64,7 +64,7 @@ def _add_plant(
     from pydrake.multibody import tree
 
     plant, _ = plants.AddMultibodyPlantSceneGraph(builder, time_step=step)
-    if settings.approximation is not None:
+    if settings.approximation is not None and step:
         of = f"k{settings.approximation.capitalize()}"
         plant.set_discrete_contact_approximation(getattr(plants.DiscreteContactApproximation, of))
     bodies: dict[str, Any] = {}

@@ -30,8 +30,9 @@ def simulate_many(
     cores, and holds the rows of some of the runs at a time: whoever keeps no motion needs no memory
     for it. device: "cpu" or "cuda", in place of the settings', where an engine with a choice steps
     all balls abreast, which are then equal to rounding. progress is called with the part of the
-    runs that is done. Warns of settings that are predicted to fail from the first start, and of
-    each motion that can hardly be what was meant. Raises InputError as `simulate` does.
+    runs that is done. Warns of settings that are predicted to fail, of many starts from those with
+    the least and the most momentum, and of each motion that can hardly be what was meant. Raises
+    InputError as `simulate` does.
     """
     request = request_of(engine, settings)
     if device is not None:

@@ -162,7 +162,7 @@ def design(
         needed = _least_frame_radius(request)
         found = share(request, WIDER * needed) or share(request, math.inf)
     if found is None:
-        raise refusal(request, limits, radius)
+        raise _refusal(request, limits, radius)
     ball, rates = _ball(found, B, Omega, K, radius, limits)
     return Design(
         ball=ball,
@@ -552,12 +552,12 @@ def _rings(
     if n == 1:
         return np.array([T + ROTOR_SHARE * margin]), h[None] / np.linalg.norm(h)
     Z, tau = _Z(request, np.array(s), np.array(T))
-    j_n = two_rings(T, h / request.speed, np.linalg.eigh(Z)[1][:, 0], float(tau))
+    j_n = _two_rings(T, h / request.speed, np.linalg.eigh(Z)[1][:, 0], float(tau))
     inertias = np.linalg.norm(j_n, axis=1)
     return inertias, j_n / inertias[:, None]
 
 
-def two_rings(T: float, g: Array, e: Array, tau: float) -> Array:
+def _two_rings(T: float, g: Array, e: Array, tau: float) -> Array:
     """Return j n (2, 3) of two rotors: Σ j = T, Σ j n = g, Σ j n nᵀ = g gᵀ/T + τ e eᵀ.
 
     g (3,) and a unit vector e (3,), with τ = T - |g|²/T > 0. The rows (√T, g/√T) and (0, √τ e)
@@ -572,7 +572,7 @@ def two_rings(T: float, g: Array, e: Array, tau: float) -> Array:
     return np.array([g + across, x * x * g - across]) / (1 + x * x)
 
 
-def refusal(request: _DesignRequest, limits: Limits, radius: float) -> InputError:
+def _refusal(request: _DesignRequest, limits: Limits, radius: float) -> InputError:
     """Return why there is no share, though neither inertia nor least masses forbid one."""
     # Each condition is lifted in turn; the one without which there is a share is the reason.
     within = request.frame_radius if limits.buildable else math.inf

@@ -19,8 +19,8 @@ from robotball.rotations import Array
 
 _Function = Callable[[float], float]
 
-LONGEST = 1e5  # s, of a followed function: half a minute's work for a cheap one
-FOLLOWED = 1e-12  # of the largest rate: a polynomial as near as that costs no accuracy
+_LONGEST = 1e5  # s, of a followed function: half a minute's work for a cheap one
+_FOLLOWED = 1e-12  # of the largest rate: a polynomial as near as that costs no accuracy
 _GIVEN = 1e-6  # relative: the largest error of a given derivative or integral
 
 
@@ -54,14 +54,14 @@ class Followed:
         Raises InputError where the function jumps, or where a derivative or integral given for it
         is not its own; warns where it is not smooth and no derivative is given.
         """
-        if not self.end <= LONGEST:
+        if not self.end <= _LONGEST:
             raise InputError(
-                f"a drive's function can be followed to t = {LONGEST:g} s at most, not to "
+                f"a drive's function can be followed to t = {_LONGEST:g} s at most, not to "
                 f"{self.end:g} s; a number, a Ramp or a Sine has no such limit"
             )
         inside = sorted({float(b) for b in self.breakpoints if 0 < b < self.end})
         found = polynomials_of(self._rate, [0.0, *inside, self.end])
-        follows = found.off <= FOLLOWED * (1 + found.size)
+        follows = found.off <= _FOLLOWED * (1 + found.size)
         # What is given is compared in the middle of each panel that the polynomial follows: near a
         # kink that no breakpoint names, the polynomial itself is off.
         middles = (found.edges[:-1] + found.edges[1:])[follows] / 2

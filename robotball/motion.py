@@ -99,10 +99,10 @@ class EngineSettings:
         }
 
 
-Preset = TypeVar("Preset", bound=EngineSettings)
+_Preset = TypeVar("_Preset", bound=EngineSettings)
 
 
-def preset_named(presets: Mapping[str, Preset], name: str) -> Preset:
+def preset_named(presets: Mapping[str, _Preset], name: str) -> _Preset:
     """Return an engine's preset by name. Raises InputError, with near matches, if there is none."""
     if name not in presets:
         raise unknown("preset", name, presets)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _WIDTH = 480  # px, of the picture of a path in a cell
 _FLATTEST, _TALLEST = 0.5, 0.75  # of that width is its height, by the path's own form
 _SHARP = 2  # pixels of the file for one on the page: screens of high resolution show them
-SHOWN, _STEPS = 10.0, 4000  # s of a scene's path at most, and steps: a cell must not take long
+_SHOWN, _STEPS = 10.0, 4000  # s of a scene's path at most, and steps: a cell must not take long
 # Else the class's name.
 _MOVED = {"Servo": "velocity servo", "PositionServo": "position servo", "DCMotor": "DC motor"}
 _STYLES = ("-", "--", ":", "-.")  # lines differ without colour, too
@@ -58,7 +58,7 @@ def scene_cell(scene: Any) -> str:
         table += f"<tr><td>{link.name}</td><td>{link.mass:.4g}</td><td>{turns}</td></tr>"
     above = f"<div>{escape(scene.title)}</div><table>{table}</table>"
     try:
-        times = sample_times(min(scene.duration, SHOWN))
+        times = sample_times(min(scene.duration, _SHOWN))
         motion = integrate(scene, times, max_steps=_STEPS)
     except InputError as error:
         return (

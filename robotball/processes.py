@@ -50,8 +50,8 @@ _IDLE = 60.0  # s that a process waits for a job before it ends, as after a swee
 _GRACE = 1.0  # s for a process to end in; compiled code, which writes no file, is killed then
 _PARTS = 20  # a limit is waited for in so many parts: a time in which we are stopped takes one
 
-Job = TypeVar("Job")
-Result = TypeVar("Result")
+_Job = TypeVar("_Job")
+_Result = TypeVar("_Result")
 Answer: TypeAlias = tuple[Any, list[str]]  # the result of a job, and the texts of its warnings
 
 
@@ -107,8 +107,8 @@ def cores() -> int:
 
 
 def in_processes(
-    work: Callable[[Job], Result], jobs: Sequence[Job], least: int = 2, *, or_here: bool = False
-) -> Iterator[Result]:
+    work: Callable[[_Job], _Result], jobs: Sequence[_Job], least: int = 2, *, or_here: bool = False
+) -> Iterator[_Result]:
     """Yield the results of jobs in their order, from as many processes as `at_most` allows.
 
     work: a module's function, `partial` of one, or an object that can be called; like jobs and
@@ -118,11 +118,12 @@ def in_processes(
     done here. Raises ChildProcessError where one of them dies.
     """
     count = min(allowed(), len(jobs))
-    if count < 2 or len(jobs) < least or (or_here and not _goes_elsewhere(jobs)):
+    pickled = _pickled(jobs) if or_here and count > 1 else None
+    if count < 2 or len(jobs) < least or (or_here and pickled is None):
         yield from map(work, jobs)
         return
-    with pool(work, count) as submit:
-        waiting = iter(jobs)
+    with pool(partial(_of_pickled, work) if pickled else work, count) as submit:
+        waiting: Iterator[Any] = iter(pickled or jobs)
         # As many as keep every process busy: the results of a film's frames would fill the memory.
         in_order = deque(submit(job) for job in islice(waiting, 2 * count))
         running = set(in_order)
@@ -138,12 +139,16 @@ def in_processes(
                 yield _answer(in_order.popleft())[0]
 
 
-def _goes_elsewhere(jobs: Sequence[object]) -> bool:
-    """Return whether other processes can be given the jobs."""
+def _pickled(jobs: Iterable[object]) -> list[bytes] | None:
+    """Return the jobs as other processes are given them, None where one cannot be."""
     try:
-        return bool(pickle.dumps(jobs))
+        return [pickle.dumps(job) for job in jobs]
     except (pickle.PicklingError, AttributeError, TypeError):
-        return False
+        return None
+
+
+def _of_pickled(work: Callable[[Any], _Result], job: bytes) -> _Result:
+    return work(pickle.loads(job))
 
 
 def _answer(future: futures.Future[Answer]) -> Answer:

@@ -128,14 +128,14 @@ def _about(point: Array, body: "Solid | Body") -> Array:
 
 
 @dataclass(frozen=True)
-class Built(Value):
+class _Built(Value):
     """A body. shapes: its `robotball.shapes.Shape`s as it is built [m], for pictures alone."""
 
     shapes: tuple[Any, ...] = field(default=(), compare=False, repr=False, kw_only=True)
 
 
 @dataclass(frozen=True)
-class Shell(Built):
+class Shell(_Built):
     """The sphere that rolls, as a rule symmetric about `axis` (3,), about which the frame turns.
 
     SI units; `axis` is a unit vector in frame axes. offset [m]: σ, the centre of mass along the
@@ -165,7 +165,7 @@ class Shell(Built):
 
 
 @dataclass(frozen=True)
-class Frame(Built):
+class Frame(_Built):
     """The body that turns inside the shell and carries the rotors and pendulums.
 
     mass kg; inertia (3, 3) kg m² about its own centre of mass; centre (3,) m, of mass, from the
@@ -178,7 +178,7 @@ class Frame(Built):
 
 
 @dataclass(frozen=True)
-class Rotor(Built):
+class Rotor(_Built):
     """A symmetric body turning on the frame about its own axis (3,), a unit vector.
 
     Its moments are about its own centre of mass; centre (3,) m, of mass, from the shell's.
@@ -197,7 +197,7 @@ class Rotor(Built):
 
 
 @dataclass(frozen=True)
-class Pendulum(Built):
+class Pendulum(_Built):
     """Any body on a hinge of the frame, as it is at the hinge's angle 0, frame axes.
 
     mass kg; inertia (3, 3) kg m² about its own centre of mass; centre (3,) m, that centre from the
@@ -213,7 +213,7 @@ class Pendulum(Built):
 
 
 @dataclass(frozen=True)
-class Link(Built):
+class Link(_Built):
     """Any body of the tree with the joint that holds it, as they are where all joints are at 0.
 
     name    its own; parent: of the body that it is joined to, "" of the shell

@@ -26,9 +26,7 @@ FLOORS = (
     ("robotball",),
     ("validation.output",),
     ("validation.sweeps",),
-    tuple(
-        f"validation.{name}" for name in ("sensitivity", "agreement", "results", "contact_quality")
-    ),
+    tuple(f"validation.{name}" for name in ("sensitivity", "agreement", "results")),
     ("validation.plots", "validation.runs", "validation.study"),
     ("validation.options", "validation.many_runs"),
     ("validation.studies",),

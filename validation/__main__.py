@@ -29,7 +29,7 @@ def main() -> None:
     """Run the command, and exit with its status; with 3 where robotball itself is wrong."""
     _open_closed()
     _make_lasting()
-    with ended_by_signals() as signals:
+    with _ended_by_signals() as signals:
         from validation.cli import main as command
 
         try:
@@ -96,7 +96,7 @@ class _Interrupted(KeyboardInterrupt):
 
 
 @contextmanager
-def ended_by_signals() -> Iterator[list[int]]:
+def _ended_by_signals() -> Iterator[list[int]]:
     """End the block at a signal by an interrupt, and the process if that takes too long.
 
     Python acts on a signal between two of its own steps. While compiled code runs there are none,

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robotball import Engine, EngineSettings, Scene, Start, integrate, sample_times, simulate_many
-from robotball.engine import DEFAULT, request_of
+from robotball.engine import DEFAULT
 from robotball.engines import Progress
 from robotball.engines.reduced import motion_of
 from robotball.errors import InputError, check_count
@@ -18,6 +18,7 @@ from robotball.motion import Motion, extended
 from robotball.processes import in_processes
 from robotball.rotations import Array
 from validation.agreement import Agreement
+from validation.options import Run
 from validation.output import known, progress_bar
 from validation.results import controlled
 from validation.study import Row
@@ -116,7 +117,8 @@ def of_cell(cell: Cell, progress: Progress | None = None) -> Mapping[str, Any]:
     scene, first = controlled(cell["scene"], cell["control"]), cell["first"]
     seeds = ([cell["seed"], i] for i in range(first, first + cell["count"]))
     starts = [random_start(scene, np.random.default_rng(each)) for each in seeds]
-    of = request_of(cell["engine"], cell["preset"], keep_going=cell["keep_going"])
+    options = Run(**{name: cell[name] for name in ("engine", "keep_going", "environments")})
+    of = options.request(cell["preset"])
     more: Any = {"engine": of.engine, "progress": progress}
     found = compare_many(scene, starts, of.settings, sample_times(cell["duration"]), **more)
     return {"rows": found.rows}

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from validation.study import Study
     from validation.sweeps import Cell, Result, Work
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 AGREES, DISAGREES, BAD_INPUT = 0, 1, 2
 OUT = Path("out")
 _QUICK = 1.0  # s, simulated by a quick form of a study
@@ -177,7 +177,7 @@ class Once:
 OnceOptions = OmitArgPrefixes[Once]
 
 
-def chosen(kind: str, names: Sequence[str], known: Mapping[str, T]) -> list[T]:
+def chosen(kind: str, names: Sequence[str], known: Mapping[str, _T]) -> list[_T]:
     """Return the named ones of what is known, each once, or all where no name is given.
 
     Raises InputError for a name that is not known; kind: what the message calls it.

@@ -20,7 +20,7 @@ from robotball.scene import Start
 # Short beside the time in which a chaotic motion of the catalog doubles a difference, 2 to 6 s.
 _STRETCH = 2.5  # s
 _FEWEST, _MOST = 8, 400  # stretches
-LONG = 100.0  # s, in which chaos shows itself
+_LONG = 100.0  # s, in which chaos shows itself
 # The difference of two neighbouring motions, in rad: its square and rounding are far below it.
 _NEAR = 1e-6
 # Twice the time doubles the growth of a regular motion; more than this is exponential.
@@ -122,7 +122,7 @@ def _total(defects: Array, path_scale: float) -> float:
     return float(np.linalg.norm(defects[:, -2:], axis=1).sum() / path_scale)
 
 
-def chaotic(scene: Scene, duration: float = LONG) -> bool:
+def chaotic(scene: Scene, duration: float = _LONG) -> bool:
     """Return whether a small turn of the start grows exponentially over `duration` [s].
 
     It is False where the commands change in time, as it is not known there.

@@ -356,9 +356,9 @@ def _rolled_by(
     return list(engine._rolled(scenes, times, Request(engine, settings)))
 
 
-def elsewhere(engine: Engine, folder: Path) -> Engine:
+def elsewhere(engine: Engine, folder: Path | str) -> Engine:
     """Return the engine with environments in a folder, where it is one that may need them."""
-    return replace(engine, environments=folder) if isinstance(engine, Adapter) else engine
+    return replace(engine, environments=Path(folder)) if isinstance(engine, Adapter) else engine
 
 
 def not_installed(engine: str, name: str) -> InputError:
@@ -377,7 +377,7 @@ def motion_of_rows(
     times: Array,
     rows: Array,
     settings: EngineSettings,
-    forces: Array | None = None,
+    forces: Array = _UNKNOWN,
     friction: float = float("nan"),
     **run: Any,
 ) -> ContactMotion:
@@ -390,53 +390,28 @@ def motion_of_rows(
     state = state_of_rows(rows[sound])
     # A ball that runs away overflows here, before it is cut off at its fault.
     with np.errstate(all="ignore"):
-        readings = readings_of(scene, state)
-        rate_error = _rate_error(scene, times[: len(state.centre)], state)
-        faults, kept = _faults(scene, times, state, readings, rate_error, settings)
+        readings = readings_of(scene, times[: len(state.centre)], state)
+        faults, kept = _faults(scene, times, state, readings, settings)
     n = slice(kept)
-    loads = Loads.unknown(kept, len(scene.drives))
-    if forces is not None:
-        loads = replace(loads, contact_force=forces[n])
+    forces = np.broadcast_to(forces, (len(rows), 3))[n]
+    loads = replace(Loads.unknown(kept, len(scene.drives)), contact_force=forces)
     return ContactMotion(
-        scene=scene,
-        engine=label,
-        times=times[n],
-        contact_point=state.centre[n, :2],
-        attitude=readings.attitude[n],
-        momentum=readings.momentum[n],
-        angular_velocity=readings.angular_velocity[n],
-        hinge_angles=state.angles[n],
-        hinge_rates=state.rates[n],
-        loads=loads,
+        scene=scene, engine=label, times=times[n], contact_point=state.centre[n, :2],
+        attitude=readings.attitude[n], momentum=readings.momentum[n],
+        angular_velocity=readings.angular_velocity[n], hinge_angles=state.angles[n],
+        hinge_rates=state.rates[n], loads=loads,
         report=ContactReport(
-            settings=settings,
-            slip=readings.slip[n],
-            spin=readings.spin[n],
+            settings=settings, slip=readings.slip[n], spin=readings.spin[n],
             depth=scene.ball.radius - state.centre[n, 2],
             friction_used=loads.sliding_friction / friction,
-            hinge_rate_error=rate_error[n],
-            faults=faults,
-            total_seconds=run["seconds"],
-            **run,
+            hinge_rate_error=readings.rate_error[n], faults=faults,
+            total_seconds=run["seconds"], **run,
         ),
-    )
-
-
-def _rate_error(scene: Scene, times: Array, state: State) -> Array:
-    """Return the largest error (n,) of all hinges, relative to its largest given rate."""
-    right = np.stack([drive.rate(times) for drive in scene.drives], axis=1)
-    largest = np.abs(right).max(axis=0)
-    # A hinge that is to stand has no rate to compare with: its error is in rad/s.
-    return np.asarray((np.abs(state.rates - right) / np.where(largest > 0, largest, 1.0)).max(1))
+    )  # fmt: skip
 
 
 def _faults(
-    scene: Scene,
-    times: Array,
-    state: State,
-    readings: Readings,
-    rate_error: Array,
-    settings: EngineSettings,
+    scene: Scene, times: Array, state: State, readings: Readings, settings: EngineSettings
 ) -> tuple[tuple[Fault, ...], int]:
     """Return the faults that the samples alone show, and the number of samples that are kept."""
     count, tolerance = len(state.centre), settings.error_tolerance
@@ -453,7 +428,7 @@ def _faults(
     masks: list[tuple[Mask, FaultKind, float]] = [
         (size > DIVERGED, FaultKind.DIVERGED, 0.0),
         (state.centre[:, 2] > (1 + _LIFTED) * scene.ball.radius, FaultKind.CONTACT_LOST, 0.0),
-        (rate_error > RATE_ERROR, FaultKind.RATE_OFF, RATE_ERROR),
+        (readings.rate_error > RATE_ERROR, FaultKind.RATE_OFF, RATE_ERROR),
         (np.cumsum(slip * elapsed) > allowed, FaultKind.SLIPPED, tolerance),
         (drift, FaultKind.MOMENTUM_OFF, tolerance),
     ]

@@ -48,23 +48,18 @@ class _BulletWorld(ServoWorld):
         moments, axes = zip(*map(principal_inertia, links), strict=True)
         self.own = axes[0]  # Bullet's base is turned into principal axes
         start = self.now
+        n, sphere = len(hung), p.createCollisionShape(p.GEOM_SPHERE, radius=scene.ball.radius)
         self.ball = p.createMultiBody(
-            shell.mass,
-            p.createCollisionShape(p.GEOM_SPHERE, radius=scene.ball.radius),
-            basePosition=start.centre,
-            baseOrientation=_xyzw(start.attitude),
+            shell.mass, sphere, basePosition=start.centre, baseOrientation=_xyzw(start.attitude),
             baseInertialFrameOrientation=_xyzw(self.own),
-            linkMasses=[link.mass for link in hung],
-            linkCollisionShapeIndices=[-1] * len(hung),
-            linkVisualShapeIndices=[-1] * len(hung),
-            linkPositions=[link.pivot for link in hung],
-            linkOrientations=[[0, 0, 0, 1]] * len(hung),
+            linkMasses=[link.mass for link in hung], linkCollisionShapeIndices=[-1] * n,
+            linkVisualShapeIndices=[-1] * n, linkPositions=[link.pivot for link in hung],
+            linkOrientations=[[0, 0, 0, 1]] * n,
             linkInertialFramePositions=[link.centre for link in hung],
             linkInertialFrameOrientations=[_xyzw(each) for each in axes[1:]],
             linkParentIndices=[names.index(link.parent) for link in hung],
-            linkJointTypes=[p.JOINT_REVOLUTE] * len(hung),
-            linkJointAxis=[link.axis for link in hung],
-        )
+            linkJointTypes=[p.JOINT_REVOLUTE] * n, linkJointAxis=[link.axis for link in hung],
+        )  # fmt: skip
         for i, each in enumerate(moments, start=-1):
             options: dict[str, Any] = {"localInertiaDiagonal": each.tolist()}
             if settings.damping is not None:
@@ -98,12 +93,9 @@ class _BulletWorld(ServoWorld):
         # By motors: with resetJointState at every step the ball's path is off by 3 to 5 times its
         # length.
         self.p.setJointMotorControlArray(
-            self.ball,
-            range(len(rates)),
-            self.p.VELOCITY_CONTROL,
-            targetVelocities=rates.tolist(),
-            forces=[self.strength] * len(rates),
-        )
+            self.ball, range(len(rates)), self.p.VELOCITY_CONTROL,
+            targetVelocities=rates.tolist(), forces=[self.strength] * len(rates),
+        )  # fmt: skip
 
     def step(self, step: float) -> None:
         self.p.stepSimulation()

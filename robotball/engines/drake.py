@@ -38,10 +38,10 @@ class _DrakeSettings(PointSettings):
     """Settings of a Drake run.
 
     approximation: of the contact in discrete steps; integrator: for continuous time instead, where
-    the timestep is the longest step, or every step without error_control; accuracy_per_step: of
-    that control, and of Newton's iteration in implicit steps; stiction m/s: the slip below which
-    friction is not full; gain N m s/rad: of velocity servos on the hinges; armature kg m²:
-    reflected inertia instead of servos.
+    the approximation says nothing and the timestep is the longest step, or every step without
+    error_control; accuracy_per_step: of that control, and of Newton's iteration in implicit steps;
+    stiction m/s: the slip below which friction is not full; gain N m s/rad: of velocity servos on
+    the hinges; armature kg m²: reflected inertia instead of servos.
     """
 
     approximation: Literal["tamsi", "sap", "lagged", "similar"] | None = None
@@ -64,7 +64,7 @@ def _add_plant(
     from pydrake.multibody import tree
 
     plant, _ = plants.AddMultibodyPlantSceneGraph(builder, time_step=step)
-    if settings.approximation is not None:
+    if settings.approximation is not None and step:
         of = f"k{settings.approximation.capitalize()}"
         plant.set_discrete_contact_approximation(getattr(plants.DiscreteContactApproximation, of))
     bodies: dict[str, Any] = {}
@@ -78,9 +78,8 @@ def _add_plant(
         parent = bodies[link.parent].body_frame()
         place = tree.FixedOffsetFrame(f"{link.name}_hinge", parent, RigidTransform(link.pivot))
         ends = plant.AddFrame(place), bodies[link.name].body_frame()
-        motor = plant.AddJointActuator(
-            link.name, plant.AddJoint(tree.RevoluteJoint(link.name, *ends, link.axis))
-        )
+        hinge = plant.AddJoint(tree.RevoluteJoint(link.name, *ends, link.axis))
+        motor = plant.AddJointActuator(link.name, hinge)
         if settings.armature is not None:
             motor.set_default_rotor_inertia(settings.armature)
             motor.set_default_gear_ratio(1.0)
@@ -148,11 +147,11 @@ def _motors(scene: Scene, armature: float | None) -> Any:
     if scene.steady:
         return ConstantVectorSource(inputs(0.0))  # saves the calls into Python at every step
     system = LeafSystem()
-    system.DeclareVectorOutputPort(
-        "inputs",
-        len(inputs(0.0)),
-        lambda context, output: output.SetFromVector(inputs(context.get_time())),
-    )
+
+    def output(context: Any, port: Any) -> None:
+        port.SetFromVector(inputs(context.get_time()))
+
+    system.DeclareVectorOutputPort("inputs", len(inputs(0.0)), output)
     return system
 
 
@@ -191,10 +190,10 @@ class _DrakeWorld(World):
         self.plant = plant = _add_plant(scene, settings, builder, step if discrete else 0.0, depth)
         motors = builder.AddSystem(_motors(scene, settings.armature))
         only = plant.GetModelInstanceByName("DefaultModelInstance")
-        if settings.armature is not None:
-            builder.Connect(motors.get_output_port(0), plant.get_actuation_input_port())
-        else:
-            builder.Connect(motors.get_output_port(0), plant.get_desired_state_input_port(only))
+        takes = plant.get_actuation_input_port()
+        if settings.armature is None:
+            takes = plant.get_desired_state_input_port(only)
+        builder.Connect(motors.get_output_port(0), takes)
         if damping := spin_damping(scene, settings, step):
             torque = builder.AddSystem(_against_spin(plant, damping))
             builder.Connect(plant.get_state_output_port(), torque.get_input_port(0))

@@ -29,7 +29,7 @@ import robotball
 from robotball.errors import InputError, warn
 from robotball.processes import answered, end_when_closed
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 ENVIRONMENTS = Path("out/engines")  # a folder each
 _LINK = "zz_robotball.pth"
 
@@ -88,7 +88,7 @@ def _last_word(said: str) -> str:
     return words[-1] if words else "it ended without a word"
 
 
-def call(python: Path | str, function: Callable[..., T], *given: Any) -> T:
+def call(python: Path | str, function: Callable[..., _T], *given: Any) -> _T:
     """Return what a function gives in a process of another interpreter.
 
     Its warnings are issued here, and its InputError is raised. Raises InputError too where function
@@ -108,7 +108,7 @@ def call(python: Path | str, function: Callable[..., T], *given: Any) -> T:
     if done.returncode or not done.stdout:
         killed = f"ended by {signal.Signals(-done.returncode).name}" if done.returncode < 0 else ""
         raise InputError(f"{python}: {killed or why}")
-    answer: tuple[T, InputError | None, list[str]] = pickle.loads(done.stdout)
+    answer: tuple[_T, InputError | None, list[str]] = pickle.loads(done.stdout)
     for line in answer[2]:
         warn(line)
     if answer[1] is not None:

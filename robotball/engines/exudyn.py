@@ -23,7 +23,7 @@ from robotball.engines.adapter import (
     seconds_per_call,
     version_of,
 )
-from robotball.engines.links import State
+from robotball.engines.links import State, lifting
 from robotball.motion import Label
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene
@@ -66,16 +66,14 @@ class _ExudynWorld(World):
         self.system = self.container.AddSystem()
         self.nodes: list[Any] = []
         self._fill()
-        kinds = exudyn.OutputVariableType
-        self.sensors = [
-            self.system.AddSensor(
-                self.items.SensorNode(
-                    nodeNumber=self.nodes[-1], outputVariableType=kind, storeInternal=True
-                )
-            )
-            for kind in (kinds.Coordinates, kinds.Coordinates_t)
-        ]
+        of, kinds = {"nodeNumber": self.nodes[-1]}, ("Coordinates", "Coordinates_t")
+        self.sensors = [self._sensor(self.items.SensorNode, of, kind) for kind in kinds]
         self.system.Assemble()
+
+    def _sensor(self, sensor: Any, of: dict[str, Any], kind: str) -> Any:
+        """Add a sensor that keeps what it reads after every step."""
+        read = getattr(self.exudyn.OutputVariableType, kind)
+        return self.system.AddSensor(sensor(**of, outputVariableType=read, storeInternal=True))
 
     def _fill(self) -> None:
         """Add bodies and constraint to the system. Of its nodes the last is read."""
@@ -93,14 +91,12 @@ class _ExudynWorld(World):
         """Add a body at the ball's centre, in the ball's axes. Returns its marker."""
         system, items, now = self.system, self.items, self.now
         spinning = np.array(self.G(now.attitude)).T @ turning / 4  # G G^T = 4 E
-        node = system.AddNode(
-            items.NodeRigidBodyEP(
-                referenceCoordinates=[0.0, 0.0, self.scene.ball.radius, *now.attitude],
-                # They count from the reference coordinates.
-                initialCoordinates=[0.0] * 7,
-                initialVelocities=[*now.velocity, *spinning],
-            )
-        )
+        own = items.NodeRigidBodyEP(
+            referenceCoordinates=[0.0, 0.0, self.scene.ball.radius, *now.attitude],
+            # They count from the reference coordinates.
+            initialCoordinates=[0.0] * 7, initialVelocities=[*now.velocity, *spinning],
+        )  # fmt: skip
+        node = system.AddNode(own)
         self.nodes.append(node)
         (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia
         body = system.AddObject(
@@ -112,26 +108,21 @@ class _ExudynWorld(World):
         return marker
 
     def _torque_on(self, marker: Any) -> None:
+        load = self.items.LoadTorqueVector
         self.system.AddLoad(
-            self.items.LoadTorqueVector(
-                markerNumber=marker, bodyFixed=True, loadVectorUserFunction=self._torque
-            )
+            load(markerNumber=marker, bodyFixed=True, loadVectorUserFunction=self._torque)
         )
 
     def _constrain(self, nodes: list[Any], sizes: list[int]) -> None:
         """Add our constraint on the velocities of two nodes with so many coordinates."""
         first, second = (np.zeros((self.row_count, size)) for size in sizes)
-        ends = [
-            self.system.AddMarker(self.items.MarkerNodeCoordinates(nodeNumber=each))
-            for each in nodes
-        ]
-        self.system.AddObject(
-            self.items.ObjectConnectorCoordinateVector(
-                markerNumbers=ends, scalingMarker0=first, scalingMarker1=second,
-                constraintUserFunction=self._constraint, jacobianUserFunction=self._jacobian,
-                velocityLevel=True,
-            )
+        marker = self.items.MarkerNodeCoordinates
+        ends = [self.system.AddMarker(marker(nodeNumber=each)) for each in nodes]
+        rolling = self.items.ObjectConnectorCoordinateVector(
+            markerNumbers=ends, scalingMarker0=first, scalingMarker1=second, velocityLevel=True,
+            constraintUserFunction=self._constraint, jacobianUserFunction=self._jacobian,
         )  # fmt: skip
+        self.system.AddObject(rolling)
 
     # The functions that Exudyn calls.
 
@@ -254,27 +245,20 @@ class _ContactWorld(_ExudynWorld):
         self._torque_on(self._body(ball.mass - shell.mass, ball.inertia - shell.inertia, turning))
         sphere = self._body(shell.mass, shell.inertia, now.turning)
         self._constrain(self.nodes, [7, 7])
-        ground = system.AddMarker(
-            items.MarkerBodyRigid(bodyNumber=system.AddObject(items.ObjectGround()))
-        )
+        ground = items.MarkerBodyRigid(bodyNumber=system.AddObject(items.ObjectGround()))
+        state = items.NodeGenericData(initialCoordinates=[0.0] * 4, numberOfDataCoordinates=4)
         weight, far = ball.mass * scene.gravity, _PLANE * ball.radius
         stiffness = settings.stiffness or weight / (_CONTACT_DEPTH * ball.radius)
-        system.AddObject(
-            items.ObjectContactSphereTriangle(
-                markerNumbers=[sphere, ground],
-                nodeNumber=system.AddNode(
-                    items.NodeGenericData(initialCoordinates=[0.0] * 4, numberOfDataCoordinates=4)
-                ),
-                sphereRadius=ball.radius + weight / stiffness,
-                trianglePoints=self.exudyn.Vector3DList(
-                    [[-2 * far, -far, 0], [2 * far, -far, 0], [0, 3 * far, 0]]
-                ),
-                includeEdges=0,
-                dynamicFriction=settings.friction,
-                frictionProportionalZone=settings.slip_zone,
-                contactStiffness=stiffness,
-            )
-        )
+        triangle = [[-2 * far, -far, 0], [2 * far, -far, 0], [0, 3 * far, 0]]
+        contact = items.ObjectContactSphereTriangle(
+            markerNumbers=[sphere, system.AddMarker(ground)], nodeNumber=system.AddNode(state),
+            sphereRadius=ball.radius + weight / stiffness, includeEdges=0,
+            trianglePoints=self.exudyn.Vector3DList(triangle), contactStiffness=stiffness,
+            dynamicFriction=settings.friction, frictionProportionalZone=settings.slip_zone,
+        )  # fmt: skip
+        of = {"objectNumber": system.AddObject(contact)}
+        self.felt = self._sensor(items.SensorObject, of, "Force")
+        self.t, self.friction = 0.0, settings.friction or self.friction
 
     def _rows(self, q: Array) -> Array:
         rest, shell = np.array(self.G(q[3:7])), np.array(self.G(q[10:]))
@@ -288,8 +272,12 @@ class _ContactWorld(_ExudynWorld):
         turned = self._axis(q[3:7] / np.linalg.norm(q[3:7])) * self.scene.drives[0].rate(t)
         return np.array([0.0, 0.0, 0.0, *-turned, 0.0])[: self.row_count]
 
+    def force(self) -> Array:
+        at, *parts = self.system.GetSensorStoredData(self.felt).T
+        return lifting([np.array([np.interp(self.t, at, part) for part in parts])])
+
     def _state(self, t: float, q: Array, q_t: Array) -> State:
-        turning = np.array(self.G(q[3:])) @ q_t[3:]
+        self.t, turning = t, np.array(self.G(q[3:])) @ q_t[3:]
         return State(q[:3], q_t[:3], q[3:] / np.linalg.norm(q[3:]), turning, *self.hinges_at(t))
 
 

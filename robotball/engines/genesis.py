@@ -72,7 +72,7 @@ class _GenesisWorld(ServoWorld):
         robot = gs.morphs.MJCF(file=_mjcf(scene, settings))
         self.ball = self.world.add_entity(robot, material=material)
         self.world.build()
-        start, h = self.now, len(scene.drives)
+        start, h, self.friction = self.now, len(scene.drives), settings.friction or self.friction
         self.hinges = list(range(6, 6 + h))
         self.ball.set_dofs_kv(np.full(h, settings.damping), self.hinges)
         most = np.full(h, settings.most_torque or np.inf)
@@ -94,6 +94,9 @@ class _GenesisWorld(ServoWorld):
         q, v = _double(self.ball.get_qpos()), _double(self.ball.get_dofs_velocity())
         attitude = q[3:7] / np.linalg.norm(q[3:7])
         return State(q[:3], v[:3], attitude, rotation_matrix(attitude) @ v[3:6], q[7:], v[6:])
+
+    def force(self) -> Array:
+        return _double(self.ball.get_links_net_contact_force())[0]
 
 
 def _double(values: Any) -> Array:

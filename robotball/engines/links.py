@@ -7,6 +7,7 @@ body that touches the plane it then has no drift of the contact's Jacobian, whic
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -88,19 +89,33 @@ def lifting(forces: Iterable[Array]) -> Array:
     return total * np.copysign(1.0, total[2])
 
 
+def force_in(model: Any, data: Any) -> Array:
+    """Return the force (3,) [N] on the ball of the one contact in an MjModel's data, if any."""
+    import mujoco
+
+    wrench, frame = np.zeros(6), data.contact.frame.reshape(-1, 3, 3)
+    if data.ncon:
+        mujoco.mj_contactForce(model, data, 0, wrench)
+    return lifting(wrench[:3] @ each for each in frame[:1])
+
+
 @dataclass(frozen=True)
 class Readings:
-    """Arrays over n states, as in Motion, with slip (n,) [m/s] and spin (n,) [rad/s]."""
+    """Arrays over n states, as in Motion, with slip (n,) [m/s] and spin (n,) [rad/s].
+
+    rate_error: (n,), the largest of all hinges, relative to their largest given rates.
+    """
 
     attitude: Array
     angular_velocity: Array
     momentum: Array
     slip: Array
     spin: Array
+    rate_error: Array
 
 
-def readings_of(scene: Scene, state: State) -> Readings:
-    """Return the frame's attitude, ω in frame axes, M of (3.1), slip and spin."""
+def readings_of(scene: Scene, times: Array, state: State) -> Readings:
+    """Return the frame's attitude, ω in frame axes, M of (3.1), slip, spin and errors of rates."""
     # About the contact point, which is below the centre. L is summed from the root outwards: a
     # child's attitude and velocity are its parent's with the hinge's on top.
     arm = state.centre * [0.0, 0.0, 1.0]
@@ -126,6 +141,8 @@ def readings_of(scene: Scene, state: State) -> Readings:
     attitude, omega, *_ = known["frame"]
     up = np.array([0.0, 0.0, 1.0])
     sliding = state.velocity - scene.ball.radius * np.cross(state.turning, up)
+    right = np.stack([drive.rate(times) for drive in scene.drives], axis=1)
+    largest = np.abs(right).max(axis=0)
     return Readings(
         attitude=attitude,
         angular_velocity=np.einsum("nji,nj->ni", rotation_matrix(attitude), omega),
@@ -133,4 +150,6 @@ def readings_of(scene: Scene, state: State) -> Readings:
         momentum=np.cross(up, L) if scene.rolling == "rubber" else L,
         slip=np.linalg.norm(sliding[:, :2], axis=1),
         spin=state.turning[:, 2],
+        # A hinge that is to stand has no rate to compare with: its error is in rad/s.
+        rate_error=(np.abs(state.rates - right) / np.where(largest > 0, largest, 1.0)).max(axis=1),
     )

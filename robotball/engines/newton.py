@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from robotball.engines.adapter import Adapter, SteppedWorld, StepSettings, by_name, version_of
-from robotball.engines.links import State, links_of
+from robotball.engines.links import State, force_in, links_of
 from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
@@ -94,6 +94,7 @@ class _NewtonWorld(SteppedWorld):
         material.density = 0.0
         if settings.friction is not None:
             material.mu = settings.friction
+        self.friction = material.mu
         motor: dict[str, Any] = {"armature": settings.armature}
         if settings.armature is None:
             motor = {**_SERVO, "actuator_mode": newton.JointTargetMode.VELOCITY}
@@ -163,6 +164,9 @@ class _NewtonWorld(SteppedWorld):
         # Rounded to single precision it is no unit quaternion any more.
         attitude /= np.linalg.norm(attitude)
         return State(q[:3], v[:3], attitude, v[3:6], q[7:], v[6:])
+
+    def force(self) -> Array:
+        return force_in(self.solver.mj_model, self.solver.mj_data)
 
 
 _AS_IT_COMES = _NewtonSettings(

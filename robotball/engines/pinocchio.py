@@ -22,7 +22,7 @@ from robotball.engines.adapter import (
     spins,
     version_of,
 )
-from robotball.engines.links import State, links_of
+from robotball.engines.links import State, lifting, links_of
 from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
@@ -43,11 +43,8 @@ def _model(scene: Scene, pin: Any) -> Any:
     """Return the ball as a free shell with hinges."""
     model, joints = pin.Model(), {"": 0}
     for link in links_of(scene):
-        joint = (
-            pin.JointModelRevoluteUnaligned(*link.axis)
-            if link.parent
-            else pin.JointModelFreeFlyer()
-        )
+        free = pin.JointModelFreeFlyer()
+        joint = pin.JointModelRevoluteUnaligned(*link.axis) if link.parent else free
         # All links have the ball's axes at the start, so that places are shifts alone.
         place = pin.SE3(np.eye(3), link.pivot)
         made = model.addJoint(joints[link.parent], joint, place, link.name)
@@ -102,7 +99,7 @@ class _ContactWorld(SteppedWorld):
         self.pin, self.model = pin, _model(scene, pin)
         self.model.armature = np.array([*np.zeros(6), *np.full(len(scene.drives), _ARMATURE)])
         self.data, self.tau = self.model.createData(), np.zeros(self.model.nv)
-        self.damping = spin_damping(scene, settings, step)
+        self.damping, self.friction = spin_damping(scene, settings, step), settings.friction
         self.q, self.v = _coordinates(self.now)
         here, of = pin.SE3.Identity(), settings.solver
         self.contact = pin.PointContactConstraintModel(self.model, 0, here, 1, here)
@@ -138,13 +135,16 @@ class _ContactWorld(SteppedWorld):
         drift = J @ free + [0.0, 0.0, (q[2] - a) / step]
         delassus = cholesky.getDelassusOperatorCholeskyExpression()
         self.solver.solve(delassus, drift, models, datas, self.settings, self.result)
-        push = J.T @ self.result.retrieveConstraintImpulses() / step
-        self.v = v + step * pin.aba(model, data, q, v, self.tau + push)
+        self.felt = self.result.retrieveConstraintImpulses() / step
+        self.v = v + step * pin.aba(model, data, q, v, self.tau + J.T @ self.felt)
         self.q = pin.integrate(model, q, self.v * step)
 
     def state(self) -> State:
         q, v, R = self.q, self.v, rotation_matrix(np.roll(self.q[3:7], 1))
         return State(q[:3], R @ v[:3], np.roll(q[3:7], 1), R @ v[3:6], q[7:], v[6:])
+
+    def force(self) -> Array:
+        return lifting([self.felt])
 
 
 class _Pinocchio(Adapter):

@@ -19,7 +19,7 @@ from robotball.rotations import Array, angle_between, conjugate, rotation_matrix
 from robotball.scene import Scene
 
 # An odd number, to have as many neighbours on each side.
-POINTS = 7  # of the polynomial through a sample and its neighbours; 5 for the estimate
+_POINTS = 7  # of the polynomial through a sample and its neighbours; 5 for the estimate
 # Times the effect on a rate of the largest noise near a sample: at the sample it may lie worse.
 _NOISE = 2.5
 
@@ -32,10 +32,10 @@ def sampled_rates(times: Array, values: Array) -> tuple[Array, Array]:
     truncation error; and the effect of rounding or noise on a rate, estimated from the part that no
     polynomial through six of the seven follows.
     """
-    fine, noise = _slopes(times, values, POINTS)
-    coarse, _ = _slopes(times, values, POINTS - 2)
+    fine, noise = _slopes(times, values, _POINTS)
+    coarse, _ = _slopes(times, values, _POINTS - 2)
     truncation = np.linalg.norm(fine - coarse, axis=1)
-    return fine, _largest_near(truncation, POINTS) + _NOISE * _largest_near(noise, 3 * POINTS)
+    return fine, _largest_near(truncation, _POINTS) + _NOISE * _largest_near(noise, 3 * _POINTS)
 
 
 def angular_velocity(times: Array, attitude: Array) -> tuple[Array, Array]:
@@ -185,26 +185,18 @@ def recorded(scene: Scene, trajectory: Trajectory) -> RecordedMotion:
         axes = scene.principal_axes
         loads = loads_of(scene, times, to_world @ axes, omega @ axes)
     return RecordedMotion(
-        scene=scene,
-        engine=_label(trajectory.header or {}, Path(trajectory.name).stem),
-        times=times,
-        contact_point=trajectory.position[:, :2],
-        attitude=attitude,
-        momentum=momentum,
-        angular_velocity=omega,
-        hinge_angles=angles,
-        hinge_rates=hinge_rates,
-        loads=loads,
-        angular_velocity_error=omega_error,
-        momentum_error=momentum_error,
+        scene=scene, engine=_label(trajectory.header or {}, Path(trajectory.name).stem),
+        times=times, contact_point=trajectory.position[:, :2], attitude=attitude,
+        momentum=momentum, momentum_error=momentum_error,
+        angular_velocity=omega, angular_velocity_error=omega_error,
+        hinge_angles=angles, hinge_rates=hinge_rates, loads=loads,
         slip=np.linalg.norm(velocity - rolled, axis=1),
         slip_error=velocity_error + scene.ball.radius * omega_error,
-        spin=turning[:, 2],
-        spin_error=omega_error,
+        spin=turning[:, 2], spin_error=omega_error,
         # Least squares of v = r (ω - Ω)×e_z over all samples.
         rolling_radius=float((velocity * per_radius).sum()) / turned if turned else np.nan,
         height=trajectory.position[:, 2],
-    )
+    )  # fmt: skip
 
 
 def _angular_velocity(trajectory: Trajectory) -> tuple[Array, Array]:

@@ -21,7 +21,7 @@ LABEL = Label("equations", version("robotball"), "#D55E00")  # vermillion of Oka
 
 # In rad, by the bound on |ω|. A motion of this length takes seconds here; the compiled step takes a
 # hundredth of that, but its code has to be loaded first.
-LONG = 1e4
+_LONG = 1e4
 # Steps that take one to three minutes: at usual rates a day by DOP853, a month by compiled steps.
 _MAX_STEPS, _MAX_COMPILED_STEPS = 1_000_000, 100_000_000
 _ASTRAY = 1e100  # a trial step to a quaternion this long has failed; its square would overflow
@@ -68,17 +68,13 @@ def _part(scene: Scene, times: Array, states: Array) -> Motion:
     M = axes.transpose(0, 2, 1) @ scene.start.momentum
     omega = _angular_velocity(scene, times, M, axes[:, 2])
     return Motion(
-        scene=scene,
-        engine=LABEL,
-        times=times,
-        contact_point=states[:, 4:],
+        scene=scene, engine=LABEL, times=times, contact_point=states[:, 4:],
         attitude=multiply(attitude, conjugate(scene.principal_quaternion)),
-        momentum=np.einsum("nij,nj->ni", axes, M),
-        angular_velocity=omega @ scene.principal_axes.T,
+        momentum=np.einsum("nij,nj->ni", axes, M), angular_velocity=omega @ scene.principal_axes.T,
         hinge_angles=np.stack([drive.angle(times) for drive in scene.drives], axis=1),
         hinge_rates=np.stack([drive.rate(times) for drive in scene.drives], axis=1),
         loads=loads_of(scene, times, axes, omega),
-    )
+    )  # fmt: skip
 
 
 def _angular_velocity(scene: Scene, times: Array, M: Array, gamma: Array) -> Array:
@@ -129,7 +125,7 @@ def _states(
     at_start = scene.parameters_at(0.0)
     size = np.array([math.hypot(*scene.start.momentum.tolist())])
     fastest = check_speed(at_start, size)[0]
-    if scene.steady and fastest * times[-1] > LONG:
+    if scene.steady and fastest * times[-1] > _LONG:
         limit = _MAX_COMPILED_STEPS if max_steps is None else max_steps
         return compiled_states(scene, times, coarser * max(rtol / 10, LEAST_RTOL), limit)
     limit = _MAX_STEPS if max_steps is None else max_steps

@@ -14,11 +14,11 @@ from typing import BinaryIO
 from robotball.errors import InputError
 
 # Bytes of a scene, a robot or a record; those of the catalog have 1.4 kB at most.
-LONGEST = 10_000_000
+_LONGEST = 10_000_000
 MB = 1e6
 
 
-def contents(path: Path, longest: int = LONGEST) -> bytes:
+def contents(path: Path, longest: int = _LONGEST) -> bytes:
     """Return the bytes of a regular file. Raises InputError as `opened` does."""
     with opened(path, longest) as file:
         return file.read()
@@ -34,7 +34,7 @@ def named(what: object) -> Iterator[None]:
 
 
 @contextmanager
-def opened(path: Path, longest: int = LONGEST) -> Iterator[BinaryIO]:
+def opened(path: Path, longest: int = _LONGEST) -> Iterator[BinaryIO]:
     """Open a regular file of at most `longest` bytes for reading, links followed.
 
     Raises InputError, with the path, for a file that cannot be read or is longer, and for a device

@@ -35,7 +35,7 @@ _SHAPES = {"linear": "u", "smooth": "3u² - 2u³", "quintic": "10u³ - 15u⁴ + 
 # Of a hinge's command; of a motor that is not here a torque.
 _COMMANDED = {type(None) | Servo: "rad/s", PositionServo: "rad", DCMotor: "1", Free: "none"}
 # Times the friction that the motion needs: another engine's contact must not slip at the peak.
-MARGIN = 1.5
+_MARGIN = 1.5
 # Readers of URDF and SDF ask for limits of every joint; these limit nothing.
 _FASTEST, _STRONGEST, _FARTHEST, _BOUNDLESS = "1e6", "1e9", "1e6", "1e16"
 # The newest with gravity where DART looks for it; others read it as newer ones. It has no type
@@ -56,10 +56,10 @@ def export_scene(scene: Scene, folder: Path | str, times: Array | None = None) -
     motion = integrate(scene, times)
     conventions = files("robotball.files").joinpath("export_conventions.md")
     texts = {
-        "scene.json": json.dumps(plain(motion), indent=1, ensure_ascii=False, allow_nan=False),
+        "scene.json": json.dumps(_plain(motion), indent=1, ensure_ascii=False, allow_nan=False),
         "model.xml": _mjcf(motion),
-        "model.urdf": urdf(scene),
-        "model.sdf": sdf(motion),
+        "model.urdf": _urdf(scene),
+        "model.sdf": _sdf(motion),
         _README: conventions.read_text(encoding="utf-8").replace("SCENE", scene.name),
     }
     with contextlib.suppress(InputError):  # of a rate by a function: drives.csv has it
@@ -85,7 +85,7 @@ def _drives(motion: Motion) -> Table:
     return Table(columns, {"t": "s"}, {"scene": motion.scene.name})
 
 
-def plain(motion: Motion) -> dict[str, Any]:
+def _plain(motion: Motion) -> dict[str, Any]:
     """Return the scene of a reference motion as JSON takes it; SI, quaternions (w, x, y, z).
 
     The bodies' states are those of the start, in world axes; friction is what the whole motion
@@ -116,12 +116,12 @@ def plain(motion: Motion) -> dict[str, Any]:
             "momentum_world": motion.momentum[0].tolist(),
             "centre": [*motion.contact_point[0].tolist(), ball.radius],
         },
-        "friction_needed": friction_needed(motion),
+        "friction_needed": _friction_needed(motion),
         "friction": asdict(scene.friction),
     }
 
 
-def friction_needed(motion: Motion) -> dict[str, Any]:
+def _friction_needed(motion: Motion) -> dict[str, Any]:
     """Return the least coefficients without which the ball slips or, a rubber one, spins."""
     sliding = float(motion.loads.sliding_friction.max())
     torsional = float(motion.loads.torsional_friction.max())
@@ -247,21 +247,21 @@ def _mjcf(motion: Motion) -> str:
     """
     scene = motion.scene
     root = Element("mujoco", model=scene.name)
-    SubElement(root, "option", gravity=numbers(scene.gravity_world))
+    SubElement(root, "option", gravity=_numbers(scene.gravity_world))
     world = SubElement(root, "worldbody")
-    needed = friction_needed(motion)
-    friction = [MARGIN * needed["sliding"], MARGIN * needed["torsional"], 0.0]
+    needed = _friction_needed(motion)
+    friction = [_MARGIN * needed["sliding"], _MARGIN * needed["torsional"], 0.0]
     # A contact of dimension 4 resists spinning about its normal, which a rubber ball does not do.
     condim = "4" if scene.rolling == "rubber" else "3"
-    contact = {"friction": numbers(friction), "condim": condim}
+    contact = {"friction": _numbers(friction), "condim": condim}
     SubElement(world, "geom", {"name": "floor", "type": "plane", "size": "0 0 1", **contact})
     bodies = {"": world}
     armatures = {hinge.name: hinge.motor.armature for hinge in scene.hinges if hinge.motor}
     for link in links_of(scene):
         origin = link.pivot if link.parent else [0.0, 0.0, scene.ball.radius]
         # All hinges are at angle 0 here; the keyframe turns them.
-        body = SubElement(bodies[link.parent], "body", name=link.name, pos=numbers(origin))
-        mass = {"pos": numbers(link.centre), "mass": repr(float(link.mass))}
+        body = SubElement(bodies[link.parent], "body", name=link.name, pos=_numbers(origin))
+        mass = {"pos": _numbers(link.centre), "mass": repr(float(link.mass))}
         moments = " ".join(_moments(link.inertia).values())
         SubElement(body, "inertial", {**mass, "fullinertia": moments})
         if not link.parent:
@@ -274,7 +274,7 @@ def _mjcf(motion: Motion) -> str:
             joint = {"name": link.name, "type": "slide" if link.slides else "hinge"}
             if armature := armatures.get(link.name):
                 joint["armature"] = repr(float(armature))
-            SubElement(body, "joint", joint, axis=numbers(link.axis))
+            SubElement(body, "joint", joint, axis=_numbers(link.axis))
         bodies[link.name] = body
     shell = poses(motion)["shell"]
     hinges = scene.hinges
@@ -285,11 +285,11 @@ def _mjcf(motion: Motion) -> str:
     keyframe = SubElement(root, "keyframe")
     qpos = [*centre, *shell.attitude[0], *(hinge.angle for hinge in hinges)]
     qvel = [*velocity, *turning, *(hinge.rate for hinge in hinges)]
-    SubElement(keyframe, "key", name="start", qpos=numbers(qpos), qvel=numbers(qvel))
+    SubElement(keyframe, "key", name="start", qpos=_numbers(qpos), qvel=_numbers(qvel))
     return _xml_text(root)
 
 
-def urdf(scene: Scene) -> str:
+def _urdf(scene: Scene) -> str:
     """Return the URDF of a scene's ball, without plane, start, rates and friction."""
     root = Element("robot", name=scene.name)
     # MuJoCo fixes the shell to the world, and would leave its mass out; others pass over this.
@@ -298,7 +298,7 @@ def urdf(scene: Scene) -> str:
     for link in links:
         element = SubElement(root, "link", name=link.name)
         inertial = SubElement(element, "inertial")
-        SubElement(inertial, "origin", xyz=numbers(link.centre), rpy="0 0 0")
+        SubElement(inertial, "origin", xyz=_numbers(link.centre), rpy="0 0 0")
         SubElement(inertial, "mass", value=repr(float(link.mass)))
         SubElement(inertial, "inertia", _moments(link.inertia))
         if not link.parent:
@@ -311,8 +311,8 @@ def urdf(scene: Scene) -> str:
             joint = SubElement(root, "joint", name=f"{link.name}_hinge", type=kind)
             SubElement(joint, "parent", link=link.parent)
             SubElement(joint, "child", link=link.name)
-            SubElement(joint, "origin", xyz=numbers(link.pivot), rpy="0 0 0")
-            SubElement(joint, "axis", xyz=numbers(link.axis))
+            SubElement(joint, "origin", xyz=_numbers(link.pivot), rpy="0 0 0")
+            SubElement(joint, "axis", xyz=_numbers(link.axis))
             limits = {"velocity": _FASTEST, "effort": _STRONGEST}
             if link.slides:
                 limits |= {"lower": f"-{_FARTHEST}", "upper": _FARTHEST}
@@ -320,7 +320,7 @@ def urdf(scene: Scene) -> str:
     return _xml_text(root)
 
 
-def sdf(motion: Motion) -> str:
+def _sdf(motion: Motion) -> str:
     """Return the SDF world of a motion's scene, its pose at the start; SDF has no velocities.
 
     Hinges are at angle 0, and their rates are left to who simulates it.
@@ -329,7 +329,7 @@ def sdf(motion: Motion) -> str:
     root = Element("sdf", version=_SDF_VERSION)
     world = SubElement(root, "world", name=scene.name)
     physics = SubElement(world, "physics", type="ode")
-    _fill(physics, {"gravity": numbers(scene.gravity_world)})
+    _fill(physics, {"gravity": _numbers(scene.gravity_world)})
     surface = _surface(motion)
     plane = _fill(SubElement(world, "model", name="plane"), {"static": "true"})
     ground = SubElement(SubElement(plane, "link", name="plane"), "collision", name="plane")
@@ -339,19 +339,19 @@ def sdf(motion: Motion) -> str:
     ball = SubElement(world, "model", name="ball")
     shell = poses(motion)["shell"]
     angles = Rotation.from_quat(shell.attitude[0], scalar_first=True).as_euler("xyz")
-    _fill(ball, {"pose": numbers([0.0, 0.0, scene.ball.radius, *angles])})
+    _fill(ball, {"pose": _numbers([0.0, 0.0, scene.ball.radius, *angles])})
     links = links_of(scene)
     # SDF gives a link's place in its model, not in its parent.
     places = {"": np.zeros(3)}
     for link in links:
         places[link.name] = place = places[link.parent] + link.pivot
         inertial = {
-            "pose": numbers([*link.centre, 0.0, 0.0, 0.0]),
+            "pose": _numbers([*link.centre, 0.0, 0.0, 0.0]),
             "mass": repr(float(link.mass)),
             "inertia": _moments(link.inertia),
         }
         element = SubElement(ball, "link", name=link.name)
-        _fill(element, {"pose": numbers([*place, 0.0, 0.0, 0.0]), "inertial": inertial})
+        _fill(element, {"pose": _numbers([*place, 0.0, 0.0, 0.0]), "inertial": inertial})
         if not link.parent:
             sphere = {"sphere": {"radius": repr(float(scene.ball.radius))}}
             collision = SubElement(element, "collision", name="sphere")
@@ -361,19 +361,19 @@ def sdf(motion: Motion) -> str:
             kind = "prismatic" if link.slides else "revolute"
             joint = SubElement(ball, "joint", name=f"{link.name}_hinge", type=kind)
             limits = {"lower": f"-{_BOUNDLESS}", "upper": _BOUNDLESS}
-            axis = {"xyz": numbers(link.axis), "limit": limits}
+            axis = {"xyz": _numbers(link.axis), "limit": limits}
             _fill(joint, {"parent": link.parent, "child": link.name, "axis": axis})
     return _xml_text(root)
 
 
 def _surface(motion: Motion) -> dict[str, Any]:
     """Return the contents of an SDF surface with the friction that the motion needs."""
-    needed = friction_needed(motion)
-    sliding = repr(MARGIN * needed["sliding"])
+    needed = _friction_needed(motion)
+    sliding = repr(_MARGIN * needed["sliding"])
     friction: dict[str, Any] = {"ode": {"mu": sliding, "mu2": sliding}}
     if needed["torsional"]:
         # Its torque is 3π/16 · coefficient · patch radius · normal force; the radius is 1 m here.
-        coefficient = repr(MARGIN * needed["torsional"] * 16 / (3 * np.pi))
+        coefficient = repr(_MARGIN * needed["torsional"] * 16 / (3 * np.pi))
         patch = {"use_patch_radius": "true", "patch_radius": "1.0"}
         friction["torsional"] = {**patch, "coefficient": coefficient}
     return {"friction": friction}
@@ -397,7 +397,7 @@ def _moments(inertia: Array) -> dict[str, str]:
     return dict(zip(names, map(repr, (xx, yy, zz, xy, xz, yz)), strict=True))
 
 
-def numbers(values: Array | list[float]) -> str:
+def _numbers(values: Array | list[float]) -> str:
     """Return numbers with all their digits, separated by blanks."""
     return " ".join(repr(float(value)) for value in values)
 

@@ -152,7 +152,7 @@ def _metres(length: float) -> str:
     return power if digits == "1.0" else f"{digits} × {power}"
 
 
-Progress = Callable[[float], None]
+_Progress = Callable[[float], None]
 
 _MANY = 100  # frames; for fewer, starting processes takes longer than it saves
 _SMOOTH = 0.4  # s of the film, over which the camera averages the ball's motion
@@ -413,7 +413,7 @@ def write_video(
     theory: Motion,
     film: Film | None = None,
     *,
-    progress: Progress | None = None,
+    progress: _Progress | None = None,
 ) -> None:
     """Write `frames` as mp4, webm or gif, by the suffix of the path.
 

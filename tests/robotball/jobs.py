@@ -4,6 +4,7 @@ import os
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 from robotball.errors import InputError, warn
 from robotball.files.replacing import replacing
@@ -41,3 +42,21 @@ def half_written(folder: Path, job: int) -> None:
 def known(module: str) -> bool:
     """Whether a module is imported already."""
     return module in sys.modules
+
+
+class Parcel:
+    """A job that counts how often it is pickled, if it can be."""
+
+    def __init__(self, number: int, can: bool) -> None:
+        self.number, self.can, self.times = number, can, 0
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        self.times += 1
+        if not self.can:
+            raise TypeError("it cannot be pickled")
+        return Parcel, (self.number, self.can)
+
+
+def opened(parcel: Parcel) -> tuple[int, int]:
+    """Its number, and the process."""
+    return parcel.number, os.getpid()

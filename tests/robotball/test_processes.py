@@ -23,7 +23,7 @@ from robotball.processes import Queue, allowed, at_most, in_processes, in_thread
 from robotball.qualitative.long_run import basins, exponents
 from robotball.qualitative.portraits import limit_cycles
 from robotball.qualitative.sections import section, section_starts
-from tests.robotball.jobs import faulty, half_written, late
+from tests.robotball.jobs import Parcel, faulty, half_written, late, opened
 
 BALL = load_scene("fig14").parameters
 GENERATOR = np.random.default_rng(5)
@@ -129,6 +129,17 @@ def test_warnings_and_errors_are_the_callers(most: int) -> None:
     if most > 1:
         with at_most(most), pytest.raises(ChildProcessError, match="ended from outside"):
             list(in_processes(faulty, [3, 3]))
+
+
+@pytest.mark.parametrize("can", [True, False])
+def test_jobs_that_cannot_be_pickled_are_done_here(can: bool) -> None:
+    """All of them, if one cannot; where all can, each is pickled once."""
+    jobs = [Parcel(0, True), Parcel(1, can)]
+    with at_most(2):
+        found = [*in_processes(opened, jobs, or_here=True)]
+    assert [number for number, _ in found] == [0, 1]
+    assert {process == os.getpid() for _, process in found} == {not can}
+    assert [each.times for each in jobs] == [1, 1]
 
 
 def test_a_process_that_is_ended_leaves_no_half_file(tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """Many random starts: the errors are those of runs one by one, however they are shared out."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,8 +8,10 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.processes import at_most
 from validation import ManyRuns, compare, compare_many, many_runs
 from validation.study import scene_cell
+from validation.sweeps import Result, sweep
 
 TIMES = rb.sample_times(1.0)
 
@@ -20,8 +21,8 @@ def starts_of(scene: rb.Scene, count: int) -> list[rb.Start]:
     return [many_runs.random_start(scene, each) for each in randoms]
 
 
-# Compiled steps in lanes; the same of the classical model; in processes: a drive that changes, and
-# the equations of any robot.
+# Compiled steps in lanes; the same of the classical model; one by one, a drive that changes and the
+# equations of any robot.
 @pytest.mark.parametrize(
     "name", ["fig12", "classical_regular", "wobbling_drive", "offset_routh_sphere"]
 )
@@ -29,7 +30,8 @@ def test_errors_are_those_of_comparisons_one_by_one(name: str) -> None:
     """To 3e-8 of themselves: measured 5e-9, as the references have other steps."""
     scene = rb.load_scene(name)
     starts = starts_of(scene, 3)
-    rows = compare_many(scene, starts, "fast", TIMES).rows
+    with at_most(1):  # or what goes to processes would take seconds
+        rows = compare_many(scene, starts, "fast", TIMES).rows
     for row, start in zip(rows, starts, strict=True):
         one = compare(replace(scene, start=start), "fast", TIMES)
         for error in many_runs.ERRORS:
@@ -53,8 +55,8 @@ def test_a_broken_run_is_counted_and_has_no_error() -> None:
 
 
 def whole() -> dict[str, Any]:
-    more = {"engine": "mujoco", "preset": "fast", "keep_going": False, "seed": 3, "control": ()}
-    return scene_cell("fig12", 0.5) | more
+    more = {"engine": "mujoco", "preset": "fast", "keep_going": False, "environments": None}
+    return scene_cell("fig12", 0.5) | more | {"seed": 3, "control": ()}
 
 
 def without_seconds(rows: Any) -> list[dict[str, Any]]:
@@ -69,22 +71,34 @@ def test_cells_are_parts_of_the_whole() -> None:
     assert without_seconds(rows) == without_seconds(alone)
 
 
-@pytest.fixture
-def cluster() -> Iterator[str]:
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None
-    ) as cluster:
-        yield cluster.scheduler_address
+def test_a_cells_engine_is_looked_for_in_its_environments(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As `compare --environments` has it for a single run."""
+    looked: list[Path] = []
+    monkeypatch.setattr("robotball.engines.adapter.find_spec", lambda _: None)
+    monkeypatch.setattr("robotball.engines.adapter.interpreter_of", looked.append)
+    cell = whole() | {"engine": "dart", "preset": "best", "environments": "elsewhere"}
+    with pytest.raises(rb.InputError, match="DART is not installed"):
+        many_runs.of_cell(cell | {"first": 0, "count": 1})
+    assert looked == [Path("elsewhere/dart")]
 
 
 @pytest.mark.slow
-def test_a_cluster_gives_the_same_rows(
-    tmp_path: Path, cluster: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """In cells of two starts; a cell that fails is refused with its reason."""
+def test_a_cluster_gives_the_same_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In cells of two starts; a cell that fails is refused with its reason.
+
+    A process of this machine takes the cells, as a sweep gives the same on a cluster.
+    """
+    addresses: list[str] = []
+
+    def local(*of: Any, cluster: str, **more: Any) -> list[Result]:
+        addresses.append(cluster)
+        return sweep(*of, workers=1, **more)
+
+    monkeypatch.setattr(many_runs, "sweep", local)
     monkeypatch.setattr(many_runs, "_CELL", 2)
-    here, there = (many_runs.many_runs(whole(), 5, at, tmp_path) for at in (None, cluster))
+    here, there = (many_runs.many_runs(whole(), 5, at, tmp_path) for at in (None, "tcp://a:1"))
     assert without_seconds(there.rows) == without_seconds(here.rows)
+    assert len((tmp_path / "starts.jsonl").read_text().splitlines()) == 1 + 3
     with pytest.raises(rb.InputError, match="no scene is called 'nowhere'"):
-        many_runs.many_runs(whole() | {"scene": "nowhere"}, 1, cluster, tmp_path)
+        many_runs.many_runs(whole() | {"scene": "nowhere"}, 1, "tcp://a:1", tmp_path)
+    assert addresses == ["tcp://a:1"] * 2

@@ -37,7 +37,7 @@ _RTOLS = tuple(10 ** (-half / 2) for half in range(14, 27))  # half a decade apa
 _ENOUGH = 3e-11  # a finer run than one of this error is no target's best
 
 
-def cells() -> list[Cell]:
+def _cells() -> list[Cell]:
     """Return the scenes of the catalog, and the random balls."""
     return [
         *({"scene": name} for name in catalog()),
@@ -129,7 +129,7 @@ def _main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out"))
     parser.add_argument("--workers", type=int)
     given = parser.parse_args()
-    everything = cells()
+    everything = _cells()
     with progress_bar(len(everything)) as show:
         results = sweep(
             _measure, everything, given.out / "front.jsonl", workers=given.workers, show=show
@@ -141,10 +141,10 @@ def _main() -> None:
     records = [result.record for result in results if result.record is not None]
     console.print(_coefficient_table(records))
     console.print(_case_table(records))
-    write_record(given.out / "front.json", {"coefficients": coefficients(records)})
+    write_record(given.out / "front.json", {"coefficients": _coefficients(records)})
 
 
-def coefficients(records: Sequence[_Record]) -> dict[str, tuple[float, float]]:
+def _coefficients(records: Sequence[_Record]) -> dict[str, tuple[float, float]]:
     """Each field of Front as measured: the value, and the scatter of single scenes about it.
 
     Orders are low percentiles, for an estimate to be too small only rarely. Scatter is
@@ -245,7 +245,7 @@ def _coefficient_table(records: Sequence[_Record]) -> Table:
     """Return the table of the coefficients measured now beside those in use."""
     headings = ("coefficient", "in use", "measured", "scatter")
     table = plain_table(headings, title="the front", **_STYLE)
-    for name, (value, scatter) in coefficients(records).items():
+    for name, (value, scatter) in _coefficients(records).items():
         table.add_row(name, f"{getattr(COST_MODEL, name):.3g}", f"{value:.3g}", f"{scatter:.2g}")
     return table
 

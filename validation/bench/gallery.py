@@ -22,7 +22,6 @@ from robotball.files.replacing import replacing
 from robotball.film.render import Film, frames
 from validation.agreement import compare
 from validation.output import write_text
-from validation.studies.engine_study import value_of
 from validation.studies.extremes import Outcome
 
 _DOCS = Path(__file__).parents[2] / "docs"
@@ -52,7 +51,7 @@ _COSTS = (
     ("python_share", 1, ".0%"),
 )
 _RANDOM = "extremes --random 500"
-_FILMED, SHOWN = 3.2, 3.0  # s of the README's film, and the time of its picture
+_FILMED, _SHOWN = 3.2, 3.0  # s of the README's film, and the time of its picture
 # What the studies counted: the numbers that README and docs print are held against it.
 NUMBERS = _DOCS / "numbers.json"
 _PROOFS = """
@@ -108,7 +107,7 @@ def _write_frame(path: Path) -> None:
     import mediapy
 
     agreement, film = compare("fig12", None, sample_times(_FILMED)), Film()
-    shown = islice(frames(agreement.motion, agreement.theory, film), round(SHOWN * film.fps), None)
+    shown = islice(frames(agreement.motion, agreement.theory, film), round(_SHOWN * film.fps), None)
     with replacing(path) as temporary:
         mediapy.write_image(temporary, next(shown), fmt="png")
 
@@ -155,15 +154,14 @@ def engines_table(records: Sequence[Mapping[str, Any]]) -> str:
 
     records: of `robotball engines`, a scene each; costs are those of the first. Bold: on a front.
     """
-    titles = ["CPU [ms]", "relative", "spread", "Python", "ours"]
-    head = ["engine, preset", "step or rtol", *(each["scene"] for each in records), *titles]
+    last = ["CPU [ms]", "relative", "spread", "Python", "ours"]
+    head = ["engine, preset", "step or rtol", *(each["scene"] for each in records), *last]
     lines = [f"| {' | '.join(head)} |", "|---|" + "---:|" * (len(head) - 2) + "---|"]
-    found: dict[tuple[str, str], dict[str, Mapping[str, Any]]] = {}
+    found: dict[str, dict[str, Mapping[str, Any]]] = {}
     for record in records:
         for run in record["runs"]:
-            name = f"{run['label']} {run['version']}, {run['preset']}"
-            found.setdefault((name, value_of(run)), {})[record["scene"]] = run
-    for (name, value), runs in found.items():
+            found.setdefault(run["title"], {})[record["scene"]] = run
+    for title, runs in found.items():
         errors = [
             "-"
             if run is None
@@ -177,7 +175,8 @@ def engines_table(records: Sequence[Mapping[str, Any]]) -> str:
             for key, scale, form in _COSTS
         ]
         ours = next(iter(runs.values()))["ours"] or "-"
-        lines.append(f"| {' | '.join([name, value, *errors, *costs, ours])} |")
+        row = [*title.rsplit(", ", 1), *errors, *costs, ours]
+        lines.append(f"| {' | '.join(row)} |")
     return "\n".join(lines)
 
 

@@ -66,7 +66,7 @@ def equations_of(system: System, parameters: Parameters) -> _Equations:
     return list(zip(state, rates, strict=True))
 
 
-def level_equations(parameters: Parameters) -> _Equations:
+def _level_equations(parameters: Parameters) -> _Equations:
     """Return dγ/dt = γ×ω, dM/dt = M×ω in frame axes, with the numbers of the ball put in."""
     gamma, M = (hy.make_vars(*(f"{name}{i}" for i in "123")) for name in ("gamma", "M"))
     omega = parameters.angular_velocity(M, gamma)
@@ -80,7 +80,7 @@ def pars_of(starts: Starts) -> Array:
     return starts.rows[:, :used]
 
 
-def batch(
+def _batch(
     equations: _Equations, states: Array, pars: Array | None, tolerance: float, **more: Any
 ) -> Any:
     """Return an integrator of n states (n, size) side by side, from time 0."""
@@ -119,7 +119,7 @@ class _Contender:
         return float(np.exp(np.interp(np.log(error), np.log(errors), np.log(seconds))))
 
 
-def compare(title: str, error: float, *contenders: _Contender) -> None:
+def _compare(title: str, error: float, *contenders: _Contender) -> None:
     """Time all contenders in turn and print a table, with ratios to the first at one error."""
     runs = [(c, t, c.prepare(t)) for c in contenders for t in c.tolerances]
     for contender, tolerance, run in runs:
@@ -144,7 +144,7 @@ def compare(title: str, error: float, *contenders: _Contender) -> None:
 
 _FIG11B = load_scene("fig14").parameters
 _FEATURES = "NUMBA_CPU_FEATURES"
-DURATION, _OUTPUTS, POINTS, _MANY, _LANES = 100.0, 1000, 25, 256, 8
+_DURATION, _OUTPUTS, _POINTS, _MANY, _LANES = 100.0, 1000, 25, 256, 8
 _OURS, _HEYOKAS = (1e-7, 1e-8, 1e-9, 1e-10, 1e-11), (1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 
 
@@ -164,7 +164,7 @@ def _in_batches(
     """
 
     def prepare(tolerance: float) -> _Run:
-        ta = batch(form, begin[:_LANES], None if pars is None else pars[:_LANES], tolerance)
+        ta = _batch(form, begin[:_LANES], None if pars is None else pars[:_LANES], tolerance)
 
         def run() -> Array:
             for i in range(0, len(begin), _LANES):
@@ -190,7 +190,7 @@ def _median_error(reference: Array) -> Callable[[Array], float]:
 
 def _one_orbit(attitude: Array, momentum: Array) -> None:
     """Compare one orbit, closely sampled; the error is the path's largest."""
-    times = np.linspace(0.0, DURATION, _OUTPUTS + 1)
+    times = np.linspace(0.0, _DURATION, _OUTPUTS + 1)
     reference = orbit(_FIG11B, attitude, momentum, times, 1e-15)[1]
     starts = Starts(_FIG11B, attitude, momentum)
     begin = np.array([*starts.attitudes[0], 0.0, 0.0])
@@ -206,7 +206,7 @@ def _one_orbit(attitude: Array, momentum: Array) -> None:
     def scipys(tolerance: float) -> _Run:
         def run() -> Array:
             keep: dict[str, Any] = {"rtol": tolerance, "atol": tolerance}
-            solved = solve_ivp(rate, (0.0, DURATION), begin, "DOP853", times, **keep)
+            solved = solve_ivp(rate, (0.0, _DURATION), begin, "DOP853", times, **keep)
             return starts.turned_back(solved.y.T[None, :, 4:])[0]
 
         return run
@@ -224,8 +224,8 @@ def _one_orbit(attitude: Array, momentum: Array) -> None:
     def error(path: Array) -> float:
         return float(np.abs(path - reference).max())
 
-    compare(
-        f"one orbit with path, {DURATION:g} s, {_OUTPUTS} outputs",
+    _compare(
+        f"one orbit with path, {_DURATION:g} s, {_OUTPUTS} outputs",
         1e-4,
         _Contender("this", ours, error, _OURS),
         _Contender("scipy DOP853, Python", scipys, error, (1e-9, 1e-10), rounds=2),
@@ -236,8 +236,8 @@ def _one_orbit(attitude: Array, momentum: Array) -> None:
 def _ensembles(attitudes: Array, momenta: Array) -> None:
     """Compare many orbits with their paths, and without, each in the form that suits it best."""
     starts, first = Starts(_FIG11B, attitudes, momenta), (attitudes[:_LANES], momenta[:_LANES])
-    best = orbits(_FIG11B, *first, np.array([0.0, DURATION]), 1e-15)
-    begin, ends = np.zeros((_MANY, 2)), (DURATION,)
+    best = orbits(_FIG11B, *first, np.array([0.0, _DURATION]), 1e-15)
+    begin, ends = np.zeros((_MANY, 2)), (_DURATION,)
     turned = np.concatenate([starts.attitudes, begin], axis=1)
     with_paths = _in_batches(equations_of(PATH, _FIG11B), turned, pars_of(starts), ends)
 
@@ -245,8 +245,8 @@ def _ensembles(attitudes: Array, momenta: Array) -> None:
         points = Starts(_FIG11B, *first).turned_back(end[:, None, 4:])
         return _median_error(best.contact_points[:, 1])(points[:, 0])
 
-    compare(
-        f"{_MANY} orbits with paths, {DURATION:g} s, each",
+    _compare(
+        f"{_MANY} orbits with paths, {_DURATION:g} s, each",
         2e-5,
         _Contender("this, q X Y", _ours(PATH, starts, begin, ends), path_error, _OURS, _MANY),
         _Contender("heyoka, q X Y", with_paths, path_error, _HEYOKAS, _MANY),
@@ -254,8 +254,8 @@ def _ensembles(attitudes: Array, momenta: Array) -> None:
 
     gamma_error = _median_error(rotation_matrix(best.attitudes[:, 1])[:, 2])
 
-    compare(
-        f"{_MANY} orbits without paths, {DURATION:g} s, each",
+    _compare(
+        f"{_MANY} orbits without paths, {_DURATION:g} s, each",
         2e-5,
         _Contender(
             "this, q",
@@ -266,7 +266,7 @@ def _ensembles(attitudes: Array, momenta: Array) -> None:
         ),
         _Contender(
             "heyoka, γ M",
-            _in_batches(level_equations(_FIG11B), _level_states(attitudes, momenta), None, ends),
+            _in_batches(_level_equations(_FIG11B), _level_states(attitudes, momenta), None, ends),
             lambda end: gamma_error(end[:, :3]),
             _HEYOKAS,
             _MANY,
@@ -283,12 +283,12 @@ def _level_states(attitudes: Array, momenta: Array) -> Array:
 def _section_points(attitudes: Array, momenta: Array) -> None:
     """Compare sections, in both directions of g = 0, by the time of each start's last point."""
     first = attitudes[:_LANES], momenta[:_LANES]
-    best = section(_FIG11B, *first, POINTS, tolerance=1e-15).times
+    best = section(_FIG11B, *first, _POINTS, tolerance=1e-15).times
     horizon = float(best.max()) + 1.0
-    form, begin = level_equations(_FIG11B), _level_states(*first)
+    form, begin = _level_equations(_FIG11B), _level_states(*first)
 
     def ours(tolerance: float) -> _Run:
-        return lambda: section(_FIG11B, attitudes, momenta, POINTS, tolerance=tolerance).times[
+        return lambda: section(_FIG11B, attitudes, momenta, _POINTS, tolerance=tolerance).times[
             :_LANES
         ]
 
@@ -303,7 +303,7 @@ def _section_points(attitudes: Array, momenta: Array) -> None:
                 points[lane].append((when, state.copy()))
 
         event = hy.nt_event_batch(M[1] * gamma[0] - M[0] * gamma[1], crossed)
-        ta = batch(form, begin, None, tolerance, nt_events=[event])
+        ta = _batch(form, begin, None, tolerance, nt_events=[event])
 
         def run() -> list[list[float]]:
             for lane in points:
@@ -316,20 +316,20 @@ def _section_points(attitudes: Array, momenta: Array) -> None:
         return run
 
     def error(times: Any) -> float:
-        last = [lane[POINTS - 1] for lane in times]
+        last = [lane[_POINTS - 1] for lane in times]
         return float(np.median(np.abs(last - best[:, -1])))
 
     # heyoka's lanes go on to one time, and so find more points.
     found = sum(len(lane) for lane in heyokas(1e-10)())
-    compare(
+    _compare(
         "section points, each",
         1e-5,
-        _Contender("this", ours, error, _OURS, _MANY * POINTS),
+        _Contender("this", ours, error, _OURS, _MANY * _POINTS),
         _Contender("heyoka, events", heyokas, error, _HEYOKAS[1:], found),
     )
 
 
-def exponents(attitudes: Array, momenta: Array) -> None:
+def _exponents(attitudes: Array, momenta: Array) -> None:
     """Compare the nine equations of the exponents by ln growth and volume at 50 s."""
     starts, ends = Starts(_FIG11B, attitudes, momenta), (50.0, 400.0)
     rest = np.tile([0.6, 0.48, 0.64, 0.0, 0.0], (_MANY, 1))
@@ -342,7 +342,7 @@ def exponents(attitudes: Array, momenta: Array) -> None:
     form, begin = equations_of(DEVIATION, _FIG11B), np.concatenate([starts.attitudes, rest], axis=1)
     work = _MANY * ends[-1] / 1e4
     heyokas = _in_batches(form, begin, pars_of(starts), ends)
-    compare(
+    _compare(
         "exponents, per 1e4 time units",
         3e-7,
         _Contender("this", _ours(DEVIATION, starts, rest, ends), error, _OURS[:3], work),
@@ -360,7 +360,7 @@ def _main() -> None:
         _one_orbit(starts[0][0], starts[1][0])
         _ensembles(*starts)
         _section_points(*starts)
-        exponents(*starts)
+        _exponents(*starts)
     features = get_host_cpu_features()
     if "+avx512f" in features and _FEATURES not in os.environ:
         print("\nThe same without 512-bit lanes", flush=True)

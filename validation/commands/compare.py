@@ -128,21 +128,26 @@ class Compare:
             raise InputError("random starts run by presets: leave out --accuracy and --strict")
         check_files(self.json, self.csv)
         same = {"engine": options.engine, "keep_going": options.keep_going}
-        same |= {"seed": self.seed, "control": self.control}
-        requests = [options.request(name) for name in listed(self.preset) or (None,)]
-        for name, request in product(self.scenes, requests):
-            scene = controlled(name, self.control)
-            duration = seconds_of(options.duration, quick=False, scene=scene)
-            cell = scene_cell(name, duration) | same | {"preset": request.name}
+        same |= {"seed": self.seed, "control": self.control, "environments": None}
+        if options.environments is not None:
+            same["environments"] = str(options.environments.absolute())
+        presets = [options.request(name).name for name in listed(self.preset) or (None,)]
+        for name, preset in product(self.scenes, presets):
+            seconds = seconds_of(
+                options.duration, quick=False, scene=controlled(name, self.control)
+            )
+            cell = scene_cell(name, seconds) | same | {"preset": preset}
             found = many_runs(cell, starts, self.cluster, options.out)
-            runs[f"{name}, {request.name}"] = found.rows
+            runs[f"{name}, {preset}"] = found.rows
             for error in ERRORS:
-                of = {"scene": name, "preset": request.name, "error": error.replace("_", " ")}
+                of = {"scene": name, "preset": preset, "error": error.replace("_", " ")}
                 rows.append({**of, **found.summary(error)})
-        columns = [Column(name, name, words=True) for name in ("scene", "preset", "error")]
-        columns += [Column(name, name, form="d") for name in ("runs", "faulty")]
-        columns += [Column(name, name) for name in PERCENTILES]
-        columns.append(Column("runs", "runs_per_second", "1/s", form=".0f"))
+        columns = [
+            *(Column(name, name, words=True) for name in ("scene", "preset", "error")),
+            *(Column(name, name, form="d") for name in ("runs", "faulty")),
+            *(Column(name, name) for name in PERCENTILES),
+            Column("runs", "runs_per_second", "1/s", form=".0f"),
+        ]
         table = table_of(columns, rows, lambda row: row["faulty"], "preset")
         record = {"seed": self.seed, "spread": rows, "runs": runs}
         present(Study("", None, (), rows, record, [table]), options.out, self.json, self.csv)

@@ -93,7 +93,7 @@ def figure11a() -> Figure:
     )
     figure, axes = sheet(
         "Fig. 11a: a limit cycle and a limit torus",
-        caption_of(scene), facts, [["theory", "engine"]], (5.6, 5.6),
+        _caption_of(scene), facts, [["theory", "engine"]], (5.6, 5.6),
     )  # fmt: skip
     crossed = np.array([[each.l for each in ours], [each.L for each in ours]])
     coarse = cloud_by_contact(build(scene, COARSE), REGULAR_BY_CONTACT, seed=2)
@@ -134,7 +134,7 @@ def figure11b() -> Figure:
     )
     figure, axes = sheet(
         "Fig. 11b: a strange attractor",
-        caption_of(scene), facts, [["theory", "engine"]], (5.6, 5.6),
+        _caption_of(scene), facts, [["theory", "engine"]], (5.6, 5.6),
     )  # fmt: skip
     for each, cloud, count, colour, size, name in (
         (axes["theory"], theory, CHAOS.count, THEORY, 1.8, "equations"),
@@ -171,7 +171,7 @@ def _annulus(axes: Axes, title: str) -> None:
     axes.set_xticks(np.pi / 2 * np.arange(5), ["0", "π/2", "π", "3π/2", "2π"])
 
 
-def caption_of(scene: Scene) -> tuple[str, ...]:
+def _caption_of(scene: Scene) -> tuple[str, ...]:
     """Return the caption's numbers, of Figs 11 to 14."""
     p = scene.parameters
 
@@ -215,7 +215,7 @@ def figure13() -> Figure:
 def _sphere_and_path(number: int, start: str, where: str, facts: tuple[str, ...]) -> Figure:
     """Draw the two panels of Figs 12 and 13, and below how far apart the engines are."""
     scene, duration = load_scene(f"fig{number}"), 40.0
-    caption = (*caption_of(scene), f"start: {start}", f"Duration chosen: {duration:g} s.")
+    caption = (*_caption_of(scene), f"start: {start}", f"Duration chosen: {duration:g} s.")
     figure, axes = sheet(
         f"Fig. {number}: motion {where}",
         caption, facts, [["sphere", "apart"], ["plane", "plane"]], (5.2, 5.2), (4.8, 3.6),
@@ -229,7 +229,7 @@ def _sphere_and_path(number: int, start: str, where: str, facts: tuple[str, ...]
 def figure14() -> Figure:
     """Draw the path on the strange attractor, and how the engines part on it."""
     scene, duration, exponent = load_scene("fig14"), 160.0, 0.116
-    caption = (*caption_of(scene), "start: (L, l) = (0, 0.6)", f"Duration chosen: {duration:g} s.")
+    caption = (*_caption_of(scene), "start: (L, l) = (0, 0.6)", f"Duration chosen: {duration:g} s.")
     facts = (
         "On the strange attractor of Fig. 11b, not",
         "  on a limit cycle (E22).",
@@ -273,7 +273,7 @@ def _draw_long_paths(panels: Mapping[str, Axes], scene: Scene, duration: float) 
 _TORI_VIEW = View(azimuth=30.0, elevation=35.0)
 _COLOURS = {"rubber": THEORY, "classical": "#AA3377"}  # of both balls by the equations
 LEVELS = (0.2, 0.4, 0.5, 0.6, 1.0, 1.2)  # l of ℓ at the start, where L = 0 [rad]: a torus each
-FOLLOWED, SHOWN = 210.0, 12.0  # s
+_FOLLOWED, SHOWN = 210.0, 12.0  # s
 _INTERVAL = 0.01  # s, between samples: the error of a crossing goes with its fourth power
 
 
@@ -333,13 +333,13 @@ def started(scene: Scene, l: float) -> Scene:
 
 
 def followed(scene: Scene, duration: float | None = None) -> Motion:
-    """Return the ball's motion by the equations, over FOLLOWED where no duration [s] is given."""
-    return compiled_motion(scene, sample_times(duration or FOLLOWED, _INTERVAL))
+    """Return the ball's motion by the equations, over _FOLLOWED where no duration [s] is given."""
+    return compiled_motion(scene, sample_times(duration or _FOLLOWED, _INTERVAL))
 
 
 def engine_followed(scene: Scene) -> Motion:
-    """Return the ball's motion by the engine, over FOLLOWED."""
-    return engine_motion(scene, sample_times(FOLLOWED), "fast")
+    """Return the ball's motion by the engine, over _FOLLOWED."""
+    return engine_motion(scene, sample_times(_FOLLOWED), "fast")
 
 
 def _levelled(motion: Motion) -> Motion:

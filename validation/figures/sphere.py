@@ -139,15 +139,15 @@ class Involute:
         _arrow_head(self.axes, self.places(gamma), colour)
 
 
-Chart = Globe | Involute
+_Chart = Globe | Involute
 
 
-def both_charts(left: Axes, right: Axes) -> tuple[Chart, Chart]:
+def both_charts(left: Axes, right: Axes) -> tuple[_Chart, _Chart]:
     """Return the sphere on both its charts."""
-    return Globe(left, VIEW, "vertical γ on the Poisson sphere"), Involute(right, "its involute")
+    return Globe(left, _VIEW, "vertical γ on the Poisson sphere"), Involute(right, "its involute")
 
 
-def draw_gamma(chart: Chart, theory: Motion, engine: Motion) -> None:
+def draw_gamma(chart: _Chart, theory: Motion, engine: Motion) -> None:
     """Draw γ of both motions, in principal axes."""
     gamma, ours = (each.gamma @ each.scene.principal_axes for each in (theory, engine))
     chart.line(gamma, **THEORY_LINE, zorder=4)
@@ -187,10 +187,10 @@ _STARTS_DRAWN = 44
 _DRAWN = 5.0  # rad, of a manifold
 FOLLOWED = 400.0  # s, for a manifold
 _FIELD_TURNS = 18.0  # rad, by the rates of the flow, of each pale orbit
-VIEW = View(azimuth=62.0, elevation=30.0)
+_VIEW = View(azimuth=62.0, elevation=30.0)
 
 
-def draw_field(chart: Chart, parameters: Parameters, duration: float) -> None:
+def draw_field(chart: _Chart, parameters: Parameters, duration: float) -> None:
     """Draw pale orbits with arrows from points all over the sphere, each for a duration [s]."""
     starts = spread_points(_STARTS_DRAWN)
     attitudes = attitude_at(starts)
@@ -205,7 +205,7 @@ def draw_field(chart: Chart, parameters: Parameters, duration: float) -> None:
             chart.arrow(gamma[: 2 * k], FAINT)
 
 
-def draw_points(chart: Chart, parameters: Parameters, points: Sequence[FixedPoint]) -> None:
+def draw_points(chart: _Chart, parameters: Parameters, points: Sequence[FixedPoint]) -> None:
     """Draw a mark at each fixed point, by its type, with the paper's name where it has one."""
     for kind in dict.fromkeys(point.kind for point in points):
         mark, fill = _MARKS[kind]
@@ -216,7 +216,7 @@ def draw_points(chart: Chart, parameters: Parameters, points: Sequence[FixedPoin
         chart.name(point.gamma, name_of(parameters, point.gamma))
 
 
-def draw_circle(chart: Chart, circle: FixedCircle) -> None:
+def draw_circle(chart: _Chart, circle: FixedCircle) -> None:
     """Draw the circle of fixed points: Σ_s solid, Σ_u dashed."""
     quarter = np.linspace(0.0, np.pi / 2, 100)
     for k in range(4):
@@ -226,7 +226,7 @@ def draw_circle(chart: Chart, circle: FixedCircle) -> None:
 
 
 def draw_separatrices(
-    chart: Chart, found: Sequence[Separatrix], contour: Sequence[Separatrix]
+    chart: _Chart, found: Sequence[Separatrix], contour: Sequence[Separatrix]
 ) -> None:
     """Draw the saddles' manifolds; those of a closed contour in the colour of a cycle."""
     for each in contour:
@@ -240,7 +240,7 @@ def draw_separatrices(
                    label=label, zorder=2)  # fmt: skip
 
 
-def _once(chart: Chart, label: str) -> str | None:
+def _once(chart: _Chart, label: str) -> str | None:
     """Return a label the first time that a chart is given it: its legend has each once."""
     return None if label in chart.axes.get_legend_handles_labels()[1] else label
 
@@ -251,7 +251,7 @@ def _beginning(path: Array) -> Array:
     return path[: int(np.searchsorted(lengths, _DRAWN)) + 2]
 
 
-def draw_cycles(chart: Chart, parameters: Parameters, cycles: Sequence[Cycle]) -> None:
+def draw_cycles(chart: _Chart, parameters: Parameters, cycles: Sequence[Cycle]) -> None:
     """Draw limit cycles: solid where they attract, dashed where they repel."""
     for cycle in cycles:
         curve = curve_of(parameters, cycle.gamma, cycle.period)

@@ -14,7 +14,7 @@ import numpy as np
 
 from robotball.rotations import Array
 
-POINTS = 400  # of a line at most, since a screen shows no more
+_POINTS = 400  # of a line at most, since a screen shows no more
 _WIDTH, _HEIGHT = 560, 330  # px of the picture
 _LEFT, _RIGHT, _TOP, _BOTTOM = 68, 16, 10, 44  # px around the axes
 _DIGITS = 5  # of a value shown under the pointer
@@ -121,9 +121,9 @@ def ticks(low: float, high: float, most: int = 7) -> list[float]:
 
 def _thinned(line: Line) -> Line:
     count = len(line.x)
-    if count <= POINTS:
+    if count <= _POINTS:
         return line
-    kept = np.unique(np.linspace(0, count - 1, POINTS).round().astype(int))
+    kept = np.unique(np.linspace(0, count - 1, _POINTS).round().astype(int))
     times = None if line.times is None else line.times[kept]
     return replace(line, x=line.x[kept], y=line.y[kept], times=times)
 

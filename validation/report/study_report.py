@@ -10,7 +10,7 @@ from robotball import InputError
 from robotball.files import contents
 from validation.report import embedded, folded, page, paragraph, plain, table, text
 
-LONGEST = 60  # rows of a table; the file has the others
+_LONGEST = 60  # rows of a table; the file has the others
 _WIDEST = 60  # characters of a cell
 
 
@@ -54,10 +54,10 @@ def _parts(record: Mapping[str, Any]) -> list[str]:
 
 def _rows(name: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     columns = [key for key, value in rows[0].items() if _is_plain(value)]
-    cells = [[_cell(row.get(key)) for key in columns] for row in rows[:LONGEST]]
+    cells = [[_cell(row.get(key)) for key in columns] for row in rows[:_LONGEST]]
     words = f"{len(rows)} rows"
-    if len(rows) > LONGEST:
-        words += f", of which the first {LONGEST} are shown"
+    if len(rows) > _LONGEST:
+        words += f", of which the first {_LONGEST} are shown"
     return [
         f"<h2>{text(name.replace('_', ' '))}</h2>",
         paragraph(f"{words}.", "faint"),

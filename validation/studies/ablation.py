@@ -187,7 +187,7 @@ def _of(rows: Sequence[Row], direction: str) -> list[Row]:
 def _shown(rows: Sequence[Row]) -> Iterator[Table | str]:
     for direction, words in _WORDS.items():
         yield words
-        yield table_of(COLUMNS, _of(rows, direction), lambda row: row["faults"])
+        yield table_of(_COLUMNS, _of(rows, direction), lambda row: row["faults"])
     yield _NOTE
 
 
@@ -208,7 +208,7 @@ def _first_fault(row: Row) -> str:
     return f"{first} (+{len(others)})" if others else first
 
 
-COLUMNS = (
+_COLUMNS = (
     Column("choice", _name, words=True),
     Column("path\nerror", "path_error"),
     Column("M error", "momentum_error"),

@@ -60,7 +60,7 @@ _REFERENCES = {
 }
 
 _HALVINGS = 8  # of the sample interval, for MuJoCo's shortest step
-LONGEST, _SHORTEST = 0.24, 0.005  # s, steps of DOP853, in ratios of √2
+_LONGEST, _SHORTEST = 0.24, 0.005  # s, steps of DOP853, in ratios of √2
 _TOLERANCES = tuple(10.0**-n for n in range(4, 15))  # of DOP853 with steps of its own
 # Its tolerances for the limit, of which the first counts that comes to its end.
 _LIMITS = (LEAST_RTOL, 1e-13, 1e-11, 1e-9)
@@ -168,10 +168,10 @@ def _methods(model: Model, interval: float, halvings: int) -> list[_Method]:
     guarded = timeconst / 2 if timeconst > 0 else np.inf
     steps = [interval / 2**n for n in range(halvings)]
     allowed = [step for step in steps if step <= guarded * (1 + 1e-9)]
-    count = int(np.log2(LONGEST / _SHORTEST) * 2) + 1
+    count = int(np.log2(_LONGEST / _SHORTEST) * 2) + 1
     return [
         *(_Method(name, step) for name in OWN for step in allowed),
-        *(_Method(ADAPTIVE, LONGEST / 2 ** (n / 2), _ANY) for n in range(count)),
+        *(_Method(ADAPTIVE, _LONGEST / 2 ** (n / 2), _ANY) for n in range(count)),
         *(_Method(ADAPTIVE, None, rtol) for rtol in _TOLERANCES),
     ]
 

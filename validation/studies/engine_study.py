@@ -1,24 +1,31 @@
-"""All engines on a scene: error against processor time, orders, the Pareto front."""
+"""All engines on a scene: error against processor time, orders, the Pareto front.
+
+And the same search for every engine: its knobs drawn evenly, then the best few refined.
+"""
 
 import json
 import math
 import statistics
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from matplotlib.figure import Figure
 from rich.markup import escape
+from scipy.stats import qmc
 from tyro.conf import Positional, arg
 
 from robotball import InputError, Scene, engine_named, engine_names, load_scene
-from robotball.engine import DEFAULT
-from robotball.engines.adapter import not_installed
+from robotball.engine import DEFAULT, Knobs
 from robotball.engines.environments import ENVIRONMENTS, call, versions_in
 from robotball.errors import check_count, check_positive
 from robotball.film.looks import INK
+from robotball.rotations import Array
 from validation.options import (
     AGREES,
     Duration,
@@ -32,10 +39,9 @@ from validation.options import (
 from validation.output import in_picture, writable_folder
 from validation.results import changed
 from validation.sensitivity import chaotic
-from validation.studies import engine_runs as process
-from validation.studies.engine_runs import Contestant, contestants, install, python_of
-from validation.studies.orders import Order, fit_order
-from validation.studies.tuning import Changes, search
+from validation.studies import engine_runs
+from validation.studies.engine_runs import Contestant, python_of
+from validation.studies.orders import fit_order
 from validation.study import (
     CANCELLED,
     Column,
@@ -49,9 +55,14 @@ from validation.study import (
 )
 from validation.sweeps import Cell, Result, rows_of
 
-_LIMIT = 300.0  # s that a run may take
+_LIMIT, _SET_UP = 300.0, 100.0  # s that a run may take, and its set-up, compilation included
 _ROUNDS = 3  # of timing
 _LEAST_BUDGET = 4  # of a search
+_DRAWN = 2 / 3  # of the budget; the rest refines
+_BEST = 4  # are refined
+_NEAR = (0.2, 0.02)  # of every knob's span: the deviations around the best, the first and the last
+Changes = Mapping[str, Any]
+"""Values of an engine's settings, by the names of their fields."""
 
 
 def cells_of(
@@ -61,113 +72,104 @@ def cells_of(
     stretches = chaotic(load_scene(scene))
     shared = {**scene_cell(scene, duration), "rounds": rounds, "stretches": stretches}
     return [
-        {
-            **shared,
-            "contestant": each.name,
-            "engine": each.engine,
-            "preset": preset,
-            "field": field,
-            "value": value,
-            "interpreter": str(python),
-        }
+        {**shared, "contestant": each.name, "engine": each.engine, "preset": preset,
+         "field": field, "value": value, "interpreter": str(python)}
         for each in contestants
         if (python := python_of(each, folder)) is not None
         for preset, (field, values) in engine_named(each.engine).ladders.items()
         for value in values
-    ]
+    ]  # fmt: skip
 
 
 def measure(cell: Cell) -> dict[str, Any]:
     """Run a cell in a process of its own; raises where that ends without a record."""
-    return call(cell["interpreter"], process.run, dict(cell))
+    return call(cell["interpreter"], engine_runs.run, dict(cell))
 
 
-@dataclass(frozen=True)
-class _EngineStudy:
-    """All runs of a scene.
+def study_of(scene: Scene, results: Sequence[Result]) -> dict[str, Any]:
+    """Return the study of a scene's results, as plain data.
 
-    what          a description of the errors: of the path, or in a chaotic scene the total defects
-                  of stretches
-    runs          by contestant and preset; a row of plain data each, that of its cell and its
-                  record and besides
-                    error     as `what` says
-                    cost      processor time of a simulated second [s], at the speed of the
-                              study's median process; python_share: Python's part of it
-                    relative_cost  over that of the default engine by its default settings, if run
-                    newcomer  whether the preset is the engine as it comes, by its `source`
-                    ours      the parts that are robotball's
-                    changes   of the preset, in a search for the best
-    orders        by contestant and preset, where the runs lie on a line
-    pareto_front  the runs than which none is both cheaper and better, the best first
-    failed        a row with its contestant, preset, value and why, for each run without an answer
+    errors  a description of them: of the path, or in a chaotic scene the total defects of stretches
+    runs    a row each, that of its cell and its record and besides
+              error     as `errors` says
+              cost      processor time of a simulated second [s], at the speed of the study's median
+                        process; python_share: Python's part of it
+              relative_cost  over that of the default engine by its default settings, if run
+              order     of the preset's errors, where they lie on a line
+              newcomer  whether the preset is the engine as it comes, by its `source`
+              ours      the parts that are robotball's
+              changes   of the preset, in a search for the best
+              usable    whether the error says how well it rolls
+              on_the_pareto_front  whether no usable run is both cheaper and better
+    orders  the lines, with their contestants and presets
+    failed  a row with its contestant, preset, value and fault, for each run without an answer
     """
-
-    scene: Scene
-    what: str
-    runs: Mapping[tuple[str, str], Sequence[Row]]
-    orders: dict[tuple[str, str], Order]
-    pareto_front: Sequence[Row]
-    failed: list[Row]
-
-
-def study_of(scene: Scene, results: Sequence[Result]) -> _EngineStudy:
-    """Return the study of a scene's results."""
-    works = [result.record["fixed_work"] for result in results if result.record]
-    speed = statistics.median(works) if works else 1.0
+    speed = statistics.median([each.record["fixed_work"] for each in results if each.record] or [1])
     by_defects = any(result.cell["stretches"] for result in results)
-    runs: dict[tuple[str, str], list[dict[str, Any]]] = {}
-    broken, failed = [], []
+    runs: list[dict[str, Any]] = []
+    orders, failed = [], []
     for cell, record, failure in ((each.cell, each.record, each.failure) for each in results):
-        place = {name: cell[name] for name in ("contestant", "preset", "value")}
+        place = {name: cell[name] for name in ("contestant", "preset", "field", "value")}
         if record is None:
-            failed.append({**place, "why": failure or ""})
+            failed.append({**place, "title": _title(place), "fault": failure})
             continue
-        error = record["defect"] if by_defects else record["path_error"]
+        error, faults = record["defect" if by_defects else "path_error"], record["faults"]
         if error is None or record["momentum_error"] is None:
-            why = "; ".join(record["faults"]) or f"broke off at {record['reached']:g} s"
-            broken.append({**place, "why": why})
+            fault = "; ".join(faults) or f"broke off at {record['reached']:g} s"
+            failed.append({**place, "title": _title(place), "fault": fault})
             continue
-        seconds, python = record["seconds"], record["python_seconds"]
-        share = None if python is None or not seconds else min(1.0, python / seconds)
-        runs.setdefault((cell["contestant"], cell["preset"]), []).append(
-            {
-                **record, **place, "field": cell["field"], "error": error,
-                "newcomer": cell["preset"] == engine_named(cell["engine"]).as_it_comes,
-                "cost": seconds / cell["duration"] * speed / record["fixed_work"],
-                "python_share": share,
-                "ours": engine_named(cell["engine"]).ours.get(cell["preset"], ""),
-                "source": engine_named(cell["engine"]).source, "changes": cell.get("changes", {}),
-            }
-        )  # fmt: skip
-    preset = engine_named(DEFAULT).presets[engine_named(DEFAULT).default]
-    own = runs.get((DEFAULT, preset.name), ())
-    units = [each["cost"] for each in own if each["value"] == getattr(preset, each["field"])]
-    for each in (each for of in runs.values() for each in of):
-        each["relative_cost"] = each["cost"] / units[0] if units else None
-    usable = [each for of in runs.values() for each in of if _usable(each)]
-    front = pareto_front(*([each[name] for each in usable] for name in ("error", "cost")))
-    orders = {key: order for key, of in runs.items() if (order := _order(of)) is not None}
+        engine, python = engine_named(cell["engine"]), record["python_seconds"]
+        of, seconds = {**record, **place, "error": error}, record["seconds"]
+        runs.append({
+            **of, "title": _title(of), "fault": "".join(faults[:1]), "usable": _usable(of),
+            "newcomer": cell["preset"] == engine.as_it_comes,
+            "cost": seconds / cell["duration"] * speed / record["fixed_work"],
+            "python_share": min(1.0, python / seconds) if python is not None and seconds else None,
+            "ours": engine.ours.get(cell["preset"], ""), "source": engine.source,
+            "changes": cell.get("changes", {}),
+        })  # fmt: skip
+    default = engine_named(DEFAULT)
+    published = getattr(default.presets[default.default], default.ladders[default.default][0])
+    own = (DEFAULT, default.default, published)
+    unit = next((run["cost"] for run in runs if (*_key(run), run["value"]) == own), None)
+    usable = [run for run in runs if run["usable"]]
+    front = pareto_front(*([run[name] for run in usable] for name in ("error", "cost")))
+    best = [usable[i] for i in front]
+    for run in runs:
+        run |= {"relative_cost": run["cost"] / unit if unit else None, "order": None}
+        run["on_the_pareto_front"] = any(run is each for each in best)
+    for (contestant, preset), some in groupby(runs, _key):
+        mine = [run for run in some if run["field"] == "timestep" and not run["changes"]]
+        steps, errors = ([run[name] for run in mine] for name in ("longest_step", "error"))
+        if order := fit_order(steps, errors):
+            orders.append({"contestant": contestant, "preset": preset, **asdict(order)})
+            for run in mine:
+                run["order"] = order.order
     what = "chaotic, so errors are the sum of defects over short stretches"
-    return _EngineStudy(
-        scene, what if by_defects else "path errors", runs, orders,
-        [usable[i] for i in front][::-1], [*broken, *failed],
-    )  # fmt: skip
+    return {
+        "scene": scene.name, "rolling": scene.rolling,
+        "errors": what if by_defects else "path errors",
+        "runs": runs, "orders": orders, "failed": failed,
+    }  # fmt: skip
 
 
-def _order(runs: Sequence[Row]) -> Order | None:
-    """Return the order of a preset's error in the timestep; None where runs lie on no line."""
-    mine = [each for each in runs if each["field"] == "timestep" and not each["changes"]]
-    return fit_order([each["longest_step"] for each in mine], [each["error"] for each in mine])
+def _key(run: Row) -> tuple[str, str]:
+    return run["contestant"], run["preset"]
+
+
+def _title(run: Row) -> str:
+    """Return an engine with its version, the preset, and the step or rtol."""
+    engine = f"{run['label']} {run['version']}" if "label" in run else run["contestant"]
+    value = f"{run['value'] * 1e3:g} ms" if run["field"] == "timestep" else f"{run['value']:g}"
+    return f"{engine}, {run['preset']}, {value}"
 
 
 def _usable(run: Row) -> bool:
     """Return whether the error says how well it rolls."""
     honest = run["momentum_error"] < CANCELLED * max(run["error"], _LEAST)
-    return run["error"] < process.LOOSEST and honest and "diverged" not in " ".join(run["faults"])
-
-
-def _name(run: Row) -> str:
-    return f"{run['label']} {run['version']}"
+    return (
+        run["error"] < engine_runs.LOOSEST and honest and "diverged" not in " ".join(run["faults"])
+    )
 
 
 _MARKERS = "osD^vPX*<>hp"
@@ -184,62 +186,29 @@ _NOTE = (
 def _engines_study(scene: Scene, results: Sequence[Result], words: Sequence[str]) -> Study:
     """Return every run, those that gave none, and the front; words: of the files' names."""
     study = study_of(scene, results)
-    return Study(
-        scene.name, None, ["engines", *words], rows_of(results), _record(study),
-        shown=(
-            f"[bold]{escape(scene.name)} ({scene.rolling}): {study.what}[/]",
-            table_of(COLUMNS, _shown(study), lambda row: not row.get("usable")),
-            _NOTE.format(engine_named(DEFAULT).label.name),
-        ),
-        picture=_engines_picture(study),
-    )  # fmt: skip
+    title = f"{scene.name} ({scene.rolling}): {study['errors']}"
+    rows = [*study["runs"], *study["failed"]]
+    table = table_of(COLUMNS, rows, lambda row: not row.get("usable"))
+    shown = (f"[bold]{escape(title)}[/]", table, _NOTE.format(engine_named(DEFAULT).label.name))
+    picture = _engines_picture(title, study["runs"])
+    return Study(scene.name, None, ["engines", *words], rows_of(results), study, shown, picture)
 
 
-def _shown(study: _EngineStudy) -> list[Row]:
-    """Return the rows of the table, those of runs without an answer last."""
-    rows = [
-        {
-            **run,
-            "title": f"{_name(run)}, {run['preset']}, {value_of(run)}",
-            "front": "*" if run in study.pareto_front else "",
-            "order": study.orders[key].order if key in study.orders else None,
-            "fault": run["faults"][0] if run["faults"] else "",
-            "usable": _usable(run),
-        }
-        for key, runs in study.runs.items()
-        for run in runs
-    ]
-    failed = [
-        {"title": f"{row['contestant']}, {row['preset']}, {row['value']:g}", "fault": row["why"]}
-        for row in study.failed
-    ]
-    return [*rows, *failed]
-
-
-def value_of(run: Row) -> str:
-    """Return the timestep of a run with its unit, or its tolerance."""
-    value: float = run["value"]
-    return f"{value * 1e3:g} ms" if run["field"] == "timestep" else f"{value:g}"
+def _front(run: Row) -> str:
+    return "*" if run.get("on_the_pareto_front") else ""
 
 
 COLUMNS = (
-    Column("", "front", words=True, missing=""),
-    Column("engine, preset, step or rtol", "title", words=True),
-    Column("error", "error"),
-    Column("order", "order", form=".2f"),
-    Column("M error", "momentum_error"),
-    Column("slip", "slip", "m/s"),
-    Column("N error", "normal_force_error"),
-    Column("cone", "cone_violation"),
-    Column("slip work", "slip_work"),
-    Column("energy", "energy_error"),
+    Column("", _front, words=True), Column("engine, preset, step or rtol", "title", words=True),
+    Column("error", "error"), Column("order", "order", form=".2f"),
+    Column("M error", "momentum_error"), Column("slip", "slip", "m/s"),
+    Column("N error", "normal_force_error"), Column("cone", "cone_violation"),
+    Column("slip work", "slip_work"), Column("energy", "energy_error"),
     Column("CPU", "cost", "ms", form=".3g", scale=1e3),
-    Column("relative", "relative_cost", form=".3g"),
-    Column("spread", "spread", form=".2f"),
-    Column("Python", "python_share", form=".0%"),
-    Column("ours", "ours", words=True),
+    Column("relative", "relative_cost", form=".3g"), Column("spread", "spread", form=".2f"),
+    Column("Python", "python_share", form=".0%"), Column("ours", "ours", words=True),
     Column("first fault", "fault", words=True),
-)
+)  # fmt: skip
 
 
 def _changes(run: Row) -> str:
@@ -251,55 +220,63 @@ _SHOWN = 5  # of a search
 _TUNED = (COLUMNS[2], *COLUMNS[4:7], Column("settings", _changes, words=True))
 
 
-def _engines_picture(study: _EngineStudy) -> Figure:
+def _engines_picture(title: str, runs: Sequence[Row]) -> Figure:
     """Draw engines' errors against their costs: as many as there are markers, of least errors."""
-    least: dict[str, float] = {}
-    for (contestant, _), runs in study.runs.items():
-        least[contestant] = min(least.get(contestant, math.inf), *(run["error"] for run in runs))
-    names = sorted(least, key=lambda name: least[name])
+    names = list(dict.fromkeys(run["contestant"] for run in sorted(runs, key=itemgetter("error"))))
     left = f"; not drawn: {', '.join(names[len(_MARKERS) :])}" if names[len(_MARKERS) :] else ""
-    figure, axes = cost_axes(
-        f"{in_picture(study.scene.name)} ({study.scene.rolling}): {study.what}{left}",
-        "error, relative to the path's length",
-    )
+    figure, axes = cost_axes(in_picture(title + left), "error, relative to the path's length")
     for name, mark in zip(names, _MARKERS, strict=False):
-        label = _name(next(runs[0] for key, runs in study.runs.items() if key[0] == name))
-        for runs in (runs for key, runs in study.runs.items() if key[0] == name):
-            first, errors = runs[0], [min(max(run["error"], _LEAST), 10.0) for run in runs]
-            style = _IDEAL if {"all", "constraints"} & set(first["ours"].split(", ")) else "-"
-            axes.plot(errors, [run["cost"] for run in runs], f"{mark}{style}", markersize=6,
-                      mfc="none" if first["newcomer"] else first["colour"], color=first["colour"],
-                      linewidth=1, zorder=2)  # fmt: skip
-        axes.plot([], [], f"{mark}-", color=first["colour"], linewidth=1, label=in_picture(label))
-    front = study.pareto_front
-    axes.plot(
-        [max(run["error"], _LEAST) for run in front], [run["cost"] for run in front],
-        color=INK, linewidth=1.8, zorder=1, label="Pareto front",
-    )  # fmt: skip
+        first = next(run for run in runs if run["contestant"] == name)
+        label, colour = in_picture(f"{first['label']} {first['version']}"), first["colour"]
+        axes.plot([], [], f"{mark}-", color=colour, linewidth=1, label=label)
+        for _, some in groupby([run for run in runs if run["contestant"] == name], _key):
+            mine = [*some]
+            style = _IDEAL if {"all", "constraints"} & {*mine[0]["ours"].split(", ")} else "-"
+            axes.plot(
+                [min(max(run["error"], _LEAST), 10.0) for run in mine],
+                [run["cost"] for run in mine], f"{mark}{style}", color=colour, markersize=6,
+                mfc="none" if mine[0]["newcomer"] else colour, linewidth=1, zorder=2,
+            )  # fmt: skip
+    best = sorted(
+        (max(run["error"], _LEAST), run["cost"]) for run in runs if run["on_the_pareto_front"]
+    )
+    front = np.reshape(best, (-1, 2)).T
+    axes.plot(*front, color=INK, linewidth=1.8, zorder=1, label="Pareto front")
     axes.plot([], [], "o", color=INK, mfc="none", label="as it comes")
     axes.plot([], [], _IDEAL, color=INK, linewidth=1, label="rolling constraints of ours")
     figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     return figure
 
 
-def _record(study: _EngineStudy) -> dict[str, Any]:
-    """Return the study as plain data: all settings, versions, faults and costs."""
-    front = study.pareto_front
-    return {
-        "scene": study.scene.name,
-        "rolling": study.scene.rolling,
-        "errors": study.what,
-        "runs": [
-            {**run, "on_the_pareto_front": run in front}
-            for runs in study.runs.values()
-            for run in runs
-        ],
-        "orders": [
-            {"contestant": contestant, "preset": preset, **asdict(order)}
-            for (contestant, preset), order in study.orders.items()
-        ],
-        "failed": study.failed,
-    }
+def search(
+    knobs: Knobs, budget: int, errors: Callable[[Sequence[Changes]], Sequence[float]]
+) -> None:
+    """Try `budget` configurations of the knobs, the preset's own first.
+
+    errors: runs configurations and returns the error of each, infinite where there is none. The
+    draw is seeded, so that a search that was broken off tries the same again.
+    """
+    names, spans = list(knobs[1]), list(knobs[1].values())
+
+    def at(points: Array) -> list[Changes]:
+        rows = [[_at(*each) for each in zip(spans, row, strict=True)] for row in points]
+        return [dict(zip(names, row, strict=True)) for row in rows]
+
+    drawn = qmc.Halton(len(names), rng=0).random(round(_DRAWN * budget) - 1)
+    tried: list[Changes] = [{}, *at(drawn)]
+    best = np.argsort(errors(tried)[1:], kind="stable")[:_BEST]
+    normal = np.random.default_rng(0).normal(size=(budget - len(tried), len(names)))
+    normal *= np.geomspace(*_NEAR, len(normal))[:, None]
+    around = np.clip(drawn[np.resize(best, len(normal))] + normal, 0.0, 1.0)
+    distinct = {json.dumps(each): each for each in [*tried, *at(around)]}
+    errors([*distinct.values()])
+
+
+def _at(span: tuple[Any, ...] | slice, part: float) -> Any:
+    """Return the value at a part, from 0 to 1, of a knob's span, to three digits."""
+    if isinstance(span, slice):
+        return float(f"{span.start * (span.stop / span.start) ** part:.3g}")
+    return span[min(int(part * len(span)), len(span) - 1)]
 
 
 @dataclass(frozen=True)
@@ -328,14 +305,16 @@ class Engines:
     sweep: SweepOptions = field(default_factory=Sweep)
 
     def run(self) -> int:
-        known = contestants()
+        known = engine_runs.contestants()
         for each in chosen("engine", listed(self.install), known) if self.install else ():
-            print(install(each, writable_folder(self.environments)))
+            print(engine_runs.install(each, writable_folder(self.environments)))
         some = chosen("engine", listed(self.only), known)
         if not self.scenes:
             if not self.install:
                 _list(some, self.environments)
             return AGREES
+        if self.only or self.tune:
+            engine_runs.check_installed(some, self.environments)
         writable_folder(self.sweep.out)
         for name in self.scenes:
             for each in some if self.tune else ():
@@ -350,21 +329,21 @@ class Engines:
             raise InputError(f"{contestant.name} has no knobs: there is nothing to tune")
         check_count("budget", self.budget, _LEAST_BUDGET)
         check_positive("cap", self.cap, "ms")
-        if python_of(contestant, self.environments) is None:
-            raise not_installed(engine.label.name, contestant.name)
         seconds = seconds_of(self.duration, self.sweep.quick, scene)
         cells = cells_of(name, [contestant], self.environments, seconds, 1)
         (base, *_) = (cell for cell in cells if cell["preset"] == engine.knobs[0])
         published = getattr(engine.presets[base["preset"]], base["field"])
+        # What takes far longer than the cap cannot be the best; set-up may take its time.
+        limit = min(_LIMIT, _SET_UP + 10 * self.cap / 1e3 * seconds)
         tried: list[Result] = []
         best: list[Row] = []
 
         def errors(configurations: Sequence[Changes]) -> list[float]:
             wanted = [{**base, "value": published, "changes": each} for each in configurations]
             journal = f"{scene.name}-tune-{contestant.name}"
-            tried[:] = self.sweep.results(measure, wanted, journal, _LIMIT)
-            runs = [run for of in study_of(scene, tried).runs.values() for run in of]
-            within = [run for run in runs if _usable(run) and run["cost"] <= self.cap / 1e3]
+            tried[:] = self.sweep.results(measure, wanted, journal, limit)
+            runs = study_of(scene, tried)["runs"]
+            within = (run for run in runs if run["usable"] and run["cost"] <= self.cap / 1e3)
             best[:] = sorted(within, key=lambda run: run["error"])
             by_changes = {json.dumps(run["changes"]): run["error"] for run in best}
             return [by_changes.get(json.dumps(each), math.inf) for each in configurations]
@@ -376,9 +355,6 @@ class Engines:
         self.sweep.present(study, *changed(self, "duration", "budget", "cap"))
 
     def _study(self, name: str, chosen: Sequence[Contestant]) -> None:
-        for each in chosen if self.only else ():
-            if python_of(each, self.environments) is None:
-                raise not_installed(engine_named(each.engine).label.name, each.name)
         scene, quick = load_scene(name), self.sweep.quick
         seconds = seconds_of(self.duration, quick, scene)
         cells = cells_of(name, chosen, self.environments, seconds, 1 if quick else _ROUNDS)
@@ -388,19 +364,20 @@ class Engines:
 
 
 def _list(chosen: Sequence[Contestant], environments: Path) -> None:
-    names = ("engine", "name", "version", "presets", "runs in")
-    rows = []
+    rows: list[Row] = []
     for each in chosen:
         engine, python = engine_named(each.engine), python_of(each, environments)
-        place = "nowhere: not installed" if python is None else str(python.parents[1])
         there = versions_in(environments / each.name, (*each.requirements, DEFAULT))
         version = engine.label.version if python == Path(sys.executable) else there or "-"
-        cells = (each.name, engine.label.name, version, ", ".join(engine.presets), place)
-        rows.append(dict(zip(names, cells, strict=True)))
+        rows.append({
+            "engine": each.name, "name": engine.label.name, "version": version,
+            "presets": ", ".join(engine.presets),
+            "runs in": str(python.parents[1]) if python else "nowhere: not installed",
+        })  # fmt: skip
     others = {each.engine for each in chosen}
     for key in (each for each in engine_names() if each not in others):
         try:
             engine_named(key)
         except InputError as error:
             rows.append({"engine": key, "presets": str(error)})
-    show([table_of([Column(name, name, words=True) for name in names], rows)])
+    show([table_of([Column(name, name, words=True) for name in rows[0]], rows)])

@@ -144,7 +144,7 @@ def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _measured(this: CellRun) -> dict[str, Any]:
-    scene, times = this.scene, sample_times(this)
+    scene, times = this.scene, _sample_times(this)
     theory = compiled_motion(scene, times)
     settings = _ample(this.settings, theory) if this.ample else this.settings
     motion = run(build(scene, settings), times)
@@ -178,7 +178,7 @@ def _speed_scale(scene: Scene) -> float:
     return float(max(numbers.A) * size + np.linalg.norm(numbers.Omega))
 
 
-def sample_times(this: CellRun) -> Array:
+def _sample_times(this: CellRun) -> Array:
     """Return the times (n,) of a cell, whole timesteps apart [s].
 
     They cover a few turns of the ball, unless the cell has a duration, and enough steps of a fixed
@@ -216,12 +216,12 @@ def _outcome_of(result: Result) -> Outcome:
     return Outcome.UNFINISHED if result.outlasted else Outcome.FAILED
 
 
-def foretold(result: Result) -> bool:
+def _foretold(result: Result) -> bool:
     """Return whether the precheck warned of the run."""
     return bool(result.record and result.record.get("foretold"))
 
 
-def noticed(result: Result) -> bool:
+def _noticed(result: Result) -> bool:
     """Return whether the monitor found a fault during the run."""
     return bool(result.record and result.record.get("faults"))
 
@@ -234,7 +234,7 @@ def _error_of(result: Result) -> float | None:
 def missed(result: Result) -> bool:
     """Return whether a run is wrong, and neither the precheck nor the monitor said so."""
     error = _error_of(result)
-    return error is not None and error > WRONG and not (foretold(result) or noticed(result))
+    return error is not None and error > WRONG and not (_foretold(result) or _noticed(result))
 
 
 def measured_limits(results: Sequence[Result]) -> Iterator[dict[str, Any]]:
@@ -275,7 +275,7 @@ def _blew_up(result: Result) -> bool:
 
 def _broke(result: Result) -> bool:
     error = _error_of(result)
-    return error is None or error > ERROR_TOLERANCE or noticed(result)
+    return error is None or error > ERROR_TOLERANCE or _noticed(result)
 
 
 def _nearness(result: Result) -> dict[str, float]:
@@ -318,15 +318,15 @@ def totals(results: Sequence[Result]) -> dict[str, int]:
         "runs": len(results),
         "wrong": len(wrong),
         "reported_by_engine": sum(_outcome_of(each) is Outcome.DIVERGED for each in wrong),
-        "foretold": sum(map(foretold, wrong)),
-        "noticed": sum(map(noticed, wrong)),
-        "missed": sum(not (foretold(each) or noticed(each)) for each in wrong),
+        "foretold": sum(map(_foretold, wrong)),
+        "noticed": sum(map(_noticed, wrong)),
+        "missed": sum(not (_foretold(each) or _noticed(each)) for each in wrong),
         "accurate": len(accurate),
-        "alarms": sum(foretold(each) or noticed(each) for each in accurate),
+        "alarms": sum(_foretold(each) or _noticed(each) for each in accurate),
     }
 
 
-def shown(records: Sequence[Row]) -> Iterator[Table | str]:
+def _shown(records: Sequence[Row]) -> Iterator[Table | str]:
     """Yield how many cells have which outcome, then the limits as predicted and as measured."""
     yield table_of(_OUTCOME_COLUMNS, records)
     for kind in Outcome:
@@ -430,7 +430,7 @@ def _draw_cell(axes: Axes, i: int, j: int, result: Result) -> None:
     ink, grey = "white" if outcome.grey < 0.4 else INK, str(outcome.grey)
     axes.add_patch(Rectangle((i - 0.5, j - 0.5), 1, 1, fc=grey, ec="0.75", lw=0.4))
     axes.text(i, j - 0.08, outcome.sign, color=ink, size=8, ha="center", va="center")
-    for marked, side in ((foretold(result), -0.32), (noticed(result), 0.32)):
+    for marked, side in ((_foretold(result), -0.32), (_noticed(result), 0.32)):
         if marked:
             axes.plot(i + side, j + 0.33, ".", color=ink, markersize=2)
     if missed(result):
@@ -549,7 +549,7 @@ class Extremes:
             for each in maps
         }
         records = summary(found)
-        show(shown(records))
+        show(_shown(records))
         for each, results in zip(maps, found.values(), strict=True):
             rows, drawn = rows_of(results), _picture(each, results)
             self.sweep.present(Study("extremes", None, [each.name], rows, picture=drawn))

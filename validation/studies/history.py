@@ -10,10 +10,11 @@ import sys
 import venv
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 from zipfile import ZipFile
 
 import numpy as np
@@ -24,15 +25,14 @@ from tyro.conf import DisallowNone, Positional, arg
 from robotball import InputError, engine_named, integrate, load_scene, sample_times
 from robotball.engine import DEFAULT
 from robotball.engines.adapter import motion_of_rows
-from robotball.engines.environments import call, pip
+from robotball.engines.environments import call, interpreter_of, make, pip
 from robotball.errors import unknown
 from robotball.motion import path_error
-from robotball.rotations import rotation_matrix
 from validation.options import AGREES, Sweep, SweepOptions, seconds_of
 from validation.output import writable_folder, write_text
 from validation.results import changed
 from validation.studies import bare_steps, engine_study
-from validation.studies.engine_runs import Contestant, fixed_work, install, python_of
+from validation.studies.engine_runs import fixed_work
 from validation.study import Column, Row, Study, scene_cell, show, table_of
 from validation.sweeps import Cell, Result
 
@@ -45,7 +45,7 @@ _FREE_BODY = """<mujoco><option timestep="1e-3" gravity="0 0 0" integrator="impl
 <worldbody><body><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="{} {} {}"/></body>
 </worldbody><keyframe><key qvel="0 0 0 3 1 5"/></keyframe></mujoco>""".format(*_MOMENTS)
 # Each number, its name, and the word by which a changelog's entry is about it: its integrator.
-NUMBERS = {"as_it_comes": "as it comes", "recipe": "recipe", "free_body": "free body"}
+_NUMBERS = {"as_it_comes": "as it comes", "recipe": "recipe", "free_body": "free body"}
 _WORDS = {"as_it_comes": "Euler", "recipe": "RK4", "free_body": "implicitfast"}
 
 
@@ -77,20 +77,21 @@ def differ(before: float, after: float) -> bool:
     return large > _FACTOR * small or (large > _ROUNDING and before * after < 0)
 
 
-def bisect(count: int, row: Callable[[int], Row], number: str) -> tuple[int, int]:
-    """Return the neighbours of so many versions between which a number changed.
+def bisect(row: Callable[[int], Row], number: str, low: int, high: int) -> list[tuple[int, int]]:
+    """Return the pairs of neighbours, from one version to another, between which a number changed.
 
-    It is known to differ between the first and the last. Versions without it are passed over, so
-    that some may lie between the two that are returned.
+    Found by halving: where it is the same at both ends of a part, none is looked for between them.
+    Versions without the number are passed over, so that some may lie between two that are returned.
     """
-    low, high = 0, count - 1
-    while True:
-        inner = sorted(range(low + 1, high), key=lambda i: abs(2 * i - low - high))
-        middle = next((i for i in inner if row(i).get(number) is not None), None)
-        if middle is None:
-            return low, high
-        new = differ(row(0)[number], row(middle)[number])
-        low, high = (low, middle) if new else (middle, high)
+    before, after = row(low).get(number), row(high).get(number)
+    if before is None or after is None or not differ(before, after):
+        return []
+    inner = sorted(range(low + 1, high), key=lambda i: abs(2 * i - low - high))
+    middle = next((i for i in inner if row(i).get(number) is not None), None)
+    if middle is None:
+        return [(low, high)]
+    halves = (bisect(row, number, low, middle), bisect(row, number, middle, high))
+    return [*halves[0], *halves[1]] or [(low, high)]  # by a little in either half
 
 
 def _package(engine: str) -> str:
@@ -110,17 +111,17 @@ def _pip(folder: Path, failure: str, *arguments: str) -> str:
 
 def _environment(engine: str, version: str, folder: Path) -> tuple[str, str | None]:
     """Return a version's interpreter, installed where it is not there yet, and its date."""
-    wanted, package = Contestant(f"{engine}-{version}", engine, ()), _package(engine)
+    home, package = folder / f"{engine}-{version}", _package(engine)
     with TemporaryDirectory() as fetched:
         # Wheels alone: to build a version takes its compiler, and may take an hour.
-        _pip(folder, f"{wanted.name} cannot be installed", "download", "--quiet", "--no-deps",
+        _pip(folder, f"{home.name} cannot be installed", "download", "--quiet", "--no-deps",
              "--only-binary=:all:", "--dest", fetched, f"{package}=={version}")  # fmt: skip
         (wheel,) = Path(fetched).iterdir()
-        if (python := python_of(wanted, folder)) is None:
-            python = install(replace(wanted, requirements=(str(wheel),)), folder) / "bin" / "python"
+        if interpreter_of(home) is None:
+            make(home, [str(wheel)])
         year, month, day, *_ = max(each.date_time for each in ZipFile(wheel).infolist())
     # Some packers give all files the least year that a wheel can have.
-    return str(python), f"{year}-{month:02}-{day:02}" if year > 1980 else None
+    return str(interpreter_of(home)), f"{year}-{month:02}-{day:02}" if year > 1980 else None
 
 
 def measure(cell: Cell) -> dict[str, Any]:
@@ -144,32 +145,30 @@ def measure(cell: Cell) -> dict[str, Any]:
 def _bare(cell: Cell, python: str, preset: str) -> dict[str, Any]:
     """Run a preset's MJCF by plain calls of a version, and read its states by our own code."""
     from robotball.engines.mujoco import LABEL
-    from robotball.engines.mujoco.mjcf_export import write_model
+    from robotball.engines.mujoco.model import build
+    from robotball.engines.mujoco.ports import shell_state
     from robotball.engines.mujoco.settings import PRESETS
 
     scene, times = load_scene(cell["scene"]), sample_times(cell["duration"])
     settings, before = replace(PRESETS[preset], stop_at_fault=False), fixed_work()
-    xml = write_model(scene, settings, dressed=False, stem=preset).xml
+    model = build(scene, settings)
     # The sensors do not move the ball, and old versions lack some.
-    xml = re.sub("<sensor>.*</sensor>", "", xml, flags=re.DOTALL)
-    told = _stepped(python, xml, times[1], len(times))
-    seconds, step, qpos, qvel = (told[each] for each in ("seconds", "timestep", "qpos", "qvel"))
+    xml = re.sub("<sensor>.*</sensor>", "", model.xml, flags=re.DOTALL)
+    found = _stepped(python, xml, times[1], len(times))
+    seconds, step = found["seconds"], found["timestep"]
     cost = 2 * seconds / (before + fixed_work())
-    place, turn, angles = np.split(np.array(qpos), (3, 7), axis=1)
-    moving, own, rates = np.split(np.array(qvel), (3, 6), axis=1)
-    turning = np.einsum("nij,nj->ni", rotation_matrix(turn), own)
-    rows = np.concatenate([place, moving, turn, turning, angles, rates], axis=1)
+    state = shell_state(model, np.array(found["qpos"]), np.array(found["qvel"]))
     run = {"timestep": step, "steps": round(times[-1] / step), "seconds": seconds}
-    motion = motion_of_rows(LABEL, scene, times, rows, settings, python_seconds=None, **run)
+    motion = motion_of_rows(LABEL, scene, times, state.row, settings, python_seconds=None, **run)
     whole = len(motion.times) == len(times)
     error = path_error(motion, integrate(scene, times)) if whole else None
-    fault, without = "; ".join(map(str, motion.report.faults[:1])), ", ".join(told["left_out"])
+    fault, without = "; ".join(map(str, motion.report.faults[:1])), ", ".join(found["left_out"])
     return {"error": error, "fault": fault, "cost": cost, "without": without}
 
 
 def _stepped(python: str, xml: str, interval: float, samples: int) -> dict[str, Any]:
     task = {"xml": xml, "interval": interval, "samples": samples, "rounds": _ROUNDS}
-    return call(python, bare_steps.run, task)
+    return bare_steps.run(task) if python == sys.executable else call(python, bare_steps.run, task)
 
 
 def _free_body(python: str) -> float | None:
@@ -193,14 +192,11 @@ def _adapted(cell: Cell, python: str, preset: str) -> dict[str, Any]:
     return {"error": told["path_error"], "fault": fault, "cost": cost}
 
 
-def changes_of(rows: Sequence[Row], *only: str) -> list[tuple[str, Row, Row]]:
-    """Return each number that changed, with the rows of the two versions between which it did.
-
-    only: the numbers to look at, all if not given.
-    """
+def changes_of(rows: Sequence[Row]) -> list[tuple[str, Row, Row]]:
+    """Return each number that changed, with the rows of the two versions between which it did."""
     return [
         (number, before, after)
-        for number in only or NUMBERS
+        for number in _NUMBERS
         for before, after in pairwise(row for row in rows if row.get(number) is not None)
         if differ(before[number], after[number])
     ]
@@ -217,7 +213,7 @@ def rows_of(results: Sequence[Result]) -> list[Row]:
         row["speed"] = newest / row["recipe_cost"] if row.get("recipe_cost") else None
         fault = row["failure"] or row.get("as_it_comes_fault") or ""
         row["fault"] = re.sub(r"^\w+Error: ", "", fault)
-        row["changed"] = ", ".join(NUMBERS[number] for number, _, after in changes if after is row)
+        row["changed"] = ", ".join(_NUMBERS[number] for number, _, after in changes if after is row)
     return [*rows]
 
 
@@ -232,20 +228,20 @@ def changelog_line(changelog: str, version: str, word: str) -> str:
     return re.split(r"(?<=\.) (?=[A-Z])", plain)[0]
 
 
-def lines_of(changes: Sequence[tuple[str, Row, Row]], package: str) -> list[str]:
+def _lines_of(changes: Sequence[tuple[str, Row, Row]], package: str) -> list[str]:
     """Return each change in a line, with the words of the changelog in our version's package."""
     carried = Path(sys.prefix).glob(f"lib/*/site-packages/{package}/doc/changelog.rst")
     log = "".join(each.read_text(encoding="utf-8") for each in carried)
     return [
-        f"{NUMBERS[number]}: {before[number]:.1e} in {before['version']}, {after[number]:.1e} in "
+        f"{_NUMBERS[number]}: {before[number]:.1e} in {before['version']}, {after[number]:.1e} in "
         f"{after['version']}: {changelog_line(log, after['version'], _WORDS[number]) or 'no word'}"
         for number, before, after in changes
     ]
 
 
-COLUMNS = (
+_COLUMNS = (
     Column("version", "version", words=True), Column("date", "date", words=True),
-    *(Column(words, number) for number, words in NUMBERS.items()),
+    *(Column(words, number) for number, words in _NUMBERS.items()),
     Column("speed", "speed", form=".2f"), Column("recipe without", "recipe_without", words=True),
     Column("changed", "changed", words=True), Column("first fault", "fault", words=True),
     Column("recipe: first fault", "recipe_fault", words=True),
@@ -254,8 +250,8 @@ COLUMNS = (
 
 def _page(rows: Sequence[Row], lines: Sequence[str]) -> str:
     """Return the table and the changes as Markdown."""
-    table = [[each.header for each in COLUMNS], ["---"] * len(COLUMNS)]
-    table += [[each.text(row) for each in COLUMNS] for row in rows]
+    table = [[each.header for each in _COLUMNS], ["---"] * len(_COLUMNS)]
+    table += [[each.text(row) for each in _COLUMNS] for row in rows]
     cells = map("| {} |".format, map(" | ".join, table))
     return "\n".join([*cells, "", *map("* {}".format, lines), ""])
 
@@ -265,7 +261,7 @@ def _picture(title: str, rows: Sequence[Row]) -> Figure:
     figure = Figure(figsize=(10.0, 6.0), layout="constrained")
     axes, dated = figure.subplots(), all(row["date"] for row in rows)
     at: list[Any] = [np.datetime64(row["date"]) if dated else row["version"] for row in rows]
-    drawn = {**NUMBERS, "speed": "speed, newest = 1"}
+    drawn = {**_NUMBERS, "speed": "speed, newest = 1"}
     for (number, words), mark in zip(drawn.items(), "sod.", strict=True):
         sizes = [abs(row.get(number) or np.nan) for row in rows]
         axes.semilogy(at, sizes, f"{mark}-", drawstyle="steps-post", label=words)
@@ -278,11 +274,8 @@ def _picture(title: str, rows: Sequence[Row]) -> Figure:
     return figure
 
 
-Version = DisallowNone[Annotated[str | None, arg(metavar="VERSION", help_behavior_hint="")]]
-Pair = DisallowNone[Annotated[tuple[str, str] | None, arg(metavar="A B", help_behavior_hint="")]]
-Number = DisallowNone[
-    Annotated[Literal["as-it-comes", "recipe", "free-body"] | None, arg(help_behavior_hint="")]
-]
+_Version = Annotated[str, arg(metavar="VERSION", help_behavior_hint="")]
+_Pair = Annotated[tuple[str, str] | None, arg(metavar="A B", help_behavior_hint="")]
 
 
 @dataclass(frozen=True)
@@ -296,16 +289,14 @@ class History:
 
     engine: Positional[Annotated[str, arg(metavar="ENGINE")]]
     """The engine; `robotball engines` lists them."""
-    since: Annotated[Version, arg(name="from")] = None
+    since: Annotated[_Version, arg(name="from")] = ""
     """The first version; pip's first if not given. 3.10 is any patch of it."""
-    to: Version = None
+    to: _Version = ""
     """The last version; pip's last if not given."""
     every: bool = False
     """Take all versions, not only the last patch of each minor one."""
-    bisect: Pair = None
-    """Name instead the version between two in which a number changed."""
-    of: Number = None
-    """The number to bisect by; all that changed if not given."""
+    bisect: DisallowNone[_Pair] = None
+    """Name instead the versions between two that changed a number, by a few measurements."""
     sweep: SweepOptions = field(default_factory=Sweep)
 
     def run(self) -> int:
@@ -332,9 +323,9 @@ class History:
 
     def _table(self, versions: Sequence[str]) -> int:
         rows, label = self._rows(versions), engine_named(self.engine).label
-        lines = lines_of(changes_of(rows), _package(self.engine))
+        lines = _lines_of(changes_of(rows), _package(self.engine))
         title = f"{label.name} on {_SCENE}, version after version"
-        table = table_of(COLUMNS, rows, lambda row: row["failure"])
+        table = table_of(_COLUMNS, rows, lambda row: row["failure"])
         picture = _picture(title, [row for row in rows if not row["failure"]])
         record, words = {"history": rows, "changes": lines}, changed(self, "since", "to", "every")
         study = Study(
@@ -346,11 +337,12 @@ class History:
 
     def _bisect(self, versions: Sequence[str]) -> int:
         """Print where each number changed; of the versions between, few are measured."""
-        ends, package = self._rows([versions[0], versions[-1]]), _package(self.engine)
-        changes = changes_of(ends, *(self.of.replace("-", "_"),) if self.of else ())
-        show([] if changes else [f"the same in {versions[0]} and {versions[-1]}"])
-        for number, *_ in changes:
-            pair = bisect(len(versions), lambda i: self._rows([versions[i]])[0], number)
-            before, after = self._rows([versions[i] for i in pair])
-            show(map(escape, lines_of([(number, before, after)], package)))
+        row = cache(lambda i: self._rows([versions[i]])[0])
+        found = [
+            (number, row(before), row(after))
+            for number in _NUMBERS
+            for before, after in bisect(row, number, 0, len(versions) - 1)
+        ]
+        lines = _lines_of(found, _package(self.engine))
+        show(map(escape, lines or [f"no number changed between {versions[0]} and {versions[-1]}"]))
         return AGREES

@@ -16,7 +16,7 @@ from robotball import InputError, engine_named
 from robotball.robot import Solid, composed
 from robotball.rotations import rotation_matrix
 
-Hinges = dict[str, tuple[Any, float]]
+_Hinges = dict[str, tuple[Any, float]]
 FILES = {"JSON": "scene.json", "MJCF": "model.xml", "URDF": "model.urdf", "SDF": "model.sdf"}
 
 
@@ -27,7 +27,7 @@ def _solid(mass: float, centre: Any, axes: Any, inertia: Any) -> Solid:
 
 
 def plain(
-    axes: Any, place: Any, bodies: list[Solid], hinges: Hinges, gravity: Any, freedoms: int
+    axes: Any, place: Any, bodies: list[Solid], hinges: _Hinges, gravity: Any, freedoms: int
 ) -> dict[str, Any]:
     """Return a robot that was read in world axes as plain data, in the shell's, from its place.
 

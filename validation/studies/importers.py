@@ -16,7 +16,7 @@ from robotball.robot import Solid
 from validation.options import Names, Sweep, SweepOptions, chosen, listed
 from validation.output import writable_folder
 from validation.studies import importer_readings
-from validation.studies.engine_runs import contestants, python_of
+from validation.studies.engine_runs import check_installed, contestants, python_of
 from validation.studies.importer_readings import FILES, IMPORTERS, plain
 from validation.study import Column, Row, Study, table_of
 from validation.sweeps import Cell, Result
@@ -41,17 +41,18 @@ def cells_of(scenes: Sequence[Scene], engines: Collection[str], folder: Path) ->
     """Return every reading of the scenes' exports by the engines that are there."""
     cells: list[Cell] = []
     known = contestants()
+    pythons = {each: python_of(known[each], folder) for each in engines}
     for scene in scenes:
         with tempfile.TemporaryDirectory() as place:
             export_scene(scene, place, _TIMES)
             texts = {form: (Path(place) / name).read_text("utf-8") for form, name in FILES.items()}
-        for name, (_, formats) in IMPORTERS.items():
-            engine = name.partition(",")[0]
-            python = python_of(known[engine], folder) if engine in engines else None
-            for form in formats if python else ():
-                who = {"importer": name, "engine": engine, "interpreter": str(python)}
-                what = {"scene": scene.name, "format": form, "text": texts[form]}
-                cells.append({**who, **what})
+        cells += [
+            {"importer": name, "engine": engine, "interpreter": str(python),
+             "scene": scene.name, "format": form, "text": texts[form]}
+            for name, (_, formats) in IMPORTERS.items()
+            if (python := pythons.get(engine := name.partition(",")[0]))
+            for form in formats
+        ]  # fmt: skip
     return cells
 
 
@@ -94,21 +95,16 @@ def rows_of(scenes: Sequence[Scene], results: Sequence[Result]) -> list[Row]:
             row["title"] = ", ".join([form, record["by"], *name.split(", ")[1:]])
             for what, error in errors_of(of[cell["scene"]], form, record).items():
                 row[what] = max(error, row.get(what, 0.0))
-    right = [(key, name) for key, row in rows.items() for name in CHECKED if _is_right(row, name)]
     for (form, importer), row in rows.items():
-        wrong = [name for name in CHECKED if name in row and not _is_right(row, name)]
-        other = {name for key, name in right if key[0] == form and key[1] != importer}
-        parts = {
-            "importer": [name for name in wrong if name in other],
-            "file or all": [name for name in wrong if name not in other],
-        }
-        found = [f"{whose}: {', '.join(names)}" for whose, names in parts.items() if names]
+        whose: dict[str, list[str]] = {"importer": [], "file or all": []}
+        for name in CHECKED:
+            if row.get(name, 0.0) > _RIGHT:
+                others = (rows[key] for key in rows if key[0] == form and key[1] != importer)
+                right = any(each.get(name, np.inf) <= _RIGHT for each in others)
+                whose["importer" if right else "file or all"].append(name)
+        found = (f"{part}: {', '.join(names)}" for part, names in whose.items() if names)
         row["fault"] = row["fault"] or "; ".join(found)
-    return sorted(rows.values(), key=lambda row: [*FILES].index(row["title"].partition(",")[0]))
-
-
-def _is_right(row: Row, name: str) -> bool:
-    return bool(row.get(name, np.inf) <= _RIGHT)
+    return [rows[key] for key in sorted(rows, key=lambda key: [*FILES].index(key[0]))]
 
 
 _COLUMNS = (
@@ -138,15 +134,18 @@ class Importers:
     sweep: SweepOptions = field(default_factory=Sweep)
 
     def run(self) -> int:
-        known = {engine: engine for engine in (name.partition(",")[0] for name in IMPORTERS)}
-        engines = {*chosen("engine", listed(self.only), known), "multibody"}
+        known, only = contestants(), listed(self.only)
+        importing = dict.fromkeys(name.partition(",")[0] for name in IMPORTERS)
+        some = chosen("engine", only, {name: known[name] for name in importing})
+        if only:
+            check_installed(some, self.environments)
         names = dict.fromkeys(self.scenes[:1] if self.sweep.quick else self.scenes)
         scenes = [load_scene(name) for name in names]
         writable_folder(self.sweep.out)
-        cells = cells_of(scenes, engines, self.environments)
+        cells = cells_of(scenes, {"multibody", *(each.name for each in some)}, self.environments)
         rows = rows_of(scenes, self.sweep.results(read, cells, "importers", _LIMIT))
         title = " ".join(scene.name for scene in scenes)
         table = table_of(_COLUMNS, rows, lambda row: row["fault"])
-        words = ["importers", *listed(self.only)]
+        words = ["importers", *only]
         study = Study(title, None, words, rows, {"rows": rows}, (escape(title), table, _NOTE))
         return self.sweep.present(study)

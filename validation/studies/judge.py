@@ -49,7 +49,7 @@ _TOLERANCE = 1e-2  # of path, momentum and the hinges' rates, relative; of the a
 _ENOUGH = 0.1  # of the scene's duration; a file that covers less says too little to agree
 _ROWS = 20_000  # that are judged, at most, where the frame turns little between them
 _TURN = 0.1  # rad
-LONGEST = 100  # times the scene's duration; a longer file is in another unit
+_LONGEST = 100  # times the scene's duration; a longer file is in another unit
 
 
 @dataclass(frozen=True)
@@ -230,7 +230,7 @@ def judge(
         each if isinstance(each, Trajectory) else read_trajectory(Path(each)) for each in given
     ]
     for each in trajectories:
-        if (end := float(each.times[-1])) > LONGEST * scene.duration:
+        if (end := float(each.times[-1])) > _LONGEST * scene.duration:
             raise InputError(
                 f"{each.name}: t goes to {end:g} s, and {scene.name} lasts {scene.duration:g} s; "
                 "if t is in another unit, call the column t [ms], t [us] or t [ns]"
@@ -300,7 +300,7 @@ def _orders(judged: Sequence[FileJudgement]) -> Iterator[_Order]:
 
 _ON_THE_PLANE = 0.05  # of the radius: a height so near 0 is the contact point's
 _OFF_HEIGHT = 0.01  # of the radius, by which a centre may be off without a line
-SHOWN = 2  # trials of each family
+_SHOWN = 2  # trials of each family
 _ROUNDING = 1e-16
 _EXACT = 1e-9  # of the radius
 
@@ -435,7 +435,7 @@ def _table(judged: FileJudgement, every: bool) -> Table:
         own = [each for each in own if not _same(each.after, plain)]
         own.sort(key=lambda each: float(np.log(np.maximum(each.after.given, _ROUNDING)).sum()))
         unique = list({each.name: each for each in reversed(own)}.values())[::-1]
-        rows += [(each.name, each.after, "") for each in unique[: None if every else SHOWN]]
+        rows += [(each.name, each.after, "") for each in unique[: None if every else _SHOWN]]
     for name, errors, style in rows:
         cells = map(scientific, (errors.path, errors.attitude, errors.rate))
         table.add_row(escape(name), *cells, style=style)

@@ -35,7 +35,7 @@ from validation.studies.mistakes import (
 
 _SHIFT_EXPLAINS = 3.0  # times less error, from where on a shift is reported
 _SHIFTS = 400  # that are tried, at most, before the best is found among its neighbours
-LONGEST = 0.1  # of the time, that a trajectory is shifted by, or stretched
+_LONGEST = 0.1  # of the time, that a trajectory is shifted by, or stretched
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def lag_of(times: Array, numbers: Numbers, reference: Motion) -> Lag:
         apart = ((ours - theirs) ** 2).sum(axis=1) / reference.path_scale**2
         return float(np.sqrt(np.mean(apart + 2 * (1 - np.minimum(cosine, 1.0)))))
 
-    most = min(LONGEST * end, end - float(times[0]))
+    most = min(_LONGEST * end, end - float(times[0]))
     step = max(2 * most / _SHIFTS, min(most, float(np.median(np.diff(times)))) / 4)
     shift = _least(error, np.arange(-most, most + step / 2, step), step, 1e-9)
     return Lag(shift, error(0.0), error(shift))
@@ -103,7 +103,7 @@ def _stretch_of(numbers: Numbers, truth: Truth, reference: Motion) -> float:
         other = replace(truth, contact_point=path(at), attitude=q)
         return float(typical(errors_at(replace(numbers, rate=None), other), truth.times).sum())
 
-    tried = np.linspace(1 - LONGEST, 1 + LONGEST, _SHIFTS + 1)
+    tried = np.linspace(1 - _LONGEST, 1 + _LONGEST, _SHIFTS + 1)
     return _least(error, tried, float(tried[1] - tried[0]), 1e-7)
 
 
@@ -309,7 +309,7 @@ class Search:
     def _stretched(self, base: Base) -> Iterator[_Option]:
         """Yield the scene's own motion, at times that are not the file's."""
         times = self.truth.times
-        later = np.linspace(0, times[-1] / (1 - LONGEST), _FINE)
+        later = np.linspace(0, times[-1] / (1 - _LONGEST), _FINE)
         with contextlib.suppress(InputError):  # of a drive that ends before
             fine = integrate(self.scene, later, rtol=_TRIED)
             stretch = _stretch_of(self.numbers, self.truth, fine)

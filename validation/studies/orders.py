@@ -79,6 +79,8 @@ def _sound(steps: Sequence[float], errors: Sequence[float | None]) -> tuple[Arra
 
 def _line(x: Array, y: Array) -> Order | None:
     """Return the least-squares line, if the points are near it and it rises."""
+    if x[0] == x[-1]:  # one step alone has no order
+        return None
     deviation = x - x.mean()
     spread = float((deviation**2).sum())
     slope = float((deviation * y).sum()) / spread

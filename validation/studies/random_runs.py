@@ -86,7 +86,7 @@ def random_scene(number: int) -> Scene:
     )  # fmt: skip
 
 
-LONGEST = 100.0  # s
+_LONGEST = 100.0  # s
 _STEPS, _TURNS = 3000, 40.0  # a run is cut to so many steps, and radians of its fastest rotation
 _MOST_STEPS = 4000
 _SAMPLES = 100
@@ -132,12 +132,12 @@ def _short_times(scene: Scene, settings: Settings, random: np.random.Generator) 
     plan = planned(scene, settings, scene.duration)
     timestep = plan.timestep if np.isfinite(plan.timestep) else 0.02
     turns = _TURNS * random.uniform(0.2, 1.0) / max(plan.rotation_rate, 1e-6)
-    duration = min(max(min(turns, _STEPS * timestep, LONGEST), 10 * timestep), LONGEST)
+    duration = min(max(min(turns, _STEPS * timestep, _LONGEST), 10 * timestep), _LONGEST)
     return np.linspace(0.0, duration, _SAMPLES + 1)
 
 
 @cache
-def balanced() -> list[Scene]:
+def _balanced() -> list[Scene]:
     """Return the catalog's balls that the small equations describe: changes keep them so."""
     with warnings.catch_warnings(action="ignore", category=SceneWarning):  # to be built by nobody
         scenes = map(load_scene, catalog())
@@ -146,7 +146,7 @@ def balanced() -> list[Scene]:
 
 def _varied_scene(random: np.random.Generator) -> Scene:
     """Return a ball of the catalog with another start and other rates."""
-    scene = balanced()[int(random.integers(len(balanced())))]
+    scene = _balanced()[int(random.integers(len(_balanced())))]
     start = random_start(scene, random)
     frame, rotors = random.uniform(0.3, 1.3, 2).tolist()
     return _faster(replace(scene, start=start), frame, rotors)

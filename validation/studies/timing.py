@@ -172,14 +172,14 @@ def measure_parts(scene: Scene, rounds: int, show: Show) -> Study:
             }
         )  # fmt: skip
     record = {"scene": scene.name, "rounds": rounds, "parts": rows}
-    return Study(scene.name, LABEL, ["parts"], rows, record, [table_of(COLUMNS, rows)])
+    return Study(scene.name, LABEL, ["parts"], rows, record, [table_of(_COLUMNS, rows)])
 
 
 def _ratio(row: Row) -> str:
     return f"{row['ratio']:.2f} ({row['least']:.2f}-{row['most']:.2f})"
 
 
-COLUMNS = (
+_COLUMNS = (
     Column("the minimal model with", "part", words=True),
     Column("a step costs", _ratio),
     *(Column(name, name, form="d") for name in ("bodies", "dofs", "sensors", "geoms")),

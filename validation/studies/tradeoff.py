@@ -356,17 +356,17 @@ def _tradeoff_study(scene: Scene, results: Sequence[Result]) -> Study:
         shown=(
             f"[bold]{escape(counts)}[/]",
             "The Pareto front: nothing is both cheaper and better.",
-            table_of(COLUMNS, study["pareto_front"], itemgetter("trouble")),
+            table_of(_COLUMNS, study["pareto_front"], itemgetter("trouble")),
             "The presets.",
-            table_of(COLUMNS, presets, itemgetter("trouble")),
+            table_of(_COLUMNS, presets, itemgetter("trouble")),
             _NOTE,
-            escape(verdict(study)),
+            escape(_verdict(study)),
         ),
         picture=_tradeoff_picture(study),
     )  # fmt: skip
 
 
-def verdict(study: Row) -> str:
+def _verdict(study: Row) -> str:
     """Compare the cost of first order at the target with the front's, in words."""
     best, line = study["best"], study["first_order"]
     if best is None:
@@ -389,7 +389,7 @@ def _times_bare(row: Row) -> str:
     return "{:.3f} ({:.3f}-{:.3f})".format(row["ratio"], *row["spread"])
 
 
-COLUMNS = (
+_COLUMNS = (
     Column("configuration", "title", words=True),
     Column("path\nerror", "error"),
     Column("M error", "momentum_error"),

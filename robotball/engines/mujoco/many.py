@@ -20,7 +20,7 @@ import numpy as np
 from mujoco.rollout import Rollout
 
 from robotball.at_once import differ_in_start
-from robotball.engines.mujoco.limits import check_length
+from robotball.engines.mujoco.limits import check_length, precheck
 from robotball.engines.mujoco.model import Model, build, carrying_depth, hinges_of, state_at
 from robotball.engines.mujoco.run import Record, monitored, recorded, run
 from robotball.engines.mujoco.settings import Chosen, Settings
@@ -39,12 +39,17 @@ _STOPPED = {FaultKind.DIVERGED, FaultKind.RESET, FaultKind.ENGINE_WARNED}
 def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Iterator[ContactMotion]:
     """Yield the motions of scenes at times (n,) [s] from 0, in their order.
 
-    Raises InputError as `build` and `run` do.
+    Warns as `precheck` does of each scene, but of many starts of those with the least and the most
+    momentum. Raises InputError as `build` and `run` do.
     """
+    alike = differ_in_start(scenes)
+    by_size = sorted(scenes, key=lambda each: float(np.linalg.norm(each.start.momentum)))
+    for each in by_size[:: max(1, len(scenes) - 1)] if alike else scenes:
+        precheck(each, settings, times)
     model, alone = build(scenes[0], settings), partial(_alone, settings, times)
     check_length(model.scene, model.settings, times)
     together = _Together(model, times)
-    if not (together.size >= allowed() and together.steps_alone and differ_in_start(scenes)):
+    if not (together.size >= allowed() and together.steps_alone and alike):
         yield from in_processes(alone, scenes, or_here=True)
         return
     data = [mujoco.MjData(model.compiled) for _ in range(allowed())]

@@ -67,9 +67,7 @@ class MuJoCo(Engine):
         """Yield the motions of scenes, as `run` returns them."""
         from robotball.engines.mujoco.many import run_many
 
-        own = as_own(settings, Settings, LABEL)
-        precheck(scenes[0], own, times)
-        return run_many(scenes, own, times)
+        return run_many(scenes, as_own(settings, Settings, LABEL), times)
 
 
 MUJOCO = MuJoCo()

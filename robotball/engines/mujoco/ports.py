@@ -22,7 +22,7 @@ from robotball.engines.adapter import (
     by_name,
     version_of,
 )
-from robotball.engines.links import State, lifting
+from robotball.engines.links import State, force_in
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, ModelHinge, build, controls_at, state_at
 from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings
@@ -37,7 +37,7 @@ _PASSES = 50  # of the loop at most in one call, whose controls are an array of 
 
 
 @dataclass(frozen=True, kw_only=True)
-class ModelSettings(StepSettings):
+class _ModelSettings(StepSettings):
     """Settings of a run of MuJoCo's model: MuJoCo's own, for the model and its options.
 
     device: "cpu" or "cuda", where the balls are stepped.
@@ -48,7 +48,7 @@ class ModelSettings(StepSettings):
 
 
 @dataclass(frozen=True, kw_only=True)
-class _MjxSettings(ModelSettings):
+class _MjxSettings(_ModelSettings):
     """Settings of an MJX run.
 
     line_search: the iterations of its line search at most; None leaves MuJoCo's.
@@ -108,7 +108,7 @@ class _MjxWorld(World):
     def force(self) -> Array:
         from mujoco import mjx
 
-        return _force(self.built.compiled, mjx.get_data(self.built.compiled, self.data))
+        return force_in(self.built.compiled, mjx.get_data(self.built.compiled, self.data))
 
     def python_seconds(self) -> float:
         """Return the processor time [s] of the calls themselves, measured on empty ones."""
@@ -139,7 +139,7 @@ def _coordinates(model: Model, scenes: Sequence[Scene]) -> tuple[Array, Array]:
     return np.array(qpos), np.array(qvel)
 
 
-def _device(world: World, settings: ModelSettings, cuda: bool) -> str:
+def _device(world: World, settings: _ModelSettings, cuda: bool) -> str:
     """Return the device of the settings, and time its steps. Raises InputError for no device."""
     if settings.device not in ("cpu", "cuda") or (settings.device == "cuda" and not cuda):
         there = "cpu and cuda" if cuda else "cpu alone: no CUDA device is found"
@@ -147,14 +147,6 @@ def _device(world: World, settings: ModelSettings, cuda: bool) -> str:
     if settings.device == "cuda":
         world.clock = time.perf_counter
     return settings.device
-
-
-def _force(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
-    """Return the force (3,) [N] of the contact, if there is one, by what a port has computed."""
-    wrench, frame = np.zeros(6), data.contact.frame.reshape(-1, 3, 3)
-    if data.ncon:
-        mujoco.mj_contactForce(model, data, 0, wrench)
-    return lifting(wrench[:3] @ each for each in frame[:1])
 
 
 @cache
@@ -183,12 +175,9 @@ def _advance(many: bool) -> Callable[..., Any]:
 # MJX has no noslip. A harder contact needs none; one that is too hard gives NaN, as a softness of
 # 1e-6 does and 1e-2 does not (docs/findings/mjx_nan.py).
 _HARD = replace(
-    PRESETS["balanced"],
-    **CONSTANT | {"solver": "Newton", "softness": 1e-2},
-    noslip_iterations=None,
-    noslip_tolerance=None,
-    ls_tolerance=None,
-)
+    PRESETS["balanced"], **CONSTANT | {"solver": "Newton", "softness": 1e-2},
+    noslip_iterations=None, noslip_tolerance=None, ls_tolerance=None,
+)  # fmt: skip
 _KNOBS: dict[str, Any] = {
     "model.softness": slice(1e-4, 10.0), "model.sliding_friction": slice(2.0, 100.0),
     "model.integrator": ("RK4", "Euler", "implicitfast"),
@@ -215,7 +204,7 @@ class _WarpWorld(SteppedWorld):
     """Worlds abreast, one unless scenes are given, on one of Warp's devices."""
 
     def __init__(
-        self, scene: Scene, settings: ModelSettings, step: float, scenes: Sequence[Scene] = ()
+        self, scene: Scene, settings: _ModelSettings, step: float, scenes: Sequence[Scene] = ()
     ) -> None:
         super().__init__(scene)
         import mujoco_warp
@@ -261,23 +250,19 @@ class _WarpWorld(SteppedWorld):
     def force(self) -> Array:
         data = mujoco.MjData(self.built.compiled)
         self.engine.get_data_into(data, self.built.compiled, self.data)
-        return _force(self.built.compiled, data)
+        return force_in(self.built.compiled, data)
 
 
 # Single precision has no room for the recipe's impedance and armature: they break it. What armature
 # it bears gives way to the load, 1e4 kg m² by 3e-4 of the rates. A servo takes that back, at 33 /s:
 # commands stand still for a step, and a faster servo would follow the stairs.
 _SINGLE = replace(
-    PRESETS["balanced"],
-    solver="Newton",
-    solimp=(0.99, 0.99, 0.001, 0.5, 1.0),
-    drive=Servo(gain=1e6, armature=3e4),
-    warmstart=None,
-    island=None,
-)
+    PRESETS["balanced"], solver="Newton", solimp=(0.99, 0.99, 0.001, 0.5, 1.0),
+    drive=Servo(gain=1e6, armature=3e4), warmstart=None, island=None,
+)  # fmt: skip
 
 
-def _in_single_precision(scene: Scene, settings: ModelSettings) -> str:
+def _in_single_precision(scene: Scene, settings: _ModelSettings) -> str:
     return "its state is in single precision"
 
 
@@ -287,8 +272,8 @@ WARP = Adapter(
     extra="mujoco-warp",
     ladders={"best": ("timestep", (20e-3, 10e-3))},
     presets=by_name(
-        ModelSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE),
-        ModelSettings(name="best", timestep=20e-3, model=_SINGLE, **_LOOSE),
+        _ModelSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE),
+        _ModelSettings(name="best", timestep=20e-3, model=_SINGLE, **_LOOSE),
     ),
     knobs=("best", {"timestep": slice(2e-3, 2e-2), **_KNOBS}),
     world=_WarpWorld,

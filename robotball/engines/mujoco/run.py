@@ -75,31 +75,20 @@ def _parts(times: Array, some: Iterator[Readings]) -> Iterator[ContactMotion]:
     for readings in some:
         model, count = readings.model, len(readings.rows)
         yield ContactMotion(
-            scene=model.scene,
-            engine=LABEL,
-            times=times[done : done + count],
-            contact_point=readings.centre[:, :2],
-            attitude=readings.attitude,
-            momentum=readings.momentum,
-            angular_velocity=readings.angular_velocity,
-            hinge_angles=readings.hinge_angles,
-            hinge_rates=readings.hinge_rates,
+            scene=model.scene, engine=LABEL, times=times[done : done + count],
+            contact_point=readings.centre[:, :2], attitude=readings.attitude,
+            momentum=readings.momentum, angular_velocity=readings.angular_velocity,
+            hinge_angles=readings.hinge_angles, hinge_rates=readings.hinge_rates,
             loads=readings.loads,
             report=ContactReport(
-                settings=model.settings,
-                slip=readings.slip,
-                spin=readings.spin,
+                settings=model.settings, slip=readings.slip, spin=readings.spin,
                 depth=model.scene.ball.radius - readings.centre[:, 2],
                 friction_used=readings.friction_used,
                 hinge_rate_error=readings.hinge_rate_error(model.hinges),
                 # Of the whole run; `run` fills them in once it has ended.
-                faults=(),
-                timestep=0.0,
-                steps=0,
-                seconds=0.0,
-                total_seconds=0.0,
+                faults=(), timestep=0.0, steps=0, seconds=0.0, total_seconds=0.0,
             ),
-        )
+        )  # fmt: skip
         done += count
 
 

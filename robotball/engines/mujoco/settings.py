@@ -156,7 +156,7 @@ def _is_reference(value: tuple[float, float]) -> bool:
     return positive or all(-LARGEST <= each <= 0 for each in value)
 
 
-BY_LOAD: Any = "by load"
+_BY_LOAD: Any = "by load"
 MOST_STEPS = 10_000_000  # 1e5 s at 20 ms are half of it
 
 
@@ -208,7 +208,7 @@ class Settings(EngineSettings):
 
     Fields are named as in MJCF where it has them. The integrator is one of MuJoCo's, or DOP853:
     scipy's, of order 8, driving MuJoCo's forward dynamics in steps whose error it holds to rtol and
-    which are no longer than the timestep, if there is one. BY_LOAD, for any value of CONSTANT,
+    which are no longer than the timestep, if there is one. _BY_LOAD, for any value of CONSTANT,
     leaves it to the recipe for the scene's load; every other value runs as it is. Raises InputError
     for what MuJoCo or scipy would refuse, or would replace without a warning.
     """
@@ -261,7 +261,7 @@ class Settings(EngineSettings):
     def __post_init__(self) -> None:
         for name, kind in get_type_hints(Settings, include_extras=True).items():
             value = getattr(self, name)
-            if name in CONSTANT and isinstance(value, str) and value == BY_LOAD:
+            if name in CONSTANT and isinstance(value, str) and value == _BY_LOAD:
                 continue
             object.__setattr__(self, name, _checked(name, value, kind))
             # No schema says that two numbers have the same sign.
@@ -315,7 +315,7 @@ def recipe(name: str, error_tolerance: float, **steps: Any) -> Settings:
         solreffriction=(-1.0, -0.5),
         # A ball that just touches has no normal force at first: 1e-3 of the path.
         start_in_equilibrium=True,
-        **dict.fromkeys(CONSTANT, BY_LOAD),
+        **dict.fromkeys(CONSTANT, _BY_LOAD),
     )
 
 
@@ -382,13 +382,13 @@ _BY_STEPS, BY_ERROR = (3e-4, 0.01), (1e-4, 0.004)
 
 
 def for_load(settings: Settings, scene: Scene) -> Settings:
-    """Return the settings with each value that is BY_LOAD taken from the recipe for the load.
+    """Return the settings with each value that is _BY_LOAD taken from the recipe for the load.
 
     The recipe is CONSTANT where the scene's normal force keeps its value, else VARYING with the
-    softness and the time constant for the kind of steps. Settings without BY_LOAD are returned as
+    softness and the time constant for the kind of steps. Settings without _BY_LOAD are returned as
     they are.
     """
-    left = [name for name in CONSTANT if getattr(settings, name) == BY_LOAD]
+    left = [name for name in CONSTANT if getattr(settings, name) == _BY_LOAD]
     if not left:
         return settings
     chosen = CONSTANT
@@ -412,7 +412,7 @@ def _mujocos_own() -> tuple[Any, Any]:
 
 @dataclass(frozen=True)
 class Chosen:
-    """A scene under settings without BY_LOAD, and the numbers of its model that follow from both.
+    """A scene under settings without _BY_LOAD, and the numbers of its model that follow from both.
 
     A number that the settings leave open is MuJoCo's default.
     """

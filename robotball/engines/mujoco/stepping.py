@@ -376,7 +376,7 @@ _LOOK = 4096  # steps between two looks of the monitor; at most so many are take
 
 
 @dataclass(frozen=True)
-class Stretch:
+class _Stretch:
     """Consecutive spans of time that are stepped before the monitor looks at them.
 
     ends     (m, 2)  s, the begin and end of each span
@@ -396,7 +396,7 @@ class Stretch:
         )
 
 
-def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> Iterator[Stretch]:
+def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> Iterator[_Stretch]:
     """Yield the stretches of a run over `times` (n,) [s], each of about LOOK steps.
 
     Between two sample times or breakpoints lie the fewest equal steps not longer than `timestep`.
@@ -407,7 +407,7 @@ def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> 
         yield from _stretches(times, *(each[piece] for each in every))
 
 
-def _stretches(times: Array, ends: Array, lengths: Array, counts: Array) -> Iterator[Stretch]:
+def _stretches(times: Array, ends: Array, lengths: Array, counts: Array) -> Iterator[_Stretch]:
     """Yield the stretches of a piece of the spans."""
     # A long span is cut into parts of LOOK steps.
     parts = np.ceil(counts / _LOOK).astype(int)
@@ -421,7 +421,7 @@ def _stretches(times: Array, ends: Array, lengths: Array, counts: Array) -> Iter
     look = (np.cumsum(sizes) - 1) // _LOOK
     for which in np.split(np.arange(len(sizes)), np.flatnonzero(np.diff(look)) + 1):
         starts = np.cumsum(sizes[which]) - sizes[which]
-        yield Stretch(ends[which], lengths[which], sizes[which], starts[sampled[which]])
+        yield _Stretch(ends[which], lengths[which], sizes[which], starts[sampled[which]])
 
 
 class Step(NamedTuple):
@@ -487,7 +487,7 @@ def by_steps(control: Control, data: mujoco.MjData, times: Array) -> Iterator[Po
 
 
 def _step(
-    control: Control, data: mujoco.MjData, stretch: Stretch
+    control: Control, data: mujoco.MjData, stretch: _Stretch
 ) -> tuple[Array, NDArray[np.int64], float]:
     """Return the rows of a stretch, the indices of its planned steps in them, the longest step.
 
@@ -512,7 +512,7 @@ def _step(
     return rows, np.arange(count, dtype=np.int64), float(stretch.lengths.max())
 
 
-def _warnings(control: Control, start: Array, stretch: Stretch, before: Array) -> Array:
+def _warnings(control: Control, start: Array, stretch: _Stretch, before: Array) -> Array:
     """Return MuJoCo's counters (m, 7) after each step of a stretch, which is repeated.
 
     To read them at every step would slow all runs for the few in which one changes.
@@ -523,7 +523,7 @@ def _warnings(control: Control, start: Array, stretch: Stretch, before: Array) -
 
 
 def _step_to_switches(
-    control: Control, switches: _Switches, data: mujoco.MjData, stretch: Stretch
+    control: Control, switches: _Switches, data: mujoco.MjData, stretch: _Stretch
 ) -> tuple[Array, NDArray[np.int64], float]:
     """Return the same as `_step`, with a step more at every switch of a servo's torque limit."""
     rows: list[Array] = []
@@ -542,7 +542,7 @@ def _again(
     switches: _Switches | None,
     start: Array,
     sides: list[int],
-    stretch: Stretch,
+    stretch: _Stretch,
     end: float | None,
 ) -> list[Step]:
     """Return the steps of a stretch, which is repeated from its start with the servos' sides.
@@ -560,7 +560,7 @@ def _again(
 
 
 def _each(
-    control: Control, switches: _Switches | None, data: mujoco.MjData, stretch: Stretch
+    control: Control, switches: _Switches | None, data: mujoco.MjData, stretch: _Stretch
 ) -> Iterator[tuple[bool, Step]]:
     """Take the steps of a stretch; yield of each whether it begins a planned one, and itself."""
     for length, span, count in _set_for_each(control, stretch):
@@ -582,7 +582,7 @@ def _data_at(control: Control, state: Array) -> mujoco.MjData:
 
 
 def _set_for_each(
-    control: Control, stretch: Stretch
+    control: Control, stretch: _Stretch
 ) -> Iterator[tuple[float, Sequence[float], int]]:
     """Set model and control for every span of a stretch, and yield its step, itself and its count.
 

@@ -189,6 +189,7 @@ def test_errors_that_do_not_fall_have_no_order() -> None:
     assert (fit_order(STEPS, errors), stalled_at(STEPS, errors)) == (None, 3e-4)
     assert stalled_at(STEPS, [h**2 for h in STEPS]) is None
     assert fit_order([], []) is None
+    assert fit_order([0.1] * 4, [1.0, 2.0, 3.0, 4.0]) is None
 
 
 def test_the_standard_error_is_that_of_the_slope() -> None:

@@ -14,6 +14,7 @@ import pytest
 import robotball as rb
 from robotball.engines import LEAST_RTOL
 from robotball.engines.environments import versions_in
+from validation.bench.gallery import engines_table
 from validation.studies.engine_runs import (
     LOOSEST,
     OLDER,
@@ -23,10 +24,10 @@ from validation.studies.engine_runs import (
     python_of,
     settings_of,
 )
-from validation.studies.engine_study import COLUMNS, cells_of, measure, study_of
+from validation.studies.engine_study import COLUMNS, _engines_study, cells_of, measure, study_of
 from validation.sweeps import Result
 
-FIG12 = rb.load_scene("fig12")
+FIG12, CLASSICAL = rb.load_scene("fig12"), rb.load_scene("classical_regular")
 CELL = {
     "scene": "fig12", "digest": "", "duration": 0.2, "rounds": 1, "stretches": False,
     "contestant": "mujoco", "engine": "mujoco", "preset": "balanced", "field": "timestep",
@@ -76,10 +77,11 @@ def test_the_front_is_what_nothing_is_cheaper_and_better_than() -> None:
         result(6e-3, 0.0, 1.0, path_error=None, momentum_error=None),
     ]
     study = study_of(FIG12, results)
-    assert [run["value"] for run in study.pareto_front] == [10e-3, 20e-3]
-    assert [row["why"] for row in study.failed] == [
-        "broke off at 0.2 s",
+    front = [run["value"] for run in study["runs"] if run["on_the_pareto_front"]]
+    assert front == [20e-3, 10e-3]
+    assert [row["fault"] for row in study["failed"]] == [
         "its process was ended by SIGSEGV",
+        "broke off at 0.2 s",
     ]
 
 
@@ -89,17 +91,15 @@ def test_runs_have_an_order_and_costs_at_one_speed() -> None:
     study = study_of(
         FIG12, [result(h, h**4, n, fixed_work=n) for n, h in enumerate(steps, start=1)]
     )
-    (order,) = study.orders.values()
-    assert order.order == pytest.approx(4, abs=1e-9)
-    (runs,) = study.runs.values()
-    assert [run["cost"] for run in runs] == pytest.approx([10.0] * 3)
+    assert [row["order"] for row in study["orders"]] == pytest.approx([4], abs=1e-9)
+    assert [run["order"] for run in study["runs"]] == pytest.approx([4] * 3, abs=1e-9)
+    assert [run["cost"] for run in study["runs"]] == pytest.approx([10.0] * 3)
     # Relative to the default preset at its own 5 ms, where that was run.
     for seconds, relative in (((2.0, 7.0), [1.0, 3.5]), ((2.0,), [1.0])):
         own = [result(h, h**4, each) for h, each in zip((5e-3, 1e-3), seconds, strict=False)]
-        (runs,) = study_of(FIG12, own).runs.values()
-        assert [run["relative_cost"] for run in runs] == relative
-    (runs,) = study_of(FIG12, [result(1e-3, 1e-7, 7.0)]).runs.values()
-    assert [run["relative_cost"] for run in runs] == [None]
+        assert [run["relative_cost"] for run in study_of(FIG12, own)["runs"]] == relative
+    (run,) = study_of(FIG12, [result(1e-3, 1e-7, 7.0)])["runs"]
+    assert run["relative_cost"] is None
 
 
 def test_the_runs_of_a_search_have_no_order() -> None:
@@ -107,9 +107,8 @@ def test_the_runs_of_a_search_have_no_order() -> None:
     found = result(1e-3, 1e-6, 1.0)
     changes = [{"iterations": count} for count in range(1, 9)]
     study = study_of(FIG12, [replace(found, cell={**CELL, "changes": each}) for each in changes])
-    ((run, *others),) = study.runs.values()
-    assert [each["changes"] for each in (run, *others)] == changes
-    assert study.orders == {}
+    assert [each["changes"] for each in study["runs"]] == changes
+    assert study["orders"] == []
 
 
 @pytest.mark.parametrize(
@@ -126,13 +125,27 @@ def test_a_row_says_which_parts_are_ours(engine: str, preset: str, ours: str) ->
     study = study_of(
         FIG12, [replace(found, cell={**found.cell, "engine": engine, "preset": preset})]
     )
-    ((run,),) = study.runs.values()
+    (run,) = study["runs"]
     assert (run["ours"], run["newcomer"]) == (ours, preset == "naive")
     (column,) = (each for each in COLUMNS if each.header == "ours")
     assert column.text(run) == ours
 
 
-@pytest.mark.slow
+def test_the_page_has_a_row_a_run_and_the_picture_an_entry_an_engine() -> None:
+    """Errors stand beside each other by scene, bold on a front, and costs are the first's."""
+    own, worse = result(5e-3, 1e-7, 0.1), result(5e-3, 1e-2, 1.0)
+    other = replace(worse, cell={**worse.cell, "contestant": "other", "preset": "fast"})
+    first, second = study_of(FIG12, [own, other]), study_of(CLASSICAL, [own])
+    *_, mine, others = engines_table([first, second]).split("\n")
+    assert mine.split("| ")[1:6] == [
+        "MuJoCo 4, balanced ", "5 ms ", "**1.0e-07** ", "**1.0e-07** ", "500 ",
+    ]  # fmt: skip
+    assert others.split("| ")[2:5] == ["5 ms ", "1.0e-02 ", "- "]
+    figure = _engines_study(FIG12, [own, other], ()).picture
+    assert figure is not None
+    assert len(figure.legends[0].get_texts()) == 2 + 3
+
+
 @pytest.mark.parametrize("name", rb.engine_names())
 def test_every_preset_is_a_line_of_json(name: str) -> None:
     """A record of a run has its settings, and no number that JSON lacks."""
@@ -144,7 +157,7 @@ def test_an_engine_that_is_nowhere_has_no_cells(tmp_path: Path) -> None:
     """Ours is taken where the engine is there."""
     known = contestants()
     assert python_of(known[OLDER], tmp_path) is None
-    assert cells_of("fig12", [known[OLDER]], tmp_path, 1.0, 1) == []
+    assert cells_of("wobbling_drive", [known[OLDER]], tmp_path, 1.0, 1) == []
     assert python_of(known["mujoco"], tmp_path / "none") == Path(sys.executable)
 
 
@@ -172,7 +185,8 @@ def test_an_environment_has_its_engine_and_all_of_ours(tmp_path: Path) -> None:
     assert Path(found[0]).is_relative_to(home)
     assert Path(found[1]).samefile(rb.__file__)
     assert versions_in(home, ("otherengine>=1", "pip")).startswith("otherengine 1.0, pip ")
-    assert {cell["engine"] for cell in cells_of("fig12", [asked], tmp_path, 1.0, 1)} == {"mujoco"}
+    cells = cells_of("wobbling_drive", [asked], tmp_path, 1.0, 1)
+    assert {(cell["engine"], cell["interpreter"]) for cell in cells} == {("mujoco", str(python))}
 
 
 def test_an_environment_that_cannot_be_made_is_none(

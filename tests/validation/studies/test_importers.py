@@ -10,6 +10,7 @@ import pytest
 import robotball as rb
 from tests.conftest import Robotball
 from tests.random_robots import random_scene
+from validation.studies import importers
 from validation.studies.importer_readings import IMPORTERS, read
 from validation.studies.importers import CHECKED, Importers, cells_of, errors_of, rows_of
 from validation.sweeps import Result
@@ -89,9 +90,17 @@ def test_the_page_has_the_rows_of_the_command() -> None:
             assert ours == theirs or max(float(ours), float(theirs)) < 1e-14, row["title"]
 
 
+def test_an_importer_that_is_nowhere_is_refused(robotball: Robotball) -> None:
+    """Where it is named; in one line."""
+    status, _, err = robotball("importers", "--only", "mujoco,newton")
+    assert status == 2
+    assert err.endswith("Newton is not installed: robotball engines --install newton\n")
+
+
 @pytest.mark.slow
-def test_the_command_prints_each_row(robotball: Robotball) -> None:
-    """Its quick form, of MuJoCo alone, with a process a reading."""
+def test_the_command_prints_each_row(robotball: Robotball, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its quick form, of MuJoCo alone."""
+    monkeypatch.setattr(importers, "read", read)  # without a process of its own for each
     status, out, _ = robotball("importers", "--only", "mujoco", "--quick", "--workers", "1")
     assert status == 0
     assert re.search(

@@ -11,8 +11,9 @@ import robotball as rb
 from robotball import engine_names
 from robotball.engine import Knobs
 from tests.conftest import Robotball
-from validation.studies.engine_runs import changed
-from validation.studies.tuning import Changes, search
+from validation.studies import engine_study
+from validation.studies.engine_runs import changed, run
+from validation.studies.engine_study import Changes, search
 
 KINDS = ("wrong", "right", "worst")
 KNOBS: Knobs = ("best", {"step": slice(1e-4, 1e-1), "kind": KINDS, "gain": slice(1.0, 1e6)})
@@ -73,9 +74,10 @@ def test_an_engine_s_knobs_turn_its_own_settings(name: str) -> None:
 
 @pytest.mark.slow
 def test_an_engine_s_search_keeps_its_log_and_says_the_best(
-    robotball: Robotball, tmp_path: Path
+    robotball: Robotball, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """No draw of three beats the recipe; the log has every run, and a second call makes none."""
+    monkeypatch.setattr(engine_study, "measure", run)  # without a process of its own for each
     command = "engines wobbling_drive --only mujoco --tune --budget 4 --duration 0.2 --workers 1"
     shown = [robotball(*command.split())[:2] for _ in range(2)]
     assert shown[0][0] == 0

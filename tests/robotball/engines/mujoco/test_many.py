@@ -31,6 +31,10 @@ CASES: dict[str, tuple[str, Any, Any]] = {
 }
 
 
+# They go the way of a drive that changes, but here: to start processes takes most of the time.
+HERE = ("steps from a guess, uneven", "steps chosen by their error")
+
+
 def starts_of(scene: rb.Scene, count: int) -> list[rb.Start]:
     rng = np.random.default_rng(3)
     turns = rng.normal(size=(count, 4))
@@ -61,7 +65,7 @@ def test_each_motion_is_that_of_a_run_alone(case: str, monkeypatch: pytest.Monke
         starts[3] = replace(starts[3], momentum=1e4 * starts[3].momentum)
     monkeypatch.setattr(many, "_BYTES", 2.5e5)
     done: list[float] = []
-    with at_most(2):
+    with at_most(1 if case in HERE else 2):
         motions = [*rb.simulate_many(scene, starts, times, settings, progress=done.append)]
     assert done == [0.2, 0.4, 0.6, 0.8, 1.0]
     alone = [rb.simulate(replace(scene, start=each), times, settings) for each in starts]
@@ -97,8 +101,7 @@ def test_scenes_may_differ_in_drives_and_bodies() -> None:
         replace(FIG12, frame_rate=lambda t: 1.0 + 0.1 * t),
         rb.load_scene("classical_regular"),
     ]
-    for some in (scenes, scenes[::2]):
-        check_same([*rb.simulate_many(some, times=times)], [rb.simulate(s, times) for s in some])
+    check_same([*rb.simulate_many(scenes, times=times)], [rb.simulate(s, times) for s in scenes])
 
 
 def test_any_engine_takes_many_starts() -> None:
@@ -107,6 +110,22 @@ def test_any_engine_takes_many_starts() -> None:
     motions = [*rb.simulate_many(FIG12, starts, times, engine="multibody")]
     assert [each.scene.start for each in motions] == starts
     assert [*rb.simulate_many(FIG12, [], times)] == []
+
+
+def test_a_start_that_is_predicted_to_fail_is_warned_of() -> None:
+    """Wherever it stands: of one scene it has the most momentum; each of several is looked at.
+
+    At 10 M the ball of Fig. 12 needs 26.9 m of torsional friction, of 20.
+    """
+    times = np.linspace(0.0, 0.1, 6)
+    fast = replace(FIG12.start, momentum=10 * FIG12.start.momentum)
+    starts = [FIG12.start, fast, *starts_of(FIG12, 2)]
+    scenes = [replace(FIG12, start=each) for each in (FIG12.start, fast)]
+    scenes[0] = replace(scenes[0], name="other")
+    for given in ({"scene": FIG12, "starts": starts}, {"scene": scenes}):
+        with at_most(1), pytest.warns(rb.SceneWarning, match=r"fig12.* at least 26\.9") as said:
+            next(rb.simulate_many(**given, times=times))
+        assert len(said) == 1
 
 
 REFUSED: list[tuple[dict[str, Any], str]] = [

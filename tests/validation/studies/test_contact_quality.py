@@ -1,6 +1,7 @@
 """Contact quality: its energy is the motors' work, and a bad contact is seen in each number."""
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from scipy.integrate import cumulative_simpson
 
 import robotball as rb
 from robotball.motion import ContactMotion
-from validation.contact_quality import contact_quality, kinetic_energy
+from validation.studies.engine_runs import contact_quality, kinetic_energy
 
 TIMES = rb.sample_times(2.0, 1e-3)
 
@@ -35,6 +36,7 @@ def test_the_kinetic_energy_is_the_motors_work(name: str, measured: float) -> No
     assert slip > 0.01
 
 
+@cache
 def quality(preset: str) -> tuple[rb.Motion, ContactMotion, dict[str, float | None]]:
     theory = rb.integrate(rb.load_scene("fig12"), rb.sample_times(2.0))
     settings = replace(rb.PRESETS[preset], stop_at_fault=False)
@@ -79,3 +81,28 @@ def test_what_is_not_known_is_none() -> None:
     beaver = rb.integrate(rb.load_scene("beaver_ball"), rb.sample_times(0.1))
     found = contact_quality(rb.simulate(beaver.scene, beaver.times), beaver)
     assert [name for name, value in found.items() if value is None] == ["slip_work", "energy_error"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "preset", "timestep", "measured"),
+    [
+        ("newton", "best", 20e-3, 3.0e-7),  # single precision
+        ("pinocchio", "contact", 1e-3, 2.0e-3),
+        ("exudyn", "contact", 5e-3, 5.7e-3),  # it swings from step to step
+        ("genesis", "best", 1e-3, 7.1e-3),
+    ],
+)
+def test_an_engine_gives_the_force_of_its_contact(
+    name: str, preset: str, timestep: float, measured: float
+) -> None:
+    """The normal force is the weight, and friction is within its cone."""
+    engine: Any = rb.engine_named(name)
+    if not engine.installed:
+        pytest.skip(f"needs the extra {name}")
+    theory = rb.integrate(rb.load_scene("fig12"), rb.sample_times(0.3))
+    settings = replace(engine.presets[preset], timestep=timestep, stop_at_fault=False)
+    motion = rb.simulate(theory.scene, theory.times, settings, engine=engine)
+    found = contact_quality(motion, theory)
+    assert abs(found["normal_force_error"] or 1.0) < 3 * measured
+    assert abs(1.0 if found["cone_violation"] is None else found["cone_violation"]) < 1e-9

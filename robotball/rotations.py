@@ -29,12 +29,12 @@ def angle_between(p: Array, q: Array) -> Array:
 
 
 def turned(q: Array, turn: Array) -> Array:
-    """Return the unit quaternions q (n, 4) after turns (n, 3) [rad] about axes of the frame."""
+    """Return unit quaternions q (..., 4) after turns (..., 3) [rad] about axes of the frame."""
     return (_rotation(q) * Rotation.from_rotvec(turn)).as_quat(scalar_first=True)
 
 
 def turn_between(p: Array, q: Array) -> Array:
-    """Return the turns (n, 3) [rad] about axes of the frame from unit quaternions p to q (n, 4)."""
+    """Return turns (..., 3) [rad] about axes of the frame from unit quaternions p to q (..., 4)."""
     return (_rotation(p).inv() * _rotation(q)).as_rotvec()
 
 

@@ -137,9 +137,8 @@ class _Growth:
         images = tangent(partial(integrated, parameters, self.stretch), *states, along)[1]
         # The means begin as soon as they may.
         divergence = exponents(parameters, *states, self.stretch, transient=1e-9).divergence
-        return _logarithms(np.linalg.qr(images)[1]).reshape(
-            self.logarithms.shape
-        ), divergence.mean()
+        logarithms = _logarithms(np.linalg.qr(images)[1]).reshape(self.logarithms.shape)
+        return logarithms, float(divergence.mean())
 
 
 def growth(

@@ -19,6 +19,7 @@ from robotball.errors import InputError
 from robotball.rotations import Array, rotation_matrix, turned
 
 _ITERATIONS = 30  # far more than Newton's method takes near a cycle: beyond, there is none
+_BLIND = 100.0  # times the gap that passes for none: relative errors of a map's derivative
 _CLOSED = 1e-11  # of γ and M/|M|; what a tolerance of 1e-14 keeps over a period
 
 
@@ -96,8 +97,10 @@ def close_map(
             jacobian[i, :, own] += _by_turn(reached[i]) @ monodromies[i]
             jacobian[i, :, after] -= _by_turn(starts[(i + 1) % n])
             jacobian[i, :, -1] = np.cross(reached[i], omegas[i]).ravel() / n
-        # Turning along the motion itself changes nothing: singular, hence the least solution.
-        correction = np.linalg.lstsq(jacobian.reshape(-1, 3 * n + 1), gap.ravel(), rcond=1e-9)[0]
+        # Turning along the motion itself changes nothing, nor, where M = 0, about the vertical:
+        # singular but for the derivatives' errors, hence the least solution.
+        equations = jacobian.reshape(-1, 3 * n + 1), gap.ravel()
+        correction = np.linalg.lstsq(*equations, rcond=_BLIND * closed)[0]
         # A turn by more than 0.3 rad is beyond what is linear about it.
         correction *= min(1.0, 0.3 / float(np.abs(correction[:-1]).max()))
         attitudes = turned(attitudes, correction[:-1].reshape(n, 3))

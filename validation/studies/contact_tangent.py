@@ -228,7 +228,7 @@ _ATTRACTORS = {
     "fig12": ("limit cycle", "Figs 11a, 12", slice(0, 4), 1, 2000.0, preset("fast")),
     "fig13": ("limit torus", "Figs 11a, 13", slice(0, 5), 1, 2000.0, preset("fast")),
     "fig14": ("strange attractor", "Figs 11b, 14", slice(1, 5), 16, 2000.0, COARSE),
-    "classical_chaotic": ("classical chaos", "3.2", slice(1, 5), 6, 1000.0, preset("fast")),
+    "classical_chaotic": ("classical chaos", "3.2", slice(1, 5), 12, 1000.0, preset("fast")),
 }
 # Limit cycles by their scenes, in so many parts that neighbours part by e^4 in one at most. Where
 # Fig. 7's is slow, the step's error delays it by 1300 s for one of K₃.

@@ -28,6 +28,16 @@ def angle_between(p: Array, q: Array) -> Array:
     return 2 * np.arctan2(np.linalg.norm(turn[..., 1:], axis=-1), np.abs(turn[..., 0]))
 
 
+def turned(q: Array, turn: Array) -> Array:
+    """Return unit quaternions q (..., 4) after turns (..., 3) [rad] about axes of the frame."""
+    return (_rotation(q) * Rotation.from_rotvec(turn)).as_quat(scalar_first=True)
+
+
+def turn_between(p: Array, q: Array) -> Array:
+    """Return turns (..., 3) [rad] about axes of the frame from unit quaternions p to q (..., 4)."""
+    return (_rotation(p).inv() * _rotation(q)).as_rotvec()
+
+
 def rotation_matrix(q: Array) -> Array:
     """Return matrices (..., 3, 3) of quaternions (..., 4); the rows of one are α, β, γ."""
     return _rotation(q).as_matrix()

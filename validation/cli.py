@@ -76,7 +76,7 @@ COMMANDS = {
     "demo": "validation.commands.compare",
     "figures": "validation.commands.paper_commands",
     "section": "validation.studies.contact_sections",
-    "lyapunov": "validation.studies.attractors",
+    "lyapunov": "validation.studies.contact_tangent",
     "attractors": "validation.studies.attractors",
     "basins": "validation.studies.attractors",
     "equilibria": "validation.commands.equilibria_list",

@@ -14,7 +14,7 @@ import numpy as np
 from robotball import Engine, Motion, Scene, integrate
 from robotball.engine import Runner
 from robotball.motion import ContactMotion, path_errors
-from robotball.rotations import Array, conjugate, multiply
+from robotball.rotations import Array, turn_between, turned
 from robotball.scene import Start
 
 # Short beside the time in which a chaotic motion of the catalog doubles a difference, 2 to 6 s.
@@ -162,8 +162,7 @@ def _start(right: Motion, i: int, error: Array | None = None) -> Start:
     attitude, M = right.attitude[i], right.momentum[i]
     angles, rates = right.hinge_angles[i].copy(), right.hinge_rates[i].copy()
     if error is not None:
-        step = np.array([1.0, *(error[:3] / 2)])
-        attitude = multiply(attitude, step / np.linalg.norm(step))
+        attitude = turned(attitude, error[:3])
         M = M + error[3:6] * scene.momentum_scale
         if scene.rolling == "rubber":
             M[2] = 0.0  # by (3.1)
@@ -176,15 +175,14 @@ def _start(right: Motion, i: int, error: Array | None = None) -> Start:
 def _difference(other: Motion, right: Motion, i: int) -> Array:
     """Return the error (e,) at the end of a motion over stretch i."""
     scene = right.scene
-    w, *turn = multiply(conjugate(right.attitude[i + 1]), other.attitude[-1])
+    turn = turn_between(right.attitude[i + 1], other.attitude[-1])
     moved = other.momentum[-1] - right.momentum[i + 1]
     way = right.contact_point[i + 1] - right.contact_point[i]
     off = other.contact_point[-1] - other.contact_point[0] - way
     free = _moving(scene)
     angles = (other.hinge_angles[-1] - right.hinge_angles[i + 1])[free]
     rates = (other.hinge_rates[-1] - right.hinge_rates[i + 1])[free]
-    turned = 2 * math.copysign(1, w) * np.array(turn)
-    return np.concatenate([turned, moved / scene.momentum_scale, angles, rates, off])
+    return np.concatenate([turn, moved / scene.momentum_scale, angles, rates, off])
 
 
 def _transfer(right: Motion, i: int, error: Array) -> Array:

@@ -3,9 +3,12 @@
 Newton's method acts on a small turn of the start and on the period. Its derivative is the monodromy
 matrix, integrated with the motion by the variational equations; its eigenvalues are the Floquet
 multipliers. See Seydel, Practical Bifurcation and Stability Analysis, chapter 7, for the method.
+Any other map of attitudes whose derivative is known, as a contact engine's, is closed alike.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -13,9 +16,10 @@ from robotball.engines.ensembles.orbits import STEP_TOLERANCE, Starts, angular_v
 from robotball.engines.ensembles.steppers import DEVIATION
 from robotball.equations import Parameters
 from robotball.errors import InputError
-from robotball.rotations import Array, multiply, rotation_matrix
+from robotball.rotations import Array, rotation_matrix, turned
 
 _ITERATIONS = 30  # far more than Newton's method takes near a cycle: beyond, there is none
+_BLIND = 100.0  # times the gap that passes for none: relative errors of a map's derivative
 _CLOSED = 1e-11  # of γ and M/|M|; what a tolerance of 1e-14 keeps over a period
 
 
@@ -41,34 +45,74 @@ class Cycle:
 def close(parameters: Parameters, attitude: Array, momentum: Array, period: float) -> Cycle:
     """Return the periodic motion near a start (4,), (3,), with a period near a given one [s].
 
-    Newton's method on a small turn of the start and on the period; of all corrections the
-    smallest is taken, for every moment of the motion is as good a start as another. Raises
+    Attitudes (n, 4), too, each a part of the period after the last, as `close_map` takes them.
+    Raises InputError where Newton's method does not converge.
+    """
+
+    def follow(attitudes: Array, duration: float) -> Followed:
+        found = [monodromy_of(parameters, q, momentum, duration) for q in attitudes]
+        ends, monodromies, volumes = (np.array(each) for each in zip(*found, strict=True))
+        omega = np.array([angular_velocity(parameters, end, momentum) for end in ends])
+        return ends, monodromies, volumes, omega
+
+    return close_map(follow, np.atleast_2d(attitude), momentum, period)
+
+
+Followed = tuple[Array, Array, Array, Array]
+"""The ends of n stretches: attitudes (n, 4), monodromies (n, 3, 3) with ln of their determinants
+(n,), as of `monodromy_of`, and angular velocities (n, 3) in frame axes [rad/s]."""
+
+
+def close_map(
+    follow: Callable[[Array, float], Followed],
+    attitudes: Array,
+    momentum: Array,
+    period: float,
+    closed: float = _CLOSED,
+) -> Cycle:
+    """Return the periodic motion near attitudes (n, 4), each a part of a period [s] after the last.
+
+    follow: from attitudes (n, 4) over a duration [s]; momentum (3,): of all of them; closed: the
+    largest gap in γ and M/|M|.
+
+    Newton's method on a small turn of every attitude and on the period (multiple shooting: what
+    leaves an unstable motion within a period has only a part of it to grow in). Of all corrections
+    the smallest is taken, for every moment of the motion is as good a start as another. Raises
     InputError where that does not converge.
     """
+    n = len(attitudes)
     for _ in range(_ITERATIONS):
-        end, monodromy, volume = monodromy_of(parameters, attitude, momentum, period)
-        vectors = _level_vectors(attitude, momentum), _level_vectors(end, momentum)
-        omega = angular_velocity(parameters, end, momentum)
-        gap = (vectors[1] - vectors[0]).ravel()
-        if np.abs(gap).max() < _CLOSED:
-            return Cycle(attitude, momentum, period, _multipliers(monodromy, volume, momentum))
-        # A turn of the start moves the end by the monodromy, and what must be closed by both.
-        by_turn = np.cross(vectors[1][:, None], monodromy.T) - np.cross(
-            vectors[0][:, None], np.eye(3)
-        )
-        by_period = np.cross(vectors[1], omega)
-        columns = np.concatenate([by_turn, by_period[:, None]], axis=1)
-        # Turning along the motion itself changes nothing: singular, hence the least solution.
-        jacobian = columns.transpose(0, 2, 1).reshape(-1, 4)
-        correction = np.linalg.lstsq(jacobian, -gap, rcond=1e-9)[0]
+        ends, monodromies, volumes, omegas = follow(attitudes, period / n)
+        starts = np.array([_level_vectors(q, momentum) for q in attitudes])
+        reached = np.array([_level_vectors(q, momentum) for q in ends])
+        gap = np.roll(starts, -1, axis=0) - reached
+        if np.abs(gap).max() < closed:
+            whole = reduce(np.matmul, monodromies[::-1])
+            multipliers = _multipliers(whole, float(volumes.sum()), momentum)
+            return Cycle(attitudes[0], momentum, period, multipliers)
+        # A turn of a start moves the end by the monodromy, and what it must meet by the next turn.
+        jacobian = np.zeros((n, gap[0].size, 3 * n + 1))
+        for i in range(n):
+            own, after = (slice(3 * j, 3 * j + 3) for j in (i, (i + 1) % n))
+            jacobian[i, :, own] += _by_turn(reached[i]) @ monodromies[i]
+            jacobian[i, :, after] -= _by_turn(starts[(i + 1) % n])
+            jacobian[i, :, -1] = np.cross(reached[i], omegas[i]).ravel() / n
+        # Turning along the motion itself changes nothing, nor, where M = 0, about the vertical:
+        # singular but for the derivatives' errors, hence the least solution.
+        equations = jacobian.reshape(-1, 3 * n + 1), gap.ravel()
+        correction = np.linalg.lstsq(*equations, rcond=_BLIND * closed)[0]
         # A turn by more than 0.3 rad is beyond what is linear about it.
-        correction *= min(1.0, 0.3 / float(np.abs(correction[:3]).max()))
-        turn = np.array([1.0, *(correction[:3] / 2)])
-        attitude = multiply(attitude, turn / np.linalg.norm(turn))
-        period += float(correction[3])
+        correction *= min(1.0, 0.3 / float(np.abs(correction[:-1]).max()))
+        attitudes = turned(attitudes, correction[:-1].reshape(n, 3))
+        period += float(correction[-1])
         if not period > 0:
             break
     raise InputError("no periodic motion found near the start: Newton's method does not converge")
+
+
+def _by_turn(vectors: Array) -> Array:
+    """Return the derivative (3k, 3) of space's vectors (k, 3) in frame axes by a small turn."""
+    return np.cross(vectors[:, None], np.eye(3)).transpose(0, 2, 1).reshape(-1, 3)
 
 
 def monodromy_of(

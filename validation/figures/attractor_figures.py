@@ -46,9 +46,9 @@ from validation.studies.contact_sections import (
     Torus,
     cloud_by_contact,
     cloud_by_equations,
-    contact_cycle,
     distance_to_curve,
 )
+from validation.studies.contact_tangent import contact_cycle, cycle_crossings
 from validation.study import compiled_motion
 
 _F = 25.0
@@ -70,18 +70,16 @@ def figure11a() -> Figure:
     ball, balanced = scene.parameters, build(scene, preset("balanced"))
     cycle = fixed_point(ball, 3.6, 0.6, _F)
     own = section(ball, cycle.attitude[None], cycle.momentum[None], 2)
-    ours = [
-        contact_cycle(balanced, float(L), float(l), _F, cycle.period, int(direction))
-        for L, l, direction in zip(own.L[0], own.l[0], own.directions[0], strict=True)
-    ]
+    ours = contact_cycle(balanced, cycle)
+    through = cycle_crossings(balanced, ours)[:2]
     curve = cloud_by_equations(ball, TORUS, seed=0)
     points = cloud_by_contact(build(scene, preset("fast")), TORUS_BY_CONTACT, seed=0)
     off = float(distance_to_curve(points.states, curve.states).max())
     facts = (
         "One periodic orbit, crossing twice, once in",
         f"  each direction (E23): period {cycle.period:.6f} s,",
-        f"  {ENGINE_NAME}'s {ours[0].period:.6f} s; |multiplier|",
-        f"  {abs(cycle.multipliers[0]):.5f}, {ENGINE_NAME}'s {abs(ours[0].multipliers[0]):.5f}.",
+        f"  {ENGINE_NAME}'s {ours.period:.6f} s; |multiplier|",
+        f"  {abs(cycle.multipliers[0]):.5f}, {ENGINE_NAME}'s {abs(ours.multipliers[0]):.5f}.",
         "One limit torus, in both directions:",
         f"  all {len(points.L)} points of {ENGINE_NAME}'s lie within",
         f"  {off:.1g} of that of the equations (γ and",
@@ -95,7 +93,7 @@ def figure11a() -> Figure:
         "Fig. 11a: a limit cycle and a limit torus",
         _caption_of(scene), facts, [["theory", "engine"]], (5.6, 5.6),
     )  # fmt: skip
-    crossed = np.array([[each.l for each in ours], [each.L for each in ours]])
+    crossed = np.stack([through.l, through.L])
     coarse = cloud_by_contact(build(scene, COARSE), REGULAR_BY_CONTACT, seed=2)
     for each, cloud, count, torus, orbit, colour, name in (
         (axes["theory"], cloud_by_equations(ball, REGULAR, seed=1), REGULAR.count, curve,

@@ -1,46 +1,33 @@
 """Attractors and exponents by the contact engine, each claim of Fig. 11 beside the equations.
 
-The commands are `robotball attractors`; `robotball basins`, which counts the random starts of a
-scene that reach each of its attractors; and `robotball lyapunov`, which measures exponents.
-
-For the largest exponent two motions of the contact model run side by side. After every interval
-both are put back on the constraints, with the momentum that they started from, and the second is
-brought back to a small distance from the first: a contact model has motions of its own, slipping
-and spinning, and other levels of M², which are not of interest.
+The commands are `robotball attractors`, and `robotball basins`, which counts the random starts of a
+scene that reach each of its attractors.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from robotball import load_scene, preset, sample_times
-from robotball.engines.ensembles.orbits import Starts
-from robotball.engines.ensembles.steppers import DEVIATION
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.model import Model, build
+from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.reduced import LABEL as EQUATIONS
-from robotball.equations import Parameters
 from robotball.errors import check_count
-from robotball.processes import allowed
 from robotball.qualitative.long_run import (
     CHAOS,
     LINE,
     LOST,
     Drift,
-    Exponents,
     basins,
     drift,
     exponents,
-    standard_error,
 )
 from robotball.qualitative.long_run import TORUS as ON_TORUS
 from robotball.qualitative.sections import fixed_point, section
-from robotball.rotations import Array, conjugate, multiply
-from validation.options import AGREES, DISAGREES, File, Preset, SceneName, Threads, check_files
-from validation.output import Show, known, progress_bar, write_record
+from validation.options import AGREES, DISAGREES, File, SceneName, Threads, check_files
+from validation.output import Show, progress_bar, write_record
 from validation.studies.contact_sections import (
     COARSE,
     Recipe,
@@ -48,96 +35,13 @@ from validation.studies.contact_sections import (
     attracted_scene,
     cloud_by_contact,
     cloud_by_equations,
-    contact_cycle,
     distance_to_curve,
     level_starts,
-    moving_scene,
     own_start,
     rank_probability,
-    sound_run,
 )
+from validation.studies.contact_tangent import contact_cycle, contact_growth, cycle_crossings
 from validation.study import Column, Row, show, table_of
-
-_SEPARATION = 1e-6  # rad: its square is lost in the ratio, and so is rounding over it
-_PAIR_TOLERANCE = 1e-11  # of a step of the equations alongside
-
-
-@dataclass(frozen=True)
-class _ContactExponent:
-    """How n pairs of motions of the contact model came apart, in k intervals each.
-
-    growth (n, k): the logarithm of the distance's growth in each interval; interval s; attitudes
-    (n, k, 4), of the first motion when an interval began, turns (n, k, 3), the unit direction
-    of the second from there; both in principal axes; momenta (n, 3) kg m²/s, world.
-    """
-
-    growth: Array
-    interval: float
-    attitudes: Array
-    turns: Array
-    momenta: Array
-
-    @property
-    def mean(self) -> float:
-        """Return λ₁ over all pairs and intervals [1/s]."""
-        return float(self.growth.mean() / self.interval)
-
-    @property
-    def error(self) -> float:
-        """Return the standard error of `mean`, from the scatter of the pairs [1/s]."""
-        return standard_error(self.growth.mean(axis=1) / self.interval)
-
-
-def contact_exponent(
-    model: Model,
-    attitudes: Array,
-    momenta: Array,
-    duration: float,
-    transient: float = 100.0,
-    interval: float = 5.0,
-    progress: Callable[[float], object] = lambda part: None,
-) -> _ContactExponent:
-    """Measure λ₁ of the motions from n starts, each over `duration` after a `transient` [s].
-
-    attitudes (n, 4), momenta (n, 3): in principal axes, as `qualitative.long_run` takes them.
-    Raises InputError where a run has a fault.
-    """
-    skipped, kept = round(transient / interval), max(1, round(duration / interval))
-    growth = np.empty((len(attitudes), skipped + kept))
-    origins, turns = np.empty((*growth.shape, 4)), np.empty((*growth.shape, 3))
-    for i, (q, M) in enumerate(zip(attitudes, momenta, strict=True)):
-        turn = np.array([0.6, 0.48, 0.64])
-        for k in range(skipped + kept):
-            origins[i, k], turns[i, k] = q, turn
-            aside = Rotation.from_rotvec(_SEPARATION * turn).as_quat(scalar_first=True)
-            beside = multiply(q, aside)
-            q, other = (_rolled(model, each, M, interval) for each in (q, beside))
-            apart = multiply(conjugate(q), other)
-            turn = Rotation.from_quat(apart, scalar_first=True).as_rotvec()
-            distance = float(np.linalg.norm(turn))
-            growth[i, k], turn = np.log(distance / _SEPARATION), turn / distance
-            progress((i * growth.shape[1] + k + 1) / growth.size)
-    late = slice(skipped, None)
-    return _ContactExponent(growth[:, late], interval, origins[:, late], turns[:, late], momenta)
-
-
-def _rolled(model: Model, attitude: Array, momentum: Array, duration: float) -> Array:
-    """Return the attitude (4,), principal axes, to which MuJoCo rolls the ball in `duration` s."""
-    start = own_start(model.scene, attitude, momentum)
-    motion = sound_run(model, start, np.array([0.0, duration]))
-    return multiply(motion.attitude[-1], model.scene.principal_quaternion)
-
-
-def growth_by_equations(parameters: Parameters, contact: _ContactExponent) -> Array:
-    """Return `growth` (n, k) by the equations, from the same starts in the same directions."""
-    n, k = contact.growth.shape
-    starts = Starts(
-        parameters, contact.attitudes.reshape(-1, 4), np.repeat(contact.momenta, k, axis=0)
-    )
-    rest = np.concatenate([contact.turns.reshape(-1, 3), np.zeros((n * k, 2))], axis=1)
-    states, _ = starts.march(DEVIATION, rest, np.array([contact.interval]), _PAIR_TOLERANCE)
-    return states[:, 0, 7].reshape(n, k)
-
 
 _F = 25.0  # of Figs 11 to 14, (kg m²/s)²
 # The curve by 192,000 points, the contact model's by 50: at most 1e-6 is lost to the spacing.
@@ -146,7 +50,6 @@ TORUS_BY_CONTACT = Torus(L=0.0, l=1.96, spread=0.0, f=_F, starts=1, skipped=100,
 _CLOUD = Recipe(f=_F, starts=50, skipped=20, count=40)  # 2000 points
 _PEERS = 199
 _PAIRS = Recipe(f=_F, starts=16, skipped=0, count=0)
-_PAIR_SECONDS = 4000.0  # of each: 1 % of sampling error over all
 _LONG = 1e5  # s, of the equations' means: of 16 chaotic starts λ₁ is known to 2e-4 1/s
 
 
@@ -179,11 +82,12 @@ def _measure_cycle(show: Show) -> Iterator[Row]:
     crossing = section(scene.parameters, attitudes, momenta, 1, direction=-1)
     L, l = float(crossing.L[0, 0]), float(crossing.l[0, 0])
     model = build(scene, preset("balanced"))
-    contact = contact_cycle(model, L, l + 0.01, _F, cycle.period, direction=-1)
+    contact = contact_cycle(model, cycle)
+    through = cycle_crossings(model, contact).only(-1)
     for claim, a, b in (
         ("11a: period [s]", contact.period, cycle.period),
-        ("11a: L of it [kg m²/s]", contact.L, L),
-        ("11a: l of it [rad]", contact.l, l),
+        ("11a: L of it [kg m²/s]", float(through.L[0]), L),
+        ("11a: l of it [rad]", float(through.l[0]), l),
         ("11a: |multiplier|", abs(contact.multipliers[0]), abs(cycle.multipliers[0])),
     ):
         yield _measured(claim, a, b, 1e-6)
@@ -228,17 +132,15 @@ def _measure_clouds(show: Show) -> Iterator[Row]:
 def _measure_exponents(show: Show) -> Iterator[Row]:
     """Measure Fig. 11b's largest exponent, and the growth of both engines along one motion."""
     scene = load_scene("fig14")
-    contact = contact_exponent(
-        build(scene, COARSE),
-        *_PAIRS.points(seed=0),
-        _PAIR_SECONDS,
-        interval=10.0,
-        progress=lambda part: show(4 + 4 * part, "Fig. 11b: exponent"),
-    )
-    largest, _ = exponents(scene.parameters, *_PAIRS.points(seed=0), _LONG).mean
-    yield _measured("11b: λ₁ [1/s]", contact.mean, largest, 0.03 * largest, contact.error)
-    alongside = float(growth_by_equations(scene.parameters, contact).mean() / contact.interval)
-    yield _measured("11b: along one motion", contact.mean, alongside, 1e-4)
+    contact = contact_growth(
+        build(scene, COARSE), 10.0, 10, 400, _PAIRS.points(seed=0),
+        lambda part: show(4 + 4 * part, "Fig. 11b: exponent"), deviations=1,
+    )  # fmt: skip
+    largest, error = contact.ends().mean[0], contact.ends().error[0]
+    reference, _ = exponents(scene.parameters, *_PAIRS.points(seed=0), _LONG).mean
+    yield _measured("11b: λ₁ [1/s]", largest, reference, 0.03 * reference, error)
+    alongside = float(contact.by_equations(scene.parameters)[0].mean() / contact.stretch)
+    yield _measured("11b: along one motion", largest, alongside, 1e-4)
 
 
 def _measured_drift(
@@ -334,84 +236,4 @@ class Basins:
                 "reached": [names[label] for label in found.labels.tolist()],
             },
         )
-        return AGREES
-
-
-_BATCH = 16  # starts a core followed at once, between two moves of the progress bar
-
-
-@dataclass(frozen=True)
-class Lyapunov:
-    """Measure a scene's Lyapunov exponents, by the equations and, on request, by an engine.
-
-    Example: robotball lyapunov fig14 --starts 4 --duration 1000
-    """
-
-    scene: SceneName
-    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
-    starts: int = 16
-    """Random starts with the scene's M² and (M, γ); for 1 the scene's own."""
-    duration: float = 10_000.0
-    """Time over which each is measured [s]."""
-    transient: float = 1000.0
-    """Time before that [s]."""
-    preset: Preset = None
-    """Also measure the largest one by the engine so set, over a tenth of the duration."""
-    seed: int = 0
-    """The seed of the random starts."""
-    threads: Threads = None
-    json: File = None
-    """Also write the results, start by start."""
-
-    def run(self) -> int:
-        scene = moving_scene(self.scene, "an exponent")
-        settings = None if self.preset is None else preset(self.preset)
-        attitudes, momenta = level_starts(scene, self.starts, self.seed)
-        with progress_bar(self.starts * (1 if settings is None else 2)) as progress:
-            parts, together = [], _BATCH * allowed()
-            for i in range(0, self.starts, together):
-                progress(i, f"{scene.name}: equations")
-                some = attitudes[i : i + together], momenta[i : i + together]
-                parts.append(exponents(scene.parameters, *some, self.duration, self.transient))
-            found = Exponents(
-                np.concatenate([part.largest for part in parts]),
-                np.concatenate([part.divergence for part in parts]),
-                self.duration,
-            )
-            rows = [
-                ("λ₁ [1/s]", found.mean[0], found.error[0]),
-                ("λ₆ [1/s]", found.mean[1], found.error[1]),
-                ("sum [1/s]", float(found.divergence.mean()), None),
-                ("dimension of the section", found.dimension, found.dimension_error),
-            ]
-            record: dict[str, object] = {
-                "scene": scene.name,
-                "starts": self.starts,
-                "seed": self.seed,
-                "duration": self.duration,
-                "largest": found.largest.tolist(),
-                "smallest": found.smallest.tolist(),
-                "dimension": found.dimension,
-            }
-            if settings is not None:
-                model, what = build(scene, settings), f"{scene.name}: {LABEL.name}"
-                contact = contact_exponent(
-                    model, attitudes, momenta, self.duration / 10, min(100.0, self.transient), 10.0,
-                    lambda part: progress(self.starts * (1 + part), what),
-                )  # fmt: skip
-                name = f"λ₁ by {LABEL.name}, {settings.name} [1/s]"
-                rows.append((name, contact.mean, contact.error))
-                record |= {
-                    "engine": LABEL.name,
-                    "engine_duration": self.duration / 10,
-                    "engine_largest": (contact.growth.mean(axis=1) / contact.interval).tolist(),
-                }
-        columns = (
-            Column("", "name", words=True),
-            Column("mean", "mean", form=".6g"),
-            Column("standard error", "error", form=".1g"),
-        )
-        numbers = [{"name": name, "mean": mean, "error": known(of)} for name, mean, of in rows]
-        show([table_of(columns, numbers)])
-        write_record(self.json, record)
         return AGREES

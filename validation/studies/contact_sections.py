@@ -45,19 +45,6 @@ from validation.results import changed, file_name
 
 _STRETCH = 100.0  # s; in it M drifts by a few millionths at most
 _NO_RETURN = 100  # stretches without enough crossings, after which a run is given up
-_NEAR = 1e-4  # of √f and of a radian: how far apart the map is looked at for its derivative
-_ITERATIONS = 12
-_CLOSED = 1e-9  # of √f and of a radian; the map itself repeats to rounding
-
-
-@dataclass(frozen=True)
-class _ContactCycle:
-    """A periodic motion of the contact model: where it crosses g = 0, period s, multipliers."""
-
-    L: float
-    l: float
-    period: float
-    multipliers: Array
 
 
 def own_start(scene: Scene, attitude: Array, momentum: Array) -> Start:
@@ -73,7 +60,7 @@ def sound_run(model: Model, start: Start, times: Array) -> Motion:
     return motion
 
 
-def _each_step(model: Model, duration: float) -> Array:
+def each_step(model: Model, duration: float) -> Array:
     """Return the times (n,) of a model's steps [s]."""
     return sample_times(duration, model.compiled.opt.timestep)
 
@@ -89,7 +76,7 @@ def _returns(
     found: list[Crossings] = []
     moved, at = np.zeros(2), start
     for stretch in range(_NO_RETURN * count):
-        motion = sound_run(model, at, _each_step(model, _STRETCH))
+        motion = sound_run(model, at, each_step(model, _STRETCH))
         some = crossings_of_motion(motion, model.scene).only(direction)
         found.append(some.later(stretch * _STRETCH))
         moved = moved + motion.contact_point[-1]
@@ -97,45 +84,6 @@ def _returns(
         if sum(len(each.times) for each in found) >= count:
             return joined(found)[:count], (stretch + 1) * _STRETCH, moved
     raise InputError(f"{LABEL.name}'s ball does not come back to the section")
-
-
-def contact_cycle(
-    model: Model, L: float, l: float, f: float, period: float, direction: int = 1
-) -> _ContactCycle:
-    """Find the periodic motion that crosses g = 0 near (L, l), once in about `period` [s].
-
-    By Newton's method on MuJoCo's own map, whose derivative comes from runs started a little apart.
-    Raises InputError where that does not converge.
-    """
-
-    def mapped(point: Array) -> tuple[Array, float]:
-        attitudes, momenta = section_starts(point[:1], point[1:], f)
-        start = own_start(model.scene, attitudes[0], momenta[0])
-        motion = sound_run(model, start, _each_step(model, 1.2 * period))
-        next_one = crossings_of_motion(motion, model.scene).only(direction)
-        if len(next_one.times) == 0:
-            raise InputError(f"{LABEL.name}'s ball does not come back within {1.2 * period:g} s")
-        return np.array([next_one.L[0], next_one.l[0]]), float(next_one.times[0])
-
-    scale, point = np.array([np.sqrt(f), 1.0]), np.array([L, l])
-    for _ in range(_ITERATIONS):
-        image, time = mapped(point)
-        derivative = np.empty((2, 2))
-        for i, step in enumerate(np.diag(_NEAR * scale)):
-            apart = mapped(point + step)[0] - mapped(point - step)[0]
-            derivative[:, i] = _short(apart) / (2 * step[i])
-        gap = _short(image - point)
-        if np.abs(gap / scale).max() < _CLOSED:
-            multipliers = np.linalg.eigvals(derivative).astype(complex)
-            return _ContactCycle(float(point[0]), float(point[1]), time, multipliers)
-        point = point - np.linalg.solve(derivative - np.eye(2), gap)
-    raise InputError("no periodic motion of the contact model found near the start")
-
-
-def _short(difference: Array) -> Array:
-    """Return a difference (L, l) with the angle's part between -π and π."""
-    L, l = difference
-    return np.array([L, (l + np.pi) % (2 * np.pi) - np.pi])
 
 
 def level_starts(scene: Scene, count: int, seed: int, g: float = 0.0) -> tuple[Array, Array]:
@@ -429,7 +377,7 @@ class Section:
             if settings is not None:
                 show(1, f"{scene.name}: {LABEL.name}, {settings.name}")
                 model = build(scene, settings)
-                motion = sound_run(model, scene.start, _each_step(model, found.times[0, -1]))
+                motion = sound_run(model, scene.start, each_step(model, found.times[0, -1]))
                 engine = _points_of(crossings_of_motion(motion, scene, self.g), self.skip)
             write_picture(path, _draw_section(scene, points, engine, self.g))
         drawn = {EQUATIONS.name: points} | ({} if engine is None else {LABEL.name: engine})

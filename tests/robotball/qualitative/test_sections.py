@@ -11,10 +11,11 @@ from robotball.equations import Parameters
 from robotball.errors import InputError
 from robotball.qualitative.cycles import close
 from robotball.qualitative.long_run import level_points
+from robotball.qualitative.portraits import limit_cycles
 from robotball.qualitative.sections import invariant_curve, section, section_starts, shared_integral
-from robotball.rotations import Array, rotation_matrix
+from robotball.rotations import Array, rotation_matrix, turned
 from robotball.scene import along_momentum, section_state
-from tests.figures import BALLS, CHAOTIC, CLASSICAL, REGULAR, F, ball, spread_starts
+from tests.figures import BALLS, CHAOTIC, CLASSICAL, REGULAR, F, ball, from_rest, spread_starts
 
 pytestmark = pytest.mark.core
 
@@ -115,6 +116,23 @@ def test_unstable_periodic_orbits_of_the_chaos_close() -> None:
         assert np.abs(np.subtract(begin, end)).max() < 1e-9
     with pytest.raises(InputError, match="does not converge"):
         close(CHAOTIC, attitudes[0], momenta[0], 0.1)
+
+
+def test_a_cycle_that_grows_beyond_all_digits_closes_in_parts() -> None:
+    """Fig. 7's: a neighbour's distance grows by 7.4e8 in a period, and by e^4 in a twelfth.
+
+    Back in time it attracts and closes from one start: to the same period and multiplier.
+    """
+    (cycle,), rest = limit_cycles(from_rest(0.52)), np.zeros(3)
+    times = np.linspace(0.0, cycle.period, 13)
+    nodes = orbit(from_rest(0.52), cycle.attitude, rest, times)[0][:-1]
+    beside = turned(nodes, np.full((12, 3), 1e-3))
+    found = close(from_rest(0.52), beside, rest, cycle.period + 1e-3)
+    # Measured 2.7e-10 s and 1.2e-10, of gaps of 1e-11 that pass for none; at a K₃ greater by 1e-5
+    # the period is shorter by 0.013 s.
+    assert found.period == pytest.approx(cycle.period, abs=1e-8)
+    assert found.multipliers[0].real == pytest.approx(cycle.multipliers[0].real, rel=1e-8)
+    assert close(from_rest(0.52001), beside, rest, cycle.period).period < cycle.period - 0.005
 
 
 # Invariant curves -----------------------------------------------------------------------------

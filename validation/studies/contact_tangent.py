@@ -1,0 +1,401 @@
+"""The tangent of the contact engine's map: all Lyapunov exponents, limit cycles; `lyapunov`.
+
+The map: from a state on the constraints, an attitude and M, a ball rolls for a stretch and is read
+back. γ and M in frame axes, the paper's six numbers, are what a turn about the vertical leaves of
+that. A deviation is a small turn in frame axes [rad] and a change of M, world, over |M|: six
+numbers, of which a rubber ball, whose M is horizontal by (3.1), has five. The tangent is taken by
+central differences. Composed with QR along a motion it gives the exponents (Benettin, Galgani,
+Giorgilli and Strelcyn, Meccanica 15, 1980; Geist, Parlitz and Lauterborn, Progress of Theoretical
+Physics 83, 1990), and round a closed motion the multipliers. The equations have the same map, and
+their tangent is taken alike.
+
+Along the motion, about the vertical (in place of γ², which is 1 of every attitude), and with M²
+and (M, γ), which are constant, deviations do not grow: of the six exponents four are 0.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from robotball import load_scene, preset
+from robotball.engines.ensembles.orbits import (
+    LONG_RUN_TOLERANCE,
+    angular_velocity,
+    orbit,
+    orbits,
+)
+from robotball.engines.mujoco import LABEL
+from robotball.engines.mujoco.model import Model, build
+from robotball.equations import Parameters
+from robotball.processes import allowed, in_processes
+from robotball.qualitative.cycles import Cycle, Followed, close_map
+from robotball.qualitative.long_run import Exponents, exponents, standard_error
+from robotball.qualitative.portraits import limit_cycles
+from robotball.qualitative.sections import Crossings, crossings_of_motion, fixed_point
+from robotball.rotations import Array, multiply, turn_between, turned
+from validation.options import AGREES, File, Preset, SceneName, Threads
+from validation.output import known, progress_bar, write_record
+from validation.studies.contact_sections import (
+    COARSE,
+    each_step,
+    level_starts,
+    moving_scene,
+    own_start,
+    sound_run,
+)
+from validation.study import Column, Row, show, table_of
+
+_Flow = Callable[[Array, Array], tuple[Array, Array]]
+"""Attitudes (m, 4), principal axes, and M (m, 3), world → both after a stretch."""
+_SIZE = 3e-6  # rad, and of |M|: the least error, of rounding with it, is between 1e-6 and 1e-5
+_CLOSED = 1e-9  # of γ and M/|M|
+
+
+def rolled(model: Model, duration: float, attitudes: Array, momenta: Array) -> tuple[Array, Array]:
+    """Return attitudes (m, 4) and M (m, 3) after MuJoCo rolled the ball for a duration [s].
+
+    attitudes, of the principal axes, and momenta, world: of the starts. InputError on a fault.
+    """
+    ends, times = [], np.array([0.0, duration])
+    for q, M in zip(attitudes, momenta, strict=True):
+        motion = sound_run(model, own_start(model.scene, q, M), times)
+        ends.append((motion.attitude[-1], motion.momentum[-1]))
+    last, M = (np.array(each) for each in zip(*ends, strict=True))
+    return multiply(last, model.scene.principal_quaternion), M
+
+
+def integrated(
+    parameters: Parameters, duration: float, attitudes: Array, momenta: Array
+) -> tuple[Array, Array]:
+    """Return the same by the equations."""
+    times = np.array([0.0, duration])
+    return orbits(parameters, attitudes, momenta, times).attitudes[:, -1], momenta
+
+
+def tangent(
+    flow: _Flow, attitudes: Array, momenta: Array, along: Array, size: float = _SIZE
+) -> tuple[Array, Array]:
+    """Return a map's attitudes (n, 4) and its derivative (n, 6, k) along deviations (n, 6, k).
+
+    attitudes (n, 4), momenta (n, 3): as `rolled` takes them; size: of differences, to both sides.
+    """
+    n, k = len(attitudes), along.shape[2]
+    sides = np.concatenate([np.zeros((n, 6, 1)), size * along, -size * along], axis=2)
+    moved = sides.transpose(0, 2, 1).reshape(-1, 6)
+    scale = np.repeat(np.linalg.norm(momenta, axis=1, keepdims=True), 1 + 2 * k, axis=0)
+    ends, M = flow(
+        turned(np.repeat(attitudes, 1 + 2 * k, axis=0), moved[:, :3]),
+        np.repeat(momenta, 1 + 2 * k, axis=0) + scale * moved[:, 3:],
+    )
+    first = ends[:: 1 + 2 * k]
+    # From rest M stays zero and has no scale.
+    changes = M / np.where(scale > 0, scale, 1.0)
+    apart = np.concatenate([turn_between(np.repeat(first, 1 + 2 * k, axis=0), ends), changes], 1)
+    apart = apart.reshape(n, 1 + 2 * k, 6).transpose(0, 2, 1)
+    return first, (apart[:, :, 1 : 1 + k] - apart[:, :, 1 + k :]) / (2 * size)
+
+
+@dataclass(frozen=True)
+class _Growth:
+    """How deviations from n motions grow in s stretches, k of them kept apart by QR.
+
+    stretch s; momenta (n, 3) kg m²/s, world; logarithms (n, s, k): of the growth, the fastest
+    first; attitudes (n, s, 4) at the beginnings, along (n, s, 6, k): the deviations there.
+    """
+
+    stretch: float
+    momenta: Array
+    logarithms: Array
+    attitudes: Array
+    along: Array
+
+    @property
+    def spectra(self) -> Array:
+        """The six exponents (n, 6) of each motion, in the order of their means [1/s].
+
+        Of those that were not followed, 0 stands for that of (M, γ), which is 0 in every state of a
+        rubber ball by (3.1).
+        """
+        found = self.logarithms.mean(axis=1) / self.stretch
+        six = np.pad(found, ((0, 0), (0, 6 - found.shape[1])))
+        return six[:, np.argsort(-six.mean(axis=0))]
+
+    def ends(self, last: int = 5) -> Exponents:
+        """Return the first exponent, and the sum of those from `last` on."""
+        first, rest = self.spectra[:, 0], self.spectra[:, last:].sum(axis=1)
+        return Exponents(first, first + rest, self.logarithms.shape[1] * self.stretch)
+
+    def by_equations(self, parameters: Parameters) -> tuple[Array, float]:
+        """Return `logarithms` and the mean divergence [1/s] by the equations.
+
+        Of the same deviations from the same states, stretch by stretch.
+        """
+        states = self.attitudes.reshape(-1, 4), self.momenta.repeat(self.along.shape[1], axis=0)
+        along = self.along.reshape(-1, *self.along.shape[2:])
+        images = tangent(partial(integrated, parameters, self.stretch), *states, along)[1]
+        # The means begin as soon as they may.
+        divergence = exponents(parameters, *states, self.stretch, transient=1e-9).divergence
+        logarithms = _logarithms(np.linalg.qr(images)[1]).reshape(self.logarithms.shape)
+        return logarithms, float(divergence.mean())
+
+
+def growth(
+    flow: _Flow, stretch: float, skipped: int, count: int, k: int, starts: tuple[Array, Array]
+) -> _Growth:
+    """Follow k deviations of n motions over `count` stretches [s] after some that are skipped.
+
+    starts: attitudes (n, 4) and momenta (n, 3), as `rolled` takes them. After every stretch a
+    motion is put back on the constraints, with the M that it started from: a contact model slips
+    and spins a little, and its M drifts to levels that are not of interest.
+    """
+    attitudes, momenta = starts
+    # Changes of M first: begun with turns, which keep M, the others would fall in behind too late.
+    along, found = np.tile(np.eye(6)[:, k - 1 :: -1], (len(attitudes), 1, 1)), []
+    for _ in range(skipped + count):
+        began = attitudes, along
+        attitudes, images = tangent(flow, attitudes, momenta, along)
+        along, R = np.linalg.qr(images)
+        found.append((_logarithms(R), *began))
+    late = zip(*found[skipped:], strict=True)
+    return _Growth(stretch, momenta, *(np.stack(each, axis=1) for each in late))
+
+
+def _logarithms(R: Array) -> Array:
+    return np.log(np.abs(np.diagonal(R, axis1=1, axis2=2)))
+
+
+def contact_growth(
+    model: Model,
+    stretch: float,
+    skipped: int,
+    count: int,
+    starts: tuple[Array, Array],
+    progress: Callable[[float], object] = lambda part: None,
+    deviations: int | None = None,
+) -> _Growth:
+    """Return MuJoCo's `growth`, on all cores, of some deviations, or of all there are.
+
+    Raises InputError on a fault.
+    """
+    k = deviations or (5 if model.scene.rolling == "rubber" else 6)
+    one = partial(growth, partial(rolled, model, stretch), stretch, skipped, count, k)
+    parts = []
+    for part in in_processes(one, [(q[None], M[None]) for q, M in zip(*starts, strict=True)]):
+        parts.append((part.logarithms, part.attitudes, part.along))
+        progress(len(parts) / len(starts[0]))
+    return _Growth(stretch, starts[1], *map(np.concatenate, zip(*parts, strict=True)))
+
+
+def contact_cycle(model: Model, cycle: Cycle, parts: int = 1) -> Cycle:
+    """Return the periodic motion of the contact engine's map near one of the equations.
+
+    parts: of the period, each short enough for what leaves the motion to stay near it. Raises
+    InputError where Newton's method does not converge, or where a run has a fault.
+    """
+    ball, M = model.scene.parameters, cycle.momentum
+    times = np.linspace(0.0, cycle.period, parts + 1)
+    # Off the equations' motion by far more than both engines are apart: the search is the map's.
+    near = turned(orbit(ball, cycle.attitude, M, times)[0][:-1], np.full((parts, 3), 1e-3))
+
+    def follow(attitudes: Array, duration: float) -> Followed:
+        turns, momenta = np.tile(np.eye(6)[:, :3], (parts, 1, 1)), np.tile(M, (parts, 1))
+        ends, images = tangent(partial(rolled, model, duration), attitudes, momenta, turns)
+        monodromies = images[:, :3]
+        omegas = np.array([angular_velocity(ball, end, M) for end in ends])
+        return ends, monodromies, np.linalg.slogdet(monodromies)[1], omegas
+
+    return close_map(follow, near, M, cycle.period, _CLOSED)
+
+
+def cycle_crossings(model: Model, cycle: Cycle) -> Crossings:
+    """Return where a periodic motion of the contact model crosses g = 0, in a little over a period.
+
+    Raises InputError where the run has a fault.
+    """
+    start = own_start(model.scene, cycle.attitude, cycle.momentum)
+    motion = sound_run(model, start, each_step(model, 1.01 * cycle.period))
+    return crossings_of_motion(motion, model.scene)
+
+
+# The paper's results by both engines -----------------------------------------------------------
+
+
+# By its scene, an attractor's name, its place, which of the six exponents vanish, and the runs that
+# measure them: how many, how long [s], by which preset. A classical ball slips at COARSE's steps.
+_ATTRACTORS = {
+    "fig12": ("limit cycle", "Figs 11a, 12", slice(0, 4), 1, 2000.0, preset("fast")),
+    "fig13": ("limit torus", "Figs 11a, 13", slice(0, 5), 1, 2000.0, preset("fast")),
+    "fig14": ("strange attractor", "Figs 11b, 14", slice(1, 5), 16, 2000.0, COARSE),
+    "classical_chaotic": ("classical chaos", "3.2", slice(1, 5), 12, 1000.0, preset("fast")),
+}
+# Limit cycles by their scenes, in so many parts that neighbours part by e^4 in one at most. Where
+# Fig. 7's is slow, the step's error delays it by 1300 s for one of K₃.
+_CYCLES = {
+    "fig07": ("Fig. 7", 12, "accurate"),
+    "fig08": ("Fig. 8", 4, "balanced"),
+    "fig12": ("Fig. 11a", 1, "balanced"),
+}
+_STRETCH = 10.0  # s: the fastest deviations grow by e^3.4, the slowest shrink no more than that
+_ALIGNED = 200.0  # s, in which the deviations turn to where they belong
+RESULTS = (*(f"cycle of {each}" for each in _CYCLES), *(f"exponents of {x}" for x in _ATTRACTORS))
+_QUICK = ("cycle of fig08", "cycle of fig12", "exponents of fig14")
+
+
+def rows(quick: bool = False, names: Sequence[str] = ()) -> list[Row]:
+    """Return rows of a quantity each by both engines, of some of RESULTS; of all if none is named.
+
+    quick: over short times, and of a few where none is named.
+    """
+    found: list[Row] = []
+    for name in names or (_QUICK if quick else RESULTS):
+        what, _, scene = name.partition(" of ")
+        found += _cycle_rows(scene) if what == "cycle" else _exponent_rows(scene, quick)
+    return found
+
+
+def _cycle_rows(name: str) -> Iterator[Row]:
+    """Yield the period and the multiplier of a figure's limit cycle."""
+    where, parts, settings = _CYCLES[name]
+    scene, place = load_scene(name), ("limit cycle", where, settings)
+    if np.any(scene.start.momentum):
+        cycle = fixed_point(scene.parameters, 3.6, 0.6, 25.0)
+    else:
+        (cycle,) = limit_cycles(scene.parameters)
+    contact = contact_cycle(build(scene, preset(settings)), cycle, parts)
+    own, theirs = (float(abs(each.multipliers[0])) for each in (cycle, contact))
+    yield _row(place, "period", "s", cycle.period, contact.period, "step")
+    yield _row(place, "|multiplier|", "", own, theirs, "step")
+
+
+def _exponent_rows(name: str, quick: bool) -> Iterator[Row]:
+    """Yield the exponents of an attractor, their sum and the dimension of its section."""
+    kind, where, zeros, starts, seconds, settings = _ATTRACTORS[name]
+    scene, place = load_scene(name), (kind, where, settings.name)
+    ball, aligned, more = scene.parameters, _ALIGNED, 1e4
+    if quick:
+        starts, seconds, aligned, more = 2, 100.0, 50.0, 1e3
+    attitudes, momenta = level_starts(scene, starts, seed=0)
+    # The equations bring the starts to the attractor.
+    brought = orbits(ball, attitudes, momenta, np.array([0.0, 3000.0]), LONG_RUN_TOLERANCE)
+    begin, skipped = (brought.attitudes[:, -1], momenta), round(aligned / _STRETCH)
+    taken = _STRETCH, skipped, round(seconds / _STRETCH)
+    contact = contact_growth(build(scene, settings), *taken, begin)
+    ours = growth(partial(integrated, ball, _STRETCH), *taken, contact.along.shape[-1], begin)
+    found, right = contact.ends(zeros.stop), ours.ends(zeros.stop)
+    if zeros.start == 1:
+        # An attractor's exponents are known best from more and longer motions than MuJoCo's.
+        right = exponents(ball, *level_starts(scene, 64, seed=1), more)
+        errors = (*found.error, found.dimension_error)
+        by_chance = [f"statistics: σ = {error:.1g}" for error in errors]
+        yield _row(place, "λ₁", "1/s", right.mean[0], found.mean[0], by_chance[0])
+        yield _row(place, "λ₆", "1/s", right.mean[1], found.mean[1], by_chance[1])
+        both = right.dimension, found.dimension
+        yield _row(place, "dimension of the section", "", *both, by_chance[2])
+    else:
+        last = "λ₅ + λ₆" if zeros.stop == 4 else "λ₆"
+        yield _row(place, last, "1/s", right.mean[1], found.mean[1], "step")
+    a, b = (max(each.spectra.mean(axis=0)[zeros], key=abs) for each in (ours, contact))
+    name = f"farthest from 0 of the other {zeros.stop - zeros.start}"
+    yield _row(place, name, "1/s", a, b, "duration: ln t/t, by shear")
+    logarithms, divergence = contact.by_equations(ball)
+    along, own = (each.mean(axis=(0, 1)) / _STRETCH for each in (logarithms, contact.logarithms))
+    i = int(np.abs(own - along).argmax())
+    name = f"of {len(own)} along one motion, the farthest apart"
+    yield _row(place, name, "1/s", along[i], own[i], "step")
+    yield _row(place, "mean divergence, sum of all", "1/s", divergence, own.sum(), "duration")
+
+
+def _row(
+    place: tuple[str, str, str],
+    quantity: str, unit: str, equations: float, contact: float, decides: str,
+) -> Row:  # fmt: skip
+    result, where, settings = place
+    return {
+        "result": result, "where": where, "quantity": quantity, "unit": unit,
+        "equations": float(equations), "contact": float(contact), "preset": settings,
+        "apart": float(abs(contact - equations)), "decides": decides,
+    }  # fmt: skip
+
+
+_BATCH = 16  # starts a core followed at once, between two moves of the progress bar
+
+
+@dataclass(frozen=True)
+class Lyapunov:
+    """Measure a scene's Lyapunov exponents, by the equations and, on request, by an engine.
+
+    Example: robotball lyapunov fig14 --starts 4 --duration 1000
+    """
+
+    scene: SceneName
+    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
+    starts: int = 16
+    """Random starts with the scene's M² and (M, γ); for 1 the scene's own."""
+    duration: float = 10_000.0
+    """Time over which each is measured [s]."""
+    transient: float = 1000.0
+    """Time before that [s]."""
+    preset: Preset = None
+    """Also measure all six by the engine so set, over a tenth of the duration."""
+    seed: int = 0
+    """The seed of the random starts."""
+    threads: Threads = None
+    json: File = None
+    """Also write the results, start by start."""
+
+    def run(self) -> int:
+        scene = moving_scene(self.scene, "an exponent")
+        settings = None if self.preset is None else preset(self.preset)
+        attitudes, momenta = level_starts(scene, self.starts, self.seed)
+        with progress_bar(self.starts * (1 if settings is None else 2)) as progress:
+            parts, together = [], _BATCH * allowed()
+            for i in range(0, self.starts, together):
+                progress(i, f"{scene.name}: equations")
+                some = attitudes[i : i + together], momenta[i : i + together]
+                parts.append(exponents(scene.parameters, *some, self.duration, self.transient))
+            found = Exponents(
+                np.concatenate([part.largest for part in parts]),
+                np.concatenate([part.divergence for part in parts]),
+                self.duration,
+            )
+            rows = [
+                ("λ₁ [1/s]", found.mean[0], found.error[0]),
+                ("λ₆ [1/s]", found.mean[1], found.error[1]),
+                ("sum [1/s]", float(found.divergence.mean()), None),
+                ("dimension of the section", found.dimension, found.dimension_error),
+            ]
+            record: dict[str, object] = {
+                "scene": scene.name,
+                "starts": self.starts,
+                "seed": self.seed,
+                "duration": self.duration,
+                "largest": found.largest.tolist(),
+                "smallest": found.smallest.tolist(),
+                "dimension": found.dimension,
+            }
+            if settings is not None:
+                count = max(1, round(self.duration / 10 / _STRETCH))
+                skipped = round(min(100.0, self.transient) / _STRETCH)
+                contact = contact_growth(
+                    build(scene, settings), _STRETCH, skipped, count, (attitudes, momenta),
+                    lambda part: progress(self.starts * (1 + part), f"{scene.name}: {LABEL.name}"),
+                )  # fmt: skip
+                for index, each in zip("₁₂₃₄₅₆", contact.spectra.T, strict=True):
+                    name = f"λ{index} by {LABEL.name}, {settings.name} [1/s]"
+                    rows.append((name, float(each.mean()), standard_error(each)))
+                record |= {
+                    "engine": LABEL.name,
+                    "engine_duration": self.duration / 10,
+                    "engine_exponents": contact.spectra.tolist(),
+                }
+        columns = (
+            Column("", "name", words=True),
+            Column("mean", "mean", form=".6g"),
+            Column("standard error", "error", form=".1g"),
+        )
+        numbers = [{"name": name, "mean": mean, "error": known(of)} for name, mean, of in rows]
+        show([table_of(columns, numbers)])
+        write_record(self.json, record)
+        return AGREES

@@ -35,6 +35,7 @@ _PICTURES = {
         f"extremes-{name}.png": f"extremes-{name}.png"
         for name in ("momentum", "contact", "duration")
     },
+    "results": {"results-mujoco.png": "results-drift.png"},
 }
 _BY_NAME = {
     "history mujoco": {"fig12-mujoco-history.png": "history.png"},
@@ -57,6 +58,7 @@ or a sampling error may leave something.
 |---|---|---|
 """
 _TABLE = r"\| scene \| preset \| step \|.*?(?=\n\n)"
+_RESULTS = r"\n### Equilibria\n.*(?=\n## Open)"
 OUTCOMES = r"\| of [0-9]+ runs each \|.*?(?=\n\n)"
 
 
@@ -75,6 +77,9 @@ def _main(only: str = "") -> None:
         outcomes = _outcomes_of(record["summary"])
         _write_numbers("extremes", {**record["totals"], "outcomes": outcomes})
         _replace(_DOCS / "extremes.md", OUTCOMES, outcomes_table(outcomes))
+    if "results".startswith(only):
+        tables = (_OUT / "results.md").read_text(encoding="utf-8")
+        _replace(_DOCS / "results.md", _RESULTS, tables)
     if _RANDOM.startswith(only):
         _run(_RANDOM, "--json", str(_OUT / "random.json"))
         record = _read(_OUT / "random.json")

@@ -79,8 +79,8 @@ def rates(line: Any, linear: Array, displaced: Callable[[Array, Array], Array]) 
         for name, logarithm in (("real", np.log(np.abs(part))), ("imag", np.angle(part))):
             if name == "real" or value.imag:
                 slope = float(np.polyfit(times, np.unwrap(logarithm), 1)[0])
-                words = f"eigenvalue, {name}." if value.imag else "eigenvalue"
-                yield line(words, "1/s", float(getattr(value, name)), slope, 1e-5, "step")
+                words = f"{name.title()[:2]} λ" if value.imag else "λ"
+                yield line(words, "1/s", float(getattr(value, name)), slope, 1e-6, "step")
 
 
 def _equilibria(quick: bool) -> _Rows:
@@ -106,10 +106,10 @@ def _equilibria(quick: bool) -> _Rows:
 def _equilibrium(scene: Scene, name: str, gamma: Array, quick: bool) -> _Rows:
     kind = equilibria.fixed_point_at(scene.parameters, gamma).kind
     kind = {"Σ_s": "attracts", "Σ_u": "repels"}.get(name, kind)
-    line = partial(_line, f"{name}, {kind}", f"4, {scene.title[-7:-1]}", "balanced")
+    line = partial(_line, f"{name}, {kind}", f"4, {scene.title.split('(')[-1][:-1]}", "balanced")
     near, times = partial(_beside_point, scene, gamma), np.linspace(0.0, 10.0, 101)
     left = np.linalg.norm(near(_BALANCED, np.zeros(2), times), axis=1).max()
-    yield line("off after 10 s", "rad", 0.0, float(left), 1e-3, "step, magnified")
+    yield line("left in 10 s by", "rad", 0.0, float(left), 1e-5, "step, magnified by e^λt")
     yield from rates(line, equilibria.jacobian(scene.parameters, gamma), partial(near, _BALANCED))
     if kind.startswith("slow"):
         last = np.array([0.0, 20.0 if quick else 100.0])
@@ -128,8 +128,8 @@ def _beside_point(scene: Scene, gamma: Array, run: _Run, x: Array, times: Array)
 def _straight_lines(quick: bool) -> _Rows:
     """Yield the rates beside the straight line σ₋ on both sides of f*, and f* by them."""
     scene = load_scene("fig10")
-    limit, growth = straight_motions.stability_limit(scene.parameters), []
-    assert limit is not None
+    limit: Any = straight_motions.stability_limit(scene.parameters)
+    growth: list[float] = []
     for f in (limit - _SIDES, limit + _SIDES, *(() if quick else (2.0, 3.0))):
         lines = straight_motions.straight_motions(scene.parameters, f)
         # σ± have M along Ω, and σ₋ is the more stable one.
@@ -139,7 +139,7 @@ def _straight_lines(quick: bool) -> _Rows:
         start = along_momentum(own.gamma, own.momentum)
         line = partial(_line, f"σ₋, f = {f:.4f}", "5.1, Fig. 10", "balanced")
         rows = [*rates(line, linear, partial(_beside_line, scene, start))]
-        growth += [row["contact"] for row in rows if "real" in row["quantity"]]
+        growth += [row["contact"] for row in rows if "Re" in row["quantity"]]
         yield from rows
     at = float(np.interp(0.0, growth[:2], [limit - _SIDES, limit + _SIDES]))
     line = partial(_line, "σ₋, limit of stability", "5.1, (5.4)", "balanced")
@@ -191,13 +191,12 @@ def _long_runs(quick: bool) -> _Rows:
         scene, times = load_scene(name), sample_times(seconds / 100 if quick else seconds)
         theory = (compiled_motion if scene.steady else integrate)(scene, times)
         motions = theory, by_contact("fast", scene, times)
-        line = partial(_line, f"{name}, {times[-1]:g} s", "3.3, 5.3", "fast")
+        line = partial(_line, f"{scene.title}, {times[-1]:g} s", "3.3", "fast")
         if scene.steady:
             many = long_run.drift(scene.parameters, *level_starts(scene, 64, seed=0), seconds)
-            for axis, mean, each, moved in zip(
-                "XY", many.mean, many.velocities.T, motions[1].contact_point[-1], strict=True
-            ):
-                spread, both = float(each.std(ddof=1)), (float(mean), float(moved / times[-1]))
+            for i, axis in enumerate("XY"):
+                spread = float(many.velocities[:, i].std(ddof=1))
+                both = float(many.mean[i]), float(motions[1].contact_point[-1, i] / times[-1])
                 words = f"statistics: ± {spread:.2g} of one run of the equations"
                 yield line(f"drift along {axis}", "m/s", *both, 4 * spread, words)
         size = np.array([np.linalg.norm(scene.start.momentum)])

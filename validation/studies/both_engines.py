@@ -194,9 +194,8 @@ def _long_runs(quick: bool) -> _Rows:
         motions = theory, by_contact("fast", scene, times)
         line = partial(_line, f"{scene.title}, {times[-1]:g} s", "3.3", "fast")
         if scene.steady:
-            many = long_run.drift(
-                scene.parameters, *level_starts(scene, 64, seed=0), float(times[-1])
-            )
+            starts = level_starts(scene, 64, seed=0)
+            many = long_run.drift(scene.parameters, *starts, float(times[-1]))
             for i, axis in enumerate("XY"):
                 spread = float(many.velocities[:, i].std(ddof=1))
                 both = float(many.mean[i]), float(motions[1].contact_point[-1, i] / times[-1])
@@ -206,13 +205,10 @@ def _long_runs(quick: bool) -> _Rows:
         balls = map(scene.parameters_at, times[: 1 if scene.steady else 1000])
         bound = max(b.a * (float(speed_bound(b, size)[0]) + np.linalg.norm(b.Omega)) for b in balls)
         speeds = [np.linalg.norm(np.diff(each.contact_point, axis=0), axis=1) for each in motions]
-        first, last = (
-            [float(each[part].max() / times[1]) for each in speeds]
-            for part in (slice(len(times) // 4), slice(-len(times) // 4, None))
-        )
-        words = f"statistics of chaos; M² bounds it by {bound:.0f}"
-        yield line("largest speed, first quarter", "m/s", *first, 0.1 * bound, words)
-        yield line("largest speed, last quarter", "m/s", *last, 0.1 * bound, words)
+        words, quarter = f"chaos; M² bounds both by {bound:.0f} m/s", len(times) // 4
+        for which, part in (("first", slice(quarter)), ("last", slice(-quarter, None))):
+            both = (float(each[part].max() / times[1]) for each in speeds)
+            yield line(f"largest speed, {which} quarter", "m/s", *both, 0.1 * bound, words)
         kept = (float(np.linalg.norm(each.momentum[-1]) / size[0]) for each in motions)
         yield line("|M|, end over start", "1", *kept, 1e-2, "step")
 
@@ -259,9 +255,9 @@ def _picture(drifts: Array) -> Figure:
     """Draw the drifts over |Ω| by both: rows of |Ω|, the equations', the engine's."""
     figure = Figure(figsize=(8.0, 5.0), layout="constrained")
     axes = figure.subplots()
-    for values, of, mark in ((drifts[:, 1], EQUATIONS, "o"), (drifts[:, 2], LABEL, "x")):
+    for i, of, mark in ((1, EQUATIONS, "o"), (2, LABEL, "x")):
         style: Any = {"color": of.colour, "mfc": "none", "ms": 8, "label": of.name}
-        axes.plot(drifts[:, 0], values, mark, **style)
+        axes.plot(drifts[:, 0], drifts[:, i], mark, **style)
     axes.set(xlabel="|Ω| [rad/s]", ylabel="mean drift along OX [m/s]")
     axes.set_title("A = diag(.7, .6, .8) 1/(kg m²), K = (2, 2, 0) kg m²/s, M² = 25 (kg m²/s)²")
     axes.grid(alpha=0.3)

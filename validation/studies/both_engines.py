@@ -49,7 +49,7 @@ _SIDES = 2e-3  # of f*, (kg m²/s)²: between so near values the growth is a str
 
 
 def _line(*values: Any) -> dict[str, Any]:
-    """Return a row of the table by the values of `_KEYS`."""
+    """Return a row of the table from the values of KEYS."""
     row = dict(zip(_KEYS, values, strict=True))
     return row | {"apart": abs(row["contact"] - row["equations"])}
 
@@ -165,7 +165,7 @@ def _closed_orbits(quick: bool) -> _Rows:
     times, runs = sample_times(20.0 if quick else 100.0), (compiled_motion, _BALANCED)
     (period, gap), (other, missed) = (closed(run, scene, _PERIOD) for run in runs)
     yield line("period", "s", period, other, 1e-7, "step")
-    yield line("γ after it, off", "rad", gap, missed, 1e-7, "rounding, and Newton's last step")
+    yield line("γ after it, off", "rad", gap, missed, 1e-7, "step")
     A, K = np.array(scene.parameters.A), np.array(scene.parameters.K)
     gammas = (run(scene, times).gamma @ scene.principal_axes for run in runs)
     kept = [(gamma @ (A * K)) ** 2 / (gamma**2 @ A) for gamma in gammas]
@@ -248,7 +248,7 @@ def _drift(quick: bool) -> _Rows:
     worst = max(found, key=lambda each: abs(each[1] - each[2]))
     line = partial(_line, "drift along OX over |Ω|", "5.3", "fast")
     words = f"largest difference, at {worst[0]:g} rad/s", "m/s", *worst[1:]
-    yield line(*words, 1e-2, "step, by what it takes of M") | {"drifts": found}
+    yield line(*words, 1e-2, "step, half by what it takes of M") | {"drifts": found}
 
 
 def _picture(drifts: Array) -> Figure:
@@ -256,7 +256,7 @@ def _picture(drifts: Array) -> Figure:
     figure = Figure(figsize=(8.0, 5.0), layout="constrained")
     axes = figure.subplots()
     for i, of, mark in ((1, EQUATIONS, "o"), (2, LABEL, "x")):
-        style: Any = {"color": of.colour, "mfc": "none", "ms": 8, "label": of.name}
+        style: Any = {"color": of.colour, "mfc": "none", "ms": 10 - 2 * i, "label": of.name}
         axes.plot(drifts[:, 0], drifts[:, i], mark, **style)
     axes.set(xlabel="|Ω| [rad/s]", ylabel="mean drift along OX [m/s]")
     axes.set_title("A = diag(.7, .6, .8) 1/(kg m²), K = (2, 2, 0) kg m²/s, M² = 25 (kg m²/s)²")
@@ -269,7 +269,8 @@ PARTS: dict[str, Callable[[bool], _Rows]] = {
     "equilibria": _equilibria, "closed-orbits": _closed_orbits, "straight-lines": _straight_lines,
     "long-runs": _long_runs, "drift": _drift, "classical-section": _classical_section,
 }  # fmt: skip
-_SCENES = ("fig05b", "fig06", "fig07", "fig08", "fig10", "fig12", "fig14", "wobbling_drive")
+_SCENES = ("fig05b", "fig06", "fig07", "fig08", "fig10", "fig12", "fig14", "wobbling_drive",
+           "classical_chaotic", "rubber_chaplygin_gyrostat")  # fmt: skip
 _LIMIT = 1800.0  # s, of a part
 _COLUMNS = (
     Column("result", lambda row: f"{row['result']} ({row['where']})", words=True),

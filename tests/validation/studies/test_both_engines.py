@@ -1,6 +1,7 @@
 """The paper's results by both engines: each line holds, and with another ball it does not."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -40,6 +41,19 @@ def test_another_ball_turns_the_lines(
     assert not any(map(holds, rates))
     if sign < 0:
         assert rates[0]["contact"] == pytest.approx(-rates[0]["equations"], abs=1e-5)
+
+
+def test_what_decides_a_rate_is_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Steps four times as long leave 4⁴ times the difference."""
+    apart = [_apart_of_focus()]
+    monkeypatch.setattr(both_engines, "_BALANCED", partial(both_engines.by_contact, "fast"))
+    apart.append(_apart_of_focus())
+    assert apart[1] / apart[0] == pytest.approx(256, rel=0.2)  # measured 256
+
+
+def _apart_of_focus() -> float:
+    (row,) = (row for row in PARTS["equilibria"](True) if row["quantity"] == "Im λ")
+    return float(row["apart"])
 
 
 def test_the_page_has_every_part_with_numbers_of_both_engines() -> None:

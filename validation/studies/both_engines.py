@@ -10,7 +10,7 @@ slope Re λ and a phase of slope Im λ. Half the difference of the motions from 
 is free of the even powers of x, and of what both motions share.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -265,7 +265,7 @@ def _picture(drifts: Array) -> Figure:
     return figure
 
 
-PARTS: dict[str, Callable[[bool], _Rows]] = {
+PARTS: dict[str, Callable[[bool], Iterable[Row]]] = {
     "equilibria": _equilibria, "closed-orbits": _closed_orbits, "straight-lines": _straight_lines,
     "long-runs": _long_runs, "drift": _drift, "classical-section": _classical_section,
 }  # fmt: skip

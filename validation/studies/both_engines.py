@@ -105,8 +105,8 @@ def _equilibria(quick: bool) -> _Rows:
 
 
 def _equilibrium(scene: Scene, name: str, gamma: Array, quick: bool) -> _Rows:
-    kind = equilibria.fixed_point_at(scene.parameters, gamma).kind
-    kind = {"Σ_s": "attracts", "Σ_u": "repels"}.get(name, kind)
+    family = {"Σ_s": "attracts", "Σ_u": "repels"}  # whose other eigenvalue is zero
+    kind = family.get(name) or equilibria.fixed_point_at(scene.parameters, gamma).kind
     line = partial(_line, f"{name}, {kind}", f"4, {scene.title.split('(')[-1][:-1]}", "balanced")
     near, times = partial(_beside_point, scene, gamma), np.linspace(0.0, 10.0, 101)
     left = np.linalg.norm(near(_BALANCED, np.zeros(2), times), axis=1).max()
@@ -129,8 +129,7 @@ def _beside_point(scene: Scene, gamma: Array, run: _Run, x: Array, times: Array)
 def _straight_lines(quick: bool) -> _Rows:
     """Yield the rates beside the straight line σ₋ on both sides of f*, and f* by them."""
     scene = load_scene("fig10")
-    limit: Any = straight_motions.stability_limit(scene.parameters)
-    growth: list[float] = []
+    limit, growth = float(straight_motions.stability_limit(scene.parameters) or np.nan), []
     for f in (limit - _SIDES, limit + _SIDES, *(() if quick else (2.0, 3.0))):
         lines = straight_motions.straight_motions(scene.parameters, f)
         # σ± have M along Ω, and σ₋ is the more stable one.
@@ -203,6 +202,7 @@ def _long_runs(quick: bool) -> _Rows:
                 yield line(f"drift along {axis}", "m/s", *both, 4 * spread, words)
         size = np.array([np.linalg.norm(scene.start.momentum)])
         balls = map(scene.parameters_at, times[: 1 if scene.steady else 1000])
+        # By (2.1) the contact point moves at a|ω - Ω| at most.
         bound = max(b.a * (float(speed_bound(b, size)[0]) + np.linalg.norm(b.Omega)) for b in balls)
         speeds = [np.linalg.norm(np.diff(each.contact_point, axis=0), axis=1) for each in motions]
         words, quarter = f"chaos; M² bounds both by {bound:.0f} m/s", len(times) // 4

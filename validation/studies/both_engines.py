@@ -207,8 +207,8 @@ def _long_runs(quick: bool) -> _Rows:
         speeds = [np.linalg.norm(np.diff(each.contact_point, axis=0), axis=1) for each in motions]
         words, quarter = f"chaos; M² bounds both by {bound:.0f} m/s", len(times) // 4
         for which, part in (("first", slice(quarter)), ("last", slice(-quarter, None))):
-            both = (float(each[part].max() / times[1]) for each in speeds)
-            yield line(f"largest speed, {which} quarter", "m/s", *both, 0.1 * bound, words)
+            fastest = (float(each[part].max() / times[1]) for each in speeds)
+            yield line(f"largest speed, {which} quarter", "m/s", *fastest, 0.1 * bound, words)
         kept = (float(np.linalg.norm(each.momentum[-1]) / size[0]) for each in motions)
         yield line("|M|, end over start", "1", *kept, 1e-2, "step")
 

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import cache, partial
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,10 +11,11 @@ from robotball.engines.mujoco.model import Model, build
 from tests.imports import PROJECT
 from validation.studies import both_engines
 from validation.studies.both_engines import PARTS, holds, tables
+from validation.study import Row
 
 
 @cache
-def quick_rows(part: str) -> list[dict[str, Any]]:
+def quick_rows(part: str) -> list[Row]:
     """The rows of a part's quick form, computed once."""
     return [*PARTS[part](True)]
 

@@ -47,22 +47,29 @@ def straight_motion(parameters: Parameters, gamma: Array) -> StraightMotion:
     across = abs(eq.dot(p.Omega, vertical)) <= _ROUNDING * np.linalg.norm(p.Omega)
     if p.rolling == "rubber" and not across:
         raise InputError("a rubber ball rolls straight on only where (Omega, gamma) = 0, by (2.2)")
-    M = p.momentum((0.0, 0.0, 0.0), vertical)
-    # Near it a small turn ξ of the start, in frame axes, obeys dξ/dt = Dω·ξ.
-    # γ and M stand still in space, so that the turn changes them by v×ξ in the frame.
-    columns = []
-    for axis in np.eye(3):
-        moved = [along(v, eq.cross(v, as_vector(axis))) for v in (M, vertical)]
-        columns.append(slopes(p.angular_velocity(*moved)))
-    linear: Array = np.array(columns).T
+    M = np.array(p.momentum((0.0, 0.0, 0.0), vertical))
+    linear = linear_part(p, M, np.asarray(gamma))
     values = np.linalg.eigvals(linear).astype(complex)
     return StraightMotion(
         gamma=np.asarray(gamma, dtype=float),
-        momentum=np.array(M),
+        momentum=M,
         speed=float(p.a * np.linalg.norm(np.cross(gamma, p.Omega))),
         eigenvalues=values[np.lexsort((values.imag, values.real))],
         polynomial=np.real(np.poly(linear)),
     )
+
+
+def linear_part(parameters: Parameters, momentum: Array, gamma: Array) -> Array:
+    """Return the matrix (3, 3) of the motion near a straight one with this M and γ (3,) [1/s].
+
+    A small turn ξ of the start, in frame axes, obeys dξ/dt = Dω·ξ: γ and M stand still in space, so
+    that the turn changes them by v×ξ in the frame.
+    """
+    columns = []
+    for axis in np.eye(3):
+        moved = [along(v, eq.cross(v, as_vector(axis))) for v in map(as_vector, (momentum, gamma))]
+        columns.append(slopes(parameters.angular_velocity(*moved)))
+    return np.array(columns).T
 
 
 def straight_motions(parameters: Parameters, f: float) -> list[StraightMotion]:

@@ -147,7 +147,17 @@ def test_the_settings_page_has_the_presets_worst_errors() -> None:
 # After four spaces, in a code span, or in a scene file's first line; a comment is cut off. One with
 # a word in capitals or in brackets stands for others: the examples of `--help` are those.
 COMMAND = r"(?:^ {4}|`)(?:\.venv/bin/)?robotball ([^`\n#>|]+)"
-ALONE = {"demo", "scenes", "engines", "paper", "attractors", "extremes", "portraits", "figures"}
+ALONE = {
+    "demo",
+    "scenes",
+    "engines",
+    "paper",
+    "attractors",
+    "extremes",
+    "portraits",
+    "figures",
+    "results",
+}
 PRINTED = {
     command
     for text in (README, *DOCS.values())

@@ -35,6 +35,7 @@ _PICTURES = {
         f"extremes-{name}.png": f"extremes-{name}.png"
         for name in ("momentum", "contact", "duration")
     },
+    "results": {"results-mujoco.png": "results-drift.png"},
 }
 _ROLLED = ("fig12", "classical_regular", "wobbling_drive", "classical_chaotic")  # by all engines
 _BY_NAME = {
@@ -65,6 +66,7 @@ or a sampling error may leave something.
 """
 ENGINES = r"\| engine, preset \| step or rtol \|.*?(?=\n\n)"
 _TABLE = r"\| scene \| preset \| step \|.*?(?=\n\n)"
+_RESULTS = r"\n### Equilibria\n.*(?=\n## Open)"
 OUTCOMES = r"\| of [0-9]+ runs each \|.*?(?=\n\n)"
 
 
@@ -86,6 +88,9 @@ def _main(only: str = "") -> None:
     if only and f"engines {' '.join(_ROLLED)}".startswith(only):
         records = [_read(_OUT / f"{scene}-engines.json") for scene in _ROLLED]
         _replace(_DOCS / "engines.md", ENGINES, engines_table(records))
+    if "results".startswith(only):
+        tables = (_OUT / "results.md").read_text(encoding="utf-8")
+        _replace(_DOCS / "results.md", _RESULTS, tables)
     if _RANDOM.startswith(only):
         _run(_RANDOM, "--json", str(_OUT / "random.json"))
         record = _read(_OUT / "random.json")

@@ -167,7 +167,8 @@ COARSE: Settings = replace(
 class Recipe:
     """A cloud of section points: from `starts` starts, `count` crossings of each after `skipped`.
 
-    f = M² (kg m²/s)², of every start; direction: of the crossings, ±1 or 0 for both.
+    f = M² (kg m²/s)² and c = (M, γ) [kg m²/s] of every start; direction: of the crossings, ±1 or 0
+    for both.
     """
 
     f: float
@@ -175,10 +176,11 @@ class Recipe:
     skipped: int
     count: int
     direction: int = 1
+    c: float = 0.0
 
     def points(self, seed: int) -> tuple[Array, Array]:
         """Return attitudes (starts, 4) and world momenta (starts, 3), evenly over the annulus."""
-        return _random_starts(self.f, self.starts, seed)
+        return _random_starts(self.f, self.starts, seed, c=self.c)
 
 
 @dataclass(frozen=True, kw_only=True)

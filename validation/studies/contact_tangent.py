@@ -13,7 +13,7 @@ Along the motion, about the vertical (in place of γ², which is 1 of every atti
 and (M, γ), which are constant, deviations do not grow: of the six exponents four are 0.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
@@ -239,20 +239,18 @@ _CYCLES = {
 }
 _STRETCH = 10.0  # s: the fastest deviations grow by e^3.4, the slowest shrink no more than that
 _ALIGNED = 200.0  # s, in which the deviations turn to where they belong
-RESULTS = (*(f"cycle of {each}" for each in _CYCLES), *(f"exponents of {x}" for x in _ATTRACTORS))
-_QUICK = ("cycle of fig08", "cycle of fig12", "exponents of fig14")
 
 
-def rows(quick: bool = False, names: Sequence[str] = ()) -> list[Row]:
-    """Return rows of a quantity each by both engines, of some of RESULTS; of all if none is named.
+def limit_cycles_by_both(quick: bool = False) -> Iterator[Row]:
+    """Yield the period and the multiplier of each figure's limit cycle; quick: without Fig. 7's."""
+    for name in list(_CYCLES)[quick:]:
+        yield from _cycle_rows(name)
 
-    quick: over short times, and of a few where none is named.
-    """
-    found: list[Row] = []
-    for name in names or (_QUICK if quick else RESULTS):
-        what, _, scene = name.partition(" of ")
-        found += _cycle_rows(scene) if what == "cycle" else _exponent_rows(scene, quick)
-    return found
+
+def exponents_by_both(quick: bool = False) -> Iterator[Row]:
+    """Yield the exponents and dimensions of attractors; quick: of Fig. 14's, over short times."""
+    for name in ("fig14",) if quick else _ATTRACTORS:
+        yield from _exponent_rows(name, quick)
 
 
 def _cycle_rows(name: str) -> Iterator[Row]:

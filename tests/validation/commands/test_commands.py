@@ -60,6 +60,7 @@ RUNS = {
     "equilibria classical_regular --json a.json": r"straight +0\.",
     "equilibria fig10_stable --longest 0 --json a.json": r"δ₊ .* stable,.*σ₋ .* stable,",
     "attractors --quick --json a.json": "holds",
+    "results --quick --only drift --workers 1": r"largest difference, at .*out/results",
     "extremes --random 2 --workers 1 --json a.json": "2 ordinary runs: 0 false alarms",
 }
 # Run below, and by the tests of their studies, of the film and of the demo's table.

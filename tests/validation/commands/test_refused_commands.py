@@ -46,6 +46,7 @@ REFUSED = {
     ),
     "extremes zzzz": "no map is called 'zzzz'; there are momentum, frame",
     "portraits axail": r"^robotball: no map is called 'axail'; did you mean axial\?$",
+    "results --only drifts": r"^robotball: no part is called 'drifts'; did you mean drift\?$",
     "figures 2": "no figure 2 to draw; there are 3 to 14, and tori",
     "figures ten": "no figure ten to draw",
     # numbers

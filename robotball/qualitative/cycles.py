@@ -47,11 +47,11 @@ def close(parameters: Parameters, attitude: Array, momentum: Array, period: floa
     """
     for _ in range(_ITERATIONS):
         end, monodromy, volume = monodromy_of(parameters, attitude, momentum, period)
-        vectors = _level_vectors(attitude, momentum), _level_vectors(end, momentum)
+        vectors = level_vectors(attitude, momentum), level_vectors(end, momentum)
         omega = angular_velocity(parameters, end, momentum)
         gap = (vectors[1] - vectors[0]).ravel()
         if np.abs(gap).max() < _CLOSED:
-            return Cycle(attitude, momentum, period, _multipliers(monodromy, volume, momentum))
+            return Cycle(attitude, momentum, period, multipliers_of(monodromy, volume, momentum))
         # A turn of the start moves the end by the monodromy, and what must be closed by both.
         by_turn = np.cross(vectors[1][:, None], monodromy.T) - np.cross(
             vectors[0][:, None], np.eye(3)
@@ -92,14 +92,14 @@ def monodromy_of(
     return end, monodromy, float(states[0, 0, 8])
 
 
-def _level_vectors(attitude: Array, momentum: Array) -> Array:
+def level_vectors(attitude: Array, momentum: Array) -> Array:
     """Return γ and M/|M| (2, 3) in frame axes, or γ alone (1, 3) where M = 0."""
     axes = rotation_matrix(attitude)
     size = np.linalg.norm(momentum)
     return np.stack([axes[2], momentum @ axes / size]) if size > 0 else axes[2:]
 
 
-def _multipliers(monodromy: Array, volume: float, momentum: Array) -> Array:
+def multipliers_of(monodromy: Array, volume: float, momentum: Array) -> Array:
     """Return the multipliers without those that are 1, largest first.
 
     The motion's own is 1, and at M = 0 that of a turn about the vertical, so that there the

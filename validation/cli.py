@@ -80,6 +80,7 @@ COMMANDS = {
     "attractors": "validation.studies.attractors",
     "basins": "validation.studies.attractors",
     "equilibria": "validation.commands.equilibria_list",
+    "continue": "validation.studies.branches",
     "portraits": "validation.studies.portrait_maps",
     "paper": "validation.commands.paper_commands",
     "ablation": "validation.studies.ablation",

@@ -40,6 +40,7 @@ _SINGULAR = 1e-4  # of the largest singular value: one that small, located, is z
 _LOCATED = 1e-11  # of a step's length
 _SAME = 1e-5  # how near two special points, or two solutions at one s, are one
 _APART = 1e-7  # in s, for differences
+_LINEAR = 1e-3  # of the residuals: a difference below it is linear
 _TINY = 1e-30j  # of an imaginary step, which has no rounding
 
 
@@ -86,8 +87,11 @@ def derivatives(residual: Residual, u: Array, s: float) -> Array:
 
 
 def by_parameter(residual: Residual, u: Array, s: float) -> Array:
-    """Return the derivative (m,) of a function by s, from differences."""
-    return (residual(u, s + _APART) - residual(u, s - _APART)) / (2 * _APART)
+    """Return the derivative (m,) of a function by s, from differences small enough to be linear."""
+    step = _APART
+    while np.abs(change := residual(u, s + step) - residual(u, s - step)).max() > _LINEAR:
+        step *= _LINEAR
+    return change / (2 * step)
 
 
 @dataclass(frozen=True)
@@ -115,18 +119,9 @@ class Branch:
     points: tuple[Point, ...]
     ends: tuple[str, str]
 
-    def crossings(self, s: float) -> int:
-        """Return how often the branch passes s, which no point of it has."""
-        above = np.array([point.x[-1] > s for point in self.points])
-        return int(np.count_nonzero(above[1:] != above[:-1]))
-
-    def special(self, kind: str) -> list[Point]:
-        """Return its special points of a kind."""
-        return [point for point in self.points if point.kind == kind]
-
-
-class _LostError(Exception):
-    """Newton's method does not converge, or to a point that is too far round a bend."""
+    def special(self, *kinds: str) -> list[Point]:
+        """Return its special points of some kinds, or of all."""
+        return [point for point in self.points if point.kind in (kinds or _KINDS)]
 
 
 def explore(
@@ -138,34 +133,36 @@ def explore(
     """
     branches: list[Branch] = []
     crossed: list[Point] = []
-    first = (Point(np.asarray(x, dtype=float), _along_s(len(x)), np.zeros(0)) for x in starts)
-    queue = deque(first)
+
+    def among(point: Point, others: Iterable[Point]) -> bool:
+        place = point.x[problem.identity :]
+        return any(np.abs(place - x.x[problem.identity :]).max() < _SAME for x in others)
+
+    queue = deque(Point(np.array(x), np.eye(len(x))[-1], np.zeros(0)) for x in starts)
     while queue and len(branches) < _MOST_BRANCHES:
         start = queue.popleft()
         if not start.kind:
             start = _corrected(problem, start.x, start.tangent)
-            ends = (each.points[i] for each in (*known, *branches) for i in (0, -1))
-            if any(is_same(problem, start, end) for end in ends):
+            if among(start, (each.points[i] for each in (*known, *branches) for i in (0, -1))):
                 continue
-        branch = trace(problem, start)
-        branches.append(branch)
-        for point in (*branch.special(BRANCH), *branch.special(DOUBLING)):
-            if not any(is_same(problem, point, other) for other in crossed):
+        branches.append(trace(problem, start))
+        for point in branches[-1].special(BRANCH, DOUBLING):
+            if not among(point, crossed):
                 crossed.append(point)
-                queue.extendleft(filter(None, [_switched(problem, point)]))
+                queue.extendleft(_switched(problem, point))
     return branches
 
 
 def trace(problem: Problem, start: Point) -> Branch:
     """Return the branch through a start, both ways from it along its tangent."""
-    after, last = _half(problem, start)
+    after, last = half(problem, start)
     if last == CLOSES:
         return Branch(tuple(after), (last, last))
-    before, first = _half(problem, replace(start, tangent=-start.tangent))
+    before, first = half(problem, replace(start, tangent=-start.tangent))
     return Branch((*before[:0:-1], *after), (first, last))
 
 
-def _half(problem: Problem, start: Point) -> tuple[list[Point], str]:
+def half(problem: Problem, start: Point) -> tuple[list[Point], str]:
     """Return the points from a start on along its tangent, and why there are no more."""
     points, step = [start], _FIRST
     while len(points) < _MOST_POINTS:
@@ -174,21 +171,24 @@ def _half(problem: Problem, start: Point) -> tuple[list[Point], str]:
             return points, "the range ends"
         try:
             new = _corrected(problem, last.x + step * last.tangent, last.tangent)
-            # Where two branches cross, the other one is not quite across.
-            if new.tangent @ last.tangent < _TURN and (len(points) > 1 or not start.kind):
-                raise _LostError
-            bound = float(np.clip(new.x[-1], 0, 1))
-            if bound != new.x[-1]:
+            if (bound := float(np.clip(new.x[-1], 0, 1))) != new.x[-1]:
                 part = (bound - last.x[-1]) / (new.x[-1] - last.x[-1])
-                new = _at_bound(problem, last, last.x + part * (new.x - last.x), bound)
+                x = np.append((last.x + part * (new.x - last.x))[:-1], bound)
+                new = _corrected(problem, x, np.eye(len(x))[-1])
+                new.x[-1] = bound  # to the last bit, by which it is known to be the end
+                new = replace(new, tangent=new.tangent * np.sign(new.tangent @ last.tangent))
+            # Where two branches cross, the other one is not quite across.
+            bent = new.tangent @ last.tangent < _TURN and (len(points) > 1 or not start.kind)
             special = _between(problem, last, new)
-        except _LostError:
+        except ValueError:
+            bent = True
+        if bent:
             step /= 2
             if step < _LEAST:
                 return points, "Newton's method converges no further"
             continue
         # A cycle that has shrunk to a point comes out of it half a period later.
-        if (problem.rows(last.x) * problem.rows(new.x)).sum() < 0:
+        if not last.kind and (problem.rows(last.x) * problem.rows(new.x)).sum() < 0:
             return points, "shrinks to a point"
         points += [*special, new]
         if end := problem.end(new.x[:-1]):
@@ -200,36 +200,22 @@ def _half(problem: Problem, start: Point) -> tuple[list[Point], str]:
 
 
 def _corrected(problem: Problem, x: Array, across: Array) -> Point:
-    """Return the point of a branch near x (n + 1,), in the plane through x across a direction."""
-    start, last, n = x, np.inf, len(x) - 1
+    """Return the point of a branch near x (n + 1,), in the plane through x across a direction.
+
+    Raises ValueError where Newton's method does not converge.
+    """
+    start, last = x, np.inf
     rows = np.vstack([problem.rows(x), across])
     for _ in range(_ITERATIONS):
-        residual, jacobian, exponents = problem.look(x[:n], x[n])
-        whole = np.vstack([jacobian, rows])
+        residual, jacobian, exponents = problem.look(x[:-1], x[-1])
         gap = np.concatenate([residual, rows @ (x - start)])
-        size = np.abs(gap).max()
-        if not np.isfinite(whole).all() or not size < np.inf:
-            break
-        change, tangent = np.linalg.lstsq(
-            whole, np.stack([gap, np.eye(len(gap))[-1]], axis=1), rcond=_RANK
-        )[0].T
-        x = x - change
+        sides = np.stack([gap, np.eye(len(gap))[-1]], axis=1)
+        change, tangent = np.linalg.lstsq(np.vstack([jacobian, rows]), sides, rcond=_RANK)[0].T
+        x, size = x - change, np.abs(gap).max()
         if size < _CLOSED or last / 2 < size < _ROUGH:
             return Point(x, tangent / np.linalg.norm(tangent), exponents)
         last = size
-    raise _LostError
-
-
-def _at_bound(problem: Problem, last: Point, x: Array, bound: float) -> Point:
-    """Return the point near x at an end of the range of s, after the last one."""
-    along = _along_s(len(x))
-    new = _corrected(problem, x + (bound - x[-1]) * along, along)
-    new.x[-1] = bound  # exactly, by which it is known to be the end
-    return replace(new, tangent=new.tangent * np.sign(new.tangent @ last.tangent))
-
-
-def _along_s(size: int) -> Array:
-    return np.eye(size)[-1]
+    raise ValueError("Newton's method does not converge")
 
 
 def _real_parts(exponents: Array) -> Array:
@@ -262,19 +248,12 @@ def _between(problem: Problem, last: Point, new: Point) -> list[Point]:
     def at(length: float) -> Point:
         return _corrected(problem, last.x + length * last.tangent, last.tangent)
 
-    def value(length: float, test: int) -> float:
-        found = float(_tests(at(length))[test])
-        if np.isnan(found):
-            raise _LostError
-        return found
-
-    whole, found = float((new.x - last.x) @ last.tangent), []
+    whole = float((new.x - last.x) @ last.tangent)
+    found: list[tuple[float, Point]] = []
     for test, change in enumerate(np.sign(_tests(last)) * np.sign(_tests(new))):
         if change != -1 or (test == 1 and found):  # an exponent is zero at a fold, too
             continue
-        if value(0.0, test) * value(whole, test) >= 0:
-            raise _LostError
-        length = brentq(value, 0.0, whole, args=(test,), xtol=_LOCATED)
+        length = brentq(lambda h, i=test: float(_tests(at(h))[i]), 0.0, whole, xtol=_LOCATED)
         # At a branch point its own tangent is not determined.
         part = length / whole
         tangent = (1 - part) * last.tangent + part * new.tangent
@@ -293,7 +272,7 @@ def _across(problem: Problem, point: Point) -> Array | None:
     return directions[-1] if sizes[-1] < _SINGULAR * sizes[0] else None
 
 
-def _switched(problem: Problem, point: Point) -> Point | None:
+def _switched(problem: Problem, point: Point) -> list[Point]:
     """Return a branch point with the tangent of the other branch, as far as it is across its own.
 
     Of a period doubling: the cycle run through twice. None where there is no other branch.
@@ -301,9 +280,4 @@ def _switched(problem: Problem, point: Point) -> Point | None:
     if point.kind == DOUBLING:
         point = replace(point, x=point.x + np.log(2.0) * np.eye(len(point.x))[-2])
     across = _across(problem, point)
-    return None if across is None else replace(point, tangent=across)
-
-
-def is_same(problem: Problem, one: Point, other: Point) -> bool:
-    apart = one.x[problem.identity :] - other.x[problem.identity :]
-    return bool(np.abs(apart).max() < _SAME)
+    return [] if across is None else [replace(point, tangent=across)]

@@ -19,6 +19,7 @@ import numpy as np
 from robotball.engines.ensembles.orbits import angular_velocity
 from robotball.equations import Parameters
 from robotball.qualitative.continuation import (
+    HOPF,
     Branch,
     Look,
     Point,
@@ -26,8 +27,8 @@ from robotball.qualitative.continuation import (
     by_parameter,
     derivatives,
     explore,
+    half,
     steady,
-    trace,
 )
 from robotball.qualitative.cycles import Cycle, level_vectors, monodromy_of, multipliers_of
 from robotball.qualitative.equilibria import attitude_at, fixed_points
@@ -38,18 +39,15 @@ from robotball.qualitative.straight_motions import straight_motions
 from robotball.rotations import Array, tangents
 from robotball.scene import along_momentum
 
-ANGLES = [f"{vector}{axes}" for vector in ("K", "Omega") for axes in ("12", "23", "31")]
+ENDLESS = "its period passes"
 _TINY = 1e-300  # beside a multiplier that is zero by rounding
 _SPAN = 0.3  # in ln T: between the points by which the growth of a period is measured
+_LOGARITHM = 0.3  # a power below it is falling to 0
 
 
 @dataclass(frozen=True)
 class Family:
-    """A ball and its world momentum (3,), with the number `name` going from low to high.
-
-    name: of `families.NUMBERS`, or of ANGLES: the angle [degrees] of the part of K or Ω in the
-    plane of two principal axes, from the first.
-    """
+    """A ball and its world momentum (3,); s from 0 to 1 is `name` of NUMBERS from low to high."""
 
     parameters: Parameters
     momentum: Array
@@ -58,20 +56,14 @@ class Family:
     high: float
 
     def value(self, s: float) -> float:
-        """Return the number at s, 0 at low and 1 at high."""
+        """Return the number at s."""
         return self.low + s * (self.high - self.low)
 
     def at(self, s: float) -> tuple[Parameters, float, float]:
         """Return the ball, √f [kg m²/s] and c/√f at s."""
-        changes = {self.name: self.value(s)}
-        if self.name in ANGLES:
-            name, i, j = self.name[:-2], *self.name[-2:]
-            v, turn = getattr(self.parameters, name), np.radians(self.value(s))
-            size = np.hypot(v[int(i) - 1], v[int(j) - 1])
-            changes = {f"{name}{i}": size * np.cos(turn), f"{name}{j}": size * np.sin(turn)}
-        parameters, momentum = varied(self.parameters, self.momentum, changes)
-        size = float(np.linalg.norm(momentum))
-        return parameters, size, float(momentum[2] / size) if size else 0.0
+        parameters, M = varied(self.parameters, self.momentum, {self.name: self.value(s)})
+        size = float(np.linalg.norm(M))
+        return parameters, size, float(M[2] / size) if size else 0.0
 
     def rate(self, u: Array, s: float) -> Array:
         """Return the rates (3k,) of γ and μ [1/s]."""
@@ -114,10 +106,9 @@ def resting(family: Family) -> list[Branch]:
         parameters, size, c = family.at(s)
         if size:
             lines = straight_motions(parameters, size * size, c * size)
-            found = [np.concatenate([line.gamma, line.momentum / size]) for line in lines]
+            starts += [np.array([*line.gamma, *line.momentum / size, s]) for line in lines]
         else:
-            found = [point.gamma for point in fixed_points(parameters)]
-        starts += [np.append(u, s) for u in found]
+            starts += [np.array([*point.gamma, s]) for point in fixed_points(parameters)]
     return explore(steady(residual, exponents), starts)
 
 
@@ -125,9 +116,9 @@ def cycling(family: Family, starts: Sequence[tuple[Cycle, float]], longest: floa
     """Return the branches of given cycles, each with its s, up to a period of `longest` [s]."""
     branches: list[Branch] = []
     for cycle, s in starts:
-        u = np.append(level_vectors(cycle.attitude, cycle.momentum), np.log(cycle.period))
+        level = level_vectors(cycle.attitude, cycle.momentum).ravel()
         problem = _closing(family, float(np.abs(cycle.multipliers).prod()) > 1, longest)
-        branches += explore(problem, [np.append(u, s)], branches)
+        branches += explore(problem, [np.array([*level, np.log(cycle.period), s])], branches)
     return branches
 
 
@@ -137,12 +128,11 @@ def born_cycles(family: Family, hopf: Point, longest: float) -> tuple[float, Bra
     flow, size = family.flow(u, s)
     values, vectors = np.linalg.eig(linear_part(flow, size))
     i = int(np.argmax(values.imag))
-    basis = tangents(u) if size == 2 else _turning(vectors_of(u)).T
-    out = vectors[:, i].real @ basis
+    out = vectors[:, i].real @ (tangents(u) if size == 2 else _turning(vectors_of(u)).T)
     x = np.array([*u, np.log(2 * np.pi / values[i].imag), s])
     start = replace(hopf, x=x, tangent=np.array([*out, 0.0, 0.0]) / np.linalg.norm(out))
-    problem = _closing(family, float(values.real.sum()) > 0, longest)
-    return lyapunov_value(flow, size), trace(problem, start)
+    points, end = half(_closing(family, float(values.real.sum()) > 0, longest), start)
+    return lyapunov_value(flow, size), Branch(tuple(points), (HOPF, end))
 
 
 def _turning(vectors: Array) -> Array:
@@ -151,62 +141,62 @@ def _turning(vectors: Array) -> Array:
 
 
 def _closing(family: Family, backwards: bool, longest: float) -> Problem:
-    """Return the problem of motions that end where they start, followed backwards in time or not."""
+    """Return the problem of motions that end where they start, backwards in time or not."""
 
-    def start(u: Array, s: float) -> tuple[Parameters, Array, Array]:
-        """Return the ball, the attitude (4,) and the world momentum (3,) on the level, near u."""
-        parameters, size, c = family.at(s)
+    def run(u: Array, s: float) -> tuple[Array, Array, Array, Array, Array]:
+        """Return the vectors (k, 3) before and after a period, ω then, monodromy and exponents."""
+        ball, size, c = family.at(s)
         gamma, *mu = vectors_of(u)
         gamma = gamma / np.linalg.norm(gamma)
-        attitude, momentum = attitude_at(gamma), np.zeros(3)
+        attitude, M = attitude_at(gamma), np.zeros(3)
         for m in mu:
-            across = m - (m @ gamma) * gamma
-            across *= np.sqrt(1 - c * c) / np.linalg.norm(across)
-            begin = along_momentum(gamma, size * (across + c * gamma))
-            attitude, momentum = begin.attitude, begin.momentum
+            start = along_momentum(gamma, size * (m - (m @ gamma - c) * gamma))
+            attitude, M = start.attitude, start.momentum
         if backwards:
-            parameters, momentum = reversed_in_time(parameters), -momentum
-        return parameters, attitude, momentum
+            ball, M = reversed_in_time(ball), -M
+        end, monodromy, volume = monodromy_of(ball, attitude, M, float(np.exp(u[-1])))
+        exponents = np.array([volume], dtype=complex)
+        if mu:
+            exponents = np.log(multipliers_of(monodromy, volume, M) + _TINY)
+        before, after = level_vectors(attitude, M), level_vectors(end, M)
+        omega = angular_velocity(ball, end, M)
+        return before, after, omega, monodromy, -exponents if backwards else exponents
 
     def gap(u: Array, s: float) -> Array:
-        parameters, attitude, momentum = start(u, s)
-        end = monodromy_of(parameters, attitude, momentum, float(np.exp(u[-1])))[0]
-        return (level_vectors(end, momentum) - level_vectors(attitude, momentum)).ravel()
+        before, after, *_ = run(u, s)
+        return (after - before).ravel()
 
     def look(u: Array, s: float) -> Look:
-        parameters, attitude, momentum = start(u, s)
-        period = float(np.exp(u[-1]))
-        end, monodromy, volume = monodromy_of(parameters, attitude, momentum, period)
-        before, after = level_vectors(attitude, momentum), level_vectors(end, momentum)
+        before, after, omega, monodromy, exponents = run(u, s)
         by_turn = _turning(after) @ monodromy - _turning(before)
-        by_log_period = period * _turning(after) @ angular_velocity(parameters, end, momentum)
-        columns = (
-            by_turn @ np.linalg.pinv(_turning(vectors_of(u))),
-            by_log_period[:, None],
-            by_parameter(gap, u, s)[:, None],
-        )
-        exponents = np.array([volume], dtype=complex)
-        if momentum.any():
-            exponents = np.log(multipliers_of(monodromy, volume, momentum) + _TINY)
+        by_u = by_turn @ np.linalg.pinv(_turning(vectors_of(u)))
+        by_log_period = np.exp(u[-1]) * _turning(after) @ omega
         return (
             np.concatenate([(after - before).ravel(), family.constants(u, s)]),
-            np.vstack([np.hstack(columns), derivatives(family.constants, u, s)]),
-            -exponents if backwards else exponents,
+            np.vstack(
+                [
+                    np.column_stack([by_u, by_log_period, by_parameter(gap, u, s)]),
+                    derivatives(family.constants, u, s),
+                ]
+            ),
+            exponents,
         )
 
-    def ended(u: Array) -> str:
-        return f"its period passes {longest:g} s" if np.exp(u[-1]) > longest else ""
+    def end(u: Array) -> str:
+        return f"{ENDLESS} {longest:g} s" if np.exp(u[-1]) > longest else ""
 
-    def gauge(u: Array, s: float) -> Array:
-        return np.append(family.rate(u, s), 0.0)
-
-    return Problem(look, gauge, ended, identity=-2)
+    return Problem(look, lambda u, s: np.append(family.rate(u, s), 0.0), end, identity=-2)
 
 
 def growth(points: Sequence[Point]) -> tuple[float, float]:
-    """Return s* and p of a period that grows as |s - s*|^-p along the last of the points."""
+    """Return s* and p of a period that grows as |s - s*|^-p along the last of the points.
+
+    p is 0 where it grows as ln |s - s*|.
+    """
     last = points[-1]
     first = next(each for each in reversed(points) if each.x[-2] < last.x[-2] - _SPAN)
     slopes = [each.tangent[-1] / each.tangent[-2] for each in (first, last)]
-    p = (last.x[-2] - first.x[-2]) / np.log(slopes[0] / slopes[1])
-    return float(last.x[-1] + p * slopes[1]), float(p)
+    p = float((last.x[-2] - first.x[-2]) / np.log(slopes[0] / slopes[1]))
+    # By a logarithm the rest of the way is ds/dT divided by the rate of its fall, 1 + 1/p of 1/T.
+    logarithm = p < _LOGARITHM
+    return float(last.x[-1] + slopes[1] * p / (1 + p * logarithm)), 0.0 if logarithm else p

@@ -6,14 +6,17 @@ to rounding: by an imaginary step too small to count, and by Cauchy's integrals 
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robotball import equations as eq
 from robotball.equations import Parameters
 from robotball.rotations import Array, tangents
 
-Flow = Callable[[Array], Array]
+_Numbers = NDArray[Any]
+Flow = Callable[[_Numbers], _Numbers]
 """Rates of coordinates (n, ...), which may be complex and are 0 at the zero considered."""
 _STEP = 1e-30j  # of which no square is left
 # Aliasing falls as RADIUS^COUNT, and rounding of a third derivative grows as RADIUS^-3: here it is
@@ -33,7 +36,7 @@ def flow_near(parameters: Parameters, gamma: Array, M: Array | None = None) -> F
 def _rest_flow(parameters: Parameters, gamma: Array) -> Flow:
     basis = tangents(gamma)
 
-    def flow(x: Array) -> Array:
+    def flow(x: _Numbers) -> _Numbers:
         point = tuple(np.moveaxis(np.tensordot(x, basis, (0, 0)) + gamma, -1, 0))
         omega = parameters.angular_velocity((0.0, 0.0, 0.0), point)
         rate = np.stack(eq.cross(point, omega))
@@ -44,7 +47,7 @@ def _rest_flow(parameters: Parameters, gamma: Array) -> Flow:
 
 
 def _turning_flow(parameters: Parameters, gamma: Array, M: Array) -> Flow:
-    def flow(x: Array) -> Array:
+    def flow(x: _Numbers) -> _Numbers:
         turn = (1.0, x[0], x[1], x[2])
         axes = eq.space_axes(turn)
         moved = [eq.seen_from_frame(tuple(v), axes) for v in (M, gamma)]
@@ -80,7 +83,7 @@ def lyapunov_value(flow: Flow, size: int) -> float:
     return float((np.linalg.inv(vectors)[i] @ cubic).real / 8)
 
 
-def _taylor(flow: Flow, u: Array, v: Array) -> Array:
+def _taylor(flow: Flow, u: _Numbers, v: _Numbers) -> _Numbers:
     """Return the coefficients (n, 4, 4) of z^i w^j of a flow at zu + wv, u, v (n,) complex."""
     sizes = [float(np.linalg.norm(each)) or 1.0 for each in (u, v)]
     circle = _RADIUS * np.exp(2j * np.pi * np.arange(_COUNT) / _COUNT)

@@ -27,20 +27,22 @@ from robotball.rotations import Array
 FOLD, BRANCH, DOUBLING, HOPF = "fold", "branch point", "period doubling", "Hopf point"
 CLOSES = "closes"
 _KINDS = (FOLD, BRANCH, DOUBLING, HOPF)  # by the test functions, in their order
-_FIRST, _LEAST, _LONGEST = 0.01, 1e-7, 0.05  # lengths of a step in (u, s)
+_FIRST, _LEAST, _LONGEST = 0.01, 1e-7, 0.03  # lengths of a step in (u, s)
 _TURN = 0.95  # least cosine between the tangents of neighbours
 _MOST_POINTS, _MOST_BRANCHES = 1000, 40
 _ITERATIONS = 10
 _CLOSED = 1e-13  # of the equations
 # Of them, if they fall no more: where a cycle rests for long, rounding there moves its end so far.
 _ROUGH = 1e-7
+_DIVERGES = 10.0  # times the residuals before: Newton's method is lost
 _RANK = 1e-9  # of the largest singular value: what is less is zero
 _NEUTRAL = 1e-9  # of an exponent's size: a real part below it is rounding
+_LEVEL = 1e-7  # of a tangent: a part along s below it is rounding
 _SINGULAR = 1e-4  # of the largest singular value: one that small, located, is zero
 _LOCATED = 1e-11  # of a step's length
 _SAME = 1e-5  # how near two special points, or two solutions at one s, are one
 _APART = 1e-7  # in s, for differences
-_LINEAR = 1e-3  # of the residuals: a difference below it is linear
+_LINEAR = 1e-4  # of the residuals: a central difference below it is linear
 _TINY = 1e-30j  # of an imaginary step, which has no rounding
 
 
@@ -162,10 +164,10 @@ def trace(problem: Problem, start: Point) -> Branch:
     return Branch((*before[:0:-1], *after), (first, last))
 
 
-def half(problem: Problem, start: Point) -> tuple[list[Point], str]:
+def half(problem: Problem, start: Point, most: int = _MOST_POINTS) -> tuple[list[Point], str]:
     """Return the points from a start on along its tangent, and why there are no more."""
     points, step = [start], _FIRST
-    while len(points) < _MOST_POINTS:
+    while len(points) < most:
         last = points[-1]
         if (last.x[-1], np.sign(last.tangent[-1])) in ((0, -1), (1, 1)):
             return points, "the range ends"
@@ -214,6 +216,8 @@ def _corrected(problem: Problem, x: Array, across: Array) -> Point:
         x, size = x - change, np.abs(gap).max()
         if size < _CLOSED or last / 2 < size < _ROUGH:
             return Point(x, tangent / np.linalg.norm(tangent), exponents)
+        if size > _DIVERGES * last:
+            break
         last = size
     raise ValueError("Newton's method does not converge")
 
@@ -232,7 +236,7 @@ def _tests(point: Point) -> Array:
     pair = real[(exponents.imag > 0) & ~doubled]
     return np.array(
         [
-            point.tangent[-1],
+            point.tangent[-1] * (abs(point.tangent[-1]) > _LEVEL),
             np.where(exponents.imag == 0, real, 1.0).prod(),
             np.where(doubled, real, 1.0).prod(),
             pair[0] if len(pair) else np.nan,

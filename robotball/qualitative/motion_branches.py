@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robotball.engines.ensembles.orbits import angular_velocity
+from robotball.engines.ensembles.orbits import angular_velocity, orbits
 from robotball.equations import Parameters
 from robotball.qualitative.continuation import (
     HOPF,
@@ -41,6 +41,7 @@ from robotball.scene import along_momentum
 
 ENDLESS = "its period passes"
 _TINY = 1e-300  # beside a multiplier that is zero by rounding
+_PHASES = 400  # of a cycle, to start from
 _SPAN = 0.3  # in ln T: between the points by which the growth of a period is measured
 _LOGARITHM = 0.3  # a power below it is falling to 0
 
@@ -116,14 +117,25 @@ def cycling(family: Family, starts: Sequence[tuple[Cycle, float]], longest: floa
     """Return the branches of given cycles, each with its s, up to a period of `longest` [s]."""
     branches: list[Branch] = []
     for cycle, s in starts:
-        level = level_vectors(cycle.attitude, cycle.momentum).ravel()
-        problem = _closing(family, float(np.abs(cycle.multipliers).prod()) > 1, longest)
-        branches += explore(problem, [np.array([*level, np.log(cycle.period), s])], branches)
+        backwards = float(np.abs(cycle.multipliers).prod()) > 1
+        ball, M = family.at(s)[0], cycle.momentum
+        if backwards:
+            ball, M = reversed_in_time(ball), -M
+        # Where the motion is slowest, an error of the start changes the period least.
+        times = np.linspace(0.0, cycle.period, _PHASES)
+        along = orbits(ball, cycle.attitude[None], M[None], times).attitudes[0]
+        levels = [level_vectors(each, cycle.momentum).ravel() for each in along]
+        u = min(levels, key=lambda u: float(np.linalg.norm(family.rate(u, s))))
+        problem = _closing(family, backwards, longest)
+        branches += explore(problem, [np.array([*u, np.log(cycle.period), s])], branches)
     return branches
 
 
-def born_cycles(family: Family, hopf: Point, longest: float) -> tuple[float, Branch]:
-    """Return the first Lyapunov value at a Hopf point [1/s], and the cycles that are born there."""
+def born_cycles(family: Family, hopf: Point, most: int = 3) -> tuple[float, Branch]:
+    """Return the first Lyapunov value at a Hopf point [1/s], and `most` of the cycles born there.
+
+    The first point of their branch is the Hopf point.
+    """
     u, s = hopf.x[:-1], hopf.x[-1]
     flow, size = family.flow(u, s)
     values, vectors = np.linalg.eig(linear_part(flow, size))
@@ -131,7 +143,7 @@ def born_cycles(family: Family, hopf: Point, longest: float) -> tuple[float, Bra
     out = vectors[:, i].real @ (tangents(u) if size == 2 else _turning(vectors_of(u)).T)
     x = np.array([*u, np.log(2 * np.pi / values[i].imag), s])
     start = replace(hopf, x=x, tangent=np.array([*out, 0.0, 0.0]) / np.linalg.norm(out))
-    points, end = half(_closing(family, float(values.real.sum()) > 0, longest), start)
+    points, end = half(_closing(family, float(values.real.sum()) > 0, np.inf), start, most)
     return lyapunov_value(flow, size), Branch(tuple(points), (HOPF, end))
 
 
@@ -143,8 +155,8 @@ def _turning(vectors: Array) -> Array:
 def _closing(family: Family, backwards: bool, longest: float) -> Problem:
     """Return the problem of motions that end where they start, backwards in time or not."""
 
-    def run(u: Array, s: float) -> tuple[Array, Array, Array, Array, Array]:
-        """Return the vectors (k, 3) before and after a period, ω then, monodromy and exponents."""
+    def begin(u: Array, s: float) -> tuple[Parameters, Array, Array]:
+        """Return the ball, the attitude (4,) and the world momentum (3,) on the level, near u."""
         ball, size, c = family.at(s)
         gamma, *mu = vectors_of(u)
         gamma = gamma / np.linalg.norm(gamma)
@@ -152,34 +164,33 @@ def _closing(family: Family, backwards: bool, longest: float) -> Problem:
         for m in mu:
             start = along_momentum(gamma, size * (m - (m @ gamma - c) * gamma))
             attitude, M = start.attitude, start.momentum
-        if backwards:
-            ball, M = reversed_in_time(ball), -M
-        end, monodromy, volume = monodromy_of(ball, attitude, M, float(np.exp(u[-1])))
-        exponents = np.array([volume], dtype=complex)
-        if mu:
-            exponents = np.log(multipliers_of(monodromy, volume, M) + _TINY)
-        before, after = level_vectors(attitude, M), level_vectors(end, M)
-        omega = angular_velocity(ball, end, M)
-        return before, after, omega, monodromy, -exponents if backwards else exponents
+        return (reversed_in_time(ball), attitude, -M) if backwards else (ball, attitude, M)
 
-    def gap(u: Array, s: float) -> Array:
-        before, after, *_ = run(u, s)
-        return (after - before).ravel()
+    def reached(u: Array, s: float) -> Array:
+        """Return the vectors (3k,) after a period, less those before."""
+        ball, attitude, M = begin(u, s)
+        times = np.array([0.0, np.exp(u[-1])])
+        first, last = orbits(ball, attitude[None], M[None], times).attitudes[0]
+        return (level_vectors(last, M) - level_vectors(first, M)).ravel()
 
     def look(u: Array, s: float) -> Look:
-        before, after, omega, monodromy, exponents = run(u, s)
+        ball, attitude, M = begin(u, s)
+        period = float(np.exp(u[-1]))
+        end, monodromy, volume = monodromy_of(ball, attitude, M, period)
+        before, after = level_vectors(attitude, M), level_vectors(end, M)
         by_turn = _turning(after) @ monodromy - _turning(before)
-        by_u = by_turn @ np.linalg.pinv(_turning(vectors_of(u)))
-        by_log_period = np.exp(u[-1]) * _turning(after) @ omega
+        columns = (
+            by_turn @ np.linalg.pinv(_turning(vectors_of(u))),
+            period * _turning(after) @ angular_velocity(ball, end, M),
+            by_parameter(reached, u, s),
+        )
+        exponents = np.array([volume], dtype=complex)
+        if M.any():
+            exponents = np.log(multipliers_of(monodromy, volume, M) + _TINY)
         return (
             np.concatenate([(after - before).ravel(), family.constants(u, s)]),
-            np.vstack(
-                [
-                    np.column_stack([by_u, by_log_period, by_parameter(gap, u, s)]),
-                    derivatives(family.constants, u, s),
-                ]
-            ),
-            exponents,
+            np.vstack([np.column_stack(columns), derivatives(family.constants, u, s)]),
+            -exponents if backwards else exponents,
         )
 
     def end(u: Array) -> str:

@@ -38,6 +38,7 @@ from validation.study import Column, Row, Study, present, table_of
 
 _NO_BOUND = "period without bound"
 _MARKERS = {FOLD: "^", BRANCH: "s", HOPF: "o", DOUBLING: "D", _NO_BOUND: "*"}
+_ROUNDING = 1e-9  # 1/s, of l₁
 _SEARCHED, _STARTS = 100.0, 16  # s, the longest period searched for; random starts where M ≠ 0
 
 
@@ -63,17 +64,19 @@ def _row(family: Family, branch: int, point: Point) -> dict[str, Any]:
     }
 
 
-def _special(family: Family, branches: Sequence[Branch], longest: float) -> Iterator[Row]:
+def _special(family: Family, branches: Sequence[Branch]) -> Iterator[Row]:
     """Yield the special points, and where a period grows without bound, with what they are."""
     for number, branch in enumerate(branches, 1):
         for point in branch.special():
             row, what = _row(family, number, point), ""
             if point.kind == HOPF and row["period"] is None:
-                value, born = born_cycles(family, point, longest)
+                value, born = born_cycles(family, point)
                 first = born.points[1]
                 what = f"{'super' if value < 0 else 'sub'}critical, l₁ = {value:.3g} 1/s, "
                 what += f"{'' if first.is_stable else 'un'}stable cycles "
                 what += "above" if first.x[-1] > point.x[-1] else "below"
+                if abs(value) < _ROUNDING:
+                    what = "degenerate: l₁ = 0"
             yield {**row, "what": what}
         for end, points in zip(branch.ends, (branch.points[::-1], branch.points), strict=True):
             if end.startswith(ENDLESS):
@@ -101,7 +104,7 @@ def _picture(scene: Scene, over: str, rows: Sequence[Row], special: Sequence[Row
         _draw(axes, [*of], key)
     for kind in dict.fromkeys(row["kind"] for row in special):
         places = [(row["value"], row[key]) for row in special if row["kind"] == kind]
-        style = {"marker": _MARKERS[kind], "color": ACCENT, "mec": INK, "ms": 8, "ls": ""}
+        style: Any = {"marker": _MARKERS[kind], "color": ACCENT, "mec": INK, "ms": 8, "ls": ""}
         axes.plot(*zip(*places, strict=True), label=kind, zorder=4, **style)
     figure.legend(loc="outside lower center", ncols=6, frameon=False)
     return figure
@@ -166,7 +169,7 @@ class Continue:
                 else resting(family)
             )
             progress(1, f"{scene.name}: special points")
-            special = [*_special(family, branches, self.longest)]
+            special = [*_special(family, branches)]
         if not branches:
             raise InputError(f"{scene.name}: no {self.of} found at either end of the range")
         rows = [

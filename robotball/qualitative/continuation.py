@@ -47,8 +47,8 @@ _TINY = 1e-30j  # of an imaginary step, which has no rounding
 
 
 Residual = Callable[[Array, float], Array]
-Look = tuple[Array, Array, Array]
-"""Residuals (m,), their derivatives (m, n + 1) by u and s, and exponents (k,)."""
+Look = tuple[Array, Array, Callable[[], Array]]
+"""Residuals (m,), their derivatives (m, n + 1) by u and s, and what returns exponents (k,)."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def steady(residual: Residual, exponents: Residual) -> Problem:
     """Return the problem of an analytic function's zeros, with the exponents (k,) at each."""
 
     def look(u: Array, s: float) -> Look:
-        return np.real(residual(u, s)), derivatives(residual, u, s), exponents(u, s)
+        return residual(u, s), derivatives(residual, u, s), lambda: exponents(u, s)
 
     return Problem(look)
 
@@ -215,7 +215,7 @@ def _corrected(problem: Problem, x: Array, across: Array) -> Point:
         change, tangent = np.linalg.lstsq(np.vstack([jacobian, rows]), sides, rcond=_RANK)[0].T
         x, size = x - change, np.abs(gap).max()
         if size < _CLOSED or last / 2 < size < _ROUGH:
-            return Point(x, tangent / np.linalg.norm(tangent), exponents)
+            return Point(x, tangent / np.linalg.norm(tangent), exponents())
         if size > _DIVERGES * last:
             break
         last = size

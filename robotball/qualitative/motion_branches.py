@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from robotball import equations as eq
 from robotball.engines.ensembles.orbits import angular_velocity, orbits
 from robotball.equations import Parameters
 from robotball.qualitative.continuation import (
@@ -71,7 +72,8 @@ class Family:
         parameters, size, _ = self.at(s)
         v = vectors_of(u)
         M = size * v[1] if len(v) > 1 else np.zeros(3)
-        return np.cross(v, parameters.angular_velocity(tuple(M), tuple(v[0]))).ravel()
+        omega = parameters.angular_velocity(tuple(M), tuple(v[0]))
+        return np.concatenate([eq.cross(each, omega) for each in v])
 
     def constants(self, u: Array, s: float) -> Array:
         """Return what is zero on the level: γ² - 1 and, where M ≠ 0, μ² - 1 and (μ, γ) - c/√f."""
@@ -152,6 +154,13 @@ def _turning(vectors: Array) -> Array:
     return np.concatenate([np.cross(v, np.eye(3)).T for v in vectors])
 
 
+def _logarithms(monodromy: Array, volume: float, momentum: Array) -> Array:
+    """Return the logarithms (k,) of the multipliers; at M = 0 the volume's alone."""
+    if not momentum.any():
+        return np.array([volume], dtype=complex)
+    return np.asarray(np.log(multipliers_of(monodromy, volume, momentum) + _TINY))
+
+
 def _closing(family: Family, backwards: bool, longest: float) -> Problem:
     """Return the problem of motions that end where they start, backwards in time or not."""
 
@@ -184,13 +193,10 @@ def _closing(family: Family, backwards: bool, longest: float) -> Problem:
             period * _turning(after) @ angular_velocity(ball, end, M),
             by_parameter(reached, u, s),
         )
-        exponents = np.array([volume], dtype=complex)
-        if M.any():
-            exponents = np.log(multipliers_of(monodromy, volume, M) + _TINY)
         return (
             np.concatenate([(after - before).ravel(), family.constants(u, s)]),
             np.vstack([np.column_stack(columns), derivatives(family.constants, u, s)]),
-            -exponents if backwards else exponents,
+            lambda: (-1 if backwards else 1) * _logarithms(monodromy, volume, M),
         )
 
     def end(u: Array) -> str:
@@ -205,9 +211,12 @@ def growth(points: Sequence[Point]) -> tuple[float, float]:
     p is 0 where it grows as ln |s - s*|.
     """
     last = points[-1]
-    first = next(each for each in reversed(points) if each.x[-2] < last.x[-2] - _SPAN)
-    slopes = [each.tangent[-1] / each.tangent[-2] for each in (first, last)]
-    p = float((last.x[-2] - first.x[-2]) / np.log(slopes[0] / slopes[1]))
-    # By a logarithm the rest of the way is ds/dT divided by the rate of its fall, 1 + 1/p of 1/T.
-    logarithm = p < _LOGARITHM
-    return float(last.x[-1] + slopes[1] * p / (1 + p * logarithm)), 0.0 if logarithm else p
+    before = [each for each in points if each.x[-2] < last.x[-2] - _SPAN]
+    ends = (before[-1] if before else points[0], last)
+    T = np.exp([each.x[-2] for each in ends])
+    slopes = np.array([each.tangent[-1] / each.tangent[-2] for each in ends])
+    p = float(np.log(T[1] / T[0]) / np.log(slopes[0] / slopes[1]))
+    if p > _LOGARITHM:
+        return float(last.x[-1] + p * slopes[1]), p
+    rates = slopes / T  # which fall exponentially
+    return float(last.x[-1] + rates[1] * (T[1] - T[0]) / np.log(rates[0] / rates[1])), 0.0

@@ -139,7 +139,7 @@ class Continue:
     """Its least value, in SI units; angles in degrees."""
     high: Annotated[float, arg(name="to")]
     """Its largest value."""
-    longest: float = 500.0
+    longest: float = 300.0
     """Period beyond which no cycle is followed [s]."""
     out: Path = OUT
     """Folder for the picture."""

@@ -1,4 +1,4 @@
-"""Continuation: normal forms, the bifurcations of the paper's balls, each by a second computation."""
+"""Continuation: normal forms, and the paper's balls, each point by a second computation."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -7,30 +7,36 @@ import numpy as np
 import pytest
 
 from robotball.engines.ensembles.orbits import LONG_RUN_TOLERANCE, orbits
-from robotball.equations import Parameters
 from robotball.qualitative.continuation import (
     BRANCH,
     DOUBLING,
     FOLD,
     HOPF,
     Branch,
+    Point,
     explore,
     steady,
 )
-from robotball.qualitative.cycles import Cycle, close
-from robotball.qualitative.equilibria import attitude_at, fixed_points, kappa, proposition_2
+from robotball.qualitative.cycles import Cycle, close, level_vectors
+from robotball.qualitative.equilibria import (
+    attitude_at,
+    closed_form_points,
+    fixed_points,
+    kappa,
+    proposition_2,
+)
 from robotball.qualitative.motion_branches import (
     Family,
     born_cycles,
     cycling,
     growth,
     resting,
-    vectors_of,
 )
 from robotball.qualitative.normal_forms import lyapunov_value
 from robotball.qualitative.portraits import limit_cycles, reversed_in_time, separatrices
 from robotball.qualitative.straight_motions import stability_limit, straight_motions
 from robotball.rotations import Array
+from robotball.scene import along_momentum
 from tests.figures import CLASSICAL, ball, from_rest
 
 FIG10 = ball((0.5, 0.3, 0.6), (0.0, 0.0, 1.0), (4.0, 5.0, 0.0), d=0.1)
@@ -81,7 +87,7 @@ def test_normal_forms_have_their_special_points(name: str) -> None:
 
     def exponents(u: Array, s: float) -> Array:
         value = complex(form(u[0], 2 * s - 1)[1])
-        return np.array([value, value.conjugate()] if value.imag else [value])
+        return np.array([value, value.conjugate()] if value.imag == 1 else [value])
 
     roots = np.linspace(-1.5, 1.5, 31)
     starts = []
@@ -122,9 +128,7 @@ def test_folds_are_where_the_closed_form_has_them() -> None:
     family = over_K3(0.1, 2.5)
     branches = resting(family)
     (O1, O2, O3), (a1, a2, a3) = from_rest(0.3).Omega, from_rest(0.3).A
-    closed = [
-        (O3 - np.hypot(O, O3)) * (a3 - a) / (2 * a * a3) for O, a in ((O2, a2), (O1, a1))
-    ]
+    closed = [(O3 - np.hypot(O, O3)) * (a3 - a) / (2 * a * a3) for O, a in ((O2, a2), (O1, a1))]
     assert found(family, branches) == pytest.approx([closed[0]] * 2 + [closed[1]] * 2, abs=1e-8)
     assert found(family, branches, FOLD) == found(family, branches)
     assert [abs(kappa(from_rest(K3), j)) for j, K3 in zip((1, 0), closed, strict=True)] == (
@@ -158,26 +162,120 @@ def test_branches_pass_as_many_points_as_there_are(name: str) -> None:
 # Straight lines --------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize(
+    ("family", "count"),
+    [
+        pytest.param(Family(FIG10, ALONG_X * np.sqrt(3.0), "K3", -1.5, 1.0), 4, id="rubber"),
+        pytest.param(
+            Family(CLASSICAL, np.array([-np.sqrt(7.0), 0.0, 3.0]), "c", 2.5, 3.5), 2, id="classical"
+        ),
+    ],
+)
+def test_branches_of_lines_are_all_that_there_are(family: Family, count: int) -> None:
+    """At a value within the range, by the closed form; each has its M² and (M, γ), to 1e-12."""
+    branches, s = resting(family), 0.6180339
+    parameters, size, c = family.at(s)
+    lines = straight_motions(parameters, size**2, c * size)
+    assert passing(branches, s) == len(lines) == count
+    for line in lines:
+        M = line.momentum
+        assert [M @ M, M @ line.gamma] == pytest.approx([size**2, c * size], abs=1e-12)
+
+
 def test_the_hopf_point_of_straight_lines_is_supercritical() -> None:
     """At f = 16/7.69 by Routh and Hurwitz, to 1e-8, of two of the four; l₁ = -0.00499 1/s.
 
-    Above it a stable cycle is born: at f = 2.2 the motion from beside the line ends on one with the
-    branch's period, to 1e-6; at f = 2 it returns to the line.
+    Above it a stable cycle is born: at f = 2.2 the motion from beside the line ends on the one that
+    the branch has there, of one period to 1e-9 (1e-12); at f = 2.05 it returns to the line.
     """
     family = Family(FIG10, ALONG_X * np.sqrt(2.0), "f", 1.5, 2.2)
-    branches = resting(family)
-    limit = stability_limit(FIG10)
-    assert found(family, branches) == pytest.approx([limit, limit], abs=1e-8)
-    (hopf,) = branches[0].special() or branches[1].special()
-    assert hopf.kind == HOPF
-    value, born = born_cycles(family, hopf, 100)
+    branches, limit = resting(family), stability_limit(FIG10)
+    assert found(family, branches, HOPF) == pytest.approx([limit, limit], abs=1e-8)
+    assert found(family, branches) == found(family, branches, HOPF)
+    value, born = born_cycles(family, branches[0].special(HOPF)[0], 60)
     assert value == pytest.approx(-0.00499, abs=1e-5)
-    assert all(point.is_stable for point in born.points[1:])
-    assert [family.value(point.x[-1]) > limit for point in born.points[1:]] == [True] * (
-        len(born.points) - 1
-    )
+    assert all(point.is_stable and point.x[-1] > born.points[0].x[-1] for point in born.points[1:])
     assert born.points[-1].x[-1] == 1.0
-    for f, s in ((2.2, 1.0), (2.0, 0.0)):
-        line = straight_motions(FIG10, f)
-        stable = max(line, key=lambda each: -each.eigenvalues.real.sum())
-        assert stable is not None
+    ends = {}
+    for f in (2.05, 2.2):
+        line = max(straight_motions(FIG10, f), key=lambda each: float(each.polynomial[-1]))
+        beside = line.gamma + np.array([0.0, 0.0, 0.02])
+        start = along_momentum(beside / np.linalg.norm(beside), line.momentum)
+        M = np.array([-np.sqrt(f), 0.0, 0.0])
+        times = np.array([0.0, 4000.0])
+        run = orbits(FIG10, start.attitude[None], M[None], times, LONG_RUN_TOLERANCE)
+        ends[f] = run.attitudes[0, 1], M, line.gamma
+    attitude, M, gamma = ends[2.05]  # the error of what is left after 4000 s of -0.0011 1/s
+    assert np.linalg.norm(level_vectors(attitude, M)[0] - gamma) < 1e-3
+    cycle = close(FIG10, ends[2.2][0], M := ends[2.2][1], 1.95)
+    assert np.linalg.norm(level_vectors(cycle.attitude, M)[0] - ends[2.2][2]) > 0.1
+    assert cycle.period == pytest.approx(float(np.exp(born.points[-1].x[-2])), rel=1e-9)
+
+
+# Cycles ----------------------------------------------------------------------------------------
+
+
+def long_cycle() -> Cycle:
+    """The unstable cycle at K₃ = 0.51, closed backwards in time, where there are ten points."""
+    beside = attitude_at(np.array([-0.0247, 0.8990, -0.4373]))
+    back = close(reversed_in_time(from_rest(0.51)), beside, REST, 82.006)
+    return replace(back, multipliers=1 / back.multipliers)
+
+
+def test_the_cycle_is_older_than_the_folds_of_fixed_points() -> None:
+    """The paper's "arises from the closed contour" at |κ₁| = 1 is not so: at K₃ = 0.51 both are.
+
+    Period 82.00639 s, by the search too; at K₃ = 0.5 there are the ten points and no cycle.
+    """
+    searched = limit_cycles(from_rest(0.51), 100.0, 16)
+    assert [each.period for each in searched] == pytest.approx([82.00639], abs=1e-5)
+    assert long_cycle().period == pytest.approx(searched[0].period, rel=1e-10)
+    assert len(fixed_points(from_rest(0.51))) == 10
+    assert limit_cycles(from_rest(0.5), 300.0) == []
+
+
+@pytest.mark.slow
+def test_the_cycle_ends_on_the_saddles() -> None:
+    """At K₃ = 0.503566, where the manifolds of δ₃ and δ₄ join, to 1e-5 (1.2e-6 at 300 s).
+
+    The period grows as a logarithm: power 0, where a saddle-node on the cycle would have 1/2.
+    """
+    family = over_K3(0.495, 0.51)
+    (branch,) = cycling(family, [(long_cycle(), 1.0)], 300.0)
+    assert branch.ends[0].startswith("its period passes 300 s")
+    assert all(not point.is_stable for point in branch.points)
+    s, power = growth(branch.points[::-1])
+    assert power == 0.0
+
+    def is_below(K3: float) -> bool:
+        """Whether the two halves of the unstable manifold of δ₄ end apart, at θ₃ and θ₄."""
+        some = from_rest(K3)
+        saddle = closed_form_points(some)["δ₄"]
+        ends = [
+            each.end.gamma
+            for each in separatrices(some, fixed_points(some), 200.0)
+            if each.end and not each.stable and np.abs(each.saddle.gamma - saddle).max() < 1e-6
+        ]
+        return bool(np.abs(ends[0] - ends[1]).max() > 1e-6)
+
+    low, high = 0.5035, 0.5037
+    while high - low > 1e-7:
+        middle = (low + high) / 2
+        low, high = (middle, high) if is_below(middle) else (low, middle)
+    assert family.value(s) == pytest.approx(low, abs=1e-5)
+
+
+def test_the_growth_of_a_period_has_its_law() -> None:
+    """s* to 1e-6 and p of T = |s - 0.2|^-1/2, and of T = -10 ln |s - 0.2|, whose p is 0."""
+    for law, power, T in (
+        (lambda T: 0.2 + T**-2, 0.5, np.geomspace(10.0, 200.0, 30)),
+        (lambda T: 0.2 + np.exp(-T / 10), 0.0, np.geomspace(10.0, 100.0, 60)),
+    ):
+        slopes = (law(T * 1.00001) - law(T / 1.00001)) / 2e-5
+        points = [
+            Point(np.array([0.0, np.log(t), law(t)]), np.array([0.0, 1.0, slope]), np.zeros(1))
+            for t, slope in zip(T, slopes, strict=True)
+        ]
+        s, found_power = growth(points)
+        assert s == pytest.approx(0.2, abs=1e-6)
+        assert found_power == pytest.approx(power, abs=1e-3)

@@ -104,8 +104,8 @@ def _picture(scene: Scene, over: str, rows: Sequence[Row], special: Sequence[Row
         _draw(axes, [*of], key)
     for kind in dict.fromkeys(row["kind"] for row in special):
         places = [(row["value"], row[key]) for row in special if row["kind"] == kind]
-        style: Any = {"marker": _MARKERS[kind], "color": ACCENT, "mec": INK, "ms": 8, "ls": ""}
-        axes.plot(*zip(*places, strict=True), label=kind, zorder=4, **style)
+        mark: Any = {"marker": _MARKERS[kind], "color": ACCENT, "mec": INK, "ms": 8, "ls": ""}
+        axes.plot(*zip(*places, strict=True), label=kind, zorder=4, **mark)
     figure.legend(loc="outside lower center", ncols=6, frameon=False)
     return figure
 

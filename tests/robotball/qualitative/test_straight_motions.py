@@ -90,8 +90,25 @@ def test_what_has_no_region_of_stability() -> None:
 
 
 def test_what_cannot_roll_straight_is_refused() -> None:
-    """A rubber ball whose Ω has a vertical part; levels of a classical ball."""
+    """A rubber ball whose Ω has a vertical part; levels of a ball with Ω = 0."""
     with pytest.raises(InputError, match="rolls straight on only where"):
         straight_motion(FIG10, GAMMA)
-    with pytest.raises(InputError, match="rubber"):
-        straight_motions(CLASSICAL, 3.0)
+    with pytest.raises(InputError, match="Omega other than zero"):
+        straight_motions(replace(FIG10, Omega=(0.0, 0.0, 0.0)), 3.0)
+
+
+def test_two_of_four_are_stable_at_most_where_K_is_not_across_omega() -> None:
+    """60 random balls and levels between the square of K along Ω and K²: four lines, 0 or 2 stable.
+
+    Along the circle (Ω, γ) = 0 an eigenvalue changes its sign where M² is least or largest.
+    """
+    rng, counts = np.random.default_rng(1), set()
+    for _ in range(60):
+        A, Omega, K = rng.uniform(0.2, 1.0, 3), rng.normal(size=3), 3 * rng.normal(size=3)
+        f = rng.uniform((K @ Omega) ** 2 / (Omega @ Omega), K @ K)
+        some = ball(as_vector(A), as_vector(Omega), as_vector(K), d=0.01)
+        lines = straight_motions(some, f)
+        product = [np.sign(line.polynomial[-1]) for line in lines]
+        assert sorted(product) == [-1, -1, 1, 1]
+        counts.add(sum(line.is_stable for line in lines))
+    assert counts == {0, 2}

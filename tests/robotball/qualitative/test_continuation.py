@@ -216,7 +216,8 @@ def test_born_cycles_grow_as_the_first_lyapunov_value_says() -> None:
     """r² = -(dRe λ/ds)(s - s*)/l₁ with l₁ of either sign, at f = 3 over K₃; to 1 % (0.3 %).
 
     With K out of the plane across Ω the two ends of the unstable range differ: at K₃ = -0.89
-    stable cycles are born, at 1.03 unstable ones. The largest real part is zero there, to 1e-8 (2e-9: of 3 1/s that counts as zero).
+    stable cycles are born, at 1.03 unstable ones. The pair's real parts are
+    zero there, to 1e-8 (2e-9: beside 3 rad/s that counts as zero).
     """
     family = Family(FIG10, ALONG_X * np.sqrt(3.0), "K3", -1.7, 1.7)
     branch = next(each for each in resting(family) if each.special(HOPF))
@@ -232,7 +233,7 @@ def test_born_cycles_grow_as_the_first_lyapunov_value_says() -> None:
         pair = 2 * vectors[:, np.argmax(roots.imag)].real
         out = np.concatenate([np.cross(v, pair) for v in u.reshape(-1, 3)])
         r = (born.points[1].x[:6] - u) @ out / (out @ out)
-        at = branch.points.index(hopf)
+        at = [point is hopf for point in branch.points].index(True)
         near = branch.points[at - 3 : at + 4]
         leading = [point.exponents[np.argmax(point.exponents.imag)].real for point in near]
         slope = np.polyfit([point.x[-1] - s for point in near], leading, 3)[-2]

@@ -234,14 +234,10 @@ def _tests(point: Point) -> Array:
     doubled = np.abs(np.abs(exponents.imag) - np.pi) < _NEUTRAL
     # In two or three dimensions there is one pair at most.
     pair = real[(exponents.imag > 0) & ~doubled]
-    return np.array(
-        [
-            point.tangent[-1] * (abs(point.tangent[-1]) > _LEVEL),
-            np.where(exponents.imag == 0, real, 1.0).prod(),
-            np.where(doubled, real, 1.0).prod(),
-            pair[0] if len(pair) else np.nan,
-        ]
-    )
+    along = point.tangent[-1]
+    single = (np.where(which, real, 1.0).prod() for which in (exponents.imag == 0, doubled))
+    across = along if abs(along) > _LEVEL else 0.0
+    return np.array([across, *single, pair[0] if len(pair) else np.nan])
 
 
 def _between(problem: Problem, last: Point, new: Point) -> list[Point]:

@@ -19,18 +19,7 @@ import numpy as np
 from robotball import equations as eq
 from robotball.engines.ensembles.orbits import angular_velocity, orbits
 from robotball.equations import Parameters
-from robotball.qualitative.continuation import (
-    HOPF,
-    Branch,
-    Look,
-    Point,
-    Problem,
-    by_parameter,
-    derivatives,
-    explore,
-    half,
-    steady,
-)
+from robotball.qualitative import continuation as co
 from robotball.qualitative.cycles import Cycle, level_vectors, monodromy_of, multipliers_of
 from robotball.qualitative.equilibria import attitude_at, fixed_points
 from robotball.qualitative.families import varied
@@ -92,7 +81,7 @@ def vectors_of(u: Array) -> Array:
     return u[: len(u) // 3 * 3].reshape(-1, 3)
 
 
-def resting(family: Family) -> list[Branch]:
+def resting(family: Family) -> list[co.Branch]:
     """Return the branches of fixed points from rest, or of straight lines where M ≠ 0.
 
     They are all that there are at both ends of the range, and what crosses them.
@@ -112,12 +101,14 @@ def resting(family: Family) -> list[Branch]:
             starts += [np.array([*line.gamma, *line.momentum / size, s]) for line in lines]
         else:
             starts += [np.array([*point.gamma, s]) for point in fixed_points(parameters)]
-    return explore(steady(residual, exponents), starts)
+    return co.explore(co.steady(residual, exponents), starts)
 
 
-def cycling(family: Family, starts: Sequence[tuple[Cycle, float]], longest: float) -> list[Branch]:
+def cycling(
+    family: Family, starts: Sequence[tuple[Cycle, float]], longest: float
+) -> list[co.Branch]:
     """Return the branches of given cycles, each with its s, up to a period of `longest` [s]."""
-    branches: list[Branch] = []
+    branches: list[co.Branch] = []
     for cycle, s in starts:
         backwards = float(np.abs(cycle.multipliers).prod()) > 1
         ball, M = family.at(s)[0], cycle.momentum
@@ -129,11 +120,11 @@ def cycling(family: Family, starts: Sequence[tuple[Cycle, float]], longest: floa
         levels = [level_vectors(each, cycle.momentum).ravel() for each in along]
         u = min(levels, key=lambda u: float(np.linalg.norm(family.rate(u, s))))
         problem = _closing(family, backwards, longest)
-        branches += explore(problem, [np.array([*u, np.log(cycle.period), s])], branches)
+        branches += co.explore(problem, [np.array([*u, np.log(cycle.period), s])], branches)
     return branches
 
 
-def born_cycles(family: Family, hopf: Point, most: int = 3) -> tuple[float, Branch]:
+def born_cycles(family: Family, hopf: co.Point, most: int = 3) -> tuple[float, co.Branch]:
     """Return the first Lyapunov value at a Hopf point [1/s], and `most` of the cycles born there.
 
     The first point of their branch is the Hopf point.
@@ -145,8 +136,8 @@ def born_cycles(family: Family, hopf: Point, most: int = 3) -> tuple[float, Bran
     out = vectors[:, i].real @ (tangents(u) if size == 2 else _turning(vectors_of(u)).T)
     x = np.array([*u, np.log(2 * np.pi / values[i].imag), s])
     start = replace(hopf, x=x, tangent=np.array([*out, 0.0, 0.0]) / np.linalg.norm(out))
-    points, end = half(_closing(family, float(values.real.sum()) > 0, np.inf), start, most)
-    return lyapunov_value(flow, size), Branch(tuple(points), (HOPF, end))
+    points, end = co.half(_closing(family, float(values.real.sum()) > 0, np.inf), start, most)
+    return lyapunov_value(flow, size), co.Branch(tuple(points), (co.HOPF, end))
 
 
 def _turning(vectors: Array) -> Array:
@@ -161,7 +152,7 @@ def _logarithms(monodromy: Array, volume: float, momentum: Array) -> Array:
     return np.asarray(np.log(multipliers_of(monodromy, volume, momentum) + _TINY))
 
 
-def _closing(family: Family, backwards: bool, longest: float) -> Problem:
+def _closing(family: Family, backwards: bool, longest: float) -> co.Problem:
     """Return the problem of motions that end where they start, backwards in time or not."""
 
     def begin(u: Array, s: float) -> tuple[Parameters, Array, Array]:
@@ -182,7 +173,7 @@ def _closing(family: Family, backwards: bool, longest: float) -> Problem:
         first, last = orbits(ball, attitude[None], M[None], times).attitudes[0]
         return (level_vectors(last, M) - level_vectors(first, M)).ravel()
 
-    def look(u: Array, s: float) -> Look:
+    def look(u: Array, s: float) -> co.Look:
         ball, attitude, M = begin(u, s)
         period = float(np.exp(u[-1]))
         end, monodromy, volume = monodromy_of(ball, attitude, M, period)
@@ -191,21 +182,21 @@ def _closing(family: Family, backwards: bool, longest: float) -> Problem:
         columns = (
             by_turn @ np.linalg.pinv(_turning(vectors_of(u))),
             period * _turning(after) @ angular_velocity(ball, end, M),
-            by_parameter(reached, u, s),
+            co.by_parameter(reached, u, s),
         )
         return (
             np.concatenate([(after - before).ravel(), family.constants(u, s)]),
-            np.vstack([np.column_stack(columns), derivatives(family.constants, u, s)]),
+            np.vstack([np.column_stack(columns), co.derivatives(family.constants, u, s)]),
             lambda: (-1 if backwards else 1) * _logarithms(monodromy, volume, M),
         )
 
     def end(u: Array) -> str:
         return f"{ENDLESS} {longest:g} s" if np.exp(u[-1]) > longest else ""
 
-    return Problem(look, lambda u, s: np.append(family.rate(u, s), 0.0), end, identity=-2)
+    return co.Problem(look, lambda u, s: np.append(family.rate(u, s), 0.0), end, identity=-2)
 
 
-def growth(points: Sequence[Point]) -> tuple[float, float]:
+def growth(points: Sequence[co.Point]) -> tuple[float, float]:
     """Return s* and p of a period that grows as |s - s*|^-p along the last of the points.
 
     p is 0 where it grows as ln |s - s*|.

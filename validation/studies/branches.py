@@ -50,17 +50,15 @@ def _row(family: Family, branch: int, point: Point) -> dict[str, Any]:
     M = size * mu[0] if mu else np.zeros(3)
     period = float(np.exp(u[-1])) if len(u) % 3 else None
     exponents = point.exponents[np.argsort(-point.exponents.real)] / (period or 1.0)
+    vectors = {"gamma": gamma, "M": M, "real": exponents.real, "imaginary": exponents.imag}
     return {
         "branch": branch,
         "name": name_of(ball, gamma) if len(u) == 3 else str(branch),
         "value": family.value(s),
         "kind": point.kind,
         "stable": point.is_stable,
-        **{f"gamma{i}": x for i, x in enumerate(gamma.tolist(), 1)},
-        **{f"M{i}": x for i, x in enumerate(M.tolist(), 1)},
         "period": period,
-        **{f"real{i}": float(x) for i, x in enumerate(exponents.real, 1)},
-        **{f"imaginary{i}": float(x) for i, x in enumerate(exponents.imag, 1)},
+        **{f"{name}{i}": float(x) for name, v in vectors.items() for i, x in enumerate(v, 1)},
     }
 
 
@@ -163,11 +161,10 @@ class Continue:
         writable_folder(self.out)
         with progress_bar(2) as progress:
             progress(0, f"{scene.name}: branches")
-            branches = (
-                cycling(family, [*_cycles(scene, family)], self.longest)
-                if self.of == "cycle"
-                else resting(family)
-            )
+            if self.of == "cycle":
+                branches = cycling(family, [*_cycles(scene, family)], self.longest)
+            else:
+                branches = resting(family)
             progress(1, f"{scene.name}: special points")
             special = [*_special(family, branches)]
         if not branches:

@@ -214,7 +214,7 @@ def _corrected(problem: Problem, x: Array, across: Array) -> Point:
         sides = np.stack([gap, np.eye(len(gap))[-1]], axis=1)
         change, tangent = np.linalg.lstsq(np.vstack([jacobian, rows]), sides, rcond=_RANK)[0].T
         x, size = x - change, np.abs(gap).max()
-        if size < _CLOSED or last / 2 < size < _ROUGH:
+        if size < _CLOSED or last <= size < _ROUGH:
             return Point(x, tangent / np.linalg.norm(tangent), exponents())
         if size > _DIVERGES * last:
             break

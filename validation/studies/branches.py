@@ -38,6 +38,7 @@ from validation.study import Column, Row, Study, present, table_of
 
 _NO_BOUND = "period without bound"
 _MARKERS = {FOLD: "^", BRANCH: "s", HOPF: "o", DOUBLING: "D", _NO_BOUND: "*"}
+_PLACE = ("value", "gamma1", "gamma2", "gamma3")
 _ROUNDING = 1e-9  # 1/s, of l₁
 _SEARCHED, _STARTS = 100.0, 16  # s, the longest period searched for; random starts where M ≠ 0
 
@@ -166,7 +167,12 @@ class Continue:
             else:
                 branches = resting(family)
             progress(1, f"{scene.name}: special points")
-            special = [*_special(family, branches)]
+            # A branch point is on two branches at least.
+            places = {
+                (row["kind"], *(round(row[key], 5) for key in _PLACE)): row
+                for row in _special(family, branches)
+            }
+            special = [*places.values()]
         if not branches:
             raise InputError(f"{scene.name}: no {self.of} found at either end of the range")
         rows = [

@@ -28,8 +28,9 @@ FOLD, BRANCH, DOUBLING, HOPF = "fold", "branch point", "period doubling", "Hopf 
 CLOSES = "closes"
 _KINDS = (FOLD, BRANCH, DOUBLING, HOPF)  # by the test functions, in their order
 _FIRST, _LEAST, _LONGEST = 0.01, 1e-7, 0.03  # lengths of a step in (u, s)
-_TURN = 0.95  # least cosine between the tangents of neighbours
+_TURN = 0.95  # least cosine between neighbours: of tangents, and of ways to a start between them
 _MOST_POINTS, _MOST_BRANCHES = 1000, 40
+_ALIKE = 0.3  # exponents of neighbours, where a branch comes back to its start
 _ITERATIONS = 10
 _CLOSED = 1e-13  # of the equations
 # Of them, if they fall no more: where a cycle rests for long, rounding there moves its end so far.
@@ -195,7 +196,9 @@ def half(problem: Problem, start: Point, most: int = _MOST_POINTS) -> tuple[list
         points += [*special, new]
         if end := problem.end(new.x[:-1]):
             return points, end
-        if len(points) > 9 and np.linalg.norm(new.x - start.x) < step / 2:
+        one, other = ((point.x - start.x)[problem.identity :] for point in (last, new))
+        between = one @ other < -_TURN * np.linalg.norm(one) * np.linalg.norm(other)
+        if between and np.abs(new.exponents - start.exponents).max() < _ALIKE:
             return points, CLOSES
         step = min(1.5 * step, _LONGEST)
     return points, "most points"

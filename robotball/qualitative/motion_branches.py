@@ -12,7 +12,7 @@ period grows as ln |s - s*| only, and p tends to 0.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -135,7 +135,8 @@ def born_cycles(family: Family, hopf: co.Point, most: int = 3) -> tuple[float, c
     i = int(np.argmax(values.imag))
     out = vectors[:, i].real @ (tangents(u) if size == 2 else _turning(vectors_of(u)).T)
     x = np.array([*u, np.log(2 * np.pi / values[i].imag), s])
-    start = replace(hopf, x=x, tangent=np.array([*out, 0.0, 0.0]) / np.linalg.norm(out))
+    tangent = np.array([*out, 0.0, 0.0]) / np.linalg.norm(out)
+    start = co.Point(x, tangent, np.full(1, np.inf), co.HOPF)  # the multipliers do not matter
     points, end = co.half(_closing(family, float(values.real.sum()) > 0, np.inf), start, most)
     return lyapunov_value(flow, size), co.Branch(tuple(points), (co.HOPF, end))
 

@@ -151,8 +151,9 @@ def explore(
         branches.append(trace(problem, start))
         for point in branches[-1].special(BRANCH, DOUBLING):
             if not among(point, crossed):
-                crossed.append(point)
-                queue.extendleft(_switched(problem, point))
+                others = _switched(problem, point)
+                crossed += [point, *others]
+                queue.extendleft(others)
     return branches
 
 
@@ -278,9 +279,10 @@ def _across(problem: Problem, point: Point) -> Array | None:
 def _switched(problem: Problem, point: Point) -> list[Point]:
     """Return a branch point with the tangent of the other branch, as far as it is across its own.
 
-    Of a period doubling: the cycle run through twice. None where there is no other branch.
+    Of a period doubling: of the cycle run through twice. None where there is no other branch.
     """
     if point.kind == DOUBLING:
-        point = replace(point, x=point.x + np.log(2.0) * np.eye(len(point.x))[-2])
+        twice = point.x + np.log(2.0) * np.eye(len(point.x))[-2]
+        point = replace(point, x=twice, kind=BRANCH)
     across = _across(problem, point)
     return [] if across is None else [replace(point, tangent=across)]

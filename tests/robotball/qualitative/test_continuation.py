@@ -25,6 +25,7 @@ from robotball.qualitative.equilibria import (
     kappa,
     proposition_2,
 )
+from robotball.qualitative.long_run import basins
 from robotball.qualitative.motion_branches import (
     Family,
     born_cycles,
@@ -37,7 +38,7 @@ from robotball.qualitative.portraits import limit_cycles, reversed_in_time, sepa
 from robotball.qualitative.straight_motions import stability_limit, straight_motions
 from robotball.rotations import Array
 from robotball.scene import along_momentum
-from tests.figures import CLASSICAL, ball, from_rest
+from tests.figures import CHAOTIC, CLASSICAL, ball, from_rest, spread_starts
 
 FIG10 = ball((0.5, 0.3, 0.6), (0.0, 0.0, 1.0), (4.0, 5.0, 0.0), d=0.1)
 REST, ALONG_X = np.zeros(3), np.array([-1.0, 0.0, 0.0])
@@ -296,6 +297,36 @@ def test_the_cycle_ends_on_the_saddles() -> None:
         middle = (low + high) / 2
         low, high = (middle, high) if is_below(middle) else (low, middle)
     assert family.value(s) == pytest.approx(low, abs=1e-5)
+
+
+@pytest.mark.slow
+def test_a_cycle_of_double_period_branches_off_where_a_multiplier_is_minus_one() -> None:
+    """Figs 11b and 14's ball with K₂ = 4, down to 3.85: at 3.892931, by bisection to 1e-6 too.
+
+    The branch from there has cycles of twice the period, which do not close after half of it.
+    """
+    attitudes, momenta = spread_starts(0, 10)
+    (single, *_) = basins(replace(CHAOTIC, K=(2.0, 4.0, 0.0)), attitudes, momenta, 1500.0).cycles
+    family = Family(replace(CHAOTIC, K=(2.0, 4.0, 0.0)), momenta[0], "K2", 3.85, 4.0)
+    branch, double = cycling(family, [(single, 1.0)], 20.0)
+    (at,) = found(family, [branch], DOUBLING)
+    low, high = 3.85, 4.0
+    cycle = single
+    while high - low > 1e-7:
+        middle = (low + high) / 2
+        ball_there = replace(CHAOTIC, K=(2.0, middle, 0.0))
+        cycle = close(ball_there, cycle.attitude, single.momentum, cycle.period)
+        low, high = (middle, high) if cycle.multipliers[0].real < -1 else (low, middle)
+    assert at == pytest.approx(low, abs=1e-6)
+    end = double.points[-1].x
+    gamma, M = end[:3], 5.0 * end[3:6]
+    start = along_momentum(gamma, M)
+    there, period = family.at(end[-1])[0], float(np.exp(end[-2]))
+    assert close(there, start.attitude, start.momentum, period).period == pytest.approx(period)
+    half_way = orbits(there, start.attitude[None], start.momentum[None], np.array([0, period / 2]))
+    apart = level_vectors(half_way.attitudes[0, 1], start.momentum)[0] - gamma
+    assert np.linalg.norm(apart) > 0.01
+    assert period / 2 == pytest.approx(cycle.period, rel=0.05)
 
 
 def test_the_growth_of_a_period_has_its_law() -> None:

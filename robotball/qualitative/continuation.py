@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import brentq
 
+from robotball.errors import InputError
 from robotball.rotations import Array
 
 FOLD, BRANCH, DOUBLING, HOPF = "fold", "branch point", "period doubling", "Hopf point"
@@ -208,7 +209,7 @@ def half(problem: Problem, start: Point, most: int = _MOST_POINTS) -> tuple[list
 def _corrected(problem: Problem, x: Array, across: Array) -> Point:
     """Return the point of a branch near x (n + 1,), in the plane through x across a direction.
 
-    Raises ValueError where Newton's method does not converge.
+    Raises InputError where Newton's method does not converge.
     """
     start, last = x, np.inf
     rows = np.vstack([problem.rows(x), across])
@@ -223,7 +224,7 @@ def _corrected(problem: Problem, x: Array, across: Array) -> Point:
         if size > _DIVERGES * last:
             break
         last = size
-    raise ValueError("Newton's method does not converge")
+    raise InputError(f"no branch found near a start: Newton's method leaves {size:.1e}")
 
 
 def _real_parts(exponents: Array) -> Array:

@@ -39,6 +39,7 @@ from validation.study import Column, Row, Study, present, table_of
 _NO_BOUND = "period without bound"
 _MARKERS = {FOLD: "^", BRANCH: "s", HOPF: "o", DOUBLING: "D", _NO_BOUND: "*"}
 _PLACE = ("value", "gamma1", "gamma2", "gamma3")
+_SENSES = ("supercritical", "subcritical")
 _ROUNDING = 1e-9  # 1/s, of l₁
 _SEARCHED, _STARTS = 100.0, 16  # s, the longest period searched for; random starts where M ≠ 0
 
@@ -68,14 +69,15 @@ def _special(family: Family, branches: Sequence[Branch]) -> Iterator[Row]:
     for number, branch in enumerate(branches, 1):
         for point in branch.special():
             row, what = _row(family, number, point), ""
-            if point.kind == HOPF and row["period"] is None:
+            if point.kind == HOPF and row["period"]:
+                what = "a torus is born"
+            elif point.kind == HOPF:
                 value, born = born_cycles(family, point)
-                first = born.points[1]
-                what = f"{'super' if value < 0 else 'sub'}critical, l₁ = {value:.3g} 1/s, "
-                what += f"{'' if first.is_stable else 'un'}stable cycles "
-                what += "above" if first.x[-1] > point.x[-1] else "below"
-                if abs(value) < _ROUNDING:
-                    what = "degenerate: l₁ = 0"
+                sense = "degenerate" if abs(value) < _ROUNDING else _SENSES[value > 0]
+                what = f"{sense}, l₁ = {value:.3g} 1/s"
+                for first in born.points[1:2]:
+                    what += f", {'' if first.is_stable else 'un'}stable cycles "
+                    what += "above" if first.x[-1] > point.x[-1] else "below"
             yield {**row, "what": what}
         for end, points in zip(branch.ends, (branch.points[::-1], branch.points), strict=True):
             if end.startswith(ENDLESS):
@@ -187,6 +189,7 @@ class Continue:
         )
         told = f"{len(branches)} branches, {len(rows)} points; γ in principal axes"
         record = {"scene": scene.name, "of": self.of, "over": self.over, "special": special}
+        record["ends"] = [each.ends for each in branches]
         study = Study(
             scene.name, None, ("continue", self.of, self.over), rows, record,
             (table_of(columns, special), told), _picture(scene, self.over, rows, special),

@@ -213,6 +213,9 @@ def test_the_hopf_point_of_straight_lines_is_supercritical() -> None:
     cycle = close(FIG10, ends[2.2][0], M := ends[2.2][1], 1.95)
     assert np.linalg.norm(level_vectors(cycle.attitude, M)[0] - ends[2.2][2]) > 0.1
     assert cycle.period == pytest.approx(float(np.exp(born.points[-1].x[-2])), rel=1e-9)
+    (back,) = cycling(family, [(cycle, 1.0)], 10.0)
+    assert back.ends == ("shrinks to a point", "the range ends")
+    assert family.value(back.points[0].x[-1]) == pytest.approx(limit, abs=1e-3)  # 1e-4: by a step
 
 
 def test_born_cycles_grow_as_the_first_lyapunov_value_says() -> None:

@@ -14,20 +14,12 @@ from tyro.conf import arg
 from robotball import InputError, Scene
 from robotball.errors import unknown
 from robotball.film.looks import ACCENT, INK
+from robotball.qualitative import motion_branches as motions
 from robotball.qualitative.continuation import BRANCH, DOUBLING, FOLD, HOPF, Branch, Point
 from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.equilibria import name_of
 from robotball.qualitative.families import NUMBERS
 from robotball.qualitative.long_run import basins
-from robotball.qualitative.motion_branches import (
-    ENDLESS,
-    Family,
-    born_cycles,
-    cycling,
-    growth,
-    resting,
-    vectors_of,
-)
 from robotball.qualitative.portraits import limit_cycles
 from validation.options import AGREES, OUT, File, SceneName, Threads, check_files
 from validation.output import halo, progress_bar, title, writable_folder
@@ -44,11 +36,11 @@ _ROUNDING = 1e-9  # 1/s, of l₁
 _SEARCHED, _STARTS = 100.0, 16  # s, the longest period searched for; random starts where M ≠ 0
 
 
-def _row(family: Family, branch: int, point: Point) -> dict[str, Any]:
+def _row(family: motions.Family, branch: int, point: Point) -> dict[str, Any]:
     """Return a point of a branch as plain data: SI units, principal axes; of cycles exponents/s."""
     u, s = point.x[:-1], float(point.x[-1])
     ball, size, _ = family.at(s)
-    gamma, *mu = vectors_of(u)
+    gamma, *mu = motions.vectors_of(u)
     M = size * mu[0] if mu else np.zeros(3)
     period = float(np.exp(u[-1])) if len(u) % 3 else None
     exponents = point.exponents[np.argsort(-point.exponents.real)] / (period or 1.0)
@@ -64,7 +56,7 @@ def _row(family: Family, branch: int, point: Point) -> dict[str, Any]:
     }
 
 
-def _special(family: Family, branches: Sequence[Branch]) -> Iterator[Row]:
+def _special(family: motions.Family, branches: Sequence[Branch]) -> Iterator[Row]:
     """Yield the special points, and where a period grows without bound, with what they are."""
     for number, branch in enumerate(branches, 1):
         for point in branch.special():
@@ -72,7 +64,7 @@ def _special(family: Family, branches: Sequence[Branch]) -> Iterator[Row]:
             if point.kind == HOPF and row["period"]:
                 what = "a torus is born"
             elif point.kind == HOPF:
-                value, born = born_cycles(family, point)
+                value, born = motions.born_cycles(family, point)
                 sense = "degenerate" if abs(value) < _ROUNDING else _SENSES[value > 0]
                 what = f"{sense}, l₁ = {value:.3g} 1/s"
                 for first in born.points[1:2]:
@@ -80,8 +72,8 @@ def _special(family: Family, branches: Sequence[Branch]) -> Iterator[Row]:
                     what += "above" if first.x[-1] > point.x[-1] else "below"
             yield {**row, "what": what}
         for end, points in zip(branch.ends, (branch.points[::-1], branch.points), strict=True):
-            if end.startswith(ENDLESS):
-                s, power = growth(points)
+            if end.startswith(motions.ENDLESS):
+                s, power = motions.growth(points)
                 law = f"distance^-{power:.3f}: saddle-node" if power else "logarithm: homoclinic"
                 row = _row(family, number, points[-1])
                 yield {**row, "kind": _NO_BOUND, "value": family.value(s), "what": law}
@@ -160,14 +152,14 @@ class Continue:
         momentum = scene.start.momentum * (self.of != "equilibrium")
         if self.of == "line" and not momentum.any():
             raise InputError(f"{scene.name} starts from rest: its lines are --of equilibrium")
-        family = Family(scene.parameters, momentum, self.over, self.low, self.high)
+        family = motions.Family(scene.parameters, momentum, self.over, self.low, self.high)
         writable_folder(self.out)
         with progress_bar(2) as progress:
             progress(0, f"{scene.name}: branches")
             if self.of == "cycle":
-                branches = cycling(family, [*_cycles(scene, family)], self.longest)
+                branches = motions.cycling(family, [*_cycles(scene, family)], self.longest)
             else:
-                branches = resting(family)
+                branches = motions.resting(family)
             progress(1, f"{scene.name}: special points")
             # A branch point is on two branches at least.
             places = {
@@ -199,7 +191,7 @@ class Continue:
         return AGREES
 
 
-def _cycles(scene: Scene, family: Family) -> Iterator[tuple[Cycle, float]]:
+def _cycles(scene: Scene, family: motions.Family) -> Iterator[tuple[Cycle, float]]:
     """Yield cycles at both ends of the range: all from rest, else those that starts reach."""
     for s in (0.0, 1.0):
         ball, size, c = family.at(s)

@@ -215,7 +215,7 @@ def test_the_hopf_point_of_straight_lines_is_supercritical() -> None:
     assert cycle.period == pytest.approx(float(np.exp(born.points[-1].x[-2])), rel=1e-9)
     (back,) = cycling(family, [(cycle, 1.0)], 10.0)
     assert back.ends == ("shrinks to a point", "the range ends")
-    assert family.value(back.points[0].x[-1]) == pytest.approx(limit, abs=1e-3)  # 1e-4: by a step
+    assert family.value(back.points[0].x[-1]) == pytest.approx(limit, abs=1e-5)  # 6e-8
 
 
 def test_born_cycles_grow_as_the_first_lyapunov_value_says() -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -63,7 +64,7 @@ def passing(branches: Sequence[Branch], s: float) -> int:
 
 # Normal forms ----------------------------------------------------------------------------------
 
-FORMS: dict[str, tuple[Callable[[Array, float], Sequence[complex]], list[str]]] = {
+FORMS: dict[str, tuple[Callable[[Any, float], Sequence[Any]], list[str]]] = {
     # of x and p: the function and its derivative by x
     "fold": (lambda x, p: (p + x * x, 2 * x), [FOLD]),
     "no fold": (lambda x, p: (p + x + x**3, 1 + 3 * x * x), []),
@@ -334,10 +335,11 @@ def test_a_cycle_of_double_period_branches_off_where_a_multiplier_is_minus_one()
 
 def test_the_growth_of_a_period_has_its_law() -> None:
     """s* to 1e-6 and p of T = |s - 0.2|^-1/2, and of T = -10 ln |s - 0.2|, whose p is 0."""
-    for law, power, T in (
+    laws: list[tuple[Callable[[Any], Any], float, Array]] = [
         (lambda T: 0.2 + T**-2, 0.5, np.geomspace(10.0, 200.0, 30)),
         (lambda T: 0.2 + np.exp(-T / 10), 0.0, np.geomspace(10.0, 100.0, 60)),
-    ):
+    ]
+    for law, power, T in laws:
         slopes = (law(T * 1.00001) - law(T / 1.00001)) / 2e-5
         points = [
             Point(np.array([0.0, np.log(t), law(t)]), np.array([0.0, 1.0, slope]), np.zeros(1))

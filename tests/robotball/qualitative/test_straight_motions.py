@@ -133,7 +133,7 @@ def test_two_of_four_are_stable_at_most_where_K_is_not_across_omega() -> None:
     rng, counts = np.random.default_rng(1), set()
     for _ in range(60):
         A, Omega, K = rng.uniform(0.2, 1.0, 3), rng.normal(size=3), 3 * rng.normal(size=3)
-        f = rng.uniform((K @ Omega) ** 2 / (Omega @ Omega), K @ K)
+        f = float(rng.uniform((K @ Omega) ** 2 / (Omega @ Omega), K @ K))
         some = ball(as_vector(A), as_vector(Omega), as_vector(K), d=0.01)
         lines = straight_motions(some, f)
         product = [np.sign(line.polynomial[-1]) for line in lines]

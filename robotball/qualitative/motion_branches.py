@@ -124,10 +124,12 @@ def cycling(
     return branches
 
 
-def born_cycles(family: Family, hopf: co.Point, most: int = 3) -> tuple[float, co.Branch]:
+def born_cycles(
+    family: Family, hopf: co.Point, longest: float, most: int = 3
+) -> tuple[float, co.Branch]:
     """Return the first Lyapunov value at a Hopf point [1/s], and `most` of the cycles born there.
 
-    The first point of their branch is the Hopf point.
+    The first point of their branch is the Hopf point; longest: as for `cycling`.
     """
     u, s = hopf.x[:-1], hopf.x[-1]
     flow, size = family.flow(u, s)
@@ -137,7 +139,7 @@ def born_cycles(family: Family, hopf: co.Point, most: int = 3) -> tuple[float, c
     x = np.array([*u, np.log(2 * np.pi / values[i].imag), s])
     tangent = np.array([*out, 0.0, 0.0]) / np.linalg.norm(out)
     start = co.Point(x, tangent, np.full(1, np.inf), co.HOPF)  # the multipliers do not matter
-    points, end = co.half(_closing(family, float(values.real.sum()) > 0, np.inf), start, most)
+    points, end = co.half(_closing(family, float(values.real.sum()) > 0, longest), start, most)
     return lyapunov_value(flow, size), co.Branch(tuple(points), (co.HOPF, end))
 
 

@@ -33,6 +33,7 @@ _MARKERS = {FOLD: "^", BRANCH: "s", HOPF: "o", DOUBLING: "D", _NO_BOUND: "*"}
 _PLACE = ("value", "gamma1", "gamma2", "gamma3")
 _SENSES = ("supercritical", "subcritical")
 _ROUNDING = 1e-9  # 1/s, of l₁
+_MOST = 500  # points of a branch of cycles from its birth on
 _SEARCHED, _STARTS = 100.0, 16  # s, the longest period searched for; random starts where M ≠ 0
 
 
@@ -64,7 +65,7 @@ def _special(family: motions.Family, branches: Sequence[Branch]) -> Iterator[Row
             if point.kind == HOPF and row["period"]:
                 what = "a torus is born"
             elif point.kind == HOPF:
-                value, born = motions.born_cycles(family, point)
+                value, born = motions.born_cycles(family, point, _SEARCHED)
                 sense = "degenerate" if abs(value) < _ROUNDING else _SENSES[value > 0]
                 what = f"{sense}, l₁ = {value:.3g} 1/s"
                 for first in born.points[1:2]:
@@ -158,6 +159,8 @@ class Continue:
             progress(0, f"{scene.name}: branches")
             if self.of == "cycle":
                 branches = motions.cycling(family, [*_cycles(scene, family)], self.longest)
+                if momentum.any() and np.any(scene.parameters.Omega):
+                    branches += _born(family, self.longest)
             else:
                 branches = motions.resting(family)
             progress(1, f"{scene.name}: special points")
@@ -189,6 +192,14 @@ class Continue:
         stem = study.stem(*changed(self, "longest"))
         print(present(study, self.out / f"{stem}.png", self.json, self.csv)[0])
         return AGREES
+
+
+def _born(family: motions.Family, longest: float) -> Iterator[Branch]:
+    """Yield the cycles that are born at Hopf points of straight lines."""
+    for line in motions.resting(family):
+        for point in line.special(HOPF):
+            _, born = motions.born_cycles(family, point, longest, _MOST)
+            yield Branch(born.points[1:], born.ends)
 
 
 def _cycles(scene: Scene, family: motions.Family) -> Iterator[tuple[Cycle, float]]:

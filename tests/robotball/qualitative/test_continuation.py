@@ -196,7 +196,7 @@ def test_the_hopf_point_of_straight_lines_is_supercritical() -> None:
     branches, limit = resting(family), stability_limit(FIG10)
     assert found(family, branches, HOPF) == pytest.approx([limit, limit], abs=1e-8)
     assert found(family, branches) == found(family, branches, HOPF)
-    value, born = born_cycles(family, branches[0].special(HOPF)[0], 60)
+    value, born = born_cycles(family, branches[0].special(HOPF)[0], 10.0, 60)
     assert value == pytest.approx(-0.00499, abs=1e-5)
     assert all(point.is_stable and point.x[-1] > born.points[0].x[-1] for point in born.points[1:])
     assert born.points[-1].x[-1] == 1.0
@@ -231,7 +231,7 @@ def test_born_cycles_grow_as_the_first_lyapunov_value_says() -> None:
     values = []
     for hopf in branch.special(HOPF):
         u, s = hopf.x[:-1], hopf.x[-1]
-        value, born = born_cycles(family, hopf, 2)
+        value, born = born_cycles(family, hopf, 10.0, 2)
         values.append(value)
         flow, size = family.flow(u, s)
         roots, vectors = np.linalg.eig(linear_part(flow, size))

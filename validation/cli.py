@@ -81,6 +81,7 @@ COMMANDS = {
     "basins": "validation.studies.attractors",
     "equilibria": "validation.commands.equilibria_list",
     "results": "validation.studies.both_engines",
+    "continue": "validation.studies.branches",
     "portraits": "validation.studies.portrait_maps",
     "paper": "validation.commands.paper_commands",
     "ablation": "validation.studies.ablation",

@@ -83,12 +83,12 @@ def close_map(
     n = len(attitudes)
     for _ in range(_ITERATIONS):
         ends, monodromies, volumes, omegas = follow(attitudes, period / n)
-        starts = np.array([_level_vectors(q, momentum) for q in attitudes])
-        reached = np.array([_level_vectors(q, momentum) for q in ends])
+        starts = np.array([level_vectors(q, momentum) for q in attitudes])
+        reached = np.array([level_vectors(q, momentum) for q in ends])
         gap = np.roll(starts, -1, axis=0) - reached
         if np.abs(gap).max() < closed:
             whole = reduce(np.matmul, monodromies[::-1])
-            multipliers = _multipliers(whole, float(volumes.sum()), momentum)
+            multipliers = multipliers_of(whole, float(volumes.sum()), momentum)
             return Cycle(attitudes[0], momentum, period, multipliers)
         # A turn of a start moves the end by the monodromy, and what it must meet by the next turn.
         jacobian = np.zeros((n, gap[0].size, 3 * n + 1))
@@ -136,14 +136,14 @@ def monodromy_of(
     return end, monodromy, float(states[0, 0, 8])
 
 
-def _level_vectors(attitude: Array, momentum: Array) -> Array:
+def level_vectors(attitude: Array, momentum: Array) -> Array:
     """Return γ and M/|M| (2, 3) in frame axes, or γ alone (1, 3) where M = 0."""
     axes = rotation_matrix(attitude)
     size = np.linalg.norm(momentum)
     return np.stack([axes[2], momentum @ axes / size]) if size > 0 else axes[2:]
 
 
-def _multipliers(monodromy: Array, volume: float, momentum: Array) -> Array:
+def multipliers_of(monodromy: Array, volume: float, momentum: Array) -> Array:
     """Return the multipliers without those that are 1, largest first.
 
     The motion's own is 1, and at M = 0 that of a turn about the vertical, so that there the

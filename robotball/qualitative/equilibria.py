@@ -28,9 +28,9 @@ import numpy as np
 from scipy.linalg import eig
 
 from robotball import equations as eq
-from robotball.engines.ensembles.flatten import along, slopes
 from robotball.equations import Parameters, Vector, as_vector
 from robotball.errors import InputError
+from robotball.qualitative.normal_forms import flow_near, linear_part, lyapunov_value
 from robotball.rotations import Array, from_matrix, on_circle, rotation_matrix, tangents
 
 _REST = (0.0, 0.0, 0.0)
@@ -246,61 +246,15 @@ def _kind_of(parameters: Parameters, gamma: Array, eigenvalues: Array) -> str:
     if abs(first) >= zero:
         return "stable focus" if first < 0 else "unstable focus"
     # The linear part turns without growth, so that the cubic terms decide.
-    value = _first_lyapunov_value(parameters, gamma)
+    value = lyapunov_value(flow_near(parameters, gamma), 2)
     if abs(value) < zero:
         return "centre"
     return "slow stable focus" if value < 0 else "slow unstable focus"
 
 
-def _first_lyapunov_value(parameters: Parameters, gamma: Array) -> float:
-    """Return the value where the eigenvalues at γ (3,) are ±iν: dr/dt = value r³ [1/s].
-
-    r is a distance from γ, in the plane that touches the sphere there, in axes in which the
-    linear part is a rotation; only the sign does not depend on them.
-    """
-    values, vectors = np.linalg.eig(jacobian(parameters, gamma))
-    nu, v = abs(values[0].imag), vectors[:, np.argmax(values.imag)]
-    axes = np.stack([v.imag, v.real], axis=1)  # in these d(x, y)/dt = (-νy, νx) + …
-    f, g = _taylor(parameters, gamma, axes)
-    # Guckenheimer and Holmes, Nonlinear Oscillations, (3.4.11), by Taylor coefficients: [i, j]
-    # belongs to x^i y^j.
-    cubic = 6 * f[3, 0] + 2 * f[1, 2] + 2 * g[2, 1] + 6 * g[0, 3]
-    square = (
-        f[1, 1] * (f[2, 0] + f[0, 2])
-        - g[1, 1] * (g[2, 0] + g[0, 2])
-        - 2 * f[2, 0] * g[2, 0]
-        + 2 * f[0, 2] * g[0, 2]
-    )
-    return float(cubic / 16 + square / (8 * nu))
-
-
-def _taylor(parameters: Parameters, gamma: Array, axes: Array) -> Array:
-    """Return Taylor coefficients (2, 4, 4) of (4.1) at γ (3,), in the tangent plane there.
-
-    axes: (2, 2), the columns along `tangents`. By Cauchy's integrals over complex circles, which
-    the plain arithmetic of the equations allows.
-    """
-    # Aliasing falls as radius^32, and rounding of a third derivative grows as radius^-3: here it is
-    # some 1e-12 of the rates.
-    count, radius = 32, 0.05
-    circle = radius * np.exp(2j * np.pi * np.arange(count) / count)
-    x, y = np.meshgrid(circle, circle, indexing="ij")
-    plane = np.einsum("ij,jkl->ikl", axes, np.array([x, y]))
-    point = gamma[:, None, None] + np.einsum("jk,jlm->klm", tangents(gamma), plane)
-    rate = np.array(flow(parameters, tuple(point)))
-    # Central projection: what moves the point along itself is subtracted.
-    across = np.einsum("jk,klm->jlm", tangents(gamma), rate)
-    across = across - plane * np.einsum("k,klm->lm", gamma, rate)
-    local = np.einsum("ij,jkl->ikl", np.linalg.inv(axes), across)
-    powers = radius ** np.add.outer(np.arange(4), np.arange(4))
-    return (np.fft.fft2(local)[:, :4, :4] / count**2 / powers).real
-
-
 def jacobian(parameters: Parameters, gamma: Array) -> Array:
     """Return the linear part (2, 2) of (4.1) on the sphere at γ (3,), along `tangents` [1/s]."""
-    basis = tangents(gamma)
-    columns = [slopes(flow(parameters, along(as_vector(gamma), as_vector(e)))) for e in basis]
-    return basis @ np.array(columns).T
+    return linear_part(flow_near(parameters, gamma), 2)
 
 
 def rate_scale(parameters: Parameters) -> float:

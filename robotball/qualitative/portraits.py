@@ -157,7 +157,7 @@ def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 6
         return any(lies_on(sign * gamma, curve) for curve in curves for sign in (1, -1))
 
     # A cycle is closed in the direction of time in which it attracts: the other loses all digits.
-    for ball, sense in ((parameters, 1), (_reversed_in_time(parameters), -1)):
+    for ball, sense in ((parameters, 1), (reversed_in_time(parameters), -1)):
         # Two arcs each: where one has a cycle close to the end of what comes back, another has not.
         for arc in (np.stack([gamma, side]) for gamma in centres for side in tangents(gamma)):
             for gamma, period in _returning(ball, arc, longest, starts):
@@ -260,7 +260,7 @@ def _closed(parameters: Parameters, gamma: Array, period: float) -> Cycle | None
     return cycle if moves and abs(cycle.multipliers[0] - 1) > _HYPERBOLIC else None
 
 
-def _reversed_in_time(parameters: Parameters) -> Parameters:
+def reversed_in_time(parameters: Parameters) -> Parameters:
     """Return the ball that moves backwards in time: ω is linear in M, K and Ω together."""
     return replace(
         parameters, Omega=eq.scale(-1.0, parameters.Omega), K=eq.scale(-1.0, parameters.K)
@@ -299,7 +299,7 @@ def separatrices(
     times = sample_times(duration, _INTERVAL)
     found = []
     # A stable manifold is the unstable one of the ball that moves backwards in time.
-    for stable, ball in ((False, parameters), (True, _reversed_in_time(parameters))):
+    for stable, ball in ((False, parameters), (True, reversed_in_time(parameters))):
         halves = [(point, sign) for point in points if point.kind == "saddle" for sign in (1, -1)]
         if not halves:
             return []

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotball import equations as eq
-from robotball.engines.ensembles.flatten import along, slopes
 from robotball.equations import Parameters, as_vector
 from robotball.errors import InputError
-from robotball.rotations import Array, on_circle, tangents
+from robotball.qualitative.normal_forms import flow_near, linear_part
+from robotball.rotations import Array
 
 _ROUNDING = 1e-9  # relative: a component below it was meant to be zero
 
@@ -47,51 +47,42 @@ def straight_motion(parameters: Parameters, gamma: Array) -> StraightMotion:
     across = abs(eq.dot(p.Omega, vertical)) <= _ROUNDING * np.linalg.norm(p.Omega)
     if p.rolling == "rubber" and not across:
         raise InputError("a rubber ball rolls straight on only where (Omega, gamma) = 0, by (2.2)")
-    M = np.array(p.momentum((0.0, 0.0, 0.0), vertical))
-    linear = linear_part(p, M, np.asarray(gamma))
+    M = p.momentum((0.0, 0.0, 0.0), vertical)
+    linear = linear_part(flow_near(p, np.array(vertical), np.array(M)), 3)
     values = np.linalg.eigvals(linear).astype(complex)
     return StraightMotion(
         gamma=np.asarray(gamma, dtype=float),
-        momentum=M,
+        momentum=np.array(M),
         speed=float(p.a * np.linalg.norm(np.cross(gamma, p.Omega))),
         eigenvalues=values[np.lexsort((values.imag, values.real))],
         polynomial=np.real(np.poly(linear)),
     )
 
 
-def linear_part(parameters: Parameters, momentum: Array, gamma: Array) -> Array:
-    """Return the matrix (3, 3) of the motion near a straight one with this M and γ (3,) [1/s].
+def straight_motions(parameters: Parameters, f: float, c: float = 0.0) -> list[StraightMotion]:
+    """Return all straight motions with M² = f [(kg m²/s)²] and (M, γ) = c [kg m²/s]: at most four.
 
-    A small turn ξ of the start, in frame axes, obeys dξ/dt = Dω·ξ: γ and M stand still in space, so
-    that the turn changes them by v×ξ in the frame.
+    At the ends of the range of f they coincide in pairs. In the rubber model, where c is 0, they
+    are on the two planes (Ω, γ) = 0, (K, γ) = ±√(K² - f); in the classical one on the two planes
+    d(Ω, γ) = c ± √(c² + K² - f), (K, γ) = c - d(Ω, γ).
+
+    None where K is along Ω, for there they fill curves. Raises InputError where Ω = 0.
     """
-    columns = []
-    for axis in np.eye(3):
-        moved = [along(v, eq.cross(v, as_vector(axis))) for v in map(as_vector, (momentum, gamma))]
-        columns.append(slopes(parameters.angular_velocity(*moved)))
-    return np.array(columns).T
-
-
-def straight_motions(parameters: Parameters, f: float) -> list[StraightMotion]:
-    """Return all straight motions of a rubber ball with M² = f [(kg m²/s)²]: four or none.
-
-    At the ends of the range of f they coincide in pairs.
-
-    Raises InputError for a classical ball, which has a family of them, and where Ω = 0.
-    """
-    Omega, K = np.array(parameters.Omega), np.array(parameters.K)
-    if parameters.rolling != "rubber" or not Omega.any():
-        raise InputError("straight_motions needs a rubber ball with Omega other than zero")
-    across = tangents(Omega / np.linalg.norm(Omega))
-    # M² = (γ×K)² = K² - (K,γ)², so (K, γ) is known up to its sign; γ is on the circle across Ω.
-    level = across @ K
-    along_K, size = float(K @ K) - f, float(np.hypot(*level))
-    if along_K < 0 or along_K > size**2 or size == 0:
+    Omega, K, d = np.array(parameters.Omega), np.array(parameters.K), parameters.d
+    if not Omega.any():
+        raise InputError("straight_motions needs Omega other than zero")
+    normal = np.cross(Omega, K)
+    size = np.linalg.norm(normal)
+    square = c * c + float(K @ K) - f
+    if square < 0 or size <= _ROUNDING * np.linalg.norm(Omega) * np.linalg.norm(K):
         return []
-    # (K, γ) = |K across Ω| cos(angle from centre): spread is where that is ±√(K² - f).
-    centre, spread = np.arctan2(level[1], level[0]), np.arccos(np.sqrt(along_K) / size)
-    angles = [centre + turn + sign * spread for turn in (0.0, np.pi) for sign in (1, -1)]
-    return [straight_motion(parameters, on_circle(across, angle)) for angle in angles]
+    found = []
+    for root in (np.sqrt(square), -np.sqrt(square)):
+        levels = (0.0, root) if parameters.rolling == "rubber" else ((c + root) / d, -root)
+        foot = np.linalg.lstsq(np.stack([Omega, K]), np.array(levels), rcond=None)[0]
+        if (off := 1 - foot @ foot) >= 0:
+            found += [foot + sign * np.sqrt(off) / size * normal for sign in (1, -1)]
+    return [straight_motion(parameters, gamma) for gamma in found]
 
 
 def name_of_line(parameters: Parameters, gamma: Array) -> str:

@@ -104,8 +104,9 @@ def figure6() -> Figure:
         "  Lyapunov value (E6, E7).",
         "Closed contour: back in time the stable",
         "  manifolds of δ₃, δ₄ end at δ₁, δ₂.",
-        "|κ₁| = 1 at K₃ = 0.51503: δ₁ … δ₄ vanish,",
-        "  and the contour becomes a limit cycle.",
+        "K₃ = 0.503566: manifolds of δ₃, δ₄ join, and",
+        "  a limit cycle takes the contour's place.",
+        "|κ₁| = 1 at 0.51503: δ₁ … δ₄ vanish.",
         "|κ₂| = 1 at 2.08207: θ₁ … θ₄ vanish.",
     )
     start = ("γ(0) = (0, 49/50, 3√11/50), α(0) = (1, 0, 0)",)
@@ -117,7 +118,7 @@ def figure7() -> Figure:
     facts = (
         f"{ENGINE_NAME}, started on it, must leave it: in a",
         "  period an error grows by the multiplier.",
-        "The contour of Fig. 6 has become a cycle;",
+        "The contour of Fig. 6 gave way to a cycle;",
         "  δ₁ … δ₄ are gone.",
     )
     return _portrait_figure(7, "0.52", _STARTS78, facts)

@@ -25,6 +25,7 @@ from robotball.engines.mujoco.model import build
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.equations import speed_bound
 from robotball.qualitative import equilibria, long_run, straight_motions
+from robotball.qualitative.normal_forms import flow_near, linear_part
 from robotball.rotations import Array, conjugate, multiply, normalised, tangents
 from robotball.scene import Start, along_momentum
 from validation.options import AGREES, DISAGREES, Names, Sweep, SweepOptions, chosen, listed
@@ -133,10 +134,9 @@ def _straight_lines(quick: bool) -> _Rows:
     limit, growth = float(straight_motions.stability_limit(scene.parameters) or np.nan), []
     for f in (limit - _SIDES, limit + _SIDES, *(() if quick else (2.0, 3.0))):
         lines = straight_motions.straight_motions(scene.parameters, f)
-        # σ± have M along Ω, and σ₋ is the more stable one.
-        sigma = [each for each in lines if each.momentum @ scene.parameters.Omega > 0]
-        own = min(sigma, key=lambda each: each.eigenvalues.real.max())
-        linear = straight_motions.linear_part(scene.parameters, own.momentum, own.gamma)
+        name = partial(straight_motions.name_of_line, scene.parameters)
+        own = next(each for each in lines if name(each.gamma) == "σ₋")
+        linear = linear_part(flow_near(scene.parameters, own.gamma, own.momentum), 3)
         start = along_momentum(own.gamma, own.momentum)
         line = partial(_line, f"σ₋, f = {f:.4f}", "5.1, Fig. 10", "balanced")
         rows = [*rates(line, linear, partial(_beside_line, scene, start))]

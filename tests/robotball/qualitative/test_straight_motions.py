@@ -95,6 +95,34 @@ def test_the_region_of_fig9_in_closed_form(axis: int) -> None:
     assert stable > 30
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_the_polynomial_where_K_is_not_across_omega(axis: int) -> None:
+    """Ω along an axis, any K: c₁ has -Ω_lK_l beside a_lp², c₂ and c₀ are as they were; to 1e-9.
+
+    So the region of stability depends on Ω_lK_l and M_l² = f - K_l² alone: 1.8132 for the ball of
+    Fig. 10 at a product of 2, and 1.9461 at 1.
+    """
+    rng, (j, k) = np.random.default_rng(4), ((axis + 1) % 3, (axis + 2) % 3)
+    for _ in range(20):
+        A, Omega, K = rng.uniform(0.2, 1.0, 3), np.zeros(3), rng.uniform(-5.0, 5.0, 3)
+        Omega[axis] = rng.uniform(-3.0, 3.0)
+        some = ball(as_vector(A), as_vector(Omega), as_vector(K), d=0.01)
+        for motion in straight_motions(some, float(K[axis] ** 2 + rng.uniform(0.0, K[j] ** 2))):
+            gamma, p, m = motion.gamma, motion.gamma @ K, motion.momentum[axis]
+            N, turning, both = gamma @ (A * gamma), Omega[axis], A[j] * A[k]
+            formula = [
+                N,
+                turning * (A[j] - A[k]) * gamma[j] * gamma[k],
+                both * (A[axis] * p * p - turning * K[axis]),
+                -turning * both * A[axis] * p * m,
+            ]
+            assert motion.polynomial * N == pytest.approx(formula, abs=1e-9)
+    for Omega3, K3, limit in ((1.0, 2.0, 1.8132), (4.0, 0.5, 1.8132), (1.0, 1.0, 1.9461)):
+        some = replace(FIG10, Omega=(0.0, 0.0, Omega3), K=(4.0, 5.0, K3))
+        for m, stable in ((limit - 1e-4, 2), (limit + 1e-4, 0)):
+            assert sum(line.is_stable for line in straight_motions(some, K3**2 + m)) == stable
+
+
 def test_what_has_no_region_of_stability() -> None:
     """Never stable by the sign of K₁K₂; no limit of a classical ball, nor off the plane of K."""
     assert stability_limit(replace(FIG10, K=(4.0, -5.0, 0.0))) == 0.0
@@ -103,8 +131,25 @@ def test_what_has_no_region_of_stability() -> None:
 
 
 def test_what_cannot_roll_straight_is_refused() -> None:
-    """A rubber ball whose Ω has a vertical part; levels of a classical ball."""
+    """A rubber ball whose Ω has a vertical part; levels of a ball with Ω = 0."""
     with pytest.raises(InputError, match="rolls straight on only where"):
         straight_motion(FIG10, GAMMA)
-    with pytest.raises(InputError, match="rubber"):
-        straight_motions(CLASSICAL, 3.0)
+    with pytest.raises(InputError, match="Omega other than zero"):
+        straight_motions(replace(FIG10, Omega=(0.0, 0.0, 0.0)), 3.0)
+
+
+def test_two_of_four_are_stable_at_most_where_K_is_not_across_omega() -> None:
+    """60 random balls and levels between the square of K along Ω and K²: four lines, 0 or 2 stable.
+
+    Along the circle (Ω, γ) = 0 an eigenvalue changes its sign where M² is least or largest.
+    """
+    rng, counts = np.random.default_rng(1), set()
+    for _ in range(60):
+        A, Omega, K = rng.uniform(0.2, 1.0, 3), rng.normal(size=3), 3 * rng.normal(size=3)
+        f = float(rng.uniform((K @ Omega) ** 2 / (Omega @ Omega), K @ K))
+        some = ball(as_vector(A), as_vector(Omega), as_vector(K), d=0.01)
+        lines = straight_motions(some, f)
+        product = [np.sign(line.polynomial[-1]) for line in lines]
+        assert sorted(product) == [-1, -1, 1, 1]
+        counts.add(sum(line.is_stable for line in lines))
+    assert counts == {0, 2}

@@ -59,6 +59,13 @@ RUNS = {
     ),
     "equilibria classical_regular --json a.json": r"straight +0\.",
     "equilibria fig10_stable --longest 0 --json a.json": r"δ₊ .* stable,.*σ₋ .* stable,",
+    "continue fig07 --of equilibrium --over K3 --from 0.4 --to 0.6 --json a.json": (
+        r"fold +0\.5150283 .*8 branches.*out/fig07-continue-equilibrium-K3\.png"
+    ),
+    "continue fig07 --of cycle --over K3 --from 2.9 --to 3 --csv a.csv": "1 branches",
+    "continue fig10 --of line --over f --from 2 --to 2.2 --json a.json": (
+        r"Hopf point +2\.080624 .*supercritical, l₁ = -0\.00499 1/s, stable cycles above"
+    ),
     "attractors --quick --json a.json": "holds",
     "results --quick --only drift --workers 1": r"largest difference, at .*out/results",
     "extremes --random 2 --workers 1 --json a.json": "2 ordinary runs: 0 false alarms",

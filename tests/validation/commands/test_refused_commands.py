@@ -47,6 +47,12 @@ REFUSED = {
     "extremes zzzz": "no map is called 'zzzz'; there are momentum, frame",
     "portraits axail": r"^robotball: no map is called 'axail'; did you mean axial\?$",
     "results --only drifts": r"^robotball: no part is called 'drifts'; did you mean drift\?$",
+    "continue fig06 --of cycle --over K4 --from 0 --to 1": "no number is called 'K4'; did you mean",
+    "continue fig06 --of cycle --over K3 --from 1 --to 0": "--from 1 must be below --to 0",
+    "continue fig06 --of line --over f --from 1 --to 2": "fig06 starts from rest: its lines are",
+    "continue fig06 --of cycle --over K3 --from 0.1 --to 0.2": "no cycle found at either end",
+    "continue fig06 --of cycle --over f --from 1 --to 2": "no start has c",
+    "continue wobbling_drive --of cycle --over K3 --from 0 --to 1": LATER,
     "figures 2": "no figure 2 to draw; there are 3 to 14, and tori",
     "figures ten": "no figure ten to draw",
     # numbers

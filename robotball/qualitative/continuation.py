@@ -1,0 +1,289 @@
+"""Branches of solutions in one parameter, by pseudo-arclength continuation, and what is on them.
+
+A solution u of n equations with one parameter is in general a point of a curve, which turns back
+at a fold but has a length and a direction there too. From a point with the tangent t the next one
+is predicted along t and corrected by Newton's method across it (Keller, Numerical solution of
+bifurcation and nonlinear eigenvalue problems, 1977). Test functions change their sign at special
+points, which are located on the curve (Seydel, Practical Bifurcation and Stability Analysis,
+chapters 4 to 7):
+
+*Fold*: the parameter's part of t. *Branch point*: another curve of solutions crosses, so that the
+equations have two tangents; an exponent, or that part of t, is zero. The other curve is followed
+from there, too. *Hopf point*: a pair of imaginary exponents; of a cycle, where the exponents are
+the logarithms of its multipliers, a *torus*. *Period doubling*: a multiplier -1.
+
+The parameter s goes from 0 to 1 here; `motion_branches` says what it stands for in a ball.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq
+
+from robotball.errors import InputError
+from robotball.rotations import Array
+
+FOLD, BRANCH, DOUBLING, HOPF = "fold", "branch point", "period doubling", "Hopf point"
+CLOSES = "closes"
+_KINDS = (FOLD, BRANCH, DOUBLING, HOPF)  # by the test functions, in their order
+_FIRST, _LEAST, _LONGEST = 0.01, 1e-7, 0.03  # lengths of a step in (u, s)
+_TURN = 0.95  # least cosine between neighbours: of tangents, and of ways to a start between them
+_MOST_POINTS, _MOST_BRANCHES = 1000, 40
+_ALIKE = 0.3  # exponents of neighbours, where a branch comes back to its start
+_ITERATIONS = 10
+_CLOSED = 1e-13  # of the equations
+# Of them, if they fall no more: where a cycle rests for long, rounding there moves its end so far.
+_ROUGH = 1e-7
+_DIVERGES = 10.0  # times the residuals before: Newton's method is lost
+_RANK = 1e-9  # of the largest singular value: what is less is zero
+_NEUTRAL = 1e-9  # of an exponent's size: a real part below it is rounding
+_LEVEL = 1e-7  # of a tangent: a part along s below it is rounding
+_SINGULAR = 1e-4  # of the largest singular value: one that small, located, is zero
+_LOCATED = 1e-11  # of a step's length
+_SAME = 1e-5  # how near two special points, or two solutions at one s, are one
+_APART = 1e-7  # in s, for differences
+_LINEAR = 1e-4  # of the residuals: a central difference below it is linear
+_TINY = 1e-30j  # of an imaginary step, which has no rounding
+
+
+Residual = Callable[[Array, float], Array]
+Look = tuple[Array, Array, Callable[[], Array]]
+"""Residuals (m,), their derivatives (m, n + 1) by u and s, and what returns exponents (k,)."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Equations of u (n,) and s, whose zeros make the branches; they may be more than n.
+
+    look: what is seen of them at u and s; gauge: a direction (n,) in which the same solution goes
+    on; end: why a branch is followed no further than u, or ""; identity: the part of (u, s) by
+    which a solution is recognised.
+    """
+
+    look: Callable[[Array, float], Look]
+    gauge: Callable[[Array, float], Array] | None = None
+    end: Callable[[Array], str] = lambda u: ""
+    identity: int = 0
+
+    def rows(self, x: Array) -> Array:
+        """Return the gauge at x = (u, s) as (1, n + 1), or (0, n + 1)."""
+        if self.gauge is None:
+            return np.zeros((0, len(x)))
+        direction = np.append(self.gauge(x[:-1], x[-1]), 0.0)
+        return direction[None] / np.linalg.norm(direction)
+
+
+def steady(residual: Residual, exponents: Residual) -> Problem:
+    """Return the problem of an analytic function's zeros, with the exponents (k,) at each."""
+
+    def look(u: Array, s: float) -> Look:
+        return residual(u, s), derivatives(residual, u, s), lambda: exponents(u, s)
+
+    return Problem(look)
+
+
+def derivatives(residual: Residual, u: Array, s: float) -> Array:
+    """Return the derivatives (m, n + 1) of an analytic function (m,) by u (n,) and s."""
+    by_u = [residual(u + _TINY * e, s).imag / _TINY.imag for e in np.eye(len(u))]
+    return np.stack([*by_u, by_parameter(residual, u, s)], axis=1)
+
+
+def by_parameter(residual: Residual, u: Array, s: float) -> Array:
+    """Return the derivative (m,) of a function by s, from differences small enough to be linear."""
+    step = _APART
+    while np.abs(change := residual(u, s + step) - residual(u, s - step)).max() > _LINEAR:
+        step *= _LINEAR
+    return change / (2 * step)
+
+
+@dataclass(frozen=True)
+class Point:
+    """A point x = (u, s) (n + 1,) of a branch, with the tangent (n + 1,) and exponents (k,) there.
+
+    kind: of a special point; else "".
+    """
+
+    x: Array
+    tangent: Array
+    exponents: Array
+    kind: str = ""
+
+    @property
+    def is_stable(self) -> bool:
+        """Whether no exponent has a positive real part."""
+        return bool(_real_parts(self.exponents).max() <= 0)
+
+
+@dataclass(frozen=True)
+class Branch:
+    """A curve of solutions; ends: why it is followed no further, before and after the points."""
+
+    points: tuple[Point, ...]
+    ends: tuple[str, str]
+
+    def special(self, *kinds: str) -> list[Point]:
+        """Return its special points of some kinds, or of all."""
+        return [point for point in self.points if point.kind in (kinds or _KINDS)]
+
+
+def explore(
+    problem: Problem, starts: Iterable[Array], known: Sequence[Branch] = ()
+) -> list[Branch]:
+    """Return the branches through starts (n + 1,) near (u, s), and those that cross them.
+
+    A start at an end of a branch, a known one or one of these, is not followed again.
+    """
+    branches: list[Branch] = []
+    crossed: list[Point] = []
+
+    def among(point: Point, others: Iterable[Point]) -> bool:
+        place = point.x[problem.identity :]
+        return any(np.abs(place - x.x[problem.identity :]).max() < _SAME for x in others)
+
+    queue = deque(Point(np.array(x), np.eye(len(x))[-1], np.zeros(0)) for x in starts)
+    while queue and len(branches) < _MOST_BRANCHES:
+        start = queue.popleft()
+        if not start.kind:
+            start = _corrected(problem, start.x, start.tangent)
+            if among(start, (each.points[i] for each in (*known, *branches) for i in (0, -1))):
+                continue
+        branches.append(trace(problem, start))
+        for point in branches[-1].special(BRANCH, DOUBLING):
+            if not among(point, crossed):
+                others = _switched(problem, point)
+                crossed += [point, *others]
+                queue.extendleft(others)
+    return branches
+
+
+def trace(problem: Problem, start: Point) -> Branch:
+    """Return the branch through a start, both ways from it along its tangent."""
+    after, last = half(problem, start)
+    if last == CLOSES:
+        return Branch(tuple(after), (last, last))
+    before, first = half(problem, replace(start, tangent=-start.tangent))
+    return Branch((*before[:0:-1], *after), (first, last))
+
+
+def half(problem: Problem, start: Point, most: int = _MOST_POINTS) -> tuple[list[Point], str]:
+    """Return the points from a start on along its tangent, and why there are no more."""
+    points, step = [start], _FIRST
+    while len(points) < most:
+        last = points[-1]
+        if (last.x[-1], np.sign(last.tangent[-1])) in ((0, -1), (1, 1)):
+            return points, "the range ends"
+        try:
+            new = _corrected(problem, last.x + step * last.tangent, last.tangent)
+            if (bound := float(np.clip(new.x[-1], 0, 1))) != new.x[-1]:
+                part = (bound - last.x[-1]) / (new.x[-1] - last.x[-1])
+                x = np.append((last.x + part * (new.x - last.x))[:-1], bound)
+                new = _corrected(problem, x, np.eye(len(x))[-1])
+                new.x[-1] = bound  # to the last bit, by which it is known to be the end
+                new = replace(new, tangent=new.tangent * np.sign(new.tangent @ last.tangent))
+            # Where two branches cross, the other one is not quite across.
+            bent = new.tangent @ last.tangent < _TURN and (len(points) > 1 or not start.kind)
+            special = _between(problem, last, new)
+        except ValueError:
+            bent = True
+        if bent:
+            step /= 2
+            if step < _LEAST:
+                return points, "Newton's method converges no further"
+            continue
+        # A cycle that has shrunk to a point comes out of it half a period later.
+        if not last.kind and (problem.rows(last.x) * problem.rows(new.x)).sum() < 0:
+            return points, "shrinks to a point"
+        points += [*special, new]
+        if end := problem.end(new.x[:-1]):
+            return points, end
+        one, other = ((point.x - start.x)[problem.identity :] for point in (last, new))
+        between = one @ other < -_TURN * np.linalg.norm(one) * np.linalg.norm(other)
+        if between and np.abs(new.exponents - start.exponents).max() < _ALIKE:
+            return points, CLOSES
+        step = min(1.5 * step, _LONGEST)
+    return points, "most points"
+
+
+def _corrected(problem: Problem, x: Array, across: Array) -> Point:
+    """Return the point of a branch near x (n + 1,), in the plane through x across a direction.
+
+    Raises InputError where Newton's method does not converge.
+    """
+    start, last = x, np.inf
+    rows = np.vstack([problem.rows(x), across])
+    for _ in range(_ITERATIONS):
+        residual, jacobian, exponents = problem.look(x[:-1], x[-1])
+        gap = np.concatenate([residual, rows @ (x - start)])
+        sides = np.stack([gap, np.eye(len(gap))[-1]], axis=1)
+        change, tangent = np.linalg.lstsq(np.vstack([jacobian, rows]), sides, rcond=_RANK)[0].T
+        x, size = x - change, np.abs(gap).max()
+        if size < _CLOSED or last <= size < _ROUGH:
+            return Point(x, tangent / np.linalg.norm(tangent), exponents())
+        if size > _DIVERGES * last:
+            break
+        last = size
+    raise InputError(f"no branch found near a start: Newton's method leaves {size:.1e}")
+
+
+def _real_parts(exponents: Array) -> Array:
+    """Return real parts (k,), without rounding."""
+    real = exponents.real
+    return np.where(np.abs(real) < _NEUTRAL * np.abs(exponents).max(), 0.0, real)
+
+
+def _tests(point: Point) -> Array:
+    """Return the test functions (4,), by `_KINDS`; NaN where there is no pair."""
+    exponents, real = point.exponents, _real_parts(point.exponents)
+    doubled = np.abs(np.abs(exponents.imag) - np.pi) < _NEUTRAL
+    # In two or three dimensions there is one pair at most.
+    pair = real[(exponents.imag > 0) & ~doubled]
+    along = point.tangent[-1]
+    single = (np.where(which, real, 1.0).prod() for which in (exponents.imag == 0, doubled))
+    across = along if abs(along) > _LEVEL else 0.0
+    return np.array([across, *single, pair[0] if len(pair) else np.nan])
+
+
+def _between(problem: Problem, last: Point, new: Point) -> list[Point]:
+    """Return the special points between two neighbours, in their order."""
+    if last.kind:  # where the test functions are zero, or are not known
+        return []
+
+    def at(length: float) -> Point:
+        return _corrected(problem, last.x + length * last.tangent, last.tangent)
+
+    whole = float((new.x - last.x) @ last.tangent)
+    found: list[tuple[float, Point]] = []
+    for test, change in enumerate(np.sign(_tests(last)) * np.sign(_tests(new))):
+        if change != -1 or (test == 1 and found):  # an exponent is zero at a fold, too
+            continue
+        length = brentq(lambda h, i=test: float(_tests(at(h))[i]), 0.0, whole, xtol=_LOCATED)
+        # At a branch point its own tangent is not determined.
+        part = length / whole
+        tangent = (1 - part) * last.tangent + part * new.tangent
+        point = replace(at(length), kind=_KINDS[test], tangent=tangent / np.linalg.norm(tangent))
+        if test < 2:
+            point = replace(point, kind=FOLD if _across(problem, point) is None else BRANCH)
+        found.append((length, point))
+    return [point for _, point in sorted(found, key=lambda each: each[0])]
+
+
+def _across(problem: Problem, point: Point) -> Array | None:
+    """Return the other direction (n + 1,) in which solutions go on from a point, across its own."""
+    jacobian = problem.look(point.x[:-1], point.x[-1])[1]
+    whole = np.vstack([jacobian, problem.rows(point.x), point.tangent])
+    _, sizes, directions = np.linalg.svd(whole)
+    return directions[-1] if sizes[-1] < _SINGULAR * sizes[0] else None
+
+
+def _switched(problem: Problem, point: Point) -> list[Point]:
+    """Return a branch point with the tangent of the other branch, as far as it is across its own.
+
+    Of a period doubling: of the cycle run through twice. None where there is no other branch.
+    """
+    if point.kind == DOUBLING:
+        twice = point.x + np.log(2.0) * np.eye(len(point.x))[-2]
+        point = replace(point, x=twice, kind=BRANCH)
+    across = _across(problem, point)
+    return [] if across is None else [replace(point, tangent=across)]

@@ -1,0 +1,216 @@
+"""Branches of a ball's motions in one number of it: fixed points, straight lines, cycles.
+
+Solutions are sought among γ from rest, M = 0, and else among γ and μ = M/√f, in principal axes.
+Their flow keeps γ² = 1, μ² = 1 and (μ, γ) = c/√f. It stands still at the fixed points of (4.1) and
+on the straight lines of section 5.1. Of a cycle the unknowns are a start and ln T, with the period
+T, which may grow without bound. It is closed in the direction of time in which phase volume
+shrinks: the other loses all digits.
+
+Where a branch of cycles ends so, ds/d(ln T) ~ T^-1/p for a period that grows as |s - s*|^-p. By
+Seydel, chapter 7, p is 1/2 where a saddle and a node come together on the cycle; at a saddle the
+period grows as ln |s - s*| only, and p tends to 0.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotball import equations as eq
+from robotball.engines.ensembles.orbits import angular_velocity, orbits
+from robotball.equations import Parameters
+from robotball.qualitative import continuation as co
+from robotball.qualitative.cycles import Cycle, level_vectors, monodromy_of, multipliers_of
+from robotball.qualitative.equilibria import attitude_at, fixed_points
+from robotball.qualitative.families import varied
+from robotball.qualitative.normal_forms import Flow, flow_near, linear_part, lyapunov_value
+from robotball.qualitative.portraits import reversed_in_time
+from robotball.qualitative.straight_motions import straight_motions
+from robotball.rotations import Array, tangents
+from robotball.scene import along_momentum
+
+ENDLESS = "its period passes"
+_TINY = 1e-300  # beside a multiplier that is zero by rounding
+_PHASES = 400  # of a cycle, to start from
+_SPAN = 0.3  # in ln T: between the points by which the growth of a period is measured
+_LOGARITHM = 0.3  # a power below it is falling to 0
+
+
+@dataclass(frozen=True)
+class Family:
+    """A ball and its world momentum (3,); s from 0 to 1 is `name` of NUMBERS from low to high."""
+
+    parameters: Parameters
+    momentum: Array
+    name: str
+    low: float
+    high: float
+
+    def value(self, s: float) -> float:
+        """Return the number at s."""
+        return self.low + s * (self.high - self.low)
+
+    def at(self, s: float) -> tuple[Parameters, float, float]:
+        """Return the ball, √f [kg m²/s] and c/√f at s."""
+        parameters, M = varied(self.parameters, self.momentum, {self.name: self.value(s)})
+        size = float(np.linalg.norm(M))
+        return parameters, size, float(M[2] / size) if size else 0.0
+
+    def rate(self, u: Array, s: float) -> Array:
+        """Return the rates (3k,) of γ and μ [1/s]."""
+        parameters, size, _ = self.at(s)
+        v = vectors_of(u)
+        M = size * v[1] if len(v) > 1 else np.zeros(3)
+        omega = parameters.angular_velocity(tuple(M), tuple(v[0]))
+        return np.concatenate([eq.cross(each, omega) for each in v])
+
+    def constants(self, u: Array, s: float) -> Array:
+        """Return what is zero on the level: γ² - 1 and, where M ≠ 0, μ² - 1 and (μ, γ) - c/√f."""
+        gamma, *mu = v = vectors_of(u)
+        return np.concatenate([(v * v).sum(axis=1) - 1, [m @ gamma - self.at(s)[2] for m in mu]])
+
+    def flow(self, u: Array, s: float) -> tuple[Flow, int]:
+        """Return the flow near u, and how many coordinates it has."""
+        parameters, size, _ = self.at(s)
+        gamma, *mu = vectors_of(u)
+        return flow_near(parameters, gamma, *(size * m for m in mu)), 2 + len(mu)
+
+
+def vectors_of(u: Array) -> Array:
+    """Return γ, or γ and μ, (k, 3) of a solution."""
+    return u[: len(u) // 3 * 3].reshape(-1, 3)
+
+
+def resting(family: Family) -> list[co.Branch]:
+    """Return the branches of fixed points from rest, or of straight lines where M ≠ 0.
+
+    They are all that there are at both ends of the range, and what crosses them.
+    """
+
+    def residual(u: Array, s: float) -> Array:
+        return np.concatenate([family.rate(u, s), family.constants(u, s)])
+
+    def exponents(u: Array, s: float) -> Array:
+        return np.linalg.eigvals(linear_part(*family.flow(u, s))).astype(complex)
+
+    starts = []
+    for s in (0.0, 1.0):
+        parameters, size, c = family.at(s)
+        if size:
+            lines = straight_motions(parameters, size * size, c * size)
+            starts += [np.array([*line.gamma, *line.momentum / size, s]) for line in lines]
+        else:
+            starts += [np.array([*point.gamma, s]) for point in fixed_points(parameters)]
+    return co.explore(co.steady(residual, exponents), starts)
+
+
+def cycling(
+    family: Family, starts: Sequence[tuple[Cycle, float]], longest: float
+) -> list[co.Branch]:
+    """Return the branches of given cycles, each with its s, up to a period of `longest` [s]."""
+    branches: list[co.Branch] = []
+    for cycle, s in starts:
+        backwards = float(np.abs(cycle.multipliers).prod()) > 1
+        ball, M = family.at(s)[0], cycle.momentum
+        if backwards:
+            ball, M = reversed_in_time(ball), -M
+        # Where the motion is slowest, an error of the start changes the period least.
+        times = np.linspace(0.0, cycle.period, _PHASES)
+        along = orbits(ball, cycle.attitude[None], M[None], times).attitudes[0]
+        levels = [level_vectors(each, cycle.momentum).ravel() for each in along]
+        u = min(levels, key=lambda u: float(np.linalg.norm(family.rate(u, s))))
+        problem = _closing(family, backwards, longest)
+        branches += co.explore(problem, [np.array([*u, np.log(cycle.period), s])], branches)
+    return branches
+
+
+def born_cycles(
+    family: Family, hopf: co.Point, longest: float, most: int = 3
+) -> tuple[float, co.Branch]:
+    """Return the first Lyapunov value at a Hopf point [1/s], and `most` of the cycles born there.
+
+    The first point of their branch is the Hopf point; longest: as for `cycling`.
+    """
+    u, s = hopf.x[:-1], hopf.x[-1]
+    flow, size = family.flow(u, s)
+    values, vectors = np.linalg.eig(linear_part(flow, size))
+    i = int(np.argmax(values.imag))
+    out = vectors[:, i].real @ (tangents(u) if size == 2 else _turning(vectors_of(u)).T)
+    x = np.array([*u, np.log(2 * np.pi / values[i].imag), s])
+    tangent = np.array([*out, 0.0, 0.0]) / np.linalg.norm(out)
+    start = co.Point(x, tangent, np.full(1, np.inf), co.HOPF)  # the multipliers do not matter
+    points, end = co.half(_closing(family, float(values.real.sum()) > 0, longest), start, most)
+    return lyapunov_value(flow, size), co.Branch(tuple(points), (co.HOPF, end))
+
+
+def _turning(vectors: Array) -> Array:
+    """Return the linear map (3k, 3) from a small turn of the frame to vectors (k, 3) seen in it."""
+    return np.concatenate([np.cross(v, np.eye(3)).T for v in vectors])
+
+
+def _logarithms(monodromy: Array, volume: float, momentum: Array) -> Array:
+    """Return the logarithms (k,) of the multipliers; at M = 0 the volume's alone."""
+    if not momentum.any():
+        return np.array([volume], dtype=complex)
+    return np.asarray(np.log(multipliers_of(monodromy, volume, momentum) + _TINY))
+
+
+def _closing(family: Family, backwards: bool, longest: float) -> co.Problem:
+    """Return the problem of motions that end where they start, backwards in time or not."""
+
+    def begin(u: Array, s: float) -> tuple[Parameters, Array, Array]:
+        """Return the ball, the attitude (4,) and the world momentum (3,) on the level, near u."""
+        ball, size, c = family.at(s)
+        gamma, *mu = vectors_of(u)
+        gamma = gamma / np.linalg.norm(gamma)
+        attitude, M = attitude_at(gamma), np.zeros(3)
+        for m in mu:
+            start = along_momentum(gamma, size * (m - (m @ gamma - c) * gamma))
+            attitude, M = start.attitude, start.momentum
+        return (reversed_in_time(ball), attitude, -M) if backwards else (ball, attitude, M)
+
+    def reached(u: Array, s: float) -> Array:
+        """Return the vectors (3k,) after a period, less those before."""
+        ball, attitude, M = begin(u, s)
+        times = np.array([0.0, np.exp(u[-1])])
+        first, last = orbits(ball, attitude[None], M[None], times).attitudes[0]
+        return (level_vectors(last, M) - level_vectors(first, M)).ravel()
+
+    def look(u: Array, s: float) -> co.Look:
+        ball, attitude, M = begin(u, s)
+        period = float(np.exp(u[-1]))
+        end, monodromy, volume = monodromy_of(ball, attitude, M, period)
+        before, after = level_vectors(attitude, M), level_vectors(end, M)
+        by_turn = _turning(after) @ monodromy - _turning(before)
+        columns = (
+            by_turn @ np.linalg.pinv(_turning(vectors_of(u))),
+            period * _turning(after) @ angular_velocity(ball, end, M),
+            co.by_parameter(reached, u, s),
+        )
+        return (
+            np.concatenate([(after - before).ravel(), family.constants(u, s)]),
+            np.vstack([np.column_stack(columns), co.derivatives(family.constants, u, s)]),
+            lambda: (-1 if backwards else 1) * _logarithms(monodromy, volume, M),
+        )
+
+    def end(u: Array) -> str:
+        return f"{ENDLESS} {longest:g} s" if np.exp(u[-1]) > longest else ""
+
+    return co.Problem(look, lambda u, s: np.append(family.rate(u, s), 0.0), end, identity=-2)
+
+
+def growth(points: Sequence[co.Point]) -> tuple[float, float]:
+    """Return s* and p of a period that grows as |s - s*|^-p along the last of the points.
+
+    p is 0 where it grows as ln |s - s*|.
+    """
+    last = points[-1]
+    before = [each for each in points if each.x[-2] < last.x[-2] - _SPAN]
+    ends = (before[-1] if before else points[0], last)
+    T = np.exp([each.x[-2] for each in ends])
+    slopes = np.array([each.tangent[-1] / each.tangent[-2] for each in ends])
+    p = float(np.log(T[1] / T[0]) / np.log(slopes[0] / slopes[1]))
+    if p > _LOGARITHM:
+        return float(last.x[-1] + p * slopes[1]), p
+    rates = slopes / T  # which fall exponentially
+    return float(last.x[-1] + rates[1] * (T[1] - T[0]) / np.log(rates[0] / rates[1])), 0.0

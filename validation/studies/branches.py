@@ -1,0 +1,215 @@
+"""Bifurcation diagrams: branches of a ball's motions in one number, and `robotball continue`."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from tyro.conf import arg
+
+from robotball import InputError, Scene
+from robotball.errors import unknown
+from robotball.film.looks import ACCENT, INK
+from robotball.qualitative import motion_branches as motions
+from robotball.qualitative.continuation import BRANCH, DOUBLING, FOLD, HOPF, Branch, Point
+from robotball.qualitative.cycles import Cycle
+from robotball.qualitative.equilibria import name_of
+from robotball.qualitative.families import NUMBERS
+from robotball.qualitative.long_run import basins
+from robotball.qualitative.portraits import limit_cycles
+from validation.options import AGREES, OUT, File, SceneName, Threads, check_files
+from validation.output import halo, progress_bar, title, writable_folder
+from validation.plots import note
+from validation.results import changed
+from validation.studies.contact_sections import level_starts, steady_scene
+from validation.study import Column, Row, Study, present, table_of
+
+_NO_BOUND = "period without bound"
+_MARKERS = {FOLD: "^", BRANCH: "s", HOPF: "o", DOUBLING: "D", _NO_BOUND: "*"}
+_PLACE = ("value", "gamma1", "gamma2", "gamma3")
+_SENSES = ("supercritical", "subcritical")
+_ROUNDING = 1e-9  # 1/s, of l₁
+_MOST = 500  # points of a branch of cycles from its birth on
+_SEARCHED, _STARTS = 100.0, 16  # s, the longest period searched for; random starts where M ≠ 0
+
+
+def _row(family: motions.Family, branch: int, point: Point) -> dict[str, Any]:
+    """Return a point of a branch as plain data: SI units, principal axes; of cycles exponents/s."""
+    u, s = point.x[:-1], float(point.x[-1])
+    ball, size, _ = family.at(s)
+    gamma, *mu = motions.vectors_of(u)
+    M = size * mu[0] if mu else np.zeros(3)
+    period = float(np.exp(u[-1])) if len(u) % 3 else None
+    exponents = point.exponents[np.argsort(-point.exponents.real)] / (period or 1.0)
+    vectors = {"gamma": gamma, "M": M, "real": exponents.real, "imaginary": exponents.imag}
+    return {
+        "branch": branch,
+        "name": name_of(ball, gamma) if len(u) == 3 else str(branch),
+        "value": family.value(s),
+        "kind": point.kind,
+        "stable": point.is_stable,
+        "period": period,
+        **{f"{name}{i}": float(x) for name, v in vectors.items() for i, x in enumerate(v, 1)},
+    }
+
+
+def _special(family: motions.Family, branches: Sequence[Branch]) -> Iterator[Row]:
+    """Yield the special points, and where a period grows without bound, with what they are."""
+    for number, branch in enumerate(branches, 1):
+        for point in branch.special():
+            row, what = _row(family, number, point), ""
+            if point.kind == HOPF and row["period"]:
+                what = "a torus is born"
+            elif point.kind == HOPF:
+                value, born = motions.born_cycles(family, point, _SEARCHED)
+                sense = "degenerate" if abs(value) < _ROUNDING else _SENSES[value > 0]
+                what = f"{sense}, l₁ = {value:.3g} 1/s"
+                for first in born.points[1:2]:
+                    what += f", {'' if first.is_stable else 'un'}stable cycles "
+                    what += "above" if first.x[-1] > point.x[-1] else "below"
+            yield {**row, "what": what}
+        for end, points in zip(branch.ends, (branch.points[::-1], branch.points), strict=True):
+            if end.startswith(motions.ENDLESS):
+                s, power = motions.growth(points)
+                law = f"distance^-{power:.3f}: saddle-node" if power else "logarithm: homoclinic"
+                row = _row(family, number, points[-1])
+                yield {**row, "kind": _NO_BOUND, "value": family.value(s), "what": law}
+
+
+def _picture(scene: Scene, over: str, rows: Sequence[Row], special: Sequence[Row]) -> Figure:
+    """Draw the branches over the number: of cycles the period, else the γᵢ that varies most."""
+    key = max(("gamma3", "gamma2", "gamma1"), key=lambda each: np.ptp([row[each] for row in rows]))
+    label = "γ" + "₁₂₃"[int(key[-1]) - 1]
+    if rows[0]["period"] is not None:
+        key, label = "period", "period [s]"
+    figure = Figure(figsize=(9.0, 6.0), layout="constrained")
+    title(figure, f"{scene.name}: {scene.title}")
+    axes = figure.subplots()
+    axes.set(xlabel="{} [{}]".format(*NUMBERS[over]), ylabel=label)
+    axes.set_yscale("log" if key == "period" else "linear")
+    axes.grid(alpha=0.3)
+    for stable, style in ((True, {"lw": 2.2}), (False, {"lw": 1.1, "ls": "--"})):
+        axes.plot([], [], color=INK, label="stable" if stable else "unstable", **style)
+    for _, of in groupby(rows, lambda row: row["branch"]):
+        _draw(axes, [*of], key)
+    for kind in dict.fromkeys(row["kind"] for row in special):
+        places = [(row["value"], row[key]) for row in special if row["kind"] == kind]
+        mark: Any = {"marker": _MARKERS[kind], "color": ACCENT, "mec": INK, "ms": 8, "ls": ""}
+        axes.plot(*zip(*places, strict=True), label=kind, zorder=4, **mark)
+    figure.legend(loc="outside lower center", ncols=6, frameon=False)
+    return figure
+
+
+def _draw(axes: Axes, rows: Sequence[Row], key: str) -> None:
+    """Draw one branch, solid where it is stable, with the names of its parts."""
+    x, y = (np.array([row[name] for row in rows]) for name in ("value", key))
+    stable = np.array([row["stable"] for row in rows])
+    both = stable[1:] & stable[:-1]
+    for run in np.split(np.arange(len(both)), np.flatnonzero(np.diff(both)) + 1):
+        part, style = slice(run[0], run[-1] + 2), "-" if both[run[0]] else "--"
+        axes.plot(x[part], y[part], style, color=INK, lw=2.2 if style == "-" else 1.1)
+    for i in {rows[i]["name"]: i for i in (3 * len(rows) // 4, len(rows) // 4)}.values():
+        note(axes, rows[i]["name"], (x[i], y[i]), (2, 3), color=INK, path_effects=halo())
+
+
+@dataclass(frozen=True)
+class Continue:
+    """Follow fixed points, straight lines or cycles as one number changes, with bifurcations.
+
+    Example: robotball continue fig07 --of equilibrium --over K3 --from 0.1 --to 2.5
+    """
+
+    scene: SceneName
+    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
+    of: Literal["equilibrium", "line", "cycle"]
+    """Fixed points of the motion from rest, straight lines or cycles with the scene's M."""
+    over: Annotated[str, arg(metavar="NUMBER")]
+    """K1 to K3, Omega1 to Omega3, K, Omega, f, c; angles K12, K23, K31, Omega12 and so on."""
+    low: Annotated[float, arg(name="from")]
+    """Its least value, in SI units; angles in degrees."""
+    high: Annotated[float, arg(name="to")]
+    """Its largest value."""
+    longest: float = 300.0
+    """Period beyond which no cycle is followed [s]."""
+    out: Path = OUT
+    """Folder for the picture."""
+    threads: Threads = None
+    json: File = None
+    """Also write the special points."""
+    csv: File = None
+    """Also write all points of the branches."""
+
+    def run(self) -> int:
+        scene = steady_scene(self.scene, "a branch")
+        check_files(self.json, self.csv)
+        if self.over not in NUMBERS:
+            raise unknown("number", self.over, NUMBERS)
+        if not self.low < self.high:
+            raise InputError(f"--from {self.low:g} must be below --to {self.high:g}")
+        momentum = scene.start.momentum * (self.of != "equilibrium")
+        if self.of == "line" and not momentum.any():
+            raise InputError(f"{scene.name} starts from rest: its lines are --of equilibrium")
+        family = motions.Family(scene.parameters, momentum, self.over, self.low, self.high)
+        writable_folder(self.out)
+        with progress_bar(2) as progress:
+            progress(0, f"{scene.name}: branches")
+            if self.of == "cycle":
+                branches = motions.cycling(family, [*_cycles(scene, family)], self.longest)
+                if momentum.any() and np.any(scene.parameters.Omega):
+                    branches += _born(family, self.longest)
+            else:
+                branches = motions.resting(family)
+            progress(1, f"{scene.name}: special points")
+            # A branch point is on two branches at least.
+            places = {
+                (row["kind"], *(round(row[key], 5) for key in _PLACE)): row
+                for row in _special(family, branches)
+            }
+            special = [*places.values()]
+        if not branches:
+            raise InputError(f"{scene.name}: no {self.of} found at either end of the range")
+        rows = [
+            _row(family, n, point) for n, each in enumerate(branches, 1) for point in each.points
+        ]
+        columns = (
+            Column("", "kind", words=True),
+            Column(*NUMBERS[self.over][:1], "value", NUMBERS[self.over][1], form=".7g"),
+            *(Column(f"γ{'₁₂₃'[i]}", f"gamma{i + 1}", form=".4f") for i in range(3)),
+            Column("period", "period", "s", form=".6g"),
+            Column("", "what", words=True),
+        )
+        told = f"{len(branches)} branches, {len(rows)} points; γ in principal axes"
+        record = {"scene": scene.name, "of": self.of, "over": self.over, "special": special}
+        record["ends"] = [each.ends for each in branches]
+        study = Study(
+            scene.name, None, ("continue", self.of, self.over), rows, record,
+            (table_of(columns, special), told), _picture(scene, self.over, rows, special),
+        )  # fmt: skip
+        stem = study.stem(*changed(self, "longest"))
+        print(present(study, self.out / f"{stem}.png", self.json, self.csv)[0])
+        return AGREES
+
+
+def _born(family: motions.Family, longest: float) -> Iterator[Branch]:
+    """Yield the cycles that are born at Hopf points of straight lines."""
+    for line in motions.resting(family):
+        for point in line.special(HOPF):
+            _, born = motions.born_cycles(family, point, longest, _MOST)
+            yield Branch(born.points[1:], born.ends)
+
+
+def _cycles(scene: Scene, family: motions.Family) -> Iterator[tuple[Cycle, float]]:
+    """Yield cycles at both ends of the range: all from rest, else those that starts reach."""
+    for s in (0.0, 1.0):
+        ball, size, c = family.at(s)
+        if size:
+            attitudes, _ = level_starts(scene, _STARTS, 0)
+            M = size * np.array([np.sqrt(1 - c * c), 0.0, c])
+            found = basins(ball, attitudes, np.tile(M, (_STARTS, 1))).cycles
+        else:
+            found = tuple(limit_cycles(ball, _SEARCHED))
+        yield from ((each, s) for each in found)

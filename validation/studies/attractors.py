@@ -365,7 +365,7 @@ class Lyapunov:
                 some = attitudes[i : i + together], momenta[i : i + together]
                 parts.append(exponents(scene.parameters, *some, self.duration, self.transient))
             found = Exponents(
-                np.concatenate([part.largest for part in parts]),
+                np.concatenate([part.halves for part in parts]),
                 np.concatenate([part.divergence for part in parts]),
                 self.duration,
             )

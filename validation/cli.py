@@ -81,6 +81,7 @@ COMMANDS = {
     "basins": "validation.studies.attractors",
     "equilibria": "validation.commands.equilibria_list",
     "portraits": "validation.studies.portrait_maps",
+    "chart": "validation.studies.charts",
     "paper": "validation.commands.paper_commands",
     "ablation": "validation.studies.ablation",
     "convergence": "validation.studies.convergence",

@@ -24,7 +24,7 @@ from rich.table import Table
 from scipy.ndimage import distance_transform_edt
 from tyro.conf import arg
 
-from robotball import InputError, Limits, load_scene, preset
+from robotball import InputError, Limits, Scene, load_scene, preset
 from robotball.designing import redesign
 from robotball.engines.ensembles.orbits import DONE, LONG_RUN_TOLERANCE, Integers, kernel_start
 from robotball.engines.mujoco import LABEL
@@ -198,26 +198,27 @@ def _dozen(rows: Sequence[Row]) -> list[Row]:
     return [left.pop(np.argmin([abs(row["largest"] - at) for row in left])) for at in steps]
 
 
-def _label(name: str) -> str:
-    """Return what stands beside an axis of a number."""
-    return "{} [{}]".format(*NUMBERS[name])
-
-
 def _columns(axes: _Axes) -> list[Column]:
-    """Return the columns of what the engine repeats."""
-    numbers = [Column(NUMBERS[name][0], name, NUMBERS[name][1], form=".4g") for name in axes]
-    for key, by in (("largest", EQUATIONS.name), ("contact", LABEL.name)):
-        numbers += [Column(f"λ₁, {by}", key, "1/s", form=".4f"), Column("±", f"{key}_error")]
-    return [*numbers, Column("equations alongside", "alongside", "1/s", form=".4f")]
+    """Return the columns of what the engine repeated."""
+    columns = [Column(NUMBERS[name][0], name, NUMBERS[name][1], form=".4g") for name in axes]
+    for by, key in ((EQUATIONS.name, "largest"), (LABEL.name, "contact")):
+        columns += [Column(f"λ₁, {by}", key, "1/s", form=".4f"), Column("±", f"{key}_error")]
+    return [*columns, Column("equations alongside", "alongside", "1/s", form=".4f")]
+
+
+def _blank(scene: Scene, axes: _Axes) -> tuple[Figure, list[str], dict[str, float]]:
+    """Return a figure with its title only, the labels of its axes, and the scene's own numbers."""
+    figure = Figure(figsize=(9.0, 7.4), layout="constrained")
+    title(figure, f"{scene.name}: {scene.title}")
+    labels = ["{} [{}]".format(*NUMBERS[name]) for name in axes]
+    return figure, labels, numbers_of(scene.parameters, scene.start.momentum)
 
 
 def _draw_chart(
-    figure: Figure, axes: _Axes, largest: Array, least: float, marks: Mapping[str, Row]
-) -> None:
-    """Draw λ₁ (across, up) in colours, with the borders of chaos, straight lines apart, and marks.
-
-    The first of the marks is the scene's own place.
-    """
+    scene: Scene, axes: _Axes, largest: Array, least: float, repeated: Sequence[Row]
+) -> Figure:
+    """Draw λ₁ (across, up) in colours, with the borders of chaos and what the engine repeated."""
+    figure, (across, up), own = _blank(scene, axes)
     panel = figure.subplots()
     colours = colormaps["viridis"].with_extremes(under=FAINT)
     most = max(2 * least, float(np.nanmax(largest)))
@@ -227,17 +228,21 @@ def _draw_chart(
     panel.contour(*axes.values(), largest.T, levels=[least], colors="white", linewidths=0.8)
     resting = np.where(largest < -least, 1.0, 0.0).T
     panel.contourf(*axes.values(), resting, levels=[0.5, 1.5], colors="none", hatches=["///"])
+    marks = {_PAPERS.get(scene.name, scene.name): own}
+    marks |= {f"{i}": row for i, row in enumerate(repeated, start=1)}
     for i, (words, row) in enumerate(marks.items()):
         place = tuple(row[name] for name in axes)
         panel.plot(*place, "s" if i else "*", color=ACCENT, mec="white", ms=5 if i else 15)
         note(panel, words, place, (5, 4), fontsize=9, path_effects=halo(), annotation_clip=True)
-    across, up = map(_label, axes)
     panel.set(xlabel=across, ylabel=up)
     panel.set_title("white: borders of chaos; hatched: settles on a straight line", fontsize=9)
+    return figure
 
 
-def _draw_diagram(figure: Figure, name: str, rows: Sequence[Row], own: float) -> None:
+def _draw_diagram(scene: Scene, axes: _Axes, rows: Sequence[Row]) -> Figure:
     """Draw the crossings' L/√f and l over what is varied, and λ₁ below."""
+    figure, (across,), own = _blank(scene, axes)
+    (name,) = axes
     dots = np.array([(row[name], *point) for row in rows for point in row["crossings"]])
     above, middle, below = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 2))
     style: Any = {"color": INK, "markersize": 1.2, "markeredgewidth": 0}
@@ -246,9 +251,10 @@ def _draw_diagram(figure: Figure, name: str, rows: Sequence[Row], own: float) ->
     below.plot([row[name] for row in rows], [row["largest"] for row in rows], color=INK)
     for panel, label in ((above, "L/√f"), (middle, "l [rad]"), (below, "λ₁ [1/s]")):
         panel.set_ylabel(label)
-        panel.axvline(own, color=ACCENT, linestyle="--", linewidth=1)
+        panel.axvline(own[name], color=ACCENT, linestyle="--", linewidth=1)
     below.axhline(0.0, color=FAINT)
-    below.set(xlabel=_label(name), xlim=(rows[0][name], rows[-1][name]))
+    below.set(xlabel=across, xlim=(rows[0][name], rows[-1][name]))
+    return figure
 
 
 @dataclass(frozen=True)
@@ -332,19 +338,15 @@ class Chart:
             by_engine = self._rows(measure_contact, asked, [*some], 1)
             repeated = [some[point] | by_engine[point] for point in some if point in by_engine]
             shown.append(table_of(_columns(axes), repeated))
-        figure = Figure(figsize=(9.0, 7.4), layout="constrained")
-        title(figure, f"{scene.name}: {scene.title}")
         if len(axes) == 1:
-            _draw_diagram(figure, *axes, found, own[next(iter(axes))])
+            picture = _draw_diagram(scene, axes, found)
         else:
-            marks = {_PAPERS.get(scene.name, scene.name): own}
-            marks |= {f"{i}": row for i, row in enumerate(repeated, start=1)}
-            _draw_chart(figure, axes, largest, least, marks)
+            picture = _draw_chart(scene, axes, largest, least, repeated)
         # A line of the file for each crossing, and one for a motion without.
         lines = [{**row, "L/√f": L, "l": l} for row in found
                  for L, l in row.pop("crossings") or [(None, None)]]  # fmt: skip
         record["repeated"] = [dict(row) for row in repeated]
-        study = Study(scene.name, None, ["chart"], lines, record, shown, figure)
+        study = Study(scene.name, None, ["chart"], lines, record, shown, picture)
         options = "over", "count", "refine", "follow", "duration", "transient", "preset"
         return self.sweep.present(study, *changed(self, *options))
 

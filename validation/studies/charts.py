@@ -1,10 +1,11 @@
 """Charts of the largest exponent over two numbers of a ball, and diagrams of the section over one.
 
 Each point is a motion from the scene's own start, by the equations, after a transient. By λ₁ over
-its duration it is chaotic; regular, on a cycle or a torus, where λ₁ is the motion's own 0; or on a
-straight line, near which all exponents are negative. Between points that are not of one kind more
-are put in. A dozen of them, from the least λ₁ to the largest, can be repeated by the engine, with
-bodies designed for each.
+the later half of its duration it is chaotic; regular, on a cycle or a torus, where λ₁ is the
+motion's own 0; or on a straight line, near which all exponents are negative. The half before says
+how sure that is: chaos may last for thousands of seconds and end. Between points that are not of
+one kind more are put in. A dozen of them, from the least λ₁ to the largest, can be repeated by the
+engine, with bodies designed for each.
 
 A diagram has the crossings of g = 0 with g growing, section 5.2. Its motions begin at the scene's
 own start, or each where the one before ended, so that an attractor is followed past others.
@@ -46,13 +47,15 @@ from validation.studies.contact_sections import moving_scene
 from validation.study import Column, Row, Study, scene_cell, table_of
 from validation.sweeps import Cell, Work
 
-# Over 3000 s a neighbour on a torus departs as the time does, by e^8; in chaos past e^30.
-_GROWTH = 30.0
+# In 3000 s a neighbour on a torus departs as the time does, by e^9 at most; in chaos past e^60.
+_GROWTH = 20.0
+_CHAOTIC = "chaotic"
 _CHUNK = 128  # motions of a cell, some seconds of a core
 _LIMIT = 600.0  # s of a cell
 _DOZEN = 12  # points that the engine repeats
 _INTERVAL = 10.0  # s after which two neighbours by the engine are brought together again
-_SKIPPED, _KEPT = 300, 100  # crossings of a diagram's motion: on the way, and drawn
+_SKIPPED, _FOLLOWED = 3000, 300  # crossings on the way to those of a diagram; with --follow
+_KEPT = 100  # crossings of each motion of a diagram
 _NEAR = 1e-3  # of L/√f and of a radian: crossings as near as that are one
 _QUICK = 10  # times fewer points and shorter motions in the quick form
 _SAID = (
@@ -94,12 +97,12 @@ def measure(cell: Cell) -> dict[str, Any]:
     balls, attitudes, momenta = _motions(cell)
     crossed = _crossings(balls, attitudes, momenta, cell) if "follow" in cell else [[]] * n
     found = exponents(balls, attitudes, momenta, cell["duration"], cell["transient"])
-    growths = found.largest * cell["duration"]
     spent = (time.process_time() - begin) / n
+    growths = (found.halves * cell["duration"] / 2).tolist()
     rows = [
-        _mean("largest", halves)
-        | {"motion": word_of(growth, some), "crossings": some, "seconds": spent}
-        for halves, growth, some in zip(found.halves, growths.tolist(), crossed, strict=True)
+        _later("largest", halves)
+        | {"motion": word_of(*growth, some), "crossings": some, "seconds": spent}
+        for halves, growth, some in zip(found.halves, growths, crossed, strict=True)
     ]
     return {"rows": rows}
 
@@ -140,14 +143,18 @@ def measure_contact(cell: Cell) -> dict[str, Any]:
     ball, attitudes, momenta = kernel_start(designed)
     model, times = build(designed, preset(cell["preset"])), (cell["duration"], cell["transient"])
     found = contact_exponent(model, attitudes, momenta, *times, _INTERVAL)
-    halves = np.array([half.mean() for half in np.array_split(found.growth[0], 2)])
-    alongside = float(growth_by_equations(ball, found).mean())
-    return {"rows": [_mean("contact", halves / _INTERVAL) | {"alongside": alongside / _INTERVAL}]}
+    growths = found.growth[0], growth_by_equations(ball, found)[0]
+    ours, alongside = (
+        np.array([half.mean() / _INTERVAL for half in np.array_split(growth, 2)])
+        for growth in growths
+    )
+    return {"rows": [_later("contact", ours) | {"alongside": float(alongside[1])}]}
 
 
-def _mean(name: str, halves: Array) -> dict[str, Any]:
-    """Return the mean of two halves (2,) by a name, and its standard error as they say it."""
-    return {name: float(halves.mean()), f"{name}_error": float(abs(halves[1] - halves[0])) / 2}
+def _later(name: str, halves: Array) -> dict[str, Any]:
+    """Return the later of two halves (2,) by a name, and its standard error if both are alike."""
+    apart = abs(halves[1] - halves[0])
+    return {name: float(halves[1]), f"{name}_error": float(apart / math.sqrt(2))}
 
 
 def refined(
@@ -175,13 +182,15 @@ def refined(
     return largest[tuple(nearest)]
 
 
-def word_of(growth: float, crossings: Sequence[Sequence[float]]) -> str:
-    """Return how a motion goes on by a neighbour's growth e^`growth`, and its crossings if known.
+def word_of(early: float, late: float, crossings: Sequence[Sequence[float]]) -> str:
+    """Return how a motion goes on, by a neighbour's growths e^`early` and then e^`late`.
 
-    crossings: (n, 2), L/√f and l [rad].
+    crossings: (n, 2), L/√f and l [rad], where they are known.
     """
-    if abs(growth) > _GROWTH:
-        return "chaotic" if growth > 0 else "straight line"
+    if abs(late) > _GROWTH:
+        return _CHAOTIC if late > 0 else "straight line"
+    if early > _GROWTH:
+        return "transient chaos"
     if not crossings:
         return "regular"
     L, l = np.array(crossings).T
@@ -219,7 +228,7 @@ def _draw_chart(
 ) -> Figure:
     """Draw λ₁ (across, up) in colours, with the borders of chaos and what the engine repeated."""
     figure, (across, up), own = _blank(scene, axes)
-    panel = figure.subplots()
+    panel, (x, y) = figure.subplots(), axes
     colours = colormaps["viridis"].with_extremes(under=FAINT)
     most = max(2 * least, float(np.nanmax(largest)))
     image = panel.pcolormesh(*axes.values(), largest.T, cmap=colours, vmin=-least, vmax=most)
@@ -228,10 +237,10 @@ def _draw_chart(
     panel.contour(*axes.values(), largest.T, levels=[least], colors="white", linewidths=0.8)
     resting = np.where(largest < -least, 1.0, 0.0).T
     panel.contourf(*axes.values(), resting, levels=[0.5, 1.5], colors="none", hatches=["///"])
-    marks = {_PAPERS.get(scene.name, scene.name): own}
+    marks: dict[str, Row] = {_PAPERS.get(scene.name, scene.name): own}
     marks |= {f"{i}": row for i, row in enumerate(repeated, start=1)}
     for i, (words, row) in enumerate(marks.items()):
-        place = tuple(row[name] for name in axes)
+        place = row[x], row[y]
         panel.plot(*place, "s" if i else "*", color=ACCENT, mec="white", ms=5 if i else 15)
         note(panel, words, place, (5, 4), fontsize=9, path_effects=halo(), annotation_clip=True)
     panel.set(xlabel=across, ylabel=up)
@@ -277,9 +286,9 @@ class Chart:
     """How often the spacing is halved where motions differ."""
     follow: bool = False
     """Over one number: begin each motion where the one before ended, and refine nothing."""
-    duration: Annotated[float, arg(metavar="S")] = 3000.0
-    """Time over which each exponent is measured."""
-    transient: Annotated[float, arg(metavar="S")] = 500.0
+    duration: Annotated[float, arg(metavar="S")] = 4000.0
+    """Time of each motion in whose later half the exponent is measured."""
+    transient: Annotated[float, arg(metavar="S")] = 2000.0
     """Time before that."""
     preset: Preset = None
     """Also repeat a dozen of the points by the engine so set."""
@@ -303,7 +312,10 @@ class Chart:
         shared = scene_cell(self.scene, self.duration / less)
         shared |= {"transient": self.transient / less, "over": [*axes]}
         if len(axes) == 1:
-            shared |= {"follow": self.follow, "skipped": _SKIPPED // less}
+            shared |= {
+                "follow": self.follow,
+                "skipped": (_FOLLOWED if self.follow else _SKIPPED) // less,
+            }
         rows: dict[tuple[float, ...], dict[str, Any]] = {}
 
         def measured(places: Integers) -> Array:
@@ -317,16 +329,17 @@ class Chart:
             there = [rows.get((*point,)) for point in points]
             return np.array([row["largest"] if row else math.nan for row in there])
 
-        least = _GROWTH / shared["duration"]
+        least = 2 * _GROWTH / shared["duration"]
         largest = refined(tuple(map(len, axes.values())), levels, least, measured)
         if not rows:
             raise InputError(f"over {self.over} no motion could be followed")
         found = [rows[point] for point in sorted(rows)]
-        errors = [row["largest_error"] for row in found if row["largest"] > least]
+        errors = [row["largest_error"] for row in found if row["motion"] == _CHAOTIC]
         record = {
             "scene": scene.name, **shared, "size": largest.shape, "points": len(rows),
             "chaotic": float((largest > least).mean()),
             "straight": float((largest < -least).mean()),
+            "transient": sum(row["motion"] == "transient chaos" for row in found) / len(found),
             "standard_error": math.hypot(*errors) / max(1, len(errors)) ** 0.5,
             "minutes": sum(row.pop("seconds") for row in found) / 60,
         }  # fmt: skip
@@ -336,7 +349,7 @@ class Chart:
             some = {tuple(row[name] for name in axes): row for row in _dozen(found)}
             asked = shared | {"preset": settings}
             by_engine = self._rows(measure_contact, asked, [*some], 1)
-            repeated = [some[point] | by_engine[point] for point in some if point in by_engine]
+            repeated = [{**some[point], **by_engine[point]} for point in some if point in by_engine]
             shown.append(table_of(_columns(axes), repeated))
         if len(axes) == 1:
             picture = _draw_diagram(scene, axes, found)

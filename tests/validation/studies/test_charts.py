@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 import robotball as rb
 from robotball import equations as eq
-from robotball.engines.ensembles.orbits import kernel_start
-from robotball.equations import Parameters
+from robotball.engines.ensembles.orbits import Integers, kernel_start
+from robotball.engines.ensembles.steppers import ball_of, row_of
 from robotball.qualitative.families import varied
 from robotball.qualitative.long_run import exponents
 from robotball.qualitative.sections import section
@@ -22,39 +22,46 @@ from robotball.rotations import Array, multiply, rotation_matrix
 from tests.conftest import Robotball
 from validation.studies.charts import measure, measure_contact, refined, word_of
 
-XI = np.array([0.6, 0.48, 0.64])  # the neighbour's turn at the start, as in `exponents`
-TIMES = (2.0, 10.0)  # s, over which λ₁ is compared
+TIMES = (4.0, 7.0)  # s, over which λ₁ is compared
 
 
 def cell(scene: str, over: dict[str, Any], **more: Any) -> dict[str, Any]:
-    """A cell of the points on the grid of these values."""
+    """A cell of the points on the grid of these values, whose later half is that of TIMES."""
     points = np.stack(np.meshgrid(*over.values()), axis=-1).reshape(-1, len(over)).tolist()
-    times = {"duration": TIMES[1] - TIMES[0], "transient": TIMES[0]}
+    times = {"duration": 6.0, "transient": 1.0}
     return {"scene": scene, "over": [*over], "points": points} | times | more
 
 
-def growth(ball: Parameters, attitude: Array, momentum: Array) -> float:
-    """λ₁ from 2 to 10 s, by SciPy's DOP853 and two neighbours 1e-5 rad from the start [1/s]."""
+def growths(scene: str, some: dict[str, Any]) -> Array:
+    """λ₁ (n,) over TIMES by SciPy's DOP853, from neighbours 1e-5 rad to both sides [1/s]."""
+    first, (attitude,), (momentum,) = kernel_start(rb.load_scene(scene))
+    pairs = [varied(first, momentum, dict(zip(some["over"], each, strict=True)))
+             for each in some["points"]]  # fmt: skip
+    numbers = np.array([row_of(ball) for ball, _ in pairs * 2]).T
+    balls, momenta = ball_of(first.rolling, numbers), np.array([M for _, M in pairs * 2])
 
-    def rate(t: float, state: Array) -> list[float]:
-        g1, g2, g3, *M = state.tolist()
-        gamma, (M1, M2, M3) = (g1, g2, g3), M
-        omega = ball.angular_velocity((M1, M2, M3), gamma)
-        return [*eq.cross(gamma, omega), *eq.cross((M1, M2, M3), omega)]
+    def rate(t: float, state: Array) -> Array:
+        x = state.reshape(6, -1)
+        gamma, M = (x[0], x[1], x[2]), (x[3], x[4], x[5])
+        omega = balls.angular_velocity(M, gamma)
+        return np.concatenate([*eq.cross(gamma, omega), *eq.cross(M, omega)])
 
-    ends = []
-    for side in (1e-5, -1e-5):
-        turn = Rotation.from_rotvec(side * XI).as_quat(scalar_first=True)
-        axes = rotation_matrix(multiply(attitude, turn))
-        start = np.concatenate([axes[2], momentum @ axes])
-        times: Any = {"t_eval": TIMES, "rtol": 1e-11, "atol": 1e-12}
-        ends.append(solve_ivp(rate, (0.0, TIMES[-1]), start, "DOP853", **times).y.T)
-    lengths = []
-    for middle, apart in zip((ends[0] + ends[1]) / 2, ends[0] - ends[1], strict=True):
-        # What is at rest in space turns in the frame: δγ = γ×ξ, δM = M×ξ.
-        matrix = np.concatenate([np.cross(v, np.eye(3)).T for v in (middle[:3], middle[3:])])
-        lengths.append(np.linalg.norm(np.linalg.lstsq(matrix, apart)[0]))
-    return float(np.log(lengths[1] / lengths[0]) / (TIMES[1] - TIMES[0]))
+    # The turn at the start is that of `exponents`.
+    turns = np.repeat([[1e-5], [-1e-5]], len(pairs), axis=0) * [0.6, 0.48, 0.64]
+    axes = rotation_matrix(
+        multiply(attitude, Rotation.from_rotvec(turns).as_quat(scalar_first=True))
+    )
+    start = np.concatenate([axes[:, 2], np.einsum("nij,ni->nj", axes, momenta)], axis=1).T
+    times: Any = {"t_eval": TIMES, "rtol": 1e-11, "atol": 1e-12}
+    found = solve_ivp(rate, (0.0, TIMES[1]), start.ravel(), "DOP853", **times).y
+    ahead, behind = found.reshape(6, 2, -1, 2).transpose(1, 2, 3, 0)  # a pair, a time, a number
+    # What is at rest in space turns in the frame: δγ = γ×ξ, δM = M×ξ.
+    vectors = np.split((ahead + behind)[..., None, :] / 2, 2, axis=-1)
+    turned = [np.cross(v, np.eye(3)).swapaxes(-1, -2) for v in vectors]
+    matrix = np.concatenate(turned, axis=-2)
+    xi = np.linalg.pinv(matrix) @ (ahead - behind)[..., None]
+    lengths = np.linalg.norm(xi[..., 0], axis=-1)
+    return np.log(lengths[:, 1] / lengths[:, 0]) / (TIMES[1] - TIMES[0])
 
 
 @pytest.mark.parametrize(
@@ -67,17 +74,12 @@ def growth(ball: Parameters, attitude: Array, momentum: Array) -> float:
 def test_a_chart_s_numbers_are_those_of_neighbours_by_another_integrator(
     scene: str, over: dict[str, Array]
 ) -> None:
-    """λ₁ from 2 to 10 s at 4 x 4 points, each of its own ball; with K₂'s sign changed it is not."""
+    """λ₁ over 3 s at 4 x 4 points, of as many balls abreast; with the places changed it is not."""
     some = cell(scene, over)
-    rows = measure(some)["rows"]
-    ball, (attitude,), (momentum,) = kernel_start(rb.load_scene(scene))
-    expected = []
-    for point in some["points"]:
-        each, M = varied(ball, momentum, dict(zip(over, point, strict=True)))
-        expected.append(growth(each, attitude, M))
-    assert [row["largest"] for row in rows] == pytest.approx(expected, abs=1e-6)
-    each, M = varied(each, M, {"K2": -each.K[1]})
-    assert abs(growth(each, attitude, M) - expected[-1]) > 1e-2
+    expected, found = growths(scene, some), [row["largest"] for row in measure(some)["rows"]]
+    # Measured 4.1e-6 (classical): the neighbours' distance, grown, is not quite small.
+    assert found == pytest.approx(expected, abs=1e-5)
+    assert np.abs(found - expected[::-1]).max() > 0.1
 
 
 @pytest.mark.parametrize("scene", ["fig14", "classical_chaotic"])
@@ -90,15 +92,20 @@ def test_twice_as_fast_a_motion_has_twice_the_exponent(scene: str) -> None:
     assert found.largest == pytest.approx(2 * slow.largest, abs=1e-9)
 
 
-def test_balls_that_are_one_ball_turned_move_alike() -> None:
-    """Side by side: K₁, K₂ turned round, and the start by π about e₃; but not without that."""
-    ball, (attitude,), momenta = kernel_start(rb.load_scene("fig14"))
-    turned = replace(ball, K=(-ball.K[0], -ball.K[1], ball.K[2]))
-    half = multiply(attitude, np.array([0.0, 0.0, 0.0, 1.0]))
-    starts = np.array([attitude, half, attitude])
-    found = exponents([ball, turned, turned], starts, np.repeat(momenta, 3, axis=0), 40.0, 10.0)
-    assert found.largest[1] == pytest.approx(found.largest[0], abs=1e-9)
-    assert abs(found.largest[2] - found.largest[0]) > 1e-3
+@pytest.mark.parametrize(("scene", "axis"), [("fig14", 1), ("classical_chaotic", 0)])
+def test_starts_that_are_one_start_turned_over_move_alike(scene: str, axis: int) -> None:
+    """(γ, M) as (-γ, -M), rubber, and as (-γ, M), classical, where c is -c; with K₂ as -K₂ not.
+
+    Three balls abreast; M is along the world's X, about which or across which the start turns.
+    """
+    ball, (attitude,), (momentum,) = kernel_start(rb.load_scene(scene))
+    other = replace(ball, K=(ball.K[0], -ball.K[1], ball.K[2]))
+    over = multiply(np.eye(4)[1 + axis], attitude)
+    starts, momenta = np.array([attitude, over, over]), np.tile(momentum, (3, 1))
+    momenta[1:, 2] *= -1
+    found = exponents([ball, ball, other], starts, momenta, 10.0, 5.0).largest
+    assert found[1] == pytest.approx(found[0], abs=1e-9)
+    assert abs(found[2] - found[0]) > 1e-2
 
 
 @pytest.mark.parametrize("dimensions", [1, 2])
@@ -107,7 +114,7 @@ def test_refining_only_adds_points_and_finds_the_whole_border(dimensions: int) -
     asked: list[tuple[int, ...]] = []
     size = 8 * 2**2 + 1
 
-    def measured(places: Array) -> Array:
+    def measured(places: Integers) -> Array:
         asked.extend(map(tuple, places.tolist()))
         return 0.7 - np.hypot.reduce(4 * places / size - 2, axis=1, initial=0.0)
 
@@ -115,7 +122,7 @@ def test_refining_only_adds_points_and_finds_the_whole_border(dimensions: int) -
     plain, grid = {*asked}, refined(shape, 2, 0.2, measured)
     assert len(asked) == len({*asked}) < 0.6 * size**dimensions
     assert plain <= {*asked}
-    everywhere = measured(np.argwhere(np.ones(shape))).reshape(shape)
+    everywhere = measured(np.argwhere(np.ones(shape)).astype(np.int64)).reshape(shape)
     assert np.array_equal(np.abs(grid) > 0.2, np.abs(everywhere) > 0.2)
 
 
@@ -133,11 +140,10 @@ def test_a_regular_motion_is_named_by_its_crossings() -> None:
     """Of three in turn, though l jumps by 2π; of a circle wound by the golden ratio; by growth."""
     three = [[0.1, -3.1], [0.2, 0.5], [0.1, 0.4]] * 10
     three[3] = [0.1, -3.1 + 2 * math.pi]
-    assert word_of(5.0, three) == "cycle of 3"
-    assert word_of(5.0, [[math.cos(n * 3.883), n * 3.883] for n in range(100)]) == "torus"
-    assert [word_of(each, []) for each in (31.0, -31.0, 5.0)] == [
-        "chaotic", "straight line", "regular"
-    ]  # fmt: skip
+    assert word_of(5.0, 5.0, three) == "cycle of 3"
+    assert word_of(5.0, 5.0, [[math.cos(n * 3.883), n * 3.883] for n in range(100)]) == "torus"
+    words = [word_of(*each, []) for each in ((31.0, 31.0), (31.0, 5.0), (5.0, -31.0), (5.0, 5.0))]
+    assert words == ["chaotic", "transient chaos", "straight line", "regular"]
 
 
 @pytest.mark.parametrize("scene", ["fig14", "classical_chaotic"])

@@ -101,7 +101,7 @@ def measure(cell: Cell) -> dict[str, Any]:
     growths = (found.halves * cell["duration"] / 2).tolist()
     rows = [
         _later("largest", halves)
-        | {"motion": word_of(*growth, some), "crossings": some, "seconds": spent}
+        | {"motion": word_of(growth, some), "crossings": some, "seconds": spent}
         for halves, growth, some in zip(found.halves, growths, crossed, strict=True)
     ]
     return {"rows": rows}
@@ -182,11 +182,12 @@ def refined(
     return largest[tuple(nearest)]
 
 
-def word_of(early: float, late: float, crossings: Sequence[Sequence[float]]) -> str:
-    """Return how a motion goes on, by a neighbour's growths e^`early` and then e^`late`.
+def word_of(growths: Sequence[float], crossings: Sequence[Sequence[float]]) -> str:
+    """Return how a motion goes on, by the logarithms (2,) of a neighbour's growth in two halves.
 
     crossings: (n, 2), L/√f and l [rad], where they are known.
     """
+    early, late = growths
     if abs(late) > _GROWTH:
         return _CHAOTIC if late > 0 else "straight line"
     if early > _GROWTH:
@@ -252,7 +253,7 @@ def _draw_diagram(scene: Scene, axes: _Axes, rows: Sequence[Row]) -> Figure:
     """Draw the crossings' L/√f and l over what is varied, and λ₁ below."""
     figure, (across,), own = _blank(scene, axes)
     (name,) = axes
-    dots = np.array([(row[name], *point) for row in rows for point in row["crossings"]])
+    dots = np.array([(row[name], *at) for row in rows for at in row["crossings"]]).reshape(-1, 3)
     above, middle, below = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 2))
     style: Any = {"color": INK, "markersize": 1.2, "markeredgewidth": 0}
     above.plot(dots[:, 0], dots[:, 1], "o", **style)
@@ -263,6 +264,8 @@ def _draw_diagram(scene: Scene, axes: _Axes, rows: Sequence[Row]) -> Figure:
         panel.axvline(own[name], color=ACCENT, linestyle="--", linewidth=1)
     below.axhline(0.0, color=FAINT)
     below.set(xlabel=across, xlim=(rows[0][name], rows[-1][name]))
+    above.set_title(f"dashed: {_PAPERS.get(scene.name, scene.name)}", fontsize=9)
+    figure.align_ylabels()
     return figure
 
 

@@ -23,14 +23,22 @@ NUMBERS = {
     "Omega": ("|Ω|", "rad/s"),
     "f": ("f = M²", "(kg m²/s)²"),
     "c": ("c = (M, γ)", "kg m²/s"),
+    # Directions, in the plane of two principal axes; the length of what is in it is kept.
+    **{
+        f"{vector}{plane}": (f"angle of ({symbol}{i}, {symbol}{j})", "degrees")
+        for vector, symbol in (("K", "K"), ("Omega", "Ω"))
+        for plane, i, j in (("12", "₁", "₂"), ("23", "₂", "₃"), ("31", "₃", "₁"))
+    },
 }
+_PLANES = {"12": [0, 1], "23": [1, 2], "31": [2, 0]}
 
 
 def numbers_of(parameters: Parameters, momentum: Array) -> dict[str, float]:
     """Return each of `NUMBERS` of a ball with a world momentum (3,), by its name."""
     K, Omega = parameters.K, parameters.Omega
     lengths = (np.linalg.norm(K), np.linalg.norm(Omega), momentum @ momentum, momentum[2])
-    return dict(zip(NUMBERS, map(float, (*K, *Omega, *lengths)), strict=True))
+    angles = (np.degrees(np.arctan2(v[j], v[i])) for v in (K, Omega) for i, j in _PLANES.values())
+    return dict(zip(NUMBERS, map(float, (*K, *Omega, *lengths, *angles)), strict=True))
 
 
 def varied(
@@ -48,6 +56,9 @@ def varied(
             raise unknown("number", name, NUMBERS)
         if name in level:
             level[name] = value
+        elif name[-2:] in _PLANES:
+            v, plane, turn = vectors[name[:-2]], _PLANES[name[-2:]], np.radians(value)
+            v[plane] = np.hypot(*v[plane]) * np.array([np.cos(turn), np.sin(turn)])
         elif name not in vectors:
             vectors[name[:-1]][int(name[-1]) - 1] = value
         elif length := float(np.linalg.norm(vectors[name])):

@@ -148,7 +148,7 @@ def test_a_regular_motion_is_named_by_its_crossings() -> None:
 
 @pytest.mark.parametrize("scene", ["fig14", "classical_chaotic"])
 def test_mujoco_repeats_a_point_of_a_chart(scene: str) -> None:
-    """With bodies designed for it λ₁ over 20 s is the equations'; that of K a thirtieth larger not."""
+    """With bodies designed for it λ₁ over 20 s is the equations', and not that of another K."""
     times: Any = {"preset": "fast", "duration": 40.0, "transient": 10.0}
     near, far = (cell(scene, {"K": [K], "Omega": [1.5]}, **times) for K in (3.0, 3.1))
     (row,) = measure_contact(near)["rows"]

@@ -274,7 +274,8 @@ class Chart:
     """Chart a scene's largest exponent over two of its numbers, or its section over one.
 
     The numbers are K1 to K3 and Omega1 to Omega3, along the principal axes; K and Omega, lengths
-    with the direction kept; f = M² and c = (M, γ).
+    with the direction kept; K12, K23, K31, Omega12 …, directions in a plane, in degrees; f = M² and
+    c = (M, γ).
 
     Example: robotball chart fig14 --over K=0:6,Omega=0:6 --quick
     """

@@ -61,7 +61,7 @@ RUNS = {
     "equilibria classical_regular --json a.json": r"straight +0\.",
     "attractors --quick --json a.json": "holds",
     "chart fig14 --over K=2:4 --count 30 --duration 500 --quick --workers 1": (
-        r"motions, 0\.0 minutes of processor time.*chart-K-2-4-count-30-duration-500-quick"
+        r"motions, 0\.0 minutes of processor time.*chart-K-2-4-count-30-500s-quick"
     ),
     "extremes --random 2 --workers 1 --json a.json": "2 ordinary runs: 0 false alarms",
 }

@@ -69,7 +69,7 @@ REFUSED = {
     "judge fig12 right.csv --timestep 0.1,0.2": "each file needs its timestep: 1, not 2",
     "judge fig12 right.csv --tolerance -1": "tolerance must be positive",
     "steer three_rotors --through '1,0 1'": "points are pairs like \"1,0 1,1\", not '1,0 1'",
-    "chart fig14 --over Kay=0:1": "no number is called 'Kay'; there are K1, K2, K3, Omega1",
+    "chart fig14 --over Kay=0:1": "no number is called 'Kay'; there are 16, as K1, K2, K3, Omega1",
     "chart fig14 --over K=0:1,Omega": "NAME=FROM:TO, two different numbers, not 'Omega'",
     "chart fig14 --over K=2:2": "NAME=FROM:TO, two different numbers, not 'K=2:2'",
     "chart fig14 --over K=0:1,K=1:2": "takes one or two different names, not 'K=0:1,K=1:2'",

@@ -60,8 +60,8 @@ _NEAR = 1e-3  # of L/√f and of a radian: crossings as near as that are one
 _QUICK = 10  # times fewer points and shorter motions in the quick form
 _SAID = (
     "{points} motions, {minutes:.1f} minutes of processor time. Of the chart {chaotic:.1%} is "
-    "chaotic, {straight:.1%} ends on straight lines. Standard error of a chaotic λ₁: "
-    "{standard_error:.1g} 1/s"
+    "chaotic, {straight:.1%} ends on straight lines. Half of the chaotic λ₁ have a standard error "
+    "below {median_error:.1g} 1/s"
 )
 _PAPERS = {"fig12": "Fig. 11a", "fig14": "Fig. 11b"}  # the attractors of these scenes
 
@@ -245,7 +245,8 @@ def _draw_chart(
         panel.plot(*place, "s" if i else "*", color=ACCENT, mec="white", ms=5 if i else 15)
         note(panel, words, place, (5, 4), fontsize=9, path_effects=halo(), annotation_clip=True)
     panel.set(xlabel=across, ylabel=up)
-    panel.set_title("white: borders of chaos; hatched: settles on a straight line", fontsize=9)
+    words = "white lines: borders of chaos; hatched: settles on a straight line; blank: no start"
+    panel.set_title(words, fontsize=9)
     return figure
 
 
@@ -344,7 +345,7 @@ class Chart:
             "chaotic": float((largest > least).mean()),
             "straight": float((largest < -least).mean()),
             "transient": sum(row["motion"] == "transient chaos" for row in found) / len(found),
-            "standard_error": math.hypot(*errors) / max(1, len(errors)) ** 0.5,
+            "median_error": float(np.median(errors or [0.0])),
             "minutes": sum(row.pop("seconds") for row in found) / 60,
         }  # fmt: skip
         shown: list[Table | str] = [_SAID.format(**record)]
@@ -362,7 +363,7 @@ class Chart:
         # A line of the file for each crossing, and one for a motion without.
         lines = [{**row, "L/√f": L, "l": l} for row in found
                  for L, l in row.pop("crossings") or [(None, None)]]  # fmt: skip
-        record["repeated"] = [dict(row) for row in repeated]
+        record["repeated"] = repeated
         study = Study(scene.name, None, ["chart"], lines, record, shown, picture)
         options = "over", "count", "refine", "follow", "duration", "transient", "preset"
         return self.sweep.present(study, *changed(self, *options))

@@ -77,8 +77,8 @@ def test_a_chart_s_numbers_are_those_of_neighbours_by_another_integrator(
     """λ₁ over 3 s at 4 x 4 points, of as many balls abreast; with the places changed it is not."""
     some = cell(scene, over)
     expected, found = growths(scene, some), [row["largest"] for row in measure(some)["rows"]]
-    # Measured 4.1e-6 (classical): the neighbours' distance, grown, is not quite small.
-    assert found == pytest.approx(expected, abs=1e-5)
+    # Measured 3.1e-7 (classical): the neighbours' distance, grown, is not quite small.
+    assert found == pytest.approx(expected, abs=3e-6)
     assert np.abs(found - expected[::-1]).max() > 0.1
 
 
@@ -89,7 +89,7 @@ def test_twice_as_fast_a_motion_has_twice_the_exponent(scene: str) -> None:
     fast = replace(ball, K=eq.scale(2, ball.K), Omega=eq.scale(2, ball.Omega))
     slow = exponents(ball, attitudes, momenta, 40.0, 10.0)
     found = exponents(fast, attitudes, 2 * momenta, 20.0, 5.0)
-    assert found.largest == pytest.approx(2 * slow.largest, abs=1e-9)
+    assert found.largest == pytest.approx(2 * slow.largest, abs=1e-9)  # measured 0
 
 
 @pytest.mark.parametrize(("scene", "axis"), [("fig14", 1), ("classical_chaotic", 0)])
@@ -104,7 +104,8 @@ def test_starts_that_are_one_start_turned_over_move_alike(scene: str, axis: int)
     starts, momenta = np.array([attitude, over, over]), np.tile(momentum, (3, 1))
     momenta[1:, 2] *= -1
     found = exponents([ball, ball, other], starts, momenta, 10.0, 5.0).largest
-    assert found[1] == pytest.approx(found[0], abs=1e-9)
+    # Measured 1.2e-10 (classical): rounding, grown by e^5; with K₂ as -K₂ 0.036 and more.
+    assert found[1] == pytest.approx(found[0], abs=1e-8)
     assert abs(found[2] - found[0]) > 1e-2
 
 
@@ -133,7 +134,8 @@ def test_a_followed_motion_begins_where_the_one_before_ended() -> None:
     for follow, expected in ((True, whole), (False, np.tile(whole[:100], 3))):
         some = cell("fig12", {"Omega": [2.0, 2.0, 2.0]}, follow=follow, skipped=0)
         crossings = np.array([row["crossings"] for row in measure(some)["rows"]])
-        assert crossings[..., 0].ravel() == pytest.approx(expected, abs=1e-5)
+        # Measured 1.5e-9: where a step ends is another when a motion begins anew.
+        assert crossings[..., 0].ravel() == pytest.approx(expected, abs=1e-6)
 
 
 def test_a_regular_motion_is_named_by_its_crossings() -> None:

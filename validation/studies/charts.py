@@ -50,7 +50,7 @@ from validation.sweeps import Cell, Work
 # Of a neighbour over half of a motion, its logarithm: below 5 on a torus, in chaos beyond 100 over
 # 2000 s; between 10 and 40 are less than one motion in a hundred.
 _GROWTH = 20.0
-_CHAOTIC = "chaotic"
+_CHAOTIC, _TRANSIENT = "chaotic", "transient chaos"
 _CHUNK = 128  # motions of a cell, some seconds of a core
 _LIMIT = 600.0  # s of a cell
 _DOZEN = 12  # points that the engine repeats
@@ -192,7 +192,7 @@ def word_of(growths: Sequence[float], crossings: Sequence[Sequence[float]]) -> s
     if abs(late) > _GROWTH:
         return _CHAOTIC if late > 0 else "straight line"
     if early > _GROWTH:
-        return "transient chaos"
+        return _TRANSIENT
     if not crossings:
         return "regular"
     L, l = np.array(crossings).T
@@ -236,7 +236,7 @@ def _draw_chart(
     image = panel.pcolormesh(*axes.values(), largest.T, cmap=colours, vmin=-least, vmax=most)
     bar = figure.colorbar(image, extend="min", label="λ₁ [1/s]; white line: 0")
     bar.ax.axhline(0.0, color="white")
-    panel.contour(*axes.values(), largest.T, levels=[least], colors="white", linewidths=0.8)
+    panel.contour(*axes.values(), largest.T, levels=[least], colors="white", linewidths=0.6)
     resting = np.where(largest < -least, 1.0, 0.0).T
     panel.contourf(*axes.values(), resting, levels=[0.5, 1.5], colors="none", hatches=["///"])
     marks: dict[str, Row] = {_PAPERS.get(scene.name, scene.name): own}
@@ -340,22 +340,21 @@ class Chart:
         if not rows:
             raise InputError(f"over {self.over} no motion could be followed")
         found = [rows[point] for point in sorted(rows)]
+        some = largest[np.isfinite(largest)]
         errors = [row["largest_error"] for row in found if row["motion"] == _CHAOTIC]
         record = {
             "scene": scene.name, **shared, "size": largest.shape, "points": len(rows),
-            "chaotic": float((largest > least).mean()),
-            "straight": float((largest < -least).mean()),
-            "transient": sum(row["motion"] == "transient chaos" for row in found) / len(found),
+            "chaotic": float((some > least).mean()), "straight": float((some < -least).mean()),
+            "transient_chaos": sum(row["motion"] == _TRANSIENT for row in found) / len(found),
             "median_error": float(np.median(errors or [0.0])),
             "minutes": sum(row.pop("seconds") for row in found) / 60,
         }  # fmt: skip
         shown: list[Table | str] = [_SAID.format(**record)]
         repeated: list[Row] = []
         if settings is not None:
-            some = {tuple(row[name] for name in axes): row for row in _dozen(found)}
-            asked = shared | {"preset": settings}
-            by_engine = self._rows(measure_contact, asked, [*some], 1)
-            repeated = [{**some[point], **by_engine[point]} for point in some if point in by_engine]
+            dozen = {tuple(row[name] for name in axes): row for row in _dozen(found)}
+            engine = self._rows(measure_contact, shared | {"preset": settings}, [*dozen], 1)
+            repeated = [{**dozen[point], **row} for point, row in engine.items()]
             shown.append(table_of(_columns(axes), repeated))
         if len(axes) == 1:
             picture = _draw_diagram(scene, axes, found)

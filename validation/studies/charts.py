@@ -318,10 +318,8 @@ class Chart:
         shared = scene_cell(self.scene, self.duration / less)
         shared |= {"transient": self.transient / less, "over": [*axes]}
         if len(axes) == 1:
-            shared |= {
-                "follow": self.follow,
-                "skipped": (_FOLLOWED if self.follow else _SKIPPED) // less,
-            }
+            skipped = _FOLLOWED if self.follow else _SKIPPED
+            shared |= {"follow": self.follow, "skipped": skipped // less}
         rows: dict[tuple[float, ...], dict[str, Any]] = {}
 
         def measured(places: Integers) -> Array:

@@ -244,7 +244,8 @@ def _draw_chart(
     for i, (words, row) in enumerate(marks.items()):
         place = row[x], row[y]
         panel.plot(*place, "s" if i else "*", color=ACCENT, mec="white", ms=5 if i else 15)
-        note(panel, words, place, (5, 4), fontsize=9, path_effects=halo(), annotation_clip=True)
+        by = (5, -12 if place[1] > axes[y].mean() else 4)  # within the picture
+        note(panel, words, place, by, fontsize=9, path_effects=halo(), annotation_clip=True)
     panel.set(xlabel=across, ylabel=up)
     words = "white lines: borders of chaos; hatched: settles on a straight line; blank: no start"
     panel.set_title(words, fontsize=9)

@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
+from robotball.equations import Parameters
 from robotball.errors import InputError, check_positive, check_size
 from robotball.robot import ROUNDING, Ball, Frame, Rotor, Shell, shell_inertia
 from robotball.rotations import Array
@@ -197,16 +198,19 @@ def describe(design: Design) -> str:
     return "\n".join([*rows, design.verdict])
 
 
-def redesign(scene: Scene, mass: float | None, limits: Limits) -> tuple[Design, Scene]:
+def redesign(
+    scene: Scene, mass: float | None, limits: Limits, numbers: Parameters | None = None
+) -> tuple[Design, Scene]:
     """Design bodies for the scene's own A, Ω, K and radius. Returns also the scene with them.
 
     mass: the ball's [kg]; if None, the best one in the rubber model, and the scene's own in the
-    classical one, whose (3.3) knows d = m a² beside A, Ω and K. The new scene has no motors. Raises
+    classical one, whose (3.3) knows d = m a² beside A, Ω and K. numbers: of another Ω and K for the
+    scene's A, in place of its own. The new scene has no motors. Raises
     InputError where the rates are not constant or there is no such ball.
     """
     if mass is None and scene.rolling == "classical":  # another mass would be another motion
         mass = scene.ball.mass
-    numbers, axes = scene.parameters, scene.principal_axes
+    numbers, axes = numbers or scene.parameters, scene.principal_axes
     found = design(
         scene.ball.A, axes @ numbers.Omega, axes @ numbers.K, scene.ball.radius, mass, limits
     )

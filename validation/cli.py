@@ -83,6 +83,7 @@ COMMANDS = {
     "results": "validation.studies.both_engines",
     "continue": "validation.studies.branches",
     "portraits": "validation.studies.portrait_maps",
+    "chart": "validation.studies.charts",
     "paper": "validation.commands.paper_commands",
     "ablation": "validation.studies.ablation",
     "convergence": "validation.studies.convergence",

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotball.engines.ensembles.orbits import LONG_RUN_TOLERANCE, Integers, Starts, orbits
+from robotball.engines.ensembles.orbits import LONG_RUN_TOLERANCE, Balls, Integers, Starts, orbits
 from robotball.engines.ensembles.steppers import DEVIATION, PATH, System
 from robotball.equations import Parameters, speed_bound
 from robotball.errors import InputError
@@ -30,14 +30,20 @@ from robotball.rotations import Array, Mask, rotation_matrix
 class Exponents:
     """The exponents of n starts, each from its own run, and what they say together.
 
-    largest, divergence: (n,) 1/s, λ₁ and ⟨div⟩ of each run; duration s, of the means. Where the
-    runs are of one attractor, `mean` and `error` estimate its exponents. Of a regular motion λ₁
-    is the motion's own 0, and λ₆ stands for the sum of the other two.
+    halves: (n, 2) 1/s, λ₁ over either half of each run; divergence: (n,) 1/s, ⟨div⟩ of each;
+    duration s, of the means. Where the runs are of one attractor, `mean` and `error` estimate its
+    exponents. Of a regular motion λ₁ is the motion's own 0, and λ₆ stands for the sum of the other
+    two.
     """
 
-    largest: Array
+    halves: Array
     divergence: Array
     duration: float
+
+    @property
+    def largest(self) -> Array:
+        """λ₁ (n,) of each run, 1/s."""
+        return self.halves.mean(axis=1)
 
     @property
     def smallest(self) -> Array:
@@ -69,7 +75,7 @@ class Exponents:
 
 
 def exponents(
-    parameters: Parameters,
+    balls: Balls,
     attitudes: Array,
     momenta: Array,
     duration: float,
@@ -77,33 +83,34 @@ def exponents(
 ) -> Exponents:
     """Estimate the exponents of motions from n starts, over `duration` after a `transient` [s].
 
-    attitudes (n, 4), momenta (n, 3): as for `orbits`. Raises InputError on unusable starts
-    or durations, and where a motion could not be followed.
+    balls: one, or several with equally many of the starts each; attitudes (n, 4), momenta (n, 3):
+    as for `orbits`. Raises InputError on unusable starts or durations, and where a motion could not
+    be followed.
     """
-    starts = Starts(parameters, attitudes, momenta)
+    starts = Starts(balls, attitudes, momenta)
     if not (starts.size > 0).all():
         raise InputError("exponents need M other than zero: with M = 0 the motion is on the sphere")
     # Any direction will do, if none is special: the transient turns it into the fastest growing.
     rest = np.tile([0.6, 0.48, 0.64, 0.0, 0.0], (len(starts.rows), 1))
-    rates = _mean_rates(starts, DEVIATION, rest, duration, transient)
-    return Exponents(largest=rates[:, 7], divergence=rates[:, 8], duration=duration)
+    halves = _mean_rates(starts, DEVIATION, rest, duration, transient)
+    return Exponents(halves[..., 7], halves[..., 8].mean(axis=1), duration)
 
 
 def _mean_rates(
     starts: Starts, system: System, rest: Array, duration: float, transient: float
 ) -> Array:
-    """Return the mean rates (n, size) of a system's states over a duration after a transient [s].
+    """Return a system's mean rates (n, 2, size) over each half of a duration after a transient [s].
 
     rest: as in `Starts.rows_of`. The states are in turned axes.
     """
     if not (duration > 0 and transient > 0):
         raise InputError("duration and transient must be positive")
-    times = np.array([transient, transient + duration])
+    times = transient + duration * np.array([0.0, 0.5, 1.0])
     states, status = starts.march(system, rest, times, LONG_RUN_TOLERANCE)
     if status.any():
         raise InputError(f"{np.count_nonzero(status)} motions could not be followed")
     # Between both ends of the duration: what the transient adds is no part of the mean.
-    return np.asarray((states[:, 1] - states[:, 0]) / duration)
+    return np.diff(states, axis=1) / (duration / 2)
 
 
 @dataclass(frozen=True)
@@ -144,7 +151,7 @@ def drift(
     no_way = np.zeros((len(starts.rows), 2))
     # In the turned axes each start's momentum is against X, so that X is its OX.
     rates = _mean_rates(starts, PATH, no_way, duration, transient)
-    return Drift(rates[:, 4:], duration)
+    return Drift(rates.mean(axis=1)[:, 4:], duration)
 
 
 def _kaplan_yorke(largest: float, smallest: float) -> float:

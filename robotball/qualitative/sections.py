@@ -29,7 +29,7 @@ from scipy.optimize import minimize_scalar
 from robotball import equations as eq
 from robotball.engines.ensembles.crossings import cross
 from robotball.engines.ensembles.flatten import LANES
-from robotball.engines.ensembles.orbits import STEP_TOLERANCE, Integers, Starts, components
+from robotball.engines.ensembles.orbits import STEP_TOLERANCE, Balls, Integers, Starts, components
 from robotball.engines.ensembles.steppers import BALL, LEVEL, RETURN, SECTION, System, stepper
 from robotball.equations import Parameters
 from robotball.errors import InputError
@@ -63,7 +63,7 @@ class _Section:
 
 
 def section(
-    parameters: Parameters,
+    balls: Balls,
     attitudes: Array,
     momenta: Array,
     count: int,
@@ -73,11 +73,12 @@ def section(
 ) -> _Section:
     """Find the first `count` crossings of g = `g` [rad] by the motions from many starts.
 
-    attitudes (n, 4), momenta (n, 3), tolerance: as for `orbits`; direction: 1 or -1 for one
-    direction only, 0 for both. On the section to 1e-12 of sin(g - g₀)√(1 - L²/f). Raises
-    InputError on unusable starts, such as M = 0, which has no g.
+    balls: one, or several with equally many of the starts each; attitudes (n, 4), momenta (n, 3),
+    tolerance: as for `orbits`; direction: 1 or -1 for one direction only, 0 for both. On the
+    section to 1e-12 of sin(g - g₀)√(1 - L²/f). Raises InputError on unusable starts, such as M = 0,
+    which has no g.
     """
-    starts = Starts(parameters, attitudes, momenta)
+    starts = Starts(balls, attitudes, momenta)
     if not (starts.size > 0).all() or count < 1 or direction not in (-1, 0, 1):
         raise InputError(
             "a section needs M other than zero, a count of 1 or more, a direction ±1, 0"
@@ -113,7 +114,7 @@ def crossings(
     directions = np.zeros((n, count), np.int64)
     found, status = np.zeros(n, np.int64), np.zeros(n, np.int64)
     results = times, states, directions, found, status
-    step = stepper(system, starts.parameters.rolling)
+    step = stepper(system, starts.rolling)
     rows = starts.rows_of(system, np.zeros((n, 0)))
     lengths = starts.first_lengths(longest, tolerance)
 

@@ -76,7 +76,7 @@ def _level_equations(parameters: Parameters) -> _Equations:
 
 def pars_of(starts: Starts) -> Array:
     """Return the values (n, k) of the pars, one row a start."""
-    used = _BALL_SIZE + (2 if starts.parameters.rolling == "classical" else 1)
+    used = _BALL_SIZE + (2 if starts.rolling == "classical" else 1)
     return starts.rows[:, :used]
 
 

@@ -124,8 +124,10 @@ class _Growth:
 
     def ends(self, last: int = 5) -> Exponents:
         """Return the first exponent, and the sum of those from `last` on."""
-        first, rest = self.spectra[:, 0], self.spectra[:, last:].sum(axis=1)
-        return Exponents(first, first + rest, self.logarithms.shape[1] * self.stretch)
+        parts = np.array_split(self.logarithms[:, :, 0] / self.stretch, 2, axis=1)
+        halves = np.stack([part.mean(axis=1) for part in parts], axis=1)
+        divergence = halves.mean(axis=1) + self.spectra[:, last:].sum(axis=1)
+        return Exponents(halves, divergence, self.logarithms.shape[1] * self.stretch)
 
     def by_equations(self, parameters: Parameters) -> tuple[Array, float]:
         """Return `logarithms` and the mean divergence [1/s] by the equations.
@@ -354,7 +356,7 @@ class Lyapunov:
                 some = attitudes[i : i + together], momenta[i : i + together]
                 parts.append(exponents(scene.parameters, *some, self.duration, self.transient))
             found = Exponents(
-                np.concatenate([part.largest for part in parts]),
+                np.concatenate([part.halves for part in parts]),
                 np.concatenate([part.divergence for part in parts]),
                 self.duration,
             )

@@ -9,7 +9,7 @@ All axes named "frame" here are the principal axes of the ball's inertia, as in 
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -37,6 +37,7 @@ from robotball.engines.ensembles.steppers import (
     TARGET,
     TIME,
     System,
+    ball_of,
     level_of,
     places,
     row_of,
@@ -218,6 +219,8 @@ _STEPS_PER_TURN = 600  # allowed, where an ordinary orbit takes 6 to 60
 _MOST_STEPS = 2**62  # what a counter holds
 
 Integers = NDArray[np.int64]
+Balls = Parameters | Sequence[Parameters]
+"""One ball, or several of one rolling model with equally many starts each, in their order."""
 
 
 @dataclass(frozen=True)
@@ -328,36 +331,40 @@ def kernel_start(scene: Scene) -> tuple[Parameters, Array, Array]:
 class Starts:
     """Starts as the stepper takes them: turned about the vertical until M = -mα + cγ.
 
+    Of one ball, or of several of one rolling model with equally many starts each, in their order.
     attitudes: (n, 4) so turned; rows: (n, k), the constants of each orbit; turns: (n,) rad;
     size: (n,) |M| kg m²/s; fastest: (n,) rad/s, a bound on |ω|.
     """
 
-    def __init__(self, parameters: Parameters, attitudes: Array, momenta: Array) -> None:
+    def __init__(self, balls: Balls, attitudes: Array, momenta: Array) -> None:
+        several = [balls] if isinstance(balls, Parameters) else balls
         attitudes = np.atleast_2d(np.asarray(attitudes, dtype=float))
         momenta = np.atleast_2d(np.asarray(momenta, dtype=float))
-        _check_starts(parameters, attitudes, momenta)
-        self.parameters = parameters
+        _check_starts(several, attitudes, momenta)
+        self.rolling = several[0].rolling
         self.size = np.linalg.norm(momenta, axis=1)
-        self.fastest = check_speed(parameters, self.size)
+        sizes = np.split(self.size, len(several))
+        self.fastest = np.concatenate([*map(check_speed, several, sizes)])
         across = np.hypot(momenta[:, 0], momenta[:, 1])
         # M = -mα + cγ has its horizontal part against α; a vertical M has none to turn.
         self.turns = np.where(across > 0, np.arctan2(-momenta[:, 1], -momenta[:, 0]), 0.0)
         unit = attitudes / np.linalg.norm(attitudes, axis=1, keepdims=True)
         self.attitudes = _turned(-self.turns, unit)
-        ball = np.array(row_of(parameters))
+        numbers = np.repeat([row_of(ball) for ball in several], len(sizes[0]), axis=0)
         level = np.stack([across, momenta[:, 2]], axis=1)
         no_section = np.zeros((len(level), STATE - SECTION))
-        self.rows = np.concatenate([np.tile(ball, (len(level), 1)), level, no_section], axis=1)
+        self.rows = np.concatenate([numbers, level, no_section], axis=1)
 
     def rows_of(self, system: System, rest: Array) -> Array:
         """Return constants, states and slopes (n, k), side by side, as `load` takes them.
 
         rest: (n, size - 4), the numbers of the first state after the quaternion.
         """
-        rolling = self.parameters.rolling
-        level = level_of(rolling, list(self.rows.T[LEVEL - BALL : SECTION - BALL]))
+        columns = list(self.rows.T)
+        parameters = ball_of(self.rolling, columns[: LEVEL - BALL])
+        level = level_of(self.rolling, columns[LEVEL - BALL : SECTION - BALL])
         states = np.concatenate([self.attitudes, rest], axis=1)
-        slopes = system.rate(tuple(states.T), self.parameters, level)
+        slopes = system.rate(tuple(states.T), parameters, level)
         return np.concatenate([self.rows, states, np.stack(slopes, axis=1)], axis=1)
 
     def march(
@@ -370,7 +377,7 @@ class Starts:
         n = len(self.rows)
         # An orbit that is given up writes no more, and its states stay NaN from there on.
         states, status = np.full((n, len(times), system.size), np.nan), np.zeros(n, np.int64)
-        step = stepper(system, self.parameters.rolling)
+        step = stepper(system, self.rolling)
         rows = self.rows_of(system, rest)
         lengths = self.first_lengths(times[-1], tolerance)
         # An output takes a step of its own, which looks and does not move.
@@ -415,10 +422,11 @@ def components(q: Array) -> eq.Quaternion:
     return (w, x, y, z)
 
 
-def _check_starts(parameters: Parameters, attitudes: Array, momenta: Array) -> None:
-    """Raise InputError unless attitudes (n, 4) and momenta (n, 3) are starts of a sound ball."""
-    if not np.isfinite(row_of(parameters)).all():
-        raise InputError(f"the numbers of the ball are not finite: {parameters}")
+def _check_starts(balls: Sequence[Parameters], attitudes: Array, momenta: Array) -> None:
+    """Raise InputError unless attitudes (n, 4) and momenta (n, 3) are starts of sound balls."""
+    for ball in balls:
+        if not np.isfinite(row_of(ball)).all():
+            raise InputError(f"the numbers of the ball are not finite: {ball}")
     if attitudes.shape[1:] != (4,) or momenta.shape != (len(attitudes), 3):
         raise InputError(
             f"n starts are attitudes (n, 4) and momenta (n, 3), not {attitudes.shape} and "
@@ -429,6 +437,11 @@ def _check_starts(parameters: Parameters, attitudes: Array, momenta: Array) -> N
     # Nearer to one is rounding, and is scaled away.
     if np.abs(np.linalg.norm(attitudes, axis=1) - 1).max() > 1e-9:
         raise InputError("attitudes must be unit quaternions")
+    if not balls or len(attitudes) % len(balls) or len({ball.rolling for ball in balls}) > 1:
+        raise InputError(
+            f"{len(balls)} balls need equally many starts each, of {len(attitudes)}, and one "
+            "rolling model"
+        )
     vertical = np.abs(momenta[:, 2])
-    if parameters.rolling == "rubber" and (vertical > 1e-9 * np.linalg.norm(momenta, axis=1)).any():
+    if balls[0].rolling == "rubber" and (vertical > 1e-9 * np.linalg.norm(momenta, axis=1)).any():
         raise InputError("momenta must be horizontal in the rubber model, by (3.1)")

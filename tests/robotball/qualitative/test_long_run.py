@@ -51,13 +51,15 @@ def test_means_of_runs_are_given_with_their_scatter() -> None:
 
     1 + λ₁/|λ₆| is 2 for a flow that keeps its volume and 0 for what is no chaos.
     """
-    found = Exponents(np.array([0.1, 0.2, 0.3]), np.array([-0.1, -0.2, -0.3]), 1.0)
+    found = Exponents(
+        np.array([[0.0, 0.2], [0.2, 0.2], [0.2, 0.4]]), np.array([-0.1, -0.2, -0.3]), 1.0
+    )
     assert found.mean == pytest.approx((0.2, -0.4))
     assert found.error == pytest.approx((0.1 / np.sqrt(3), 0.2 / np.sqrt(3)))
     assert found.dimension == pytest.approx(1.5)
     assert found.dimension_error == pytest.approx(0, abs=1e-15)
-    assert Exponents(np.array([0.1]), np.array([0.0]), 1.0).dimension == 2.0
-    assert Exponents(np.array([-0.1]), np.array([-0.3]), 1.0).dimension == 0.0
+    assert Exponents(np.array([[0.1, 0.1]]), np.array([0.0]), 1.0).dimension == 2.0
+    assert Exponents(np.array([[-0.1, -0.1]]), np.array([-0.3]), 1.0).dimension == 0.0
 
 
 def test_a_drift_is_along_the_starts_own_momentum() -> None:

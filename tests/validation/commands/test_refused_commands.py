@@ -76,11 +76,22 @@ REFUSED = {
     "judge fig12 right.csv --timestep 0.1,0.2": "each file needs its timestep: 1, not 2",
     "judge fig12 right.csv --tolerance -1": "tolerance must be positive",
     "steer three_rotors --through '1,0 1'": "points are pairs like \"1,0 1,1\", not '1,0 1'",
+    "chart fig14 --over Kay=0:1": "no number is called 'Kay'; there are 16, as K1, K2, K3, Omega1",
+    "chart fig14 --over K=0:1,Omega": "NAME=FROM:TO, two different numbers, not 'Omega'",
+    "chart fig14 --over K=2:2": "NAME=FROM:TO, two different numbers, not 'K=2:2'",
+    "chart fig14 --over K=0:1,K=1:2": "takes one or two different names, not 'K=0:1,K=1:2'",
+    "chart fig14 --over K=0:1,Omega=0:1 --follow": "goes along one number: give one to --over",
+    "chart fig14 --over c=0:2": r"c is 0 in the rubber model, by \(3\.1\), not 2: vary f",
+    "chart classical_chaotic --over f=1:8 --quick": r"no start has c = \(M, γ\) = 3 and f = M² = 8",
+    "chart chaplygin_ball --over Omega=0:1": "Omega is zero and has no direction to keep",
+    "chart fig14 --over K=0:1 --duration 0": f"{POSITIVE} 0 s",
     # scenes that a command is not for, each answered by a command that is
     "design fig12 --rotor-speed 0.01": r"rotor speed: at most 0\.01 rad/s is allowed",
     "section fig12 --preset naive --count 2": "MuJoCo's run is no result",
     **{f"{each} wobbling_drive": LATER for each in ("equilibria", "section", "lyapunov", "basins")},
-    **{f"{each} fig06": AT_REST for each in ("section", "lyapunov", "basins")},
+    **{
+        f"{each} fig06": AT_REST for each in ("section", "lyapunov", "basins", "chart --over K=0:1")
+    },
     "basins chaplygin_ball": "does not turn .* no attractors; 'robotball section chaplygin_ball'",
     "equilibria rubber_chaplygin_ball": (
         "the ball rests at every γ; 'robotball section rubber_chaplygin_ball' shows how it rolls"

@@ -1,0 +1,180 @@
+"""Charts of the largest exponent, diagrams of the section, and the same points by MuJoCo."""
+
+import csv
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+import robotball as rb
+from robotball import equations as eq
+from robotball.engines.ensembles.orbits import Integers, kernel_start
+from robotball.engines.ensembles.steppers import ball_of, row_of
+from robotball.qualitative.families import varied
+from robotball.qualitative.long_run import exponents
+from robotball.qualitative.sections import section
+from robotball.rotations import Array, multiply, rotation_matrix
+from tests.conftest import Robotball
+from validation.studies.charts import measure, measure_contact, refined, word_of
+
+TIMES = (4.0, 7.0)  # s, over which λ₁ is compared
+
+
+def cell(scene: str, over: dict[str, Any], **more: Any) -> dict[str, Any]:
+    """A cell of the points on the grid of these values, whose later half is that of TIMES."""
+    points = np.stack(np.meshgrid(*over.values()), axis=-1).reshape(-1, len(over)).tolist()
+    times = {"duration": 6.0, "transient": 1.0}
+    return {"scene": scene, "over": [*over], "points": points} | times | more
+
+
+def growths(scene: str, some: dict[str, Any]) -> Array:
+    """λ₁ (n,) over TIMES by SciPy's DOP853, from neighbours 1e-5 rad to both sides [1/s]."""
+    first, (attitude,), (momentum,) = kernel_start(rb.load_scene(scene))
+    pairs = [varied(first, momentum, dict(zip(some["over"], each, strict=True)))
+             for each in some["points"]]  # fmt: skip
+    numbers = np.array([row_of(ball) for ball, _ in pairs * 2]).T
+    balls, momenta = ball_of(first.rolling, [*numbers]), np.array([M for _, M in pairs * 2])
+
+    def rate(t: float, state: Array) -> Array:
+        x = state.reshape(6, -1)
+        gamma, M = (x[0], x[1], x[2]), (x[3], x[4], x[5])
+        omega = balls.angular_velocity(M, gamma)
+        return np.concatenate([*eq.cross(gamma, omega), *eq.cross(M, omega)])
+
+    # The turn at the start is that of `exponents`.
+    turns = np.repeat([[1e-5], [-1e-5]], len(pairs), axis=0) * [0.6, 0.48, 0.64]
+    axes = rotation_matrix(
+        multiply(attitude, Rotation.from_rotvec(turns).as_quat(scalar_first=True))
+    )
+    start = np.concatenate([axes[:, 2], np.einsum("nij,ni->nj", axes, momenta)], axis=1).T
+    times: Any = {"t_eval": TIMES, "rtol": 1e-11, "atol": 1e-12}
+    found = solve_ivp(rate, (0.0, TIMES[1]), start.ravel(), "DOP853", **times).y
+    ahead, behind = found.reshape(6, 2, -1, 2).transpose(1, 2, 3, 0)  # a pair, a time, a number
+    # What is at rest in space turns in the frame: δγ = γ×ξ, δM = M×ξ.
+    vectors = np.split((ahead + behind)[..., None, :] / 2, 2, axis=-1)
+    turned = [np.cross(v, np.eye(3)).swapaxes(-1, -2) for v in vectors]
+    matrix = np.concatenate(turned, axis=-2)
+    xi = np.linalg.pinv(matrix) @ (ahead - behind)[..., None]
+    lengths = np.linalg.norm(xi[..., 0], axis=-1)
+    return np.log(lengths[:, 1] / lengths[:, 0]) / (TIMES[1] - TIMES[0])
+
+
+@pytest.mark.parametrize(
+    ("scene", "over"),
+    [
+        ("fig14", {"K": np.linspace(1, 5, 4), "Omega": np.linspace(-1, 4, 4)}),
+        ("classical_chaotic", {"f": np.linspace(10, 40, 4), "c": np.linspace(-2, 3, 4)}),
+    ],
+)
+def test_a_chart_s_numbers_are_those_of_neighbours_by_another_integrator(
+    scene: str, over: dict[str, Array]
+) -> None:
+    """λ₁ over 3 s at 4 x 4 points, of as many balls abreast; with the places changed it is not."""
+    some = cell(scene, over)
+    expected, found = growths(scene, some), [row["largest"] for row in measure(some)["rows"]]
+    # Measured 3.1e-7 (classical): the neighbours' distance, grown, is not quite small.
+    assert found == pytest.approx(expected, abs=3e-6)
+    assert np.abs(found - expected[::-1]).max() > 0.1
+
+
+@pytest.mark.parametrize("scene", ["fig14", "classical_chaotic"])
+def test_twice_as_fast_a_motion_has_twice_the_exponent(scene: str) -> None:
+    """K, Ω and M doubled, times halved: so only ratios of them count. To the last bit but a few."""
+    ball, attitudes, momenta = kernel_start(rb.load_scene(scene))
+    fast = replace(ball, K=eq.scale(2, ball.K), Omega=eq.scale(2, ball.Omega))
+    slow = exponents(ball, attitudes, momenta, 40.0, 10.0)
+    found = exponents(fast, attitudes, 2 * momenta, 20.0, 5.0)
+    assert found.largest == pytest.approx(2 * slow.largest, abs=1e-9)  # measured 0
+
+
+@pytest.mark.parametrize(("scene", "axis"), [("fig14", 1), ("classical_chaotic", 0)])
+def test_starts_that_are_one_start_turned_over_move_alike(scene: str, axis: int) -> None:
+    """(γ, M) as (-γ, -M), rubber, and as (-γ, M), classical, where c is -c; with K₂ as -K₂ not.
+
+    Three balls abreast; M is along the world's X, about which or across which the start turns.
+    """
+    ball, (attitude,), (momentum,) = kernel_start(rb.load_scene(scene))
+    other = replace(ball, K=(ball.K[0], -ball.K[1], ball.K[2]))
+    over = multiply(np.eye(4)[1 + axis], attitude)
+    starts, momenta = np.array([attitude, over, over]), np.tile(momentum, (3, 1))
+    momenta[1:, 2] *= -1
+    found = exponents([ball, ball, other], starts, momenta, 10.0, 5.0).largest
+    # Measured 1.2e-10 (classical): rounding, grown by e^5; with K₂ as -K₂ 0.036 and more.
+    assert found[1] == pytest.approx(found[0], abs=1e-8)
+    assert abs(found[2] - found[0]) > 1e-2
+
+
+@pytest.mark.parametrize("dimensions", [1, 2])
+def test_refining_only_adds_points_and_finds_the_whole_border(dimensions: int) -> None:
+    """Of a disc, chaotic inside: each place of the finest grid has its kind, by fewer points."""
+    asked: list[tuple[int, ...]] = []
+    size = 8 * 2**2 + 1
+
+    def measured(places: Integers) -> Array:
+        asked.extend(map(tuple, places.tolist()))
+        return 0.7 - np.hypot.reduce(4 * places / size - 2, axis=1, initial=0.0)
+
+    shape = (size,) * dimensions
+    plain, grid = {*asked}, refined(shape, 2, 0.2, measured)
+    assert len(asked) == len({*asked}) < 0.6 * size**dimensions
+    assert plain <= {*asked}
+    everywhere = measured(np.argwhere(np.ones(shape)).astype(np.int64)).reshape(shape)
+    assert np.array_equal(np.abs(grid) > 0.2, np.abs(everywhere) > 0.2)
+
+
+def test_a_followed_motion_begins_where_the_one_before_ended() -> None:
+    """At three equal values: their crossings are those of one motion; of others, all the same."""
+    ball, attitudes, momenta = kernel_start(rb.load_scene("fig12"))
+    whole = section(ball, attitudes, momenta, 300, direction=1).L[0] / 5
+    for follow, expected in ((True, whole), (False, np.tile(whole[:100], 3))):
+        some = cell("fig12", {"Omega": [2.0, 2.0, 2.0]}, follow=follow, skipped=0)
+        crossings = np.array([row["crossings"] for row in measure(some)["rows"]])
+        # Measured 1.5e-9: where a step ends is another when a motion begins anew.
+        assert crossings[..., 0].ravel() == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_regular_motion_is_named_by_its_crossings() -> None:
+    """Of three in turn, though l jumps by 2π; of a circle wound by the golden ratio; by growth."""
+    three = [[0.1, -3.1], [0.2, 0.5], [0.1, 0.4]] * 10
+    three[3] = [0.1, -3.1 + 2 * math.pi]
+    assert word_of((5.0, 5.0), three) == "cycle of 3"
+    assert word_of((5.0, 5.0), [[math.cos(n * 3.883), n * 3.883] for n in range(100)]) == "torus"
+    words = [word_of(each, []) for each in ((31.0, 31.0), (31.0, 5.0), (5.0, -31.0), (5.0, 5.0))]
+    assert words == ["chaotic", "transient chaos", "straight line", "regular"]
+
+
+@pytest.mark.parametrize("scene", ["fig14", "classical_chaotic"])
+def test_mujoco_repeats_a_point_of_a_chart(scene: str) -> None:
+    """With bodies designed for it λ₁ over 20 s is the equations', and not that of another K."""
+    times: Any = {"preset": "fast", "duration": 40.0, "transient": 10.0}
+    near, far = (cell(scene, {"K": [K], "Omega": [1.5]}, **times) for K in (3.0, 3.1))
+    (row,) = measure_contact(near)["rows"]
+    # Measured 1.0e-5 and 1.2e-5: the steps of 20 ms, grown by e².
+    for expected in (row["alongside"], measure(near)["rows"][0]["largest"]):
+        assert row["contact"] == pytest.approx(expected, abs=5e-5)
+    assert abs(row["contact"] - measure(far)["rows"][0]["largest"]) > 0.01
+
+
+@pytest.mark.slow
+def test_a_chart_goes_on_where_it_was_ended(robotball: Robotball, tmp_path: Path) -> None:
+    """Half of its journal is lost: the next run makes the same table, and a picture."""
+    command = "chart classical_chaotic --over f=1:30,c=0:4 --count 30 --duration 300 --quick"
+    status, out, _ = robotball(*command.split(), "--workers", 1)
+    assert status == 0
+    assert "minutes of processor time" in " ".join(out.split())
+    (table,), (journal,) = tmp_path.glob("out/*.csv"), tmp_path.glob("out/*.jsonl")
+    first, lines = table.read_bytes(), journal.read_text().splitlines(keepends=True)
+    journal.write_text("".join(lines[:-1]))
+    table.unlink()
+    assert robotball(*command.split(), "--workers", 1)[0] == 0
+    assert table.read_bytes() == first
+    # No start has an f below c².
+    rows = [*csv.DictReader(table.read_text().splitlines())]
+    assert all(float(row["f"]) > float(row["c"]) ** 2 for row in rows)
+    assert len(rows) < 5 * 5
+    assert table.with_suffix(".png").read_bytes()[:4] == b"\x89PNG"

@@ -1,0 +1,383 @@
+"""Charts of the largest exponent over two numbers of a ball, and diagrams of the section over one.
+
+Each point is a motion from the scene's own start, by the equations, after a transient. By λ₁ over
+the later half of its duration it is chaotic; regular, on a cycle or a torus, where λ₁ is the
+motion's own 0; or on a straight line, near which all exponents are negative. The half before says
+how sure that is: chaos may last for thousands of seconds and end. Between points that are not of
+one kind more are put in. A dozen of them, from the least λ₁ to the largest, can be repeated by the
+engine, with bodies designed for each.
+
+A diagram has the crossings of g = 0 with g growing, section 5.2. Its motions begin at the scene's
+own start, or each where the one before ended, so that an attractor is followed past others.
+"""
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.figure import Figure
+from rich.table import Table
+from scipy.ndimage import distance_transform_edt
+from tyro.conf import arg
+
+from robotball import InputError, Limits, Scene, load_scene, preset
+from robotball.designing import redesign
+from robotball.engines.ensembles.orbits import DONE, LONG_RUN_TOLERANCE, Integers, kernel_start
+from robotball.engines.mujoco import LABEL
+from robotball.engines.mujoco.model import build
+from robotball.engines.reduced import LABEL as EQUATIONS
+from robotball.equations import Parameters
+from robotball.errors import check_count, check_positive, unknown
+from robotball.film.looks import ACCENT, FAINT, INK
+from robotball.qualitative.families import NUMBERS, numbers_of, varied
+from robotball.qualitative.long_run import exponents
+from robotball.qualitative.sections import section
+from robotball.rotations import Array
+from validation.options import Preset, SceneName, Sweep, SweepOptions
+from validation.output import halo, title, writable_folder
+from validation.plots import note
+from validation.results import changed
+from validation.studies.contact_sections import moving_scene
+from validation.studies.contact_tangent import growth, rolled
+from validation.study import Column, Row, Study, scene_cell, table_of
+from validation.sweeps import Cell, Work
+
+# Of a neighbour over half of a motion, its logarithm: below 5 on a torus, in chaos beyond 100 over
+# 2000 s; between 10 and 40 are less than one motion in a hundred.
+_GROWTH = 20.0
+_CHAOTIC, _TRANSIENT = "chaotic", "transient chaos"
+_CHUNK = 128  # motions of a cell, some seconds of a core
+_LIMIT = 600.0  # s of a cell
+_DOZEN = 12  # points that the engine repeats
+_INTERVAL = 10.0  # s after which two neighbours by the engine are brought together again
+_SKIPPED, _FOLLOWED = 3000, 300  # crossings on the way to those of a diagram; with --follow
+_KEPT = 100  # crossings of each motion of a diagram
+_NEAR = 1e-3  # of L/√f and of a radian: crossings as near as that are one
+_QUICK = 10  # times fewer points and shorter motions in the quick form
+_SAID = (
+    "{points} motions, {minutes:.1f} minutes of processor time. Of the chart {chaotic:.1%} is "
+    "chaotic, {straight:.1%} ends on straight lines. Half of the chaotic λ₁ have a standard error "
+    "below {median_error:.1g} 1/s"
+)
+_PAPERS = {"fig12": "Fig. 11a", "fig14": "Fig. 11b"}  # the attractors of these scenes
+
+_Axes = Mapping[str, Array]
+"""The values (n,) of what is varied, by its name."""
+
+
+def axes_of(text: str, count: int) -> dict[str, Array]:
+    """Return so many values by each name of a text NAME=FROM:TO,…; InputError for another text."""
+    axes = {}
+    for part in text.split(","):
+        name, _, span = part.strip().partition("=")
+        if name not in NUMBERS:
+            raise unknown("number", name, NUMBERS)
+        try:
+            low, high = map(float, span.split(":"))
+        except ValueError:
+            low = high = math.nan
+        if not 0 < abs(high - low) < math.inf:
+            raise InputError(f"--over takes NAME=FROM:TO, two different numbers, not {part!r}")
+        axes[name] = np.linspace(low, high, count)
+    if text.count(",") >= len(axes) or len(axes) > 2:
+        raise InputError(f"--over takes one or two different names, not {text!r}")
+    return axes
+
+
+def measure(cell: Cell) -> dict[str, Any]:
+    """Return in `rows` how the motions of a cell go on: λ₁ and its error [1/s], kind and word.
+
+    Of those over one number also the last crossings (L/√f, l [rad]). seconds: of processor time.
+    """
+    begin, n = time.process_time(), len(cell["points"])
+    balls, attitudes, momenta = _motions(cell)
+    crossed = _crossings(balls, attitudes, momenta, cell) if "follow" in cell else [[]] * n
+    found = exponents(balls, attitudes, momenta, cell["duration"], cell["transient"])
+    spent = (time.process_time() - begin) / n
+    growths = (found.halves * cell["duration"] / 2).tolist()
+    rows = [
+        _later("largest", halves)
+        | {"motion": word_of(growth, some), "crossings": some, "seconds": spent}
+        for halves, growth, some in zip(found.halves, growths, crossed, strict=True)
+    ]
+    return {"rows": rows}
+
+
+def _motions(cell: Cell) -> tuple[list[Parameters], Array, Array]:
+    """Return balls, attitudes (n, 4) and momenta (n, 3) at a cell's points."""
+    ball, (attitude,), (momentum,) = kernel_start(load_scene(cell["scene"]))
+    changes = [dict(zip(cell["over"], point, strict=True)) for point in cell["points"]]
+    balls, momenta = zip(*(varied(ball, momentum, each) for each in changes), strict=True)
+    return [*balls], np.tile(attitude, (len(balls), 1)), np.array(momenta)
+
+
+def _crossings(
+    balls: Sequence[Parameters], attitudes: Array, momenta: Array, cell: Cell
+) -> list[list[list[float]]]:
+    """Return the last crossings of each motion, and leave where it ended in `attitudes`."""
+    crossed, n, skipped = [], len(balls), cell["skipped"]
+    for part in [slice(i, i + 1) for i in range(n)] if cell["follow"] else [slice(n)]:
+        found = section(
+            balls[part], attitudes[part], momenta[part], skipped + _KEPT, direction=1,
+            tolerance=LONG_RUN_TOLERANCE,
+        )  # fmt: skip
+        ratios = found.L / np.linalg.norm(momenta[part], axis=1, keepdims=True)
+        for m, *points in zip(found.found, ratios, found.l, strict=True):
+            crossed.append(np.stack(points, axis=1)[skipped:m].tolist())
+        # What crosses no more goes on from where it began.
+        on = found.status == DONE
+        attitudes[part][on] = found.attitudes[on, -1]
+        attitudes[part.stop :] = attitudes[part.stop - 1]
+    return crossed
+
+
+def measure_contact(cell: Cell) -> dict[str, Any]:
+    """Return in `rows` λ₁ of a cell's only motion by the engine, and by the equations alongside."""
+    scene, ((ball,), _, (momentum,)) = load_scene(cell["scene"]), _motions(cell)
+    designed = redesign(scene, None, Limits(), ball)[1]
+    designed = replace(designed, start=replace(scene.start, momentum=momentum))
+    ball, attitudes, momenta = kernel_start(designed)
+    skipped, kept = (round(cell[name] / _INTERVAL) for name in ("transient", "duration"))
+    model = build(designed, preset(cell["preset"]))
+    turns = partial(rolled, model, _INTERVAL)
+    found = growth(turns, _INTERVAL, skipped, kept, 1, (attitudes, momenta))
+    growths = found.logarithms[0, :, 0], found.by_equations(ball)[0][0, :, 0]
+    ours, alongside = (
+        np.array([half.mean() / _INTERVAL for half in np.array_split(each, 2)]) for each in growths
+    )
+    return {"rows": [_later("contact", ours) | {"alongside": float(alongside[1])}]}
+
+
+def _later(name: str, halves: Array) -> dict[str, Any]:
+    """Return the later of two halves (2,) by a name, and its standard error if both are alike."""
+    apart = abs(halves[1] - halves[0])
+    return {name: float(halves[1]), f"{name}_error": float(apart / math.sqrt(2))}
+
+
+def refined(
+    shape: tuple[int, ...], levels: int, least: float, measured: Callable[[Integers], Array]
+) -> Array:
+    """Return λ₁ on a grid of one or two dimensions; where not measured, that of the nearest place.
+
+    levels: how often a box of the first grid is divided if its corners differ by more than rounding
+    in kind, which changes at ±`least`; measured: gives λ₁ (n,) at places (n, k), NaN where none is.
+    """
+    step, last = 2**levels, tuple(range(-len(shape), 0))
+    largest, asked, due = np.full(shape, np.nan), np.zeros(shape, bool), np.zeros(shape, bool)
+    due[tuple(slice(None, None, step) for _ in shape)] = True
+    while due.any():
+        largest[due] = measured(np.argwhere(due))
+        asked, due, half = asked | due, np.zeros(shape, bool), step // 2
+        grid = largest[tuple(slice(None, None, step) for _ in shape)]
+        kinds = np.sign(grid) * (np.abs(grid) > least)
+        corners = np.lib.stride_tricks.sliding_window_view(kinds, (2,) * len(shape))
+        # A corner without a number makes no border.
+        for box in step * np.argwhere(np.ptp(corners, axis=last) > 0) if half else ():
+            due[tuple(slice(i, i + step + 1, half) for i in box)] = True
+        due, step = due & ~asked, half
+    nearest = distance_transform_edt(~asked, return_distances=False, return_indices=True)
+    return largest[tuple(nearest)]
+
+
+def word_of(growths: Sequence[float], crossings: Sequence[Sequence[float]]) -> str:
+    """Return how a motion goes on, by the logarithms (2,) of a neighbour's growth in two halves.
+
+    crossings: (n, 2), L/√f and l [rad], where they are known.
+    """
+    early, late = growths
+    if abs(late) > _GROWTH:
+        return _CHAOTIC if late > 0 else "straight line"
+    if early > _GROWTH:
+        return _TRANSIENT
+    if not crossings:
+        return "regular"
+    L, l = np.array(crossings).T
+    points = np.stack([L, np.cos(l), np.sin(l)])
+    gaps = (np.abs(points[:, n:] - points[:, :-n]).max() for n in range(1, len(l) // 2 + 1))
+    periods = [n for n, gap in enumerate(gaps, start=1) if gap < _NEAR]
+    return f"cycle of {periods[0]}" if periods else "torus"
+
+
+def _dozen(rows: Sequence[Row]) -> list[Row]:
+    """Return some of the rows, from the least λ₁ to the largest in even steps."""
+    left = sorted(rows, key=lambda row: row["largest"])
+    steps = np.linspace(left[0]["largest"], left[-1]["largest"], min(_DOZEN, len(left)))
+    return [left.pop(np.argmin([abs(row["largest"] - at) for row in left])) for at in steps]
+
+
+def _columns(axes: _Axes) -> list[Column]:
+    """Return the columns of what the engine repeated."""
+    columns = [Column(NUMBERS[name][0], name, NUMBERS[name][1], form=".4g") for name in axes]
+    for by, key in ((EQUATIONS.name, "largest"), (LABEL.name, "contact")):
+        columns += [Column(f"λ₁, {by}", key, "1/s", form=".4f"), Column("±", f"{key}_error")]
+    return [*columns, Column("equations alongside", "alongside", "1/s", form=".4f")]
+
+
+def _blank(scene: Scene, axes: _Axes) -> tuple[Figure, list[str], dict[str, float]]:
+    """Return a figure with its title only, the labels of its axes, and the scene's own numbers."""
+    figure = Figure(figsize=(9.0, 7.4), layout="constrained")
+    title(figure, f"{scene.name}: {scene.title}")
+    labels = ["{} [{}]".format(*NUMBERS[name]) for name in axes]
+    return figure, labels, numbers_of(scene.parameters, scene.start.momentum)
+
+
+def _draw_chart(
+    scene: Scene, axes: _Axes, largest: Array, least: float, repeated: Sequence[Row]
+) -> Figure:
+    """Draw λ₁ (across, up) in colours, with the borders of chaos and what the engine repeated."""
+    figure, (across, up), own = _blank(scene, axes)
+    panel, (x, y) = figure.subplots(), axes
+    colours = colormaps["viridis"].with_extremes(under=FAINT)
+    most = max(2 * least, float(np.nanmax(largest)))
+    image = panel.pcolormesh(*axes.values(), largest.T, cmap=colours, vmin=-least, vmax=most)
+    bar = figure.colorbar(image, extend="min", label="λ₁ [1/s]; white line: 0")
+    bar.ax.axhline(0.0, color="white")
+    panel.contour(*axes.values(), largest.T, levels=[least], colors="white", linewidths=0.6)
+    resting = np.where(largest < -least, 1.0, 0.0).T
+    panel.contourf(*axes.values(), resting, levels=[0.5, 1.5], colors="none", hatches=["///"])
+    marks: dict[str, Row] = {_PAPERS.get(scene.name, scene.name): own}
+    marks |= {f"{i}": row for i, row in enumerate(repeated, start=1)}
+    for i, (words, row) in enumerate(marks.items()):
+        place = row[x], row[y]
+        panel.plot(*place, "s" if i else "*", color=ACCENT, mec="white", ms=5 if i else 15)
+        by = (5, -12 if place[1] > axes[y].mean() else 4)  # within the picture
+        note(panel, words, place, by, fontsize=9, path_effects=halo(), annotation_clip=True)
+    panel.set(xlabel=across, ylabel=up)
+    words = "white lines: borders of chaos; hatched: settles on a straight line; blank: no start"
+    panel.set_title(words, fontsize=9)
+    return figure
+
+
+def _draw_diagram(scene: Scene, axes: _Axes, rows: Sequence[Row]) -> Figure:
+    """Draw the crossings' L/√f and l over what is varied, and λ₁ below."""
+    figure, (across,), own = _blank(scene, axes)
+    (name,) = axes
+    dots = np.array([(row[name], *at) for row in rows for at in row["crossings"]]).reshape(-1, 3)
+    above, middle, below = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 2))
+    style: Any = {"color": INK, "markersize": 1.2, "markeredgewidth": 0}
+    above.plot(dots[:, 0], dots[:, 1], "o", **style)
+    middle.plot(dots[:, 0], dots[:, 2] % (2 * np.pi), "o", **style)
+    below.plot([row[name] for row in rows], [row["largest"] for row in rows], color=INK)
+    for panel, label in ((above, "L/√f"), (middle, "l [rad]"), (below, "λ₁ [1/s]")):
+        panel.set_ylabel(label)
+        panel.axvline(own[name], color=ACCENT, linestyle="--", linewidth=1)
+    below.axhline(0.0, color=FAINT)
+    below.set(xlabel=across, xlim=(rows[0][name], rows[-1][name]))
+    above.set_title(f"dashed: {_PAPERS.get(scene.name, scene.name)}", fontsize=9)
+    figure.align_ylabels()
+    return figure
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Chart a scene's largest exponent over two of its numbers, or its section over one.
+
+    The numbers are K1 to K3 and Omega1 to Omega3, along the principal axes; K and Omega, lengths
+    with the direction kept; K12, K23, K31, Omega12 …, directions in a plane, in degrees; f = M² and
+    c = (M, γ).
+
+    Example: robotball chart fig14 --over K=0:6,Omega=0:6 --quick
+    """
+
+    scene: SceneName
+    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
+    over: Annotated[str, arg(metavar="NAME=FROM:TO,…")]
+    """What changes, and from where to where: across and up, or across alone."""
+    count: int = 100
+    """Points of an axis at first."""
+    refine: int = 1
+    """How often the spacing is halved where motions differ."""
+    follow: bool = False
+    """Over one number: begin each motion where the one before ended, and refine nothing."""
+    duration: Annotated[float, arg(metavar="S")] = 4000.0
+    """Time of each motion in whose later half the exponent is measured."""
+    transient: Annotated[float, arg(metavar="S")] = 2000.0
+    """Time before that."""
+    preset: Preset = None
+    """Also repeat a dozen of the points by the engine so set."""
+    sweep: SweepOptions = field(default_factory=Sweep)
+
+    def run(self) -> int:
+        scene, less = moving_scene(self.scene, "a chart"), _QUICK if self.sweep.quick else 1
+        levels = 0 if self.follow else check_count("refine", self.refine, 0)
+        count = max(3, check_count("count", self.count, 3) // less)
+        axes = axes_of(self.over, (count - 1) * 2**levels + 1)
+        if self.follow and len(axes) > 1:
+            raise InputError("--follow goes along one number: give one to --over")
+        for option in ("duration", "transient"):
+            check_positive(option, getattr(self, option), "s")
+        settings = None if self.preset is None else preset(self.preset).name
+        writable_folder(self.sweep.out)
+        ball, _, (momentum,) = kernel_start(scene)
+        # Refused before the work; with an f that allows any c.
+        varied(ball, momentum, {name: max(axes[name], key=abs) for name in axes} | {"f": 1e99})
+        own = numbers_of(ball, momentum)
+        shared = scene_cell(self.scene, self.duration / less)
+        shared |= {"transient": self.transient / less, "over": [*axes]}
+        if len(axes) == 1:
+            skipped = _FOLLOWED if self.follow else _SKIPPED
+            shared |= {"follow": self.follow, "skipped": skipped // less}
+        rows: dict[tuple[float, ...], dict[str, Any]] = {}
+
+        def measured(places: Integers) -> Array:
+            points = np.stack([axes[n][i] for n, i in zip(axes, places.T, strict=True)], axis=1)
+            level = own | dict(zip(axes, points.T, strict=True))
+            some = np.broadcast_to(level["f"] > np.square(level["c"]), len(points))
+            if not some.any():  # of this one too the reason is said
+                varied(ball, momentum, dict(zip(axes, points[-1], strict=True)))
+            size = len(points) if self.follow else _CHUNK
+            rows.update(self._rows(measure, shared, points[some].tolist(), size))
+            there = [rows.get((*point,)) for point in points]
+            return np.array([row["largest"] if row else math.nan for row in there])
+
+        least = 2 * _GROWTH / shared["duration"]
+        largest = refined(tuple(map(len, axes.values())), levels, least, measured)
+        if not rows:
+            raise InputError(f"over {self.over} no motion could be followed")
+        found = [rows[point] for point in sorted(rows)]
+        some = largest[np.isfinite(largest)]
+        errors = [row["largest_error"] for row in found if row["motion"] == _CHAOTIC]
+        record = {
+            "scene": scene.name, **shared, "size": largest.shape, "points": len(rows),
+            "chaotic": float((some > least).mean()), "straight": float((some < -least).mean()),
+            "transient_chaos": sum(row["motion"] == _TRANSIENT for row in found) / len(found),
+            "median_error": float(np.median(errors or [0.0])),
+            "minutes": sum(row.pop("seconds") for row in found) / 60,
+        }  # fmt: skip
+        shown: list[Table | str] = [_SAID.format(**record)]
+        repeated: list[Row] = []
+        if settings is not None:
+            dozen = {tuple(row[name] for name in axes): row for row in _dozen(found)}
+            engine = self._rows(measure_contact, shared | {"preset": settings}, [*dozen], 1)
+            repeated = [{**dozen[point], **row} for point, row in engine.items()]
+            shown.append(table_of(_columns(axes), repeated))
+        if len(axes) == 1:
+            picture = _draw_diagram(scene, axes, found)
+        else:
+            picture = _draw_chart(scene, axes, largest, least, repeated)
+        # A line of the file for each crossing, and one for a motion without.
+        lines = [{**row, "L/√f": L, "l": l} for row in found
+                 for L, l in row.pop("crossings") or [(None, None)]]  # fmt: skip
+        record["repeated"] = repeated
+        study = Study(scene.name, None, ["chart"], lines, record, shown, picture)
+        options = "over", "count", "refine", "follow", "duration", "transient", "preset"
+        return self.sweep.present(study, *changed(self, *options))
+
+    def _rows(
+        self, work: Work, shared: Cell, points: Sequence[Sequence[float]], size: int
+    ) -> dict[tuple[float, ...], dict[str, Any]]:
+        """Return the rows that work makes of points (n, k), so many in a cell, by their points."""
+        cells = [{**shared, "points": points[i : i + size]} for i in range(0, len(points), size)]
+        journal = f"{Path(self.scene).stem}-{work.__name__.replace('measure', 'chart')}"
+        return {
+            tuple(point): dict(zip(shared["over"], point, strict=True)) | row
+            for each in self.sweep.results(work, cells, journal, _LIMIT)
+            if each.record
+            for point, row in zip(each.cell["points"], each.record["rows"], strict=True)
+        }

@@ -55,7 +55,7 @@ from validation.study import (
 )
 from validation.sweeps import Cell, Result, rows_of
 
-_LIMIT, _SET_UP = 300.0, 100.0  # s that a run may take, and its set-up, compilation included
+_LIMIT, _SET_UP = 300.0, 200.0  # s that a run may take, and its set-up, compilation included
 _ROUNDS = 3  # of timing
 _LEAST_BUDGET = 4  # of a search
 _DRAWN = 2 / 3  # of the budget; the rest refines

@@ -26,6 +26,11 @@ from robotball.qualitative.sections import section
 from robotball.rotations import Array, Mask, rotation_matrix
 
 
+# Any direction of a deviation will do, if none is special: the transient turns it into the fastest
+# growing.
+ANY_TURN = (0.6, 0.48, 0.64)
+
+
 @dataclass(frozen=True)
 class Exponents:
     """The exponents of n starts, each from its own run, and what they say together.
@@ -90,8 +95,7 @@ def exponents(
     starts = Starts(balls, attitudes, momenta)
     if not (starts.size > 0).all():
         raise InputError("exponents need M other than zero: with M = 0 the motion is on the sphere")
-    # Any direction will do, if none is special: the transient turns it into the fastest growing.
-    rest = np.tile([0.6, 0.48, 0.64, 0.0, 0.0], (len(starts.rows), 1))
+    rest = np.tile([*ANY_TURN, 0.0, 0.0], (len(starts.rows), 1))
     halves = _mean_rates(starts, DEVIATION, rest, duration, transient)
     return Exponents(halves[..., 7], halves[..., 8].mean(axis=1), duration)
 

@@ -40,7 +40,7 @@ def in_a_library_that_makes_another_error_of_it():
     except KeyboardInterrupt:
         raise ImportError("of a part of it") from None
 
-with main.ended_by_signals(), replacing(Path("result.json")) as temporary:
+with main._ended_by_signals(), replacing(Path("result.json")) as temporary:
     temporary.write_text("half of")
     print("at work", flush=True)
     globals()[sys.argv[1]]()

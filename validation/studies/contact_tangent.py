@@ -31,7 +31,7 @@ from robotball.engines.mujoco.model import Model, build
 from robotball.equations import Parameters
 from robotball.processes import allowed, in_processes
 from robotball.qualitative.cycles import Cycle, Followed, close_map
-from robotball.qualitative.long_run import Exponents, exponents, standard_error
+from robotball.qualitative.long_run import ANY_TURN, Exponents, exponents, standard_error
 from robotball.qualitative.portraits import limit_cycles
 from robotball.qualitative.sections import Crossings, crossings_of_motion, fixed_point
 from robotball.rotations import Array, multiply, turn_between, turned
@@ -154,7 +154,9 @@ def growth(
     """
     attitudes, momenta = starts
     # Changes of M first: begun with turns, which keep M, the others would fall in behind too late.
-    along, found = np.tile(np.eye(6)[:, k - 1 :: -1], (len(attitudes), 1, 1)), []
+    first = np.eye(6)[:, k - 1 :: -1]
+    first[:3, -1] = ANY_TURN
+    along, found = np.tile(first, (len(attitudes), 1, 1)), []
     for _ in range(skipped + count):
         began = attitudes, along
         attitudes, images = tangent(flow, attitudes, momenta, along)

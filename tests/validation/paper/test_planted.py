@@ -79,7 +79,7 @@ PLANTED: dict[str, tuple[Any, str, Callable[[Formula], Formula], str, str]] = {
         lambda old: lambda p: (*old(p)[:2], p.K[2] * old(p)[2]), "E7, Prop. 2", "B =",
     ),
     "the first Lyapunov value": (
-        equilibria, "_first_lyapunov_value", with_value(minus), "E6, Prop. 2", "the focus",
+        equilibria, "lyapunov_value", with_value(minus), "E6, Prop. 2", "the focus",
     ),
     "κ in closed_form_points": (equilibria, "kappa", with_value(minus), "E10, 4.2", "Δ: φ"),
     "a circle at Γ₅ as at Γ₁": (

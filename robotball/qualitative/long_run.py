@@ -25,7 +25,6 @@ from robotball.qualitative.cycles import Cycle, close, nearest
 from robotball.qualitative.sections import section
 from robotball.rotations import Array, Mask, rotation_matrix
 
-
 # Any direction of a deviation will do, if none is special: the transient turns it into the fastest
 # growing.
 ANY_TURN = (0.6, 0.48, 0.64)

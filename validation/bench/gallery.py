@@ -36,6 +36,27 @@ _PICTURES = {
         for name in ("momentum", "contact", "duration")
     },
     "results": {"results-mujoco.png": "results-drift.png"},
+    "continue fig07 --of equilibrium --over K3 --from 0.1 --to 2.5": {
+        "fig07-continue-equilibrium-K3.png": "fig07-continue-equilibrium-K3.png"
+    },
+    "continue fig07 --of cycle --over K3 --from 0.4 --to 3": {
+        "fig07-continue-cycle-K3.png": "fig07-continue-cycle-K3.png"
+    },
+    "continue fig10 --of line --over K3 --from -1.7 --to 1.7": {
+        "fig10-continue-line-K3.png": "fig10-continue-line-K3.png"
+    },
+    "chart fig14 --over K=0:9,Omega=0:8 --count 200 --refine 0 --preset fast": {
+        "fig14-chart-K-0-9-Omega-0-8-count-200-refine-0-fast.png": "chart-rubber.png"
+    },
+    "chart classical_chaotic --over K=0:9,Omega=0:8 --count 50": {
+        "classical_chaotic-chart-K-0-9-Omega-0-8-count-50.png": "chart-classical.png"
+    },
+    "chart classical_chaotic --over f=1:50,c=0:7 --count 50": {
+        "classical_chaotic-chart-f-1-50-c-0-7-count-50.png": "chart-classical-fc.png"
+    },
+    "chart fig14 --over K=4.5:2.5 --count 500 --follow": {
+        "fig14-chart-K-4.5-2.5-count-500-follow.png": "diagram.png"
+    },
 }
 _ROLLED = ("fig12", "classical_regular", "wobbling_drive", "classical_chaotic")  # by all engines
 _BY_NAME = {

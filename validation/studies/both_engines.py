@@ -313,8 +313,8 @@ class Results:
     """
 
     only: Names = ()
-    """Parts to run, of equilibria, closed-orbits, straight-lines, long-runs, drift and
-    classical-section; all if not given."""
+    """Parts to run, of equilibria, closed-orbits, straight-lines, long-runs, drift,
+    classical-section, limit-cycles and exponents; all if not given."""
     sweep: SweepOptions = field(default_factory=Sweep)
 
     def run(self) -> int:

@@ -268,7 +268,7 @@ def _cycle_rows(name: str) -> Iterator[Row]:
     contact = contact_cycle(build(scene, preset(settings)), cycle, parts)
     own, theirs = (float(abs(each.multipliers[0])) for each in (cycle, contact))
     yield _row(place, "period", "s", cycle.period, contact.period, "step")
-    yield _row(place, "|multiplier|", "", own, theirs, "step")
+    yield _row(place, "|multiplier|", "1", own, theirs, "step")
 
 
 def _exponent_rows(name: str, quick: bool) -> Iterator[Row]:
@@ -294,7 +294,7 @@ def _exponent_rows(name: str, quick: bool) -> Iterator[Row]:
         yield _row(place, "λ₁", "1/s", right.mean[0], found.mean[0], by_chance[0])
         yield _row(place, "λ₆", "1/s", right.mean[1], found.mean[1], by_chance[1])
         both = right.dimension, found.dimension
-        yield _row(place, "dimension of the section", "", *both, by_chance[2])
+        yield _row(place, "dimension of the section", "1", *both, by_chance[2])
     else:
         last = "λ₅ + λ₆" if zeros.stop == 4 else "λ₆"
         yield _row(place, last, "1/s", right.mean[1], found.mean[1], "step")

@@ -1,7 +1,7 @@
 """The attractors of Fig. 11 as the contact model has them: by its own map and by clouds.
 
 `robotball attractors` measures the same at full length. It found: period
-8.7432614 s off by 1e-8, torus off by 1e-6, the cloud of 2000 points at p = 0.52 among 199 of the
+8.7432614 s off by 1e-8, torus off by 1e-6, the cloud of 2000 points at p = 0.92 among 199 of the
 equations' own, λ₁ = 0.1182 ± 0.0011 1/s (0.1160 by the equations).
 """
 

@@ -277,7 +277,7 @@ def _exponent_rows(name: str, quick: bool) -> Iterator[Row]:
     scene, place = load_scene(name), (kind, where, settings.name)
     ball, aligned, more = scene.parameters, _ALIGNED, 1e4
     if quick:
-        starts, seconds, aligned, more = 2, 100.0, 50.0, 1e3
+        starts, seconds, aligned, more = 2, 60.0, 30.0, 1e3
     attitudes, momenta = level_starts(scene, starts, seed=0)
     # The equations bring the starts to the attractor.
     brought = orbits(ball, attitudes, momenta, np.array([0.0, 3000.0]), LONG_RUN_TOLERANCE)

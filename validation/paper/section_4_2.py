@@ -450,8 +450,7 @@ def _early_cycle(twist: float, cycles: int = 1) -> Errors:
     Twisted, at K₃ = 0.5, where the saddles' manifolds have not joined yet.
     """
     K3 = 0.51 if twist == 1 else 0.5
-    # A cycle of 82 s is searched for over twice its period.
-    yield len(limit_cycles(f.ball(_with_K3(K3)), 170.0, starts=16)) - cycles
+    yield len(limit_cycles(f.ball(_with_K3(K3)), 100.0, starts=4)) - cycles  # its period is 82 s
     yield _number(K3, 150) - 10
 
 

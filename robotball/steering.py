@@ -17,7 +17,6 @@ import numpy as np
 from scipy.integrate import solve_bvp, solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares, minimize
-from scipy.spatial.transform import Rotation
 
 from robotball import equations as eq
 from robotball import mechanics as formulas
@@ -25,7 +24,7 @@ from robotball.drives import Ramp, Samples, turns
 from robotball.errors import InputError, check_positive, check_size
 from robotball.motion import Motion
 from robotball.motors import Free
-from robotball.rotations import Array, Mask, multiply, rotation_matrix
+from robotball.rotations import Array, Mask, multiply, rotation_matrix, turned
 from robotball.scene import Hinge, Scene, Start
 
 _FINE = 2001  # points, of whose chords a path's length is the sum: a circle's is short by 4e-7
@@ -390,7 +389,7 @@ def _hanging(way: Way, times: Array) -> Array:
                 now = np.array([times[i - 1] + (k + 0.5) * step])
                 axes = rotation_matrix(shell)[None]
                 turn = way.shell(now, axes[:, 2], axes)[0] * step
-                shell = multiply(shell, Rotation.from_rotvec(turn).as_quat(scalar_first=True))
+                shell = turned(shell, turn)
         y[7:, i] = _balanced(way, shell, y[7:, max(i - 1, 0)])
         y[:4, i] = _turned_back(shell, e, -y[7, i])
         # q and -q are one attitude; the solver needs one that does not jump.

@@ -94,8 +94,8 @@ def close_map(
         jacobian = np.zeros((n, gap[0].size, 3 * n + 1))
         for i in range(n):
             own, after = (slice(3 * j, 3 * j + 3) for j in (i, (i + 1) % n))
-            jacobian[i, :, own] += _by_turn(reached[i]) @ monodromies[i]
-            jacobian[i, :, after] -= _by_turn(starts[(i + 1) % n])
+            jacobian[i, :, own] += by_turn(reached[i]) @ monodromies[i]
+            jacobian[i, :, after] -= by_turn(starts[(i + 1) % n])
             jacobian[i, :, -1] = np.cross(reached[i], omegas[i]).ravel() / n
         # Turning along the motion itself changes nothing, nor, where M = 0, about the vertical:
         # singular but for the derivatives' errors, hence the least solution.
@@ -110,7 +110,7 @@ def close_map(
     raise InputError("no periodic motion found near the start: Newton's method does not converge")
 
 
-def _by_turn(vectors: Array) -> Array:
+def by_turn(vectors: Array) -> Array:
     """Return the derivative (3k, 3) of space's vectors (k, 3) in frame axes by a small turn."""
     return np.cross(vectors[:, None], np.eye(3)).transpose(0, 2, 1).reshape(-1, 3)
 

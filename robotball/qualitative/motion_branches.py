@@ -20,7 +20,7 @@ from robotball import equations as eq
 from robotball.engines.ensembles.orbits import angular_velocity, orbits
 from robotball.equations import Parameters
 from robotball.qualitative import continuation as co
-from robotball.qualitative.cycles import Cycle, level_vectors, monodromy_of, multipliers_of
+from robotball.qualitative.cycles import Cycle, by_turn, level_vectors, monodromy_of, multipliers_of
 from robotball.qualitative.equilibria import attitude_at, fixed_points
 from robotball.qualitative.families import varied
 from robotball.qualitative.normal_forms import Flow, flow_near, linear_part, lyapunov_value
@@ -135,17 +135,12 @@ def born_cycles(
     flow, size = family.flow(u, s)
     values, vectors = np.linalg.eig(linear_part(flow, size))
     i = int(np.argmax(values.imag))
-    out = vectors[:, i].real @ (tangents(u) if size == 2 else _turning(vectors_of(u)).T)
+    out = vectors[:, i].real @ (tangents(u) if size == 2 else by_turn(vectors_of(u)).T)
     x = np.array([*u, np.log(2 * np.pi / values[i].imag), s])
     tangent = np.array([*out, 0.0, 0.0]) / np.linalg.norm(out)
     start = co.Point(x, tangent, np.full(1, np.inf), co.HOPF)  # the multipliers do not matter
     points, end = co.half(_closing(family, float(values.real.sum()) > 0, longest), start, most)
     return lyapunov_value(flow, size), co.Branch(tuple(points), (co.HOPF, end))
-
-
-def _turning(vectors: Array) -> Array:
-    """Return the linear map (3k, 3) from a small turn of the frame to vectors (k, 3) seen in it."""
-    return np.concatenate([np.cross(v, np.eye(3)).T for v in vectors])
 
 
 def _logarithms(monodromy: Array, volume: float, momentum: Array) -> Array:
@@ -181,10 +176,10 @@ def _closing(family: Family, backwards: bool, longest: float) -> co.Problem:
         period = float(np.exp(u[-1]))
         end, monodromy, volume = monodromy_of(ball, attitude, M, period)
         before, after = level_vectors(attitude, M), level_vectors(end, M)
-        by_turn = _turning(after) @ monodromy - _turning(before)
+        closing = by_turn(after) @ monodromy - by_turn(before)
         columns = (
-            by_turn @ np.linalg.pinv(_turning(vectors_of(u))),
-            period * _turning(after) @ angular_velocity(ball, end, M),
+            closing @ np.linalg.pinv(by_turn(vectors_of(u))),
+            period * by_turn(after) @ angular_velocity(ball, end, M),
             co.by_parameter(reached, u, s),
         )
         return (

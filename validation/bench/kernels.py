@@ -40,6 +40,7 @@ from robotball.engines.ensembles.steppers import (
 )
 from robotball.equations import Parameters
 from robotball.processes import at_most
+from robotball.qualitative.long_run import ANY_TURN
 from robotball.qualitative.sections import section, section_starts
 from robotball.rotations import Array, rotation_matrix
 
@@ -332,7 +333,7 @@ def _section_points(attitudes: Array, momenta: Array) -> None:
 def _exponents(attitudes: Array, momenta: Array) -> None:
     """Compare the nine equations of the exponents by ln growth and volume at 50 s."""
     starts, ends = Starts(_FIG11B, attitudes, momenta), (50.0, 400.0)
-    rest = np.tile([0.6, 0.48, 0.64, 0.0, 0.0], (_MANY, 1))
+    rest = np.tile([*ANY_TURN, 0.0, 0.0], (_MANY, 1))
     best = starts.march(DEVIATION, rest, np.array(ends[:1]), 1e-15)[0][:_LANES, 0]
     logs = _median_error(best[:, 7:])
 

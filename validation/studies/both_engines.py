@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from scipy.spatial.transform import Rotation
 
 from robotball import Motion, Scene, design, integrate, load_scene, preset, sample_times
 from robotball.engines.mujoco import LABEL
@@ -26,21 +25,19 @@ from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.equations import speed_bound
 from robotball.qualitative import equilibria, long_run, straight_motions
 from robotball.qualitative.normal_forms import flow_near, linear_part
-from robotball.rotations import Array, conjugate, multiply, normalised, tangents
+from robotball.rotations import Array, multiply, normalised, tangents, turn_between, turned
 from robotball.scene import Start, along_momentum
 from validation.options import AGREES, DISAGREES, Names, Sweep, SweepOptions, chosen, listed
 from validation.output import writable_folder, write_text
 from validation.studies import contact_sections as sections
 from validation.studies.contact_sections import level_starts, own_start, sound_run
-from validation.studies.contact_tangent import exponents_by_both, limit_cycles_by_both
+from validation.studies.contact_tangent import compared, exponents_by_both, limit_cycles_by_both
 from validation.study import Column, Row, Study, compiled_motion, scene_cell, table_of
 from validation.sweeps import Cell
 
 _Rows = Iterator[dict[str, Any]]
 _Run = Callable[[Scene, Array], Motion]
-_KEYS = (
-    "result", "where", "preset", "quantity", "unit", "equations", "contact", "bound", "decides",
-)  # fmt: skip
+_LINE: Callable[..., dict[str, Any]] = compared  # of values that often come in pairs
 _SMALL = 1e-5  # rad, of a displacement: what its cube leaves of a rate is below the steps' errors
 _FOLDS, _TURNS = 3.0, 60.0  # of growth by e, or rad of turning, over which a rate is fitted
 _ROOM = 5.0  # folds of the fastest growth, which magnify what a step is off
@@ -48,12 +45,6 @@ _NO_RATE = 1e-9  # 1/s: an eigenvalue below it is along a family of equilibria
 _PERIOD, _ITERATIONS = 2.6, 6  # s, of a closed orbit, about; of Newton's method, to rounding
 _CLOUDS = 100  # of the equations: one is the reference, the others its peers
 _SIDES = 2e-3  # of f*, (kg m²/s)²: between so near values the growth is a straight line
-
-
-def _line(*values: Any) -> dict[str, Any]:
-    """Return a row of the table from the values of KEYS."""
-    row = dict(zip(_KEYS, values, strict=True))
-    return row | {"apart": abs(row["contact"] - row["equations"])}
 
 
 def by_contact(name: str, scene: Scene, times: Array) -> Motion:
@@ -109,7 +100,7 @@ def _equilibria(quick: bool) -> _Rows:
 def _equilibrium(scene: Scene, name: str, gamma: Array, quick: bool) -> _Rows:
     family = {"Σ_s": "attracts", "Σ_u": "repels"}  # whose other eigenvalue is zero
     kind = family.get(name) or equilibria.fixed_point_at(scene.parameters, gamma).kind
-    line = partial(_line, f"{name}, {kind}", f"4, {scene.title.split('(')[-1][:-1]}", "balanced")
+    line = partial(_LINE, f"{name}, {kind}", f"4, {scene.title.split('(')[-1][:-1]}", "balanced")
     near, times = partial(_beside_point, scene, gamma), np.linspace(0.0, 10.0, 101)
     left = np.linalg.norm(near(_BALANCED, np.zeros(2), times), axis=1).max()
     yield line("left in 10 s by", "rad", 0.0, float(left), 1e-5, "step, magnified by e^λt")
@@ -138,22 +129,21 @@ def _straight_lines(quick: bool) -> _Rows:
         own = next(each for each in lines if name(each.gamma) == "σ₋")
         linear = linear_part(flow_near(scene.parameters, own.gamma, own.momentum), 3)
         start = along_momentum(own.gamma, own.momentum)
-        line = partial(_line, f"σ₋, f = {f:.4f}", "5.1, Fig. 10", "balanced")
+        line = partial(_LINE, f"σ₋, f = {f:.4f}", "5.1, Fig. 10", "balanced")
         rows = [*rates(line, linear, partial(_beside_line, scene, start))]
         growth += [row["contact"] for row in rows if "Re" in row["quantity"]]
         yield from rows
     at = float(np.interp(0.0, growth[:2], [limit - _SIDES, limit + _SIDES]))
-    line = partial(_line, "σ₋, limit of stability", "5.1, (5.4)", "balanced")
+    line = partial(_LINE, "σ₋, limit of stability", "5.1, (5.4)", "balanced")
     yield line("f*", "(kg m²/s)²", limit, at, 1e-5, "step; a chord for the growth over f")
 
 
 def _beside_line(scene: Scene, start: Start, turn: Array, times: Array) -> Array:
     """Return the frame's turns (n, 3) from a straight motion's start, from a first one (3,)."""
-    aside = multiply(start.attitude, Rotation.from_rotvec(turn).as_quat(scalar_first=True))
+    aside = turned(start.attitude, turn)
     beside = replace(scene, start=own_start(scene, aside, start.momentum))
     own = multiply(_BALANCED(beside, times).attitude, scene.principal_quaternion)
-    apart = multiply(conjugate(start.attitude), own)
-    return Rotation.from_quat(apart, scalar_first=True).as_rotvec()
+    return turn_between(start.attitude, own)
 
 
 def _closed_orbits(quick: bool) -> _Rows:
@@ -161,7 +151,7 @@ def _closed_orbits(quick: bool) -> _Rows:
     scene = load_scene("rubber_chaplygin_gyrostat")
     attitude = equilibria.attitude_at(normalised(np.array([0.3, 0.5, 0.8])))
     scene = replace(scene, start=own_start(scene, attitude, np.zeros(3)))
-    line = partial(_line, "closed orbit, Ω = 0", "4", "balanced")
+    line = partial(_LINE, "closed orbit, Ω = 0", "4", "balanced")
     times, runs = sample_times(20.0 if quick else 100.0), (compiled_motion, _BALANCED)
     (period, gap), (other, missed) = (closed(run, scene, _PERIOD) for run in runs)
     yield line("period", "s", period, other, 1e-7, "step")
@@ -192,7 +182,7 @@ def _long_runs(quick: bool) -> _Rows:
         scene, times = load_scene(name), sample_times(seconds / 100 if quick else seconds)
         theory = (compiled_motion if scene.steady else integrate)(scene, times)
         motions = theory, by_contact("fast", scene, times)
-        line = partial(_line, f"{scene.title}, {times[-1]:g} s", "3.3", "fast")
+        line = partial(_LINE, f"{scene.title}, {times[-1]:g} s", "3.3", "fast")
         if scene.steady:
             starts = level_starts(scene, 64, seed=0)
             many = long_run.drift(scene.parameters, *starts, float(times[-1]))
@@ -222,7 +212,7 @@ def _classical_section(quick: bool) -> _Rows:
     reference, *peers = (cloud(seed).states for seed in range(1, _CLOUDS + 1))
     points = sections.cloud_by_contact(build(scene, preset("fast")), recipe, seed=0).states
     rank = sections.rank_probability(points, peers, reference)
-    line = partial(_line, "classical ball, chaos", "3.2, section g = 0", "fast")
+    line = partial(_LINE, "classical ball, chaos", "3.2, section g = 0", "fast")
     yield line("rank of its section", "1", 0.5, rank, 0.49, "chance: even between 0 and 1")
 
 
@@ -247,7 +237,7 @@ def _drift(quick: bool) -> _Rows:
             moved = theory.contact_point[1, 0], run.contact_point[2, 0] - run.contact_point[1, 0]
             found.append([speed, *(float(each / duration) for each in moved)])
     worst = max(found, key=lambda each: abs(each[1] - each[2]))
-    line = partial(_line, "drift along OX over |Ω|", "5.3", "fast")
+    line = partial(_LINE, "drift along OX over |Ω|", "5.3", "fast")
     words = f"largest difference, at {worst[0]:g} rad/s", "m/s", *worst[1:]
     yield line(*words, 1e-2, "step, half by what it takes of M") | {"drifts": found}
 

@@ -16,6 +16,7 @@ and (M, γ), which are constant, deviations do not grow: of the six exponents fo
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -267,8 +268,8 @@ def _cycle_rows(name: str) -> Iterator[Row]:
         (cycle,) = limit_cycles(scene.parameters)
     contact = contact_cycle(build(scene, preset(settings)), cycle, parts)
     own, theirs = (float(abs(each.multipliers[0])) for each in (cycle, contact))
-    yield _row(place, "period", "s", cycle.period, contact.period, "step")
-    yield _row(place, "|multiplier|", "1", own, theirs, "step")
+    yield compared(*place, "period", "s", cycle.period, contact.period, None, "step")
+    yield compared(*place, "|multiplier|", "1", own, theirs, None, "step")
 
 
 def _exponent_rows(name: str, quick: bool) -> Iterator[Row]:
@@ -291,33 +292,36 @@ def _exponent_rows(name: str, quick: bool) -> Iterator[Row]:
         right = exponents(ball, *level_starts(scene, 64, seed=1), more)
         errors = (*found.error, found.dimension_error)
         by_chance = [f"statistics: σ = {error:.1g}" for error in errors]
-        yield _row(place, "λ₁", "1/s", right.mean[0], found.mean[0], by_chance[0])
-        yield _row(place, "λ₆", "1/s", right.mean[1], found.mean[1], by_chance[1])
+        yield compared(*place, "λ₁", "1/s", right.mean[0], found.mean[0], None, by_chance[0])
+        yield compared(*place, "λ₆", "1/s", right.mean[1], found.mean[1], None, by_chance[1])
         both = right.dimension, found.dimension
-        yield _row(place, "dimension of the section", "1", *both, by_chance[2])
+        yield compared(*place, "dimension of the section", "1", *both, None, by_chance[2])
     else:
         last = "λ₅ + λ₆" if zeros.stop == 4 else "λ₆"
-        yield _row(place, last, "1/s", right.mean[1], found.mean[1], "step")
+        yield compared(*place, last, "1/s", right.mean[1], found.mean[1], None, "step")
     a, b = (max(each.spectra.mean(axis=0)[zeros], key=abs) for each in (ours, contact))
     name = f"farthest from 0 of the other {zeros.stop - zeros.start}"
-    yield _row(place, name, "1/s", a, b, "duration: ln t/t, by shear")
+    yield compared(*place, name, "1/s", a, b, None, "duration: ln t/t, by shear")
     logarithms, divergence = contact.by_equations(ball)
     along, own = (each.mean(axis=(0, 1)) / _STRETCH for each in (logarithms, contact.logarithms))
     i = int(np.abs(own - along).argmax())
     name = f"of {len(own)} along one motion, the farthest apart"
-    yield _row(place, name, "1/s", along[i], own[i], "step")
-    yield _row(place, "mean divergence, sum of all", "1/s", divergence, own.sum(), "duration")
+    yield compared(*place, name, "1/s", along[i], own[i], None, "step")
+    yield compared(
+        *place, "mean divergence, sum of all", "1/s", divergence, own.sum(), None, "duration"
+    )
 
 
-def _row(
-    place: tuple[str, str, str],
-    quantity: str, unit: str, equations: float, contact: float, decides: str,
-) -> Row:  # fmt: skip
-    result, where, settings = place
+def compared(
+    result: str, where: str, preset: str, quantity: str, unit: str,
+    equations: float, contact: float, bound: float | None, decides: str,
+) -> dict[str, Any]:  # fmt: skip
+    """Return a row of a quantity by both engines; bound: of what they may be apart, if any."""
     return {
         "result": result, "where": where, "quantity": quantity, "unit": unit,
-        "equations": float(equations), "contact": float(contact), "preset": settings,
+        "equations": float(equations), "contact": float(contact), "preset": preset,
         "apart": float(abs(contact - equations)), "decides": decides,
+        **({} if bound is None else {"bound": bound}),
     }  # fmt: skip
 
 

@@ -147,11 +147,8 @@ def measure_contact(cell: Cell) -> dict[str, Any]:
     model = build(designed, preset(cell["preset"]))
     turns = partial(rolled, model, _INTERVAL)
     found = growth(turns, _INTERVAL, skipped, kept, 1, (attitudes, momenta))
-    growths = found.logarithms[0, :, 0], found.by_equations(ball)[0][0, :, 0]
-    ours, alongside = (
-        np.array([half.mean() / _INTERVAL for half in np.array_split(each, 2)]) for each in growths
-    )
-    return {"rows": [_later("contact", ours) | {"alongside": float(alongside[1])}]}
+    alongside = np.array_split(found.by_equations(ball)[0][0, :, 0], 2)[1].mean() / _INTERVAL
+    return {"rows": [_later("contact", found.ends().halves[0]) | {"alongside": float(alongside)}]}
 
 
 def _later(name: str, halves: Array) -> dict[str, Any]:

@@ -72,6 +72,8 @@ wheel: setup
 	cd $(WHEEL)/empty && $(ALONE) ../env/bin/python -c 'import robotball, sys, validation; \
 	  files = robotball.__file__, validation.__file__; \
 	  sys.exit(any(sys.prefix not in file for file in files))'
+	@! ls $(WHEEL)/env/lib/python*/site-packages | grep -ix 'mjcf\|docs\|tests\|examples' \
+	  || { echo "the wheel takes a name that is anybody's"; exit 1; }
 	@echo "the wheel runs by itself"
 
 bench: setup

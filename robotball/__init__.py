@@ -1,4 +1,16 @@
-"""robotball: a rolling ball run by contact engines and by the paper's equations, side by side."""
+"""A rolling ball run by contact engines and by the paper's equations, side by side.
+
+    import robotball as rb
+    from validation import compare
+
+    scene = rb.load_scene("fig12")   # a name of rb.catalog(), or the path of a robot's file
+    theory = rb.integrate(scene)     # the motion by the equations
+    motion = rb.simulate(scene)      # the motion by MuJoCo
+    agreement = compare(scene)       # both motions, how far apart they are, and a verdict
+    print(agreement.path_error, motion.report)
+
+`compare` and the studies are in the package `validation`, which comes with this one.
+"""
 
 import os
 

@@ -155,6 +155,11 @@ class ContactReport(Value):
     notes: tuple[Fault, ...] = ()
     python_seconds: float | None = field(default=None, compare=False)
 
+    def __repr__(self) -> str:
+        from robotball.notebook import report_lines
+
+        return report_lines(self)
+
 
 @dataclass(frozen=True)
 class Loads(Value):

@@ -87,6 +87,24 @@ def motion_line(motion: Any) -> str:
     return f"<{type(motion).__name__} of {motion.scene.name} by {by}: {line}>"
 
 
+def report_lines(report: Any) -> str:
+    """Return some lines: settings, steps, the largest of each reading, faults and notes."""
+    steps = f"{report.steps} steps of at most {report.timestep:g} s"
+    largest = {
+        "slip [m/s]": report.slip,
+        "spin [rad/s]": report.spin,
+        "depth [m]": report.depth,
+        "share of the friction cone used": report.friction_used,
+        "relative error of a hinge's rate": report.hinge_rate_error,
+    }
+    readings = [f"largest {name}: {np.max(np.abs(row)):.2g}" for name, row in largest.items()]
+    faults = [f"fault: {each}" for each in report.faults] or ["no fault"]
+    notes = [f"note: {each}" for each in report.notes]
+    cost = f"{steps}, {report.seconds:.2g} s of processor time"
+    head = f"<{type(report).__name__}, {report.settings.name}: {cost}"
+    return "\n  ".join([head, *readings, *faults, *notes]) + ">"
+
+
 def motion_cell(motion: Any) -> str:
     """Return HTML of the motion's line and its path."""
     return cell(motion_line(motion), [motion])

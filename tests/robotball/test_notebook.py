@@ -32,6 +32,17 @@ def test_a_scene_a_motion_and_an_agreement_are_a_line() -> None:
     assert "\n" not in repr(AGREEMENT)
 
 
+def test_a_report_is_a_few_lines_with_its_faults_by_name() -> None:
+    """It has the largest reading of each kind and no array, and each fault on a line of its own."""
+    assert repr(MOTION.report).count("\n") == 6
+    assert repr(MOTION.report).endswith("\n  no fault>")
+    assert f"largest slip [m/s]: {MOTION.report.slip.max():.2g}\n" in str(MOTION.report)
+    naive = rb.simulate(SCENE, TIMES, "naive").report
+    assert repr(naive).endswith(
+        "\n  ".join(["", *(f"fault: {each}" for each in naive.faults)]) + ">"
+    )
+
+
 def pixels_of(shown: str) -> Array:
     """The picture (height, width, 3) of a cell, each channel 0 to 255."""
     (image,) = ElementTree.fromstring(shown).iter("img")

@@ -76,6 +76,16 @@ def _moved(hinge: Any) -> str:
     return rate if isinstance(hinge.command, Constant) else f"{rate} at first"
 
 
+def label_of(motion: Any) -> str:
+    """Return the engine's name with that of its settings: "MuJoCo, fast", "MuJoCo as it comes"."""
+    report = getattr(motion, "report", None)
+    if report is None:
+        return str(motion.engine.name)
+    if report.settings.name in ("naive", "as-it-comes"):
+        return f"{motion.engine.name} as it comes"
+    return f"{motion.engine.name}, {report.settings.name}"
+
+
 def motion_line(motion: Any) -> str:
     """Return one line: scene, engine, settings, duration, length of the path, faults."""
     report = getattr(motion, "report", None)

@@ -114,20 +114,21 @@ def agreements_of(
     return [agreement(i, request) for i, request in enumerate(requests)]
 
 
-def film(path: Path, agreement: Agreement, how: "Film | None" = None) -> None:
-    """Film both motions of an agreement at `path`, by default as `Film()` says.
+def film(path: Path, agreements: Sequence[Agreement], how: "Film | None" = None) -> None:
+    """Film the motions of a scene's agreements at `path`, by default as `Film()` says.
 
     Raises InputError as `check_moving` does, and as `write_video` does.
     """
-    check_moving(agreement, "video")
+    for each in agreements:
+        check_moving(each, "video")
     from robotball.film.render import write_video  # an encoder and a GL, which only a film needs
 
     with refused(path):
         path.parent.mkdir(parents=True, exist_ok=True)
     with progress_bar(1) as show:
-        words = f"{agreement.scene.name}: video"
-        motions = agreement.motion, agreement.theory
-        write_video(path, *motions, how, progress=lambda part: show(part, words))
+        theory = agreements[0].theory
+        motions, words = [each.motion for each in agreements], f"{theory.scene.name}: video"
+        write_video(path, [*motions, theory], how, progress=lambda part: show(part, words))
 
 
 def check_moving(agreement: Agreement, kind: str) -> None:

@@ -132,8 +132,12 @@ def _write_frame(path: Path) -> None:
     """The README's picture: one frame of a film of fig12."""
     import mediapy
 
-    agreement, film = compare("fig12", None, sample_times(_FILMED)), Film()
-    shown = islice(frames(agreement.motion, agreement.theory, film), round(_SHOWN * film.fps), None)
+    found, film = (
+        [compare("fig12", name, sample_times(_FILMED)) for name in ("naive", "balanced")],
+        Film(ghost=True),
+    )
+    motions = [*(each.motion for each in found), found[0].theory]
+    shown = islice(frames(motions, film), round(_SHOWN * film.fps), None)
     with replacing(path) as temporary:
         mediapy.write_image(temporary, next(shown), fmt="png")
 

@@ -5,6 +5,7 @@ Imports stand within the functions, so that `robotball video --help` needs no GL
 
 import re
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -15,11 +16,13 @@ from validation.options import (
     AGREES,
     DISAGREES,
     Controls,
+    Names,
     Preset,
     Run,
     RunOptions,
     SceneName,
     Threads,
+    listed,
     times_of,
 )
 
@@ -30,15 +33,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Video:
-    """Film a scene: the ball of an engine beside the ball of the equations.
+    """Film a scene: the ball of an engine, by one preset or more, and the ball of the equations.
 
-    Example: robotball video fig12 --duration 4 --slow 2 --arrows
+    Example: robotball video fig12 --preset naive,balanced --ghost --slow 2
     """
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
-    preset: Preset = None
-    """The engine's settings to run it with, its default if not given."""
+    preset: Names = ()
+    """The engine's settings to run it with, its default if not given. Several: naive,fast."""
     fps: int = 30
     """Frames a second."""
     size: Annotated[str, arg(metavar="WIDTHxHEIGHT")] = "1280x720"
@@ -46,9 +49,9 @@ class Video:
     slow: float = 1.0
     """So many times slower than life."""
     camera: Literal["follow", "above", "whole"] = "follow"
-    """It follows each ball, looks from above, or stands still and sees the whole path."""
+    """It follows each ball, looks from above, or stands still and sees all of their paths."""
     ghost: bool = False
-    """One picture, with the ball of the equations as a ghost, in place of two side by side."""
+    """One picture, with the ball of the equations as a ghost, in place of one a ball."""
     arrows: bool = False
     """Show M, the angular velocity and the contact force."""
     format: Literal["mp4", "webm", "gif"] = "mp4"
@@ -63,12 +66,13 @@ class Video:
         from validation.runs import film
 
         how = Film(self.fps, _size(self.size), self.slow, self.camera, self.ghost, self.arrows)
-        agreement, out = _agreement_of(controlled(self.scene, self.control), self)
+        scene, presets = controlled(self.scene, self.control), listed(self.preset)
+        agreements, out = _agreements_of(scene, presets or (None,), self.run_options)
         words = changed(self, "fps", "size", "slow", "camera", "ghost", "arrows")
-        path = out / f"{file_name(file_stem([agreement]), None, words)}.{self.format}"
-        film(path, agreement, how)
+        path = out / f"{file_name(file_stem(agreements), None, words)}.{self.format}"
+        film(path, agreements, how)
         print(path)
-        return AGREES if agreement.agrees else DISAGREES
+        return AGREES if all(each.agrees for each in agreements) else DISAGREES
 
 
 @dataclass(frozen=True)
@@ -97,7 +101,7 @@ class View:
         scene = controlled(self.scene, self.control)
         if not self.web:
             check_display()
-        agreement, out = _agreement_of(scene, self)
+        (agreement,), out = _agreements_of(scene, (self.preset,), self.run_options)
         check_moving(agreement, "view")
         if self.web:
             path = out / f"{file_stem([agreement])}-view.html"
@@ -109,20 +113,21 @@ class View:
         return AGREES if agreement.agrees else DISAGREES
 
 
-def _agreement_of(scene: "Scene", command: Video | View) -> "tuple[Agreement, Path]":
-    """Compare a scene's motions with progress shown; return the agreement and the output folder."""
+def _agreements_of(
+    scene: "Scene", presets: Sequence[str | None], options: Run
+) -> "tuple[list[Agreement], Path]":
+    """Compare a scene's motions with progress shown; return agreements and the output folder."""
     from validation.output import progress_bar, writable_folder
     from validation.runs import agreements_of, tell_fault_windows, windows
 
-    options = command.run_options
-    request, out = options.request(command.preset), writable_folder(options.out)
+    requests, out = list(map(options.request, presets)), writable_folder(options.out)
     times = times_of(options.duration)
-    with progress_bar(1) as show:
+    with progress_bar(len(requests)) as show:
         agreements = agreements_of(
-            scene, [request], times, strict=options.strict, fault_windows=out, show=show
+            scene, requests, times, strict=options.strict, fault_windows=out, show=show
         )
     tell_fault_windows(windows(agreements, out))
-    return agreements[0], out
+    return agreements, out
 
 
 def _size(text: str) -> tuple[int, int]:

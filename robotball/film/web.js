@@ -1,7 +1,24 @@
 // A small WebGL 2 view of rolling balls: orbit, play, scrub. Called once for each view of a page.
-function rollingBalls(root, data) {
+function rollingBalls(root) {
 "use strict";
+const data = JSON.parse(root.querySelector("[type='application/json']").textContent);
+root.insertAdjacentHTML("beforeend", `
+<div data-is="stage"><canvas tabindex="0" role="img"></canvas></div>
+<div class="rb-controls">
+<button type="button" data-is="play">Play</button>
+<input type="range" data-is="time" min="0" max="1" step="any" value="0" aria-label="time">
+<label>speed <select data-is="speed">
+<option value="0.1">0.1×</option><option value="0.25">0.25×</option><option value="0.5">0.5×</option>
+<option value="1" selected>1×</option><option value="2">2×</option><option value="4">4×</option>
+</select></label>
+<label><input type="checkbox" data-is="ghost"> one over the other</label>
+</div>
+<div data-is="line"></div>
+<div class="rb-help">Drag to turn the view; a click and the wheel, or two fingers, to zoom.</div>
+<div data-is="note"></div>`);
 const canvas = root.querySelector("canvas"), find = name => root.querySelector(`[data-is=${name}]`);
+canvas.setAttribute("aria-label", `${data.label} by ${data.balls.map(ball => ball.name).join(" and ")}`);
+find("note").textContent = data.note || "";
 const gl = canvas.getContext("webgl2", {alpha: false, antialias: true, stencil: true, preserveDrawingBuffer: true});
 if (!gl) { find("line").textContent = "This browser shows no WebGL 2, which the 3-D view needs."; return; }
 

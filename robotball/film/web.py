@@ -14,6 +14,7 @@ from robotball.errors import InputError
 from robotball.film import looks as palette
 from robotball.film.looks import MARKS, Looks, looks_of, materials_of
 from robotball.film.tracks import heading_of, track_of
+from robotball.notebook import label_of
 from robotball.robot import Ball
 from robotball.shapes import Shape
 
@@ -21,20 +22,6 @@ _HERE = Path(__file__).parent
 STEP = 0.02  # s between the samples of a view
 MOST = 20_000  # samples, which keep a page to some megabytes
 MESHES = 60_000  # triangles, which are less than two
-_SPEEDS = (0.1, 0.25, 0.5, 1, 2, 4)
-
-_CONTROLS = """
-<div data-is="stage"><canvas tabindex="0" role="img" aria-label="{label}"></canvas></div>
-<div class="rb-controls">
-<button type="button" data-is="play">Play</button>
-<input type="range" data-is="time" min="0" max="1" step="any" value="0" aria-label="time">
-<label>speed <select data-is="speed">{speeds}</select></label>
-<label><input type="checkbox" data-is="ghost"> one over the other</label>
-</div>
-<div data-is="line"></div>
-<div class="rb-help">Drag to turn the view; a click and the wheel, or two fingers, to zoom.</div>
-<div>{note}</div>
-"""
 
 
 def view_head() -> str:
@@ -50,26 +37,15 @@ def view_fragment(motions: Sequence[Any]) -> str:
     samples are cut there. Raises InputError for a motion of fewer than two times.
     """
     data = view_data(motions)
-    scene, names = motions[0].scene, " and ".join(motion.engine.name for motion in motions)
     shown, whole = data["end"], max(float(motion.times[-1]) for motion in motions)
-    cut = shown < whole * (1 - 1e-9)
-    note = f"The first {shown:g} s of {whole:g} s are shown." if cut else ""
+    if shown < whole * (1 - 1e-9):
+        data["note"] = f"The first {shown:g} s of {whole:g} s are shown."
+    data["label"] = f"The rolling ball of {motions[0].scene.name}"
+    # A title with </script> in it would end the script.
+    packed = json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
     return (
-        '<div class="rb-view">'
-        + _CONTROLS.format(
-            label=html.escape(f"The rolling ball of {scene.name} by {names}", quote=True),
-            speeds="".join(
-                f'<option value="{speed}"{" selected" if speed == 1 else ""}>{speed:g}×</option>'
-                for speed in _SPEEDS
-            ),
-            note=note,
-        )
-        + '<script type="application/json">'
-        # A title with </script> in it would end the script.
-        + json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
-        + "</script><script>{const here = document.currentScript.parentElement; "
-        "rollingBalls(here, JSON.parse(here.querySelector('[type=\"application/json\"]')"
-        ".textContent));}</script></div>"
+        f'<div class="rb-view"><script type="application/json">{packed}</script><script>'
+        "rollingBalls(document.currentScript.parentElement);</script></div>"
     )
 
 
@@ -116,7 +92,7 @@ def view_data(motions: Sequence[Any]) -> dict[str, Any]:
         "apart": _packed(np.linalg.norm(gap, axis=1)),
         "balls": [
             {
-                "name": motion.engine.name,
+                "name": label_of(motion),
                 "colour": palette.rgb(motion.engine.colour),
                 "count": len(part.attitude),
                 "rows": _packed(

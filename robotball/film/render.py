@@ -23,8 +23,8 @@ from robotball.errors import InputError, check_positive
 from robotball.files.replacing import replacing
 from robotball.film import gl
 from robotball.film import looks as palette
-from robotball.film.looks import GHOST, MARKS, Looks, looks_of
-from robotball.film.stage import LENS, Arrow, Camera, Pixels, Stage
+from robotball.film.looks import GHOST, MARKS, Looks, colours_of, looks_of
+from robotball.film.stage import LENS, Arrow, Camera, Pixels, Seen, Stage
 from robotball.film.tracks import Moments, Track, heading_of, track_of
 from robotball.motion import Motion
 from robotball.notebook import label_of
@@ -37,7 +37,7 @@ _PAPER = "#FFFFFF"
 _LINES, _COLUMNS = 26, 25  # lines of text in the picture's height, and their heights in its width
 _HEADER, _FOOTER = 2.5, 5.6  # heights in lines
 _EDGE, _LEFT, _LOW, _HIGH = 0.6, 4.6, 1.5, 3.7  # in lines: of text and of curves, from their edges
-_BOLD, _PLAIN = 0.76, 0.68  # sizes of letters in lines
+_PLAIN = 0.68  # lines, the size of letters that are not bold
 _DPI = 64  # a power of two, by which a number of pixels is a number of inches without rounding
 _LEAST_DISTANCE = 1e-17  # m; smaller ones are drawn there, as a logarithm has no zero
 _Word = tuple[str, str, tuple[float, float]]  # a text, its colour, and the pixel of its middle
@@ -46,22 +46,24 @@ _Word = tuple[str, str, tuple[float, float]]  # a text, its colour, and the pixe
 class _Sheet:
     """The frame around the pictures: what is fixed is drawn once, the rest in each frame.
 
-    motions: the last is what the others are held against; times (m,) [s] and apart (n - 1, m) [m]:
-    the curves of the others. Its `pane` is the (height, width) in pixels of one picture.
+    names, colours: of n motions, of which the last is what the others are held against; times
+    (m,) [s] and apart (n - 1, m) [m]: the curves of the others. Its `pane` is the (height, width)
+    in pixels of one picture.
     """
 
     def __init__(
         self,
-        motions: Sequence[Motion],
         film: "Film",
-        looks: Looks,
+        title: str,
+        note: str,
+        names: Sequence[str],
         colours: Sequence[str],
         times: Array,
         apart: Array,
     ) -> None:
         from matplotlib.figure import Figure  # the processes that draw need none
 
-        (height, width), panes = film.size, 1 if film.together else len(motions)
+        (height, width), panes = film.size, 1 if film.together else len(names)
         self.line = line = min(height / _LINES, width / _COLUMNS)
         top = round(_HEADER * line)
         tall = height - top - round(_FOOTER * line)
@@ -71,52 +73,41 @@ class _Sheet:
         self._corners = [(top + 1 + i * down, 1 + i * along) for i in range(panes)]
         self._bold, plain = (
             ImageFont.truetype(str(_FONTS / f"DejaVuSans{kind}.ttf"), size * line)
-            for kind, size in (("-Bold", _BOLD), ("", _PLAIN))
+            for kind, size in (("-Bold", 0.76), ("", _PLAIN))
         )
-        title = " ".join(motions[-1].scene.title.split())
         while self._bold.getlength(title) > width - 2 * _EDGE * line:
             title = title.removesuffix("…")[:-1] + "…"
-        names = [label_of(motion) for motion in motions[:-1]]
-        room = max(map(plain.getlength, names)) + 2 * _EDGE * line  # right of the curves
+        room = max(map(plain.getlength, names[:-1])) + 2 * _EDGE * line  # right of the curves
         # From the left and from above, as a picture's pixels are counted.
         left, high = _LEFT * line, height - _HIGH * line
         right, low = width - room, height - _LOW * line
-        self._curves = left, high, right, low
-        figure, points = Figure((width / _DPI, height / _DPI), _DPI), 72 / _DPI * line
-        for y, text, size, weight in (
-            (0.85 * line, title, _BOLD, "bold"),
-            (1.8 * line, "; ".join(_notes(motions, film, looks)), _PLAIN, "normal"),
-            (high - 0.9 * line, f"distance from the {label_of(motions[-1])}", _PLAIN, "normal"),
-        ):
-            figure.text(
-                _EDGE * line / width, 1 - y / height, text, va="center", color=palette.INK,
-                size=size * points, weight=weight,
-            )  # fmt: skip
+        self._curves, end = (left, high, right, low), float(times[-1])
         # The very first errors are often rounding alone.
         some = np.log10(np.maximum([np.percentile(apart, 1), apart.max()], _LEAST_DISTANCE))
         ends = 10.0 ** np.array([np.floor(some[0]), max(np.floor(some[0]) + 1, np.ceil(some[1]))])
         known = np.maximum(apart, ends[0])
-        end = float(times[-1])
+        figure, points = Figure((width / _DPI, height / _DPI), _DPI), 72 / _DPI * line
         axes = figure.add_axes(
             (left / width, 1 - low / height, (right - left) / width, (low - high) / height),
             xlim=(0, end), xticks=(0, end), xticklabels=("0 s", f"{end:g} s"), yscale="log",
             ylim=ends, yticks=ends, yticklabels=map(_metres, ends), frame_on=False,
         )  # fmt: skip
         axes.minorticks_off()
-        axes.tick_params(
-            length=0, pad=0.4 * points, labelsize=_PLAIN * points, labelcolor=palette.INK
-        )
+        axes.tick_params(length=0, pad=0.4 * points, labelsize=_PLAIN * points)
         axes.grid(axis="y", color=palette.FAINT)
         for curve, colour in zip(known, colours, strict=False):
             axes.plot(times, curve, color=colour, linewidth=points / 12, clip_on=False)
         pixels = io.BytesIO()
         figure.savefig(pixels, format="png", dpi=_DPI)
         image = Image.open(pixels).convert("RGB")
+        pen, edge = ImageDraw.Draw(image), _EDGE * line
+        pen.text((edge, 0.85 * line), title, palette.INK, self._bold, "lm")
+        pen.text((edge, 1.8 * line), note, palette.INK, plain, "lm")
+        above = f"distance from the {names[-1]}"
+        pen.text((edge, high - 0.9 * line), above, palette.INK, plain, "lm")
         heights = np.interp(np.log(known[:, -1]), np.log(ends), (low, high)).tolist()
-        words = [
-            (name, colour, (width - room / 2, y))
-            for name, colour, y in zip(names, colours, heights, strict=False)
-        ]
+        middles = [(width - room / 2, y) for y in heights]
+        words = list(zip(names, colours, middles, strict=False))
         _write(image, words, plain, np.array([0, 0, width, height]))
         self._still, self._end = np.asarray(image), end
 
@@ -172,8 +163,6 @@ def _metres(length: float) -> str:
     return power if digits == "1.0" else f"{digits} × {power}"
 
 
-_Progress = Callable[[float], None]
-
 _MANY = 100  # frames; for fewer, starting processes takes longer than it saves
 _SMOOTH = 0.4  # s of the film, over which the camera averages the ball's motion
 _STEP = 0.02  # s, of a path at most: its corners are not seen, however few the frames
@@ -182,7 +171,6 @@ _BLUR_FROM, _BLUR_TO = 0.25, 0.75  # rad a frame: beyond it a rotor's marks woul
 _CAMERAS = {"follow": (2.3, 24.0), "above": (2.9, 80.0), "whole": (1.7, 40.0)}
 _ASIDE = 0.6  # rad from straight ahead, from where the camera sees a ball come
 _OTHER = 0.4  # opacity of the other balls' paths
-_MORE = ("#009E73", "#CC79A7", "#56B4E9", "#F0E442")  # of further motions by an engine
 # Arrows: colour, length in radii of the largest.
 _ARROWS = {"M": ("#93387A", 1.8), "ω": ("#00734F", 1.4), "contact force": ("#22262B", 1.0)}
 _LEAST = 1e-3  # an arrow shorter than that part of the largest is left out
@@ -236,10 +224,7 @@ class Film:
         Raises InputError if the motions are not sampled at the same times.
         """
         shared = min(len(each.times) for each in motions)
-        same = all(
-            np.array_equal(each.times[:shared], motions[0].times[:shared]) for each in motions
-        )
-        if shared < 2 or not same:
+        if shared < 2 or np.ptp([each.times[:shared] for each in motions], axis=0).any():
             raise InputError(
                 "a film needs motions sampled at the same times, of two samples at least, not "
                 + " and ".join(str(len(each.times)) for each in motions)
@@ -257,36 +242,8 @@ def frames(motions: Sequence[Motion], film: Film | None = None) -> Iterator[Pixe
     motions: of one scene, two at least; the last, the equations', is what the others are held
     against. Raises InputError if the times differ, or if there is no off-screen GL.
     """
-    film = film or Film()
-    times, backend = film.times(motions), gl.find_backend()
-    if backend is None:
-        raise InputError(gl.advice())
-    theory, count = motions[-1], len(times)
-    finer = int(np.ceil((times[1] - times[0]) / _STEP))
-    fine = np.interp(np.arange((count - 1) * finer + 1) / finer, np.arange(count), times)
-    tracks = [track_of(motion).sampled_at(fine) for motion in motions]
-    points = np.array([track.sampled.contact_point[::finer] for track in tracks])
-    apart = np.linalg.norm(points[:-1] - points[-1], axis=2)
-    looks, colours = looks_of(theory.scene.ball), _colours(motions)
     # No generator itself, so that what cannot be drawn is refused here, not at the first picture.
-    return _painted(
-        _Painter(
-            film, times, tracks, finer, looks, colours, apart,
-            names=[label_of(motion) for motion in motions],
-            sheet=_Sheet(motions, film, looks, colours, times, apart),
-            lengths=_lengths(tracks[-1], theory) if film.arrows else {},
-            backend=backend,
-        )
-    )  # fmt: skip
-
-
-def _colours(motions: Sequence[Motion]) -> list[str]:
-    """Return a colour for each motion, the engine's own where no other has it."""
-    found = [motions[-1].engine.colour]
-    for motion in motions[:-1]:
-        own = motion.engine.colour
-        found.append(own if own not in found else _MORE[len(found) % len(_MORE) - 2])
-    return found[1:] + found[:1]
+    return _painted(_Painter(motions, film or Film()))
 
 
 def _painted(painter: "_Painter") -> Iterator[Pixels]:
@@ -294,24 +251,32 @@ def _painted(painter: "_Painter") -> Iterator[Pixels]:
         yield from in_processes(painter, range(len(painter.times)), _MANY)
 
 
-@dataclass(frozen=True)
 class _Painter:
     """Draws the frames of a film by number, with an OpenGL of its own in each process.
 
     A track has `finer` samples for each frame, so that its path is smooth.
     """
 
-    film: Film
-    times: Array
-    tracks: Sequence[Track]
-    finer: int
-    looks: Looks
-    colours: Sequence[str]
-    apart: Array
-    names: Sequence[str]
-    sheet: _Sheet
-    lengths: dict[str, float]
-    backend: str
+    def __init__(self, motions: Sequence[Motion], film: Film) -> None:
+        self.film, self.times, backend = film, film.times(motions), gl.find_backend()
+        if backend is None:
+            raise InputError(gl.advice())
+        self.backend = backend
+        self.finer = int(np.ceil(self.times[1] / _STEP))
+        fine = np.linspace(0.0, self.times[-1], (len(self.times) - 1) * self.finer + 1)
+        self.tracks = [track_of(motion).sampled_at(fine) for motion in motions]
+        points = np.array([track.points[:: self.finer] for track in self.tracks])
+        self.apart = (
+            np.linalg.norm(points[:-1] - points[-1], axis=2) * motions[-1].scene.ball.radius
+        )
+        self.colours, scene = colours_of(motions), motions[-1].scene
+        self.names, self.looks = list(map(label_of, motions)), looks_of(scene.ball)
+        self.lengths = _lengths(self.tracks[-1], scene.momentum_scale) if film.arrows else {}
+        title, note = " ".join(scene.title.split()), "; ".join(_notes(motions, film, self.looks))
+        self.sheet = _Sheet(film, title, note, self.names, self.colours, self.times, self.apart)
+        every, (height, width) = list(range(len(motions))), self.sheet.pane
+        self.panes = [every] if film.together else [[i] for i in every]
+        self.cameras = [_cameras(film, points[pane], width / height) for pane in self.panes]
 
     def __call__(self, k: int) -> Pixels:
         # An OpenGL cannot be sent to another process: each makes its own with its first picture.
@@ -325,7 +290,7 @@ class _Painter:
         stands = [track.stands(each) for track, each in zip(self.tracks, then, strict=True)]
         self._stage.place(stands, [self._blurred(i, each) for i, each in enumerate(then)])
         pictures, words = [], []
-        for pane, cameras in zip(self._panes, self._cameras, strict=True):
+        for pane, cameras in zip(self.panes, self.cameras, strict=True):
             balls, camera = range(len(then)), cameras[k]
             opacities = [float(i in pane) for i in balls]
             if self.film.together:
@@ -338,51 +303,41 @@ class _Painter:
             seen = {
                 i: camera.seen(stands[i]["shell"][1][0], self.sheet.pane) for i in reversed(pane)
             }
-            named = [
-                self._named(i, k, *place, alone=i == first == pane[-1]) for i, place in seen.items()
-            ]
-            heads = {
-                name: camera.seen(head, self.sheet.pane) for name, (_, head, _) in arrows.items()
-            }
-            words.append([*named, *_pointed(*seen[first], heads, self.sheet.line)])
+            words.append([*self._named(k, seen), *self._pointed(seen[first], arrows, camera)])
         return self.sheet.frame(pictures, words, float(self.times[k]))
 
-    def _named(self, i: int, k: int, x: float, y: float, radius: float, *, alone: bool) -> _Word:
-        """Return the name of a ball at a pixel of a picture, and how far it is off.
+    def _named(self, k: int, seen: dict[int, Seen]) -> Iterator[_Word]:
+        """Yield the name of each ball of a picture, and how far it is off.
 
-        It stands above the ball; below it where arrows are above, or where others may be at the
-        place of the equations' ball.
+        It stands above the ball; below it where arrows are above. The other way round for the
+        equations' ball, as another one may be at its place.
         """
-        text, below = self.names[i], bool(self.lengths)
-        if i < len(self.apart):
-            text += f"\n{_metres(self.apart[i, k])} off"
-        elif not alone:
-            below = not below
-        away = radius + 1.1 * self.sheet.line
-        return text, self.colours[i], (x, y + (away if below else -away))
+        for i, (x, y, radius) in seen.items():
+            off = f"\n{_metres(self.apart[i, k])} off" if i < len(self.apart) else ""
+            below = bool(self.lengths) != (not off and len(seen) > 1)
+            away = (radius + 1.1 * self.sheet.line) * (1 if below else -1)
+            yield self.names[i] + off, self.colours[i], (x, y + away)
+
+    def _pointed(self, ball: Seen, arrows: dict[str, Arrow], camera: Camera) -> Iterator[_Word]:
+        """Yield the name of each arrow at its head, but outside of the ball's outline."""
+        x, y, radius = ball
+        for name, (_, head, colour) in arrows.items():
+            u, v, _ = camera.seen(head, self.sheet.pane)
+            out = float(np.hypot(u - x, v - y)) or 1.0
+            far = max(out, radius) / out
+            # Half of the word's own size farther.
+            room = np.array([0.4 + 0.27 * len(name), 0.8]) * self.sheet.line / out
+            yield name, colour, (x + (u - x) * (far + room[0]), y + (v - y) * (far + room[1]))
 
     def _blurred(self, i: int, then: Moments) -> dict[str, float]:
         turned = np.abs(then.hinge_rates[0]) / (self.film.fps * self.film.slow)
         fast = np.clip((turned - _BLUR_FROM) / (_BLUR_TO - _BLUR_FROM), 0, 1).tolist()
         return dict(zip(self.tracks[i].names[1:], fast, strict=True))
 
-    @property
-    def _panes(self) -> list[list[int]]:
-        every = list(range(len(self.tracks)))
-        return [every] if self.film.together else [[i] for i in every]
-
-    @cached_property
-    def _cameras(self) -> list[list[Camera]]:
-        height, width = self.sheet.pane
-        points = [track.points[:: self.finer] for track in self.tracks]
-        return [
-            _cameras(self.film, [points[i] for i in pane], width / height) for pane in self._panes
-        ]
-
     @cached_property
     def _stage(self) -> Stage:
         points = [track.points for track in self.tracks]
-        far = max(each.distance for cameras in self._cameras for each in cameras)
+        far = max(each.distance for cameras in self.cameras for each in cameras)
         return Stage(self.sheet.pane, self.looks, self.colours, points, far, self.backend)
 
     def close(self) -> None:
@@ -403,10 +358,10 @@ def _notes(motions: Sequence[Motion], film: Film, looks: Looks) -> Iterator[str]
         yield "a rotor too fast for the film has no marks"
 
 
-def _cameras(film: Film, paths: Sequence[Array], aspect: float) -> list[Camera]:
+def _cameras(film: Film, paths: Array, aspect: float) -> list[Camera]:
     """Return the camera of each frame.
 
-    paths: (m, 2) of each ball in the picture, in radii; aspect: width over height. One ball comes
+    paths: (n, m, 2), of each ball in the picture, in radii; aspect: width over height. One ball comes
     towards the camera; of several the way runs across the picture, where there is most room.
     """
     room, degrees = _CAMERAS[film.camera]
@@ -415,7 +370,7 @@ def _cameras(film: Film, paths: Sequence[Array], aspect: float) -> list[Camera]:
     azimuth = heading_of(paths[-1]) + (_ASIDE if ahead else -np.pi / 2)
     back = np.array([np.cos(azimuth), np.sin(azimuth)])
     axes = np.array([[-back[1], back[0]], back])
-    low, high = (end(np.array(paths) @ axes.T, axis=0) for end in (np.min, np.max))
+    low, high = (end(paths @ axes.T, axis=0) for end in (np.min, np.max))
     if film.camera == "whole":
         low[:], high[:] = low.min(axis=0), high.max(axis=0)
     across, deep = ((high - low) / 2).T
@@ -434,14 +389,17 @@ def _vectors(then: Moments) -> dict[str, Array]:
     return dict(zip(_ARROWS, (then.momentum, omega, then.contact_force), strict=True))
 
 
-def _lengths(track: Track, theory: Motion) -> dict[str, float]:
-    """Return the size of the vector that an arrow of one radius shows, for each kind of arrow."""
+def _lengths(track: Track, scale: float) -> dict[str, float]:
+    """Return the size of the vector that an arrow of one radius shows, for each kind of arrow.
+
+    scale: kg m²/s, of M.
+    """
     most = {
         name: float(np.linalg.norm(vectors, axis=1).max())
         for name, vectors in _vectors(track.sampled).items()
     }
     # A ball at M = 0 has rounding alone.
-    most["M"] = max(most["M"], _LEAST * theory.scene.momentum_scale)
+    most["M"] = max(most["M"], _LEAST * scale)
     return {name: size / _ARROWS[name][1] for name, size in most.items()}
 
 
@@ -460,17 +418,6 @@ def _arrows(then: Moments, lengths: dict[str, float], radius: float) -> dict[str
                 begin = place + (2 * along[2] + _CLEAR - 1) * along
             found[name] = (begin, begin + vector / length, _ARROWS[name][0])
     return found
-
-
-def _pointed(
-    x: float, y: float, radius: float, heads: dict[str, tuple[float, float, float]], line: float
-) -> Iterator[_Word]:
-    """Yield the names of arrows at their heads, but outside of a ball's outline at (x, y)."""
-    for name, (u, v, _) in heads.items():
-        length = float(np.hypot(u - x, v - y)) or 1.0
-        along, out = np.array([u - x, v - y]) / length, max(length, radius)
-        room = line * np.array([0.4 + 0.27 * len(name), 0.8])  # half of the word's own size
-        yield name, _ARROWS[name][0], tuple((x, y) + along * (out + room))
 
 
 # By the file's suffix: the codec, its rate factor, and ffmpeg's own options.
@@ -492,7 +439,7 @@ def write_video(
     motions: Sequence[Motion],
     film: Film | None = None,
     *,
-    progress: _Progress | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> None:
     """Write `frames` as mp4, webm or gif, by the suffix of the path.
 

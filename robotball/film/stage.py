@@ -35,6 +35,7 @@ from robotball.shapes import add_geoms
 
 Pixels = NDArray[np.uint8]
 Arrow = tuple[Array, Array, str]  # from a point (3,) to another, and its colour
+Seen = tuple[float, float, float]  # x and y of a point in a picture, and a radius there [px]
 _Stands = Mapping[str, tuple[Array, Array]]
 
 _HIDDEN = "3"  # the group of what is hidden until a picture asks for it
@@ -86,8 +87,8 @@ class Camera:
         back = [level * np.cos(self.azimuth), level * np.sin(self.azimuth), np.sin(self.elevation)]
         return self.look + self.distance * np.array(back)
 
-    def seen(self, point: Array, size: tuple[int, int]) -> tuple[float, float, float]:
-        """Return where a point (3,) is in a picture of that size: x, y and a radius there [px]."""
+    def seen(self, point: Array, size: tuple[int, int]) -> Seen:
+        """Return where a point (3,) is in a picture of that size (height, width) in pixels."""
         right, up, back = _facing(self.eye - self.look) @ (point - self.eye)
         radius = LENS * min(size) / 2 / -back
         return size[1] / 2 + radius * right, size[0] / 2 - radius * up, radius

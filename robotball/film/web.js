@@ -26,7 +26,7 @@ if (!gl) { find("line").textContent = "This browser shows no WebGL 2, which the 
 const floats = text => new Float32Array(Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer);
 const WIDTH = 6 + data.hinges, SUN = [-0.3, 0.4, -1], LANE = 1.45, TRAIL = 0.035;
 const balls = data.balls.map(ball => ({...ball, rows: floats(ball.rows)}));
-const apart = floats(data.apart), end = data.end;
+const apart = balls.map(ball => floats(ball.apart)), end = data.end, theory = balls.length - 1;
 
 // Vectors, quaternions (w, x, y, z), column-major matrices.
 const add = (a, b) => a.map((v, i) => v + b[i]), sub = (a, b) => a.map((v, i) => v - b[i]);
@@ -225,11 +225,12 @@ function frame() {
   const sky = dark.matches ? [.11, .12, .14] : [.96, .965, .97], tile = dark.matches ? [.24, .26, .29] : [.89, .9, .915];
   const across = [-Math.sin(data.heading), Math.cos(data.heading)];
   const nows = balls.map((ball, i) => {
-    const now = pose(ball, state.t), lane = state.ghost || balls.length < 2 ? 0 : LANE * (i ? 1 : -1);
+    const now = pose(ball, state.t), lane = state.ghost ? 0 : LANE * (2 * i - theory);
     return {...now, lane: [lane * across[0], lane * across[1], 0]};
   });
   const centres = nows.map(now => add([now.x, now.y, 1], now.lane));
-  const look = times(centres.reduce(add), 1 / centres.length), spread = Math.hypot(...sub(centres[0], centres[centres.length - 1]));
+  const look = times(centres.reduce(add), 1 / centres.length);
+  const spread = Math.max(...centres.map(centre => Math.hypot(...sub(centre, centres[theory]))));
   look[2] = .8;
   const far = state.far * Math.max(1, spread / 3.5) * Math.max(1, 1.35 * h / w);
   const back = [Math.cos(state.arm) * Math.cos(state.up), Math.sin(state.arm) * Math.cos(state.up), Math.sin(state.up)];
@@ -262,7 +263,7 @@ function frame() {
   const turns = now => bodies.map(body => !body.marked ? 0 : Math.min(1, Math.max(0, (Math.abs(now.rates[body.hinge]) * state.speed * (state.playing ? 1 : 0) / 60 - .25) / .5)));
   const glassy = [];
   drawn.forEach((one, i) => {
-    const fast = turns(one.now), dim = state.ghost && i ? .35 : 1;
+    const fast = turns(one.now), dim = state.ghost && theory && i === theory ? .35 : 1;
     bodies.forEach((body, j) => body.parts.forEach(part => {
       const own = part.material === "shell" || part.material === "mark", [r, g, b, a] = data.materials[part.material];
       let alpha = a * dim;
@@ -283,14 +284,17 @@ function frame() {
     label.style.marginTop = state.ghost ? `${1.6 * i}em` : 0;
   });
   bar.value = state.t;
-  const gap = balls.length > 1 ? apart[Math.min(Math.round(state.t / data.step), apart.length - 1)] : NaN;
-  find("line").textContent = `t = ${state.t.toFixed(2)} s` + (gap >= 0 ? ` · contact points ${gap < 1e-3 && gap > 0 ? gap.toExponential(1) : gap.toFixed(3)} m apart` : "")
+  labels.forEach((label, i) => {
+    const gap = apart[i][Math.min(Math.round(state.t / data.step), apart[i].length - 1)];
+    label.textContent = balls[i].name + (i < theory ? `, ${gap < 1e-3 && gap > 0 ? gap.toExponential(1) : gap.toPrecision(3)} m off` : "");
+  });
+  find("line").textContent = `t = ${state.t.toFixed(2)} s`
     + (balls.some(ball => state.t > (ball.count - .5) * data.step && ball.count < data.count) ? " · a run has broken off" : "");
   find("play").textContent = state.playing ? "Pause" : "Play";
   root.dataset.drawn = state.t;
 }
-const labels = balls.map(ball => {
-  const label = document.createElement("span"); label.className = "rb-name"; label.textContent = ball.name;
+const labels = balls.map(() => {
+  const label = document.createElement("span"); label.className = "rb-name";
   find("stage").append(label); return label;
 });
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from robotball.errors import InputError
 from robotball.film import looks as palette
-from robotball.film.looks import MARKS, Looks, looks_of, materials_of
+from robotball.film.looks import MARKS, Looks, colours_of, looks_of, materials_of
 from robotball.film.tracks import heading_of, track_of
 from robotball.notebook import label_of
 from robotball.robot import Ball
@@ -31,9 +31,9 @@ def view_head() -> str:
 
 
 def view_fragment(motions: Sequence[Any]) -> str:
-    """Return HTML of a 3-D view of one or two `Motion`s of a scene; put `view_head` before it.
+    """Return HTML of a 3-D view of `Motion`s of a scene; put `view_head` before it.
 
-    The balls stand side by side, or the second is a ghost over the first. Motions longer than MOST
+    The balls stand side by side, or the last is a ghost over the others. Motions longer than MOST
     samples are cut there. Raises InputError for a motion of fewer than two times.
     """
     data = view_data(motions)
@@ -80,7 +80,7 @@ def view_data(motions: Sequence[Any]) -> dict[str, Any]:
     parts = [track_of(each).at(grid[grid <= each.times[-1] * (1 + 1e-9)]) for each in motions]
     ball, looks = scene.ball, looks_of(scene.ball)
     shared = min(len(part.attitude) for part in parts)
-    gap = parts[0].contact_point[:shared] - parts[-1].contact_point[:shared]
+    rest = parts[-1].contact_point[:shared]
     return {
         "step": step,
         "end": float(grid[-1]),
@@ -89,17 +89,17 @@ def view_data(motions: Sequence[Any]) -> dict[str, Any]:
         "heading": heading_of(parts[-1].contact_point),
         "bodies": list(_bodies(ball, looks)),
         "materials": materials_of(looks),
-        "apart": _packed(np.linalg.norm(gap, axis=1)),
         "balls": [
             {
                 "name": label_of(motion),
-                "colour": palette.rgb(motion.engine.colour),
+                "colour": palette.rgb(colour),
                 "count": len(part.attitude),
+                "apart": _packed(np.linalg.norm(part.contact_point[:shared] - rest, axis=1)),
                 "rows": _packed(
                     np.hstack([part.contact_point / ball.radius, part.attitude, part.hinge_angles])
                 ),
             }
-            for motion, part in zip(motions, parts, strict=True)
+            for motion, part, colour in zip(motions, parts, colours_of(motions), strict=True)
         ],
     }
 

@@ -39,7 +39,7 @@ def test_a_frame_shows_each_engine_s_ball_on_its_side_and_where_they_differ() ->
     engine = dataclasses.replace(THEORY, engine=LABEL)
     quarter = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
     turned = dataclasses.replace(engine, attitude=multiply(quarter, THEORY.attitude))
-    picture, other = (next(frames(each, THEORY, SMALL)) for each in (engine, turned))
+    picture, other = (next(frames([each, THEORY], SMALL)) for each in (engine, turned))
     assert picture.shape == (*SMALL.size, 3)
     left, right = np.hsplit(picture, 2)
     assert share(left, LABEL.colour) > 0.01
@@ -59,7 +59,7 @@ def test_frames_are_the_same_from_any_number_of_processes(monkeypatch: pytest.Mo
     drawn = []
     for count in (1, 2):
         with at_most(count):
-            drawn.append(list(frames(THEORY, THEORY, dataclasses.replace(SMALL, fps=10))))
+            drawn.append(list(frames([THEORY, THEORY], dataclasses.replace(SMALL, fps=10))))
     assert len(drawn[0]) == 4
     assert np.array_equal(drawn[0], drawn[1])
     assert not np.array_equal(drawn[0][0], drawn[0][-1])
@@ -75,7 +75,7 @@ def test_a_video_has_every_frame_to_the_end_of_the_shorter_motion(
     target = tmp_path / f"ball.{suffix}"
     film = dataclasses.replace(SMALL, fps=10, slow=2.0)
     longer = rb.integrate(FIG12, np.concatenate([TIMES, np.array([0.4])]))
-    write_video(target, THEORY, longer, film, progress=done.append)
+    write_video(target, [THEORY, longer], film, progress=done.append)
     reader = imageio_ffmpeg.read_frames(str(target))
     about = next(reader)
     assert about["size"] == SMALL.size[::-1]
@@ -90,8 +90,8 @@ def test_a_motion_of_no_more_than_a_frame_shows_its_start_and_end() -> None:
     """The two pictures differ."""
     for end in (0.01, 1 / 30):
         short = rb.integrate(FIG12, np.linspace(0.0, end, 3))
-        assert SMALL.times(short, short).tolist() == [0.0, end]
-    first, last = frames(short, short, SMALL)
+        assert SMALL.times([short, short]).tolist() == [0.0, end]
+    first, last = frames([short, short], SMALL)
     assert not np.array_equal(first, last)
 
 
@@ -102,7 +102,7 @@ def test_every_choice_changes_the_picture() -> None:
         {}, {"ghost": True}, {"arrows": True}, {"camera": "above"}, {"camera": "whole"}
     ]  # fmt: skip
     films = [dataclasses.replace(SMALL, **change) for change in changes]
-    drawn = [next(frames(THEORY, THEORY, film)).tobytes() for film in films]
+    drawn = [next(frames([THEORY, THEORY], film)).tobytes() for film in films]
     assert len(set(drawn)) == len(changes)
 
 
@@ -120,7 +120,7 @@ def test_a_rotor_too_fast_for_the_film_shows_no_marks() -> None:
     for slow, least, most in ((1.0, 0.0, 5e-4), (60.0, 2e-3, 1.0)):
         film = dataclasses.replace(SMALL, slow=slow)
         with at_most(1):  # a slow film has so many frames that processes would draw them
-            first, second = (next(frames(each, THEORY, film)) for each in (still, turned))
+            first, second = (next(frames([each, THEORY], film)) for each in (still, turned))
         assert least <= np.any(first != second, axis=2).mean() <= most
 
 
@@ -128,7 +128,7 @@ def test_a_rotor_too_fast_for_the_film_shows_no_marks() -> None:
 def test_memory_does_not_grow_with_the_film() -> None:
     """In the second half of 10 frames: all that is more would be 0.4 MB; measured 0.005 MB."""
     with at_most(1):
-        drawn, peaks = frames(THEORY, THEORY, SMALL), []
+        drawn, peaks = frames([THEORY, THEORY], SMALL), []
         tracemalloc.start()
         for _ in drawn:
             peaks.append(tracemalloc.get_traced_memory()[1])
@@ -146,7 +146,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        write_video(target, THEORY, THEORY, SMALL, progress=give_up)
+        write_video(target, [THEORY, THEORY], SMALL, progress=give_up)
     assert target.read_bytes() == b"the old one"
     assert list(tmp_path.iterdir()) == [target]
 
@@ -157,10 +157,10 @@ REFUSED: dict[str, Callable[[], object]] = {
     "must be even, and 120 to 4320 pixels, not 118x120": lambda: Film(size=(120, 118)),
     "slow must be": lambda: Film(slow=0.0),
     "camera must be one of follow, above, whole, not 'behind'": lambda: Film(camera="behind"),  # type: ignore[arg-type]
-    "same times": lambda: frames(dataclasses.replace(THEORY, times=THEORY.times * 1.01), THEORY),
-    r"\.mp4.*, not ball\.avi": lambda: write_video("ball.avi", THEORY, THEORY),
-    r"\.mp4.*, not no/folder/ball\.mp4": lambda: write_video("no/folder/ball.mp4", THEORY, THEORY),
-    "no off-screen GL; video needs": lambda: frames(THEORY, THEORY),
+    "same times": lambda: frames([dataclasses.replace(THEORY, times=THEORY.times * 1.01), THEORY]),
+    r"\.mp4.*, not ball\.avi": lambda: write_video("ball.avi", [THEORY, THEORY]),
+    r"\.mp4.*, not no/folder/ball\.mp4": lambda: write_video("no/folder/ball.mp4", [THEORY, THEORY]),
+    "no off-screen GL; video needs": lambda: frames([THEORY, THEORY]),
 }
 
 

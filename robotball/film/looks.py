@@ -39,7 +39,8 @@ def rgb(colour: str) -> tuple[float, float, float]:
 def colours_of(motions: Sequence[Any]) -> list[str]:
     """Return a colour for each `Motion`: its engine's, or one of its own for a further one."""
     own = [motion.engine.colour for motion in motions]
-    return [each if each not in own[:i] else _MORE[(i - 1) % 4] for i, each in enumerate(own)]
+    before = [own[:i].count(each) for i, each in enumerate(own)]
+    return [_MORE[(n - 1) % 4] if n else each for each, n in zip(own, before, strict=True)]
 
 
 # The materials that show a rotor's angle, and its disc when it turns too fast to be seen.

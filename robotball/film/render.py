@@ -46,24 +46,18 @@ _Word = tuple[str, str, tuple[float, float]]  # a text, its colour, and the pixe
 class _Sheet:
     """The frame around the pictures: what is fixed is drawn once, the rest in each frame.
 
-    names, colours: of n motions, of which the last is what the others are held against; times
+    motions: the last is what the others are held against; note: the line below the title; times
     (m,) [s] and apart (n - 1, m) [m]: the curves of the others. Its `pane` is the (height, width)
-    in pixels of one picture.
+    in pixels of one picture, `line` the height of a line.
     """
 
     def __init__(
-        self,
-        film: "Film",
-        title: str,
-        note: str,
-        names: Sequence[str],
-        colours: Sequence[str],
-        times: Array,
-        apart: Array,
+        self, motions: Sequence[Motion], film: "Film", note: str, times: Array, apart: Array
     ) -> None:
         from matplotlib.figure import Figure  # the processes that draw need none
 
-        (height, width), panes = film.size, 1 if film.together else len(names)
+        self.names, self.colours = names, colours = [*map(label_of, motions)], colours_of(motions)
+        (height, width), panes = film.size, 1 if film.together else len(motions)
         self.line = line = min(height / _LINES, width / _COLUMNS)
         top = round(_HEADER * line)
         tall = height - top - round(_FOOTER * line)
@@ -75,6 +69,7 @@ class _Sheet:
             ImageFont.truetype(str(_FONTS / f"DejaVuSans{kind}.ttf"), size * line)
             for kind, size in (("-Bold", 0.76), ("", _PLAIN))
         )
+        title = " ".join(motions[-1].scene.title.split())
         while self._bold.getlength(title) > width - 2 * _EDGE * line:
             title = title.removesuffix("…")[:-1] + "…"
         room = max(map(plain.getlength, names[:-1])) + 2 * _EDGE * line  # right of the curves
@@ -259,6 +254,7 @@ class _Painter:
 
     def __init__(self, motions: Sequence[Motion], film: Film) -> None:
         self.film, self.times, backend = film, film.times(motions), gl.find_backend()
+        scene = motions[-1].scene
         if backend is None:
             raise InputError(gl.advice())
         self.backend = backend
@@ -266,14 +262,11 @@ class _Painter:
         fine = np.linspace(0.0, self.times[-1], (len(self.times) - 1) * self.finer + 1)
         self.tracks = [track_of(motion).sampled_at(fine) for motion in motions]
         points = np.array([track.points[:: self.finer] for track in self.tracks])
-        self.apart = (
-            np.linalg.norm(points[:-1] - points[-1], axis=2) * motions[-1].scene.ball.radius
-        )
-        self.colours, scene = colours_of(motions), motions[-1].scene
-        self.names, self.looks = list(map(label_of, motions)), looks_of(scene.ball)
+        self.apart = np.linalg.norm(points[:-1] - points[-1], axis=2) * scene.ball.radius
+        self.looks = looks_of(scene.ball)
         self.lengths = _lengths(self.tracks[-1], scene.momentum_scale) if film.arrows else {}
-        title, note = " ".join(scene.title.split()), "; ".join(_notes(motions, film, self.looks))
-        self.sheet = _Sheet(film, title, note, self.names, self.colours, self.times, self.apart)
+        note = "; ".join(_notes(motions, film, self.looks))
+        self.sheet = _Sheet(motions, film, note, self.times, self.apart)
         every, (height, width) = list(range(len(motions))), self.sheet.pane
         self.panes = [every] if film.together else [[i] for i in every]
         self.cameras = [_cameras(film, points[pane], width / height) for pane in self.panes]
@@ -316,7 +309,7 @@ class _Painter:
             off = f"\n{_metres(self.apart[i, k])} off" if i < len(self.apart) else ""
             below = bool(self.lengths) != (not off and len(seen) > 1)
             away = (radius + 1.1 * self.sheet.line) * (1 if below else -1)
-            yield self.names[i] + off, self.colours[i], (x, y + away)
+            yield self.sheet.names[i] + off, self.sheet.colours[i], (x, y + away)
 
     def _pointed(self, ball: Seen, arrows: dict[str, Arrow], camera: Camera) -> Iterator[_Word]:
         """Yield the name of each arrow at its head, but outside of the ball's outline."""
@@ -338,7 +331,8 @@ class _Painter:
     def _stage(self) -> Stage:
         points = [track.points for track in self.tracks]
         far = max(each.distance for cameras in self.cameras for each in cameras)
-        return Stage(self.sheet.pane, self.looks, self.colours, points, far, self.backend)
+        size, colours = self.sheet.pane, self.sheet.colours
+        return Stage(size, self.looks, colours, points, far, self.backend)
 
     def close(self) -> None:
         """Free the OpenGL of this process."""
@@ -361,8 +355,8 @@ def _notes(motions: Sequence[Motion], film: Film, looks: Looks) -> Iterator[str]
 def _cameras(film: Film, paths: Array, aspect: float) -> list[Camera]:
     """Return the camera of each frame.
 
-    paths: (n, m, 2), of each ball in the picture, in radii; aspect: width over height. One ball comes
-    towards the camera; of several the way runs across the picture, where there is most room.
+    paths: (n, m, 2), of each ball in the picture, in radii; aspect: width over height. One ball
+    comes towards the camera; of several the way runs across the picture, where there is most room.
     """
     room, degrees = _CAMERAS[film.camera]
     room, up = room * (_ROOM if film.arrows else 1.0), np.radians(degrees)

@@ -32,7 +32,7 @@ from validation.options import (
 )
 
 _DEMO_SCENES = ("fig12", "classical_regular")
-_FILMED = "fig12", ("naive", "balanced")
+_FILMED = (("fig12", "naive"), ("fig12", "balanced"))
 
 
 @dataclass(frozen=True)
@@ -189,23 +189,22 @@ class Demo:
         requests = [request_of(settings=name) for name in PRESETS]
         written: list[Path] = []
         records: list[results.Record] = []
-        compared = {}
+        filmed = []
         with progress_bar(len(_DEMO_SCENES)) as progress:
             for i, name in enumerate(_DEMO_SCENES):
                 progress(i, name)
-                compared[name] = agreements_of(load_scene(name), requests)
-                written += draw(compared[name], out)
-                records += map(results.record, compared[name])
+                agreements = agreements_of(load_scene(name), requests)
+                written += draw(agreements, out)
+                records += map(results.record, agreements)
+                filmed += [each for each in agreements if (name, each.settings.name) in _FILMED]
         results.show(records, console)
         results.write_json(out / "demo.json", records)
         results.write_csv(out / "demo.csv", records)
         results.write_markdown(out / "demo.md", records)
         written += [out / f"demo.{suffix}" for suffix in ("json", "csv", "md")]
-        scene, presets = _FILMED
-        filmed = [each for each in compared[scene] if each.settings.name in presets]
         path = out / f"{results.file_stem(filmed)}.mp4"
         try:
-            film(path, filmed, Film(ghost=True))
+            film(path, filmed, Film(fps=24, ghost=True))
             written.append(path)
         except InputError as error:
             console.print(escape(f"no video: {error}"), style="yellow")

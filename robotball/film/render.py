@@ -69,17 +69,15 @@ class _Sheet:
             ImageFont.truetype(str(_FONTS / f"DejaVuSans{kind}.ttf"), size * line)
             for kind, size in (("-Bold", 0.76), ("", _PLAIN))
         )
-        title = " ".join(motions[-1].scene.title.split())
-        while self._bold.getlength(title) > width - 2 * _EDGE * line:
-            title = title.removesuffix("…")[:-1] + "…"
         room = max(map(plain.getlength, names[:-1])) + 2 * _EDGE * line  # right of the curves
         # From the left and from above, as a picture's pixels are counted.
         left, high = _LEFT * line, height - _HIGH * line
         right, low = width - room, height - _LOW * line
         self._curves, end = (left, high, right, low), float(times[-1])
-        # The very first errors are often rounding alone.
-        some = np.log10(np.maximum([np.percentile(apart, 1), apart.max()], _LEAST_DISTANCE))
-        ends = 10.0 ** np.array([np.floor(some[0]), max(np.floor(some[0]) + 1, np.ceil(some[1]))])
+        # The first errors are often rounding alone.
+        least = np.floor(np.log10(max(np.percentile(apart[:, 1:], 1), _LEAST_DISTANCE)))
+        most = np.ceil(np.log10(max(apart.max(), _LEAST_DISTANCE)))
+        ends = 10.0 ** np.array([least, max(least + 1, most)])
         known = np.maximum(apart, ends[0])
         figure, points = Figure((width / _DPI, height / _DPI), _DPI), 72 / _DPI * line
         axes = figure.add_axes(
@@ -96,19 +94,21 @@ class _Sheet:
         figure.savefig(pixels, format="png", dpi=_DPI)
         image = Image.open(pixels).convert("RGB")
         pen, edge = ImageDraw.Draw(image), _EDGE * line
-        pen.text((edge, 0.85 * line), title, palette.INK, self._bold, "lm")
-        pen.text((edge, 1.8 * line), note, palette.INK, plain, "lm")
-        above = f"distance from the {names[-1]}"
-        pen.text((edge, high - 0.9 * line), above, palette.INK, plain, "lm")
+        for text, font, y in (
+            (" ".join(motions[-1].scene.title.split()), self._bold, 0.85 * line),
+            (note, plain, 1.8 * line),
+            (f"distance from the {names[-1]}", plain, high - 0.9 * line),
+        ):
+            while font.getlength(text) > width - 2 * edge:
+                text = text.removesuffix("…")[:-1] + "…"
+            pen.text((edge, y), text, palette.INK, font, "lm")
         heights = np.interp(np.log(known[:, -1]), np.log(ends), (low, high)).tolist()
         middles = [(width - room / 2, y) for y in heights]
-        words = list(zip(names, colours, middles, strict=False))
+        words = sorted(zip(names, colours, middles, strict=False), key=lambda word: -word[2][1])
         _write(image, words, plain, np.array([0, 0, width, height]))
         self._still, self._end = np.asarray(image), end
 
-    def frame(
-        self, pictures: Sequence[Pixels], words: Sequence[Sequence[_Word]], t: float
-    ) -> Pixels:
+    def frame(self, pictures: list[Pixels], words: list[list[_Word]], t: float) -> Pixels:
         """Return the frame (height, width, 3) at t [s] with pictures and the words on each."""
         whole, (height, width) = self._still.copy(), self.pane
         for picture, (y, x) in zip(pictures, self._corners, strict=True):
@@ -122,26 +122,23 @@ class _Sheet:
         pen.line(
             (at, high - 0.3 * line, at, low + 0.3 * line), palette.INK, max(2, round(line / 10))
         )
-        place = image.width - _EDGE * line, high - 0.9 * line
-        pen.text(place, f"t = {t:.2f} s", palette.INK, self._bold, "rm")
+        below = (left + right) / 2, low + 0.85 * line
+        pen.text(below, f"t = {t:.2f} s", palette.INK, self._bold, "mm")
         return np.asarray(image)
 
 
 def _write(
-    image: Image.Image,
-    words: Sequence[_Word],
-    font: ImageFont.FreeTypeFont,
-    inside: Array,
+    image: Image.Image, words: list[_Word], font: ImageFont.FreeTypeFont, box: Array
 ) -> None:
     """Write words with a halo inside a box (4,): left, top, right, bottom; none over another."""
     pen, taken, halo = ImageDraw.Draw(image), list[Array](), round(font.size / 7)
     for text, colour, at in words:
         own = np.array(pen.textbbox(at, text, font, "mm", align="center", stroke_width=halo))
-        moved = np.maximum(inside[:2] - own[:2], 0) - np.maximum(own[2:] - inside[2:], 0)
-        for other in sorted(taken, key=lambda box: -box[3]):  # from the lowest up
+        moved = np.maximum(box[:2] - own[:2], 0) - np.maximum(own[2:] - box[2:], 0)
+        for other in sorted(taken, key=lambda each: -each[3]):  # from the lowest up
             left, top, right, bottom = own + np.tile(moved, 2)
             if left < other[2] and other[0] < right and top < other[3] and other[1] < bottom:
-                moved[1] -= bottom - other[1]
+                moved[1] -= bottom - other[1] + halo
         taken.append(own + np.tile(moved, 2))
         pen.text(
             tuple(at + moved), text, colour, font, "mm", align="center",

@@ -313,7 +313,7 @@ class Stage:
     def _add_path(self, i: int, last: int, opacity: float, scale: float) -> None:
         """Add a path up to its point `last`, as wide and as high over the floor as `scale` says."""
         model, below = self._model, len(self._paths) - 1 - i
-        strip = _TRAIL * (1 if below else 2.5) * scale * self._strips[i]
+        strip = _TRAIL * (1 if below else 2) * scale * self._strips[i]
         strip[:, :2] += np.repeat(self._paths[i][:: self._step], 2, axis=0)
         # MuJoCo draws a mesh whole: triangles after the present have no area.
         end = 2 * (last // self._step) + 2

@@ -277,24 +277,28 @@ function frame() {
   for (const side of [gl.FRONT, gl.BACK]) { gl.cullFace(side); glassy.forEach(job => draw(...job)); }
   gl.disable(gl.CULL_FACE); gl.depthMask(true);
 
-  centres.forEach((centre, i) => { // names under the balls, in the page's own letters
+  const taken = [], stage = find("stage");
+  centres.forEach((centre, i) => { // names under the balls, in the page's own letters, none over another
+    const gap = apart[i][Math.min(Math.round(state.t / data.step), apart[i].length - 1)], label = labels[i];
+    label.textContent = balls[i].name + (i < theory ? `\n${gap < 1e-3 && gap > 0 ? gap.toExponential(1) : gap.toPrecision(3)} m off` : "");
     const p = [centre[0], centre[1], -.15], clip = [0, 1, 3].map(k => view[k]*p[0] + view[4+k]*p[1] + view[8+k]*p[2] + view[12+k]);
-    const label = labels[i];
-    label.style.left = `${(clip[0] / clip[2] + 1) * 50}%`; label.style.top = `${(1 - clip[1] / clip[2]) * 50}%`;
-    label.style.marginTop = state.ghost ? `${1.6 * i}em` : 0;
+    const half = label.offsetWidth / 2, high = label.offsetHeight, width = stage.clientWidth;
+    const x = Math.min(Math.max((clip[0] / clip[2] + 1) / 2 * width, half), width - half);
+    let y = (1 - clip[1] / clip[2]) / 2 * stage.clientHeight;
+    for (const other of taken.sort((a, b) => a.y - b.y))
+      if (Math.abs(x - other.x) < half + other.half && y < other.y + other.high && other.y < y + high) y = other.y + other.high + 2;
+    label.style.left = `${x}px`; label.style.top = `${y}px`;
+    taken.push({x, y, half, high});
   });
   bar.value = state.t;
-  labels.forEach((label, i) => {
-    const gap = apart[i][Math.min(Math.round(state.t / data.step), apart[i].length - 1)];
-    label.textContent = balls[i].name + (i < theory ? `, ${gap < 1e-3 && gap > 0 ? gap.toExponential(1) : gap.toPrecision(3)} m off` : "");
-  });
   find("line").textContent = `t = ${state.t.toFixed(2)} s`
     + (balls.some(ball => state.t > (ball.count - .5) * data.step && ball.count < data.count) ? " · a run has broken off" : "");
   find("play").textContent = state.playing ? "Pause" : "Play";
   root.dataset.drawn = state.t;
 }
-const labels = balls.map(() => {
+const labels = balls.map(({colour}) => {
   const label = document.createElement("span"); label.className = "rb-name";
+  label.style.borderTop = `3px solid rgb(${times(colour, 255).map(Math.round)})`;
   find("stage").append(label); return label;
 });
 

@@ -9,11 +9,12 @@ from typing import Any
 import imageio_ffmpeg
 import numpy as np
 import pytest
+from PIL import Image, ImageFont
 
 import robotball as rb
 from robotball.engines.mujoco import LABEL
 from robotball.film import gl, render
-from robotball.film.looks import rgb
+from robotball.film.looks import colours_of, rgb
 from robotball.film.render import Film, frames, write_video
 from robotball.film.stage import Pixels
 from robotball.processes import at_most
@@ -23,6 +24,7 @@ TIMES = np.linspace(0.0, 0.3, 16)  # s
 FIG12 = rb.load_scene("fig12")
 SMALL = Film(size=(120, 240))
 THEORY = rb.integrate(FIG12, TIMES)
+COLOURS = ("#ff0000", "#00ff00", "#0000ff")
 screen = pytest.mark.usefixtures("screen")
 
 
@@ -50,6 +52,55 @@ def test_a_frame_shows_each_engine_s_ball_on_its_side_and_where_they_differ() ->
     changed = np.hsplit(np.any(picture != other, axis=2), 2)
     assert changed[0].mean() > 0.02
     assert not changed[1].any()
+
+
+@screen
+def test_motions_by_one_engine_have_a_ball_a_colour_and_a_curve_each() -> None:
+    """Three in one picture, one of them elsewhere, and in one each; measured 0.006 at least."""
+    engine = dataclasses.replace(THEORY, engine=LABEL)
+    away = dataclasses.replace(engine, contact_point=THEORY.contact_point + np.array([5.0, 0.0]))
+    motions, film = [engine, away, THEORY], Film(size=(240, 480))
+    colours = colours_of(motions)
+    assert (len(set(colours)), colours[0], colours[2]) == (3, LABEL.colour, THEORY.engine.colour)
+    each = next(frames(motions, film))
+    for third, colour in zip(np.hsplit(each[24:186], 3), colours, strict=True):
+        assert share(third, colour) > 0.02
+    one = next(frames(motions, dataclasses.replace(film, ghost=True)))
+    assert min(share(one[24:186], colour) for colour in colours[:2]) > 0.003
+    assert min(share(each[186:], colour) for colour in colours[:2]) > 0.002
+
+
+@screen
+def test_a_path_is_as_smooth_in_a_film_of_few_frames() -> None:
+    """Its corners are 0.02 s apart or less at 1 and at 200 frames a second, and on the motion."""
+    long = rb.integrate(FIG12, np.linspace(0.0, 2.0, 101))
+    for fps in (1, 200):
+        painter = render._Painter([long, long], dataclasses.replace(SMALL, fps=fps))
+        track, k = painter.tracks[0], painter.finer
+        assert np.diff(track.times).max() <= 0.02 + 1e-12
+        assert track.times[::k] == pytest.approx(painter.times)
+        assert np.abs(track.at(long.times).contact_point - long.contact_point).max() < 1e-6
+
+
+def test_words_stay_inside_and_never_cover_each_other() -> None:
+    """Three at one place have as many pixels of their colours as alone, at a corner too."""
+    font = ImageFont.truetype(str(render._FONTS / "DejaVuSans-Bold.ttf"), 20)
+    box = np.array([0, 0, 300, 200])
+
+    def written(*words: str) -> Pixels:
+        image = Image.new("RGB", (300, 200), "white")
+        render._write(
+            image, [("a ball\n1 m off", each, (295.0, 190.0)) for each in words], font, box
+        )
+        return np.asarray(image)
+
+    alone = {
+        each: np.all(written(each) == 255 * np.array(rgb(each)), axis=2).sum() for each in COLOURS
+    }
+    together = written(*COLOURS)
+    for colour, pixels in alone.items():
+        assert pixels > 300
+        assert np.all(together == 255 * np.array(rgb(colour)), axis=2).sum() == pixels
 
 
 @screen

@@ -77,16 +77,6 @@ def _moved(hinge: Any) -> str:
     return rate if isinstance(hinge.command, Constant) else f"{rate} at first"
 
 
-def label_of(motion: Any) -> str:
-    """Return the engine's name with that of its settings: "MuJoCo, fast", "MuJoCo as it comes"."""
-    report = getattr(motion, "report", None)
-    if report is None:
-        return str(motion.engine.name)
-    if report.settings.name in ("naive", "as-it-comes"):
-        return f"{motion.engine.name} as it comes"
-    return f"{motion.engine.name}, {report.settings.name}"
-
-
 def motion_line(motion: Any) -> str:
     """Return one line: scene, engine, settings, duration, length of the path, faults."""
     report = getattr(motion, "report", None)
@@ -153,11 +143,11 @@ def picture(motions: Sequence[Any]) -> "Figure":
 
 
 def _styled(motions: Sequence[Any]) -> Iterator[tuple[Any, dict[str, Any]]]:
-    """Yield each motion with the colour and the style of its line."""
-    from robotball.film.looks import colours_of
+    """Yield each motion with the label, the colour and the style of its line."""
+    from robotball.film.looks import colours_of, label_of
 
     for each, colour, style in zip(motions, colours_of(motions), cycle(_STYLES), strict=False):
-        yield each, {"color": colour, "linestyle": style}
+        yield each, {"label": label_of(each), "color": colour, "linestyle": style}
 
 
 def by_value(momentum: Array) -> dict[float, str]:
@@ -196,7 +186,7 @@ def _draw_paths(axes: "Axes", motions: Sequence[Any]) -> None:
     for i, (each, style) in enumerate(_styled(motions)):
         # Motions that agree hide each other, so the first one is wide below the others.
         wide = 5.0 if i == 0 and len(motions) > 1 else 1.8
-        axes.plot(*each.contact_point.T, label=label_of(each), linewidth=wide, **style)
+        axes.plot(*each.contact_point.T, linewidth=wide, **style)
     axes.set(xlabel="X [m]", ylabel="Y [m]")
     axes.set_aspect("equal", "datalim")
     axes.grid(alpha=0.3)

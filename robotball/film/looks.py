@@ -36,6 +36,16 @@ def rgb(colour: str) -> tuple[float, float, float]:
     return red / 255, green / 255, blue / 255
 
 
+def label_of(motion: Any) -> str:
+    """Return the engine's name with that of its settings: "MuJoCo, fast", "MuJoCo as it comes"."""
+    report = getattr(motion, "report", None)
+    if report is None:
+        return str(motion.engine.name)
+    if report.settings.name in ("naive", "as-it-comes"):
+        return f"{motion.engine.name} as it comes"
+    return f"{motion.engine.name}, {report.settings.name}"
+
+
 def colours_of(motions: Sequence[Any]) -> list[str]:
     """Return a colour for each `Motion`: its engine's, or one of its own for a further one."""
     own = [motion.engine.colour for motion in motions]

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from robotball.errors import InputError
 from robotball.film import looks as palette
-from robotball.film.looks import MARKS, Looks, colours_of, looks_of, materials_of
+from robotball.film.looks import MARKS, Looks, colours_of, label_of, looks_of, materials_of
 from robotball.film.tracks import heading_of, track_of
-from robotball.notebook import label_of
 from robotball.robot import Ball
 from robotball.shapes import Shape
 

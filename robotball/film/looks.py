@@ -27,7 +27,7 @@ INK = "#22262B"  # text
 ACCENT = "#D55E00"  # what the rest is held against
 FAINT = "#B4B9BF"  # what stands behind
 GHOST = 0.35  # opacity of a ball that is drawn over others
-_MORE = ("#009E73", "#CC79A7", "#56B4E9", "#F0E442")  # of further motions by an engine
+_MORE = ("#009E73", "#CC79A7", "#56B4E9", "#B08900")  # of further motions by an engine
 
 
 def rgb(colour: str) -> tuple[float, float, float]:

@@ -5,8 +5,9 @@ matplotlib is loaded when a picture is asked for, never by a run.
 
 import io
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from html import escape
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -147,8 +148,7 @@ def picture(motions: Sequence[Any]) -> "Figure":
     path, momentum = figure.subplots(1, 2)
     _draw_paths(path, motions)
     path.set_title("contact point")
-    for i, each in enumerate(motions):
-        style = {"color": each.engine.colour, "linestyle": _STYLES[i % len(_STYLES)]}
+    for each, style in _styled(motions):
         momentum.plot(each.times, each.momentum, **style)
     for value, name in by_value(motions[0].momentum[0]).items():
         momentum.annotate(
@@ -158,6 +158,14 @@ def picture(motions: Sequence[Any]) -> "Figure":
     momentum.set(xlabel="time [s]", ylabel="M, world axes [kg m²/s]", title="momentum M")
     momentum.grid(alpha=0.3)
     return figure
+
+
+def _styled(motions: Sequence[Any]) -> Iterator[tuple[Any, dict[str, Any]]]:
+    """Yield each motion with the label, the colour and the style of its line."""
+    from robotball.film.looks import colours_of, label_of
+
+    for each, colour, style in zip(motions, colours_of(motions), cycle(_STYLES), strict=False):
+        yield each, {"label": label_of(each), "color": colour, "linestyle": style}
 
 
 def by_value(momentum: Array) -> dict[float, str]:
@@ -192,14 +200,11 @@ def _png(figure: "Figure", scale: int = 1) -> bytes:
 
 
 def _draw_paths(axes: "Axes", motions: Sequence[Any]) -> None:
-    """Draw each motion's contact point; a legend names the engines where there are several."""
-    for i, each in enumerate(motions):
+    """Draw each motion's contact point; a legend names engines and settings of several."""
+    for i, (each, style) in enumerate(_styled(motions)):
         # Motions that agree hide each other, so the first one is wide below the others.
-        wide = 3.0 if i == 0 and len(motions) > 1 else 1.5
-        axes.plot(
-            *each.contact_point.T, label=each.engine.name, color=each.engine.colour,
-            linestyle=_STYLES[i % len(_STYLES)], linewidth=wide,
-        )  # fmt: skip
+        wide = 5.0 if i == 0 and len(motions) > 1 else 1.8
+        axes.plot(*each.contact_point.T, linewidth=wide, **style)
     axes.set(xlabel="X [m]", ylabel="Y [m]")
     axes.set_aspect("equal", "datalim")
     axes.grid(alpha=0.3)

@@ -169,7 +169,7 @@ def steer(scene: Scene, path: WantedPath, duration: float) -> _Steered:
     steered = replace(
         scene,
         name=f"{scene.name}_{path.name}",
-        title=f"{scene.title}, steered along a {path.name}",
+        title=f"{scene.title}, steered along the {path.name}",
         frame_rate=samples[0],
         rotor_rates=tuple(samples[1 : 1 + rotors]),
         pendulum_rates=tuple(samples[1 + rotors :]),

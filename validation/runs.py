@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.markup import escape
 
-from robotball import InputError, Request, Scene, integrate
+from robotball import InputError, Motion, Request, Scene, integrate
 from robotball.engines.mujoco.fault_window import FaultWindow, Replayed
 from robotball.files.replacing import refused
 from robotball.processes import allowed, in_processes
@@ -114,27 +114,31 @@ def agreements_of(
     return [agreement(i, request) for i, request in enumerate(requests)]
 
 
-def film(path: Path, agreement: Agreement, how: "Film | None" = None) -> None:
-    """Film both motions of an agreement at `path`, by default as `Film()` says.
+def film(path: Path, agreements: Sequence[Agreement], how: "Film | None" = None) -> None:
+    """Film the motions of a scene's agreements at `path`, by default as `Film()` says.
 
-    Raises InputError as `check_moving` does, and as `write_video` does.
+    Raises InputError as `motions_of` does, and as `write_video` does.
     """
-    check_moving(agreement, "video")
+    motions = motions_of(agreements, "video")
     from robotball.film.render import write_video  # an encoder and a GL, which only a film needs
 
     with refused(path):
         path.parent.mkdir(parents=True, exist_ok=True)
     with progress_bar(1) as show:
-        words = f"{agreement.scene.name}: video"
-        motions = agreement.motion, agreement.theory
-        write_video(path, *motions, how, progress=lambda part: show(part, words))
+        words = f"{motions[-1].scene.name}: video"
+        write_video(path, motions, how, progress=lambda part: show(part, words))
 
 
-def check_moving(agreement: Agreement, kind: str) -> None:
-    """Raise InputError where a run broke in its first step, so that there is nothing to see."""
-    if len(agreement.motion.times) < 2:
-        why = f"its motion ended at t = {agreement.end:g} s: {agreement.verdict}"
-        raise InputError(f"{agreement.scene.name} has no {kind}, as {why}")
+def motions_of(agreements: Sequence[Agreement], kind: str) -> list[Motion]:
+    """Return the motions of a scene's agreements, and the equations' as the last.
+
+    Raises InputError where a run broke in its first step, so that there is nothing to see.
+    """
+    for each in agreements:
+        if len(each.motion.times) < 2:
+            why = f"its motion ended at t = {each.end:g} s: {each.verdict}"
+            raise InputError(f"{each.scene.name} has no {kind}, as {why}")
+    return [*(each.motion for each in agreements), agreements[0].theory]
 
 
 def windows(agreements: Sequence[Agreement], folder: Path) -> list[Path]:

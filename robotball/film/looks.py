@@ -12,7 +12,7 @@ weight on the side of its centre of mass. The shell is always glass, with bands 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
-from typing import cast
+from typing import Any, cast
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -26,13 +26,31 @@ from robotball.shapes import Kind, Shape
 INK = "#22262B"  # text
 ACCENT = "#D55E00"  # what the rest is held against
 FAINT = "#B4B9BF"  # what stands behind
-GHOST = 0.35  # opacity of a second ball that is drawn over the first
+GHOST = 0.35  # opacity of a ball that is drawn over others
+_MORE = ("#009E73", "#CC79A7", "#56B4E9", "#B08900")  # of further motions by an engine
 
 
 def rgb(colour: str) -> tuple[float, float, float]:
     """Return (red, green, blue), each 0 to 1, for a colour "#rrggbb"."""
     red, green, blue = bytes.fromhex(colour.removeprefix("#"))
     return red / 255, green / 255, blue / 255
+
+
+def label_of(motion: Any) -> str:
+    """Return the engine's name with that of its settings: "MuJoCo, fast", "MuJoCo as it comes"."""
+    report = getattr(motion, "report", None)
+    if report is None:
+        return str(motion.engine.name)
+    if report.settings.name in ("naive", "as-it-comes"):
+        return f"{motion.engine.name} as it comes"
+    return f"{motion.engine.name}, {report.settings.name}"
+
+
+def colours_of(motions: Sequence[Any]) -> list[str]:
+    """Return a colour for each `Motion`: its engine's, or one of its own for a further one."""
+    own = [motion.engine.colour for motion in motions]
+    before = [own[:i].count(each) for i, each in enumerate(own)]
+    return [_MORE[(n - 1) % 4] if n else each for each, n in zip(own, before, strict=True)]
 
 
 # The materials that show a rotor's angle, and its disc when it turns too fast to be seen.
@@ -238,15 +256,11 @@ def _shape(geom: ElementTree.Element, meshes: dict[str, ElementTree.Element]) ->
     kind, material = geom.get("type", "sphere"), geom.attrib["material"]
     numbers = {
         name: np.array([float(number) for number in geom.get(name, "0 0 0").split()])
-        for name in ("size", "pos", "euler", "fromto")
+        for name in ("size", "pos", "euler")
     }
     size, pos = np.zeros(3), numbers["pos"]
     size[: len(numbers["size"])] = numbers["size"]
     turn = Rotation.from_euler("XYZ", numbers["euler"], degrees=True).as_quat(scalar_first=True)
-    if "fromto" in geom.attrib:
-        begin, end = numbers["fromto"].reshape(2, 3)
-        length = float(np.linalg.norm(end - begin))
-        size[1], pos, turn = length / 2, (begin + end) / 2, z_along((end - begin) / length)
     if kind == "mesh":
         mesh = meshes[geom.attrib["mesh"]]
         tube = float(mesh.attrib["params"].split()[1])

@@ -1,10 +1,12 @@
-"""Draw two motions frame by frame: two balls under one camera, and the error below them.
+"""Draw motions frame by frame: balls with their names under one camera, and the errors below them.
 
-Each ball has its engine's colour. A sheet has the title, the names, the time, and the distance of
-the contact points with a moving cursor; all that does not change is drawn once. Frames are encoded
-one by one, so that memory does not grow with a film's length.
+Each ball has its engine's colour, or one of its own where an engine has several. A sheet has the
+title, the time, and the distances of the contact points from the equations' with a moving cursor;
+all that does not change is drawn once. Frames are encoded one by one, so that memory does not grow
+with a film's length.
 """
 
+import io
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
@@ -21,126 +23,126 @@ from robotball.errors import InputError, check_positive
 from robotball.files.replacing import replacing
 from robotball.film import gl
 from robotball.film import looks as palette
-from robotball.film.looks import GHOST, MARKS, Looks, looks_of
-from robotball.film.stage import LENS, NEAR, Arrow, Camera, Pixels, Stage
+from robotball.film.looks import GHOST, MARKS, Looks, colours_of, label_of, looks_of
+from robotball.film.stage import LENS, Arrow, Camera, Pixels, Seen, Stage
 from robotball.film.tracks import Moments, Track, heading_of, track_of
-from robotball.motion import ContactMotion, Motion
+from robotball.motion import Motion
 from robotball.processes import in_processes
 from robotball.rotations import Array, Z, rotation_matrix
 
 _FONTS = Path(matplotlib.get_data_path(), "fonts", "ttf")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PAPER = "#FFFFFF"
-_LINES = 30  # of text in the picture's height
-_HEADER, _FOOTER = 2.7, 6.0  # heights in lines
+_LINES, _COLUMNS = 26, 25  # lines of text in the picture's height, and their heights in its width
+_HEADER, _FOOTER = 2.5, 5.6  # heights in lines
+_EDGE, _LEFT, _LOW, _HIGH = 0.6, 4.6, 1.5, 3.7  # in lines: of text and of curves, from their edges
+_PLAIN = 0.68  # lines, the size of letters that are not bold
+_DPI = 64  # a power of two, by which a number of pixels is a number of inches without rounding
 _LEAST_DISTANCE = 1e-17  # m; smaller ones are drawn there, as a logarithm has no zero
-_FINE = 3  # the curve is drawn so many times larger, as Pillow does not smooth lines
+_Word = tuple[str, str, tuple[float, float]]  # a text, its colour, and the pixel of its middle
 
 
 class _Sheet:
     """The frame around the pictures: what is fixed is drawn once, the rest in each frame.
 
-    motions: left and right, or the second as a ghost; times (m,) [s] and apart (m,) [m]: the
-    error's curve. Its `pane` is the (height, width) in pixels of one picture.
+    motions: the last is what the others are held against; note: the line below the title; times
+    (m,) [s] and apart (n - 1, m) [m]: the curves of the others. Its `pane` is the (height, width)
+    in pixels of one picture, `line` the height of a line.
     """
 
     def __init__(
-        self, motions: Sequence[Motion], film: "Film", looks: Looks, times: Array, apart: Array
+        self, motions: Sequence[Motion], film: "Film", note: str, times: Array, apart: Array
     ) -> None:
-        (height, width), panes = film.size, 1 if film.ghost else 2
-        self._line = height / _LINES
-        self._end = float(times[-1])
-        self.top = round(_HEADER * self._line)
-        self.bottom = height - round(_FOOTER * self._line)
-        self.pane = (self.bottom - self.top, width // panes)
-        self._edges = [i * width // panes for i in range(1, panes)]
-        image = Image.new("RGB", (width, height), _PAPER)
-        pen = ImageDraw.Draw(image)
-        self._bold = ImageFont.truetype(str(_FONTS / "DejaVuSans-Bold.ttf"), 0.72 * self._line)
-        self._plain = ImageFont.truetype(str(_FONTS / "DejaVuSans.ttf"), 0.66 * self._line)
-        line, edge = self._line, 0.6 * self._line
-        title = " ".join(motions[1].scene.title.split())
-        pen.text((edge, 0.75 * line), title, palette.INK, self._bold, "lm")
-        for motion, name, at in zip(motions, _names(motions, film), (0.25, 0.75), strict=True):
-            pen.text((at * width, 1.95 * line), name, motion.engine.colour, self._bold, "mm")
-        arrows = {name: self._bold.getlength(name) + line for name in _ARROWS if film.arrows}
-        begin = (width - sum(arrows.values()) + line) / 2
-        for name, length in arrows.items():
-            pen.text((begin, 1.95 * line), name, _ARROWS[name][0], self._bold, "lm")
-            begin += length
-        # The curve has room for its numbers on the left, and for the value on the right.
-        self._box = (5.6 * line, self.bottom + 1.8 * line, width - 8.6 * line, height - 1.6 * line)
-        left, _, right, low = self._box
-        note, below = "; ".join(_notes(motions[1], film, looks)), self.bottom + 0.8 * line
-        pen.text((edge, below), "contact points apart", palette.INK, self._plain, "lm")
-        pen.text((width - edge, below), note, palette.INK, self._plain, "rm")
-        self._scale(apart)
-        for value in (self._least, self._most):
-            y = float(self._height(np.array([value]))[0])
-            pen.line((left, y, right, y), palette.FAINT, 1)
-            pen.text((left - 0.3 * line, y), _metres(value), palette.INK, self._plain, "rm")
-        for x, t in ((left, 0.0), (right, self._end)):
-            pen.text((x, low + 0.75 * line), f"{t:g} s", palette.INK, self._plain, "mm")
-        self._curve(image, times, apart)
-        self._still = np.asarray(image)
+        from matplotlib.figure import Figure  # the processes that draw need none
 
-    def frame(self, pictures: Pixels, t: float, apart: float) -> Pixels:
-        """Return the frame (height, width, 3) at t [s] with the pictures in it."""
-        whole = self._still.copy()
-        whole[self.top : self.bottom] = pictures
-        for edge in self._edges:
-            whole[self.top : self.bottom, edge - 1 : edge + 1] = 0xFF
-        width = whole.shape[1]
-        line, (left, high, right, low) = self._line, self._box
-        self._put(whole, f"t = {t:.2f} s", width - 0.6 * line, 0.75 * line)
-        x = left + (right - left) * min(t / self._end, 1.0)
-        half = max(1, round(line / 20))
-        column = slice(round(x) - half, round(x) + half)
-        whole[round(high - 0.3 * line) : round(low + 0.3 * line), column] = 0x22
-        self._put(whole, _metres(apart), width - 0.6 * line, (high + low) / 2)
-        return whole
+        self.names, self.colours = names, colours = [*map(label_of, motions)], colours_of(motions)
+        (height, width), panes = film.size, 1 if film.together else len(motions)
+        self.line = line = min(height / _LINES, width / _COLUMNS)
+        top = round(_HEADER * line)
+        tall = height - top - round(_FOOTER * line)
+        # Pictures stand side by side, or one above the other on a narrow screen.
+        down, along = (tall // panes, 0) if tall > width else (0, width // panes)
+        self.pane = (down or tall) - 2, (along or width) - 2
+        self._corners = [(top + 1 + i * down, 1 + i * along) for i in range(panes)]
+        self._bold, plain = (
+            ImageFont.truetype(str(_FONTS / f"DejaVuSans{kind}.ttf"), size * line)
+            for kind, size in (("-Bold", 0.76), ("", _PLAIN))
+        )
+        room = max(map(plain.getlength, names[:-1])) + 2 * _EDGE * line  # right of the curves
+        # From the left and from above, as a picture's pixels are counted.
+        left, high = _LEFT * line, height - _HIGH * line
+        right, low = width - room, height - _LOW * line
+        self._curves, end = (left, high, right, low), float(times[-1])
+        # The first errors are often rounding alone.
+        least = np.floor(np.log10(max(np.percentile(apart[:, 1:], 1), _LEAST_DISTANCE)))
+        most = np.ceil(np.log10(max(apart.max(), _LEAST_DISTANCE)))
+        ends = 10.0 ** np.array([least, max(least + 1, most)])
+        known = np.maximum(apart, ends[0])
+        figure, points = Figure((width / _DPI, height / _DPI), _DPI), 72 / _DPI * line
+        axes = figure.add_axes(
+            (left / width, 1 - low / height, (right - left) / width, (low - high) / height),
+            xlim=(0, end), xticks=(0, end), xticklabels=("0 s", f"{end:g} s"), yscale="log",
+            ylim=ends, yticks=ends, yticklabels=map(_metres, ends), frame_on=False,
+        )  # fmt: skip
+        axes.minorticks_off()
+        axes.tick_params(length=0, pad=0.4 * points, labelsize=_PLAIN * points)
+        axes.grid(axis="y", color=palette.FAINT)
+        for curve, colour in zip(known, colours, strict=False):
+            axes.plot(times, curve, color=colour, linewidth=points / 12, clip_on=False)
+        pixels = io.BytesIO()
+        figure.savefig(pixels, format="png", dpi=_DPI)
+        image = Image.open(pixels).convert("RGB")
+        pen, edge = ImageDraw.Draw(image), _EDGE * line
+        for text, font, y in (
+            (" ".join(motions[-1].scene.title.split()), self._bold, 0.85 * line),
+            (note, plain, 1.8 * line),
+            (f"distance from the {names[-1]}", plain, high - 0.9 * line),
+        ):
+            while font.getlength(text) > width - 2 * edge:
+                text = text.removesuffix("…")[:-1] + "…"
+            pen.text((edge, y), text, palette.INK, font, "lm")
+        heights = np.interp(np.log(known[:, -1]), np.log(ends), (low, high)).tolist()
+        middles = [(width - room / 2, y) for y in heights]
+        words = sorted(zip(names, colours, middles, strict=False), key=lambda word: -word[2][1])
+        _write(image, words, plain, np.array([0, 0, width, height]))
+        self._still, self._end = np.asarray(image), end
 
-    def _put(self, whole: Pixels, text: str, right: float, middle: float) -> None:
-        line = self._line
-        x, y = int(right - 8 * line), int(middle - 0.7 * line)
-        # Pillow draws on a copy, so it is given no more than the text needs.
-        patch = Image.fromarray(whole[y : y + int(1.4 * line), x : round(right)])
-        at = (patch.width - 1, middle - y)
-        ImageDraw.Draw(patch).text(at, text, palette.INK, self._bold, "rm")
-        whole[y : y + patch.height, x : x + patch.width] = np.asarray(patch)
+    def frame(self, pictures: list[Pixels], words: list[list[_Word]], t: float) -> Pixels:
+        """Return the frame (height, width, 3) at t [s] with pictures and the words on each."""
+        whole, (height, width) = self._still.copy(), self.pane
+        for picture, (y, x) in zip(pictures, self._corners, strict=True):
+            whole[y : y + height, x : x + width] = picture
+        image = Image.fromarray(whole)
+        for some, (y, x) in zip(words, self._corners, strict=True):
+            moved = [(text, colour, (x + at[0], y + at[1])) for text, colour, at in some]
+            _write(image, moved, self._bold, np.array([x, y, x + width, y + height]))
+        pen, line, (left, high, right, low) = ImageDraw.Draw(image), self.line, self._curves
+        at = left + (right - left) * min(t / self._end, 1.0)
+        pen.line(
+            (at, high - 0.3 * line, at, low + 0.3 * line), palette.INK, max(2, round(line / 10))
+        )
+        below = (left + right) / 2, low + 0.85 * line
+        pen.text(below, f"t = {t:.2f} s", palette.INK, self._bold, "mm")
+        return np.asarray(image)
 
-    def _scale(self, apart: Array) -> None:
-        """Choose decades for an error that spans a factor of 100, else a linear scale from 0.
 
-        The tenth percentile stands for the least: the first errors are often rounding alone.
-        """
-        positive = apart[apart > _LEAST_DISTANCE]
-        self._log = len(positive) > 0 and positive.max() > 100 * np.percentile(positive, 10)
-        self._least, self._most = 0.0, float(apart.max()) or 1.0
-        if self._log:
-            self._least = 10.0 ** np.floor(np.log10(np.percentile(positive, 10)))
-            self._most = 10.0 ** np.ceil(np.log10(positive.max()))
-
-    def _height(self, apart: Array) -> Array:
-        _, high, _, low = self._box
-        if self._log:
-            ends = np.log([self._least, self._most])
-            part = (np.log(np.maximum(apart, _LEAST_DISTANCE)) - ends[0]) / (ends[1] - ends[0])
-        else:
-            part = apart / self._most
-        return low - np.clip(part, -0.08, 1.0) * (low - high)
-
-    def _curve(self, image: Image.Image, times: Array, apart: Array) -> None:
-        left, high, right, low = self._box
-        margin = self._line / 4
-        corner = (int(left - margin), int(high - margin))
-        area = image.crop((*corner, int(right + margin), int(low + margin)))
-        large = area.resize((area.width * _FINE, area.height * _FINE), Image.Resampling.NEAREST)
-        x = left + (right - left) * times / self._end
-        points = (np.column_stack([x, self._height(apart)]) - corner) * _FINE
-        corners, wide = list(map(tuple, points.tolist())), max(3, round(self._line / 4))
-        ImageDraw.Draw(large).line(corners, palette.INK, wide, "curve")
-        image.paste(large.resize(area.size, Image.Resampling.BOX), corner)
+def _write(
+    image: Image.Image, words: list[_Word], font: ImageFont.FreeTypeFont, box: Array
+) -> None:
+    """Write words with a halo inside a box (4,): left, top, right, bottom; none over another."""
+    pen, taken, halo = ImageDraw.Draw(image), list[Array](), round(font.size / 7)
+    for text, colour, at in words:
+        own = np.array(pen.textbbox(at, text, font, "mm", align="center", stroke_width=halo))
+        moved = np.maximum(box[:2] - own[:2], 0) - np.maximum(own[2:] - box[2:], 0)
+        for other in sorted(taken, key=lambda each: -each[3]):  # from the lowest up
+            left, top, right, bottom = own + np.tile(moved, 2)
+            if left < other[2] and other[0] < right and top < other[3] and other[1] < bottom:
+                moved[1] -= bottom - other[1] + halo
+        taken.append(own + np.tile(moved, 2))
+        pen.text(
+            tuple(at + moved), text, colour, font, "mm", align="center",
+            stroke_width=halo, stroke_fill=_PAPER,
+        )  # fmt: skip
 
 
 def _metres(length: float) -> str:
@@ -152,17 +154,18 @@ def _metres(length: float) -> str:
     return power if digits == "1.0" else f"{digits} × {power}"
 
 
-_Progress = Callable[[float], None]
-
 _MANY = 100  # frames; for fewer, starting processes takes longer than it saves
 _SMOOTH = 0.4  # s of the film, over which the camera averages the ball's motion
+_STEP = 0.02  # s, of a path at most: its corners are not seen, however few the frames
 _BLUR_FROM, _BLUR_TO = 0.25, 0.75  # rad a frame: beyond it a rotor's marks would mislead
-_CAMERAS = {"follow": (NEAR, 24.0), "above": (9.0, 80.0), "whole": (9.0, 40.0)}  # radii, degrees
-_OTHER = 0.4  # opacity of the other ball's path
+# Room on each side of a ball in radii, elevation in degrees.
+_CAMERAS = {"follow": (2.3, 24.0), "above": (2.9, 80.0), "whole": (1.7, 40.0)}
+_ASIDE = 0.6  # rad from straight ahead, from where the camera sees a ball come
+_OTHER = 0.4  # opacity of the other balls' paths
 # Arrows: colour, length in radii of the largest.
-_ARROWS = {"M": ("#CC79A7", 1.5), "ω": ("#009E73", 1.2), "contact force": ("#22262B", 0.9)}
+_ARROWS = {"M": ("#93387A", 1.8), "ω": ("#00734F", 1.4), "contact force": ("#22262B", 1.0)}
 _LEAST = 1e-3  # an arrow shorter than that part of the largest is left out
-_ROOM = 1.3  # the camera's distance is so many times larger with arrows
+_ROOM = 1.3  # the camera has so many times the room with arrows
 _CLEAR = 1.06  # from the centre: outside the shell
 
 
@@ -173,8 +176,8 @@ class Film:
     fps     frames a second
     size    (height, width) in pixels, even
     slow    how many times slower than life
-    camera  "follow" a ball, look from "above", or stand still and see the "whole" path
-    ghost   one picture with the second ball as a ghost, in place of two pictures
+    camera  "follow" a ball, look from "above", or stand still and see the "whole" paths of all
+    ghost   one picture with the last ball as a ghost, in place of a picture each
     arrows  draw M, ω and the contact force
 
     Raises InputError, with the limit, for a value that no film can have.
@@ -200,49 +203,38 @@ class Film:
         if self.camera not in _CAMERAS:
             raise InputError(f"camera must be one of {', '.join(_CAMERAS)}, not {self.camera!r}")
 
-    def times(self, motion: Motion, theory: Motion) -> Array:
-        """Return the times (m,) of the frames [s], up to the end of the shorter motion.
+    @property
+    def together(self) -> bool:
+        """Whether all balls are in one picture."""
+        return self.ghost or self.camera == "whole"
+
+    def times(self, motions: Sequence[Motion]) -> Array:
+        """Return the times (m,) of the frames [s], up to the end of the shortest motion.
 
         They are two at least: a motion shorter than a frame is shown at its start and its end.
         Raises InputError if the motions are not sampled at the same times.
         """
-        shared = min(len(motion.times), len(theory.times))
-        if shared < 2 or not np.array_equal(motion.times[:shared], theory.times[:shared]):
+        shared = min(len(each.times) for each in motions)
+        if shared < 2 or np.ptp([each.times[:shared] for each in motions], axis=0).any():
             raise InputError(
-                "a film needs two motions sampled at the same times, of two samples at least, not "
-                f"{len(motion.times)} and {len(theory.times)}"
+                "a film needs motions sampled at the same times, of two samples at least, not "
+                + " and ".join(str(len(each.times)) for each in motions)
             )
-        rate, end = self.fps * self.slow, float(motion.times[shared - 1])
+        rate, end = self.fps * self.slow, float(motions[0].times[shared - 1])
         # An end that is a whole number of frames must not be lost to rounding.
         count = np.floor(end * rate * (1 + 1e-12)) + 1
         # A path, and the axis of time below it, need two points.
         return np.arange(count) / rate if count > 1 else np.array([0.0, end])
 
 
-def frames(motion: Motion, theory: Motion, film: Film | None = None) -> Iterator[Pixels]:
+def frames(motions: Sequence[Motion], film: Film | None = None) -> Iterator[Pixels]:
     """Yield the pictures (height, width, 3) of a film.
 
-    motion: an engine's, on the left; theory: the equations' motion of the same scene. Raises
-    InputError if the times differ, or if there is no off-screen GL.
+    motions: of one scene, two at least; the last, the equations', is what the others are held
+    against. Raises InputError if the times differ, or if there is no off-screen GL.
     """
-    film = film or Film()
-    times, backend = film.times(motion, theory), gl.find_backend()
-    if backend is None:
-        raise InputError(gl.advice())
-    motions = (motion, theory)
-    tracks = (track_of(motion).sampled_at(times), track_of(theory).sampled_at(times))
-    apart = np.linalg.norm(tracks[0].points - tracks[1].points, axis=1) * theory.scene.ball.radius
-    looks = looks_of(theory.scene.ball)
     # No generator itself, so that what cannot be drawn is refused here, not at the first picture.
-    return _painted(
-        _Painter(
-            film, times, tracks, looks,
-            colours=(motion.engine.colour, theory.engine.colour),
-            sheet=_Sheet(motions, film, looks, times, apart),
-            lengths=_lengths(tracks[1], theory) if film.arrows else {},
-            backend=backend,
-        )
-    )  # fmt: skip
+    return _painted(_Painter(motions, film or Film()))
 
 
 def _painted(painter: "_Painter") -> Iterator[Pixels]:
@@ -250,18 +242,30 @@ def _painted(painter: "_Painter") -> Iterator[Pixels]:
         yield from in_processes(painter, range(len(painter.times)), _MANY)
 
 
-@dataclass(frozen=True)
 class _Painter:
-    """Draws the frames of a film by number, with an OpenGL of its own in each process."""
+    """Draws the frames of a film by number, with an OpenGL of its own in each process.
 
-    film: Film
-    times: Array
-    tracks: tuple[Track, Track]
-    looks: Looks
-    colours: tuple[str, str]
-    sheet: _Sheet
-    lengths: dict[str, float]
-    backend: str
+    A track has `finer` samples for each frame, so that its path is smooth.
+    """
+
+    def __init__(self, motions: Sequence[Motion], film: Film) -> None:
+        self.film, self.times, backend = film, film.times(motions), gl.find_backend()
+        scene = motions[-1].scene
+        if backend is None:
+            raise InputError(gl.advice())
+        self.backend = backend
+        self.finer = int(np.ceil(self.times[1] / _STEP))
+        fine = np.linspace(0.0, self.times[-1], (len(self.times) - 1) * self.finer + 1)
+        self.tracks = [track_of(motion).sampled_at(fine) for motion in motions]
+        points = np.array([track.points[:: self.finer] for track in self.tracks])
+        self.apart = np.linalg.norm(points[:-1] - points[-1], axis=2) * scene.ball.radius
+        self.looks = looks_of(scene.ball)
+        self.lengths = _lengths(self.tracks[-1], scene.momentum_scale) if film.arrows else {}
+        note = "; ".join(_notes(motions, film, self.looks))
+        self.sheet = _Sheet(motions, film, note, self.times, self.apart)
+        every, (height, width) = list(range(len(motions))), self.sheet.pane
+        self.panes = [every] if film.together else [[i] for i in every]
+        self.cameras = [_cameras(film, points[pane], width / height) for pane in self.panes]
 
     def __call__(self, k: int) -> Pixels:
         # An OpenGL cannot be sent to another process: each makes its own with its first picture.
@@ -270,42 +274,61 @@ class _Painter:
         return self._drawn(k)
 
     def _drawn(self, k: int) -> Pixels:
-        then = [track.sample(k) for track in self.tracks]
+        last = k * self.finer
+        then = [track.sample(last) for track in self.tracks]
         stands = [track.stands(each) for track, each in zip(self.tracks, then, strict=True)]
         self._stage.place(stands, [self._blurred(i, each) for i, each in enumerate(then)])
-        pictures = []
-        for pane, camera in zip(self._panes, self._cameras, strict=True):
-            opacities = [float(i in pane) for i in (0, 1)]
-            if self.film.ghost:
-                opacities[1] = GHOST
-            trails = [1.0 if i in pane else _OTHER for i in (0, 1)]
+        pictures, words = [], []
+        for pane, cameras in zip(self.panes, self.cameras, strict=True):
+            balls, camera = range(len(then)), cameras[k]
+            opacities = [float(i in pane) for i in balls]
+            if self.film.together:
+                opacities[-1] = GHOST
+            trails = [1.0 if i in pane else _OTHER for i in balls]
             first = pane[0]
             arrows = _arrows(then[first], self.lengths, self.tracks[first].robot.radius)
-            pictures.append(self._stage.draw(camera(k), opacities, trails, k, arrows))
-        off = np.linalg.norm(then[0].contact_point - then[1].contact_point)
-        return self.sheet.frame(np.hstack(pictures), float(self.times[k]), float(off))
+            drawn = list(arrows.values())
+            pictures.append(self._stage.draw(camera, opacities, trails, last, drawn))
+            seen = {
+                i: camera.seen(stands[i]["shell"][1][0], self.sheet.pane) for i in reversed(pane)
+            }
+            words.append([*self._named(k, seen), *self._pointed(seen[first], arrows, camera)])
+        return self.sheet.frame(pictures, words, float(self.times[k]))
+
+    def _named(self, k: int, seen: dict[int, Seen]) -> Iterator[_Word]:
+        """Yield the name of each ball of a picture, and how far it is off.
+
+        It stands above the ball; below it where arrows are above. The other way round for the
+        equations' ball, as another one may be at its place.
+        """
+        for i, (x, y, radius) in seen.items():
+            off = f"\n{_metres(self.apart[i, k])} off" if i < len(self.apart) else ""
+            below = bool(self.lengths) != (not off and len(seen) > 1)
+            away = (radius + 1.1 * self.sheet.line) * (1 if below else -1)
+            yield self.sheet.names[i] + off, self.sheet.colours[i], (x, y + away)
+
+    def _pointed(self, ball: Seen, arrows: dict[str, Arrow], camera: Camera) -> Iterator[_Word]:
+        """Yield the name of each arrow at its head, but outside of the ball's outline."""
+        x, y, radius = ball
+        for name, (_, head, colour) in arrows.items():
+            u, v, _ = camera.seen(head, self.sheet.pane)
+            out = float(np.hypot(u - x, v - y)) or 1.0
+            far = max(out, radius) / out
+            # Half of the word's own size farther.
+            room = np.array([0.4 + 0.27 * len(name), 0.8]) * self.sheet.line / out
+            yield name, colour, (x + (u - x) * (far + room[0]), y + (v - y) * (far + room[1]))
 
     def _blurred(self, i: int, then: Moments) -> dict[str, float]:
         turned = np.abs(then.hinge_rates[0]) / (self.film.fps * self.film.slow)
         fast = np.clip((turned - _BLUR_FROM) / (_BLUR_TO - _BLUR_FROM), 0, 1).tolist()
         return dict(zip(self.tracks[i].names[1:], fast, strict=True))
 
-    @property
-    def _panes(self) -> list[list[int]]:
-        return [[0, 1]] if self.film.ghost else [[0], [1]]
-
-    @cached_property
-    def _cameras(self) -> list[Callable[[int], Camera]]:
-        height, width = self.sheet.pane
-        return [
-            _camera(self.film, [self.tracks[i].points for i in pane], width / height)
-            for pane in self._panes
-        ]
-
     @cached_property
     def _stage(self) -> Stage:
-        distance, points = self._cameras[0](0).distance, [track.points for track in self.tracks]
-        return Stage(self.sheet.pane, self.looks, self.colours, points, distance, self.backend)
+        points = [track.points for track in self.tracks]
+        far = max(each.distance for cameras in self.cameras for each in cameras)
+        size, colours = self.sheet.pane, self.sheet.colours
+        return Stage(size, self.looks, colours, points, far, self.backend)
 
     def close(self) -> None:
         """Free the OpenGL of this process."""
@@ -313,50 +336,41 @@ class _Painter:
             self._stage.close()
 
 
-def _names(motions: Sequence[Motion], film: Film) -> Iterator[str]:
-    """Yield the headings of both motions."""
-    for motion, ghost in zip(motions, (False, film.ghost), strict=True):
-        name = motion.engine.name
-        if isinstance(motion, ContactMotion):
-            name += f" {motion.engine.version}, {motion.report.settings.name}"
-        elif motion is not motions[1]:
-            name += f" {motion.engine.version}"
-        yield f"{name} (ghost)" if ghost else name
-
-
-def _notes(theory: Motion, film: Film, looks: Looks) -> Iterator[str]:
-    """Yield what a film shows otherwise than it is."""
+def _notes(motions: Sequence[Motion], film: Film, looks: Looks) -> Iterator[str]:
+    """Yield the engines' versions, and what a film shows otherwise than it is."""
+    yield from dict.fromkeys(f"{each.engine.name} {each.engine.version}" for each in motions[:-1])
     if film.slow != 1:
         slow, way = (film.slow, "slower") if film.slow > 1 else (1 / film.slow, "faster")
         yield f"{slow:g} times {way} than life"
     marked = [any(each.material == MARKS for each in shapes) for shapes in looks.values()]
-    rates = np.abs(theory.hinge_rates[:, marked[1:]])
+    rates = np.abs(motions[-1].hinge_rates[:, marked[1:]])
     if rates.size and rates.max() / (film.fps * film.slow) > _BLUR_FROM:
         yield "a rotor too fast for the film has no marks"
 
 
-def _camera(film: Film, points: Sequence[Array], aspect: float) -> Callable[[int], Camera]:
-    """Return the camera as a function of the frame's number.
+def _cameras(film: Film, paths: Array, aspect: float) -> list[Camera]:
+    """Return the camera of each frame.
 
-    points: the path (m, 2) of each ball in the picture, in radii; aspect: width over height.
+    paths: (n, m, 2), of each ball in the picture, in radii; aspect: width over height. One ball
+    comes towards the camera; of several the way runs across the picture, where there is most room.
     """
-    distance, elevation = _CAMERAS[film.camera]
-    room = _ROOM if film.arrows else 1.0
-    between = np.linalg.norm(points[0] - points[-1], axis=1)
-    azimuth = heading_of(points[-1]) + (0.6 if film.camera == "follow" else 0.0)
-    up = np.radians(elevation)
+    room, degrees = _CAMERAS[film.camera]
+    room, up = room * (_ROOM if film.arrows else 1.0), np.radians(degrees)
+    ahead = len(paths) == 1 and film.camera == "follow"
+    azimuth = heading_of(paths[-1]) + (_ASIDE if ahead else -np.pi / 2)
+    back = np.array([np.cos(azimuth), np.sin(azimuth)])
+    axes = np.array([[-back[1], back[0]], back])
+    low, high = (end(paths @ axes.T, axis=0) for end in (np.min, np.max))
     if film.camera == "whole":
-        every = np.concatenate(points)
-        low, high = every.min(axis=0), every.max(axis=0)
-        half = float(np.linalg.norm(high - low)) / 2 + 1.5 * room
-        middle, away = np.array([*(low + high) / 2, 0.5]), LENS * half / min(1.0, aspect)
-        return lambda k: Camera(middle, away, azimuth, up)
-    middle = np.mean(points, axis=0)
-    smooth = gaussian_filter1d(middle, _SMOOTH * film.fps, axis=0, mode="nearest")
-    # Farther away where a ghost leaves the ball by more than the picture shows.
-    far = room * distance * np.maximum(1.0, (between + 2.5) / 4.0) / min(1.0, 1.25 * aspect)
-    far = gaussian_filter1d(far, _SMOOTH * film.fps, mode="nearest")
-    return lambda k: Camera(np.array([*smooth[k], 0.85]), float(far[k]), azimuth, up)
+        low[:], high[:] = low.min(axis=0), high.max(axis=0)
+    across, deep = ((high - low) / 2).T
+    # What is nearer to the camera is larger, so it stands farther away from a deep picture.
+    far = deep * np.cos(up) + LENS * np.maximum(
+        (across + room) / max(1.0, aspect), (deep * np.sin(up) + room) / max(1.0, 1 / aspect)
+    )
+    states = np.column_stack([(low + high) / 2 @ axes, far])
+    states = gaussian_filter1d(states, _SMOOTH * film.fps, axis=0, mode="nearest")
+    return [Camera(np.array([x, y, 0.85]), away, azimuth, up) for x, y, away in states.tolist()]
 
 
 def _vectors(then: Moments) -> dict[str, Array]:
@@ -365,20 +379,23 @@ def _vectors(then: Moments) -> dict[str, Array]:
     return dict(zip(_ARROWS, (then.momentum, omega, then.contact_force), strict=True))
 
 
-def _lengths(track: Track, theory: Motion) -> dict[str, float]:
-    """Return the size of the vector that an arrow of one radius shows, for each kind of arrow."""
+def _lengths(track: Track, scale: float) -> dict[str, float]:
+    """Return the size of the vector that an arrow of one radius shows, for each kind of arrow.
+
+    scale: kg m²/s, of M.
+    """
     most = {
         name: float(np.linalg.norm(vectors, axis=1).max())
         for name, vectors in _vectors(track.sampled).items()
     }
     # A ball at M = 0 has rounding alone.
-    most["M"] = max(most["M"], _LEAST * theory.scene.momentum_scale)
+    most["M"] = max(most["M"], _LEAST * scale)
     return {name: size / _ARROWS[name][1] for name, size in most.items()}
 
 
-def _arrows(then: Moments, lengths: dict[str, float], radius: float) -> list[Arrow]:
+def _arrows(then: Moments, lengths: dict[str, float], radius: float) -> dict[str, Arrow]:
     """Return the arrows at one time; the contact force's begins where its line leaves the ball."""
-    found = []
+    found = {}
     place = np.append(then.contact_point[0] / radius, 0.0)
     vectors = _vectors(then)
     for name, length in lengths.items():
@@ -389,7 +406,7 @@ def _arrows(then: Moments, lengths: dict[str, float], radius: float) -> list[Arr
             begin = place + _CLEAR * along + Z
             if name == "contact force":
                 begin = place + (2 * along[2] + _CLEAR - 1) * along
-            found.append((begin, begin + vector / length, _ARROWS[name][0]))
+            found[name] = (begin, begin + vector / length, _ARROWS[name][0])
     return found
 
 
@@ -409,11 +426,10 @@ _FORMATS: dict[str, tuple[str, int | None, str]] = {
 
 def write_video(
     path: Path | str,
-    motion: Motion,
-    theory: Motion,
+    motions: Sequence[Motion],
     film: Film | None = None,
     *,
-    progress: _Progress | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> None:
     """Write `frames` as mp4, webm or gif, by the suffix of the path.
 
@@ -431,7 +447,7 @@ def write_video(
         raise InputError(f"a video must be a file ({kinds}) in a folder that exists, not {path}")
     codec, rate, options = _FORMATS[path.suffix]
     # Before the file is opened: what cannot be drawn must not leave one.
-    pictures, number = frames(motion, theory, film), len(film.times(motion, theory))
+    pictures, number = frames(motions, film), len(film.times(motions))
     # mediapy looks for an ffmpeg on the PATH; imageio-ffmpeg brings one.
     mediapy.set_ffmpeg(imageio_ffmpeg.get_ffmpeg_exe())
     with (

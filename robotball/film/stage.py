@@ -35,6 +35,7 @@ from robotball.shapes import add_geoms
 
 Pixels = NDArray[np.uint8]
 Arrow = tuple[Array, Array, str]  # from a point (3,) to another, and its colour
+Seen = tuple[float, float, float]  # x and y of a point in a picture, and a radius there [px]
 _Stands = Mapping[str, tuple[Array, Array]]
 
 _HIDDEN = "3"  # the group of what is hidden until a picture asks for it
@@ -86,14 +87,19 @@ class Camera:
         back = [level * np.cos(self.azimuth), level * np.sin(self.azimuth), np.sin(self.elevation)]
         return self.look + self.distance * np.array(back)
 
+    def seen(self, point: Array, size: tuple[int, int]) -> Seen:
+        """Return where a point (3,) is in a picture of that size (height, width) in pixels."""
+        right, up, back = _facing(self.eye - self.look) @ (point - self.eye)
+        radius = LENS * min(size) / 2 / -back
+        return size[1] / 2 + radius * right, size[0] / 2 - radius * up, radius
+
 
 LENS = 3.1  # a lens of 36 degrees: the distance at which the picture's shorter side is 2
 NEAR = 7.2  # the distance from which widths and lifts are as given below; they grow with it
-_TRAIL = 0.035  # half of a path's width
-# Heights over the floor: the depth buffer must separate them, from far away too.
-_LIFT_PATH, _LIFT_OTHER, _LIFT_SHADOW = 0.006, 0.004, 0.002
+_TRAIL = 0.04  # half of a path's width; the last is wider, to be seen below the others
+_LIFT = 0.002  # between shadows, the last path, …, the first: the depth buffer must separate them
 _BEHIND = 0.003  # a ghost is drawn farther away, or its surfaces would flicker through the ball's
-_THICK = 0.045  # half of an arrow's width
+_THICK = 0.06  # half of an arrow's width
 POINTS = 20_000  # of a path; a longer one is thinned, as all are sent to OpenGL for each picture
 _ADDED = 100  # room for the geoms that a picture adds
 _SAMPLES = 4  # a pixel
@@ -114,8 +120,8 @@ class Stage:
     """An off-screen OpenGL with a floor and balls of the same shapes.
 
     size: (height, width) of a picture in pixels; colours: of each ball; paths: the contact points
-    (n, 2) of each; distance: the camera's, at which the paths have their usual width and the fog
-    begins; backend: as `gl.find_backend` returned. Call `close` when done.
+    (n, 2) of each; distance: the camera's largest, beyond which the fog begins; backend: as
+    `gl.find_backend` returned. Call `close` when done.
     """
 
     def __init__(
@@ -129,7 +135,7 @@ class Stage:
     ) -> None:
         self._size, self._bodies, self._colours = size, list(looks), colours
         self._paths, self._step = paths, -(-len(paths[0]) // POINTS)
-        self._strips = [_strip(path[:: self._step], _TRAIL * distance / NEAR) for path in paths]
+        self._strips = [_strip(path[:: self._step]) for path in paths]
         spec = build_stage(looks, colours, np.ones(len(colours)).tolist())
         for i, strip in enumerate(self._strips):
             _add_strip(spec, f"path{i}", len(strip))
@@ -198,8 +204,7 @@ class Stage:
         """
         self._update(camera, opacities)
         for i, opacity in enumerate(trails):
-            lift = _LIFT_PATH if opacities[i] == 1 else _LIFT_OTHER
-            self._add_path(i, last, opacity, lift, camera)
+            self._add_path(i, last, opacity, camera.distance / NEAR)
         for i, opacity in enumerate(opacities):
             if opacity > 0:
                 self._add_shadow(i, opacity, camera)
@@ -290,7 +295,7 @@ class Stage:
         shadow = self._add(mujoco.mjtGeom.mjGEOM_PLANE, "#000000", _OPAQUE * opacity, f"shadow{i}")
         height = float(self._centres[i, 2])
         shadow.pos = self._centres[i] - SUN * (height / SUN[2])
-        shadow.pos[2] = _LIFT_SHADOW * camera.distance / NEAR
+        shadow.pos[2] = _LIFT * camera.distance / NEAR
         # The plane's sides are those vectors on the floor that the sun sees as its right and up.
         shadow.mat[:2, :2] = np.linalg.inv(_facing(-SUN)[:2, :2])
         shadow.size, shadow.specular = np.array([_REACH, _REACH, 1.0]), 0.0
@@ -305,12 +310,15 @@ class Stage:
         outline = np.sqrt(1 - 1 / distance**2)
         rim.size = np.array([outline, outline, 1.0])
 
-    def _add_path(self, i: int, last: int, opacity: float, lift: float, camera: Camera) -> None:
-        model, strip = self._model, self._strips[i].copy()
+    def _add_path(self, i: int, last: int, opacity: float, scale: float) -> None:
+        """Add a path up to its point `last`, as wide and as high over the floor as `scale` says."""
+        model, below = self._model, len(self._paths) - 1 - i
+        strip = _TRAIL * (1 if below else 2) * scale * self._strips[i]
+        strip[:, :2] += np.repeat(self._paths[i][:: self._step], 2, axis=0)
         # MuJoCo draws a mesh whole: triangles after the present have no area.
         end = 2 * (last // self._step) + 2
         strip[end:, :2] = self._paths[i][last]  # a thinned path too reaches the ball
-        strip[:, 2] = lift * camera.distance / NEAR
+        strip[:, 2] = _LIFT * (2 + below) * scale
         mesh = model.mesh(f"path{i}")
         model.mesh_vert[mesh.vertadr[0] :][: len(strip)] = strip
         self._context.make_current()
@@ -372,12 +380,12 @@ def _add_strip(spec: mujoco.MjSpec, name: str, corners: int) -> None:
     )
 
 
-def _strip(points: Array, side: float) -> Array:
-    """Return a strip (2 n, 3) on the floor through points (n, 2), as wide to each side."""
+def _strip(points: Array) -> Array:
+    """Return the directions (2 n, 3) from points (n, 2) to both sides of a path on the floor."""
     steps = np.gradient(points, axis=0)
     lengths = np.linalg.norm(steps, axis=1, keepdims=True)
     along = np.divide(steps, lengths, out=np.tile([1.0, 0.0], (len(points), 1)), where=lengths > 0)
-    across = side * np.column_stack([-along[:, 1], along[:, 0]])
     strip = np.zeros((2 * len(points), 3))
-    strip[0::2, :2], strip[1::2, :2] = points + across, points - across
+    strip[0::2, 0], strip[0::2, 1] = -along[:, 1], along[:, 0]
+    strip[1::2] = -strip[0::2]
     return strip

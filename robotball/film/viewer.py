@@ -1,15 +1,16 @@
-"""Play two balls in step in MuJoCo's interactive viewer, the second as a ghost."""
+"""Play balls in step in MuJoCo's interactive viewer, the last as a ghost."""
 
 import os
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
 from robotball.errors import InputError
-from robotball.film.looks import GHOST, looks_of
+from robotball.film.looks import GHOST, colours_of, looks_of
 from robotball.film.stage import build_stage, pose
 from robotball.film.tracks import track_of
 from robotball.motion import Motion
@@ -69,20 +70,19 @@ def check_display() -> None:
             raise InputError(no_display)
 
 
-def view(motion: Motion, theory: Motion, seconds: float | None = None) -> None:
-    """Show both motions until the window is closed, or for so many seconds.
+def view(motions: Sequence[Motion], seconds: float | None = None) -> None:
+    """Show motions of a scene until the window is closed, or for so many seconds.
 
     Raises InputError if there is no display.
     """
     check_display()
     from mujoco import viewer
 
-    tracks = [track_of(motion), track_of(theory)]
-    looks = looks_of(theory.scene.ball)
-    colours = [motion.engine.colour, theory.engine.colour]
-    model = build_stage(looks, colours, [1.0, GHOST]).compile()
+    tracks, looks = list(map(track_of, motions)), looks_of(motions[-1].scene.ball)
+    colours, opacities = colours_of(motions), [1.0] * (len(motions) - 1) + [GHOST]
+    model = build_stage(looks, colours, opacities).compile()
     data = mujoco.MjData(model)
-    clock = Clock(max(float(motion.times[-1]), float(theory.times[-1])))
+    clock = Clock(max(float(each.times[-1]) for each in motions))
     begin = before = time.monotonic()
     with viewer.launch_passive(
         model, data, key_callback=clock.key, show_left_ui=False, show_right_ui=False

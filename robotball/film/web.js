@@ -1,7 +1,24 @@
 // A small WebGL 2 view of rolling balls: orbit, play, scrub. Called once for each view of a page.
-function rollingBalls(root, data) {
+function rollingBalls(root) {
 "use strict";
+const data = JSON.parse(root.querySelector("[type='application/json']").textContent);
+root.insertAdjacentHTML("beforeend", `
+<div data-is="stage"><canvas tabindex="0" role="img"></canvas></div>
+<div class="rb-controls">
+<button type="button" data-is="play">Play</button>
+<input type="range" data-is="time" min="0" max="1" step="any" value="0" aria-label="time">
+<label>speed <select data-is="speed">
+<option value="0.1">0.1×</option><option value="0.25">0.25×</option><option value="0.5">0.5×</option>
+<option value="1" selected>1×</option><option value="2">2×</option><option value="4">4×</option>
+</select></label>
+<label><input type="checkbox" data-is="ghost"> one over the other</label>
+</div>
+<div data-is="line"></div>
+<div class="rb-help">Drag to turn the view; a click and the wheel, or two fingers, to zoom.</div>
+<div data-is="note"></div>`);
 const canvas = root.querySelector("canvas"), find = name => root.querySelector(`[data-is=${name}]`);
+canvas.setAttribute("aria-label", `${data.label} by ${data.balls.map(ball => ball.name).join(" and ")}`);
+find("note").textContent = data.note || "";
 const gl = canvas.getContext("webgl2", {alpha: false, antialias: true, stencil: true, preserveDrawingBuffer: true});
 if (!gl) { find("line").textContent = "This browser shows no WebGL 2, which the 3-D view needs."; return; }
 
@@ -9,7 +26,7 @@ if (!gl) { find("line").textContent = "This browser shows no WebGL 2, which the 
 const floats = text => new Float32Array(Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer);
 const WIDTH = 6 + data.hinges, SUN = [-0.3, 0.4, -1], LANE = 1.45, TRAIL = 0.035;
 const balls = data.balls.map(ball => ({...ball, rows: floats(ball.rows)}));
-const apart = floats(data.apart), end = data.end;
+const apart = balls.map(ball => floats(ball.apart)), end = data.end, theory = balls.length - 1;
 
 // Vectors, quaternions (w, x, y, z), column-major matrices.
 const add = (a, b) => a.map((v, i) => v + b[i]), sub = (a, b) => a.map((v, i) => v - b[i]);
@@ -208,11 +225,12 @@ function frame() {
   const sky = dark.matches ? [.11, .12, .14] : [.96, .965, .97], tile = dark.matches ? [.24, .26, .29] : [.89, .9, .915];
   const across = [-Math.sin(data.heading), Math.cos(data.heading)];
   const nows = balls.map((ball, i) => {
-    const now = pose(ball, state.t), lane = state.ghost || balls.length < 2 ? 0 : LANE * (i ? 1 : -1);
+    const now = pose(ball, state.t), lane = state.ghost ? 0 : LANE * (2 * i - theory);
     return {...now, lane: [lane * across[0], lane * across[1], 0]};
   });
   const centres = nows.map(now => add([now.x, now.y, 1], now.lane));
-  const look = times(centres.reduce(add), 1 / centres.length), spread = Math.hypot(...sub(centres[0], centres[centres.length - 1]));
+  const look = times(centres.reduce(add), 1 / centres.length);
+  const spread = Math.max(...centres.map(centre => Math.hypot(...sub(centre, centres[theory]))));
   look[2] = .8;
   const far = state.far * Math.max(1, spread / 3.5) * Math.max(1, 1.35 * h / w);
   const back = [Math.cos(state.arm) * Math.cos(state.up), Math.sin(state.arm) * Math.cos(state.up), Math.sin(state.up)];
@@ -245,7 +263,7 @@ function frame() {
   const turns = now => bodies.map(body => !body.marked ? 0 : Math.min(1, Math.max(0, (Math.abs(now.rates[body.hinge]) * state.speed * (state.playing ? 1 : 0) / 60 - .25) / .5)));
   const glassy = [];
   drawn.forEach((one, i) => {
-    const fast = turns(one.now), dim = state.ghost && i ? .35 : 1;
+    const fast = turns(one.now), dim = state.ghost && theory && i === theory ? .35 : 1;
     bodies.forEach((body, j) => body.parts.forEach(part => {
       const own = part.material === "shell" || part.material === "mark", [r, g, b, a] = data.materials[part.material];
       let alpha = a * dim;
@@ -259,21 +277,28 @@ function frame() {
   for (const side of [gl.FRONT, gl.BACK]) { gl.cullFace(side); glassy.forEach(job => draw(...job)); }
   gl.disable(gl.CULL_FACE); gl.depthMask(true);
 
-  centres.forEach((centre, i) => { // names under the balls, in the page's own letters
+  const taken = [], stage = find("stage");
+  centres.forEach((centre, i) => { // names under the balls, in the page's own letters, none over another
+    const gap = apart[i][Math.min(Math.round(state.t / data.step), apart[i].length - 1)], label = labels[i];
+    label.textContent = balls[i].name + (i < theory ? `\n${gap < 1e-3 && gap > 0 ? gap.toExponential(1) : gap.toPrecision(3)} m off` : "");
     const p = [centre[0], centre[1], -.15], clip = [0, 1, 3].map(k => view[k]*p[0] + view[4+k]*p[1] + view[8+k]*p[2] + view[12+k]);
-    const label = labels[i];
-    label.style.left = `${(clip[0] / clip[2] + 1) * 50}%`; label.style.top = `${(1 - clip[1] / clip[2]) * 50}%`;
-    label.style.marginTop = state.ghost ? `${1.6 * i}em` : 0;
+    const half = label.offsetWidth / 2, high = label.offsetHeight, width = stage.clientWidth;
+    const x = Math.min(Math.max((clip[0] / clip[2] + 1) / 2 * width, half), width - half);
+    let y = (1 - clip[1] / clip[2]) / 2 * stage.clientHeight;
+    for (const other of taken.sort((a, b) => a.y - b.y))
+      if (Math.abs(x - other.x) < half + other.half && y < other.y + other.high && other.y < y + high) y = other.y + other.high + 2;
+    label.style.left = `${x}px`; label.style.top = `${y}px`;
+    taken.push({x, y, half, high});
   });
   bar.value = state.t;
-  const gap = balls.length > 1 ? apart[Math.min(Math.round(state.t / data.step), apart.length - 1)] : NaN;
-  find("line").textContent = `t = ${state.t.toFixed(2)} s` + (gap >= 0 ? ` · contact points ${gap < 1e-3 && gap > 0 ? gap.toExponential(1) : gap.toFixed(3)} m apart` : "")
+  find("line").textContent = `t = ${state.t.toFixed(2)} s`
     + (balls.some(ball => state.t > (ball.count - .5) * data.step && ball.count < data.count) ? " · a run has broken off" : "");
   find("play").textContent = state.playing ? "Pause" : "Play";
   root.dataset.drawn = state.t;
 }
-const labels = balls.map(ball => {
-  const label = document.createElement("span"); label.className = "rb-name"; label.textContent = ball.name;
+const labels = balls.map(({colour}) => {
+  const label = document.createElement("span"); label.className = "rb-name";
+  label.style.borderTop = `3px solid rgb(${times(colour, 255).map(Math.round)})`;
   find("stage").append(label); return label;
 });
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from robotball.errors import InputError
 from robotball.film import looks as palette
-from robotball.film.looks import MARKS, Looks, looks_of, materials_of
+from robotball.film.looks import MARKS, Looks, colours_of, label_of, looks_of, materials_of
 from robotball.film.tracks import heading_of, track_of
 from robotball.robot import Ball
 from robotball.shapes import Shape
@@ -21,20 +21,6 @@ _HERE = Path(__file__).parent
 STEP = 0.02  # s between the samples of a view
 MOST = 20_000  # samples, which keep a page to some megabytes
 MESHES = 60_000  # triangles, which are less than two
-_SPEEDS = (0.1, 0.25, 0.5, 1, 2, 4)
-
-_CONTROLS = """
-<div data-is="stage"><canvas tabindex="0" role="img" aria-label="{label}"></canvas></div>
-<div class="rb-controls">
-<button type="button" data-is="play">Play</button>
-<input type="range" data-is="time" min="0" max="1" step="any" value="0" aria-label="time">
-<label>speed <select data-is="speed">{speeds}</select></label>
-<label><input type="checkbox" data-is="ghost"> one over the other</label>
-</div>
-<div data-is="line"></div>
-<div class="rb-help">Drag to turn the view; a click and the wheel, or two fingers, to zoom.</div>
-<div>{note}</div>
-"""
 
 
 def view_head() -> str:
@@ -44,32 +30,21 @@ def view_head() -> str:
 
 
 def view_fragment(motions: Sequence[Any]) -> str:
-    """Return HTML of a 3-D view of one or two `Motion`s of a scene; put `view_head` before it.
+    """Return HTML of a 3-D view of `Motion`s of a scene; put `view_head` before it.
 
-    The balls stand side by side, or the second is a ghost over the first. Motions longer than MOST
+    The balls stand side by side, or the last is a ghost over the others. Motions longer than MOST
     samples are cut there. Raises InputError for a motion of fewer than two times.
     """
     data = view_data(motions)
-    scene, names = motions[0].scene, " and ".join(motion.engine.name for motion in motions)
     shown, whole = data["end"], max(float(motion.times[-1]) for motion in motions)
-    cut = shown < whole * (1 - 1e-9)
-    note = f"The first {shown:g} s of {whole:g} s are shown." if cut else ""
+    if shown < whole * (1 - 1e-9):
+        data["note"] = f"The first {shown:g} s of {whole:g} s are shown."
+    data["label"] = f"The rolling ball of {motions[0].scene.name}"
+    # A title with </script> in it would end the script.
+    packed = json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
     return (
-        '<div class="rb-view">'
-        + _CONTROLS.format(
-            label=html.escape(f"The rolling ball of {scene.name} by {names}", quote=True),
-            speeds="".join(
-                f'<option value="{speed}"{" selected" if speed == 1 else ""}>{speed:g}×</option>'
-                for speed in _SPEEDS
-            ),
-            note=note,
-        )
-        + '<script type="application/json">'
-        # A title with </script> in it would end the script.
-        + json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
-        + "</script><script>{const here = document.currentScript.parentElement; "
-        "rollingBalls(here, JSON.parse(here.querySelector('[type=\"application/json\"]')"
-        ".textContent));}</script></div>"
+        f'<div class="rb-view"><script type="application/json">{packed}</script><script>'
+        "rollingBalls(document.currentScript.parentElement);</script></div>"
     )
 
 
@@ -104,7 +79,7 @@ def view_data(motions: Sequence[Any]) -> dict[str, Any]:
     parts = [track_of(each).at(grid[grid <= each.times[-1] * (1 + 1e-9)]) for each in motions]
     ball, looks = scene.ball, looks_of(scene.ball)
     shared = min(len(part.attitude) for part in parts)
-    gap = parts[0].contact_point[:shared] - parts[-1].contact_point[:shared]
+    rest = parts[-1].contact_point[:shared]
     return {
         "step": step,
         "end": float(grid[-1]),
@@ -113,17 +88,17 @@ def view_data(motions: Sequence[Any]) -> dict[str, Any]:
         "heading": heading_of(parts[-1].contact_point),
         "bodies": list(_bodies(ball, looks)),
         "materials": materials_of(looks),
-        "apart": _packed(np.linalg.norm(gap, axis=1)),
         "balls": [
             {
-                "name": motion.engine.name,
-                "colour": palette.rgb(motion.engine.colour),
+                "name": label_of(motion),
+                "colour": palette.rgb(colour),
                 "count": len(part.attitude),
+                "apart": _packed(np.linalg.norm(part.contact_point[:shared] - rest, axis=1)),
                 "rows": _packed(
                     np.hstack([part.contact_point / ball.radius, part.attitude, part.hinge_angles])
                 ),
             }
-            for motion, part in zip(motions, parts, strict=True)
+            for motion, part, colour in zip(motions, parts, colours_of(motions), strict=True)
         ],
     }
 

@@ -108,7 +108,7 @@ def test_plot_draws_paths_to_one_scale() -> None:
     figure = MOTION.plot(THEORY)
     path, momentum = figure.axes
     assert path.get_aspect() == 1.0
-    assert [line.get_label() for line in path.lines] == ["MuJoCo", "equations"]
+    assert [line.get_label() for line in path.lines] == ["MuJoCo, fast", "equations"]
     assert momentum.get_ylabel() == "M, world axes [kg m²/s]"
     assert figure._repr_png_()[:4] == b"\x89PNG"  # type: ignore[attr-defined]
     assert by_value(np.array([2.0, 1.92, 0.0])) == {2.0: "X, Y", 0.0: "Z"}

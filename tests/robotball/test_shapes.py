@@ -160,10 +160,10 @@ def test_a_film_of_a_users_robot_shows_its_mesh_and_says_nothing_of_rotors(tmp_p
     # The motion is that of the green wheel, whose colour weighs nothing.
     for scene in (green.scene, scene_of(tmp_path, "grey.xml", grey)):
         theory = replace(green, scene=scene)
-        picture = next(frames(theory, theory, film)).astype(int)
+        picture = next(frames([theory, theory], film)).astype(int)
         greens.append((picture[..., 1] - picture[..., [0, 2]].max(axis=2) > 60).mean())
-        assert [*render._notes(theory, film, looks_of(theory.scene.ball))] == []
+        assert [*render._notes([theory], film, looks_of(theory.scene.ball))] == []
     assert greens[0] > 5e-4
     assert greens[1] == 0
-    notes = [*render._notes(FIG12, film, looks_of(FIG12.scene.ball))]
+    notes = [*render._notes([FIG12], film, looks_of(FIG12.scene.ball))]
     assert notes == ["a rotor too fast for the film has no marks"]

@@ -22,6 +22,7 @@ from robotball.files.replacing import replacing
 from robotball.film.render import Film, frames
 from validation.agreement import compare
 from validation.output import write_text
+from validation.runs import motions_of
 from validation.studies.extremes import Outcome
 
 _DOCS = Path(__file__).parents[2] / "docs"
@@ -132,8 +133,9 @@ def _write_frame(path: Path) -> None:
     """The README's picture: one frame of a film of fig12."""
     import mediapy
 
-    agreement, film = compare("fig12", None, sample_times(_FILMED)), Film()
-    shown = islice(frames(agreement.motion, agreement.theory, film), round(_SHOWN * film.fps), None)
+    found = [compare("fig12", name, sample_times(_FILMED)) for name in ("naive", "balanced")]
+    film = Film(ghost=True)
+    shown = islice(frames(motions_of(found, "film"), film), round(_SHOWN * film.fps), None)
     with replacing(path) as temporary:
         mediapy.write_image(temporary, next(shown), fmt="png")
 

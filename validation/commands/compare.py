@@ -32,7 +32,7 @@ from validation.options import (
 )
 
 _DEMO_SCENES = ("fig12", "classical_regular")
-_FILMED = ("fig12", "balanced")
+_FILMED = (("fig12", "naive"), ("fig12", "balanced"))
 
 
 @dataclass(frozen=True)
@@ -179,6 +179,7 @@ class Demo:
 
         from robotball import PRESETS, InputError, load_scene
         from robotball.engine import request_of
+        from robotball.film.render import Film
         from validation import results
         from validation.output import progress_bar, writable_folder
         from validation.plots import draw
@@ -195,19 +196,18 @@ class Demo:
                 agreements = agreements_of(load_scene(name), requests)
                 written += draw(agreements, out)
                 records += map(results.record, agreements)
-                filmed += [each for each in agreements if (name, each.settings.name) == _FILMED]
+                filmed += [each for each in agreements if (name, each.settings.name) in _FILMED]
         results.show(records, console)
         results.write_json(out / "demo.json", records)
         results.write_csv(out / "demo.csv", records)
         results.write_markdown(out / "demo.md", records)
         written += [out / f"demo.{suffix}" for suffix in ("json", "csv", "md")]
-        for agreement in filmed:
-            path = out / f"{results.file_stem([agreement])}.mp4"
-            try:
-                film(path, agreement)
-                written.append(path)
-            except InputError as error:
-                console.print(escape(f"no video: {error}"), style="yellow")
+        path = out / f"{results.file_stem(filmed)}.mp4"
+        try:
+            film(path, filmed, Film(fps=24, ghost=True))
+            written.append(path)
+        except InputError as error:
+            console.print(escape(f"no video: {error}"), style="yellow")
         console.print("Written:", *(escape(f"  {path}") for path in written), sep="\n")
         return AGREES
 

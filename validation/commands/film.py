@@ -6,7 +6,6 @@ Imports stand within the functions, so that `robotball video --help` needs no GL
 import re
 import sys
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import arg
@@ -15,30 +14,54 @@ from validation.options import (
     AGREES,
     DISAGREES,
     Controls,
-    Preset,
+    Names,
     Run,
     RunOptions,
     SceneName,
     Threads,
+    listed,
     times_of,
 )
 
 if TYPE_CHECKING:
-    from robotball import Scene
     from validation.agreement import Agreement
 
 
 @dataclass(frozen=True)
-class Video:
-    """Film a scene: the ball of an engine beside the ball of the equations.
-
-    Example: robotball video fig12 --duration 4 --slow 2 --arrows
-    """
+class _Shown:
+    """A scene, the presets to run it with, and the options of the runs."""
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
-    preset: Preset = None
-    """The engine's settings to run it with, its default if not given."""
+    preset: Names = ()
+    """The engine's settings to run it with, its default if not given. Several: naive,balanced."""
+    control: Controls = ()
+    run_options: RunOptions = field(default_factory=Run)
+
+    def _agreements(self) -> "list[Agreement]":
+        """Compare the scene's motions with progress shown."""
+        from validation.output import progress_bar, writable_folder
+        from validation.results import controlled
+        from validation.runs import agreements_of, tell_fault_windows, windows
+
+        options, scene = self.run_options, controlled(self.scene, self.control)
+        requests = [options.request(name) for name in listed(self.preset) or (None,)]
+        out, times = writable_folder(options.out), times_of(options.duration)
+        with progress_bar(len(requests)) as show:
+            agreements = agreements_of(
+                scene, requests, times, strict=options.strict, fault_windows=out, show=show
+            )
+        tell_fault_windows(windows(agreements, out))
+        return agreements
+
+
+@dataclass(frozen=True)
+class Video(_Shown):
+    """Film a scene: the ball of an engine, by one preset or more, and the ball of the equations.
+
+    Example: robotball video fig12 --preset naive,balanced --ghost --slow 2
+    """
+
     fps: int = 30
     """Frames a second."""
     size: Annotated[str, arg(metavar="WIDTHxHEIGHT")] = "1280x720"
@@ -46,83 +69,59 @@ class Video:
     slow: float = 1.0
     """So many times slower than life."""
     camera: Literal["follow", "above", "whole"] = "follow"
-    """It follows each ball, looks from above, or stands still and sees the whole path."""
+    """It follows each ball, looks from above, or stands still and sees all of their paths."""
     ghost: bool = False
-    """One picture, with the ball of the equations as a ghost, in place of two side by side."""
+    """One picture, with the ball of the equations as a ghost, in place of one a ball."""
     arrows: bool = False
     """Show M, the angular velocity and the contact force."""
     format: Literal["mp4", "webm", "gif"] = "mp4"
     """The file's format."""
-    control: Controls = ()
-    run_options: RunOptions = field(default_factory=Run)
     threads: Threads = None
 
     def run(self) -> int:
         from robotball.film.render import Film
-        from validation.results import changed, controlled, file_name, file_stem
+        from validation.results import changed, file_name, file_stem
         from validation.runs import film
 
         how = Film(self.fps, _size(self.size), self.slow, self.camera, self.ghost, self.arrows)
-        agreement, out = _agreement_of(controlled(self.scene, self.control), self)
+        agreements = self._agreements()
         words = changed(self, "fps", "size", "slow", "camera", "ghost", "arrows")
-        path = out / f"{file_name(file_stem([agreement]), None, words)}.{self.format}"
-        film(path, agreement, how)
+        stem = file_name(file_stem(agreements), None, words)
+        path = self.run_options.out / f"{stem}.{self.format}"
+        film(path, agreements, how)
         print(path)
-        return AGREES if agreement.agrees else DISAGREES
+        return AGREES if all(each.agrees for each in agreements) else DISAGREES
 
 
 @dataclass(frozen=True)
-class View:
-    """Watch both balls roll in step, that of the equations as a ghost, in a window or a page.
+class View(_Shown):
+    """Watch balls roll in step, that of the equations as a ghost, in a window or a page.
 
     Example: robotball view fig12 --web
     """
 
-    scene: SceneName
-    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
-    preset: Preset = None
-    """The engine's settings to run it with, its default if not given."""
     web: bool = False
     """Write a page for any browser, which needs no network, in place of a window."""
-    control: Controls = ()
-    run_options: RunOptions = field(default_factory=Run)
 
     def run(self) -> int:
         from robotball.film.viewer import KEYS, check_display, view
         from robotball.film.web import view_page
         from validation.output import write_text
-        from validation.results import controlled, file_stem
-        from validation.runs import check_moving
+        from validation.results import file_stem
+        from validation.runs import motions_of
 
-        scene = controlled(self.scene, self.control)
         if not self.web:
             check_display()
-        agreement, out = _agreement_of(scene, self)
-        check_moving(agreement, "view")
+        agreements = self._agreements()
+        motions = motions_of(agreements, "view")
         if self.web:
-            path = out / f"{file_stem([agreement])}-view.html"
-            write_text(path, view_page([agreement.motion, agreement.theory]))
+            path = self.run_options.out / f"{file_stem(agreements)}-view.html"
+            write_text(path, view_page(motions))
             print(path)
         else:
             print(KEYS, file=sys.stderr)
-            view(agreement.motion, agreement.theory)
-        return AGREES if agreement.agrees else DISAGREES
-
-
-def _agreement_of(scene: "Scene", command: Video | View) -> "tuple[Agreement, Path]":
-    """Compare a scene's motions with progress shown; return the agreement and the output folder."""
-    from validation.output import progress_bar, writable_folder
-    from validation.runs import agreements_of, tell_fault_windows, windows
-
-    options = command.run_options
-    request, out = options.request(command.preset), writable_folder(options.out)
-    times = times_of(options.duration)
-    with progress_bar(1) as show:
-        agreements = agreements_of(
-            scene, [request], times, strict=options.strict, fault_windows=out, show=show
-        )
-    tell_fault_windows(windows(agreements, out))
-    return agreements[0], out
+            view(motions)
+        return AGREES if all(each.agrees for each in agreements) else DISAGREES
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -83,7 +83,7 @@ class Report:
         from robotball.film.render import Film
 
         path = folder / "film.mp4"
-        film(path, agreement, Film(size=_FILM))
+        film(path, [agreement], Film(size=_FILM))
         return path
 
     def _command(self) -> str:

@@ -9,11 +9,12 @@ from typing import Any
 import imageio_ffmpeg
 import numpy as np
 import pytest
+from PIL import Image, ImageFont
 
 import robotball as rb
 from robotball.engines.mujoco import LABEL
 from robotball.film import gl, render
-from robotball.film.looks import rgb
+from robotball.film.looks import colours_of, rgb
 from robotball.film.render import Film, frames, write_video
 from robotball.film.stage import Pixels
 from robotball.processes import at_most
@@ -23,6 +24,7 @@ TIMES = np.linspace(0.0, 0.3, 16)  # s
 FIG12 = rb.load_scene("fig12")
 SMALL = Film(size=(120, 240))
 THEORY = rb.integrate(FIG12, TIMES)
+COLOURS = ("#ff0000", "#00ff00", "#0000ff")
 screen = pytest.mark.usefixtures("screen")
 
 
@@ -39,9 +41,9 @@ def test_a_frame_shows_each_engine_s_ball_on_its_side_and_where_they_differ() ->
     engine = dataclasses.replace(THEORY, engine=LABEL)
     quarter = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
     turned = dataclasses.replace(engine, attitude=multiply(quarter, THEORY.attitude))
-    picture, other = (next(frames(each, THEORY, SMALL)) for each in (engine, turned))
+    picture, other = (next(frames([each, THEORY], SMALL)) for each in (engine, turned))
     assert picture.shape == (*SMALL.size, 3)
-    left, right = np.hsplit(picture, 2)
+    left, right = np.hsplit(picture[12:94], 2)  # without the texts and the curve
     assert share(left, LABEL.colour) > 0.01
     assert share(right, LABEL.colour) == 0
     assert share(right, THEORY.engine.colour) > 0.02
@@ -53,13 +55,62 @@ def test_a_frame_shows_each_engine_s_ball_on_its_side_and_where_they_differ() ->
 
 
 @screen
+def test_motions_by_one_engine_have_a_ball_a_colour_and_a_curve_each() -> None:
+    """Three in one picture, one of them elsewhere, and in one each; measured 0.006 at least."""
+    engine = dataclasses.replace(THEORY, engine=LABEL)
+    away = dataclasses.replace(engine, contact_point=THEORY.contact_point + np.array([5.0, 0.0]))
+    motions, film = [engine, away, THEORY], Film(size=(240, 480))
+    colours = colours_of(motions)
+    assert (len(set(colours)), colours[0], colours[2]) == (3, LABEL.colour, THEORY.engine.colour)
+    each = next(frames(motions, film))
+    for third, colour in zip(np.hsplit(each[24:186], 3), colours, strict=True):
+        assert share(third, colour) > 0.02
+    one = next(frames(motions, dataclasses.replace(film, ghost=True)))
+    assert min(share(one[24:186], colour) for colour in colours[:2]) > 0.003
+    assert min(share(each[186:], colour) for colour in colours[:2]) > 0.002
+
+
+@screen
+def test_a_path_is_as_smooth_in_a_film_of_few_frames() -> None:
+    """Its corners are 0.02 s apart or less at 1 and at 200 frames a second, and on the motion."""
+    long = rb.integrate(FIG12, np.linspace(0.0, 2.0, 101))
+    for fps in (1, 200):
+        painter = render._Painter([long, long], dataclasses.replace(SMALL, fps=fps))
+        track, k = painter.tracks[0], painter.finer
+        assert np.diff(track.times).max() <= 0.02 + 1e-12
+        assert track.times[::k] == pytest.approx(painter.times)
+        assert np.abs(track.at(long.times).contact_point - long.contact_point).max() < 1e-6
+
+
+def test_words_stay_inside_and_never_cover_each_other() -> None:
+    """Three at one place have as many pixels of their colours as alone, at a corner too."""
+    font = ImageFont.truetype(str(render._FONTS / "DejaVuSans-Bold.ttf"), 20)
+    box = np.array([0, 0, 300, 200])
+
+    def written(*words: str) -> Pixels:
+        image = Image.new("RGB", (300, 200), "white")
+        render._write(
+            image, [("a ball\n1 m off", each, (295.0, 190.0)) for each in words], font, box
+        )
+        return np.asarray(image)
+
+    alone = {
+        each: np.all(written(each) == 255 * np.array(rgb(each)), axis=2).sum() for each in COLOURS
+    }
+    together = written(*COLOURS)
+    for colour, pixels in alone.items():
+        assert pixels > 300
+        assert np.all(together == 255 * np.array(rgb(colour)), axis=2).sum() == pixels
+
+
+@screen
 def test_frames_are_the_same_from_any_number_of_processes(monkeypatch: pytest.MonkeyPatch) -> None:
     """To the last pixel, and in order."""
     monkeypatch.setattr(render, "_MANY", 2)
     drawn = []
     for count in (1, 2):
         with at_most(count):
-            drawn.append(list(frames(THEORY, THEORY, dataclasses.replace(SMALL, fps=10))))
+            drawn.append(list(frames([THEORY, THEORY], dataclasses.replace(SMALL, fps=10))))
     assert len(drawn[0]) == 4
     assert np.array_equal(drawn[0], drawn[1])
     assert not np.array_equal(drawn[0][0], drawn[0][-1])
@@ -75,7 +126,7 @@ def test_a_video_has_every_frame_to_the_end_of_the_shorter_motion(
     target = tmp_path / f"ball.{suffix}"
     film = dataclasses.replace(SMALL, fps=10, slow=2.0)
     longer = rb.integrate(FIG12, np.concatenate([TIMES, np.array([0.4])]))
-    write_video(target, THEORY, longer, film, progress=done.append)
+    write_video(target, [THEORY, longer], film, progress=done.append)
     reader = imageio_ffmpeg.read_frames(str(target))
     about = next(reader)
     assert about["size"] == SMALL.size[::-1]
@@ -90,8 +141,8 @@ def test_a_motion_of_no_more_than_a_frame_shows_its_start_and_end() -> None:
     """The two pictures differ."""
     for end in (0.01, 1 / 30):
         short = rb.integrate(FIG12, np.linspace(0.0, end, 3))
-        assert SMALL.times(short, short).tolist() == [0.0, end]
-    first, last = frames(short, short, SMALL)
+        assert SMALL.times([short, short]).tolist() == [0.0, end]
+    first, last = frames([short, short], SMALL)
     assert not np.array_equal(first, last)
 
 
@@ -102,7 +153,7 @@ def test_every_choice_changes_the_picture() -> None:
         {}, {"ghost": True}, {"arrows": True}, {"camera": "above"}, {"camera": "whole"}
     ]  # fmt: skip
     films = [dataclasses.replace(SMALL, **change) for change in changes]
-    drawn = [next(frames(THEORY, THEORY, film)).tobytes() for film in films]
+    drawn = [next(frames([THEORY, THEORY], film)).tobytes() for film in films]
     assert len(set(drawn)) == len(changes)
 
 
@@ -120,7 +171,7 @@ def test_a_rotor_too_fast_for_the_film_shows_no_marks() -> None:
     for slow, least, most in ((1.0, 0.0, 5e-4), (60.0, 2e-3, 1.0)):
         film = dataclasses.replace(SMALL, slow=slow)
         with at_most(1):  # a slow film has so many frames that processes would draw them
-            first, second = (next(frames(each, THEORY, film)) for each in (still, turned))
+            first, second = (next(frames([each, THEORY], film)) for each in (still, turned))
         assert least <= np.any(first != second, axis=2).mean() <= most
 
 
@@ -128,7 +179,7 @@ def test_a_rotor_too_fast_for_the_film_shows_no_marks() -> None:
 def test_memory_does_not_grow_with_the_film() -> None:
     """In the second half of 10 frames: all that is more would be 0.4 MB; measured 0.005 MB."""
     with at_most(1):
-        drawn, peaks = frames(THEORY, THEORY, SMALL), []
+        drawn, peaks = frames([THEORY, THEORY], SMALL), []
         tracemalloc.start()
         for _ in drawn:
             peaks.append(tracemalloc.get_traced_memory()[1])
@@ -146,7 +197,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        write_video(target, THEORY, THEORY, SMALL, progress=give_up)
+        write_video(target, [THEORY, THEORY], SMALL, progress=give_up)
     assert target.read_bytes() == b"the old one"
     assert list(tmp_path.iterdir()) == [target]
 
@@ -157,10 +208,10 @@ REFUSED: dict[str, Callable[[], object]] = {
     "must be even, and 120 to 4320 pixels, not 118x120": lambda: Film(size=(120, 118)),
     "slow must be": lambda: Film(slow=0.0),
     "camera must be one of follow, above, whole, not 'behind'": lambda: Film(camera="behind"),  # type: ignore[arg-type]
-    "same times": lambda: frames(dataclasses.replace(THEORY, times=THEORY.times * 1.01), THEORY),
-    r"\.mp4.*, not ball\.avi": lambda: write_video("ball.avi", THEORY, THEORY),
-    r"\.mp4.*, not no/folder/ball\.mp4": lambda: write_video("no/folder/ball.mp4", THEORY, THEORY),
-    "no off-screen GL; video needs": lambda: frames(THEORY, THEORY),
+    "same times": lambda: frames([dataclasses.replace(THEORY, times=THEORY.times * 1.01), THEORY]),
+    r"\.mp4.*, not ball\.avi": lambda: write_video("ball.avi", [THEORY, THEORY]),
+    r"\.mp4.*, not no/folder/ball\.mp4": lambda: write_video("no/folder/ball.mp4", [THEORY] * 2),
+    "no off-screen GL; video needs": lambda: frames([THEORY, THEORY]),
 }
 
 

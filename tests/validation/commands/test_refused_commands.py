@@ -35,7 +35,7 @@ REFUSED = {
     ),
     "compare fig12 --durration 1": "Unrecognized options: --durration",
     "compare fig12 --duration 1 --duration 2": "--duration is given 2 times: give it once",
-    "video fig12 --preset=fast --preset naive": "--preset is given 2 times: give it once",
+    "steer fig12 --preset=fast --preset naive": "--preset is given 2 times: give it once",
     **{
         f"{each} fig12 --preset fast --accuracy 1e-6": "give settings or an accuracy, not both"
         for each in ("compare", "video")

@@ -15,7 +15,6 @@ import io
 import json
 import os
 import shlex
-import subprocess
 import sys
 import tempfile
 import warnings
@@ -25,8 +24,10 @@ from typing import Any
 from unittest.mock import patch
 
 import matplotlib
+import pytest
 from PIL import Image
 
+from robotball import InputError
 from validation.cli import main
 
 FOLDER = Path(__file__).parent
@@ -52,14 +53,15 @@ def run(book: Json, folder: Path) -> list[list[Json]]:
     """Run a notebook in an empty folder, and return each cell's outputs as notebooks store them.
 
     The folder gets the examples of the checkout where a notebook sees them from here. Raises
-    whatever a cell raises, and CalledProcessError where a command cannot be run.
+    whatever a cell raises.
     """
     matplotlib.use("agg")
     here = folder / "docs" / "tutorials"
     here.mkdir(parents=True)
     (folder / "examples").symlink_to(FOLDER.parents[1] / "examples")
     names: Json = {}
-    with contextlib.chdir(here):
+    with contextlib.chdir(here), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "FigureCanvasAgg")  # which has no window for plt.show()
         return [_outputs("".join(cell["source"]), names) for cell in code_cells(book)]
 
 
@@ -80,7 +82,7 @@ def _outputs(source: str, names: Json) -> list[Json]:
         value = isinstance(last, ast.Expr)
         with contextlib.redirect_stdout(printed):
             exec(compile(ast.Module(lines if value else [*lines, last], []), "cell", "exec"), names)
-            if isinstance(last, ast.Expr):
+            if value:
                 shown = [eval(compile(ast.Expression(last.value), "cell", "eval"), names)]
     outputs = [_shown(each) for each in [*shown, *map(pyplot.figure, pyplot.get_fignums())]]
     pyplot.close("all")
@@ -89,38 +91,29 @@ def _outputs(source: str, names: Json) -> list[Json]:
     return ([stream] if text else []) + [each for each in outputs if each]
 
 
+# In this process, as a new one would import everything again.
+_COMMANDS = {"robotball": main, "pytest": lambda arguments: sys.exit(pytest.main(arguments))}
+
+
 def _command(line: str) -> str:
-    """Run a command of this environment, and return what it prints to standard output.
+    """Run a command, and return what it prints to standard output.
 
     A status of 1 is an answer: of `check`, that a model is wrong; of pytest, that a test failed.
+    Raises InputError where a command cannot be run.
     """
-    # Colours, progress and the width of lines would be those of the terminal of whoever runs it.
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    plain = {"PATH": path, "COLUMNS": "100", "NO_COLOR": "1"}
     name, *arguments = shlex.split(line)
-    if name == "robotball":  # in this process, as a new one would import everything again
-        with patch.dict(os.environ, plain), warnings.catch_warnings():
-            status, printed, said = _robotball(arguments)
-    else:
-        there, quiet = {**os.environ, **plain}, subprocess.DEVNULL
-        done = subprocess.run(
-            [name, *arguments], env=there, stdin=quiet, capture_output=True, text=True
-        )
-        status, printed, said = done.returncode, done.stdout, done.stderr
-    if status > 1:
-        raise subprocess.CalledProcessError(status, line, printed, said)
-    return printed
-
-
-def _robotball(arguments: list[str]) -> tuple[int, str, str]:
-    """Run the command robotball, and return its status and what it prints."""
-    printed, said = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(said):
+    printed, said, status = io.StringIO(), io.StringIO(), 0
+    # Colours and the width of lines would be those of the terminal of whoever runs it.
+    plain = patch.dict(os.environ, {"COLUMNS": "100", "NO_COLOR": "1"})
+    streams = contextlib.redirect_stdout(printed), contextlib.redirect_stderr(said)
+    with plain, warnings.catch_warnings(), streams[0], streams[1]:
         try:
-            main(arguments)
+            _COMMANDS[name](arguments)
         except SystemExit as leaving:
-            return int(leaving.code or 0), printed.getvalue(), said.getvalue()
-    raise AssertionError("the command ends by leaving")
+            status = int(leaving.code or 0)
+    if status > 1:
+        raise InputError(f"{line}: status {status}: {said.getvalue()}")
+    return printed.getvalue()
 
 
 def _shown(value: Any) -> Json:

@@ -15,6 +15,7 @@ import io
 import json
 import os
 import shlex
+import subprocess
 import sys
 import tempfile
 import warnings
@@ -24,7 +25,6 @@ from typing import Any
 from unittest.mock import patch
 
 import matplotlib
-import pytest
 from PIL import Image
 
 from robotball import InputError
@@ -91,29 +91,36 @@ def _outputs(source: str, names: Json) -> list[Json]:
     return ([stream] if text else []) + [each for each in outputs if each]
 
 
-# In this process, as a new one would import everything again.
-_COMMANDS = {"robotball": main, "pytest": lambda arguments: sys.exit(pytest.main(arguments))}
-
-
 def _command(line: str) -> str:
-    """Run a command, and return what it prints to standard output.
+    """Run robotball or another module's command, and return what it prints to standard output.
 
     A status of 1 is an answer: of `check`, that a model is wrong; of pytest, that a test failed.
     Raises InputError where a command cannot be run.
     """
     name, *arguments = shlex.split(line)
-    printed, said, status = io.StringIO(), io.StringIO(), 0
     # Colours and the width of lines would be those of the terminal of whoever runs it.
-    plain = patch.dict(os.environ, {"COLUMNS": "100", "NO_COLOR": "1"})
+    with patch.dict(os.environ, {"COLUMNS": "100", "NO_COLOR": "1"}):
+        if name == "robotball":
+            status, printed, said = _robotball(arguments)
+        else:
+            words = [sys.executable, "-m", name, *arguments]
+            done = subprocess.run(words, capture_output=True, text=True)
+            status, printed, said = done.returncode, done.stdout, done.stderr
+    if status > 1:
+        raise InputError(f"{line}: status {status}: {said}")
+    return printed
+
+
+def _robotball(arguments: list[str]) -> tuple[int, str, str]:
+    """Run the command here, as a process of its own would import everything again."""
+    printed, said, status = io.StringIO(), io.StringIO(), 0
     streams = contextlib.redirect_stdout(printed), contextlib.redirect_stderr(said)
-    with plain, warnings.catch_warnings(), streams[0], streams[1]:
+    with warnings.catch_warnings(), streams[0], streams[1]:
         try:
-            _COMMANDS[name](arguments)
+            main(arguments)
         except SystemExit as leaving:
             status = int(leaving.code or 0)
-    if status > 1:
-        raise InputError(f"{line}: status {status}: {said.getvalue()}")
-    return printed.getvalue()
+    return status, printed.getvalue(), said.getvalue()
 
 
 def _shown(value: Any) -> Json:
@@ -140,7 +147,7 @@ def _shown(value: Any) -> Json:
 def page(name: str, book: Json) -> dict[str, bytes]:
     """Return the files of a notebook's page: its Markdown, and its pictures, by their names."""
     files: dict[str, bytes] = {}
-    parts = [f"<!-- Written from {name}.ipynb by `make tutorials`. -->"]
+    parts: list[str] = []
     for cell in book["cells"]:
         source = "".join(cell["source"])
         if cell["cell_type"] == "markdown":
@@ -157,7 +164,8 @@ def page(name: str, book: Json) -> dict[str, bytes]:
             elif not source.startswith(_WRITE):
                 parts.append(_fenced("text", "".join(data["text/plain"])))
     link = f"This page is a notebook, [{name}.ipynb]({name}.ipynb); "
-    parts.insert(2, f"{link}[how to run it](index.md#as-notebooks).")
+    parts.insert(1, f"{link}[how to run it](index.md#as-notebooks).")
+    parts.append(f"<!-- Written from {name}.ipynb by `make tutorials`. -->")
     files[f"{name}.md"] = ("\n\n".join(parts) + "\n").encode("utf-8")
     return files
 

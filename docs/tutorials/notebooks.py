@@ -1,10 +1,9 @@
 """Run the notebooks of this folder, store their outputs, and write their pages: `make tutorials`.
 
 A notebook is the one source of its page. Its cells run in order, without Jupyter, in a folder of
-their own. A cell is Python, shell commands after `!`, or a file after `%%writefile NAME`. Its
-outputs are what it prints, the value it ends with, and its pictures, with its first comment as
-their description. A page shows a command without the `!`, and a file without the line with its
-name: so the text above names the file.
+their own. A cell is Python, commands below `%%sh`, or a file below `%%writefile NAME`. Its outputs
+are what it prints, the value it ends with, and its pictures, with its first comment as their
+description. A page shows commands and files without these lines: so the text above names a file.
 
 python docs/tutorials/notebooks.py [NAME…]
 """
@@ -33,7 +32,7 @@ from validation.cli import main
 FOLDER = Path(__file__).parent
 NOTEBOOKS = sorted(path.stem for path in FOLDER.glob("*.ipynb"))
 Json = dict[str, Any]
-_WRITE = "%%writefile "
+_SHELL, _WRITE = "%%sh", "%%writefile "
 _LANGUAGES = {".xml": "xml", ".toml": "toml", ".py": "python"}
 _COLOURS = 64  # of a stored picture: lines and letters need no more, and a third of the bytes
 
@@ -74,9 +73,9 @@ def _outputs(source: str, names: Json) -> list[Json]:
         name, _, text = source.removeprefix(_WRITE).partition("\n")
         Path(name).write_text(f"{text}\n", encoding="utf-8")
         printed.write(f"Writing {name}\n")
-    elif source.startswith("!"):
-        for line in source.splitlines():
-            printed.write(_command(line.removeprefix("!")))
+    elif source.startswith(_SHELL):
+        for line in source.splitlines()[1:]:
+            printed.write(_command(line))
     else:
         *lines, last = ast.parse(source).body
         value = isinstance(last, ast.Expr)
@@ -172,11 +171,11 @@ def page(name: str, book: Json) -> dict[str, bytes]:
 
 def _shown_source(source: str) -> str:
     """Return a cell as its page shows it: Python, the lines of a shell, or a file."""
-    if source.startswith("!"):
-        return _fenced("sh", "\n".join(line.removeprefix("!") for line in source.splitlines()))
-    if source.startswith(_WRITE):
-        name, _, text = source.removeprefix(_WRITE).partition("\n")
-        return _fenced(_LANGUAGES[Path(name).suffix], text)
+    first, _, rest = source.partition("\n")
+    if first.startswith(_SHELL):
+        return _fenced("sh", rest)
+    if first.startswith(_WRITE):
+        return _fenced(_LANGUAGES[Path(first).suffix], rest)
     return _fenced("python", source)
 
 

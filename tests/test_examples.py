@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from docs.tutorials.notebooks import FOLDER, NOTEBOOKS, Json, code_cells, page, read, run
+from validation.cli import parse
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -95,6 +96,14 @@ def test_a_page_is_that_of_its_notebook(name: str) -> None:
     assert [each for each in files if len(files[each]) > 60_000] == []
     assert 5 <= len(code_cells(read(name))) <= 10
     assert f"({name}.md)" in (FOLDER / "index.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_a_command_that_a_tutorial_names_is_one(name: str) -> None:
+    """Those that it only names; the others are run."""
+    prose = ("".join(cell["source"]) for cell in read(name)["cells"] if "outputs" not in cell)
+    for line in re.findall(r"(?:^ {4}|`)(?:\S+/)?robotball (\w+ [^`\n#]+)", "\n".join(prose), re.M):
+        assert parse(line.split()), line
 
 
 @pytest.mark.parametrize("name", NOTEBOOKS)

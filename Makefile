@@ -1,5 +1,5 @@
 # Two commands, each with all its own set-up:  make demo   make test
-# On the way:  make check   make test-core   make test-fast   make test-variants   make docs
+# On the way:  make check   make test-core   make test-fast   make test-variants   make docs   make tutorials
 UV_VERSION := 0.13.8
 PYTHON_RANGE := >=3.11,<3.15
 UV := $(shell command -v uv 2>/dev/null || echo .tools/bin/uv)
@@ -8,7 +8,7 @@ export UV_COMPILE_BYTECODE := 1
 export UV_PROJECT_ENVIRONMENT := .venv
 BIN := .venv/bin
 
-.PHONY: demo test test-fast test-core test-variants check docs gallery wheel bench cost-model setup gl browser lock clean
+.PHONY: demo test test-fast test-core test-variants check docs tutorials gallery wheel bench cost-model setup gl browser lock clean
 
 demo: setup gl
 	$(BIN)/robotball demo
@@ -49,6 +49,10 @@ check: setup
 docs: setup
 	$(BIN)/python -m robotball.files.scene_keys > docs/scene.md
 	$(BIN)/python -m mkdocs build --strict
+
+# The notebooks of docs/tutorials, run again, with their outputs and pages; a minute.
+tutorials: setup
+	$(BIN)/python docs/tutorials/notebooks.py
 
 # Every picture and table of README and docs, made again by the program; hours on two cores.
 gallery: setup gl

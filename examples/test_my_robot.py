@@ -12,12 +12,13 @@ import robotball as rb
 from validation import Agreement, compare
 
 ROBOT = Path(__file__).parent / "my_robot.toml"
+SETTINGS = rb.preset("balanced")
 TIMES = rb.sample_times(2.0)
 
 
 @pytest.fixture(scope="module")
 def agreement() -> Agreement:
-    return compare(ROBOT, "balanced", TIMES)
+    return compare(ROBOT, SETTINGS, TIMES)
 
 
 def test_the_engine_rolls_my_robot_as_the_equations_do(agreement: Agreement) -> None:

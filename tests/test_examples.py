@@ -1,13 +1,15 @@
-"""Each of examples/ runs as it is, and shows what it says."""
+"""Each of examples/ runs as it is, and each tutorial prints what its notebook and its page have."""
 
-import ast
-import json
-import os
+import re
 import runpy
 import sys
+from decimal import Decimal
 from pathlib import Path
 
 import pytest
+
+from docs.tutorials.notebooks import FOLDER, NOTEBOOKS, Json, code_cells, page, read, run
+from validation.cli import parse
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -29,25 +31,108 @@ def test_the_script_compares_side_by_side(
     assert (folder / "out" / "fig06-side-by-side.png").read_bytes()[:4] == b"\x89PNG"
 
 
-def test_the_regression_test_of_a_robot_passes() -> None:
-    """By pytest, with no configuration of ours."""
-    options = ("-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-c", os.devnull)
-    assert pytest.main([*options, str(EXAMPLES / "test_my_robot.py")]) == 0
+# Tutorials -------------------------------------------------------------------------------------
+
+NUMBER = r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]\d+)?"
+SAME = Decimal(
+    "1e-4"
+)  # relative: a number with many digits need not have them all on every machine
 
 
-def test_the_notebook_runs_from_top_to_bottom() -> None:
-    """Cell by cell, as a kernel does it, and what a cell ends with can be shown."""
-    book = json.loads((EXAMPLES / "tutorial.ipynb").read_text(encoding="utf-8"))
-    cells = [each for each in book["cells"] if each["cell_type"] == "code"]
-    names: dict[str, object] = {}
-    shown = 0
-    for cell in cells:
-        *lines, last = ast.parse("".join(cell["source"])).body
-        exec(compile(ast.Module(lines, []), "cell", "exec"), names)
-        if isinstance(last, ast.Expr):
-            value = eval(compile(ast.Expression(last.value), "cell", "eval"), names)
-            shown += any(hasattr(value, f"_repr_{kind}_") for kind in ("html", "png"))
-        else:
-            exec(compile(ast.Module([last], []), "cell", "exec"), names)
-    assert shown == 6  # a scene, two motions, a picture, two agreements
-    assert all(each["outputs"] == [] for each in cells)
+def printed(outputs: list[Json]) -> str:
+    """What a cell prints, in one spacing: columns are as wide as their numbers."""
+    text = " ".join("".join(output.get("text", [])) for output in outputs)
+    return " ".join(re.sub("─+", "─", text).split())
+
+
+def pictures(outputs: list[Json]) -> int:
+    return sum("image/png" in output.get("data", {}) for output in outputs)
+
+
+def unit(number: str) -> Decimal:
+    """The unit of a number's last digit; 0 of a whole number, which is exact."""
+    exponent = Decimal(number).as_tuple().exponent
+    return Decimal(1).scaleb(exponent) if isinstance(exponent, int) and exponent < 0 else Decimal(0)
+
+
+def near(stored: str, computed: str, tags: list[str]) -> bool:
+    """Whether two numbers are one, on two machines.
+
+    Printed are the digits that hold, so they are a unit of the last one apart at most. Of a cell
+    tagged "chance", of a chaotic motion, they are within a factor of two; "timing" are seconds.
+    """
+    one, other = Decimal(stored), Decimal(computed)
+    if "chance" in tags:
+        return max(one, other) <= 2 * min(one, other)
+    apart = max(unit(stored), unit(computed), SAME * abs(one) if unit(stored) else Decimal(0))
+    return "timing" in tags or abs(one - other) <= apart
+
+
+def differences(cell: Json, text: str) -> list[str]:
+    """Return in which words and numbers a text differs from what the cell has stored."""
+    stored, tags = printed(cell["outputs"]), cell["metadata"].get("tags", [])
+    if re.sub(NUMBER, "#", stored) != re.sub(NUMBER, "#", text):
+        return [stored, text]
+    pairs = zip(re.findall(NUMBER, stored), re.findall(NUMBER, text), strict=True)
+    return [f"{one}, now {other}" for one, other in pairs if not near(one, other, tags)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_a_tutorial_prints_what_it_stores(name: str, folder: Path) -> None:
+    """Every word, every number to its last digit, and as many pictures."""
+    cells = code_cells(read(name))
+    for cell, outputs in zip(cells, run(read(name), folder), strict=True):
+        assert differences(cell, printed(outputs)) == []
+        assert pictures(outputs) == pictures(cell["outputs"])
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_a_page_is_that_of_its_notebook(name: str) -> None:
+    """To the byte, with all pictures, each of less than 60 kB; the index leads to it."""
+    files = page(name, read(name))
+    assert {path.name for path in FOLDER.glob(f"{name}-*.png")} == {*files} - {f"{name}.md"}
+    assert [each for each in files if (FOLDER / each).read_bytes() != files[each]] == []
+    assert [each for each in files if len(files[each]) > 60_000] == []
+    assert 5 <= len(code_cells(read(name))) <= 10
+    assert f"({name}.md)" in (FOLDER / "index.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_a_command_that_a_tutorial_names_is_one(name: str) -> None:
+    """Those that it only names; the others are run."""
+    prose = ("".join(cell["source"]) for cell in read(name)["cells"] if "outputs" not in cell)
+    for line in re.findall(r"(?:^ {4}|`)(?:\S+/)?robotball (\w+ [^`\n#]+)", "\n".join(prose), re.M):
+        assert parse(line.split()), line
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_a_stored_number_that_is_wrong_is_noticed(name: str) -> None:
+    """Each that neither chance nor a clock decides, by two of its last digit or 3e-4 of it."""
+    for cell in code_cells(read(name)):
+        text = printed(cell["outputs"])
+        for found in [] if cell["metadata"].get("tags") else re.finditer(NUMBER, text):
+            number = Decimal(found.group())
+            last = unit(found.group()) or Decimal(1)
+            wrong = number + max(2 * last, (3 * SAME * abs(number)).quantize(last))
+            assert differences(cell, f"{text[: found.start()]}{wrong:g}{text[found.end() :]}"), (
+                wrong
+            )
+        assert not text or differences(cell, f"{text} more")
+
+
+def test_a_tutorial_notices_another_motion(folder: Path) -> None:
+    """Where the ball starts with three times the momentum, and the text has twice."""
+    book = read("first_ten_minutes")
+    for cell in book["cells"]:
+        cell["source"] = [line.replace("=2 *", "=3 *") for line in cell["source"]]
+    cells, outputs = code_cells(book), run(book, folder)
+    found = [differences(*each) for each in zip(cells, map(printed, outputs), strict=True)]
+    assert [i for i, each in enumerate(found) if each] == [len(cells) - 1]
+
+
+def test_the_tutorial_s_test_is_the_example() -> None:
+    """But for where the robot is, and the sentence on how to run it."""
+    book = "".join("".join(cell["source"]) for cell in code_cells(read("regression_test")))
+    example = (EXAMPLES / "test_my_robot.py").read_text(encoding="utf-8")
+    assert example[example.index("SETTINGS = ") :].rstrip() in book

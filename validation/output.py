@@ -182,7 +182,7 @@ def progress_bar(total: float) -> Iterator[Show]:
     Where that is no terminal, as in a log file, it is a line now and then.
     """
     console = Console(stderr=True)
-    if not console.is_terminal:
+    if not console.file.isatty():  # Jupyter sets FORCE_COLOR, by which rich takes a pipe for one
         yield _lines_now_and_then(console, total)
         return
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())

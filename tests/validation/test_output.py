@@ -130,7 +130,11 @@ def test_an_old_file_stays_whole_when_writing_fails(tmp_path: Path) -> None:
 def test_long_work_leaves_a_line_now_and_then_in_a_log(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Where standard error is no terminal, the first line comes after the interval, not before."""
+    """Where standard error is no terminal, the first line comes after the interval, not before.
+
+    Not even in Jupyter, which forces colours.
+    """
+    monkeypatch.setenv("FORCE_COLOR", "1")
     clock = iter((0.0, 29.0, 31.0, 31.0, 45.0))
     monkeypatch.setattr("validation.output.time.monotonic", lambda: next(clock))
     with progress_bar(8) as show:

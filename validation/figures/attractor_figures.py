@@ -90,8 +90,8 @@ def figure11a() -> Figure:
         "  states differ with l.",
     )
     figure, axes = sheet(
-        "Fig. 11a: a limit cycle and a limit torus",
-        _caption_of(scene), facts, [["theory", "engine"]], (5.6, 5.6),
+        "Fig. 11a: every start settles on one periodic orbit or on one torus",
+        _caption_of(scene), facts, [["theory", "engine"]], (4.6, 4.6),
     )  # fmt: skip
     crossed = np.stack([through.l, through.L])
     coarse = cloud_by_contact(build(scene, COARSE), REGULAR_BY_CONTACT, seed=2)
@@ -131,8 +131,8 @@ def figure11b() -> Figure:
         "  are 50 ms.",
     )
     figure, axes = sheet(
-        "Fig. 11b: a strange attractor",
-        _caption_of(scene), facts, [["theory", "engine"]], (5.6, 5.6),
+        "Fig. 11b: a strange attractor, the same by both",
+        _caption_of(scene), facts, [["theory", "engine"]], (4.6, 4.6),
     )  # fmt: skip
     for each, cloud, count, colour, size, name in (
         (axes["theory"], theory, CHAOS.count, THEORY, 1.8, "equations"),
@@ -216,7 +216,7 @@ def _sphere_and_path(number: int, start: str, where: str, facts: tuple[str, ...]
     caption = (*_caption_of(scene), f"start: {start}", f"Duration chosen: {duration:g} s.")
     figure, axes = sheet(
         f"Fig. {number}: motion {where}",
-        caption, facts, [["sphere", "apart"], ["plane", "plane"]], (5.2, 5.2), (4.8, 3.6),
+        caption, facts, [["sphere", "apart"], ["plane", "plane"]], (4.3, 4.3), (4.0, 3.0),
     )  # fmt: skip
     theory = _draw_long_paths(axes, scene, duration)
     globe = Globe(axes["sphere"], _VIEW, f"vertical γ on the Poisson sphere, {duration:g} s")
@@ -238,8 +238,8 @@ def figure14() -> Figure:
         "  right, and different.",
     )
     figure, axes = sheet(
-        "Fig. 14: the contact point on the strange attractor",
-        caption, facts, [["plane"], ["apart"]], (10.4,), (4.6, 3.4),
+        "Fig. 14: on the strange attractor the two motions part in the end",
+        caption, facts, [["plane"], ["apart"]], (8.6,), (3.6, 3.0),
     )  # fmt: skip
     times = _draw_long_paths(axes, scene, duration).times
     axes["apart"].semilogy(times, 3e-8 * np.exp(exponent * times), ":", color=INK, linewidth=1.5)
@@ -310,7 +310,7 @@ def figure_tori() -> Figure:
     )
     figure, axes = sheet(
         "Two rolling models, the same tori: Chaplygin's ball",
-        caption, facts, [["sphere", "section", "turns"]], (5.0, 5.0, 3.4),
+        caption, facts, [["sphere", "section", "turns"]], (4.2, 4.2, 3.0),
     )  # fmt: skip
     _draw_spheres(axes["sphere"], balls)
     _draw_sections(axes["section"], balls, runs, curves)

@@ -35,13 +35,14 @@ from validation.output import halo
 
 _POLES = 0.62 * np.pi  # φ, where a pole's mark stands on the involute
 _BACK_ALPHA, _BACK_WIDTH = 0.3, 0.7  # of what lies on the far side of the ball
-
+_BEHIND = "#777C82"  # of names there
 
 _TRIAD: dict[str, Any] = {"arrowstyle": "-|>", "color": INK, "lw": 1.0, "shrinkA": 0, "shrinkB": 0}
 _NAME: dict[str, Any] = {
     "color": INK,
     "fontsize": 12,
-    "xytext": (7, 7),
+    "ha": "center",
+    "va": "center",
     "textcoords": "offset points",
     "path_effects": halo(),
     "zorder": 8,
@@ -49,7 +50,7 @@ _NAME: dict[str, Any] = {
 
 
 class Globe:
-    """The sphere as a ball: the far side is pale, and bears no names."""
+    """The sphere as a ball: the far side is pale, and its names are grey."""
 
     def __init__(self, axes: Axes, view: View, title: str) -> None:
         self.axes, self.view = axes, view
@@ -88,9 +89,11 @@ class Globe:
                 self.axes.plot(*places[side].T, mark, linestyle="none", alpha=alpha, **own)
 
     def name(self, gamma: Array, text: str, **style: Any) -> None:
-        """Draw a name beside γ (3,), if it is in front."""
-        if self.view.depth(gamma) >= 0:
-            self.axes.annotate(text, self.view.place(gamma), **{**_NAME, **style})
+        """Draw a name outside γ (3,), seen from the centre; small and grey if it is behind."""
+        place, behind = self.view.places(gamma), self.view.depth(gamma) < 0
+        out = 13 * (place / np.linalg.norm(place) if np.linalg.norm(place) > 0.1 else [0.7, 0.7])
+        pale = {"color": _BEHIND, "fontsize": 9} if behind else {}
+        self.axes.annotate(text, place, **{**_NAME, "xytext": out, **style, **pale})
 
     def arrow(self, gamma: Array, colour: str) -> None:
         """Draw an arrow head halfway along a line γ (n, 3), if that is in front."""
@@ -103,7 +106,7 @@ class Involute:
 
     def __init__(self, axes: Axes, title: str) -> None:
         self.axes = axes
-        axes.set(xlim=(0, 2 * np.pi), ylim=(-1.04, 1.04), title=title)
+        axes.set(xlim=(0, 2 * np.pi), ylim=(-1.3, 1.3), title=title)
         axes.set(xlabel="φ = π/4 + arctan(γ₁/γ₂) [rad], once round", ylabel="γ₃")
         labels = ["0", "π/4", "π/2", "3π/4", "π", "5π/4", "3π/2", "7π/4", "2π"]
         axes.set_xticks(np.pi / 4 * np.arange(9), labels)
@@ -131,8 +134,8 @@ class Involute:
     def name(self, gamma: Array, text: str, **style: Any) -> None:
         """Draw a name beside γ (3,)."""
         x, y = self.places(gamma).tolist()
-        down = {"xytext": (8, -15)} if y > 0.9 else {}
-        self.axes.annotate(text, (x, y), annotation_clip=False, **{**_NAME, **down, **style})
+        away = (0, 12 * y) if abs(y) > 0.9 else (12, 9)
+        self.axes.annotate(text, (x, y), **{**_NAME, "xytext": away, **style})
 
     def arrow(self, gamma: Array, colour: str) -> None:
         """Draw an arrow head halfway along a line γ (n, 3)."""
@@ -178,7 +181,7 @@ _MARKS = {
     "unstable node": ("s", "white"),
     "degenerate": ("*", "white"),
 }
-_CYCLE = "#009E73"
+_CYCLE: dict[str, Any] = {"color": "#3344DD", "linewidth": 3.2, "zorder": 3}  # the captions' blue
 _SIDES = (  # of the circle of fixed points
     ("#117733", "-", r"$\Sigma_s$, attracts"),
     ("#AA4499", (0, (2.5, 1.2)), r"$\Sigma_u$, repels"),
@@ -187,7 +190,7 @@ _STARTS_DRAWN = 44
 _DRAWN = 5.0  # rad, of a manifold
 FOLLOWED = 400.0  # s, for a manifold
 _FIELD_TURNS = 18.0  # rad, by the rates of the flow, of each pale orbit
-_VIEW = View(azimuth=62.0, elevation=30.0)
+_VIEW = View(azimuth=138.0, elevation=28.0)
 
 
 def draw_field(chart: _Chart, parameters: Parameters, duration: float) -> None:
@@ -198,7 +201,8 @@ def draw_field(chart: _Chart, parameters: Parameters, duration: float) -> None:
     found = orbits(parameters, attitudes, np.zeros((len(starts), 3)), times, 1e-10)
     for each in found.attitudes:
         gamma = rotation_matrix(each)[:, 2]
-        chart.line(gamma, color=FAINT, linewidth=0.6, alpha=0.8, zorder=1)
+        chart.line(gamma, color=FAINT, linewidth=0.6, alpha=0.8, zorder=1,
+                   label=_once(chart, "other orbits"))  # fmt: skip
         length = np.cumsum(np.linalg.norm(np.diff(gamma, axis=0), axis=1))
         if length[-1] > 0.2:
             k = int(np.searchsorted(length, min(0.2, length[-1] / 2))) + 1
@@ -230,8 +234,7 @@ def draw_separatrices(
 ) -> None:
     """Draw the saddles' manifolds; those of a closed contour in the colour of a cycle."""
     for each in contour:
-        label = _once(chart, "closed contour")
-        chart.line(each.path, color=_CYCLE, linewidth=2.4, label=label, zorder=3)
+        chart.line(each.path, label=_once(chart, "closed contour"), **_CYCLE)
     rest = [each for each in found if not any(each is other for other in contour)]
     for each in sorted(rest, key=lambda each: not each.stable):
         word, dashes = ("stable", (0, (4, 1.5))) if each.stable else ("unstable", "-")
@@ -257,8 +260,8 @@ def draw_cycles(chart: _Chart, parameters: Parameters, cycles: Sequence[Cycle]) 
         curve = curve_of(parameters, cycle.gamma, cycle.period)
         word, dashes = ("stable", "-") if abs(cycle.multipliers[0]) < 1 else ("unstable", "--")
         for each in (curve,) if lies_on(-cycle.gamma, curve) else (curve, -curve):
-            chart.line(each, color=_CYCLE, linestyle=dashes, linewidth=2.4,
-                       label=_once(chart, f"{word} limit cycle"), zorder=3)  # fmt: skip
+            label = _once(chart, f"{word} limit cycle")
+            chart.line(each, linestyle=dashes, alpha=0.7, label=label, **_CYCLE)
 
 
 def portrait(

@@ -2,7 +2,8 @@
 
 The cells together show which outcomes there are, what was missed and where the limits lie. The
 picture of a map has a panel for each integrator and rolling model; a cell shows its outcome by a
-grey and a letter, so that it needs no colour. The maps themselves are data, in `extreme_maps.py`.
+grey and a hatch, so that it needs no colour, and a region has its word where there is room. The maps
+themselves are data, in `extreme_maps.py`.
 """
 
 import logging
@@ -54,26 +55,25 @@ from validation.sweeps import Result, rows_of
 
 
 class Outcome(Enum):
-    """The outcome of a cell: its sign on the map, its grey there, and the sentence for it."""
+    """The outcome of a cell: its word on the map, its grey and hatch there, and its sentence."""
 
-    ACCURATE = ("", 1.0, f"accurate: error at most {ACCURATE:g}")
-    DEGRADED = ("·", 0.92, f"degraded: error at most {WRONG:g}")
+    ACCURATE = ("accurate", 1.0, "", f"accurate: error at most {ACCURATE:g}")
+    DEGRADED = ("degraded", 0.9, "", f"degraded: error at most {WRONG:g}")
     WRONG = (
-        "X",
-        0.1,
+        "wrong", 0.15, "",
         f"silently wrong: error above {WRONG:g}, contact and drives as they should be",
-    )
-    SLIPPED = ("s", 0.78, "slipped: friction cone saturated, or slip along the path")
-    LOST_CONTACT = ("c", 0.68, "lost contact")
-    OFF_RATE = ("r", 0.84, "a drive lost its rate")
-    DIVERGED = ("D", 0.5, "diverged and reported")
-    REFUSED = ("–", 1.0, "refused before the run, with one line")
-    UNFINISHED = ("?", 1.0, "stopped at its limit of steps or time")
-    FAILED = ("!", 0.1, "ended in an error that nobody had foreseen")
+    )  # fmt: skip
+    SLIPPED = ("slipped", 0.9, "////", "slipped: friction cone saturated, or slip along the path")
+    LOST_CONTACT = ("lost contact", 0.75, "....", "lost contact")
+    OFF_RATE = ("off rate", 0.9, "----", "a drive lost its rate")
+    DIVERGED = ("diverged", 0.55, "", "diverged and reported")
+    REFUSED = ("refused", 1.0, "xxxx", "refused before the run, with one line")
+    UNFINISHED = ("out of time", 1.0, "\\\\\\\\", "stopped at its limit of steps or time")
+    FAILED = ("failed", 0.15, "xxxx", "ended in an error that nobody had foreseen")
 
-    def __init__(self, sign: str, grey: float, sentence: str) -> None:
-        self.sign = sign
-        self.grey = grey
+    def __init__(self, word: str, grey: float, hatch: str, sentence: str) -> None:
+        self.word = word
+        self.look = {"facecolor": str(grey), "hatch": hatch, "edgecolor": "0.5", "linewidth": 0.4}
         self.sentence = sentence
 
 
@@ -329,8 +329,7 @@ def totals(results: Sequence[Result]) -> dict[str, int]:
 def _shown(records: Sequence[Row]) -> Iterator[Table | str]:
     """Yield how many cells have which outcome, then the limits as predicted and as measured."""
     yield table_of(_OUTCOME_COLUMNS, records)
-    for kind in Outcome:
-        yield f"  {kind.sign or '='}  {kind.sentence}"
+    yield from (f"  {kind.word[:3]}  {kind.sentence}" for kind in Outcome)
     yield "  missed: wrong, with neither a warning before the run nor a fault in it\n"
     limits = [{**each, **limit} for each in records for limit in each["limits"]]
     yield table_of(_LIMIT_COLUMNS, limits)
@@ -338,7 +337,7 @@ def _shown(records: Sequence[Row]) -> Iterator[Table | str]:
 
 
 def _count(kind: Outcome) -> Column:
-    return Column(kind.sign or "=", lambda row: str(row["outcomes"][kind.name] or ""))
+    return Column(kind.word[:3], lambda row: str(row["outcomes"][kind.name] or ""))
 
 
 def _part(header: str, key: str) -> Column:
@@ -368,6 +367,13 @@ _LINES = [
     for dashes in ("-", (0, (5, 2)), (0, (1.2, 1.2)), (0, (5, 1.5, 1, 1.5)))
     for colour in (ACCENT, LABEL.colour, INK)
 ]
+_LETTER = 0.03  # of a panel's width
+_MARKS: dict[str, dict[str, Any]] = {
+    "wrong, neither warned of nor noticed": {"marker": "o", "ms": 10, "mfc": "none"},
+    "wrong, noticed only during the run": {"marker": "o", "ms": 3.5, "mec": "white", "mew": 0.7},
+    "accurate, yet warned of or reported": {"marker": "+", "ms": 6, "mew": 1.2},
+}
+_MARKS = {words: {"color": INK, "linestyle": "", **mark} for words, mark in _MARKS.items()}
 _SENTENCES = {predict.__name__: law for predict, law in LAWS.items()}
 
 
@@ -395,7 +401,7 @@ def _picture(of: Map, results: Sequence[Result]) -> Figure:
                 axes.set_ylabel(of.y.label, size=9)
             else:
                 axes.set_yticklabels([])
-    _legends(figure, of, styles, {each["name"]: each for each in measured_limits(results)})
+    _legends(figure, of, styles, results)
     return figure
 
 
@@ -412,29 +418,51 @@ def _exceeded(panels: Iterable[Sequence[Result]]) -> list[str]:
 def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> None:
     xs, ys = (sorted({each.cell[key] for each in results}) for key in ("x", "y"))
     grids = {name: np.full((len(ys), len(xs)), np.nan) for name in styles}
+    outcomes: dict[tuple[int, int], Outcome] = {}
     for each in results:
         i, j = xs.index(each.cell["x"]), ys.index(each.cell["y"])
         _draw_cell(axes, i, j, each)
+        outcomes[i, j] = _outcome_of(each)
         for name, value in _nearness(each).items():
             if name in grids:
                 grids[name][j, i] = np.clip(value, 1e-6, 1e6)
     for name, grid in grids.items():
         _draw_limit(axes, np.log10(grid), *styles[name])
+    _name_regions(axes, outcomes)
     axes.set(xlim=(-0.5, len(xs) - 0.5), ylim=(-0.5, len(ys) - 0.5))
     for axis, values in ((axes.xaxis, xs), (axes.yaxis, ys)):
         axis.set_ticks(*round_ticks(values), size=8.5)
 
 
 def _draw_cell(axes: Axes, i: int, j: int, result: Result) -> None:
-    outcome = _outcome_of(result)
-    ink, grey = "white" if outcome.grey < 0.4 else INK, str(outcome.grey)
-    axes.add_patch(Rectangle((i - 0.5, j - 0.5), 1, 1, fc=grey, ec="0.75", lw=0.4))
-    axes.text(i, j - 0.08, outcome.sign, color=ink, size=8, ha="center", va="center")
-    for marked, side in ((_foretold(result), -0.32), (_noticed(result), 0.32)):
-        if marked:
-            axes.plot(i + side, j + 0.33, ".", color=ink, markersize=2)
+    axes.add_patch(Rectangle((i - 0.5, j - 0.5), 1, 1, **_outcome_of(result).look))
+    error = _error_of(result)
+    if _outcome_of(result) is Outcome.REFUSED:
+        return
     if missed(result):
-        axes.plot(i, j, "o", markerfacecolor="none", markeredgecolor=ink, markersize=11)
+        axes.plot(i, j, **_MARKS["wrong, neither warned of nor noticed"])
+    elif (error is None or error > WRONG) and not _foretold(result):
+        axes.plot(i, j, **_MARKS["wrong, noticed only during the run"])
+    elif error is not None and error <= ACCURATE and (_foretold(result) or _noticed(result)):
+        axes.plot(i, j, **_MARKS["accurate, yet warned of or reported"])
+
+
+def _name_regions(axes: Axes, outcomes: Mapping[tuple[int, int], Outcome]) -> None:
+    """Write each outcome's word once, into the longest row of its cells, where it has room."""
+    for kind in dict.fromkeys(outcomes.values()):
+        runs = [
+            [(k, j) for k in range(i, end)]
+            for i, j in outcomes
+            for end in range(i + 1, len(outcomes) + 1)
+            if all(outcomes.get((k, j)) is kind for k in range(i, end))
+        ]
+        (first, row), *_, (last, _) = 2 * max(runs, key=len)
+        share = (last - first + 1) / (1 + max(i for i, _ in outcomes))
+        if share > _LETTER * len(kind.word):
+            axes.text(
+                (first + last) / 2, row, kind.word, size=8, color=INK, ha="center", va="center",
+                path_effects=halo(2.5), zorder=5,
+            )  # fmt: skip
 
 
 def _draw_limit(axes: Axes, nearness: Array, colour: str, dashes: Any) -> None:
@@ -487,22 +515,17 @@ def _sentence(limit: Row) -> str:
 
 
 def _legends(
-    figure: Figure, of: Map, styles: Mapping[str, Any], measured: Mapping[str, Row]
+    figure: Figure, of: Map, styles: Mapping[str, Any], results: Sequence[Result]
 ) -> None:
     """Write the title and the meaning of the lines above, that of cells and dots below."""
+    measured = {each["name"]: each for each in measured_limits(results)}
+    found = set(map(_outcome_of, results))
     limits = [
         Line2D([], [], color=colour, linestyle=dashes, label=_sentence(measured[name]))
         for name, (colour, dashes) in styles.items()
     ]
-    words = {each: f"{each.sign or ' '}   {each.sentence}" for each in Outcome}
-    outcomes = [Patch(fc=str(each.grey), ec="0.5", label=words[each]) for each in Outcome]
-    dot: dict[str, Any] = {"color": INK, "marker": ".", "linestyle": ""}
-    circle: dict[str, Any] = {"color": INK, "marker": "o", "mfc": "none", "linestyle": ""}
-    marks = [
-        Line2D([], [], **dot, label="left dot: warned of before the run"),
-        Line2D([], [], **dot, label="right dot: noticed during the run"),
-        Line2D([], [], **circle, label="circle: wrong, and neither"),
-    ]
+    outcomes = [Patch(label=each.sentence, **each.look) for each in Outcome if each in found]
+    marks = [Line2D([], [], label=words, **mark) for words, mark in _MARKS.items()]
     heading = f"{of.title}\nheld: {of.held}"
     if limits:
         heading += f"\nlines: limits predicted for an error of {ERROR_TOLERANCE:g}, and as measured"

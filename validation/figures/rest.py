@@ -138,8 +138,8 @@ def _portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence
     points, cycles = fixed_points(ball), limit_cycles(ball)
     manifolds = separatrices(ball, points, FOLLOWED)
     contour = [] if cycles else closed_contour(scene, manifolds)
-    caption = (*_BALL_LINES, f"K = (0, 0, {K3}) kg m²/s", *start,
-               f"Duration chosen: {scene.duration:g} s.")  # fmt: skip
+    chosen = f"Duration chosen: {scene.duration:g} s."
+    caption = (*_BALL_LINES, f"K = (0, 0, {K3}) kg m²/s", *start, chosen)
     found = [f"{len(points)} fixed points:", *counted(points)]
     for cycle in cycles:
         found += [
@@ -147,8 +147,7 @@ def _portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence
             f"  multiplier {cycle.multipliers[0].real:.3g}: unstable.",
         ]
     figure, axes = sheet(
-        f"Fig. {number}: motion from rest, K₃ = {K3}: {len(points)} fixed points, "
-        f"{len(cycles) or 'no'} limit cycle",
+        f"Fig. {number}: K₃ = {K3}, {len(points)} fixed points, limit cycles: {len(cycles)}",
         caption, [*found, *facts], [["sphere", "plane"], ["involute", "involute"]],
         (4.2, 4.2), (4.0, 3.5),
     )  # fmt: skip
@@ -159,8 +158,7 @@ def _portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence
         draw_separatrices(chart, manifolds, contour)
         draw_cycles(chart, ball, cycles)
         for each in followed:
-            label = f"{ENGINE_NAME}, started on the cycle"
-            chart.line(each, **ENGINE_LINE, label=label, zorder=5)
+            chart.line(each, **ENGINE_LINE, label=f"{ENGINE_NAME}, started on the cycle", zorder=5)
         draw_gamma(chart, theory, engine)
         draw_points(chart, ball, points)
     draw_paths(axes["plane"], theory, engine, f"contact point, {scene.duration:g} s")

@@ -35,18 +35,12 @@ from validation.output import halo
 
 _POLES = 0.62 * np.pi  # φ, where a pole's mark stands on the involute
 _BACK_ALPHA, _BACK_WIDTH = 0.3, 0.7  # of what lies on the far side of the ball
-_BEHIND = "#777C82"  # of names there
 
 _TRIAD: dict[str, Any] = {"arrowstyle": "-|>", "color": INK, "lw": 1.0, "shrinkA": 0, "shrinkB": 0}
 _NAME: dict[str, Any] = {
-    "color": INK,
-    "fontsize": 12,
-    "ha": "center",
-    "va": "center",
-    "textcoords": "offset points",
-    "path_effects": halo(),
-    "zorder": 8,
-}
+    "color": INK, "fontsize": 12, "ha": "center", "va": "center",
+    "textcoords": "offset points", "path_effects": halo(), "zorder": 8,
+}  # fmt: skip
 
 
 class Globe:
@@ -90,9 +84,9 @@ class Globe:
 
     def name(self, gamma: Array, text: str, **style: Any) -> None:
         """Draw a name outside γ (3,), seen from the centre; small and grey if it is behind."""
-        place, behind = self.view.places(gamma), self.view.depth(gamma) < 0
-        out = 13 * (place / np.linalg.norm(place) if np.linalg.norm(place) > 0.1 else [0.7, 0.7])
-        pale = {"color": _BEHIND, "fontsize": 9} if behind else {}
+        place, off = self.view.place(gamma), self.view.places(gamma)
+        out = 13 * off / max(float(np.linalg.norm(off)), 0.1)
+        pale = {"color": "#777C82", "fontsize": 9} if self.view.depth(gamma) < 0 else {}
         self.axes.annotate(text, place, **{**_NAME, "xytext": out, **style, **pale})
 
     def arrow(self, gamma: Array, colour: str) -> None:
@@ -201,8 +195,7 @@ def draw_field(chart: _Chart, parameters: Parameters, duration: float) -> None:
     found = orbits(parameters, attitudes, np.zeros((len(starts), 3)), times, 1e-10)
     for each in found.attitudes:
         gamma = rotation_matrix(each)[:, 2]
-        chart.line(gamma, color=FAINT, linewidth=0.6, alpha=0.8, zorder=1,
-                   label=_once(chart, "other orbits"))  # fmt: skip
+        chart.line(gamma, color=FAINT, linewidth=0.6, zorder=1, label=_once(chart, "other orbits"))
         length = np.cumsum(np.linalg.norm(np.diff(gamma, axis=0), axis=1))
         if length[-1] > 0.2:
             k = int(np.searchsorted(length, min(0.2, length[-1] / 2))) + 1
@@ -273,7 +266,7 @@ def portrait(
 ) -> Figure:
     """Draw all that stands still or repeats on the sphere and on its involute, without a motion."""
     figure = Figure(figsize=(13.0, 5.8), layout="constrained")
-    figure.suptitle(f"{title}: motion from rest", color=INK)
+    figure.suptitle(f"{title}: {len(points)} fixed points, limit cycles: {len(cycles)}", color=INK)
     left, right = figure.subplots(1, 2, width_ratios=[4.6, 8.4])
     manifolds = separatrices(parameters, points, FOLLOWED)
     for chart in both_charts(left, right):

@@ -108,17 +108,14 @@ def figure3() -> Figure:
     _draw_ball(axes, bodies, centre)
     _draw_turning(axes, centre + 0.98 * shell_axis, 0.3 * shell_axis, _OMEGA)
     _draw_turning(axes, centre, 0.9 * rotor_axis, _ROTOR_AXIS)
-    _draw_names(
-        axes,
-        centre,
-        {
-            "Ω(t): the shell's axis,\nabout which the frame turns": centre + 1.28 * shell_axis,
-            "n₁: the rotor's axis,\nit turns at φ̇₁(t)": centre + 0.9 * rotor_axis,
-            "frame": _outermost(bodies[_FRAME], centre, shell_axis),
-            # The end that is away from the frame's name.
-            "rotor": 2 * centre - _outermost(bodies[_ROTOR], centre, rotor_axis),
-        },
-    )
+    names = {
+        "Ω(t): the shell's axis,\nabout which the frame turns": centre + 1.28 * shell_axis,
+        "n₁: the rotor's axis,\nit turns at φ̇₁(t)": centre + 0.9 * rotor_axis,
+        "frame": _outermost(bodies[_FRAME], centre, shell_axis),
+        # The end that is away from the frame's name.
+        "rotor": 2 * centre - _outermost(bodies[_ROTOR], centre, rotor_axis),
+    }
+    _draw_names(axes, centre, names)
     return figure
 
 

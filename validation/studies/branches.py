@@ -87,8 +87,7 @@ def _picture(scene: Scene, over: str, rows: Sequence[Row], special: Sequence[Row
     if rows[0]["period"] is not None:
         key, label = "period", "period [s]"
     figure = Figure(figsize=(9.0, 6.0), layout="constrained")
-    words = f"{len({row['branch'] for row in rows})} branches over {NUMBERS[over][0]}"
-    title(figure, f"{scene.title}: {words}")
+    title(figure, f"{scene.title}, over {NUMBERS[over][0]}")
     axes = figure.subplots()
     axes.set(xlabel="{} [{}]".format(*NUMBERS[over]), ylabel=label)
     axes.set_yscale("log" if key == "period" else "linear")

@@ -2,8 +2,8 @@
 
 The cells together show which outcomes there are, what was missed and where the limits lie. The
 picture of a map has a panel for each integrator and rolling model; a cell shows its outcome by a
-grey and a hatch, so that it needs no colour, and a region has its word where there is room. The maps
-themselves are data, in `extreme_maps.py`.
+grey and a hatch, so that it needs no colour, and a region has its word where there is room. The
+maps themselves are data, in `extreme_maps.py`.
 """
 
 import logging
@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from itertools import compress, groupby
 from typing import Annotated, Any
 
 import numpy as np
@@ -59,10 +60,7 @@ class Outcome(Enum):
 
     ACCURATE = ("accurate", 1.0, "", f"accurate: error at most {ACCURATE:g}")
     DEGRADED = ("degraded", 0.9, "", f"degraded: error at most {WRONG:g}")
-    WRONG = (
-        "wrong", 0.15, "",
-        f"silently wrong: error above {WRONG:g}, contact and drives as they should be",
-    )  # fmt: skip
+    WRONG = ("wrong", 0.15, "", f"silently wrong: error above {WRONG:g}, contact and drives sound")
     SLIPPED = ("slipped", 0.9, "////", "slipped: friction cone saturated, or slip along the path")
     LOST_CONTACT = ("lost contact", 0.75, "....", "lost contact")
     OFF_RATE = ("off rate", 0.9, "----", "a drive lost its rate")
@@ -73,7 +71,7 @@ class Outcome(Enum):
 
     def __init__(self, word: str, grey: float, hatch: str, sentence: str) -> None:
         self.word = word
-        self.look = {"facecolor": str(grey), "hatch": hatch, "edgecolor": "0.5", "linewidth": 0.4}
+        self.look: dict[str, Any] = {"fc": str(grey), "hatch": hatch, "ec": "0.5", "lw": 0.4}
         self.sentence = sentence
 
 
@@ -368,12 +366,14 @@ _LINES = [
     for colour in (ACCENT, LABEL.colour, INK)
 ]
 _LETTER = 0.03  # of a panel's width
-_MARKS: dict[str, dict[str, Any]] = {
-    "wrong, neither warned of nor noticed": {"marker": "o", "ms": 10, "mfc": "none"},
-    "wrong, noticed only during the run": {"marker": "o", "ms": 3.5, "mec": "white", "mew": 0.7},
-    "accurate, yet warned of or reported": {"marker": "+", "ms": 6, "mew": 1.2},
+_WORD: dict[str, Any] = {
+    "size": 8, "color": INK, "ha": "center", "va": "center", "path_effects": halo(2.5), "zorder": 5,
+}  # fmt: skip
+_MARKS = {
+    "wrong, neither warned of nor noticed": ("o", 10, "none"),
+    "wrong, noticed only during the run": (".", 7, INK),
+    "accurate, yet warned of or reported": ("+", 6, INK),
 }
-_MARKS = {words: {"color": INK, "linestyle": "", **mark} for words, mark in _MARKS.items()}
 _SENTENCES = {predict.__name__: law for predict, law in LAWS.items()}
 
 
@@ -418,17 +418,16 @@ def _exceeded(panels: Iterable[Sequence[Result]]) -> list[str]:
 def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> None:
     xs, ys = (sorted({each.cell[key] for each in results}) for key in ("x", "y"))
     grids = {name: np.full((len(ys), len(xs)), np.nan) for name in styles}
-    outcomes: dict[tuple[int, int], Outcome] = {}
     for each in results:
         i, j = xs.index(each.cell["x"]), ys.index(each.cell["y"])
         _draw_cell(axes, i, j, each)
-        outcomes[i, j] = _outcome_of(each)
         for name, value in _nearness(each).items():
             if name in grids:
                 grids[name][j, i] = np.clip(value, 1e-6, 1e6)
     for name, grid in grids.items():
         _draw_limit(axes, np.log10(grid), *styles[name])
-    _name_regions(axes, outcomes)
+    # Cells come row by row, in the order of the axes.
+    _name_regions(axes, np.array([*map(_outcome_of, results)]).reshape(len(ys), len(xs)))
     axes.set(xlim=(-0.5, len(xs) - 0.5), ylim=(-0.5, len(ys) - 0.5))
     for axis, values in ((axes.xaxis, xs), (axes.yaxis, ys)):
         axis.set_ticks(*round_ticks(values), size=8.5)
@@ -436,33 +435,31 @@ def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> 
 
 def _draw_cell(axes: Axes, i: int, j: int, result: Result) -> None:
     axes.add_patch(Rectangle((i - 0.5, j - 0.5), 1, 1, **_outcome_of(result).look))
-    error = _error_of(result)
-    if _outcome_of(result) is Outcome.REFUSED:
-        return
-    if missed(result):
-        axes.plot(i, j, **_MARKS["wrong, neither warned of nor noticed"])
-    elif (error is None or error > WRONG) and not _foretold(result):
-        axes.plot(i, j, **_MARKS["wrong, noticed only during the run"])
-    elif error is not None and error <= ACCURATE and (_foretold(result) or _noticed(result)):
-        axes.plot(i, j, **_MARKS["accurate, yet warned of or reported"])
+    error, warned, noticed = _error_of(result), _foretold(result), _noticed(result)
+    shown = (
+        missed(result),
+        (error is None or error > WRONG) and noticed and not warned,
+        error is not None and error <= ACCURATE and (noticed or warned),
+    )
+    for words in compress(_MARKS, shown):
+        axes.add_line(_mark(words, i, j))
 
 
-def _name_regions(axes: Axes, outcomes: Mapping[tuple[int, int], Outcome]) -> None:
-    """Write each outcome's word once, into the longest row of its cells, where it has room."""
-    for kind in dict.fromkeys(outcomes.values()):
-        runs = [
-            [(k, j) for k in range(i, end)]
-            for i, j in outcomes
-            for end in range(i + 1, len(outcomes) + 1)
-            if all(outcomes.get((k, j)) is kind for k in range(i, end))
-        ]
-        (first, row), *_, (last, _) = 2 * max(runs, key=len)
-        share = (last - first + 1) / (1 + max(i for i, _ in outcomes))
-        if share > _LETTER * len(kind.word):
-            axes.text(
-                (first + last) / 2, row, kind.word, size=8, color=INK, ha="center", va="center",
-                path_effects=halo(2.5), zorder=5,
-            )  # fmt: skip
+def _mark(words: str, x: float = np.nan, y: float = np.nan) -> Line2D:
+    marker, size, fill = _MARKS[words]
+    return Line2D([x], [y], marker=marker, ms=size, mfc=fill, color=INK, ls="", label=words)
+
+
+def _name_regions(axes: Axes, outcomes: Array) -> None:
+    """Write the word of each outcome (y, x) into the longest row of its cells, if it has room."""
+    longest: dict[Outcome, tuple[int, int, float]] = {}
+    for j, row in enumerate(outcomes):
+        for kind, cells in groupby(range(len(row)), row.__getitem__):
+            run = [*cells]
+            longest[kind] = max(longest.get(kind, (0, 0, 0.0)), (len(run), -j, sum(run) / len(run)))
+    for kind, (size, j, i) in longest.items():
+        if size > _LETTER * len(kind.word) * outcomes.shape[1]:
+            axes.text(i, -j, kind.word, **_WORD)
 
 
 def _draw_limit(axes: Axes, nearness: Array, colour: str, dashes: Any) -> None:
@@ -514,9 +511,7 @@ def _sentence(limit: Row) -> str:
     return words if limit["broken"] is None else f"{words}, broken from {limit['broken']:.2g} of it"
 
 
-def _legends(
-    figure: Figure, of: Map, styles: Mapping[str, Any], results: Sequence[Result]
-) -> None:
+def _legends(figure: Figure, of: Map, styles: Mapping[str, Any], results: Sequence[Result]) -> None:
     """Write the title and the meaning of the lines above, that of cells and dots below."""
     measured = {each["name"]: each for each in measured_limits(results)}
     found = set(map(_outcome_of, results))
@@ -525,7 +520,6 @@ def _legends(
         for name, (colour, dashes) in styles.items()
     ]
     outcomes = [Patch(label=each.sentence, **each.look) for each in Outcome if each in found]
-    marks = [Line2D([], [], label=words, **mark) for words, mark in _MARKS.items()]
     heading = f"{of.title}\nheld: {of.held}"
     if limits:
         heading += f"\nlines: limits predicted for an error of {ERROR_TOLERANCE:g}, and as measured"
@@ -534,7 +528,9 @@ def _legends(
     figure.legend(
         handles=limits, loc="outside upper left", title=heading, alignment="left", **shared,
     )  # fmt: skip
-    figure.legend(handles=[*outcomes, *marks], loc="outside lower left", ncols=2, **shared)
+    figure.legend(
+        handles=[*outcomes, *map(_mark, _MARKS)], loc="outside lower left", ncols=2, **shared
+    )
 
 
 @dataclass(frozen=True)

@@ -47,8 +47,7 @@ _FREE_BODY = """<mujoco><option timestep="1e-3" gravity="0 0 0" integrator="impl
 </worldbody><keyframe><key qvel="0 0 0 3 1 5"/></keyframe></mujoco>""".format(*_MOMENTS)
 # Each number, its name, and the word by which a changelog's entry is about it: its integrator.
 _NUMBERS = {"as_it_comes": "as it comes", "recipe": "recipe", "free_body": "free body"}
-_STYLES = ({"color": ACCENT, "marker": "s"}, {"color": INK, "marker": "o"},
-           {"color": "#117733", "marker": "d", "linestyle": "--"})  # fmt: skip
+_STYLES = {"s-": ACCENT, "o-": INK, "d--": "#117733"}
 _WORDS = {"as_it_comes": "Euler", "recipe": "RK4", "free_body": "implicitfast"}
 
 
@@ -262,14 +261,14 @@ def _page(rows: Sequence[Row], lines: Sequence[str]) -> str:
 def _picture(title: str, rows: Sequence[Row]) -> Figure:
     """Draw errors and speed over the dates, or over the versions in order where one has none."""
     figure = Figure(figsize=(10.0, 6.6), layout="constrained")
-    changed = ", ".join(row["version"] for row in rows if row["changed"])
-    figure.suptitle(f"{title}: numbers changed in {changed or 'none'}")
+    news = [row["version"] for row in rows if row["changed"]]
+    figure.suptitle(f"{title}: numbers changed in {', '.join(news) or 'none'}")
     axes, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     dated = all(row["date"] for row in rows)
     at: list[Any] = [np.datetime64(row["date"]) if dated else row["version"] for row in rows]
-    for (number, words), style in zip(_NUMBERS.items(), _STYLES, strict=True):
+    for (number, words), (style, colour) in zip(_NUMBERS.items(), _STYLES.items(), strict=True):
         sizes = [abs(row.get(number) or np.nan) for row in rows]
-        axes.semilogy(at, sizes, drawstyle="steps-post", label=words, **style)
+        axes.semilogy(at, sizes, style, color=colour, drawstyle="steps-post", label=words)
     below.plot(at, [row["speed"] or np.nan for row in rows], ".-", color=INK)
     inside = axes.get_xaxis_transform()
     for place, row in zip(at, rows, strict=True):
@@ -277,8 +276,7 @@ def _picture(title: str, rows: Sequence[Row]) -> Figure:
             axes.text(place, 0.5, f"{row['version']} ", rotation=90, ha="right", transform=inside)
     axes.set(ylabel="path error; |gain| of the free body")
     below.set(xlabel="release", ylabel="speed, newest = 1", ylim=(0, None))
-    for each in (axes, below):
-        each.grid(alpha=0.3)
+    axes.grid(alpha=0.3)
     figure.legend(loc="outside lower center", ncols=3, frameon=False)
     return figure
 

@@ -137,7 +137,7 @@ def figure10() -> Figure:
     draw_gamma(globe, theory, engine)
     for name, gamma in verticals.items():
         globe.marks(gamma[None], "X", color="white", markeredgecolor=INK, markersize=8, zorder=6)
-        globe.name(gamma, name, fontsize=14, xytext=(-18 if name[0] == "σ" else 18, 0))
+        globe.name(gamma, name, fontsize=14)
     draw_paths(axes["plane"], theory, engine, f"contact point, {SHOWN:g} s")
     axes["plane"].legend(loc="upper left")
     _draw_momentum(axes["M"], theory, engine)

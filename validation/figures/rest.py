@@ -90,7 +90,7 @@ def figure5() -> Figure:
         theory, engine = _both(scene)
         draw_gamma(globe, theory, engine)
         globe.name(theory.gamma[0], name, fontweight="bold", fontsize=13,
-                   xytext=(3, -14 if name == "d" else 13))  # fmt: skip
+                   xytext=(3, -14 if name == "d" else 13), textcoords="offset points")  # fmt: skip
         draw_paths(axes[name], theory, engine, f"({name}) contact point, {scene.duration:g} s")
     axes["b"].legend(loc="best")
     axes["sphere"].legend(loc="upper left", bbox_to_anchor=(-0.2, 1.02), frameon=False, fontsize=9)
@@ -138,8 +138,7 @@ def _portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence
     points, cycles = fixed_points(ball), limit_cycles(ball)
     manifolds = separatrices(ball, points, FOLLOWED)
     contour = [] if cycles else closed_contour(scene, manifolds)
-    chosen = f"Duration chosen: {scene.duration:g} s."
-    caption = (*_BALL_LINES, f"K = (0, 0, {K3}) kg m²/s", *start, chosen)
+    caption = (*_BALL_LINES, f"K = (0, 0, {K3}) kg m²/s", *start, f"chosen: {scene.duration:g} s")
     found = [f"{len(points)} fixed points:", *counted(points)]
     for cycle in cycles:
         found += [

@@ -83,11 +83,13 @@ class Globe:
                 self.axes.plot(*places[side].T, mark, linestyle="none", alpha=alpha, **own)
 
     def name(self, gamma: Array, text: str, **style: Any) -> None:
-        """Draw a name outside γ (3,), seen from the centre; small and grey if it is behind."""
-        place, off = self.view.place(gamma), self.view.places(gamma)
-        out = 13 * off / max(float(np.linalg.norm(off)), 0.1)
+        """Draw a name farther out than γ (3,), near the rim beyond it; grey if behind."""
+        off = self.view.places(gamma)
+        far = max(float(np.linalg.norm(off)), 0.1)
+        out = off * (max(far + 0.11, 1.1) if far > 0.8 else far + 0.11) / far
         pale = {"color": "#777C82", "fontsize": 9} if self.view.depth(gamma) < 0 else {}
-        self.axes.annotate(text, place, **{**_NAME, "xytext": out, **style, **pale})
+        beside: dict[str, Any] = {**_NAME, "xytext": out, "textcoords": "data", **style, **pale}
+        self.axes.annotate(text, self.view.place(gamma), **beside)
 
     def arrow(self, gamma: Array, colour: str) -> None:
         """Draw an arrow head halfway along a line γ (n, 3), if that is in front."""
@@ -266,7 +268,7 @@ def portrait(
 ) -> Figure:
     """Draw all that stands still or repeats on the sphere and on its involute, without a motion."""
     figure = Figure(figsize=(13.0, 5.8), layout="constrained")
-    figure.suptitle(f"{title}: {len(points)} fixed points, limit cycles: {len(cycles)}", color=INK)
+    figure.suptitle(f"{title}: fixed points and limit cycles from rest", color=INK)
     left, right = figure.subplots(1, 2, width_ratios=[4.6, 8.4])
     manifolds = separatrices(parameters, points, FOLLOWED)
     for chart in both_charts(left, right):

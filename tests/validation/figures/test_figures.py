@@ -33,7 +33,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
         (lines, "FINENESS", 20),
         (lines, "SHOWN", 20.0),
         (lines, "LONG", 30.0),
-        (rest, "DURATION", 10.0),
+        (rest, "DURATIONS", {7: 10.0}),
         (tori, "LEVELS", (0.2, 0.5, 0.6)),
         (tori, "REGULAR", replace(tori.REGULAR, starts=8, count=320)),
         (tori, "REGULAR_BY_CONTACT", replace(tori.REGULAR_BY_CONTACT, starts=3, count=10)),

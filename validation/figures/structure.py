@@ -260,5 +260,5 @@ def _draw_names(axes: Axes, centre: Array, anchors: Mapping[str, Array]) -> None
         x, y = middle + _NAMES_AT * out
         axes.text(x, y, name, ha=across, va=along, fontsize=12, color=INK)
     axes.plot(*middle, "o", color=INK, markersize=4, zorder=8)
-    axes.text(*(middle + 0.05), "C", fontsize=14, color=INK, zorder=8, path_effects=halo())
+    _draw_name(axes, "C", centre, centre - _VIEW.axes[0] - _VIEW.axes[1])
     axes.set(xlim=(middle[0] - 2.1, middle[0] + 2.1), ylim=(middle[1] - 1.55, middle[1] + 1.55))

@@ -138,7 +138,7 @@ def _portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence
     points, cycles = fixed_points(ball), limit_cycles(ball)
     manifolds = separatrices(ball, points, FOLLOWED)
     contour = [] if cycles else closed_contour(scene, manifolds)
-    caption = (*_BALL_LINES, f"K = (0, 0, {K3}) kg m²/s", *start, f"chosen: {scene.duration:g} s")
+    caption = (*_BALL_LINES, f"K = (0, 0, {K3}) kg m²/s", *start, "Duration chosen.")
     found = [f"{len(points)} fixed points:", *counted(points)]
     for cycle in cycles:
         found += [

@@ -86,7 +86,7 @@ class Globe:
         """Draw a name farther out than γ (3,), near the rim beyond it; grey if behind."""
         off = self.view.places(gamma)
         far = max(float(np.linalg.norm(off)), 0.1)
-        out = off * (max(far + 0.11, 1.1) if far > 0.8 else far + 0.11) / far
+        out = off * (max(far + 0.15, 1.12) if far > 0.8 else far + 0.15) / far
         pale = {"color": "#777C82", "fontsize": 9} if self.view.depth(gamma) < 0 else {}
         beside: dict[str, Any] = {**_NAME, "xytext": out, "textcoords": "data", **style, **pale}
         self.axes.annotate(text, self.view.place(gamma), **beside)

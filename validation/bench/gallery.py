@@ -87,8 +87,7 @@ def _main(*only: str) -> None:
         records = [_read(_OUT / f"{scene}-engines.json") for scene in _ENGINES.split()[1:]]
         _replace(_DOCS / "engines.md", ENGINES, engines_table(records))
     if wanted("results"):
-        tables = (_OUT / "results.md").read_text(encoding="utf-8")
-        _replace(_DOCS / "results.md", _RESULTS, tables)
+        _replace(_DOCS / "results.md", _RESULTS, (_OUT / "results.md").read_text(encoding="utf-8"))
     if wanted(_RANDOM):
         _run(_RANDOM, "--json", str(_OUT / "random.json"))
         record = _read(_OUT / "random.json")

@@ -27,6 +27,6 @@ def test_the_command_under_a_picture_is_one(command: str) -> None:
     parse(command.split())
 
 
-def test_the_new_pictures_are_small() -> None:
-    """Under 0.4 MB each, measured at most 0.2: as full colours they would be three times that."""
+def test_the_pictures_are_small() -> None:
+    """Under 0.4 MB each, measured at most 0.24; with all their colours three times that."""
     assert max(path.stat().st_size for path in DOCS.glob("*.png")) < 400_000

@@ -226,7 +226,7 @@ def test_a_region_has_its_word_where_it_has_room() -> None:
     """In the middle of its longest row; one cell alone has none, and the legend says what it is."""
     axes = Figure().subplots()
     row, other = (
-        [Outcome.DIVERGED] * 5 + [Outcome.WRONG],
+        [Outcome.DIVERGED] * 5 + [Outcome.UNFINISHED],
         [Outcome.DIVERGED] * 2 + [Outcome.SLIPPED] * 4,
     )
     _name_regions(axes, np.array([other, row]))

@@ -36,7 +36,7 @@ def sheet(
     facts: Sequence[str],
     panels: Sequence[Sequence[str]],
     widths: Sequence[float],
-    heights: Sequence[float] = (4.6,),
+    heights: Sequence[float] = (4.8,),
 ) -> tuple[Figure, dict[str, Axes]]:
     """Return a figure with panels by their names, row by row, and its text on the right.
 

@@ -447,7 +447,8 @@ def _draw_cell(axes: Axes, i: int, j: int, result: Result) -> None:
 
 def _mark(words: str, x: float = np.nan, y: float = np.nan) -> Line2D:
     marker, size, fill = _MARKS[words]
-    return Line2D([x], [y], marker=marker, ms=size, mfc=fill, color=INK, ls="", label=words)
+    style: dict[str, Any] = {"marker": marker, "ms": size, "mfc": fill, "color": INK, "ls": ""}
+    return Line2D([x], [y], label=words, path_effects=halo(1.5), **style)
 
 
 def _name_regions(axes: Axes, outcomes: Array) -> None:
@@ -528,9 +529,8 @@ def _legends(figure: Figure, of: Map, styles: Mapping[str, Any], results: Sequen
     figure.legend(
         handles=limits, loc="outside upper left", title=heading, alignment="left", **shared,
     )  # fmt: skip
-    figure.legend(
-        handles=[*outcomes, *map(_mark, _MARKS)], loc="outside lower left", ncols=2, **shared
-    )
+    meaning = [*outcomes, *map(_mark, _MARKS)]
+    figure.legend(handles=meaning, loc="outside lower left", ncols=2, **shared)
 
 
 @dataclass(frozen=True)

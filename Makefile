@@ -54,9 +54,10 @@ docs: setup
 tutorials: setup
 	$(BIN)/python docs/tutorials/notebooks.py
 
-# Every picture and table of README and docs, made again by the program; hours on two cores.
+# Every picture and table of README and docs, made again by the program; hours on two cores. Some,
+# by the beginnings of their commands:  make gallery ONLY='figures history'
 gallery: setup gl
-	$(BIN)/python -m validation.bench.gallery
+	$(BIN)/python -m validation.bench.gallery $(ONLY)
 
 # The wheel, in an environment of its own and an empty folder: it must have every file that the
 # program needs. Dependencies are this environment's, so that nothing is fetched; but not this

@@ -102,7 +102,7 @@ def close_map(
         equations = jacobian.reshape(-1, 3 * n + 1), gap.ravel()
         correction = np.linalg.lstsq(*equations, rcond=_BLIND * closed)[0]
         # A turn by more than 0.3 rad is beyond what is linear about it.
-        correction *= min(1.0, 0.3 / float(np.abs(correction[:-1]).max()))
+        correction *= 0.3 / max(0.3, float(np.abs(correction[:-1]).max()))
         attitudes = turned(attitudes, correction[:-1].reshape(n, 3))
         period += float(correction[-1])
         if not period > 0:

@@ -1,20 +1,24 @@
 """Make every picture and table of the docs again by the program, as `make gallery` does.
 
-An entry of PICTURES is a command and the files of its output that the docs show. An argument
-selects the entries that begin with it. The pictures of other engines need environments of their
-own, so they are made only where an argument names them.
+gallery.toml says which pictures there are, and docs/gallery.md shows them all. Arguments select the
+commands that begin with one of them: `python -m validation.bench.gallery history figures`. The
+pictures of other engines need environments of their own, so they are made only where named.
 """
 
 import json
 import re
-import shutil
 import subprocess
 import sys
+import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import islice
+from itertools import groupby, islice
+from operator import itemgetter
 from pathlib import Path
+from shutil import which
 from typing import Any
+
+from PIL import Image
 
 from robotball import sample_times
 from robotball.engines.mujoco.settings import FIRST_ORDER
@@ -27,46 +31,8 @@ from validation.studies.extremes import Outcome
 
 _DOCS = Path(__file__).parents[2] / "docs"
 _OUT = Path("out/gallery")
-_PICTURES = {
-    "ablation fig12": {"fig12-mujoco-ablation.png": "ablation.png"},
-    "convergence fig12": {"fig12-mujoco-accurate-convergence.png": "convergence.png"},
-    "tradeoff fig12": {"fig12-mujoco-tradeoff.png": "tradeoff.png"},
-    "tradeoff fig12 --friction": {"fig12-mujoco-friction.png": "tradeoff-friction.png"},
-    "extremes": {
-        f"extremes-{name}.png": f"extremes-{name}.png"
-        for name in ("momentum", "contact", "duration")
-    },
-    "results": {"results-mujoco.png": "results-drift.png"},
-    "continue fig07 --of equilibrium --over K3 --from 0.1 --to 2.5": {
-        "fig07-continue-equilibrium-K3.png": "fig07-continue-equilibrium-K3.png"
-    },
-    "continue fig07 --of cycle --over K3 --from 0.4 --to 3": {
-        "fig07-continue-cycle-K3.png": "fig07-continue-cycle-K3.png"
-    },
-    "continue fig10 --of line --over K3 --from -1.7 --to 1.7": {
-        "fig10-continue-line-K3.png": "fig10-continue-line-K3.png"
-    },
-    "chart fig14 --over K=0:9,Omega=0:8 --count 200 --refine 0 --preset fast": {
-        "fig14-chart-K-0-9-Omega-0-8-count-200-refine-0-fast.png": "chart-rubber.png"
-    },
-    "chart classical_chaotic --over K=0:9,Omega=0:8 --count 50": {
-        "classical_chaotic-chart-K-0-9-Omega-0-8-count-50.png": "chart-classical.png"
-    },
-    "chart classical_chaotic --over f=1:50,c=0:7 --count 50": {
-        "classical_chaotic-chart-f-1-50-c-0-7-count-50.png": "chart-classical-fc.png"
-    },
-    "chart fig14 --over K=4.5:2.5 --count 500 --follow": {
-        "fig14-chart-K-4.5-2.5-count-500-follow.png": "diagram.png"
-    },
-}
-_ROLLED = ("fig12", "classical_regular", "wobbling_drive", "classical_chaotic")  # by all engines
-_BY_NAME = {
-    "history mujoco": {"fig12-mujoco-history.png": "history.png"},
-    f"engines {' '.join(_ROLLED)}": {
-        "fig12-engines.png": "engines.png",
-        "classical_regular-engines.png": "engines-classical.png",
-    },
-}
+PICTURES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))["picture"]
+_ENGINES = next(row["command"] for row in PICTURES if row["shown"] == "engines.png")
 _COSTS = (
     ("cost", 1e3, ".3g"),
     ("relative_cost", 1, ".2g"),
@@ -74,9 +40,15 @@ _COSTS = (
     ("python_share", 1, ".0%"),
 )
 _RANDOM = "extremes --random 500"
+_SCREEN = ("--headless", "--no-sandbox", "--hide-scrollbars", "--window-size=1000,1400",
+           "--enable-unsafe-swiftshader", "--virtual-time-budget=4000")  # fmt: skip
 _FILMED, _SHOWN = 3.2, 3.0  # s of the README's film, and the time of its picture
 # What the studies counted: the numbers that README and docs print are held against it.
 NUMBERS = _DOCS / "numbers.json"
+_HEAD = """# Gallery
+
+Every kind of picture that the program makes, and the command that makes it. `make gallery` makes
+all of them again, in hours; `python -m validation.bench.gallery figures history` those named."""
 _PROOFS = """
 ## Proofs
 
@@ -92,41 +64,70 @@ _RESULTS = r"\n### Equilibria\n.*(?=\n## Open)"
 OUTCOMES = r"\| of [0-9]+ runs each \|.*?(?=\n\n)"
 
 
-def _main(only: str = "") -> None:
-    """Run each command whose line begins with `only`, and put what it makes into docs/."""
-    for command, files in (_PICTURES | (_BY_NAME if only else {})).items():
-        if command.startswith(only):
-            record = ("--json", str(_OUT / "extremes.json")) if command == "extremes" else ()
-            _run(command, "--out", str(_OUT), *record)
-            for made, shown in files.items():
-                shutil.copyfile(_OUT / made, _DOCS / shown)
-    if "tradeoff fig12".startswith(only):
-        _write_numbers("tradeoff", numbers_of_tradeoff(_read(_OUT / "fig12-mujoco-tradeoff.json")))
-    if "extremes".startswith(only):
+def _main(*only: str) -> None:
+    """Run each command that begins with one of `only`, or all, and put what it makes into docs/."""
+
+    def wanted(line: str, named: bool = False) -> bool:
+        return any(map(line.startswith, only)) or not (only or named)
+
+    if wanted("extremes"):
+        _run("extremes", "--out", str(_OUT), "--json", str(_OUT / "extremes.json"))
         record = _read(_OUT / "extremes.json")
         outcomes = _outcomes_of(record["summary"])
         _write_numbers("extremes", {**record["totals"], "outcomes": outcomes})
         _replace(_DOCS / "extremes.md", OUTCOMES, outcomes_table(outcomes))
-    if only and f"engines {' '.join(_ROLLED)}".startswith(only):
-        records = [_read(_OUT / f"{scene}-engines.json") for scene in _ROLLED]
+    for command, rows in groupby(PICTURES, itemgetter("command")):
+        some = [row for row in rows if "made" in row and wanted(command, row.get("named", False))]
+        if some:
+            _run(command, "--out", str(_OUT))
+        for row in some:
+            _put(_OUT / row["made"], _DOCS / row["shown"])
+    if wanted("tradeoff fig12"):
+        _write_numbers("tradeoff", numbers_of_tradeoff(_read(_OUT / "fig12-mujoco-tradeoff.json")))
+    if wanted(_ENGINES, named=True):
+        records = [_read(_OUT / f"{scene}-engines.json") for scene in _ENGINES.split()[1:]]
         _replace(_DOCS / "engines.md", ENGINES, engines_table(records))
-    if "results".startswith(only):
-        tables = (_OUT / "results.md").read_text(encoding="utf-8")
-        _replace(_DOCS / "results.md", _RESULTS, tables)
-    if _RANDOM.startswith(only):
+    if wanted("results"):
+        _replace(_DOCS / "results.md", _RESULTS, (_OUT / "results.md").read_text(encoding="utf-8"))
+    if wanted(_RANDOM):
         _run(_RANDOM, "--json", str(_OUT / "random.json"))
         record = _read(_OUT / "random.json")
-        false = len(record["false_alarms"])
-        _write_numbers("random", {**record["extreme"], "false_alarms": false})
-    if "film".startswith(only):
+        record["extreme"]["false_alarms"] = len(record["false_alarms"])
+        _write_numbers("random", record["extreme"])
+    if wanted("film"):
         _write_frame(_DOCS / "fig12.png")
-    if "paper".startswith(only):
+    if wanted("paper"):
         _run("paper", "--json", str(_OUT / "paper.json"))
         _write_proofs(_OUT / "paper.json")
-    if "demo".startswith(only):
+    if wanted("demo"):
         _run("demo", "--out", str(_OUT))
         table = (_OUT / "demo.md").read_text(encoding="utf-8").strip()
         _replace(_DOCS / "settings.md", _TABLE, table)
+    write_text(_DOCS / "gallery.md", gallery_page())
+
+
+def gallery_page() -> str:
+    """Return docs/gallery.md: every picture, what it shows, and below it the command."""
+    parts = [_HEAD]
+    for row in PICTURES:
+        parts += [f"## {row['part']}"] if "part" in row else []
+        parts += [f"![{row['words']}]({row['shown']})", row["words"]]
+        parts += [f"    robotball {row['command']}"]
+    return "\n\n".join(parts) + "\n"
+
+
+def _put(made: Path, shown: Path) -> None:
+    """Copy a picture, or a page's first screen, with 256 colours: a third of its size.
+
+    Chosen to cover the whole range, no pixel is off by more than 13 of 255, measured.
+    """
+    if made.suffix == ".html":
+        browser = next(filter(None, map(which, ("chromium-headless-shell", "chromium"))))
+        page, made = made.absolute().as_uri(), made.with_suffix(".png")
+        subprocess.run([browser, *_SCREEN, f"--screenshot={made}", page], check=True)
+    with replacing(shown) as temporary, Image.open(made) as image:
+        few = image.convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=3)
+        few.save(temporary, format="PNG", optimize=True)
 
 
 def _write_frame(path: Path) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from robotball import ContactMotion, Motion, Scene, preset
 from robotball.engines.mujoco import LABEL
@@ -25,7 +26,7 @@ ENGINE_NAME, ENGINE_COLOUR, THEORY = LABEL.name, LABEL.colour, EQUATIONS.colour
 THEORY_LINE: dict[str, Any] = {"color": THEORY, "linewidth": 4.5, "alpha": 0.55}
 ENGINE_LINE: dict[str, Any] = {"color": ENGINE_COLOUR, "linewidth": 1.1}
 FAINT = "#9AA0A6"  # what is neither engine's: fields, boundaries
-_TEXT_WIDE, _LINE_HIGH = 3.7, 0.27  # inches
+_TEXT_WIDE, _LINE_HIGH = 3.7, 0.21  # inches
 UNBUILDABLE = "Mass outside the shell: not to be built."
 
 
@@ -35,7 +36,7 @@ def sheet(
     facts: Sequence[str],
     panels: Sequence[Sequence[str]],
     widths: Sequence[float],
-    heights: Sequence[float] = (5.4,),
+    heights: Sequence[float] = (4.8,),
 ) -> tuple[Figure, dict[str, Axes]]:
     """Return a figure with panels by their names, row by row, and its text on the right.
 
@@ -44,7 +45,7 @@ def sheet(
     one panel over all of them.
     """
     size = (sum(widths) + _TEXT_WIDE, sum(heights) + 0.4)
-    figure = Figure(figsize=size, layout="constrained")
+    figure = Figure(figsize=size, layout=ConstrainedLayoutEngine(h_pad=0.1))
     figure.suptitle(title, color=INK, fontsize=14)
     axes: dict[str, Axes] = figure.subplot_mosaic(
         [[*row, "text"] for row in panels],

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from robotball import Motion, Scene, load_scene, preset, sample_times
 from robotball.engines.mujoco.model import build
@@ -90,8 +89,8 @@ def figure11a() -> Figure:
         "  states differ with l.",
     )
     figure, axes = sheet(
-        "Fig. 11a: a limit cycle and a limit torus",
-        _caption_of(scene), facts, [["theory", "engine"]], (5.6, 5.6),
+        "Fig. 11a: every start settles on one periodic orbit or on one torus",
+        _caption_of(scene), facts, [["theory", "engine"]], (4.6, 4.6),
     )  # fmt: skip
     crossed = np.stack([through.l, through.L])
     coarse = cloud_by_contact(build(scene, COARSE), REGULAR_BY_CONTACT, seed=2)
@@ -105,12 +104,11 @@ def figure11a() -> Figure:
         _dots(each, cloud.l[early], cloud.L[early], color=FAINT, markersize=2.2, label="on the way")
         _dots(each, torus.l, torus.L, color=colour, markersize=3.5, label="limit torus")
         _dots(each, cloud.l[~early], cloud.L[~early], color=colour, markersize=4)
-        each.plot(*_places(*orbit), "o", mfc="none", mec=INK, ms=12, label="periodic orbit")
-        each.plot(*_places(*orbit), "+", color=colour, ms=9, mew=2)
+        each.plot(*_places(*orbit), "o", mfc="none", mec=INK, ms=12)
+        each.plot(*_places(*orbit), "+", color=colour, ms=8, mew=2, label="periodic orbit")
         _annulus(each, f"section g = 0, {name}")
-        for handle in each.legend(loc="lower right", fontsize=9).legend_handles:
-            if isinstance(handle, Line2D):
-                handle.set_markersize(9)
+        each.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, frameon=False,
+                    fontsize=9, columnspacing=1.0, markerscale=1.5)  # fmt: skip
     return figure
 
 
@@ -131,8 +129,8 @@ def figure11b() -> Figure:
         "  are 50 ms.",
     )
     figure, axes = sheet(
-        "Fig. 11b: a strange attractor",
-        _caption_of(scene), facts, [["theory", "engine"]], (5.6, 5.6),
+        "Fig. 11b: a strange attractor, the same by both",
+        _caption_of(scene), facts, [["theory", "engine"]], (4.6, 4.6),
     )  # fmt: skip
     for each, cloud, count, colour, size, name in (
         (axes["theory"], theory, CHAOS.count, THEORY, 1.8, "equations"),
@@ -216,7 +214,7 @@ def _sphere_and_path(number: int, start: str, where: str, facts: tuple[str, ...]
     caption = (*_caption_of(scene), f"start: {start}", f"Duration chosen: {duration:g} s.")
     figure, axes = sheet(
         f"Fig. {number}: motion {where}",
-        caption, facts, [["sphere", "apart"], ["plane", "plane"]], (5.2, 5.2), (4.8, 3.6),
+        caption, facts, [["sphere", "apart"], ["plane", "plane"]], (4.3, 4.3), (4.0, 3.0),
     )  # fmt: skip
     theory = _draw_long_paths(axes, scene, duration)
     globe = Globe(axes["sphere"], _VIEW, f"vertical γ on the Poisson sphere, {duration:g} s")
@@ -233,16 +231,18 @@ def figure14() -> Figure:
         "  on a limit cycle (E22).",
         "dX/dt = 3.276 m/s in the mean,",
         *_DRIFT_FACTS,
-        f"Chaos: errors grow as exp({exponent:g} t) (dotted),",
+        f"Chaos: errors grow as exp({exponent:g} t),",
         "  so beyond some time both motions are",
         "  right, and different.",
     )
     figure, axes = sheet(
-        "Fig. 14: the contact point on the strange attractor",
-        caption, facts, [["plane"], ["apart"]], (10.4,), (4.6, 3.4),
+        "Fig. 14: on the strange attractor the two motions part in the end",
+        caption, facts, [["plane"], ["apart"]], (8.6,), (3.6, 3.0),
     )  # fmt: skip
     times = _draw_long_paths(axes, scene, duration).times
-    axes["apart"].semilogy(times, 3e-8 * np.exp(exponent * times), ":", color=INK, linewidth=1.5)
+    axes["apart"].semilogy(times, 3e-8 * np.exp(exponent * times), ":", color=INK, linewidth=1.5,
+                           label=f"exp({exponent:g} t)")  # fmt: skip
+    axes["apart"].legend(loc="lower right", ncols=4, fontsize=9)
     return figure
 
 
@@ -268,7 +268,7 @@ def _draw_long_paths(panels: Mapping[str, Axes], scene: Scene, duration: float) 
 
 # Two rolling models on the same tori ---------------------------------------------------------
 
-_TORI_VIEW = View(azimuth=30.0, elevation=35.0)
+_TORI_VIEW = View(azimuth=210.0, elevation=35.0)
 _COLOURS = {"rubber": THEORY, "classical": "#AA3377"}  # of both balls by the equations
 LEVELS = (0.2, 0.4, 0.5, 0.6, 1.0, 1.2)  # l of ℓ at the start, where L = 0 [rad]: a torus each
 _FOLLOWED, SHOWN = 210.0, 12.0  # s
@@ -310,7 +310,7 @@ def figure_tori() -> Figure:
     )
     figure, axes = sheet(
         "Two rolling models, the same tori: Chaplygin's ball",
-        caption, facts, [["sphere", "section", "turns"]], (5.0, 5.0, 3.4),
+        caption, facts, [["sphere", "section", "turns"]], (4.2, 4.2, 3.0),
     )  # fmt: skip
     _draw_spheres(axes["sphere"], balls)
     _draw_sections(axes["section"], balls, runs, curves)
@@ -405,9 +405,9 @@ def _draw_sections(
             first, size = l == LEVELS[0], 8.0 if rolling == "rubber" else 3.5
             axes.plot(found.l, found.L / _ROOT_F, ".", color=_COLOURS[rolling], markersize=size,
                       label=rolling if first else None, zorder=2)  # fmt: skip
-            axes.plot(ours.l[::4], ours.L[::4] / _ROOT_F, "o", mfc="none", mec=ENGINE_COLOUR,
-                      markersize=6, mew=0.8, zorder=3,
+            axes.plot(ours.l[::16], ours.L[::16] / _ROOT_F, "o", mfc="none", mec=ENGINE_COLOUR,
+                      markersize=9, mew=1.2, zorder=3,
                       label=ENGINE_NAME if first and rolling == "classical" else None)  # fmt: skip
     title = "section (ℓ×γ)₃ = 0, one direction"
     axes.set(xlabel="l [rad]", ylabel="L/√f", title=title, ylim=(-1.05, 1.05))
-    axes.legend(loc="upper center", fontsize=9)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3, frameon=False)

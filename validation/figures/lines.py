@@ -35,6 +35,7 @@ _LIMIT = 2.0806242  # of f there: above it σ₋ and δ₊ are unstable saddle-f
 _SIDE = 8.0  # of Fig. 9's region [kg m²/s]
 FINENESS = 90  # of the map's grid, each way
 SHOWN, LONG = 80.0, 600.0  # s, of Fig. 10
+_PERIOD = 2.0  # s, at least that of the oscillation about δ₊, 1.95 s
 _VIEW = View(azimuth=48.0, elevation=22.0)
 _BALL_LINES = ("A = diag(.5, .3, .6) 1/(kg m²)", "Ω = (0, 0, 1) rad/s, a = 1 m", UNBUILDABLE)
 
@@ -84,21 +85,22 @@ def figure9() -> Figure:
         f"  f < {_LIMIT:.4f} only, not at f = 3.",
     )
     figure, panels = sheet(
-        "Fig. 9: stability of straight-line motions", caption, facts, [["2", "3"]], (4.9, 4.9)
+        "Fig. 9: straight lines are stable at large K", caption, facts, [["2", "3"]], (4.2, 4.2)
     )
     ball, side = paper_scene("fig10").parameters, np.linspace(-_SIDE, _SIDE, FINENESS)
     for axes, f in zip(panels.values(), LEVELS, strict=True):
         rates = np.array([[growth_rate(ball, (K1, K2, 0.0), f) for K1 in side] for K2 in side])
-        axes.contourf(side, side, rates, levels=[-1e9, 0.0], colors=[THEORY], alpha=0.45)
+        # Grey, as the caption says.
+        axes.contourf(side, side, rates, levels=[-1e9, 0.0], colors=[FAINT], alpha=0.6)
         axes.contour(side, side, rates, levels=[0.0], colors=[THEORY], linewidths=1.5)
-        for x in (5.9, -5.9):
-            axes.annotate("σ₋, δ₊ stable", (x, x), color=INK, ha="center", path_effects=halo())
+        for x in (6.5, -6.5):
+            axes.annotate("σ₋, δ₊\nstable", (x, x), color=INK, ha="center", va="center")
         turn = np.linspace(0, 2 * np.pi, 300)
         rim = np.sqrt(f) * np.stack([np.cos(turn), np.sin(turn)])
-        axes.fill(*rim, color=FAINT, alpha=0.5, lw=0)
-        axes.annotate("K² < f", (0, 0), ha="center", va="center", color=INK)
+        axes.fill(*rim, facecolor="none", edgecolor=FAINT, hatch="////", lw=0.8)
+        axes.annotate("K² < f:\nno such line", (0, -2.2), ha="center", va="top", color=INK)
         axes.plot(*LINE_K[:2], "o", color=INK)
-        note(axes, "Fig. 10", LINE_K[:2], (6, 6), color=INK, path_effects=halo())
+        note(axes, "Fig. 10", LINE_K[:2], (-6, -4), color=INK, ha="right", va="top")
         axes.set(xlabel="K₁ [kg m²/s]", ylabel="K₂ [kg m²/s]", aspect="equal")
         axes.set_title(f"f = {f:g} (kg m²/s)², a guess")
     return figure
@@ -126,8 +128,8 @@ def figure10() -> Figure:
         "  some 300 s; at f = 2 it stays.",
     )
     figure, axes = sheet(
-        "Fig. 10: turning round from σ₊ to δ₊",
-        caption, facts, [["sphere", "plane"], ["M", "speed"]], (5.0, 5.0), (4.8, 3.6),
+        "Fig. 10: the ball leaves one straight line and turns round to the opposite one",
+        caption, facts, [["sphere", "plane"], ["M", "speed"]], (4.2, 4.2), (4.0, 3.2),
     )  # fmt: skip
     times = sample_times(SHOWN, 0.02)
     theory, engine = compiled_motion(scene, times), engine_motion(scene, times)
@@ -135,8 +137,7 @@ def figure10() -> Figure:
     draw_gamma(globe, theory, engine)
     for name, gamma in verticals.items():
         globe.marks(gamma[None], "X", color="white", markeredgecolor=INK, markersize=8, zorder=6)
-        globe.name(gamma, name, fontsize=14,
-                   xytext=(-28, -4) if name[0] == "σ" else (9, -4))  # fmt: skip
+        globe.name(gamma, name, fontsize=14)
     draw_paths(axes["plane"], theory, engine, f"contact point, {SHOWN:g} s")
     axes["plane"].legend(loc="upper left")
     _draw_momentum(axes["M"], theory, engine)
@@ -147,7 +148,7 @@ def figure10() -> Figure:
         note(axes["speed"], name, (0.3 * LONG, level), (0, -6), color=INK, ha="center", va="top",
              path_effects=halo())  # fmt: skip
     axes["speed"].set(xlabel="time [s]", ylabel="dY/dt [m/s]", ylim=(-1.6, 1.9))
-    axes["speed"].set_title("speed along Y: f = 3 solid, f = 2 dashed")
+    axes["speed"].set_title("range of the speed along Y in each 2 s:\nf = 3 solid, f = 2 dashed")
     return figure
 
 
@@ -162,15 +163,18 @@ def _draw_momentum(axes: Axes, theory: Motion, engine: Motion) -> None:
         axes.plot(theory.times, exact[:, i], **{**THEORY_LINE, "linewidth": 3.5})
         axes.plot(engine.times, ours[:, i], linestyle=dashes, **{**ENGINE_LINE, "linewidth": 1.4},
                   label=f"M{'₁₂₃'[i]}")  # fmt: skip
-    axes.set(xlabel="time [s]", ylabel="[kg m²/s]", title="momentum M(t) in the frame's axes")
+    axes.set(xlabel="time [s]", ylabel="M [kg m²/s]", title="momentum M(t) in the frame's axes")
     axes.legend(loc="upper right")
 
 
 def _draw_speed(axes: Axes, scene: Scene, dashes: str | tuple[int, tuple[float, float]]) -> None:
-    """Draw dY/dt of the contact point over a long time, by both engines."""
-    times = sample_times(LONG, 0.25)
-    middle = (times[1:] + times[:-1]) / 2
+    """Draw dY/dt of the contact point over a long time, by both engines.
+
+    Where it oscillates its turns would be a block: drawn are the least and the most in each period.
+    """
+    times = sample_times(LONG, _PERIOD / 8)
     theory, engine = compiled_motion(scene, times), engine_motion(scene, times)
     for motion, style in ((theory, THEORY_LINE), (engine, ENGINE_LINE)):
-        speed = np.diff(motion.contact_point[:, 1]) / np.diff(times)
-        axes.plot(middle, speed, linestyle=dashes, **style)
+        speed = np.diff(motion.contact_point[:, 1]).reshape(-1, 8) / times[1]
+        ends = np.stack([speed.min(axis=1), speed.max(axis=1)], axis=1)
+        axes.plot(times[4::8], ends, linestyle=dashes, **style)

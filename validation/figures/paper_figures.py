@@ -18,15 +18,9 @@ from validation.figures.rest import figure5, figure6, figure7, figure8
 from validation.figures.structure import figure3, figure4
 from validation.output import write_picture
 
+_SINGLE = (figure3, figure4, figure5, figure6, figure7, figure8, figure9, figure10)
 FIGURES: dict[str, dict[str, Callable[[], Figure]]] = {
-    "3": {"fig03": figure3},
-    "4": {"fig04": figure4},
-    "5": {"fig05": figure5},
-    "6": {"fig06": figure6},
-    "7": {"fig07": figure7},
-    "8": {"fig08": figure8},
-    "9": {"fig09": figure9},
-    "10": {"fig10": figure10},
+    **{f"{number}": {f"fig{number:02}": each} for number, each in enumerate(_SINGLE, start=3)},
     "11": {"fig11a": attractors.figure11a, "fig11b": attractors.figure11b},
     "12": {"fig12": attractors.figure12},
     "13": {"fig13": attractors.figure13},

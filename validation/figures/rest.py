@@ -44,7 +44,7 @@ _BALL_LINES = (
 _STARTS78 = ("γ(0) = (0, 39/40, √79/40), α(0) = (1, 0, 0)",)  # of Figs 7 and 8
 _VIEW5 = View(azimuth=28.0, elevation=-22.0)
 _DURATIONS5 = {"b": 16.0, "c": 20.0, "d": 6.0}  # s, chosen: the captions have none
-DURATION = 60.0  # s, of Figs 6 to 8, chosen
+DURATIONS = {6: 40.0, 7: 40.0, 8: 24.0}  # s, of these figures, chosen
 
 
 def figure5() -> Figure:
@@ -79,8 +79,8 @@ def figure5() -> Figure:
         "  radius √5/4 m.",
     )
     figure, axes = sheet(
-        "Fig. 5: motion from rest with K = 0",
-        caption, facts, [["sphere", "b"], ["c", "d"]], (5.0, 5.0), (4.8, 4.2),
+        "Fig. 5: from rest with K = 0, γ follows a curve (Aγ,γ) = const",
+        caption, facts, [["sphere", "b"], ["c", "d"]], (4.2, 4.2), (4.0, 3.6),
     )  # fmt: skip
     globe = Globe(axes["sphere"], _VIEW5, "(a) vertical γ on the Poisson sphere")
     draw_field(globe, ball, 8.0)
@@ -89,7 +89,8 @@ def figure5() -> Figure:
     for name, scene in scenes.items():
         theory, engine = _both(scene)
         draw_gamma(globe, theory, engine)
-        globe.name(theory.gamma[0], name, fontweight="bold", fontsize=13, xytext=(-14, -4))
+        globe.name(theory.gamma[0], name, fontweight="bold", fontsize=13,
+                   xytext=(3, -14 if name == "d" else 13), textcoords="offset points")  # fmt: skip
         draw_paths(axes[name], theory, engine, f"({name}) contact point, {scene.duration:g} s")
     axes["b"].legend(loc="best")
     axes["sphere"].legend(loc="upper left", bbox_to_anchor=(-0.2, 1.02), frameon=False, fontsize=9)
@@ -132,12 +133,12 @@ def figure8() -> Figure:
 
 def _portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence[str]) -> Figure:
     """Draw the portrait on the sphere and on its involute, with one motion by both engines."""
-    scene = replace(paper_scene(f"fig{number:02}"), duration=DURATION)
+    scene = replace(paper_scene(f"fig{number:02}"), duration=DURATIONS[number])
     ball = scene.parameters
     points, cycles = fixed_points(ball), limit_cycles(ball)
     manifolds = separatrices(ball, points, FOLLOWED)
     contour = [] if cycles else closed_contour(scene, manifolds)
-    caption = (*_BALL_LINES, f"K = (0, 0, {K3}) kg m²/s", *start, "Duration chosen: 60 s.")
+    caption = (*_BALL_LINES, f"K = (0, 0, {K3}) kg m²/s", *start, "Duration chosen.")
     found = [f"{len(points)} fixed points:", *counted(points)]
     for cycle in cycles:
         found += [
@@ -145,9 +146,9 @@ def _portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence
             f"  multiplier {cycle.multipliers[0].real:.3g}: unstable.",
         ]
     figure, axes = sheet(
-        f"Fig. {number}: motion from rest, K₃ = {K3}",
+        f"Fig. {number}: K₃ = {K3}, {len(points)} fixed points, limit cycles: {len(cycles)}",
         caption, [*found, *facts], [["sphere", "plane"], ["involute", "involute"]],
-        (5.0, 5.0), (4.8, 4.0),
+        (4.2, 4.2), (4.0, 3.5),
     )  # fmt: skip
     theory, engine = _both(scene)
     followed = [_on_cycle(scene, cycle).gamma for cycle in cycles]
@@ -156,12 +157,12 @@ def _portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence
         draw_separatrices(chart, manifolds, contour)
         draw_cycles(chart, ball, cycles)
         for each in followed:
-            chart.line(each, **ENGINE_LINE, zorder=5)
+            chart.line(each, **ENGINE_LINE, label=f"{ENGINE_NAME}, started on the cycle", zorder=5)
         draw_gamma(chart, theory, engine)
         draw_points(chart, ball, points)
-    draw_paths(axes["plane"], theory, engine, f"contact point, {DURATION:g} s")
+    draw_paths(axes["plane"], theory, engine, f"contact point, {scene.duration:g} s")
     axes["plane"].legend(loc="best")
-    axes["involute"].legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=4, fontsize=9,
+    axes["involute"].legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3, fontsize=9,
                             frameon=False)  # fmt: skip
     return figure
 

@@ -36,20 +36,15 @@ from validation.output import halo
 _POLES = 0.62 * np.pi  # φ, where a pole's mark stands on the involute
 _BACK_ALPHA, _BACK_WIDTH = 0.3, 0.7  # of what lies on the far side of the ball
 
-
 _TRIAD: dict[str, Any] = {"arrowstyle": "-|>", "color": INK, "lw": 1.0, "shrinkA": 0, "shrinkB": 0}
 _NAME: dict[str, Any] = {
-    "color": INK,
-    "fontsize": 12,
-    "xytext": (7, 7),
-    "textcoords": "offset points",
-    "path_effects": halo(),
-    "zorder": 8,
-}
+    "color": INK, "fontsize": 12, "ha": "center", "va": "center",
+    "textcoords": "offset points", "path_effects": halo(), "zorder": 8,
+}  # fmt: skip
 
 
 class Globe:
-    """The sphere as a ball: the far side is pale, and bears no names."""
+    """The sphere as a ball: the far side is pale, and its names are grey."""
 
     def __init__(self, axes: Axes, view: View, title: str) -> None:
         self.axes, self.view = axes, view
@@ -88,9 +83,13 @@ class Globe:
                 self.axes.plot(*places[side].T, mark, linestyle="none", alpha=alpha, **own)
 
     def name(self, gamma: Array, text: str, **style: Any) -> None:
-        """Draw a name beside γ (3,), if it is in front."""
-        if self.view.depth(gamma) >= 0:
-            self.axes.annotate(text, self.view.place(gamma), **{**_NAME, **style})
+        """Draw a name farther out than γ (3,), near the rim beyond it; grey if behind."""
+        off = self.view.places(gamma)
+        far = max(float(np.linalg.norm(off)), 0.1)
+        out = off * (max(far + 0.15, 1.12) if far > 0.8 else far + 0.15) / far
+        pale = {"color": "#777C82", "fontsize": 9} if self.view.depth(gamma) < 0 else {}
+        beside: dict[str, Any] = {**_NAME, "xytext": out, "textcoords": "data", **style, **pale}
+        self.axes.annotate(text, self.view.place(gamma), **beside)
 
     def arrow(self, gamma: Array, colour: str) -> None:
         """Draw an arrow head halfway along a line γ (n, 3), if that is in front."""
@@ -103,7 +102,7 @@ class Involute:
 
     def __init__(self, axes: Axes, title: str) -> None:
         self.axes = axes
-        axes.set(xlim=(0, 2 * np.pi), ylim=(-1.04, 1.04), title=title)
+        axes.set(xlim=(0, 2 * np.pi), ylim=(-1.3, 1.3), title=title)
         axes.set(xlabel="φ = π/4 + arctan(γ₁/γ₂) [rad], once round", ylabel="γ₃")
         labels = ["0", "π/4", "π/2", "3π/4", "π", "5π/4", "3π/2", "7π/4", "2π"]
         axes.set_xticks(np.pi / 4 * np.arange(9), labels)
@@ -131,8 +130,8 @@ class Involute:
     def name(self, gamma: Array, text: str, **style: Any) -> None:
         """Draw a name beside γ (3,)."""
         x, y = self.places(gamma).tolist()
-        down = {"xytext": (8, -15)} if y > 0.9 else {}
-        self.axes.annotate(text, (x, y), annotation_clip=False, **{**_NAME, **down, **style})
+        away = (0, 12 * y) if abs(y) > 0.9 else (12, 9)
+        self.axes.annotate(text, (x, y), **{**_NAME, "xytext": away, **style})
 
     def arrow(self, gamma: Array, colour: str) -> None:
         """Draw an arrow head halfway along a line γ (n, 3)."""
@@ -178,7 +177,7 @@ _MARKS = {
     "unstable node": ("s", "white"),
     "degenerate": ("*", "white"),
 }
-_CYCLE = "#009E73"
+_CYCLE: dict[str, Any] = {"color": "#3344DD", "linewidth": 3.2, "zorder": 3}  # the captions' blue
 _SIDES = (  # of the circle of fixed points
     ("#117733", "-", r"$\Sigma_s$, attracts"),
     ("#AA4499", (0, (2.5, 1.2)), r"$\Sigma_u$, repels"),
@@ -187,7 +186,7 @@ _STARTS_DRAWN = 44
 _DRAWN = 5.0  # rad, of a manifold
 FOLLOWED = 400.0  # s, for a manifold
 _FIELD_TURNS = 18.0  # rad, by the rates of the flow, of each pale orbit
-_VIEW = View(azimuth=62.0, elevation=30.0)
+_VIEW = View(azimuth=138.0, elevation=28.0)
 
 
 def draw_field(chart: _Chart, parameters: Parameters, duration: float) -> None:
@@ -198,7 +197,7 @@ def draw_field(chart: _Chart, parameters: Parameters, duration: float) -> None:
     found = orbits(parameters, attitudes, np.zeros((len(starts), 3)), times, 1e-10)
     for each in found.attitudes:
         gamma = rotation_matrix(each)[:, 2]
-        chart.line(gamma, color=FAINT, linewidth=0.6, alpha=0.8, zorder=1)
+        chart.line(gamma, color=FAINT, linewidth=0.6, zorder=1, label=_once(chart, "other orbits"))
         length = np.cumsum(np.linalg.norm(np.diff(gamma, axis=0), axis=1))
         if length[-1] > 0.2:
             k = int(np.searchsorted(length, min(0.2, length[-1] / 2))) + 1
@@ -230,8 +229,7 @@ def draw_separatrices(
 ) -> None:
     """Draw the saddles' manifolds; those of a closed contour in the colour of a cycle."""
     for each in contour:
-        label = _once(chart, "closed contour")
-        chart.line(each.path, color=_CYCLE, linewidth=2.4, label=label, zorder=3)
+        chart.line(each.path, label=_once(chart, "closed contour"), **_CYCLE)
     rest = [each for each in found if not any(each is other for other in contour)]
     for each in sorted(rest, key=lambda each: not each.stable):
         word, dashes = ("stable", (0, (4, 1.5))) if each.stable else ("unstable", "-")
@@ -257,8 +255,8 @@ def draw_cycles(chart: _Chart, parameters: Parameters, cycles: Sequence[Cycle]) 
         curve = curve_of(parameters, cycle.gamma, cycle.period)
         word, dashes = ("stable", "-") if abs(cycle.multipliers[0]) < 1 else ("unstable", "--")
         for each in (curve,) if lies_on(-cycle.gamma, curve) else (curve, -curve):
-            chart.line(each, color=_CYCLE, linestyle=dashes, linewidth=2.4,
-                       label=_once(chart, f"{word} limit cycle"), zorder=3)  # fmt: skip
+            label = _once(chart, f"{word} limit cycle")
+            chart.line(each, linestyle=dashes, alpha=0.7, label=label, **_CYCLE)
 
 
 def portrait(
@@ -270,7 +268,7 @@ def portrait(
 ) -> Figure:
     """Draw all that stands still or repeats on the sphere and on its involute, without a motion."""
     figure = Figure(figsize=(13.0, 5.8), layout="constrained")
-    figure.suptitle(f"{title}: motion from rest", color=INK)
+    figure.suptitle(f"{title}: fixed points and limit cycles from rest", color=INK)
     left, right = figure.subplots(1, 2, width_ratios=[4.6, 8.4])
     manifolds = separatrices(parameters, points, FOLLOWED)
     for chart in both_charts(left, right):

@@ -68,12 +68,13 @@ def _draw_solid(axes: Axes, view: View, solids: Sequence[_Solid]) -> None:
 
 
 _SCENE = "fig12"  # one rotor, and mass inside the shell only
-_VIEW = View(azimuth=114.0, elevation=20.0)
+# Both axes of Fig. 3 come towards the viewer, so that a turn about each is seen.
+_VIEW = View(azimuth=131.0, elevation=16.0)
 _ROLLED = 0.8  # s, before Fig. 4
 _SHELL, _FRAME, _ROTOR = "shell", "frame", "rotor1"
 _FRAME_AXES, _OMEGA, _ROTOR_AXIS = "#117733", "#CC3311", "#8A5A00"
 _NAMES_AT = 1.42  # radii from the centre
-_FREE = 3.561  # rad: the direction in Fig. 3 that is farthest from all other names
+_FREE = 3.0  # rad: the direction in Fig. 3 that is farthest from all other names
 
 
 def figure3() -> Figure:
@@ -98,7 +99,7 @@ def figure3() -> Figure:
         "  inertia is chosen: the paper gives A and K.",
     )
     title = "Fig. 3: structure of the ball, for one rotor"
-    figure, panels = sheet(title, caption, facts, [["ball"]], (7.4,))
+    figure, panels = sheet(title, caption, facts, [["ball"]], (6.8,))
     axes = panels["ball"]
     bodies = _posed(scene, integrate(scene, sample_times(_ROLLED)), 0.0)
     attitude = rotation_matrix(scene.start.attitude)
@@ -107,16 +108,14 @@ def figure3() -> Figure:
     _draw_ball(axes, bodies, centre)
     _draw_turning(axes, centre + 0.98 * shell_axis, 0.3 * shell_axis, _OMEGA)
     _draw_turning(axes, centre, 0.9 * rotor_axis, _ROTOR_AXIS)
-    _draw_names(
-        axes,
-        centre,
-        {
-            "Ω(t): the shell's axis,\nabout which the frame turns": centre + 1.28 * shell_axis,
-            "n₁: the rotor's axis,\nit turns at φ̇₁(t)": centre + 0.9 * rotor_axis,
-            "frame": _outermost(bodies[_FRAME], centre, shell_axis),
-            "rotor": _outermost(bodies[_ROTOR], centre, rotor_axis),
-        },
-    )
+    names = {
+        "Ω(t): the shell's axis,\nabout which the frame turns": centre + 1.28 * shell_axis,
+        "n₁: the rotor's axis,\nit turns at φ̇₁(t)": centre + 0.9 * rotor_axis,
+        "frame": _outermost(bodies[_FRAME], centre, shell_axis),
+        # The end that is away from the frame's name.
+        "rotor": 2 * centre - _outermost(bodies[_ROTOR], centre, rotor_axis),
+    }
+    _draw_names(axes, centre, names)
     return figure
 
 
@@ -141,7 +140,7 @@ def figure4() -> Figure:
         "  here γ = ({:.4f}, {:.4f}, {:.4f}).".format(*frame[2]),
     )
     title = "Fig. 4: the ball on the plane, and its axes"
-    figure, panels = sheet(title, caption, facts, [["ball"]], (7.4,))
+    figure, panels = sheet(title, caption, facts, [["ball"]], (6.8,))
     axes = panels["ball"]
     foot, origin = np.array([*theory.contact_point[-1] / a, 0.0]), np.zeros(3)
     centre = np.array([foot[0], foot[1], 1.0])
@@ -261,6 +260,5 @@ def _draw_names(axes: Axes, centre: Array, anchors: Mapping[str, Array]) -> None
         x, y = middle + _NAMES_AT * out
         axes.text(x, y, name, ha=across, va=along, fontsize=12, color=INK)
     axes.plot(*middle, "o", color=INK, markersize=4, zorder=8)
-    x, y = middle + 0.05
-    axes.text(x, y, "C", fontsize=14, color=INK, zorder=8, path_effects=halo())
+    _draw_name(axes, "C", centre, centre - _VIEW.axes[0] - _VIEW.axes[1])
     axes.set(xlim=(middle[0] - 2.1, middle[0] + 2.1), ylim=(middle[1] - 1.55, middle[1] + 1.55))

@@ -158,7 +158,7 @@ def _measure_ablation(scene: Scene, times: Array, rounds: int, show: Show) -> St
             "variants": variants,
         },
         shown=(f"[bold]{escape(heading)}[/]", *_shown(rows)),
-        picture=_ablation_picture(heading, rows),
+        picture=_ablation_picture(scene.name, rows),
     )  # fmt: skip
 
 
@@ -219,14 +219,15 @@ _COLUMNS = (
 )
 
 
-def _ablation_picture(heading: str, rows: Sequence[Row]) -> Figure:
+def _ablation_picture(name: str, rows: Sequence[Row]) -> Figure:
     """Draw path error (bars) and momentum error (diamonds) of every variant, its cost beside."""
     figure = Figure(figsize=_INCHES, layout="constrained")
-    title(figure, heading)
+    first, best = _of(rows, _BUILT_UP)[0]["path_error"], _of(rows, _UNDONE)[0]["path_error"]
+    words = f"the recipe takes the path error from {scientific(first)} to {scientific(best)}"
+    title(figure, f"{name}: {words}")
     left, right = figure.subplots(1, 2, sharex=True)
     _panel(left, _of(rows, _BUILT_UP))
     _panel(right, _of(rows, _UNDONE))
-    best = _of(rows, _UNDONE)[0]["path_error"]
     if best is not None:
         for axes in (left, right):
             axes.axvline(best, color=INK, linestyle=":")

@@ -250,7 +250,7 @@ def _picture(drifts: Array) -> Figure:
         style: Any = {"color": of.colour, "mfc": "none", "ms": 10 - 2 * i, "label": of.name}
         axes.plot(drifts[:, 0], drifts[:, i], mark, **style)
     axes.set(xlabel="|Ω| [rad/s]", ylabel="mean drift along OX [m/s]")
-    axes.set_title("A = diag(.7, .6, .8) 1/(kg m²), K = (2, 2, 0) kg m²/s, M² = 25 (kg m²/s)²")
+    axes.set_title("The same drift by both: A = diag(.7, .6, .8), K = (2, 2, 0), M² = 25 (SI)")
     axes.grid(alpha=0.3)
     axes.legend(frameon=False)
     return figure

@@ -87,13 +87,14 @@ def _picture(scene: Scene, over: str, rows: Sequence[Row], special: Sequence[Row
     if rows[0]["period"] is not None:
         key, label = "period", "period [s]"
     figure = Figure(figsize=(9.0, 6.0), layout="constrained")
-    title(figure, f"{scene.name}: {scene.title}")
+    title(figure, f"{scene.title}, over {NUMBERS[over][0]}")
     axes = figure.subplots()
     axes.set(xlabel="{} [{}]".format(*NUMBERS[over]), ylabel=label)
     axes.set_yscale("log" if key == "period" else "linear")
     axes.grid(alpha=0.3)
     for stable, style in ((True, {"lw": 2.2}), (False, {"lw": 1.1, "ls": "--"})):
-        axes.plot([], [], color=INK, label="stable" if stable else "unstable", **style)
+        if any(row["stable"] == stable for row in rows):
+            axes.plot([], [], color=INK, label="stable" if stable else "unstable", **style)
     for _, of in groupby(rows, lambda row: row["branch"]):
         _draw(axes, [*of], key)
     for kind in dict.fromkeys(row["kind"] for row in special):
@@ -113,7 +114,7 @@ def _draw(axes: Axes, rows: Sequence[Row], key: str) -> None:
         part, style = slice(run[0], run[-1] + 2), "-" if both[run[0]] else "--"
         axes.plot(x[part], y[part], style, color=INK, lw=2.2 if style == "-" else 1.1)
     for i in {rows[i]["name"]: i for i in (3 * len(rows) // 4, len(rows) // 4)}.values():
-        note(axes, rows[i]["name"], (x[i], y[i]), (2, 3), color=INK, path_effects=halo())
+        note(axes, rows[i]["name"], (x[i], y[i]), (4, 5), color=INK, path_effects=halo())
 
 
 @dataclass(frozen=True)

@@ -219,7 +219,7 @@ def _columns(axes: _Axes) -> list[Column]:
 def _blank(scene: Scene, axes: _Axes) -> tuple[Figure, list[str], dict[str, float]]:
     """Return a figure with its title only, the labels of its axes, and the scene's own numbers."""
     figure = Figure(figsize=(9.0, 7.4), layout="constrained")
-    title(figure, f"{scene.name}: {scene.title}")
+    title(figure, f"{scene.name}: chaos over {' and '.join(NUMBERS[name][0] for name in axes)}")
     labels = ["{} [{}]".format(*NUMBERS[name]) for name in axes]
     return figure, labels, numbers_of(scene.parameters, scene.start.momentum)
 

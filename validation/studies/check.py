@@ -718,18 +718,19 @@ def _picture(name: str, checked: Checked, accuracy: float) -> Figure:
     """Draw the paths, and the errors over time, as it is and mended."""
     theory = checked.theory
     figure = Figure(figsize=(11.0, 5.4), layout="constrained")
-    title(figure, f"{name}: {theory.scene.rolling} rolling")
     left, right = figure.subplots(1, 2)
-    left.plot(
-        *theory.contact_point.T, color=theory.engine.colour, linewidth=3, label="the equations"
-    )
+    left.plot(*theory.contact_point.T, color=theory.engine.colour, lw=3, label="equations")
+    found = []
     drawn = [("as it is", checked.path, "-")]
     if checked.needed:
         drawn.append(("mended", checked.mended, "--"))
     for (label, path, dash), colour in zip(drawn, _COLOURS, strict=False):
-        left.plot(*path.T, dash, color=colour, label=label)
-        left.plot(*path[-1], "o", color=colour)  # a path may end within another
-        right.semilogy(theory.times[1:], _away(path, theory)[1:], dash, color=colour, label=label)
+        # Its end is marked, as a path may end within another.
+        left.plot(*path.T, dash, marker="o", markevery=[-1], color=colour, label=label)
+        away = _away(path, theory)
+        right.semilogy(theory.times[1:], away[1:], dash, color=colour, label=label)
+        found.append(f"{label} {scientific(known(away.max()))}")
+    title(figure, f"{name}, {theory.scene.rolling}: path error {', '.join(found)}")
     left.set(xlabel="X [m]", ylabel="Y [m]", aspect="equal", title="contact point")
     left.set_adjustable("datalim")
     if not np.any(theory.contact_point) or not np.any(path):

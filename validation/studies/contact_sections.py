@@ -316,7 +316,7 @@ def _draw_section(scene: Scene, theory: _Points, engine: _Points | None, g: floa
     """Draw the section's points on the annulus; filled where g grows, paler where it falls."""
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     axes = figure.subplots()
-    title(figure, f"{scene.name}: {scene.title}")
+    title(figure, f"{scene.title}: section g = {g:g}")
     size = 1.2 if len(theory["l"]) >= 5000 else 3.0 if engine is None else 7.0
     drawn = [(EQUATIONS.name, theory, EQUATIONS.colour, "o", size)]
     if engine is not None:
@@ -328,10 +328,10 @@ def _draw_section(scene: Scene, theory: _Points, engine: _Points | None, g: floa
                       alpha=alpha, markersize=size, markeredgewidth=0 if mark == "o" else 0.8,
                       label=f"{name}, {words}")  # fmt: skip
     size = float(np.linalg.norm(scene.start.momentum))
-    axes.set(xlabel="l [rad], from 0 to 2π", ylabel="L [kg m²/s]", title=f"section g = {g:g}",
+    axes.set(xlabel="l [rad], from 0 to 2π", ylabel="L [kg m²/s]",
              xlim=(0, 2 * np.pi), ylim=(-1.05 * size, 1.05 * size))  # fmt: skip
     axes.grid(alpha=0.3)
-    axes.legend(loc="best", markerscale=2)
+    axes.legend(loc="best", markerscale=2 if engine is None else 1)
     return figure
 
 

@@ -309,7 +309,7 @@ def _order_text(order: Order | None) -> str:
 def _convergence_picture(study: Runs) -> Figure:
     """Draw path error over step, the fitted slopes and their lower ends, for each reference."""
     figure = Figure(figsize=_INCHES, layout="constrained")
-    title = f"{study.scene.name}, {study.settings.name}: {study.duration:g} s"
+    title = f"{study.scene.name}, {study.settings.name}: errors fall with the step, by its order"
     figure.suptitle(in_picture(title))
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     levels = (study.limit["known_to"], study.limit["model_error"])

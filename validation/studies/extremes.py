@@ -2,7 +2,8 @@
 
 The cells together show which outcomes there are, what was missed and where the limits lie. The
 picture of a map has a panel for each integrator and rolling model; a cell shows its outcome by a
-grey and a letter, so that it needs no colour. The maps themselves are data, in `extreme_maps.py`.
+grey and a hatch, so that it needs no colour, and a region has its word where there is room. The
+maps themselves are data, in `extreme_maps.py`.
 """
 
 import logging
@@ -12,6 +13,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from itertools import compress, groupby
 from typing import Annotated, Any
 
 import numpy as np
@@ -54,26 +56,22 @@ from validation.sweeps import Result, rows_of
 
 
 class Outcome(Enum):
-    """The outcome of a cell: its sign on the map, its grey there, and the sentence for it."""
+    """The outcome of a cell: its word on the map, its grey and hatch there, and its sentence."""
 
-    ACCURATE = ("", 1.0, f"accurate: error at most {ACCURATE:g}")
-    DEGRADED = ("·", 0.92, f"degraded: error at most {WRONG:g}")
-    WRONG = (
-        "X",
-        0.1,
-        f"silently wrong: error above {WRONG:g}, contact and drives as they should be",
-    )
-    SLIPPED = ("s", 0.78, "slipped: friction cone saturated, or slip along the path")
-    LOST_CONTACT = ("c", 0.68, "lost contact")
-    OFF_RATE = ("r", 0.84, "a drive lost its rate")
-    DIVERGED = ("D", 0.5, "diverged and reported")
-    REFUSED = ("–", 1.0, "refused before the run, with one line")
-    UNFINISHED = ("?", 1.0, "stopped at its limit of steps or time")
-    FAILED = ("!", 0.1, "ended in an error that nobody had foreseen")
+    ACCURATE = ("accurate", 1.0, "", f"accurate: error at most {ACCURATE:g}")
+    DEGRADED = ("degraded", 0.9, "", f"degraded: error at most {WRONG:g}")
+    WRONG = ("wrong", 0.15, "", f"silently wrong: error above {WRONG:g}, contact and drives sound")
+    SLIPPED = ("slipped", 0.9, "////", "slipped: friction cone saturated, or slip along the path")
+    LOST_CONTACT = ("lost contact", 0.75, "....", "lost contact")
+    OFF_RATE = ("off rate", 0.9, "----", "a drive lost its rate")
+    DIVERGED = ("diverged", 0.55, "", "diverged and reported")
+    REFUSED = ("refused", 1.0, "xxxx", "refused before the run, with one line")
+    UNFINISHED = ("out of time", 1.0, "\\\\\\\\", "stopped at its limit of steps or time")
+    FAILED = ("failed", 0.15, "xxxx", "ended in an error that nobody had foreseen")
 
-    def __init__(self, sign: str, grey: float, sentence: str) -> None:
-        self.sign = sign
-        self.grey = grey
+    def __init__(self, word: str, grey: float, hatch: str, sentence: str) -> None:
+        self.word = word
+        self.look: dict[str, Any] = {"fc": str(grey), "hatch": hatch, "ec": "0.5", "lw": 0.4}
         self.sentence = sentence
 
 
@@ -329,8 +327,7 @@ def totals(results: Sequence[Result]) -> dict[str, int]:
 def _shown(records: Sequence[Row]) -> Iterator[Table | str]:
     """Yield how many cells have which outcome, then the limits as predicted and as measured."""
     yield table_of(_OUTCOME_COLUMNS, records)
-    for kind in Outcome:
-        yield f"  {kind.sign or '='}  {kind.sentence}"
+    yield from (f"  {kind.word[:3]}  {kind.sentence}" for kind in Outcome)
     yield "  missed: wrong, with neither a warning before the run nor a fault in it\n"
     limits = [{**each, **limit} for each in records for limit in each["limits"]]
     yield table_of(_LIMIT_COLUMNS, limits)
@@ -338,7 +335,7 @@ def _shown(records: Sequence[Row]) -> Iterator[Table | str]:
 
 
 def _count(kind: Outcome) -> Column:
-    return Column(kind.sign or "=", lambda row: str(row["outcomes"][kind.name] or ""))
+    return Column(kind.word[:3], lambda row: str(row["outcomes"][kind.name] or ""))
 
 
 def _part(header: str, key: str) -> Column:
@@ -368,6 +365,15 @@ _LINES = [
     for dashes in ("-", (0, (5, 2)), (0, (1.2, 1.2)), (0, (5, 1.5, 1, 1.5)))
     for colour in (ACCENT, LABEL.colour, INK)
 ]
+_LETTER = 0.03  # of a panel's width
+_WORD: dict[str, Any] = {
+    "size": 8, "color": INK, "ha": "center", "va": "center", "path_effects": halo(2.5), "zorder": 5,
+}  # fmt: skip
+_MARKS = {
+    "wrong, neither warned of nor noticed": ("o", 10, "none"),
+    "wrong, noticed only during the run": (".", 7, INK),
+    "accurate, yet warned of or reported": ("+", 6, INK),
+}
 _SENTENCES = {predict.__name__: law for predict, law in LAWS.items()}
 
 
@@ -395,7 +401,7 @@ def _picture(of: Map, results: Sequence[Result]) -> Figure:
                 axes.set_ylabel(of.y.label, size=9)
             else:
                 axes.set_yticklabels([])
-    _legends(figure, of, styles, {each["name"]: each for each in measured_limits(results)})
+    _legends(figure, of, styles, results)
     return figure
 
 
@@ -420,21 +426,41 @@ def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> 
                 grids[name][j, i] = np.clip(value, 1e-6, 1e6)
     for name, grid in grids.items():
         _draw_limit(axes, np.log10(grid), *styles[name])
+    # Cells come row by row, in the order of the axes.
+    _name_regions(axes, np.array([*map(_outcome_of, results)]).reshape(len(ys), len(xs)))
     axes.set(xlim=(-0.5, len(xs) - 0.5), ylim=(-0.5, len(ys) - 0.5))
     for axis, values in ((axes.xaxis, xs), (axes.yaxis, ys)):
         axis.set_ticks(*round_ticks(values), size=8.5)
 
 
 def _draw_cell(axes: Axes, i: int, j: int, result: Result) -> None:
-    outcome = _outcome_of(result)
-    ink, grey = "white" if outcome.grey < 0.4 else INK, str(outcome.grey)
-    axes.add_patch(Rectangle((i - 0.5, j - 0.5), 1, 1, fc=grey, ec="0.75", lw=0.4))
-    axes.text(i, j - 0.08, outcome.sign, color=ink, size=8, ha="center", va="center")
-    for marked, side in ((_foretold(result), -0.32), (_noticed(result), 0.32)):
-        if marked:
-            axes.plot(i + side, j + 0.33, ".", color=ink, markersize=2)
-    if missed(result):
-        axes.plot(i, j, "o", markerfacecolor="none", markeredgecolor=ink, markersize=11)
+    axes.add_patch(Rectangle((i - 0.5, j - 0.5), 1, 1, **_outcome_of(result).look))
+    error, warned, noticed = _error_of(result), _foretold(result), _noticed(result)
+    shown = (
+        missed(result),
+        (error is None or error > WRONG) and noticed and not warned,
+        error is not None and error <= ACCURATE and (noticed or warned),
+    )
+    for words in compress(_MARKS, shown):
+        axes.add_line(_mark(words, i, j))
+
+
+def _mark(words: str, x: float = np.nan, y: float = np.nan) -> Line2D:
+    marker, size, fill = _MARKS[words]
+    style: dict[str, Any] = {"marker": marker, "ms": size, "mfc": fill, "color": INK, "ls": ""}
+    return Line2D([x], [y], label=words, path_effects=halo(1.5), **style)
+
+
+def _name_regions(axes: Axes, outcomes: Array) -> None:
+    """Write the word of each outcome (y, x) into the longest row of its cells, if it has room."""
+    longest: dict[Outcome, tuple[int, int, float]] = {}
+    for j, row in enumerate(outcomes):
+        for kind, cells in groupby(range(len(row)), row.__getitem__):
+            run = [*cells]
+            longest[kind] = max(longest.get(kind, (0, 0, 0.0)), (len(run), -j, sum(run) / len(run)))
+    for kind, (size, j, i) in longest.items():
+        if size > _LETTER * len(kind.word) * outcomes.shape[1]:
+            axes.text(i, -j, kind.word, **_WORD)
 
 
 def _draw_limit(axes: Axes, nearness: Array, colour: str, dashes: Any) -> None:
@@ -486,23 +512,15 @@ def _sentence(limit: Row) -> str:
     return words if limit["broken"] is None else f"{words}, broken from {limit['broken']:.2g} of it"
 
 
-def _legends(
-    figure: Figure, of: Map, styles: Mapping[str, Any], measured: Mapping[str, Row]
-) -> None:
+def _legends(figure: Figure, of: Map, styles: Mapping[str, Any], results: Sequence[Result]) -> None:
     """Write the title and the meaning of the lines above, that of cells and dots below."""
+    measured = {each["name"]: each for each in measured_limits(results)}
+    found = set(map(_outcome_of, results))
     limits = [
         Line2D([], [], color=colour, linestyle=dashes, label=_sentence(measured[name]))
         for name, (colour, dashes) in styles.items()
     ]
-    words = {each: f"{each.sign or ' '}   {each.sentence}" for each in Outcome}
-    outcomes = [Patch(fc=str(each.grey), ec="0.5", label=words[each]) for each in Outcome]
-    dot: dict[str, Any] = {"color": INK, "marker": ".", "linestyle": ""}
-    circle: dict[str, Any] = {"color": INK, "marker": "o", "mfc": "none", "linestyle": ""}
-    marks = [
-        Line2D([], [], **dot, label="left dot: warned of before the run"),
-        Line2D([], [], **dot, label="right dot: noticed during the run"),
-        Line2D([], [], **circle, label="circle: wrong, and neither"),
-    ]
+    outcomes = [Patch(label=each.sentence, **each.look) for each in Outcome if each in found]
     heading = f"{of.title}\nheld: {of.held}"
     if limits:
         heading += f"\nlines: limits predicted for an error of {ERROR_TOLERANCE:g}, and as measured"
@@ -511,7 +529,8 @@ def _legends(
     figure.legend(
         handles=limits, loc="outside upper left", title=heading, alignment="left", **shared,
     )  # fmt: skip
-    figure.legend(handles=[*outcomes, *marks], loc="outside lower left", ncols=2, **shared)
+    meaning = [*outcomes, *map(_mark, _MARKS)]
+    figure.legend(handles=meaning, loc="outside lower left", ncols=2, **shared)
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from robotball.engine import DEFAULT
 from robotball.engines.adapter import motion_of_rows
 from robotball.engines.environments import call, interpreter_of, make, pip
 from robotball.errors import unknown
+from robotball.film.looks import ACCENT, INK
 from robotball.motion import path_error
 from validation.options import AGREES, Sweep, SweepOptions, seconds_of
 from validation.output import writable_folder, write_text
@@ -46,6 +47,7 @@ _FREE_BODY = """<mujoco><option timestep="1e-3" gravity="0 0 0" integrator="impl
 </worldbody><keyframe><key qvel="0 0 0 3 1 5"/></keyframe></mujoco>""".format(*_MOMENTS)
 # Each number, its name, and the word by which a changelog's entry is about it: its integrator.
 _NUMBERS = {"as_it_comes": "as it comes", "recipe": "recipe", "free_body": "free body"}
+_STYLES = {"s-": ACCENT, "o-": INK, "d--": "#117733"}
 _WORDS = {"as_it_comes": "Euler", "recipe": "RK4", "free_body": "implicitfast"}
 
 
@@ -258,19 +260,24 @@ def _page(rows: Sequence[Row], lines: Sequence[str]) -> str:
 
 def _picture(title: str, rows: Sequence[Row]) -> Figure:
     """Draw errors and speed over the dates, or over the versions in order where one has none."""
-    figure = Figure(figsize=(10.0, 6.0), layout="constrained")
-    axes, dated = figure.subplots(), all(row["date"] for row in rows)
+    figure = Figure(figsize=(10.0, 6.6), layout="constrained")
+    news = [row["version"] for row in rows if row["changed"]]
+    figure.suptitle(f"{title}: numbers changed in {', '.join(news) or 'none'}")
+    axes, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    dated = all(row["date"] for row in rows)
     at: list[Any] = [np.datetime64(row["date"]) if dated else row["version"] for row in rows]
-    drawn = {**_NUMBERS, "speed": "speed, newest = 1"}
-    for (number, words), mark in zip(drawn.items(), "sod.", strict=True):
+    for (number, words), (style, colour) in zip(_NUMBERS.items(), _STYLES.items(), strict=True):
         sizes = [abs(row.get(number) or np.nan) for row in rows]
-        axes.semilogy(at, sizes, f"{mark}-", drawstyle="steps-post", label=words)
+        axes.semilogy(at, sizes, style, color=colour, drawstyle="steps-post", label=words)
+    below.plot(at, [row["speed"] or np.nan for row in rows], ".-", color=INK)
     inside = axes.get_xaxis_transform()
     for place, row in zip(at, rows, strict=True):
         if row["changed"]:
-            axes.text(place, 0.5, row["version"], rotation=90, ha="right", transform=inside)
-    axes.set(title=title, xlabel="release", ylabel="path error; |gain| of the free body")
-    axes.legend(frameon=False)
+            axes.text(place, 0.5, f"{row['version']} ", rotation=90, ha="right", transform=inside)
+    axes.set(ylabel="path error; |gain| of the free body")
+    below.set(xlabel="release", ylabel="speed, newest = 1", ylim=(0, None))
+    axes.grid(alpha=0.3)
+    figure.legend(loc="outside lower center", ncols=3, frameon=False)
     return figure
 
 

@@ -9,6 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
+from robotball.film.looks import INK
 from robotball.qualitative.equilibria import closed_form_points, fixed_points
 from robotball.qualitative.portraits import separatrices
 from robotball.qualitative.sections import invariant_curve
@@ -33,7 +34,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
         (lines, "FINENESS", 20),
         (lines, "SHOWN", 20.0),
         (lines, "LONG", 30.0),
-        (rest, "DURATION", 10.0),
+        (rest, "DURATIONS", {7: 10.0}),
         (tori, "LEVELS", (0.2, 0.5, 0.6)),
         (tori, "REGULAR", replace(tori.REGULAR, starts=8, count=320)),
         (tori, "REGULAR_BY_CONTACT", replace(tori.REGULAR_BY_CONTACT, starts=3, count=10)),
@@ -160,6 +161,20 @@ def test_the_far_side_of_the_ball_is_pale() -> None:
         assert np.isnan(np.asarray(near.get_xdata(), dtype=float)).sum() == front
         assert np.isnan(np.asarray(far.get_xdata(), dtype=float)).sum() == back
         assert far.get_alpha() < near.get_alpha()  # type: ignore[operator]
+
+
+def test_a_name_near_the_rim_stands_beyond_it_and_one_behind_is_grey() -> None:
+    """So that none lies on a curve of the rim, and none is taken for a point in front."""
+    globe = Globe(Figure().subplots(), View(azimuth=0.0, elevation=0.0), "")
+    for gamma, radius in (
+        ([0.3, 0.0, 0.954], 1.12),
+        ([-0.3, 0.0, 0.954], 1.12),
+        ([0.8, 0.6, 0.0], 0.75),
+    ):
+        globe.name(np.array(gamma), "Γ")
+        name = globe.axes.texts[-1]
+        assert np.hypot(*name.get_position()) == pytest.approx(radius, abs=1e-3)
+        assert (name.get_color() == INK) == (gamma[0] > 0)
 
 
 @pytest.mark.parametrize(

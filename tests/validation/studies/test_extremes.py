@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import robotball as rb
 from robotball import FaultKind
@@ -28,6 +29,7 @@ from validation.studies.extreme_maps import (
 )
 from validation.studies.extremes import (
     Outcome,
+    _name_regions,
     classify,
     measure,
     measured_limits,
@@ -218,3 +220,15 @@ def test_every_random_run_can_be_made() -> None:
         for run in (extreme(0, number), ordinary(0, number)):
             assert run.scene.not_reduced is None
             assert len(run.times) == 101
+
+
+def test_a_region_has_its_word_where_it_has_room() -> None:
+    """In the middle of its longest row; one cell alone has none, and the legend says what it is."""
+    axes = Figure().subplots()
+    row, other = (
+        [Outcome.DIVERGED] * 5 + [Outcome.UNFINISHED],
+        [Outcome.DIVERGED] * 2 + [Outcome.SLIPPED] * 4,
+    )
+    _name_regions(axes, np.array([other, row]))
+    found = {text.get_text(): text.get_position() for text in axes.texts}
+    assert found == {"diverged": (2.0, 1.0), "slipped": (3.5, 0.0)}

@@ -50,6 +50,12 @@ def test_a_cycle_that_settling_misses_is_found_once_with_its_own_period() -> Non
     assert cycle.multipliers[0].real == pytest.approx(1.0264, abs=1e-4)
 
 
+def test_a_search_whose_correction_vanishes_ends_without_a_cycle() -> None:
+    """Of a cell at which half a period's correction is exactly zero, and was divided by."""
+    record = measure({"map": "axial", "K3": 1.95652, "y": 0.869565})
+    assert [cycle["period"] for cycle in record["cycles"]] == [pytest.approx(8.577869, abs=1e-5)]
+
+
 def test_every_map_passes_through_the_balls_of_the_paper() -> None:
     """The balls' Ω is at the place that the pictures mark; and no cell is on the line K₃ = 0."""
     angle = float(np.degrees(np.arctan2(2.0, 4.0)))

@@ -12,6 +12,7 @@ _HERE = Path(__file__).parent
 _ROWS = 21  # of the table beside a plot
 _HINT = "Point at the plot, or use the arrow keys, for values."
 _NUMBER = set("0123456789.e+- ")
+_MANY = 8  # columns, which on paper are in small letters
 
 
 def page(title: str, body: Iterable[str], head: str = "") -> str:
@@ -22,7 +23,8 @@ def page(title: str, body: Iterable[str], head: str = "") -> str:
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f'<link rel="icon" href="data:,">\n<title>{text(title)}</title>\n{head}\n'
-        f"<style>{style}</style>\n</head>\n<body>\n{inside}\n<script>{script}</script>\n"
+        f"<style>{style}</style>\n</head>\n<body>\n<main>\n{inside}\n</main>\n"
+        f"<script>{script}</script>\n"
         "</body>\n</html>\n"
     )
 
@@ -37,10 +39,16 @@ def paragraph(words: str, kind: str = "") -> str:
     return f'<p class="{kind}">{text(words)}</p>' if kind else f"<p>{text(words)}</p>"
 
 
+def verdict(words: str, good: bool) -> str:
+    """Return a paragraph with a mark of whether the verdict is good."""
+    return paragraph(words, f"verdict {'good' if good else 'bad'}")
+
+
 def table(headings: Sequence[str], rows: Iterable[Sequence[object]], kind: str = "") -> str:
     """Return a table that scrolls by itself where it is wider than the page."""
     head = "".join(f'<th scope="col">{text(each)}</th>' for each in headings)
     body = "".join(f"<tr>{''.join(map(_data, row))}</tr>" for row in rows)
+    kind += " many" if len(headings) > _MANY else ""
     return (
         f'<div class="wide"><table class="{kind}"><thead><tr>{head}</tr></thead>'
         f"<tbody>{body}</tbody></table></div>"
@@ -61,7 +69,7 @@ def folded(summary: str, inside: str, short: bool = False) -> str:
 
 def plain(values: Mapping[str, Any]) -> str:
     """Return names and values as a table."""
-    return table(("", ""), values.items(), "words")
+    return table(("name", "value"), values.items(), "words")
 
 
 def plot(
@@ -69,13 +77,14 @@ def plot(
     lines: Sequence[Line],
     x_label: str,
     y_label: str,
-    *,
-    log: bool = False,
-    equal: bool = False,
     note: str = "",
+    **how: Any,
 ) -> str:
-    """Return a plot with its names above, and below it values under the pointer and in a table."""
-    drawn = chart(lines, x_label, y_label, log=log, equal=equal)
+    """Return a plot with its names above, and below it values under the pointer and in a table.
+
+    how: as `chart` takes it.
+    """
+    drawn = chart(lines, x_label, y_label, **how)
     words = paragraph(note, "faint") if note else ""
     return (
         f"<figure><figcaption>{text(caption)}</figcaption><div>{legend(lines)}</div>{drawn}"
@@ -92,7 +101,7 @@ def _values(lines: Sequence[Line], x_label: str, y_label: str) -> str:
     columns = [("t [s]" if path else x_label, at, ".4g")]
     for line in lines:
         axes = ((x_label, line.x), (y_label, line.y))
-        columns += [(f"{name}, {line.name}", x, ".5g") for name, x in axes[not path :]]
+        columns += [(f"{name}, {line.look.label}", x, ".5g") for name, x in axes[not path :]]
     places = sorted({round(i * (count - 1) / (_ROWS - 1)) for i in range(_ROWS)})
     rows = [
         [f"{values[i]:{form}}" if i < len(values) else "-" for _, values, form in columns]

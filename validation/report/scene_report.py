@@ -1,29 +1,41 @@
 """Report scenes that were compared: agreement, plots, a view, settings, how to repeat it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from html import escape
 from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 
-from robotball import scene_toml
+from robotball import Motion, scene_toml
 from robotball.film.web import view_fragment, view_head
 from robotball.notebook import counted
 from robotball.rotations import Array
 from validation.agreement import Agreement
 from validation.output import scientific, versions
-from validation.report import embedded, folded, page, paragraph, plain, plot, table
+from validation.plots import Look, looks_of
+from validation.report import embedded, folded, page, paragraph, plain, plot, table, text, verdict
 from validation.report.chart import Line
 from validation.results import needs
 
-_DASHES = ("", "7 4", "2 3", "10 3 2 3")  # of lines in SVG: they differ without colour, too
 _ERRORS = {
     "path error": "the largest distance of the two contact points, over the path's length",
-    "γ error": "the largest angle between the two verticals [rad]",
+    "γ error": "the largest angle between the two γ, the vertical as the frame sees it [rad]",
     "attitude error": "the largest angle between the two attitudes [rad]",
-    "momentum error": "the largest difference of the two M, over the size of M",
+    "momentum error": "the largest difference of the two momenta M, over the size of M",
 }
+_ROLLING = {
+    "rubber": "the ball neither slips nor spins about the vertical",
+    "classical": "the ball does not slip, and may spin about the vertical",
+}
+_MOTORS: tuple[tuple[str, str, Callable[[Motion], Array]], ...] = (
+    ("torque", "N m", lambda motion: motion.loads.motor_torques),
+    ("rate", "rad/s", lambda motion: motion.hinge_rates),
+    ("power", "W", lambda motion: motion.motor_powers),
+)
+_Columns = tuple[Array, Array, Array | None]  # x, y, and the times where x is something else
+_LIMIT = Look("limit", "#808080", (1, 3))
+_NEAR = 0.3  # of the limit of friction: below it the limit would leave no room for what is used
 
 
 def report(agreements: Sequence[Agreement], command: str, film: Path | None = None) -> str:
@@ -53,30 +65,28 @@ def report(agreements: Sequence[Agreement], command: str, film: Path | None = No
 def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
     first = group[0]
     scene, theory = first.scene, first.theory
-    shown = ""
+    shown = _views(group)
     if film:
         source = embedded(film.read_bytes(), "video/mp4")
         shown = f'<video controls muted playsinline src="{source}"></video>'
-    elif len(first.motion.times) > 1:
-        shown = view_fragment([first.motion, theory])
     file = f"<pre>{escape(scene_toml(scene))}</pre>" if not scene.ball.general else ""
     return [
         f"<h2>{escape(scene.name)}</h2>",
         paragraph(scene.title),
         paragraph(
-            f"{scene.rolling} rolling; {theory.times[-1]:g} s; path {theory.path_length:.4g} m; "
-            f"radius {scene.ball.radius:.4g} m; mass {scene.ball.mass:.4g} kg.",
+            f"{scene.rolling} rolling: {_ROLLING[scene.rolling]}; {theory.times[-1]:g} s; path "
+            f"{theory.path_length:.4g} m; radius {scene.ball.radius:.4g} m; mass "
+            f"{scene.ball.mass:.4g} kg.",
             "faint",
         ),
         "<h3>Agreement</h3>",
-        *(paragraph(sentence(e), f"verdict {'good' if e.agrees else 'bad'}") for e in group),
+        '<div class="charts"><div>',
+        *(verdict(sentence(each), each.agrees) for each in group),
+        f"</div>{_paths(group)}</div>",
         _numbers(group),
         "<h3>To be looked at</h3>",
         shown,
-        "<h3>Plots</h3>",
-        f'<div class="charts">{"".join(_plots(group))}</div>',
-        "<h3>Friction</h3>",
-        *map(paragraph, friction_words(group)),
+        *_plots(group),
         "<h3>What was run</h3>",
         *(
             folded(f"Settings of {each.settings.name}", plain(each.settings.plain()), short=True)
@@ -107,59 +117,84 @@ def _numbers(group: Sequence[Agreement]) -> str:
         rows.append((each.settings.name, step, *map(scientific, errors), f"{each.tolerance:g}"))
     headings = ("preset", "step [ms]", *_ERRORS, "tolerance")
     words = "; ".join(f"{name}: {meaning}" for name, meaning in _ERRORS.items())
+    words += "; naive: the engine as it comes" * (group[0].settings.name == "naive")
     own = group[0].reference_error
     if own is not None:
         words += f". The reference's own path error is {scientific(own)}"
     return table(headings, rows) + paragraph(f"{words}.", "faint")
 
 
+def _views(group: Sequence[Agreement]) -> str:
+    """Return 3-D views of the runs beside the equations, one at a time as the reader chooses."""
+    moving = [each for each in group if len(each.motion.times) > 1]
+    options = "".join(f"<option>{text(each.settings.name)}</option>" for each in moving)
+    views = [f"<template>{view_fragment([each.motion, each.theory])}</template>" for each in moving]
+    choice = f"<label>Settings <select>{options}</select></label>{''.join(views)}<div></div>"
+    return f'<div class="views">{choice}</div>' if moving else ""
+
+
+def _paths(group: Sequence[Agreement]) -> str:
+    motions = [group[0].theory, *(each.motion for each in group)]
+    lines = _lines(group, [(*each.contact_point.T, each.times) for each in motions])
+    span = float(np.ptp(motions[0].contact_point, axis=0).max())
+    reach = max(span, group[0].scene.ball.radius)
+    note = "A metre is as long on both axes. The dot is the start; a cross, where a run breaks off."
+    caption = "Path of the contact point"
+    return plot(caption, lines, "X [m]", "Y [m]", note, equal=True, reach=reach)
+
+
 def _plots(group: Sequence[Agreement]) -> list[str]:
-    theory = group[0].theory
-    names = [theory.engine.name, *(f"{e.motion.engine.name}, {e.settings.name}" for e in group)]
-    paths = [
-        Line(
-            name,
-            each.engine.colour,
-            each.contact_point[:, 0],
-            each.contact_point[:, 1],
-            dash=_DASHES[i % len(_DASHES)],
-            width=1.8 if i else 4,  # the equations' path is wide below the others
-            times=each.times,
-        )
-        for i, (name, each) in enumerate(
-            zip(names, [theory, *(e.motion for e in group)], strict=True)
-        )
-    ]
-    note = "A metre is as long on both axes."
-    drawn = [plot("Path of the contact point", paths, "X [m]", "Y [m]", equal=True, note=note)]
+    """Return the plots over time of errors, friction and motors, under their headings."""
     series = (
         ("Distance of the two contact points", "distance [m]", [e.path_errors for e in group]),
         ("Error of the momentum M", "error of M, relative", [e.momentum_errors for e in group]),
     )
-    for caption, label, values in series:
-        if lines := _over_time(group, values):
-            drawn.append(plot(caption, lines, "time [s]", label, log=True))
-    used = [each.report.friction_used for each in group]
-    if all(len(each) for each in used):
-        limit = Line("limit", "#808080", theory.times[[0, -1]], np.ones(2), dash="1 3", width=2.5)
-        lines = [*_over_time(group, used), limit]
+    errors = [
+        plot(caption, lines, "time [s]", label, log=True)
+        for caption, label, values in series
+        if (lines := _over_time(group, values))
+    ]
+    words = f"<div>{''.join(map(paragraph, friction_words(group)))}</div>"
+    used = _over_time(group, [each.report.friction_used for each in group])
+    if used:
         note = "The part of the friction cone that the contact force needs. At 1 the ball slips."
-        drawn.append(plot("Friction used", lines, "time [s]", "part of the limit", note=note))
-    return drawn
+        if max(float(each.y.max()) for each in used) > _NEAR:
+            used.append(Line(_LIMIT, group[0].theory.times[[0, -1]], np.ones(2)))
+        words += plot("Friction used", used, "time [s]", "part of the limit", note)
+    parts = {"Errors": "".join(errors), "Friction": words, "Motors": "".join(_motors(group))}
+    return [
+        f'<h3>{heading}</h3><div class="charts">{inside}</div>'
+        for heading, inside in parts.items()
+        if inside
+    ]
+
+
+def _motors(group: Sequence[Agreement]) -> Iterator[str]:
+    """Yield plots of the torque, rate and power of each motor by the equations and by each run."""
+    theory = group[0].theory
+    motions = [theory, *(each.motion for each in group)]
+    for i in np.flatnonzero(theory.loads.motor_torques.any(axis=0)):
+        for name, unit, values in _MOTORS:
+            most = float(np.abs(values(theory)[:, i]).max())
+            lines = _lines(group, [(each.times, values(each)[:, i], None) for each in motions])
+            caption = f"{theory.scene.hinges[i].name}: {name}, needs {most:.3g} {unit} at most"
+            yield plot(caption, lines, "time [s]", f"{name} [{unit}]", reach=most)
 
 
 def _over_time(group: Sequence[Agreement], values: Sequence[Array]) -> list[Line]:
-    """Return lines without the exact zero that they start from, of runs that went on from there."""
+    """Return lines of the runs without the exact zero that they start from."""
+    pairs = zip((each.motion.times for each in group), values, strict=True)
+    runs = [(times[1:], np.abs(each[1:]), None) for times, each in pairs]
+    return _lines(group, [(np.empty(0), np.empty(0), None), *runs])
+
+
+def _lines(group: Sequence[Agreement], columns: Sequence[_Columns]) -> list[Line]:
+    """Return a line of each motion's columns, where there are numbers."""
+    finished = (True, *(each.finished for each in group))
     return [
-        Line(
-            each.settings.name,
-            each.motion.engine.colour,
-            each.motion.times[1:],
-            np.abs(value[1:]),
-            dash=_DASHES[i % len(_DASHES)],
-        )
-        for i, (each, value) in enumerate(zip(group, values, strict=True))
-        if len(value) > 1
+        Line(look, *each, width=1.8 if look.marker else 5.0, broken=not whole)
+        for look, each, whole in zip(looks_of(group), columns, finished, strict=True)
+        if np.isfinite(each[1]).any()
     ]
 
 

@@ -8,10 +8,11 @@ from typing import Any
 
 from robotball import InputError
 from robotball.files import contents
-from validation.report import embedded, folded, page, paragraph, plain, table, text
+from validation.report import embedded, folded, page, paragraph, plain, table, text, verdict
 
 _LONGEST = 60  # rows of a table; the file has the others
 _WIDEST = 60  # characters of a cell
+_COMPARED = ("scene", "preset", "timestep", "path_error", "gamma_error", "momentum_error")
 
 
 def study_report(source: Path) -> str:
@@ -31,15 +32,31 @@ def study_report(source: Path) -> str:
         raise InputError(f"{source} is no record of a study: it names no versions")
     body = [f"<h1>{text(source.stem)}</h1>", paragraph(f"A study's record, {source.name}.")]
     own = source.with_suffix(".png")
-    others = source.parent.glob(f"{escape(source.stem)}*.png")
-    for picture in [own] if own.exists() else sorted(others):
-        name, image = text(picture.stem), embedded(contents(picture), "image/png")
-        body.append(
-            f'<figure><img alt="{name}" src="{image}"><figcaption>{name}</figcaption></figure>'
+    pictures = _picture(own) if own.exists() else _pictures(source, source.stem)
+    if all({"verdict", "agrees", *_COMPARED} <= part.keys() for part in parts):
+        words = "".join(
+            verdict(f"{part['scene']}, {part['preset']}: {part['verdict']}.", part["agrees"])
+            for part in parts
         )
-    body += _rows("runs", record) if isinstance(record, list) else _parts(record)
+        # They are named after the scenes, and all of them are beside the file.
+        scenes = dict.fromkeys(str(part["scene"]) for part in parts)
+        pictures += "".join(_pictures(source, f"{scene}-") for scene in scenes)
+        body.append(f'<div class="charts"><div>{words}</div>{pictures}</div>')
+        body += _rows("runs", [{name: part[name] for name in _COMPARED} for part in parts])
+    else:
+        body += [pictures, *(_rows("runs", parts) if record is parts else _parts(record))]
     body.append(folded("Versions", plain(parts[0]["versions"]), short=True))
     return page(f"robotball: {source.stem}", body)
+
+
+def _pictures(source: Path, stem: str) -> str:
+    """Return the pictures beside a file whose names begin with a stem, paths before momenta."""
+    return "".join(map(_picture, sorted(source.parent.glob(f"{escape(stem)}*.png"))[::-1]))
+
+
+def _picture(path: Path) -> str:
+    name, image = text(path.stem), embedded(contents(path), "image/png")
+    return f'<figure><img alt="{name}" src="{image}"><figcaption>{name}</figcaption></figure>'
 
 
 def _parts(record: Mapping[str, Any]) -> list[str]:

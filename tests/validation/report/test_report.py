@@ -13,7 +13,8 @@ import robotball as rb
 from tests.browser import needs_browser, opened
 from tests.conftest import Robotball
 from validation import Agreement, compare
-from validation.report.chart import LEAST_LOG, Line, chart, legend, ticks
+from validation.plots import LEAST, Look
+from validation.report.chart import Line, chart, legend, ticks
 from validation.report.scene_report import friction_words, report, sentence
 from validation.report.study_report import study_report
 
@@ -40,7 +41,7 @@ def test_a_report_has_what_was_run_and_how_to_repeat_it(
     """
     for words in (COMMAND, "fig12", "mujoco", rb.scene_toml(agreements[0].scene).splitlines()[1]):
         assert words in page.replace("&quot;", '"')
-    assert '<th scope="col">time [s]</th><th scope="col">distance [m], naive</th>' in page
+    assert '<th scope="col">time [s]</th><th scope="col">distance [m], MuJoCo, naive</th>' in page
     for name, value in agreements[1].settings.plain().items():
         assert f"<td>{name}</td>" in page
         assert f">{value}<" in page or isinstance(value, dict | list)
@@ -113,10 +114,27 @@ def test_a_report_works_in_a_browser_and_on_paper(page: str, tmp_path: Path) -> 
             return [...said, told.textContent];
             })()"""
         )
-        assert re.fullmatch(r"t = 0\.\d+ s · naive: [\d.e-]+ · fast: [\d.e-]+", first)
+        assert re.fullmatch(
+            r"t = 0\.\d+ s · MuJoCo, naive: [\d.e-]+ · MuJoCo, fast: [\d.e-]+", first
+        )
         assert second != first
         assert after == "Point at the plot, or use the arrow keys, for values."
         assert browser.run("document.documentElement.scrollWidth") == 360
+        apart = browser.run(
+            """(() => {
+            const select = document.querySelector('.views select'), apart = [];
+            for (const each of [0, 1]) {
+                select.selectedIndex = each;
+                select.onchange();
+                const view = document.querySelector('.views .rb-view');
+                view.rollingBalls.set({playing: false, t: 0.9});
+                apart.push(JSON.parse(view.querySelector('script').textContent).apart);
+            }
+            return apart;
+            })()"""
+        )
+        assert apart[0] != apart[1]
+        assert browser.run("document.querySelectorAll('.rb-view').length") == 1
         assert browser.run(colour.format("backgroundColor")) == "rgb(255, 255, 255)"
         dark = [{"name": "prefers-color-scheme", "value": "dark"}]
         browser.call("Emulation.setEmulatedMedia", features=dark)
@@ -203,17 +221,17 @@ def test_ticks_are_round(low: float, high: float, expected: list[float]) -> None
 @pytest.mark.parametrize("y", [[0.0] * 5, [7.0] * 5, [0.0, 1e-3, float("nan"), 1e-9, 1.0]])
 def test_a_chart_stands_a_line_that_goes_nowhere(y: list[float], log: bool) -> None:
     """A constant, a zero on a logarithmic axis, a hole: as of M(0) = 0."""
-    line = Line("a & b", "#000000", np.linspace(0.0, 1.0, 5), np.array(y))
+    line = Line(Look("a & b", "#000000"), np.linspace(0.0, 1.0, 5), np.array(y))
     svg = chart([line], "t < 1", "y", log=log)
     assert "t < 1" in [each.text for each in ElementTree.fromstring(svg).iter("text")]
     assert "nan" not in svg.lower()
-    assert np.finfo(float).eps > LEAST_LOG
+    assert np.finfo(float).eps > LEAST
 
 
 def test_a_flat_path_makes_a_low_picture_to_one_scale() -> None:
     """The pixels of a metre are the same on both axes; a legend has the dashes of its line."""
     x = np.linspace(0.0, 30.0, 900)
-    line = Line("a", "#000000", x, np.sin(x), dash="2 3")
+    line = Line(Look("a", "#000000", (2, 3)), x, np.sin(x), width=1.0)
     assert 'stroke-dasharray="2 3"' in legend([line])
     svg = ElementTree.fromstring(chart([line], "X", "Y", equal=True))
     assert float((svg.get("viewBox") or "").split()[3]) == 165.0

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from robotball.motion import Motion
     from validation.agreement import Agreement
 
 # The type of robotball.rotations, whose import would bring scipy to a process that only draws.
@@ -100,74 +99,76 @@ def in_view(own: _Array, every: _Array, reach: float) -> tuple[float, float]:
     return max(low - reach, every.min(initial=low)), min(high + reach, every.max(initial=high))
 
 
-# The times (n,) s of errors and their values (n,), without the zero that they start from.
-_Errors = tuple[_Array, _Array]
+def framed(agreements: Sequence["Agreement"]) -> _Array:
+    """Return the ends (2, 2) of the axes X and Y [m] of a picture of the paths, to one scale.
+
+    It is 0.2 to 0.7 times as high as wide: no tower, no strip, and never rounding alone.
+    """
+    own, radius = agreements[0].theory.contact_point, agreements[0].scene.ball.radius
+    every = np.concatenate([own, *(each.motion.contact_point for each in agreements)])
+    reach = max(float(np.ptp(own, axis=0).max()), radius)
+    ends = np.array([in_view(own[:, i], every[:, i], reach) for i in (0, 1)])
+    across, up = 1.1 * np.ptp(ends, axis=1)
+    across = max(across, up / 0.7, 0.1 * radius)
+    half = np.array([across, max(up, 0.2 * across)]) / 2
+    return np.column_stack([ends.mean(axis=1) - half, ends.mean(axis=1) + half])
 
 
 @dataclass(frozen=True)
 class _Line:
-    """A motion in a picture: times (n,) s, contact_point (n, 2) m and momentum (n, 3) kg m²/s.
+    """A motion in a picture, by its contact_point (n, 2) m, and by its errors.
 
-    finished: whether it is as long as it should be; errors: of path [m] and momentum, relative.
+    errors: of the path [m] and of the momentum, relative, each as times (n,) s and values (n,)
+    without the zero that they start from; finished: whether it is as long as it should be.
     """
 
     look: Look
-    finished: bool
-    times: _Array
     contact_point: _Array
-    momentum: _Array
-    errors: Sequence[_Errors]
+    errors: Sequence[tuple[_Array, _Array]] = ()
+    finished: bool = True
 
 
 @dataclass(frozen=True)
 class Sheet:
     """The lines, names and scales of a scene's pictures.
 
-    momentum: M in words where it is constant; momentum_labels: its components' names by their
-    heights; lengths: m, the unit of path errors and the ball's radius.
+    lines: the equations' first; momentum: M in words where it is constant; the scales: units of
+    errors; frame (2, 2): ends of X and Y [m].
     """
 
     title: str
-    theory: _Line
-    runs: Sequence[_Line]
+    lines: Sequence[_Line]
     momentum: str
-    momentum_labels: dict[float, str]
     momentum_scale: float
-    lengths: tuple[float, float]
+    path_scale: float
+    frame: _Array
 
 
 def sheet_of(agreements: Sequence["Agreement"]) -> Sheet:
     """Return the sheet of one scene's agreements by one engine."""
-    from robotball.notebook import by_value
-
     theory = agreements[0].theory
     scene, (own, *looks) = theory.scene, looks_of(agreements)
     vector = ", ".join(f"{each:.3g}" for each in scene.start.momentum.round(12) + 0.0)
     return Sheet(
         title=f"{scene.name}: {scene.title}",
-        theory=_line(theory, own),
-        runs=[
-            _line(each.motion, look, each.finished, (each.path_errors, each.momentum_errors))
-            for look, each in zip(looks, agreements, strict=True)
-        ],
+        lines=[_Line(own, _thinned(theory.contact_point)), *map(_line, looks, agreements)],
         momentum=f"M = ({vector}) kg m²/s is constant" if scene.keeps_momentum else "",
-        momentum_labels=by_value(theory.momentum[-1]),
         momentum_scale=scene.momentum_scale,
-        lengths=(theory.path_scale, scene.ball.radius),
+        path_scale=theory.path_scale,
+        frame=framed(agreements),
     )
 
 
-def _line(
-    motion: "Motion", look: Look, finished: bool = True, errors: Sequence[_Array] = ()
-) -> _Line:
-    shown = slice(None, None, 1 + len(motion.times) // _MOST)
-    paths = motion.contact_point[shown], motion.momentum[shown]
-    return _Line(look, finished, motion.times[shown], *paths, [_errors(motion, e) for e in errors])
+def _line(look: Look, agreement: "Agreement") -> _Line:
+    times, errors = agreement.motion.times, []
+    for values in (agreement.path_errors, agreement.momentum_errors):
+        which = 1 + extremes(values[1:])
+        errors.append((times[which], values[which]))
+    return _Line(look, _thinned(agreement.motion.contact_point), errors, agreement.finished)
 
 
-def _errors(motion: "Motion", values: _Array) -> _Errors:
-    which = 1 + extremes(values[1:])
-    return motion.times[which], values[which]
+def _thinned(values: _Array) -> _Array:
+    return values[:: 1 + len(values) // _MOST]
 
 
 def extremes(values: _Array) -> _Integers:
@@ -186,46 +187,30 @@ _WIDTH, _LEFT, _RIGHT, _HIGH, _ABOVE, _ROW, _BELOW = 8.0, 1.1, 7.6, 2.7, 0.8, 0.
 
 
 def path_picture(sheet: Sheet) -> "Figure":
-    """Draw the contact points' paths of both motions, and their distance over time below.
-
-    A metre is as long on both axes, and the panel is as high as the paths need, within bounds.
-    """
-    scale, radius = sheet.lengths
-    own, lines = sheet.theory.contact_point, [sheet.theory, *sheet.runs]
-    every = np.concatenate([line.contact_point for line in lines])
-    reach = max(float(np.ptp(own, axis=0).max()), radius)
-    ends = np.array([in_view(own[:, i], every[:, i], reach) for i in (0, 1)])
-    middle, (across, up) = ends.mean(axis=1), 1.1 * np.ptp(ends, axis=1)
-    across = max(across, up / 0.7, 0.1 * radius)  # no tower, and no picture of rounding alone
-    up = max(up, 0.2 * across)  # nor a strip
+    """Draw the contact points' paths of both motions, and their distance over time below."""
+    across, up = np.ptp(sheet.frame, axis=1)
     figure, (paths, errors) = _panels(sheet, (_RIGHT - _LEFT) * up / across, _HIGH)
-    for line in lines:
+    for line in sheet.lines:
         _draw(paths, line, *line.contact_point.T)
-    paths.plot(*own[0], "ko", markersize=8, zorder=4, label="start")
-    if not all(line.finished for line in lines):
+    paths.plot(*sheet.lines[0].contact_point[0], "ko", markersize=8, zorder=4, label="start")
+    if not all(line.finished for line in sheet.lines):
         paths.plot([], [], "kX", markersize=9, label="a run breaks off")
-    x, y = zip(middle - (across / 2, up / 2), middle + np.array((across, up)) / 2, strict=True)
+    x, y = sheet.frame
     paths.set(xlim=x, ylim=y, xlabel="X [m]", ylabel="Y [m]", aspect="equal")
     paths.set_title("contact point on the plane, to one scale")
     errors.set_ylabel("distance of the\ncontact points [m]")
-    _draw_errors(errors, sheet, 0, scale)
+    _draw_errors(errors, sheet, 0, sheet.path_scale)
     _name_lines(figure, paths)
     return figure
 
 
 def momentum_picture(sheet: Sheet) -> "Figure":
-    """Draw the error of M, below its components where it is not constant."""
-    figure, (*components, errors) = _panels(sheet, *(() if sheet.momentum else (_HIGH,)), _HIGH)
+    """Draw the error of M. M itself is constant and named, or `motion.plot` draws it."""
+    figure, (errors,) = _panels(sheet, _HIGH)
     _draw_errors(errors, sheet, 1)
     errors.set(ylabel=f"error of M, over\n{sheet.momentum_scale:.3g} kg m²/s")
-    errors.set_title(sheet.momentum)
-    for axes in components:
-        for line in (sheet.theory, *sheet.runs):
-            _draw(axes, line, line.times, line.momentum)
-        for height, names in sheet.momentum_labels.items():
-            beside(axes, names, height)
-        axes.set(ylabel="M, world axes [kg m²/s]", title="momentum M")
-    _name_lines(figure, *components, errors)
+    errors.set_title(sheet.momentum or "momentum M")
+    _name_lines(figure, errors)
     return figure
 
 
@@ -241,16 +226,18 @@ def _panels(sheet: Sheet, *heights: float) -> "tuple[Figure, list[Axes]]":
     from matplotlib.ticker import NullLocator
 
     # Margins are given: a layout that matplotlib finds takes as long as the rest of a picture.
-    above = _ABOVE + _ROW * ((len(sheet.runs) + 5) // 3)  # of three names: the runs, and three more
+    above = _ABOVE + _ROW * (
+        (len(sheet.lines) + 4) // 3
+    )  # of three names: of the lines, and two more
     high = above + sum(heights) + _BELOW * len(heights)
-    figure, top, panels = Figure(figsize=(_WIDTH, high)), high - above, []
+    across = {"left": _LEFT / _WIDTH, "right": _RIGHT / _WIDTH, "height_ratios": heights}
+    along = {"top": 1 - above / high, "bottom": _BELOW / high, "hspace": _BELOW / np.mean(heights)}
+    figure = Figure(figsize=(_WIDTH, high))
     title(figure, sheet.title)
-    for each in heights:
-        place = (_LEFT / _WIDTH, (top - each) / high, (_RIGHT - _LEFT) / _WIDTH, each / high)
-        panels.append(figure.add_axes(place))
-        panels[-1].grid(alpha=0.3)
-        panels[-1].margins(x=0.01)
-        top -= each + _BELOW
+    panels = [*figure.subplots(len(heights), squeeze=False, gridspec_kw=across | along)[:, 0]]
+    for each in panels:
+        each.grid(alpha=0.3)
+        each.margins(x=0.01)
     panels[-1].set_yscale("log")
     panels[-1].yaxis.set_minor_locator(NullLocator())
     panels[-1].yaxis.set_major_formatter(lambda value, _: f"{value:.0e}")  # as in the table
@@ -274,17 +261,17 @@ def _draw(axes: "Axes", line: _Line, x: _Array, y: _Array) -> None:
 
 def _draw_errors(axes: "Axes", sheet: Sheet, kind: int, scale: float = 1.0) -> None:
     """Draw the runs' errors of a kind on a logarithmic axis, which ends at rounding."""
-    least, found = LEAST * scale, [line.errors[kind] for line in sheet.runs]
+    least, found = LEAST * scale, [line.errors[kind] for line in sheet.lines[1:]]
     low = any((values < least).any() for _, values in found)
     axes.set_xlabel("time [s]" + f"; an error below {least:.0e} is drawn there" * low)
-    for line, (times, values) in zip(sheet.runs, found, strict=True):
+    for line, (times, values) in zip(sheet.lines[1:], found, strict=True):
         _draw(axes, line, times, np.maximum(values, least))
 
 
-def _name_lines(figure: "Figure", *panels: "Axes") -> None:
-    """Name the lines of the first panel between the title and the panels, off the data."""
+def _name_lines(figure: "Figure", panel: "Axes") -> None:
+    """Name the lines of a panel between the title and the panels, off the data."""
     top = 1 - 0.5 / figure.get_figheight()
-    named = panels[0].get_legend_handles_labels()
+    named = panel.get_legend_handles_labels()
     figure.legend(*named, loc="upper center", bbox_to_anchor=(0.5, top), ncols=3, frameon=False)
 
 

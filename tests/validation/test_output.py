@@ -18,7 +18,15 @@ from robotball.files.replacing import replacing
 from validation import Agreement, compare
 from validation.cli import parse
 from validation.output import progress_bar, write_rows, write_text
-from validation.plots import extremes, in_view, looks_of, momentum_picture, path_picture, sheet_of
+from validation.plots import (
+    extremes,
+    framed,
+    in_view,
+    looks_of,
+    momentum_picture,
+    path_picture,
+    sheet_of,
+)
 from validation.results import changed, file_name, file_stem, scenes_of
 from validation.studies.extremes import round_ticks
 from validation.study import Column, Row, Study, present, table_of
@@ -144,7 +152,7 @@ def test_long_work_leaves_a_line_now_and_then_in_a_log(
 
 @pytest.mark.parametrize("name", ["fig06", "fig05d", "chaplygin_ball", "routh_sphere"])
 def test_pictures_show_what_their_axes_say(name: str) -> None:
-    """A metre along X is one along Y; an error's axis ends at rounding; M is drawn where it moves.
+    """A metre along X is one along Y; an error's axis ends at rounding; a constant M is in words.
 
     No picture warns: of a path that is a circle, of M = 0 as in fig06, nor of an equal limit.
     """
@@ -155,10 +163,10 @@ def test_pictures_show_what_their_axes_say(name: str) -> None:
         pictures = path_picture(sheet), momentum_picture(sheet)
         for each in pictures:
             each.draw_without_rendering()
-    (paths, distance), (*components, errors) = (each.axes for each in pictures)
+    (paths, distance), (errors,) = (each.axes for each in pictures)
     (x0, x1), (y0, y1), box = paths.get_xlim(), paths.get_ylim(), paths.get_window_extent()
     assert box.width / (x1 - x0) == pytest.approx(box.height / (y1 - y0), rel=1e-6)
-    assert len(components) == (not agreement.scene.keeps_momentum)
+    assert ("constant" in errors.get_title()) == agreement.scene.keeps_momentum
     assert f"over\n{agreement.scene.momentum_scale:.3g} kg m²/s" in errors.get_ylabel()
     drawn = np.asarray(distance.get_lines()[0].get_ydata(), dtype=float)
     assert drawn.max() == agreement.path_errors.max()
@@ -172,10 +180,14 @@ def test_a_straight_paths_errors_end_at_rounding_and_its_panel_is_flat() -> None
     times = agreement.motion.times
     ahead = np.column_stack([times, 0 * times])
     tiny = [(times[1:], np.full(len(times) - 1, 1e-33)) for _ in range(2)]
-    straight = replace(sheet.runs[0], contact_point=ahead, errors=tiny)
-    theory = replace(sheet.theory, contact_point=ahead)
-    paths, errors = path_picture(replace(sheet, theory=theory, runs=[straight])).axes
-    floor = 1e-17 * sheet.lengths[0]
+    own, run = (replace(line, contact_point=ahead) for line in sheet.lines)
+    agreement = Agreement(
+        replace(agreement.theory, contact_point=ahead),
+        replace(agreement.motion, contact_point=ahead),
+    )
+    lines = [own, replace(run, errors=tiny)]
+    paths, errors = path_picture(replace(sheet, lines=lines, frame=framed([agreement]))).axes
+    floor = 1e-17 * sheet.path_scale
     assert errors.get_ylim()[0] > floor / 100  # measured a tenth: a decade around a constant
     assert errors.get_xlabel() == f"time [s]; an error below {floor:.0e} is drawn there"
     box = paths.get_position()
@@ -193,7 +205,7 @@ def test_runs_are_told_apart_without_colour_and_a_cross_is_where_one_breaks_off(
     broken = Agreement(agreements[0].theory, rb.simulate(rb.load_scene("fig12"), TIMES, mine))
     for agreement, crosses in ((agreements[1], 0), (broken, 1)):
         lines = path_picture(sheet_of([agreement])).axes[0].get_lines()
-        ends = [line for line in lines if line.get_marker() == "X" and len(line.get_xdata())]
+        ends = [line for line in lines if line.get_marker() == "X" and np.size(line.get_xdata())]
         assert len(ends) == crosses
 
 
@@ -223,12 +235,12 @@ def test_a_long_title_stays_within_its_picture(length: int) -> None:
     words = ("$5 a robot of $6 rolls " * 20)[:length]
     figure = path_picture(replace(sheet_of([compare("fig12", "fast", TIMES)]), title=words))
     figure.draw_without_rendering()
-    (words,), (names,) = figure.texts, figure.legends
-    box, below = words.get_window_extent(), names.get_window_extent()
+    (drawn,), (names,) = figure.texts, figure.legends
+    box, below = drawn.get_window_extent(), names.get_window_extent()
     assert 0 <= box.x0 < box.x1 <= figure.bbox.width
     assert below.y1 <= box.y0 < box.y1 <= figure.bbox.height
-    assert ("…" in words.get_text()) == (length == 400)
-    assert not words._preprocess_math(words.get_text())[1]  # type: ignore[attr-defined]
+    assert ("…" in drawn.get_text()) == (length == 400)
+    assert not drawn._preprocess_math(drawn.get_text())[1]  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(

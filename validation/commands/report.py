@@ -20,7 +20,7 @@ from validation.results import file_stem, record, scenes_of
 from validation.results import show as show_table
 from validation.runs import agreements_of, film, shifted
 
-_FILM = (360, 640)  # px, height and width
+_FILM = (360, 640)  # px, height and width: the page stays below six megabytes
 _MOST_NAMES = 80  # characters of a file's name that scenes may take
 
 
@@ -74,17 +74,13 @@ class Report:
         path = out / f"{(stem + others)[:_MOST_NAMES]}-report.html"
         command = f"{program()} {shlex.join(sys.argv[1:])}"
         with tempfile.TemporaryDirectory() as folder:
-            filmed = self._filmed(agreements[0], Path(folder)) if self.film else None
+            filmed = Path(folder) / "film.mp4" if self.film else None
+            if filmed:
+                # Off-screen drawing is prepared at import, which a report else has no need of.
+                from robotball.film.render import Film
+
+                film(filmed, agreements[0], Film(size=_FILM))
             write_text(path, report(agreements, command, filmed))
         show_table(list(map(record, agreements)), Console())
         print(path)
         return AGREES if all(each.agrees for each in agreements) else DISAGREES
-
-    def _filmed(self, agreement: Agreement, folder: Path) -> Path:
-        """Write a small film of an agreement, so that the page stays below six megabytes."""
-        # Off-screen drawing is prepared at import, which a report without a film has no need of.
-        from robotball.film.render import Film
-
-        path = folder / "film.mp4"
-        film(path, agreement, Film(size=_FILM))
-        return path

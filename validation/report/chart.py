@@ -45,34 +45,30 @@ def chart(
     y_label: str,
     *,
     log: bool = False,
-    equal: bool = False,
     reach: float = math.inf,
+    frame: Array | None = None,
 ) -> str:
     """Return an <svg> with axes, round ticks, lines and their names.
 
-    log: the y axis is logarithmic; equal: a metre is as long on both axes, and the picture is
-    lower, down to half of its height, where the lines are flat; a dot is at the start. reach: how
-    far beyond the first line the others are seen. The attribute `data-lines` holds the values that
-    the page's script shows under the pointer.
+    log: the y axis is logarithmic; reach: how far beyond the first line the others are seen;
+    frame (2, 2): the ends of axes to one scale, by which the picture is as high as they need, with
+    a dot at the start. The attribute `data-lines` holds the values that the page's script shows
+    under the pointer.
     """
     thin = [_thinned(line) for line in lines]
-    x0, x1 = _range([line.x for line in thin], reach if equal else math.inf)
-    heights = [line.y for line in thin]
-    y0, y1 = _log_range(np.concatenate(heights)) if log else _range(heights, reach)
-    width, whole = _WIDTH - _LEFT - _RIGHT, _HEIGHT
-    if equal:
-        flat = width * (y1 - y0) / (x1 - x0) + _TOP + _BOTTOM
-        whole = round(min(_HEIGHT, max(flat, _HEIGHT / 2)))
-    height = whole - _TOP - _BOTTOM
-    if equal:
-        x0, x1, y0, y1 = _equal_ranges(x0, x1, y0, y1, width / height)
+    xs, ys = [line.x for line in thin], [line.y for line in thin]
+    (x0, x1), (y0, y1) = _range(xs, math.inf), _log_range(ys) if log else _range(ys, reach)
+    width, height = _WIDTH - _LEFT - _RIGHT, _HEIGHT - _TOP - _BOTTOM
+    if frame is not None:
+        (x0, x1), (y0, y1) = frame.tolist()
+        height = round(width * (y1 - y0) / (x1 - x0))
 
     def px(x: Array) -> Array:
         return _LEFT + (np.asarray(x) - x0) / (x1 - x0) * width
 
     def py(y: Array) -> Array:
-        shown = np.log10(np.maximum(y, LEAST)) if log else np.asarray(y)
-        return _TOP + (y1 - (np.maximum(shown, y0) if log else shown)) / (y1 - y0) * height
+        shown = np.log10(np.maximum(y, 10.0**y0)) if log else np.asarray(y)
+        return _TOP + (y1 - shown) / (y1 - y0) * height
 
     inside = f'x="{_LEFT}" y="{_TOP}" width="{width}" height="{height}"'
     parts = [f'<rect {inside} fill="none" stroke="currentColor" stroke-opacity=".45"/>']
@@ -90,14 +86,12 @@ def chart(
     # A picture in the picture cuts off what leaves the axes.
     parts.append(f'<svg {inside} viewBox="{_LEFT} {_TOP} {width} {height}">')
     parts += [_polyline(line, px(line.x), py(line.y)) for line in thin]
-    if equal and len(thin[0].x):
-        (x, *_), (y, *_) = px(thin[0].x), py(thin[0].y)
-        parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4.5"/>')
+    if frame is not None:
+        parts.append(f'<circle cx="{px(xs[0])[0]:.1f}" cy="{py(ys[0])[0]:.1f}" r="4.5"/>')
     names = ", ".join(line.look.label for line in lines)
     return (
-        f'<svg class="chart" role="img" viewBox="0 0 {_WIDTH} {whole}" '
+        f'<svg class="chart" role="img" viewBox="0 0 {_WIDTH} {_TOP + height + _BOTTOM}" '
         f'aria-label="{escape(f"{y_label} over {x_label}: {names}", quote=True)}" '
-        f'data-labels="{escape(json.dumps([x_label, y_label]), quote=True)}" '
         f'data-lines="{escape(json.dumps(data, separators=(",", ":")), quote=True)}" '
         f'style="width:100%;max-width:{_WIDTH}px;font:13px sans-serif" fill="currentColor">'
         + "".join(parts)
@@ -144,9 +138,10 @@ def _range(values: Sequence[Array], reach: float) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def _log_range(values: Array) -> tuple[float, float]:
-    """Return the exponents of the decades around the positive values."""
-    positive = values[np.isfinite(values) & (values > LEAST)]
+def _log_range(values: Sequence[Array]) -> tuple[float, float]:
+    """Return the exponents of the decades around the values, the lowest at rounding."""
+    every = np.concatenate(values)
+    positive = every[np.isfinite(every) & (every > LEAST)]
     if not len(positive):
         return math.log10(LEAST), math.log10(LEAST) + 2
     return math.floor(np.log10(positive.min())), math.ceil(np.log10(positive.max()) + 1e-9)
@@ -155,15 +150,6 @@ def _log_range(values: Array) -> tuple[float, float]:
 def _log_ticks(low: float, high: float) -> list[float]:
     step = max(1, math.ceil((high - low) / 7))
     return [float(n) for n in range(math.ceil(low), math.floor(high) + 1) if n % step == 0]
-
-
-def _equal_ranges(
-    x0: float, x1: float, y0: float, y1: float, aspect: float
-) -> tuple[float, float, float, float]:
-    """Widen one of the two ranges so that both axes have one scale."""
-    across, up = max(x1 - x0, aspect * (y1 - y0)), max(y1 - y0, (x1 - x0) / aspect)
-    x, y = (x0 + x1) / 2, (y0 + y1) / 2
-    return x - across / 2, x + across / 2, y - up / 2, y + up / 2
 
 
 def _grid(x1: float, y1: float, x2: float, y2: float) -> str:

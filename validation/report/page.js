@@ -1,6 +1,6 @@
 // What is under the pointer, or where the arrow keys are: a mark on each line, and the values below.
 for (const chart of document.querySelectorAll("svg.chart")) {
-  const lines = JSON.parse(chart.dataset.lines), [xLabel, yLabel] = JSON.parse(chart.dataset.labels);
+  const lines = JSON.parse(chart.dataset.lines);
   const told = chart.parentElement.querySelector(".told");
   if (!told) continue;
   const marks = lines.map(line => {

@@ -13,7 +13,7 @@ from robotball.notebook import counted
 from robotball.rotations import Array
 from validation.agreement import Agreement
 from validation.output import scientific, versions
-from validation.plots import Look, looks_of
+from validation.plots import Look, framed, looks_of
 from validation.report import embedded, folded, page, paragraph, plain, plot, table, text, verdict
 from validation.report.chart import Line
 from validation.results import needs
@@ -136,11 +136,9 @@ def _views(group: Sequence[Agreement]) -> str:
 def _paths(group: Sequence[Agreement]) -> str:
     motions = [group[0].theory, *(each.motion for each in group)]
     lines = _lines(group, [(*each.contact_point.T, each.times) for each in motions])
-    span = float(np.ptp(motions[0].contact_point, axis=0).max())
-    reach = max(span, group[0].scene.ball.radius)
     note = "A metre is as long on both axes. The dot is the start; a cross, where a run breaks off."
     caption = "Path of the contact point"
-    return plot(caption, lines, "X [m]", "Y [m]", note, equal=True, reach=reach)
+    return plot(caption, lines, "X [m]", "Y [m]", note, frame=framed(group))
 
 
 def _plots(group: Sequence[Agreement]) -> list[str]:

@@ -182,14 +182,14 @@ def _polyline(line: Line, x: Array, y: Array) -> str:
 
 def _data(line: Line, x: Array, y: Array) -> dict[str, object]:
     """Return a line as the page's script reads it: pixels, and the values there."""
-    data: dict[str, object] = {
+    return {
         "name": line.look.label,
         "colour": line.look.colour,
         "at": [*zip(_numbers(x, ".1f"), _numbers(y, ".1f"), strict=True)],
         "x": _numbers(line.x),
         "y": _numbers(line.y),
+        "t": line.times if line.times is None else _numbers(line.times),
     }
-    return data if line.times is None else data | {"t": _numbers(line.times)}
 
 
 def _numbers(values: Array, form: str = f".{_DIGITS}g") -> list[float | None]:

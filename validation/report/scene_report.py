@@ -1,8 +1,8 @@
 """Report scenes that were compared: agreement, plots, a view, settings, how to repeat it."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from html import escape
-from itertools import groupby
+from itertools import groupby, repeat
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +12,8 @@ from robotball.film.web import view_fragment, view_head
 from robotball.notebook import counted
 from robotball.rotations import Array
 from validation.agreement import Agreement
-from validation.output import scientific, versions
-from validation.plots import Look, framed, looks_of
+from validation.output import known, scientific, versions
+from validation.plots import framed, looks_of
 from validation.report import embedded, folded, page, paragraph, plain, plot, table, text, verdict
 from validation.report.chart import Line
 from validation.results import needs
@@ -28,14 +28,7 @@ _ROLLING = {
     "rubber": "the ball neither slips nor spins about the vertical",
     "classical": "the ball does not slip, and may spin about the vertical",
 }
-_MOTORS: tuple[tuple[str, str, Callable[[Motion], Array]], ...] = (
-    ("torque", "N m", lambda motion: motion.loads.motor_torques),
-    ("rate", "rad/s", lambda motion: motion.hinge_rates),
-    ("power", "W", lambda motion: motion.motor_powers),
-)
 _Columns = tuple[Array, Array, Array | None]  # x, y, and the times where x is something else
-_LIMIT = Look("limit", "#808080", (1, 3))
-_NEAR = 0.3  # of the limit of friction: below it the limit would leave no room for what is used
 
 
 def report(agreements: Sequence[Agreement], command: str, film: Path | None = None) -> str:
@@ -86,7 +79,11 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
         _numbers(group),
         "<h3>To be looked at</h3>",
         shown,
-        *_plots(group),
+        "<h3>Errors</h3>",
+        f'<div class="charts">{_errors(group)}</div>',
+        "<h3>Friction and motors</h3>",
+        paragraph(friction_needed(theory)),
+        f'<div class="charts">{_loads(group)}</div>',
         "<h3>What was run</h3>",
         *(
             folded(f"Settings of {each.settings.name}", plain(each.settings.plain()), short=True)
@@ -113,10 +110,14 @@ def _numbers(group: Sequence[Agreement]) -> str:
     rows = []
     for each in group:
         errors = each.path_error, each.gamma_error, each.attitude_error, each.momentum_error
-        step = f"{each.report.timestep * 1e3:.3g}"
-        rows.append((each.settings.name, step, *map(scientific, errors), f"{each.tolerance:g}"))
-    headings = ("preset", "step [ms]", *_ERRORS, "tolerance")
+        given = each.settings.plain().get("sliding_friction", "-")
+        part = known(each.report.friction_used.max(initial=0.0))
+        used = "-" if part is None else f"{100 * part:.3g} %"
+        before = each.settings.name, f"{each.report.timestep * 1e3:.3g}", f"{each.tolerance:g}"
+        rows.append((*before, *map(scientific, errors), given, used))
+    headings = ("preset", "step [ms]", "tolerance", *_ERRORS, "friction", "used")
     words = "; ".join(f"{name}: {meaning}" for name, meaning in _ERRORS.items())
+    words += "; friction: the plane's coefficient, and the part of its limit used at most"
     words += "; naive: the engine as it comes" * (group[0].settings.name == "naive")
     own = group[0].reference_error
     if own is not None:
@@ -134,56 +135,49 @@ def _views(group: Sequence[Agreement]) -> str:
 
 
 def _paths(group: Sequence[Agreement]) -> str:
-    motions = [group[0].theory, *(each.motion for each in group)]
-    lines = _lines(group, [(*each.contact_point.T, each.times) for each in motions])
+    lines = _lines(group, [(*each.contact_point.T, each.times) for each in _motions(group)])
     note = "A metre is as long on both axes. The dot is the start; a cross, where a run breaks off."
     caption = "Path of the contact point"
     return plot(caption, lines, "X [m]", "Y [m]", note, frame=framed(group))
 
 
-def _plots(group: Sequence[Agreement]) -> list[str]:
-    """Return the plots over time of errors, friction and motors, under their headings."""
+def _errors(group: Sequence[Agreement]) -> str:
+    """Return plots of the runs' errors, without the exact zero that they start from."""
     series = (
         ("Distance of the two contact points", "distance [m]", [e.path_errors for e in group]),
         ("Error of the momentum M", "error of M, relative", [e.momentum_errors for e in group]),
     )
-    errors = [
-        plot(caption, lines, "time [s]", label, log=True)
-        for caption, label, values in series
-        if (lines := _over_time(group, values))
-    ]
-    words = f"<div>{''.join(map(paragraph, friction_words(group)))}</div>"
-    used = _over_time(group, [each.report.friction_used for each in group])
-    if used:
-        note = "The part of the friction cone that the contact force needs. At 1 the ball slips."
-        if max(float(each.y.max()) for each in used) > _NEAR:
-            used.append(Line(_LIMIT, group[0].theory.times[[0, -1]], np.ones(2)))
-        words += plot("Friction used", used, "time [s]", "part of the limit", note)
-    parts = {"Errors": "".join(errors), "Friction": words, "Motors": "".join(_motors(group))}
-    return [
-        f'<h3>{heading}</h3><div class="charts">{inside}</div>'
-        for heading, inside in parts.items()
-        if inside
-    ]
+    drawn, none = "", (np.empty(0), np.empty(0), None)
+    for caption, label, values in series:
+        times = (each.motion.times[1:] for each in group)
+        lines = _lines(group, [none, *zip(times, (each[1:] for each in values), repeat(None))])
+        drawn += plot(caption, lines, "time [s]", label, log=True) if lines else ""
+    return drawn
 
 
-def _motors(group: Sequence[Agreement]) -> Iterator[str]:
-    """Yield plots of the torque, rate and power of each motor by the equations and by each run."""
-    theory = group[0].theory
-    motions = [theory, *(each.motion for each in group)]
-    for i in np.flatnonzero(theory.loads.motor_torques.any(axis=0)):
-        for name, unit, values in _MOTORS:
-            most = float(np.abs(values(theory)[:, i]).max())
-            lines = _lines(group, [(each.times, values(each)[:, i], None) for each in motions])
-            caption = f"{theory.scene.hinges[i].name}: {name}, needs {most:.3g} {unit} at most"
-            yield plot(caption, lines, "time [s]", f"{name} [{unit}]", reach=most)
+def _loads(group: Sequence[Agreement]) -> str:
+    """Return plots of the friction needed, and of the torque, rate and power of each motor."""
+    motions = _motions(group)
+    series = [("friction", "coefficient", [each.loads.sliding_friction for each in motions])]
+    for i in np.flatnonzero(motions[0].loads.motor_torques.any(axis=0)):
+        name = group[0].scene.hinges[i].name
+        torques = [each.loads.motor_torques[:, i] for each in motions]
+        series += [
+            (f"torque of {name}", "torque [N m]", torques),
+            (f"rate of {name}", "rate [rad/s]", [each.hinge_rates[:, i] for each in motions]),
+            (f"power of {name}", "power [W]", [each.motor_powers[:, i] for each in motions]),
+        ]
+    drawn = ""
+    for caption, label, values in series:
+        most = float(np.abs(values[0]).max())
+        over_time = zip((each.times for each in motions), values, repeat(None))
+        lines = _lines(group, [*over_time])
+        drawn += plot(f"{caption}: at most {most:.3g}", lines, "time [s]", label, reach=most)
+    return drawn
 
 
-def _over_time(group: Sequence[Agreement], values: Sequence[Array]) -> list[Line]:
-    """Return lines of the runs without the exact zero that they start from."""
-    pairs = zip((each.motion.times for each in group), values, strict=True)
-    runs = [(times[1:], np.abs(each[1:]), None) for times, each in pairs]
-    return _lines(group, [(np.empty(0), np.empty(0), None), *runs])
+def _motions(group: Sequence[Agreement]) -> list[Motion]:
+    return [group[0].theory, *(each.motion for each in group)]
 
 
 def _lines(group: Sequence[Agreement], columns: Sequence[_Columns]) -> list[Line]:
@@ -196,22 +190,14 @@ def _lines(group: Sequence[Agreement], columns: Sequence[_Columns]) -> list[Line
     ]
 
 
-def friction_words(group: Sequence[Agreement]) -> list[str]:
-    """Return sentences on the friction that the motion needs and that each settings give."""
-    first, asked = group[0], needs(group[0].theory)
-    sliding, torsional = asked["sliding_friction"], asked["torsional_friction"]
-    words = [
-        f"By the {first.theory.engine.name} the motion needs a coefficient of sliding friction of "
-        f"{sliding:.3g}."
-    ]
-    if first.scene.rolling == "rubber":
-        words[0] += f" So that it does not spin, it needs a torsional one of {torsional:.3g} m."
-    for each in group:
-        given = each.settings.plain().get("sliding_friction")
-        most = float(each.report.friction_used.max(initial=0.0))
-        gives = "" if given is None else f" the plane gives {given:g}, and"
-        words.append(
-            f"With the settings {each.settings.name}{gives} the run uses at most "
-            f"{100 * most:.3g} % of the friction limit."
-        )
+def friction_needed(theory: Motion) -> str:
+    """Return a sentence on the friction that the motion needs."""
+    asked = needs(theory)
+    words = (
+        f"By the {theory.engine.name} the motion needs a coefficient of sliding friction of "
+        f"{asked['sliding_friction']:.3g}."
+    )
+    if theory.scene.rolling == "rubber":
+        torsional = asked["torsional_friction"]
+        words += f" So that it does not spin, it needs a torsional one of {torsional:.3g} m."
     return words

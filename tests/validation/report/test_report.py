@@ -13,10 +13,12 @@ import robotball as rb
 from tests.browser import needs_browser, opened
 from tests.conftest import Robotball
 from validation import Agreement, compare
+from validation.output import program
 from validation.plots import LEAST, Look
 from validation.report.chart import Line, chart, legend, ticks
-from validation.report.scene_report import friction_words, report, sentence
+from validation.report.scene_report import friction_needed, report, sentence
 from validation.report.study_report import study_report
+from validation.results import record, write_json
 
 TIMES = rb.sample_times(1.0)
 COMMAND = "robotball report fig12 --preset naive,fast"
@@ -81,10 +83,13 @@ def test_a_sentence_has_the_error_and_its_bound_or_where_the_run_ended(
 
 def test_friction_needed_stands_beside_what_is_given() -> None:
     """fig12 needs 1.32 by the equations; the recipe's plane gives 20."""
-    words = " ".join(friction_words([compare("fig12", "fast")]))
+    agreement = compare("fig12", "fast")
+    words = friction_needed(agreement.theory)
     assert "needs a coefficient of sliding friction of 1.32." in words
     assert "torsional one of 1.87 m" in words
-    assert "the plane gives 20, and the run uses at most 9.58 %" in words
+    page = report([agreement], COMMAND)
+    assert words in page
+    assert '<td class="number">20.0</td><td>9.58 %</td>' in page
 
 
 @pytest.mark.slow
@@ -178,6 +183,52 @@ def test_a_studys_record_is_tables_and_pictures(robotball: Robotball, tmp_path: 
     for words in ("<td>fig12</td>", "half ?", "a &lt;b&gt;", "1.235e-07", "data:image/png;base64,"):
         assert words in made
     assert "deep" not in made
+
+
+def test_a_record_of_comparisons_begins_with_verdicts_and_its_scenes_pictures(
+    tmp_path: Path, agreements: list[Agreement]
+) -> None:
+    """As of the demo: a mark and a line each, then the paths; another scene's picture is left out."""
+    write_json(tmp_path / "demo.json", [record(each) for each in agreements])
+    for name in ("fig12-mujoco-all-momentum", "fig12-mujoco-all-path", "fig13-mujoco-all-path"):
+        (tmp_path / f"{name}.png").write_bytes(b"\x89PNG")
+    made = study_report(tmp_path / "demo.json")
+    parts = (
+        '<p class="verdict bad">fig12, naive: ',
+        'good">fig12, fast: agrees.',
+        "-path",
+        "<table",
+    )
+    places = [made.index(each) for each in parts]
+    assert places == sorted(places)
+    assert made.count("<img") == 2
+
+
+def test_a_scene_that_rolls_by_motors_has_their_loads(page: str) -> None:
+    """Torque, rate and power of each hinge that is driven, with the largest by the equations."""
+    for words in (
+        "torque of frame: at most",
+        "rate of frame: at most 2<",
+        "power of rotor1: at most",
+    ):
+        assert words in page
+
+
+@pytest.mark.parametrize(
+    ("started", "words"),
+    [
+        ("/x/bin/robotball", "robotball"),
+        ("{here}/.venv/bin/robotball", ".venv/bin/robotball"),
+        ("{here}/validation/__main__.py", "python -m validation"),
+    ],
+)
+def test_a_command_to_repeat_is_on_the_readers_path(
+    started: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As it was found on the path, or as it lies beside the working folder."""
+    monkeypatch.setattr("sys.argv", [started.format(here=Path.cwd())])
+    monkeypatch.setattr("validation.output.which", lambda _: "/x/bin/robotball")
+    assert program() == words
 
 
 def test_a_records_name_is_no_pattern(tmp_path: Path) -> None:

@@ -188,7 +188,7 @@ def test_a_studys_record_is_tables_and_pictures(robotball: Robotball, tmp_path: 
 def test_a_record_of_comparisons_begins_with_verdicts_and_its_scenes_pictures(
     tmp_path: Path, agreements: list[Agreement]
 ) -> None:
-    """As of the demo: a mark and a line each, then the paths; another scene's picture is left out."""
+    """As of the demo: a mark and a line each, then the paths; no other scene's picture."""
     write_json(tmp_path / "demo.json", [record(each) for each in agreements])
     for name in ("fig12-mujoco-all-momentum", "fig12-mujoco-all-path", "fig13-mujoco-all-path"):
         (tmp_path / f"{name}.png").write_bytes(b"\x89PNG")

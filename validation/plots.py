@@ -6,7 +6,7 @@ the pictures show in plain numbers, which can be sent to another process.
 """
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import cycle
@@ -214,10 +214,7 @@ def momentum_picture(sheet: Sheet) -> "Figure":
     return figure
 
 
-_PICTURES: dict[str, Callable[[Sheet], "Figure"]] = {
-    "path": path_picture,
-    "momentum": momentum_picture,
-}
+_PICTURES = {"path": path_picture, "momentum": momentum_picture}
 
 
 def _panels(sheet: Sheet, *heights: float) -> "tuple[Figure, list[Axes]]":
@@ -251,10 +248,8 @@ def _draw(axes: "Axes", line: _Line, x: _Array, y: _Array) -> None:
     style: dict[str, Any] = {"linewidth": 1.5, "linestyle": (0, look.dash) if look.dash else "-"}
     if not line.errors:
         style = {"linewidth": 5, "alpha": 0.6}
-    drawn = axes.plot(
-        x, y, color=look.colour, marker=look.marker, markevery=(first, every), **style
-    )
-    drawn[0].set_label(in_picture(look.label))
+    style |= {"marker": look.marker, "markevery": (first, every), "label": in_picture(look.label)}
+    axes.plot(x, y, color=look.colour, **style)
     if not line.finished:
         axes.plot(x[-1:], y[-1:], "X", color=look.colour, mec="black", markersize=10, zorder=5)
 

@@ -6,10 +6,12 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+from robotball.files import contents
 from validation.report.chart import Line, chart, legend
 
 _HERE = Path(__file__).parent
 _ROWS = 21  # of the table beside a plot
+VERDICTS = ("verdict bad", "verdict good")  # kinds of a paragraph
 _HINT = "Point at the plot, or use the arrow keys, for values."
 _NUMBER = set("0123456789.e+- ")
 _MANY = 8  # columns, which on paper are in small letters
@@ -39,9 +41,10 @@ def paragraph(words: str, kind: str = "") -> str:
     return f'<p class="{kind}">{text(words)}</p>' if kind else f"<p>{text(words)}</p>"
 
 
-def verdict(words: str, good: bool) -> str:
-    """Return a paragraph with a mark of whether the verdict is good."""
-    return paragraph(words, f"verdict {'good' if good else 'bad'}")
+def picture(path: Path) -> str:
+    """Return a figure of a PNG, which is named after its file."""
+    name, image = text(path.stem), embedded(contents(path), "image/png")
+    return f'<figure><img alt="{name}" src="{image}"><figcaption>{name}</figcaption></figure>'
 
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[object]], kind: str = "") -> str:

@@ -93,17 +93,14 @@ def chart(
         f'<svg class="chart" role="img" viewBox="0 0 {_WIDTH} {_TOP + height + _BOTTOM}" '
         f'aria-label="{escape(f"{y_label} over {x_label}: {names}", quote=True)}" '
         f'data-lines="{escape(json.dumps(data, separators=(",", ":")), quote=True)}" '
-        f'style="width:100%;max-width:{_WIDTH}px;font:13px sans-serif" fill="currentColor">'
-        + "".join(parts)
-        + "</svg></svg>"
+        f'style="max-width:{_WIDTH}px">{"".join(parts)}</svg></svg>'
     )
 
 
 def legend(lines: Sequence[Line]) -> str:
     """Return HTML of the lines' names, each beside a piece of its line."""
     return "".join(
-        '<span style="white-space:nowrap;margin-right:1.2em">'
-        '<svg class="key" width="34" height="10" aria-hidden="true">'
+        '<span class="key"><svg width="34" height="10" aria-hidden="true">'
         f'<line x1="1" y1="5" x2="33" y2="5" {_stroke(line)}/></svg> '
         f"{escape(line.look.label)}</span> "
         for line in lines
@@ -153,10 +150,7 @@ def _log_ticks(low: float, high: float) -> list[float]:
 
 
 def _grid(x1: float, y1: float, x2: float, y2: float) -> str:
-    return (
-        f'<line x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}" '
-        'stroke="currentColor" stroke-opacity=".13"/>'
-    )
+    return f'<line class="grid" x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"/>'
 
 
 def _text(x: float, y: float, words: str, anchor: str = "middle") -> str:

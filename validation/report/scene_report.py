@@ -14,7 +14,7 @@ from robotball.rotations import Array
 from validation.agreement import Agreement
 from validation.output import known, scientific, versions
 from validation.plots import framed, looks_of
-from validation.report import embedded, folded, page, paragraph, plain, plot, table, text, verdict
+from validation.report import VERDICTS, embedded, folded, page, paragraph, plain, plot, table, text
 from validation.report.chart import Line
 from validation.results import needs
 
@@ -74,7 +74,7 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
         ),
         "<h3>Agreement</h3>",
         '<div class="charts"><div>',
-        *(verdict(sentence(each), each.agrees) for each in group),
+        *(paragraph(sentence(each), VERDICTS[each.agrees]) for each in group),
         f"</div>{_paths(group)}</div>",
         _numbers(group),
         "<h3>To be looked at</h3>",
@@ -158,14 +158,14 @@ def _errors(group: Sequence[Agreement]) -> str:
 def _loads(group: Sequence[Agreement]) -> str:
     """Return plots of the friction needed, and of the torque, rate and power of each motor."""
     motions = _motions(group)
-    series = [("friction", "coefficient", [each.loads.sliding_friction for each in motions])]
+    series = [("Friction", "coefficient", [each.loads.sliding_friction for each in motions])]
     for i in np.flatnonzero(motions[0].loads.motor_torques.any(axis=0)):
         name = group[0].scene.hinges[i].name
         torques = [each.loads.motor_torques[:, i] for each in motions]
         series += [
-            (f"torque of {name}", "torque [N m]", torques),
-            (f"rate of {name}", "rate [rad/s]", [each.hinge_rates[:, i] for each in motions]),
-            (f"power of {name}", "power [W]", [each.motor_powers[:, i] for each in motions]),
+            (f"Torque of {name}", "torque [N m]", torques),
+            (f"Rate of {name}", "rate [rad/s]", [each.hinge_rates[:, i] for each in motions]),
+            (f"Power of {name}", "power [W]", [each.motor_powers[:, i] for each in motions]),
         ]
     drawn = ""
     for caption, label, values in series:

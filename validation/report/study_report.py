@@ -8,7 +8,7 @@ from typing import Any
 
 from robotball import InputError
 from robotball.files import contents
-from validation.report import embedded, folded, page, paragraph, plain, table, text, verdict
+from validation.report import VERDICTS, folded, page, paragraph, picture, plain, table, text
 
 _LONGEST = 60  # rows of a table; the file has the others
 _WIDEST = 60  # characters of a cell
@@ -32,10 +32,12 @@ def study_report(source: Path) -> str:
         raise InputError(f"{source} is no record of a study: it names no versions")
     body = [f"<h1>{text(source.stem)}</h1>", paragraph(f"A study's record, {source.name}.")]
     own = source.with_suffix(".png")
-    pictures = _picture(own) if own.exists() else _pictures(source, source.stem)
+    pictures = picture(own) if own.exists() else _pictures(source, source.stem)
     if all({"verdict", "agrees", *_COMPARED} <= part.keys() for part in parts):
         words = "".join(
-            verdict(f"{part['scene']}, {part['preset']}: {part['verdict']}.", part["agrees"])
+            paragraph(
+                "{scene}, {preset}: {verdict}.".format(**part), VERDICTS[bool(part["agrees"])]
+            )
             for part in parts
         )
         # They are named after the scenes, and all of them are beside the file.
@@ -51,12 +53,7 @@ def study_report(source: Path) -> str:
 
 def _pictures(source: Path, stem: str) -> str:
     """Return the pictures beside a file whose names begin with a stem, paths before momenta."""
-    return "".join(map(_picture, sorted(source.parent.glob(f"{escape(stem)}*.png"))[::-1]))
-
-
-def _picture(path: Path) -> str:
-    name, image = text(path.stem), embedded(contents(path), "image/png")
-    return f'<figure><img alt="{name}" src="{image}"><figcaption>{name}</figcaption></figure>'
+    return "".join(map(picture, sorted(source.parent.glob(f"{escape(stem)}*.png"))[::-1]))
 
 
 def _parts(record: Mapping[str, Any]) -> list[str]:

@@ -207,9 +207,9 @@ def test_a_record_of_comparisons_begins_with_verdicts_and_its_scenes_pictures(
 def test_a_scene_that_rolls_by_motors_has_their_loads(page: str) -> None:
     """Torque, rate and power of each hinge that is driven, with the largest by the equations."""
     for words in (
-        "torque of frame: at most",
-        "rate of frame: at most 2<",
-        "power of rotor1: at most",
+        "Torque of frame: at most",
+        "Rate of frame: at most 2<",
+        "Power of rotor1: at most",
     ):
         assert words in page
 

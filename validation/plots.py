@@ -175,10 +175,9 @@ def extremes(values: _Array) -> _Integers:
     """Return the indices of values (n,): of all, or of the extremes of each bin of many."""
     if len(values) <= _MOST:
         return np.arange(len(values))
-    edges = np.linspace(0, len(values), _MOST // 2 + 1).astype(int)
-    ends = zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
-    found = [sorted((i + values[i:j].argmin(), i + values[i:j].argmax())) for i, j in ends]
-    return np.array(found).ravel()
+    bins = np.array_split(np.arange(len(values)), _MOST // 2)
+    ends = [sorted((b[values[b].argmin()], b[values[b].argmax()])) for b in bins]
+    return np.array(ends).ravel()
 
 
 # Inches: the width of a picture, the left and right end of its panels, the height of those of
@@ -199,18 +198,16 @@ def path_picture(sheet: Sheet) -> "Figure":
     paths.set(xlim=x, ylim=y, xlabel="X [m]", ylabel="Y [m]", aspect="equal")
     paths.set_title("contact point on the plane, to one scale")
     errors.set_ylabel("distance of the\ncontact points [m]")
-    _draw_errors(errors, sheet, 0, sheet.path_scale)
-    _name_lines(figure, paths)
+    _draw_errors(figure, sheet, 0, sheet.path_scale)
     return figure
 
 
 def momentum_picture(sheet: Sheet) -> "Figure":
     """Draw the error of M. M itself is constant and named, or `motion.plot` draws it."""
     figure, (errors,) = _panels(sheet, _HIGH)
-    _draw_errors(errors, sheet, 1)
-    errors.set(ylabel=f"error of M, over\n{sheet.momentum_scale:.3g} kg m²/s")
-    errors.set_title(sheet.momentum or "momentum M")
-    _name_lines(figure, errors)
+    _draw_errors(figure, sheet, 1)
+    scale = f"error of M, over\n{sheet.momentum_scale:.3g} kg m²/s"
+    errors.set(ylabel=scale, title=sheet.momentum or "momentum M")
     return figure
 
 
@@ -254,20 +251,17 @@ def _draw(axes: "Axes", line: _Line, x: _Array, y: _Array) -> None:
         axes.plot(x[-1:], y[-1:], "X", color=look.colour, mec="black", markersize=10, zorder=5)
 
 
-def _draw_errors(axes: "Axes", sheet: Sheet, kind: int, scale: float = 1.0) -> None:
-    """Draw the runs' errors of a kind on a logarithmic axis, which ends at rounding."""
-    least, found = LEAST * scale, [line.errors[kind] for line in sheet.lines[1:]]
+def _draw_errors(figure: "Figure", sheet: Sheet, kind: int, scale: float = 1.0) -> None:
+    """Draw errors of a kind in the last panel, down to rounding; name the lines above them all."""
+    least, axes = LEAST * scale, figure.axes[-1]
+    found = [line.errors[kind] for line in sheet.lines[1:]]
     low = any((values < least).any() for _, values in found)
     axes.set_xlabel("time [s]" + f"; an error below {least:.0e} is drawn there" * low)
     for line, (times, values) in zip(sheet.lines[1:], found, strict=True):
         _draw(axes, line, times, np.maximum(values, least))
-
-
-def _name_lines(figure: "Figure", panel: "Axes") -> None:
-    """Name the lines of a panel between the title and the panels, off the data."""
-    top = 1 - 0.5 / figure.get_figheight()
-    named = panel.get_legend_handles_labels()
-    figure.legend(*named, loc="upper center", bbox_to_anchor=(0.5, top), ncols=3, frameon=False)
+    named = figure.axes[0].get_legend_handles_labels()
+    place = (0.5, 1 - 0.5 / figure.get_figheight())
+    figure.legend(*named, loc="upper center", bbox_to_anchor=place, ncols=3, frameon=False)
 
 
 def note(

@@ -149,10 +149,8 @@ def windows(agreements: Sequence[Agreement], folder: Path) -> list[Path]:
 
 def tell_fault_windows(paths: Iterable[Path]) -> None:
     """Print how to look at the first fault of each faulty run that left a fault window."""
-    for i, path in enumerate(paths):
-        print(
-            "" if i else "The first fault, step by step:\n", f" {program()} replay {path}", sep=""
-        )
+    for path in paths:
+        print("The first fault, step by step:", f" {program()} replay {path}", sep="\n")
 
 
 def show_rows(window: FaultWindow, console: Console) -> None:

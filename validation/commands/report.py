@@ -48,9 +48,9 @@ class Report:
         studies = [name for name in self.scenes if name.endswith(".json")]
         if studies and len(self.scenes) > 1:
             raise InputError("report takes one study's JSON file at a time, without scenes")
-        return self._study(Path(studies[0])) if studies else self._compared()
-
-    def _study(self, source: Path) -> int:
+        if not studies:
+            return self._compared()
+        source = Path(studies[0])
         path = writable_folder(self.run_options.out) / f"{source.stem}-report.html"
         write_text(path, study_report(source))
         print(path)

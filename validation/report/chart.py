@@ -76,7 +76,8 @@ def chart(
     for tick in ticks(x0, x1):
         x = float(px(np.array(tick)))
         parts += [_grid(x, _TOP, x, low), _text(x, low + 18, f"{tick:g}")]
-    for tick in _log_ticks(y0, y1) if log else ticks(y0, y1, 5):
+    powers = (n for n in ticks(y0, y1) if n % 1 == 0)
+    for tick in powers if log else ticks(y0, y1, 5):
         y = float(py(np.array(10.0**tick if log else tick)))
         words = f"1e{tick:.0f}" if log else f"{tick:g}"
         parts += [_grid(_LEFT, y, right, y), _text(_LEFT - 6, y + 4, words, "end")]
@@ -142,11 +143,6 @@ def _log_range(values: Sequence[Array]) -> tuple[float, float]:
     if not len(positive):
         return math.log10(LEAST), math.log10(LEAST) + 2
     return math.floor(np.log10(positive.min())), math.ceil(np.log10(positive.max()) + 1e-9)
-
-
-def _log_ticks(low: float, high: float) -> list[float]:
-    step = max(1, math.ceil((high - low) / 7))
-    return [float(n) for n in range(math.ceil(low), math.floor(high) + 1) if n % step == 0]
 
 
 def _grid(x1: float, y1: float, x2: float, y2: float) -> str:

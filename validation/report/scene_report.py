@@ -62,7 +62,7 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
     if film:
         source = embedded(film.read_bytes(), "video/mp4")
         shown = f'<video controls muted playsinline src="{source}"></video>'
-    file = f"<pre>{escape(scene_toml(scene))}</pre>" if not scene.ball.general else ""
+    file = "" if scene.ball.general else f"<pre>{escape(scene_toml(scene))}</pre>"
     return [
         f"<h2>{escape(scene.name)}</h2>",
         paragraph(scene.title),
@@ -89,7 +89,7 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
             folded(f"Settings of {each.settings.name}", plain(each.settings.plain()), short=True)
             for each in group
         ),
-        *([folded("The scene's file", file)] if file else []),
+        folded("The scene's file", file) if file else "",
     ]
 
 
@@ -193,11 +193,10 @@ def _lines(group: Sequence[Agreement], columns: Sequence[_Columns]) -> list[Line
 def friction_needed(theory: Motion) -> str:
     """Return a sentence on the friction that the motion needs."""
     asked = needs(theory)
-    words = (
-        f"By the {theory.engine.name} the motion needs a coefficient of sliding friction of "
-        f"{asked['sliding_friction']:.3g}."
+    spin = (
+        f" To keep it from spinning takes a torsional one of {asked['torsional_friction']:.3g} m."
     )
-    if theory.scene.rolling == "rubber":
-        torsional = asked["torsional_friction"]
-        words += f" So that it does not spin, it needs a torsional one of {torsional:.3g} m."
-    return words
+    return (
+        f"By the {theory.engine.name} the motion needs a coefficient of sliding friction of "
+        f"{asked['sliding_friction']:.3g}.{spin if theory.scene.rolling == 'rubber' else ''}"
+    )

@@ -69,12 +69,10 @@ def _parts(record: Mapping[str, Any]) -> list[str]:
 def _rows(name: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     columns = [key for key, value in rows[0].items() if _is_plain(value)]
     cells = [[_cell(row.get(key)) for key in columns] for row in rows[:_LONGEST]]
-    words = f"{len(rows)} rows"
-    if len(rows) > _LONGEST:
-        words += f", of which the first {_LONGEST} are shown"
+    first = f", of which the first {_LONGEST} are shown" if len(rows) > _LONGEST else ""
     return [
         f"<h2>{text(name.replace('_', ' '))}</h2>",
-        paragraph(f"{words}.", "faint"),
+        paragraph(f"{len(rows)} rows{first}.", "faint"),
         table([key.replace("_", " ") for key in columns], cells),
     ]
 

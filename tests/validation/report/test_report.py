@@ -86,7 +86,7 @@ def test_friction_needed_stands_beside_what_is_given() -> None:
     agreement = compare("fig12", "fast")
     words = friction_needed(agreement.theory)
     assert "needs a coefficient of sliding friction of 1.32." in words
-    assert "torsional one of 1.87 m" in words
+    assert "torsional one of 1.87 m." in words
     page = report([agreement], COMMAND)
     assert words in page
     assert '<td class="number">20.0</td><td>9.58 %</td>' in page

@@ -148,7 +148,7 @@ def sheet_of(agreements: Sequence["Agreement"]) -> Sheet:
     """Return the sheet of one scene's agreements by one engine."""
     theory = agreements[0].theory
     scene, (own, *looks) = theory.scene, looks_of(agreements)
-    vector = ", ".join(f"{each:.3g}" for each in scene.start.momentum.round(12) + 0.0)
+    vector = ", ".join(f"{each:.3g}" for each in theory.momentum[0].round(12) + 0.0)
     return Sheet(
         title=f"{scene.name}: {scene.title}",
         lines=[_Line(own, _thinned(theory.contact_point)), *map(_line, looks, agreements)],
@@ -220,9 +220,8 @@ def _panels(sheet: Sheet, *heights: float) -> "tuple[Figure, list[Axes]]":
     from matplotlib.ticker import NullLocator
 
     # Margins are given: a layout that matplotlib finds takes as long as the rest of a picture.
-    above = _ABOVE + _ROW * (
-        (len(sheet.lines) + 4) // 3
-    )  # of three names: of the lines, and two more
+    rows = (len(sheet.lines) + 4) // 3  # of three names each: of the lines, and two more
+    above = _ABOVE + _ROW * rows
     high = above + sum(heights) + _BELOW * len(heights)
     across = {"left": _LEFT / _WIDTH, "right": _RIGHT / _WIDTH, "height_ratios": heights}
     along = {"top": 1 - above / high, "bottom": _BELOW / high, "hspace": _BELOW / np.mean(heights)}

@@ -76,12 +76,7 @@ def plain(values: Mapping[str, Any]) -> str:
 
 
 def plot(
-    caption: str,
-    lines: Sequence[Line],
-    x_label: str,
-    y_label: str,
-    note: str = "",
-    **how: Any,
+    caption: str, lines: Sequence[Line], x_label: str, y_label: str, note: str = "", **how: Any
 ) -> str:
     """Return a plot with its names above, and below it values under the pointer and in a table.
 
@@ -99,13 +94,11 @@ def plot(
 def _values(lines: Sequence[Line], x_label: str, y_label: str) -> str:
     """Return a table of each line at a few places."""
     first, path = lines[0], lines[0].times is not None
-    count = len(first.x)
-    at = first.x if first.times is None else first.times
-    columns = [("t [s]" if path else x_label, at, ".4g")]
+    columns = [(x_label, first.x, ".4g") if first.times is None else ("t [s]", first.times, ".4g")]
     for line in lines:
         axes = ((x_label, line.x), (y_label, line.y))
         columns += [(f"{name}, {line.look.label}", x, ".5g") for name, x in axes[not path :]]
-    places = sorted({round(i * (count - 1) / (_ROWS - 1)) for i in range(_ROWS)})
+    places = sorted({round(i * (len(first.x) - 1) / (_ROWS - 1)) for i in range(_ROWS)})
     rows = [
         [f"{values[i]:{form}}" if i < len(values) else "-" for _, values, form in columns]
         for i in places

@@ -32,28 +32,27 @@ def study_report(source: Path) -> str:
         raise InputError(f"{source} is no record of a study: it names no versions")
     body = [f"<h1>{text(source.stem)}</h1>", paragraph(f"A study's record, {source.name}.")]
     own = source.with_suffix(".png")
-    pictures = picture(own) if own.exists() else _pictures(source, source.stem)
+    pictures = [picture(own)] if own.exists() else _pictures(source, source.stem)
     if all({"verdict", "agrees", *_COMPARED} <= part.keys() for part in parts):
         words = "".join(
             paragraph(
-                "{scene}, {preset}: {verdict}.".format(**part), VERDICTS[bool(part["agrees"])]
+                "{scene}, {preset}: {verdict}.".format(**part), VERDICTS[part["agrees"] is True]
             )
             for part in parts
         )
-        # They are named after the scenes, and all of them are beside the file.
-        scenes = dict.fromkeys(str(part["scene"]) for part in parts)
-        pictures += "".join(_pictures(source, f"{scene}-") for scene in scenes)
-        body.append(f'<div class="charts"><div>{words}</div>{pictures}</div>')
+        for scene in dict.fromkeys(str(part["scene"]) for part in parts):  # they are named after it
+            pictures += _pictures(source, f"{scene}-")[::-1]  # paths before momenta
+        body.append(f'<div class="charts"><div>{words}</div>{"".join(pictures)}</div>')
         body += _rows("runs", [{name: part[name] for name in _COMPARED} for part in parts])
     else:
-        body += [pictures, *(_rows("runs", parts) if record is parts else _parts(record))]
+        body += [*pictures, *(_rows("runs", parts) if record is parts else _parts(record))]
     body.append(folded("Versions", plain(parts[0]["versions"]), short=True))
     return page(f"robotball: {source.stem}", body)
 
 
-def _pictures(source: Path, stem: str) -> str:
-    """Return the pictures beside a file whose names begin with a stem, paths before momenta."""
-    return "".join(map(picture, sorted(source.parent.glob(f"{escape(stem)}*.png"))[::-1]))
+def _pictures(source: Path, stem: str) -> list[str]:
+    """Return the pictures beside a file whose names begin with a stem."""
+    return [picture(each) for each in sorted(source.parent.glob(f"{escape(stem)}*.png"))]
 
 
 def _parts(record: Mapping[str, Any]) -> list[str]:

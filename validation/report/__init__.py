@@ -14,7 +14,7 @@ _ROWS = 21  # of the table beside a plot
 VERDICTS = ("verdict bad", "verdict good")  # kinds of a paragraph
 _HINT = "Point at the plot, or use the arrow keys, for values."
 _NUMBER = set("0123456789.e+- ")
-_MANY = 8  # columns, which on paper are in small letters
+_MANY = 9  # columns, which on paper are in small letters
 
 
 def page(title: str, body: Iterable[str], head: str = "") -> str:

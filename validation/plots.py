@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 # The type of robotball.rotations, whose import would bring scipy to a process that only draws.
 _Array = NDArray[np.float64]
-_Integers = NDArray[np.int64]
+
 
 _MATPLOTLIB = "matplotlib.backends.backend_agg"  # with all of it that a PNG needs
 MANY = 4  # scenes, worth more than one process to compare them, each of which draws its own
@@ -171,7 +171,7 @@ def _thinned(values: _Array) -> _Array:
     return values[:: 1 + len(values) // _MOST]
 
 
-def extremes(values: _Array) -> _Integers:
+def extremes(values: _Array) -> NDArray[np.int64]:
     """Return the indices of values (n,): of all, or of the extremes of each bin of many."""
     if len(values) <= _MOST:
         return np.arange(len(values))

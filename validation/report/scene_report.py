@@ -118,7 +118,7 @@ def _numbers(group: Sequence[Agreement]) -> str:
     headings = ("preset", "step [ms]", "tolerance", *_ERRORS, "friction", "used")
     words = "; ".join(f"{name}: {meaning}" for name, meaning in _ERRORS.items())
     words += "; friction: the plane's coefficient, and the part of its limit used at most"
-    words += "; naive: the engine as it comes" * (group[0].settings.name == "naive")
+    words += "; naive: the engine as it comes" * any(e.settings.name == "naive" for e in group)
     own = group[0].reference_error
     if own is not None:
         words += f". The reference's own path error is {scientific(own)}"

@@ -1,5 +1,6 @@
 """Shared by all tests: repeatable draws, and the command as a user runs it."""
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -34,8 +35,9 @@ def robotball(
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["robotball", *map(str, arguments)])
         with pytest.raises(SystemExit) as leaving:
-            main([str(argument) for argument in arguments])
+            main()
         captured = capsys.readouterr()
         status = leaving.value.code or 0
         assert isinstance(status, int)

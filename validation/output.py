@@ -10,11 +10,13 @@ import json
 import math
 import os
 import platform
+import sys
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
+from shutil import which
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
@@ -43,6 +45,14 @@ def versions() -> dict[str, str]:
         "machine": f"{platform.system()} {platform.machine()}",
         **{package: version(package) for package in _PACKAGES},
     }
+
+
+def program() -> str:
+    """Return the words that start this program in a reader's terminal, in the same folder."""
+    started = Path(sys.argv[0])
+    if started.stem == "__main__":
+        return "python -m validation"
+    return "robotball" if which("robotball") == str(started) else os.path.relpath(started)
 
 
 def write_record(path: Path | None, record: Mapping[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""Draw the pictures of a scene's agreements: paths and the momentum, each with its error below.
+"""Draw the pictures of a scene's agreements: paths and their distance, and the error of M.
 
 To import matplotlib takes longer than to compare a short motion. So other processes draw, which
 import it while this one works; a process that has it already draws by itself. A Sheet holds what
@@ -6,11 +6,12 @@ the pictures show in plain numbers, which can be sent to another process.
 """
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +23,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from robotball.motion import Motion
     from validation.agreement import Agreement
 
 # The type of robotball.rotations, whose import would bring scipy to a process that only draws.
 _Array = NDArray[np.float64]
-_Integers = NDArray[np.int64]
+
 
 _MATPLOTLIB = "matplotlib.backends.backend_agg"  # with all of it that a PNG needs
 MANY = 4  # scenes, worth more than one process to compare them, each of which draws its own
@@ -61,182 +61,206 @@ def _write(drawing: tuple[str, "Sheet", Path]) -> Path:
 
 
 _MOST = 50_000  # points of a line: a dozen for each column of pixels
+# Below the rounding of 1 an error says nothing, and a zero has no place on a logarithmic axis.
+LEAST = 1e-17
+
+
+class Look(NamedTuple):
+    """The label, colour, dash (in widths of the line) and marker by which a line is known."""
+
+    label: str
+    colour: str
+    dash: Sequence[float] = ()
+    marker: str = ""
+
+
+# After the engine's own colour; most are of Okabe and Ito's set. Dashes differ in grey, too.
+_COLOURS = ("#009E73", "#CC79A7", "#56B4E9", "#B08900", "#7F7F7F")
+_DASHES = ((), (6, 2), (2, 2), (7, 2, 2, 2), (1, 3))
+_MARKERS = "os^Dv*"
+
+
+def looks_of(agreements: Sequence["Agreement"]) -> list[Look]:
+    """Return the looks of the equations' motion and of each run, on all plots of a scene."""
+    theory, engine = agreements[0].theory.engine, agreements[0].motion.engine
+    labels = [f"{engine.name}, {each.settings.name}" for each in agreements]
+    colours = [engine.colour, *(each for each in _COLOURS if each != engine.colour)]
+    looks = map(Look, labels, cycle(colours), cycle(_DASHES), cycle(_MARKERS))
+    return [Look(theory.name, theory.colour), *looks]
+
+
+def in_view(own: _Array, every: _Array, reach: float) -> tuple[float, float]:
+    """Return the ends of an axis: all of `own` (n,), and of `every` (m,) what is within reach.
+
+    A run that breaks leaves the picture: its last samples may be any number.
+    """
+    own, every = own[np.isfinite(own)], every[np.isfinite(every)]
+    low, high = (float(own.min()), float(own.max())) if len(own) else (0.0, 0.0)
+    return max(low - reach, every.min(initial=low)), min(high + reach, every.max(initial=high))
+
+
+def framed(agreements: Sequence["Agreement"]) -> _Array:
+    """Return the ends (2, 2) of the axes X and Y [m] of a picture of the paths, to one scale.
+
+    It is 0.2 to 0.7 times as high as wide: no tower, no strip, and never rounding alone.
+    """
+    own, radius = agreements[0].theory.contact_point, agreements[0].scene.ball.radius
+    every = np.concatenate([own, *(each.motion.contact_point for each in agreements)])
+    reach = max(float(np.ptp(own, axis=0).max()), radius)
+    ends = np.array([in_view(own[:, i], every[:, i], reach) for i in (0, 1)])
+    across, up = 1.1 * np.ptp(ends, axis=1)
+    across = max(across, up / 0.7, 0.1 * radius)
+    half = np.array([across, max(up, 0.2 * across)]) / 2
+    return np.column_stack([ends.mean(axis=1) - half, ends.mean(axis=1) + half])
 
 
 @dataclass(frozen=True)
 class _Line:
-    """A motion in a picture: times (n,) s, contact_point (n, 2) m and momentum (n, 3) kg m²/s."""
+    """A motion in a picture, by its contact_point (n, 2) m, and by its errors.
 
-    label: str
-    colour: str
-    times: _Array
-    contact_point: _Array
-    momentum: _Array
-
-
-# The times (n,) s of errors and their values (n,), without the zero that they start from.
-_Errors = tuple[_Array, _Array]
-
-
-@dataclass(frozen=True)
-class _Run:
-    """A motion by an engine, with its path's errors [m] and its momentum's, relative.
-
-    settings: their name; finished: whether the motion is as long as it should be.
+    errors: of the path [m] and of the momentum, relative, each as times (n,) s and values (n,)
+    without the zero that they start from; finished: whether it is as long as it should be.
     """
 
-    line: _Line
-    settings: str
-    finished: bool
-    path_errors: _Errors
-    momentum_errors: _Errors
+    look: Look
+    contact_point: _Array
+    errors: Sequence[tuple[_Array, _Array]] = ()
+    finished: bool = True
 
 
 @dataclass(frozen=True)
 class Sheet:
     """The lines, names and scales of a scene's pictures.
 
-    momentum_labels: the names of M's components by their heights; scale: kg m²/s, of M.
+    lines: the equations' first; momentum: M in words where it is constant; the scales: units of
+    errors; frame (2, 2): ends of X and Y [m].
     """
 
     title: str
-    theory: _Line
-    runs: Sequence[_Run]
-    keeps_momentum: bool
-    momentum_labels: dict[float, str]
-    scale: float
+    lines: Sequence[_Line]
+    momentum: str
+    momentum_scale: float
+    path_scale: float
+    frame: _Array
 
 
 def sheet_of(agreements: Sequence["Agreement"]) -> Sheet:
     """Return the sheet of one scene's agreements by one engine."""
-    from robotball.notebook import by_value
-
     theory = agreements[0].theory
-    scene = theory.scene
+    scene, (own, *looks) = theory.scene, looks_of(agreements)
+    vector = ", ".join(f"{each:.3g}" for each in theory.momentum[0].round(12) + 0.0)
     return Sheet(
         title=f"{scene.name}: {scene.title}",
-        theory=_line(theory, theory.engine.name),
-        runs=[
-            _Run(
-                _line(each.motion, f"{each.motion.engine.name}, {each.settings.name}"),
-                each.settings.name,
-                each.finished,
-                _errors(each.motion, each.path_errors),
-                _errors(each.motion, each.momentum_errors),
-            )
-            for each in agreements
-        ],
-        keeps_momentum=scene.keeps_momentum,
-        momentum_labels=by_value(theory.momentum[0 if scene.keeps_momentum else -1]),
-        scale=scene.momentum_scale,
+        lines=[_Line(own, _thinned(theory.contact_point)), *map(_line, looks, agreements)],
+        momentum=f"M = ({vector}) kg m²/s is constant" if scene.keeps_momentum else "",
+        momentum_scale=scene.momentum_scale,
+        path_scale=theory.path_scale,
+        frame=framed(agreements),
     )
 
 
-def _line(motion: "Motion", label: str) -> _Line:
-    shown = slice(None, None, 1 + len(motion.times) // _MOST)
-    paths = motion.contact_point[shown], motion.momentum[shown]
-    return _Line(label, motion.engine.colour, motion.times[shown], *paths)
+def _line(look: Look, agreement: "Agreement") -> _Line:
+    times, errors = agreement.motion.times, []
+    for values in (agreement.path_errors, agreement.momentum_errors):
+        which = 1 + extremes(values[1:])
+        errors.append((times[which], values[which]))
+    return _Line(look, _thinned(agreement.motion.contact_point), errors, agreement.finished)
 
 
-def _errors(motion: "Motion", values: _Array) -> _Errors:
-    which = 1 + extremes(values[1:])
-    return motion.times[which], values[which]
+def _thinned(values: _Array) -> _Array:
+    return values[:: 1 + len(values) // _MOST]
 
 
-def extremes(values: _Array) -> _Integers:
+def extremes(values: _Array) -> NDArray[np.int64]:
     """Return the indices of values (n,): of all, or of the extremes of each bin of many."""
     if len(values) <= _MOST:
         return np.arange(len(values))
-    edges = np.linspace(0, len(values), _MOST // 2 + 1).astype(int)
-    ends = zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
-    found = [sorted((i + values[i:j].argmin(), i + values[i:j].argmax())) for i, j in ends]
-    return np.array(found).ravel()
+    bins = np.array_split(np.arange(len(values)), _MOST // 2)
+    ends = [sorted((b[values[b].argmin()], b[values[b].argmax()])) for b in bins]
+    return np.array(ends).ravel()
 
 
-# Settings differ by line style, so in grey too; the coarsest has the most broken line.
-_STYLES = ((0, (1, 3)), ":", "-.", "--", "-")
-_INCHES = (8.0, 7.0)
-ROOM = {"left": 0.13, "right": 0.86, "top": 0.9, "bottom": 0.08, "hspace": 0.25}
+# Inches: the width of a picture, the left and right end of its panels, the height of those of
+# errors, and what is left free above, for a row of names, and below each panel.
+_WIDTH, _LEFT, _RIGHT, _HIGH, _ABOVE, _ROW, _BELOW = 8.0, 1.1, 7.6, 2.7, 0.8, 0.21, 0.75
 
 
 def path_picture(sheet: Sheet) -> "Figure":
     """Draw the contact points' paths of both motions, and their distance over time below."""
-    figure, paths, errors = _two_panels(sheet)
-    paths.plot(*sheet.theory.contact_point.T, label=sheet.theory.label, **_wide(sheet))
-    for run, style in _styled(sheet):
-        colour, label = run.line.colour, in_picture(run.line.label)
-        paths.plot(*run.line.contact_point.T, linestyle=style, color=colour, label=label)
-        _log_line(errors, run, run.path_errors, style)
-    paths.set(xlabel="X [m]", ylabel="Y [m]", title="contact point on the plane, to one scale")
-    paths.set_aspect("equal", "datalim")
-    errors.set(xlabel="time [s]", ylabel="distance of the\ncontact points [m]")
-    paths.legend(loc="best", ncols=1 + (len(sheet.runs) > 2))
+    across, up = np.ptp(sheet.frame, axis=1)
+    figure, (paths, errors) = _panels(sheet, (_RIGHT - _LEFT) * up / across, _HIGH)
+    for line in sheet.lines:
+        _draw(paths, line, *line.contact_point.T)
+    paths.plot(*sheet.lines[0].contact_point[0], "ko", markersize=8, zorder=4, label="start")
+    if not all(line.finished for line in sheet.lines):
+        paths.plot([], [], "kX", markersize=9, label="a run breaks off")
+    x, y = sheet.frame
+    paths.set(xlim=x, ylim=y, xlabel="X [m]", ylabel="Y [m]", aspect="equal")
+    paths.set_title("contact point on the plane, to one scale")
+    errors.set_ylabel("distance of the\ncontact points [m]")
+    _draw_errors(figure, sheet, 0, sheet.path_scale)
     return figure
 
 
 def momentum_picture(sheet: Sheet) -> "Figure":
-    """Draw M's components by the equations and by the engine, and the error of M below."""
-    figure, components, errors = _two_panels(sheet)
-    theory, wide = sheet.theory, _wide(sheet)
-    components.plot([], [], label=theory.label, **wide)
-    for value, names in sheet.momentum_labels.items():
-        if sheet.keeps_momentum:
-            components.axhline(value, **wide)
-        beside(components, names, value)
-    if not sheet.keeps_momentum:
-        components.plot(theory.times, theory.momentum, **wide)
-    for run, style in _styled(sheet):
-        line = run.line
-        lines = components.plot(line.times, line.momentum, linestyle=style, color=line.colour)
-        lines[0].set_label(in_picture(line.label))
-        _log_line(errors, run, run.momentum_errors, style)
-    low, high = components.get_ylim()
-    if high - low < 1e-3 * sheet.scale:  # M = 0: rounding alone would fill the picture
-        components.set_ylim(low - 0.05 * sheet.scale, high + 0.05 * sheet.scale)
-    components.set(ylabel="M, world axes [kg m²/s]", title="momentum M")
-    errors.set(xlabel="time [s]", ylabel=f"error of M, over {sheet.scale:.3g} kg m²/s")
-    components.legend(loc="best")
+    """Draw the error of M. M itself is constant and named, or `motion.plot` draws it."""
+    figure, (errors,) = _panels(sheet, _HIGH)
+    _draw_errors(figure, sheet, 1)
+    scale = f"error of M, over\n{sheet.momentum_scale:.3g} kg m²/s"
+    errors.set(ylabel=scale, title=sheet.momentum or "momentum M")
     return figure
 
 
-_PICTURES: dict[str, Callable[[Sheet], "Figure"]] = {
-    "path": path_picture,
-    "momentum": momentum_picture,
-}
+_PICTURES = {"path": path_picture, "momentum": momentum_picture}
 
 
-def _two_panels(sheet: Sheet) -> "tuple[Figure, Axes, Axes]":
+def _panels(sheet: Sheet, *heights: float) -> "tuple[Figure, list[Axes]]":
+    """Return a figure of panels so many inches high, the last of them of errors over time."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import NullLocator
 
-    figure = Figure(figsize=_INCHES)
-    title(figure, sheet.title)
     # Margins are given: a layout that matplotlib finds takes as long as the rest of a picture.
-    above, below = figure.subplots(2, 1, gridspec_kw=ROOM)
-    below.set_yscale("log")
-    below.yaxis.set_minor_locator(NullLocator())
-    below.yaxis.set_major_formatter(lambda value, _: f"{value:.0e}")  # as in the table
-    for axes in (above, below):
-        axes.grid(alpha=0.3)
-        axes.margins(x=0.01)
-    return figure, above, below
+    rows = (len(sheet.lines) + 4) // 3  # of three names each: of the lines, and two more
+    above = _ABOVE + _ROW * rows
+    high = above + sum(heights) + _BELOW * len(heights)
+    across = {"left": _LEFT / _WIDTH, "right": _RIGHT / _WIDTH, "height_ratios": heights}
+    along = {"top": 1 - above / high, "bottom": _BELOW / high, "hspace": _BELOW / np.mean(heights)}
+    figure = Figure(figsize=(_WIDTH, high))
+    title(figure, sheet.title)
+    panels = [*figure.subplots(len(heights), squeeze=False, gridspec_kw=across | along)[:, 0]]
+    for each in panels:
+        each.grid(alpha=0.3)
+        each.margins(x=0.01)
+    panels[-1].set_yscale("log")
+    panels[-1].yaxis.set_minor_locator(NullLocator())
+    panels[-1].yaxis.set_major_formatter(lambda value, _: f"{value:.0e}")  # as in the table
+    return figure, panels
 
 
-def _wide(sheet: Sheet) -> dict[str, Any]:
-    """Return the style of the equations' motion, which is wide below all others."""
-    return {"color": sheet.theory.colour, "linewidth": 5, "alpha": 0.6}
+def _draw(axes: "Axes", line: _Line, x: _Array, y: _Array) -> None:
+    """Draw a line, with a cross where its run breaks off; that of the equations is wide."""
+    look, every = line.look, 1 + len(x) // 8
+    first = _MARKERS.find(look.marker) * every // len(_MARKERS)  # on one path none hides another
+    style: dict[str, Any] = {"linewidth": 1.5, "linestyle": (0, look.dash) if look.dash else "-"}
+    if not line.errors:
+        style = {"linewidth": 5, "alpha": 0.6}
+    style |= {"marker": look.marker, "markevery": (first, every), "label": in_picture(look.label)}
+    axes.plot(x, y, color=look.colour, **style)
+    if not line.finished:
+        axes.plot(x[-1:], y[-1:], "X", color=look.colour, mec="black", markersize=10, zorder=5)
 
 
-def _styled(sheet: Sheet) -> list[tuple[_Run, Any]]:
-    last = len(sheet.runs)
-    return [(each, _STYLES[(i - last) % len(_STYLES)]) for i, each in enumerate(sheet.runs)]
-
-
-def _log_line(axes: "Axes", run: _Run, errors: _Errors, style: Any) -> None:
-    """Draw a line on a log axis, and name it at its end."""
-    axes.plot(*errors, linestyle=style, color=run.line.colour)
-    if run.finished:
-        beside(axes, in_picture(run.settings), errors[1].max(initial=0.0))
+def _draw_errors(figure: "Figure", sheet: Sheet, kind: int, scale: float = 1.0) -> None:
+    """Draw errors of a kind in the last panel, down to rounding; name the lines above them all."""
+    least, axes = LEAST * scale, figure.axes[-1]
+    found = [line.errors[kind] for line in sheet.lines[1:]]
+    low = any((values < least).any() for _, values in found)
+    axes.set_xlabel("time [s]" + f"; an error below {least:.0e} is drawn there" * low)
+    for line, (times, values) in zip(sheet.lines[1:], found, strict=True):
+        _draw(axes, line, times, np.maximum(values, least))
+    named = figure.axes[0].get_legend_handles_labels()
+    place = (0.5, 1 - 0.5 / figure.get_figheight())
+    figure.legend(*named, loc="upper center", bbox_to_anchor=place, ncols=3, frameon=False)
 
 
 def note(

@@ -130,6 +130,7 @@ _TABLE_COLUMNS = (
     "momentum_error", "realtime_factor", "agrees", "verdict",
 )  # fmt: skip
 Record = dict[str, Any]
+SYMBOLS = "γ: the vertical seen from the frame; M: momentum; naive: an engine as it comes"
 
 
 def record(agreement: Agreement) -> Record:
@@ -223,6 +224,7 @@ def show(records: Sequence[Record], console: Console) -> None:
         if each["verdict"] != "agrees":
             below.append((f"{each['scene']}, {each['preset']}: {each['verdict']}", style))
     print_whole(table, console)
+    console.print(SYMBOLS, style="dim", highlight=False)
     for line, style in below:
         console.print(escape(line), style=style)
 

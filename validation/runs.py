@@ -15,7 +15,7 @@ from robotball.files.replacing import refused
 from robotball.processes import allowed, in_processes
 from robotball.rotations import Array
 from validation.agreement import Agreement, compare_with
-from validation.output import Show, plain_table, print_whole, progress_bar
+from validation.output import Show, plain_table, print_whole, program, progress_bar
 from validation.plots import MANY, draw
 from validation.results import Record, fault_window_path, record
 
@@ -154,7 +154,7 @@ def windows(agreements: Sequence[Agreement], folder: Path) -> list[Path]:
 def tell_fault_windows(paths: Iterable[Path]) -> None:
     """Print how to look at the first fault of each faulty run that left a fault window."""
     for path in paths:
-        print(f"robotball replay {path}", "steps through its first fault")
+        print("The first fault, step by step:", f" {program()} replay {path}", sep="\n")
 
 
 def show_rows(window: FaultWindow, console: Console) -> None:

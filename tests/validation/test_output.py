@@ -15,10 +15,18 @@ from matplotlib.figure import Figure
 import robotball as rb
 from robotball.engines.mujoco import LABEL
 from robotball.files.replacing import replacing
-from validation import compare
+from validation import Agreement, compare
 from validation.cli import parse
-from validation.output import progress_bar, title, write_rows, write_text
-from validation.plots import ROOM, extremes, momentum_picture, path_picture, sheet_of
+from validation.output import progress_bar, write_rows, write_text
+from validation.plots import (
+    extremes,
+    framed,
+    in_view,
+    looks_of,
+    momentum_picture,
+    path_picture,
+    sheet_of,
+)
 from validation.results import changed, file_name, file_stem, scenes_of
 from validation.studies.extremes import round_ticks
 from validation.study import Column, Row, Study, present, table_of
@@ -146,9 +154,9 @@ def test_long_work_leaves_a_line_now_and_then_in_a_log(
 # Pictures --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["fig06", "fig05d", "chaplygin_ball", "zero_rotor"])
+@pytest.mark.parametrize("name", ["fig06", "fig05d", "chaplygin_ball", "routh_sphere"])
 def test_pictures_show_what_their_axes_say(name: str) -> None:
-    """A metre along X is one along Y, and a momentum of zero has room for more than rounding.
+    """A metre along X is one along Y; an error's axis ends at rounding; a constant M is in words.
 
     No picture warns: of a path that is a circle, of M = 0 as in fig06, nor of an equal limit.
     """
@@ -159,13 +167,57 @@ def test_pictures_show_what_their_axes_say(name: str) -> None:
         pictures = path_picture(sheet), momentum_picture(sheet)
         for each in pictures:
             each.draw_without_rendering()
-    (paths, distance), (components, errors) = (each.axes for each in pictures)
-    assert paths.get_aspect() == 1.0
-    low, high = components.get_ylim()
-    assert high - low > 0.09 * agreement.scene.momentum_scale  # measured 0.1 for fig06
-    assert errors.get_ylabel().endswith(f"over {agreement.scene.momentum_scale:.3g} kg m²/s")
+    (paths, distance), (errors,) = (each.axes for each in pictures)
+    (x0, x1), (y0, y1), box = paths.get_xlim(), paths.get_ylim(), paths.get_window_extent()
+    assert box.width / (x1 - x0) == pytest.approx(box.height / (y1 - y0), rel=1e-6)
+    assert ("constant" in errors.get_title()) == agreement.scene.keeps_momentum
+    assert f"over\n{agreement.scene.momentum_scale:.3g} kg m²/s" in errors.get_ylabel()
     drawn = np.asarray(distance.get_lines()[0].get_ydata(), dtype=float)
     assert drawn.max() == agreement.path_errors.max()
+    assert drawn.min() >= 1e-17 * agreement.theory.path_scale
+
+
+def test_a_straight_paths_errors_end_at_rounding_and_its_panel_is_flat() -> None:
+    """Errors of 1e-33 are drawn at 1e-17 of the path, and the axis says so; one in six is flat."""
+    agreement = compare("fig12", "fast", TIMES)
+    sheet = sheet_of([agreement])
+    times = agreement.motion.times
+    ahead = np.column_stack([times, 0 * times])
+    tiny = [(times[1:], np.full(len(times) - 1, 1e-33)) for _ in range(2)]
+    own, run = (replace(line, contact_point=ahead) for line in sheet.lines)
+    agreement = Agreement(
+        replace(agreement.theory, contact_point=ahead),
+        replace(agreement.motion, contact_point=ahead),
+    )
+    lines = [own, replace(run, errors=tiny)]
+    paths, errors = path_picture(replace(sheet, lines=lines, frame=framed([agreement]))).axes
+    floor = 1e-17 * sheet.path_scale
+    assert errors.get_ylim()[0] > floor / 100  # measured a tenth: a decade around a constant
+    assert errors.get_xlabel() == f"time [s]; an error below {floor:.0e} is drawn there"
+    box = paths.get_position()
+    assert box.height < errors.get_position().height / 1.5  # measured 1.3 inches beside 2.7
+
+
+def test_runs_are_told_apart_without_colour_and_a_cross_is_where_one_breaks_off() -> None:
+    """Each has a colour, a dash and a marker of its own; the first colour is its engine's."""
+    agreements = [compare("fig12", name, TIMES) for name in rb.PRESETS]
+    own, *looks = looks_of(agreements)
+    for part in ("colour", "dash", "marker"):
+        assert len({getattr(each, part) for each in (own, *looks)}) >= len(looks)
+    assert looks[0].colour == LABEL.colour
+    mine = replace(rb.preset("naive"), name="mine", stop_at_fault=True)
+    broken = Agreement(agreements[0].theory, rb.simulate(rb.load_scene("fig12"), TIMES, mine))
+    for agreement, crosses in ((agreements[1], 0), (broken, 1)):
+        lines = path_picture(sheet_of([agreement])).axes[0].get_lines()
+        ends = [line for line in lines if line.get_marker() == "X" and np.size(line.get_xdata())]
+        assert len(ends) == crosses
+
+
+def test_a_run_that_flies_away_leaves_the_view() -> None:
+    """Numbers that are not finite, and those beyond the reach, widen no axis."""
+    own = np.array([0.0, 2.0])
+    assert in_view(own, np.array([0.0, 2.0, 3.0, -1e9, np.nan, np.inf]), 4.0) == (-4.0, 3.0)
+    assert in_view(np.array([np.nan]), np.array([np.nan]), 1.0) == (0.0, 0.0)
 
 
 def test_the_extremes_of_a_long_line_are_drawn() -> None:
@@ -184,17 +236,15 @@ def test_a_long_title_stays_within_its_picture(length: int) -> None:
 
     Its dollars are text, not a formula.
     """
-    figure = Figure(figsize=(8.0, 7.0))
-    axes = figure.subplots(gridspec_kw=ROOM)
-    axes.set_title("contact point on the plane, to one scale")
-    title(figure, ("$5 a robot of $6 rolls " * 20)[:length])
+    words = ("$5 a robot of $6 rolls " * 20)[:length]
+    figure = path_picture(replace(sheet_of([compare("fig12", "fast", TIMES)]), title=words))
     figure.draw_without_rendering()
-    (words,) = figure.texts
-    box, below = words.get_window_extent(), axes.title.get_window_extent()
+    (drawn,), (names,) = figure.texts, figure.legends
+    box, below = drawn.get_window_extent(), names.get_window_extent()
     assert 0 <= box.x0 < box.x1 <= figure.bbox.width
     assert below.y1 <= box.y0 < box.y1 <= figure.bbox.height
-    assert ("…" in words.get_text()) == (length == 400)
-    assert not words._preprocess_math(words.get_text())[1]  # type: ignore[attr-defined]
+    assert ("…" in drawn.get_text()) == (length == 400)
+    assert not drawn._preprocess_math(drawn.get_text())[1]  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,8 @@ from robotball.errors import check_positive
 from robotball.files.robot_file import open_robot, starts_off
 from validation.options import AGREES, DISAGREES, OUT, Controls, Duration, File, check_files
 from validation.output import progress_bar, versions, writable_folder, write_text
-from validation.report import embedded, folded, page, paragraph, plain, table, text
+from validation.report import folded, page, paragraph, plain, table, text
+from validation.report import picture as figure
 from validation.results import controls_of
 from validation.studies.check import COLUMNS, Checked, Own, check_model, difference, moved, study_of
 from validation.study import Study, present
@@ -71,12 +72,11 @@ class Check:
 def _page_of(study: Study, checked: Checked, picture: Path) -> str:
     """Return the HTML page of a check, with its picture."""
     lines = study.record["lines"] if study.record else [""]
-    image = embedded(picture.read_bytes(), "image/png")
     cells = [[column.text(row) for column in COLUMNS] for row in study.rows]
     body = [
         f"<h1>{text(study.scene)}</h1>",
         *map(paragraph, lines),
-        f'<figure><img alt="paths and errors" src="{image}"></figure>',
+        figure(picture),
         "<h2>What each change is worth</h2>",
         table([column.header for column in COLUMNS], cells, "words"),
         "<h2>The changes</h2>",

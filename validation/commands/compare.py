@@ -107,7 +107,7 @@ class Compare:
         tell_fault_windows(window for each in found for window in each.windows)
         pictures = [picture for each in found for picture in each.pictures]
         if pictures:
-            print("plots:", pictures[0], f"and {len(pictures) - 1} more beside it")
+            print("plots:", pictures[0], f"and {len(pictures) - 1} more")
         for line in refused:
             print(f"robotball: {line}", file=sys.stderr)
         if refused:

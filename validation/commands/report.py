@@ -1,23 +1,26 @@
 """The command `robotball report`."""
 
 import shlex
+import sys
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
+from rich.console import Console
 from tyro.conf import Positional, arg
 
 from robotball import InputError
 from validation.agreement import Agreement
 from validation.options import AGREES, DISAGREES, Names, Run, RunOptions, listed, times_of
-from validation.output import progress_bar, writable_folder, write_text
+from validation.output import program, progress_bar, writable_folder, write_text
 from validation.report.scene_report import report
 from validation.report.study_report import study_report
-from validation.results import file_stem, scenes_of
+from validation.results import file_stem, record, scenes_of
+from validation.results import show as show_table
 from validation.runs import agreements_of, film, shifted
 
-_FILM = (360, 640)  # px, height and width
+_FILM = (360, 640)  # px, height and width: the page stays below six megabytes
 _MOST_NAMES = 80  # characters of a file's name that scenes may take
 
 
@@ -45,9 +48,9 @@ class Report:
         studies = [name for name in self.scenes if name.endswith(".json")]
         if studies and len(self.scenes) > 1:
             raise InputError("report takes one study's JSON file at a time, without scenes")
-        return self._study(Path(studies[0])) if studies else self._compared()
-
-    def _study(self, source: Path) -> int:
+        if not studies:
+            return self._compared()
+        source = Path(studies[0])
         path = writable_folder(self.run_options.out) / f"{source.stem}-report.html"
         write_text(path, study_report(source))
         print(path)
@@ -69,32 +72,15 @@ class Report:
         stem = file_stem(agreements[: len(requests)])
         others = "".join(f"-{scene.name}" for scene in scenes[1:])
         path = out / f"{(stem + others)[:_MOST_NAMES]}-report.html"
+        command = f"{program()} {shlex.join(sys.argv[1:])}"
         with tempfile.TemporaryDirectory() as folder:
-            filmed = self._filmed(agreements[0], Path(folder)) if self.film else None
-            write_text(path, report(agreements, self._command(), filmed))
-        for each in agreements:
-            print(f"{each.scene.name}, {each.settings.name}: {each.verdict}")
+            filmed = Path(folder) / "film.mp4" if self.film else None
+            if filmed:
+                # Off-screen drawing is prepared at import, which a report else has no need of.
+                from robotball.film.render import Film
+
+                film(filmed, agreements[:1], Film(size=_FILM))
+            write_text(path, report(agreements, command, filmed))
+        show_table(list(map(record, agreements)), Console())
         print(path)
         return AGREES if all(each.agrees for each in agreements) else DISAGREES
-
-    def _filmed(self, agreement: Agreement, folder: Path) -> Path:
-        """Write a small film of an agreement, so that the page stays below six megabytes."""
-        # Off-screen drawing is prepared at import, which a report without a film has no need of.
-        from robotball.film.render import Film
-
-        path = folder / "film.mp4"
-        film(path, [agreement], Film(size=_FILM))
-        return path
-
-    def _command(self) -> str:
-        """Return the command line that makes the same report."""
-        options = self.run_options
-        words = ["robotball", "report", *self.scenes]
-        words += ["--preset", ",".join(listed(self.preset))] if self.preset else []
-        words += ["--engine", options.engine] if options.engine != Run.engine else []
-        words += ["--environments", str(options.environments)] if options.environments else []
-        words += ["--accuracy", f"{options.accuracy:g}"] if options.accuracy else []
-        words += ["--duration", f"{options.duration:g}"] if options.duration else []
-        words += ["--keep-going"] if options.keep_going else []
-        words += ["--film"] if self.film else []
-        return shlex.join(words)

@@ -6,12 +6,15 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+from robotball.files import contents
 from validation.report.chart import Line, chart, legend
 
 _HERE = Path(__file__).parent
 _ROWS = 21  # of the table beside a plot
+VERDICTS = ("verdict bad", "verdict good")  # kinds of a paragraph
 _HINT = "Point at the plot, or use the arrow keys, for values."
 _NUMBER = set("0123456789.e+- ")
+_MANY = 9  # columns, which on paper are in small letters
 
 
 def page(title: str, body: Iterable[str], head: str = "") -> str:
@@ -22,7 +25,8 @@ def page(title: str, body: Iterable[str], head: str = "") -> str:
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f'<link rel="icon" href="data:,">\n<title>{text(title)}</title>\n{head}\n'
-        f"<style>{style}</style>\n</head>\n<body>\n{inside}\n<script>{script}</script>\n"
+        f"<style>{style}</style>\n</head>\n<body>\n<main>\n{inside}\n</main>\n"
+        f"<script>{script}</script>\n"
         "</body>\n</html>\n"
     )
 
@@ -37,10 +41,17 @@ def paragraph(words: str, kind: str = "") -> str:
     return f'<p class="{kind}">{text(words)}</p>' if kind else f"<p>{text(words)}</p>"
 
 
+def picture(path: Path) -> str:
+    """Return a figure of a PNG, which is named after its file."""
+    name, image = text(path.stem), embedded(contents(path), "image/png")
+    return f'<figure><img alt="{name}" src="{image}"><figcaption>{name}</figcaption></figure>'
+
+
 def table(headings: Sequence[str], rows: Iterable[Sequence[object]], kind: str = "") -> str:
     """Return a table that scrolls by itself where it is wider than the page."""
     head = "".join(f'<th scope="col">{text(each)}</th>' for each in headings)
     body = "".join(f"<tr>{''.join(map(_data, row))}</tr>" for row in rows)
+    kind += " many" if len(headings) > _MANY else ""
     return (
         f'<div class="wide"><table class="{kind}"><thead><tr>{head}</tr></thead>'
         f"<tbody>{body}</tbody></table></div>"
@@ -61,21 +72,17 @@ def folded(summary: str, inside: str, short: bool = False) -> str:
 
 def plain(values: Mapping[str, Any]) -> str:
     """Return names and values as a table."""
-    return table(("", ""), values.items(), "words")
+    return table(("name", "value"), values.items(), "words")
 
 
 def plot(
-    caption: str,
-    lines: Sequence[Line],
-    x_label: str,
-    y_label: str,
-    *,
-    log: bool = False,
-    equal: bool = False,
-    note: str = "",
+    caption: str, lines: Sequence[Line], x_label: str, y_label: str, note: str = "", **how: Any
 ) -> str:
-    """Return a plot with its names above, and below it values under the pointer and in a table."""
-    drawn = chart(lines, x_label, y_label, log=log, equal=equal)
+    """Return a plot with its names above, and below it values under the pointer and in a table.
+
+    how: as `chart` takes it.
+    """
+    drawn = chart(lines, x_label, y_label, **how)
     words = paragraph(note, "faint") if note else ""
     return (
         f"<figure><figcaption>{text(caption)}</figcaption><div>{legend(lines)}</div>{drawn}"
@@ -87,13 +94,11 @@ def plot(
 def _values(lines: Sequence[Line], x_label: str, y_label: str) -> str:
     """Return a table of each line at a few places."""
     first, path = lines[0], lines[0].times is not None
-    count = len(first.x)
-    at = first.x if first.times is None else first.times
-    columns = [("t [s]" if path else x_label, at, ".4g")]
+    columns = [(x_label, first.x, ".4g") if first.times is None else ("t [s]", first.times, ".4g")]
     for line in lines:
         axes = ((x_label, line.x), (y_label, line.y))
-        columns += [(f"{name}, {line.name}", x, ".5g") for name, x in axes[not path :]]
-    places = sorted({round(i * (count - 1) / (_ROWS - 1)) for i in range(_ROWS)})
+        columns += [(f"{name}, {line.look.label}", x, ".5g") for name, x in axes[not path :]]
+    places = sorted({round(i * (len(first.x) - 1) / (_ROWS - 1)) for i in range(_ROWS)})
     rows = [
         [f"{values[i]:{form}}" if i < len(values) else "-" for _, values, form in columns]
         for i in places

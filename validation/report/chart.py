@@ -13,29 +13,30 @@ from html import escape
 import numpy as np
 
 from robotball.rotations import Array
+from validation.plots import LEAST, Look, in_view
 
 _POINTS = 400  # of a line at most, since a screen shows no more
 _WIDTH, _HEIGHT = 560, 330  # px of the picture
-_LEFT, _RIGHT, _TOP, _BOTTOM = 68, 16, 10, 44  # px around the axes
+# px around the axes; above them, where it never meets a number, stands the name of the upright one.
+_LEFT, _RIGHT, _TOP, _BOTTOM = 66, 16, 38, 46
 _DIGITS = 5  # of a value shown under the pointer
-LEAST_LOG = 1e-17  # a zero on a logarithmic axis is drawn here, below the rounding of 1
+_CROSS = "m-5-5 10 10m0-10-10 10"
 
 
 @dataclass(frozen=True)
 class Line:
     """A named line through x and y (n,).
 
-    dash   SVG's stroke-dasharray, "" for an unbroken line
-    times  (n,) shown for the point under the pointer, where x is not the time [s]
+    times   (n,) shown for the point under the pointer, where x is not the time [s]
+    broken  whether it ends too soon, at a cross
     """
 
-    name: str
-    colour: str
+    look: Look
     x: Array
     y: Array
-    dash: str = ""
-    width: float = 1.8
     times: Array | None = None
+    width: float = 1.8
+    broken: bool = False
 
 
 def chart(
@@ -44,68 +45,65 @@ def chart(
     y_label: str,
     *,
     log: bool = False,
-    equal: bool = False,
+    reach: float = math.inf,
+    frame: Array | None = None,
 ) -> str:
     """Return an <svg> with axes, round ticks, lines and their names.
 
-    log: the y axis is logarithmic; equal: a metre is as long on both axes, and the picture is
-    lower, down to half of its height, where the lines are flat. The attribute `data-lines` holds
-    the values that the page's script shows under the pointer.
+    log: the y axis is logarithmic; reach: how far beyond the first line the others are seen;
+    frame (2, 2): the ends of axes to one scale, by which the picture is as high as they need, with
+    a dot at the start. The attribute `data-lines` holds the values that the page's script shows
+    under the pointer.
     """
     thin = [_thinned(line) for line in lines]
-    x0, x1 = _range(np.concatenate([line.x for line in thin]))
-    y0, y1 = (_log_range if log else _range)(np.concatenate([line.y for line in thin]))
-    width, whole = _WIDTH - _LEFT - _RIGHT, _HEIGHT
-    if equal:
-        flat = width * (y1 - y0) / (x1 - x0) + _TOP + _BOTTOM
-        whole = round(min(_HEIGHT, max(flat, _HEIGHT / 2)))
-    height = whole - _TOP - _BOTTOM
-    if equal:
-        x0, x1, y0, y1 = _equal_ranges(x0, x1, y0, y1, width / height)
+    xs, ys = [line.x for line in thin], [line.y for line in thin]
+    (x0, x1), (y0, y1) = _range(xs, math.inf), _log_range(ys) if log else _range(ys, reach)
+    width, height = _WIDTH - _LEFT - _RIGHT, _HEIGHT - _TOP - _BOTTOM
+    if frame is not None:
+        (x0, x1), (y0, y1) = frame.tolist()
+        height = round(width * (y1 - y0) / (x1 - x0))
 
     def px(x: Array) -> Array:
         return _LEFT + (np.asarray(x) - x0) / (x1 - x0) * width
 
     def py(y: Array) -> Array:
-        shown = np.log10(np.maximum(y, LEAST_LOG)) if log else np.asarray(y)
-        return _TOP + (y1 - np.maximum(shown, y0)) / (y1 - y0) * height
+        shown = np.log10(np.maximum(y, 10.0**y0)) if log else np.asarray(y)
+        return _TOP + (y1 - shown) / (y1 - y0) * height
 
-    parts = [
-        f'<rect x="{_LEFT}" y="{_TOP}" width="{width}" height="{height}" fill="none" '
-        'stroke="currentColor" stroke-opacity=".45"/>'
-    ]
+    inside = f'x="{_LEFT}" y="{_TOP}" width="{width}" height="{height}"'
+    parts = [f'<rect {inside} fill="none" stroke="currentColor" stroke-opacity=".45"/>']
     right, low = _LEFT + width, _TOP + height
     for tick in ticks(x0, x1):
         x = float(px(np.array(tick)))
-        parts += [_grid(x, _TOP, x, low), _text(f'x="{x:.1f}" y="{low + 16:.0f}"', f"{tick:g}")]
-    for tick in _log_ticks(y0, y1) if log else ticks(y0, y1, 5):
+        parts += [_grid(x, _TOP, x, low), _text(x, low + 18, f"{tick:g}")]
+    powers = (n for n in ticks(y0, y1) if n % 1 == 0)
+    for tick in powers if log else ticks(y0, y1, 5):
         y = float(py(np.array(10.0**tick if log else tick)))
         words = f"1e{tick:.0f}" if log else f"{tick:g}"
-        place = f'x="{_LEFT - 6}" y="{y + 4:.1f}"'
-        parts += [_grid(_LEFT, y, right, y), _text(place, words, "end")]
-    parts += [_polyline(line, px(line.x), py(line.y)) for line in thin]
-    parts.append(_text(f'x="{_LEFT + width / 2:.0f}" y="{low + 36:.0f}"', escape(x_label)))
-    turned = f'transform="translate(14 {_TOP + height / 2:.0f}) rotate(-90)"'
-    parts.append(_text(turned, escape(y_label)))
+        parts += [_grid(_LEFT, y, right, y), _text(_LEFT - 6, y + 4, words, "end")]
+    parts.append(_text(_LEFT + width / 2, low + 40, x_label))
+    parts.append(_text(2, 18, y_label, "start"))
     data = [_data(line, px(line.x), py(line.y)) for line in thin]
-    names = ", ".join(line.name for line in lines)
+    # A picture in the picture cuts off what leaves the axes.
+    parts.append(f'<svg {inside} viewBox="{_LEFT} {_TOP} {width} {height}">')
+    parts += [_polyline(line, px(line.x), py(line.y)) for line in thin]
+    if frame is not None:
+        parts.append(f'<circle cx="{px(xs[0])[0]:.1f}" cy="{py(ys[0])[0]:.1f}" r="4.5"/>')
+    names = ", ".join(line.look.label for line in lines)
     return (
-        f'<svg class="chart" role="img" viewBox="0 0 {_WIDTH} {whole}" '
+        f'<svg class="chart" role="img" viewBox="0 0 {_WIDTH} {_TOP + height + _BOTTOM}" '
         f'aria-label="{escape(f"{y_label} over {x_label}: {names}", quote=True)}" '
-        f'data-labels="{escape(json.dumps([x_label, y_label]), quote=True)}" '
         f'data-lines="{escape(json.dumps(data, separators=(",", ":")), quote=True)}" '
-        f'style="width:100%;max-width:{_WIDTH}px;font:13px sans-serif" fill="currentColor">'
-        + "".join(parts)
-        + "</svg>"
+        f'style="max-width:{_WIDTH}px">{"".join(parts)}</svg></svg>'
     )
 
 
 def legend(lines: Sequence[Line]) -> str:
     """Return HTML of the lines' names, each beside a piece of its line."""
     return "".join(
-        '<span style="white-space:nowrap;margin-right:1.2em">'
-        '<svg width="34" height="10" aria-hidden="true">'
-        f'<line x1="1" y1="5" x2="33" y2="5" {_stroke(line)}/></svg> {escape(line.name)}</span> '
+        '<span class="key"><svg width="34" height="10" aria-hidden="true">'
+        f'<line x1="1" y1="5" x2="33" y2="5" {_stroke(line)}/></svg> '
+        f"{escape(line.look.label)}</span> "
         for line in lines
     )
 
@@ -128,10 +126,9 @@ def _thinned(line: Line) -> Line:
     return replace(line, x=line.x[kept], y=line.y[kept], times=times)
 
 
-def _range(values: Array) -> tuple[float, float]:
+def _range(values: Sequence[Array], reach: float) -> tuple[float, float]:
     """Return the ends of an axis, a little beyond the finite values and never equal."""
-    values = values[np.isfinite(values)]
-    low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
+    low, high = in_view(values[0], np.concatenate(values), reach)
     least = 1e-6 * max(abs(low), abs(high)) or 1.0
     if high - low < least:
         low, high = low - least, high + least
@@ -139,59 +136,50 @@ def _range(values: Array) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def _log_range(values: Array) -> tuple[float, float]:
-    """Return the exponents of the decades around the positive values."""
-    positive = values[np.isfinite(values) & (values > LEAST_LOG)]
+def _log_range(values: Sequence[Array]) -> tuple[float, float]:
+    """Return the exponents of the decades around the values, the lowest at rounding."""
+    every = np.concatenate(values)
+    positive = every[np.isfinite(every) & (every > LEAST)]
     if not len(positive):
-        return math.log10(LEAST_LOG), math.log10(LEAST_LOG) + 2
+        return math.log10(LEAST), math.log10(LEAST) + 2
     return math.floor(np.log10(positive.min())), math.ceil(np.log10(positive.max()) + 1e-9)
 
 
-def _log_ticks(low: float, high: float) -> list[float]:
-    step = max(1, math.ceil((high - low) / 7))
-    return [float(n) for n in range(math.ceil(low), math.floor(high) + 1) if n % step == 0]
-
-
-def _equal_ranges(
-    x0: float, x1: float, y0: float, y1: float, aspect: float
-) -> tuple[float, float, float, float]:
-    """Widen one of the two ranges so that both axes have one scale."""
-    across, up = max(x1 - x0, aspect * (y1 - y0)), max(y1 - y0, (x1 - x0) / aspect)
-    x, y = (x0 + x1) / 2, (y0 + y1) / 2
-    return x - across / 2, x + across / 2, y - up / 2, y + up / 2
-
-
 def _grid(x1: float, y1: float, x2: float, y2: float) -> str:
-    return (
-        f'<line x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}" '
-        'stroke="currentColor" stroke-opacity=".13"/>'
-    )
+    return f'<line class="grid" x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"/>'
 
 
-def _text(place: str, words: str, anchor: str = "middle") -> str:
-    return f'<text {place} text-anchor="{anchor}">{words}</text>'
+def _text(x: float, y: float, words: str, anchor: str = "middle") -> str:
+    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(words)}</text>'
 
 
 def _stroke(line: Line) -> str:
-    dash = f' stroke-dasharray="{line.dash}"' if line.dash else ""
-    return f'stroke="{line.colour}" stroke-width="{line.width}" fill="none"{dash}'
+    dash = " ".join(f"{part * line.width:g}" for part in line.look.dash)
+    dashed = f' stroke-dasharray="{dash}"' if dash else ""
+    return f'stroke="{line.look.colour}" stroke-width="{line.width}" fill="none"{dashed}'
 
 
 def _polyline(line: Line, x: Array, y: Array) -> str:
-    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True) if math.isfinite(a + b))
-    return f'<polyline points="{points}" {_stroke(line)} stroke-linejoin="round"/>'
+    """Return a line, with a cross where it is broken."""
+    places = [(a, b) for a, b in zip(x, y, strict=True) if math.isfinite(a + b)]
+    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in places)
+    drawn = f'<polyline points="{points}" {_stroke(line)} stroke-linejoin="round"/>'
+    if line.broken and points:
+        at = f"M{points.split()[-1]}{_CROSS}"
+        drawn += f'<path d="{at}" stroke="currentColor" stroke-width="3"/>'
+    return drawn
 
 
 def _data(line: Line, x: Array, y: Array) -> dict[str, object]:
     """Return a line as the page's script reads it: pixels, and the values there."""
-    data: dict[str, object] = {
-        "name": line.name,
-        "colour": line.colour,
+    return {
+        "name": line.look.label,
+        "colour": line.look.colour,
         "at": [*zip(_numbers(x, ".1f"), _numbers(y, ".1f"), strict=True)],
         "x": _numbers(line.x),
         "y": _numbers(line.y),
+        "t": line.times if line.times is None else _numbers(line.times),
     }
-    return data if line.times is None else data | {"t": _numbers(line.times)}
 
 
 def _numbers(values: Array, form: str = f".{_DIGITS}g") -> list[float | None]:

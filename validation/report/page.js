@@ -1,6 +1,6 @@
 // What is under the pointer, or where the arrow keys are: a mark on each line, and the values below.
 for (const chart of document.querySelectorAll("svg.chart")) {
-  const lines = JSON.parse(chart.dataset.lines), [xLabel, yLabel] = JSON.parse(chart.dataset.labels);
+  const lines = JSON.parse(chart.dataset.lines);
   const told = chart.parentElement.querySelector(".told");
   if (!told) continue;
   const marks = lines.map(line => {
@@ -9,7 +9,7 @@ for (const chart of document.querySelectorAll("svg.chart")) {
     mark.setAttribute("fill", line.colour);
     mark.setAttribute("stroke", "currentColor");
     mark.setAttribute("visibility", "hidden");
-    return chart.appendChild(mark);
+    return chart.querySelector("svg").appendChild(mark);
   });
   const number = value => value === null || value === undefined ? "-" : String(value);
   const hint = told.textContent;
@@ -53,6 +53,20 @@ for (const chart of document.querySelectorAll("svg.chart")) {
     const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
     if (step) { event.preventDefault(); show(index + step * (event.shiftKey ? 20 : 1)); }
   });
+}
+// The 3-D view of the chosen settings; another one goes on where the last one was.
+for (const views of document.querySelectorAll(".views")) {
+  const choice = views.querySelector("select"), place = views.lastElementChild;
+  const kept = views.querySelectorAll("template");
+  choice.onchange = () => {
+    const last = place.firstElementChild?.rollingBalls;
+    const {t, playing, arm, up, far} = last?.state ?? {};
+    last?.set({playing: false});
+    place.querySelector("canvas")?.getContext("webgl2")?.getExtension("WEBGL_lose_context")?.loseContext();
+    place.replaceChildren(document.importNode(kept[choice.selectedIndex].content, true));
+    if (last) place.firstElementChild.rollingBalls?.set({t, playing, arm, up, far});
+  };
+  choice.onchange();
 }
 // Paper can unfold nothing.
 addEventListener("beforeprint", () => document.querySelectorAll("details.short").forEach(each => each.open = true));

@@ -2,28 +2,33 @@
 
 from collections.abc import Sequence
 from html import escape
-from itertools import groupby
+from itertools import groupby, repeat
 from pathlib import Path
 
 import numpy as np
 
-from robotball import scene_toml
+from robotball import Motion, scene_toml
 from robotball.film.web import view_fragment, view_head
 from robotball.notebook import counted
 from robotball.rotations import Array
 from validation.agreement import Agreement
-from validation.output import scientific, versions
-from validation.report import embedded, folded, page, paragraph, plain, plot, table
+from validation.output import known, scientific, versions
+from validation.plots import framed, looks_of
+from validation.report import VERDICTS, embedded, folded, page, paragraph, plain, plot, table, text
 from validation.report.chart import Line
 from validation.results import needs
 
-_DASHES = ("", "7 4", "2 3", "10 3 2 3")  # of lines in SVG: they differ without colour, too
 _ERRORS = {
     "path error": "the largest distance of the two contact points, over the path's length",
-    "γ error": "the largest angle between the two verticals [rad]",
+    "γ error": "the largest angle between the two γ, the vertical as the frame sees it [rad]",
     "attitude error": "the largest angle between the two attitudes [rad]",
-    "momentum error": "the largest difference of the two M, over the size of M",
+    "momentum error": "the largest difference of the two momenta M, over the size of M",
 }
+_ROLLING = {
+    "rubber": "the ball neither slips nor spins about the vertical",
+    "classical": "the ball does not slip, and may spin about the vertical",
+}
+_Columns = tuple[Array, Array, Array | None]  # x, y, and the times where x is something else
 
 
 def report(agreements: Sequence[Agreement], command: str, film: Path | None = None) -> str:
@@ -53,36 +58,38 @@ def report(agreements: Sequence[Agreement], command: str, film: Path | None = No
 def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
     first = group[0]
     scene, theory = first.scene, first.theory
-    shown = ""
+    shown = _views(group)
     if film:
         source = embedded(film.read_bytes(), "video/mp4")
         shown = f'<video controls muted playsinline src="{source}"></video>'
-    elif len(first.motion.times) > 1:
-        shown = view_fragment([first.motion, theory])
-    file = f"<pre>{escape(scene_toml(scene))}</pre>" if not scene.ball.general else ""
+    file = "" if scene.ball.general else f"<pre>{escape(scene_toml(scene))}</pre>"
     return [
         f"<h2>{escape(scene.name)}</h2>",
         paragraph(scene.title),
         paragraph(
-            f"{scene.rolling} rolling; {theory.times[-1]:g} s; path {theory.path_length:.4g} m; "
-            f"radius {scene.ball.radius:.4g} m; mass {scene.ball.mass:.4g} kg.",
+            f"{scene.rolling} rolling: {_ROLLING[scene.rolling]}; {theory.times[-1]:g} s; path "
+            f"{theory.path_length:.4g} m; radius {scene.ball.radius:.4g} m; mass "
+            f"{scene.ball.mass:.4g} kg.",
             "faint",
         ),
         "<h3>Agreement</h3>",
-        *(paragraph(sentence(e), f"verdict {'good' if e.agrees else 'bad'}") for e in group),
+        '<div class="charts"><div>',
+        *(paragraph(sentence(each), VERDICTS[each.agrees]) for each in group),
+        f"</div>{_paths(group)}</div>",
         _numbers(group),
         "<h3>To be looked at</h3>",
         shown,
-        "<h3>Plots</h3>",
-        f'<div class="charts">{"".join(_plots(group))}</div>',
-        "<h3>Friction</h3>",
-        *map(paragraph, friction_words(group)),
+        "<h3>Errors</h3>",
+        f'<div class="charts">{_errors(group)}</div>',
+        "<h3>Friction and motors</h3>",
+        paragraph(friction_needed(theory)),
+        f'<div class="charts">{_loads(group)}</div>',
         "<h3>What was run</h3>",
         *(
             folded(f"Settings of {each.settings.name}", plain(each.settings.plain()), short=True)
             for each in group
         ),
-        *([folded("The scene's file", file)] if file else []),
+        folded("The scene's file", file) if file else "",
     ]
 
 
@@ -103,82 +110,93 @@ def _numbers(group: Sequence[Agreement]) -> str:
     rows = []
     for each in group:
         errors = each.path_error, each.gamma_error, each.attitude_error, each.momentum_error
-        step = f"{each.report.timestep * 1e3:.3g}"
-        rows.append((each.settings.name, step, *map(scientific, errors), f"{each.tolerance:g}"))
-    headings = ("preset", "step [ms]", *_ERRORS, "tolerance")
+        given = each.settings.plain().get("sliding_friction", "-")
+        part = known(each.report.friction_used.max(initial=0.0))
+        used = "-" if part is None else f"{100 * part:.3g} %"
+        before = each.settings.name, f"{each.report.timestep * 1e3:.3g}", f"{each.tolerance:g}"
+        rows.append((*before, *map(scientific, errors), given, used))
+    headings = ("preset", "step [ms]", "tolerance", *_ERRORS, "friction", "used")
     words = "; ".join(f"{name}: {meaning}" for name, meaning in _ERRORS.items())
+    words += "; friction: the plane's coefficient, and the part of its limit used at most"
+    words += "; naive: the engine as it comes" * any(e.settings.name == "naive" for e in group)
     own = group[0].reference_error
     if own is not None:
         words += f". The reference's own path error is {scientific(own)}"
     return table(headings, rows) + paragraph(f"{words}.", "faint")
 
 
-def _plots(group: Sequence[Agreement]) -> list[str]:
-    theory = group[0].theory
-    names = [theory.engine.name, *(f"{e.motion.engine.name}, {e.settings.name}" for e in group)]
-    paths = [
-        Line(
-            name,
-            each.engine.colour,
-            each.contact_point[:, 0],
-            each.contact_point[:, 1],
-            dash=_DASHES[i % len(_DASHES)],
-            width=1.8 if i else 4,  # the equations' path is wide below the others
-            times=each.times,
-        )
-        for i, (name, each) in enumerate(
-            zip(names, [theory, *(e.motion for e in group)], strict=True)
-        )
-    ]
-    note = "A metre is as long on both axes."
-    drawn = [plot("Path of the contact point", paths, "X [m]", "Y [m]", equal=True, note=note)]
+def _views(group: Sequence[Agreement]) -> str:
+    """Return 3-D views of the runs beside the equations, one at a time as the reader chooses."""
+    moving = [each for each in group if len(each.motion.times) > 1]
+    options = "".join(f"<option>{text(each.settings.name)}</option>" for each in moving)
+    views = [f"<template>{view_fragment([each.motion, each.theory])}</template>" for each in moving]
+    choice = f"<label>Settings <select>{options}</select></label>{''.join(views)}<div></div>"
+    return f'<div class="views">{choice}</div>' if moving else ""
+
+
+def _paths(group: Sequence[Agreement]) -> str:
+    lines = _lines(group, [(*each.contact_point.T, each.times) for each in _motions(group)])
+    note = "A metre is as long on both axes. The dot is the start; a cross, where a run breaks off."
+    caption = "Path of the contact point"
+    return plot(caption, lines, "X [m]", "Y [m]", note, frame=framed(group))
+
+
+def _errors(group: Sequence[Agreement]) -> str:
+    """Return plots of the runs' errors, without the exact zero that they start from."""
     series = (
         ("Distance of the two contact points", "distance [m]", [e.path_errors for e in group]),
         ("Error of the momentum M", "error of M, relative", [e.momentum_errors for e in group]),
     )
+    drawn, none = "", (np.empty(0), np.empty(0), None)
     for caption, label, values in series:
-        if lines := _over_time(group, values):
-            drawn.append(plot(caption, lines, "time [s]", label, log=True))
-    used = [each.report.friction_used for each in group]
-    if all(len(each) for each in used):
-        limit = Line("limit", "#808080", theory.times[[0, -1]], np.ones(2), dash="1 3", width=2.5)
-        lines = [*_over_time(group, used), limit]
-        note = "The part of the friction cone that the contact force needs. At 1 the ball slips."
-        drawn.append(plot("Friction used", lines, "time [s]", "part of the limit", note=note))
+        times = (each.motion.times[1:] for each in group)
+        lines = _lines(group, [none, *zip(times, (each[1:] for each in values), repeat(None))])
+        drawn += plot(caption, lines, "time [s]", label, log=True) if lines else ""
     return drawn
 
 
-def _over_time(group: Sequence[Agreement], values: Sequence[Array]) -> list[Line]:
-    """Return lines without the exact zero that they start from, of runs that went on from there."""
+def _loads(group: Sequence[Agreement]) -> str:
+    """Return plots of the friction needed, and of the torque, rate and power of each motor."""
+    motions = _motions(group)
+    series = [("Friction", "coefficient", [each.loads.sliding_friction for each in motions])]
+    for i in np.flatnonzero(motions[0].loads.motor_torques.any(axis=0)):
+        name = group[0].scene.hinges[i].name
+        torques = [each.loads.motor_torques[:, i] for each in motions]
+        series += [
+            (f"Torque of {name}", "torque [N m]", torques),
+            (f"Rate of {name}", "rate [rad/s]", [each.hinge_rates[:, i] for each in motions]),
+            (f"Power of {name}", "power [W]", [each.motor_powers[:, i] for each in motions]),
+        ]
+    drawn = ""
+    for caption, label, values in series:
+        most = float(np.abs(values[0]).max())
+        over_time = zip((each.times for each in motions), values, repeat(None))
+        lines = _lines(group, [*over_time])
+        drawn += plot(f"{caption}: at most {most:.3g}", lines, "time [s]", label, reach=most)
+    return drawn
+
+
+def _motions(group: Sequence[Agreement]) -> list[Motion]:
+    return [group[0].theory, *(each.motion for each in group)]
+
+
+def _lines(group: Sequence[Agreement], columns: Sequence[_Columns]) -> list[Line]:
+    """Return a line of each motion's columns, where there are numbers."""
+    finished = (True, *(each.finished for each in group))
     return [
-        Line(
-            each.settings.name,
-            each.motion.engine.colour,
-            each.motion.times[1:],
-            np.abs(value[1:]),
-            dash=_DASHES[i % len(_DASHES)],
-        )
-        for i, (each, value) in enumerate(zip(group, values, strict=True))
-        if len(value) > 1
+        Line(look, *each, width=1.8 if look.marker else 5.0, broken=not whole)
+        for look, each, whole in zip(looks_of(group), columns, finished, strict=True)
+        if np.isfinite(each[1]).any()
     ]
 
 
-def friction_words(group: Sequence[Agreement]) -> list[str]:
-    """Return sentences on the friction that the motion needs and that each settings give."""
-    first, asked = group[0], needs(group[0].theory)
-    sliding, torsional = asked["sliding_friction"], asked["torsional_friction"]
-    words = [
-        f"By the {first.theory.engine.name} the motion needs a coefficient of sliding friction of "
-        f"{sliding:.3g}."
-    ]
-    if first.scene.rolling == "rubber":
-        words[0] += f" So that it does not spin, it needs a torsional one of {torsional:.3g} m."
-    for each in group:
-        given = each.settings.plain().get("sliding_friction")
-        most = float(each.report.friction_used.max(initial=0.0))
-        gives = "" if given is None else f" the plane gives {given:g}, and"
-        words.append(
-            f"With the settings {each.settings.name}{gives} the run uses at most "
-            f"{100 * most:.3g} % of the friction limit."
-        )
-    return words
+def friction_needed(theory: Motion) -> str:
+    """Return a sentence on the friction that the motion needs."""
+    asked = needs(theory)
+    spin = (
+        f" To keep it from spinning takes a torsional one of {asked['torsional_friction']:.3g} m."
+    )
+    return (
+        f"By the {theory.engine.name} the motion needs a coefficient of sliding friction of "
+        f"{asked['sliding_friction']:.3g}.{spin if theory.scene.rolling == 'rubber' else ''}"
+    )

@@ -8,10 +8,11 @@ from typing import Any
 
 from robotball import InputError
 from robotball.files import contents
-from validation.report import embedded, folded, page, paragraph, plain, table, text
+from validation.report import VERDICTS, folded, page, paragraph, picture, plain, table, text
 
 _LONGEST = 60  # rows of a table; the file has the others
 _WIDEST = 60  # characters of a cell
+_COMPARED = ("scene", "preset", "timestep", "path_error", "gamma_error", "momentum_error")
 
 
 def study_report(source: Path) -> str:
@@ -31,15 +32,27 @@ def study_report(source: Path) -> str:
         raise InputError(f"{source} is no record of a study: it names no versions")
     body = [f"<h1>{text(source.stem)}</h1>", paragraph(f"A study's record, {source.name}.")]
     own = source.with_suffix(".png")
-    others = source.parent.glob(f"{escape(source.stem)}*.png")
-    for picture in [own] if own.exists() else sorted(others):
-        name, image = text(picture.stem), embedded(contents(picture), "image/png")
-        body.append(
-            f'<figure><img alt="{name}" src="{image}"><figcaption>{name}</figcaption></figure>'
+    pictures = [picture(own)] if own.exists() else _pictures(source, source.stem)
+    if all({"verdict", "agrees", *_COMPARED} <= part.keys() for part in parts):
+        words = "".join(
+            paragraph(
+                "{scene}, {preset}: {verdict}.".format(**part), VERDICTS[part["agrees"] is True]
+            )
+            for part in parts
         )
-    body += _rows("runs", record) if isinstance(record, list) else _parts(record)
+        for scene in dict.fromkeys(str(part["scene"]) for part in parts):  # they are named after it
+            pictures += _pictures(source, f"{scene}-")[::-1]  # paths before momenta
+        body.append(f'<div class="charts"><div>{words}</div>{"".join(pictures)}</div>')
+        body += _rows("runs", [{name: part[name] for name in _COMPARED} for part in parts])
+    else:
+        body += [*pictures, *(_rows("runs", parts) if record is parts else _parts(record))]
     body.append(folded("Versions", plain(parts[0]["versions"]), short=True))
     return page(f"robotball: {source.stem}", body)
+
+
+def _pictures(source: Path, stem: str) -> list[str]:
+    """Return the pictures beside a file whose names begin with a stem."""
+    return [picture(each) for each in sorted(source.parent.glob(f"{escape(stem)}*.png"))]
 
 
 def _parts(record: Mapping[str, Any]) -> list[str]:
@@ -55,12 +68,10 @@ def _parts(record: Mapping[str, Any]) -> list[str]:
 def _rows(name: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     columns = [key for key, value in rows[0].items() if _is_plain(value)]
     cells = [[_cell(row.get(key)) for key in columns] for row in rows[:_LONGEST]]
-    words = f"{len(rows)} rows"
-    if len(rows) > _LONGEST:
-        words += f", of which the first {_LONGEST} are shown"
+    first = f", of which the first {_LONGEST} are shown" if len(rows) > _LONGEST else ""
     return [
         f"<h2>{text(name.replace('_', ' '))}</h2>",
-        paragraph(f"{words}.", "faint"),
+        paragraph(f"{len(rows)} rows{first}.", "faint"),
         table([key.replace("_", " ") for key in columns], cells),
     ]
 

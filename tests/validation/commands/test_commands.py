@@ -23,7 +23,7 @@ from validation.studies.portrait_maps import PLANES
 # What each command is run with, and what it prints then.
 RUNS = {
     "scenes": r"fig12 +rubber +10 s",
-    "compare fig12 --duration 1 --keep-going": r"rubber +balanced +5 .* agrees plots: out/fig12-",
+    "compare fig12 --duration 1 --keep-going": r"rubber +balanced +5 .* agrees .*plots: out/fig12-",
     "compare fig12 --starts 3 --duration 1 --preset fast --seed 2 --json a.json": (
         r"fig12 +fast +path error +3 +0 "
     ),

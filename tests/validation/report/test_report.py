@@ -13,9 +13,12 @@ import robotball as rb
 from tests.browser import needs_browser, opened
 from tests.conftest import Robotball
 from validation import Agreement, compare
-from validation.report.chart import LEAST_LOG, Line, chart, legend, ticks
-from validation.report.scene_report import friction_words, report, sentence
+from validation.output import program
+from validation.plots import LEAST, Look
+from validation.report.chart import Line, chart, legend, ticks
+from validation.report.scene_report import friction_needed, report, sentence
 from validation.report.study_report import study_report
+from validation.results import record, write_json
 
 TIMES = rb.sample_times(1.0)
 COMMAND = "robotball report fig12 --preset naive,fast"
@@ -40,7 +43,7 @@ def test_a_report_has_what_was_run_and_how_to_repeat_it(
     """
     for words in (COMMAND, "fig12", "mujoco", rb.scene_toml(agreements[0].scene).splitlines()[1]):
         assert words in page.replace("&quot;", '"')
-    assert '<th scope="col">time [s]</th><th scope="col">distance [m], naive</th>' in page
+    assert '<th scope="col">time [s]</th><th scope="col">distance [m], MuJoCo, naive</th>' in page
     for name, value in agreements[1].settings.plain().items():
         assert f"<td>{name}</td>" in page
         assert f">{value}<" in page or isinstance(value, dict | list)
@@ -80,10 +83,13 @@ def test_a_sentence_has_the_error_and_its_bound_or_where_the_run_ended(
 
 def test_friction_needed_stands_beside_what_is_given() -> None:
     """fig12 needs 1.32 by the equations; the recipe's plane gives 20."""
-    words = " ".join(friction_words([compare("fig12", "fast")]))
+    agreement = compare("fig12", "fast")
+    words = friction_needed(agreement.theory)
     assert "needs a coefficient of sliding friction of 1.32." in words
-    assert "torsional one of 1.87 m" in words
-    assert "the plane gives 20, and the run uses at most 9.58 %" in words
+    assert "torsional one of 1.87 m." in words
+    page = report([agreement], COMMAND)
+    assert words in page
+    assert '<td class="number">20.0</td><td>9.58 %</td>' in page
 
 
 @pytest.mark.slow
@@ -113,10 +119,27 @@ def test_a_report_works_in_a_browser_and_on_paper(page: str, tmp_path: Path) -> 
             return [...said, told.textContent];
             })()"""
         )
-        assert re.fullmatch(r"t = 0\.\d+ s · naive: [\d.e-]+ · fast: [\d.e-]+", first)
+        assert re.fullmatch(
+            r"t = 0\.\d+ s · MuJoCo, naive: [\d.e-]+ · MuJoCo, fast: [\d.e-]+", first
+        )
         assert second != first
         assert after == "Point at the plot, or use the arrow keys, for values."
         assert browser.run("document.documentElement.scrollWidth") == 360
+        apart = browser.run(
+            """(() => {
+            const select = document.querySelector('.views select'), apart = [];
+            for (const each of [0, 1]) {
+                select.selectedIndex = each;
+                select.onchange();
+                const view = document.querySelector('.views .rb-view');
+                view.rollingBalls.set({playing: false, t: 0.9});
+                apart.push(JSON.parse(view.querySelector('script').textContent).balls[0].apart);
+            }
+            return apart;
+            })()"""
+        )
+        assert apart[0] != apart[1]
+        assert browser.run("document.querySelectorAll('.rb-view').length") == 1
         assert browser.run(colour.format("backgroundColor")) == "rgb(255, 255, 255)"
         dark = [{"name": "prefers-color-scheme", "value": "dark"}]
         browser.call("Emulation.setEmulatedMedia", features=dark)
@@ -162,6 +185,52 @@ def test_a_studys_record_is_tables_and_pictures(robotball: Robotball, tmp_path: 
     assert "deep" not in made
 
 
+def test_a_record_of_comparisons_begins_with_verdicts_and_its_scenes_pictures(
+    tmp_path: Path, agreements: list[Agreement]
+) -> None:
+    """As of the demo: a mark and a line each, then the paths; no other scene's picture."""
+    write_json(tmp_path / "demo.json", [record(each) for each in agreements])
+    for name in ("fig12-mujoco-all-momentum", "fig12-mujoco-all-path", "fig13-mujoco-all-path"):
+        (tmp_path / f"{name}.png").write_bytes(b"\x89PNG")
+    made = study_report(tmp_path / "demo.json")
+    parts = (
+        '<p class="verdict bad">fig12, naive: ',
+        'good">fig12, fast: agrees.',
+        "-path",
+        "<table",
+    )
+    places = [made.index(each) for each in parts]
+    assert places == sorted(places)
+    assert made.count("<img") == 2
+
+
+def test_a_scene_that_rolls_by_motors_has_their_loads(page: str) -> None:
+    """Torque, rate and power of each hinge that is driven, with the largest by the equations."""
+    for words in (
+        "Torque of frame: at most",
+        "Rate of frame: at most 2<",
+        "Power of rotor1: at most",
+    ):
+        assert words in page
+
+
+@pytest.mark.parametrize(
+    ("started", "words"),
+    [
+        ("/x/bin/robotball", "robotball"),
+        ("{here}/.venv/bin/robotball", ".venv/bin/robotball"),
+        ("{here}/validation/__main__.py", "python -m validation"),
+    ],
+)
+def test_a_command_to_repeat_is_on_the_readers_path(
+    started: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As it was found on the path, or as it lies beside the working folder."""
+    monkeypatch.setattr("sys.argv", [started.format(here=Path.cwd())])
+    monkeypatch.setattr("validation.output.which", lambda _: "/x/bin/robotball")
+    assert program() == words
+
+
 def test_a_records_name_is_no_pattern(tmp_path: Path) -> None:
     """`**` in it is no error, and `a*.json` does not get the pictures of `ab.json`."""
     for name in ("a*", "a**"):
@@ -203,20 +272,21 @@ def test_ticks_are_round(low: float, high: float, expected: list[float]) -> None
 @pytest.mark.parametrize("y", [[0.0] * 5, [7.0] * 5, [0.0, 1e-3, float("nan"), 1e-9, 1.0]])
 def test_a_chart_stands_a_line_that_goes_nowhere(y: list[float], log: bool) -> None:
     """A constant, a zero on a logarithmic axis, a hole: as of M(0) = 0."""
-    line = Line("a & b", "#000000", np.linspace(0.0, 1.0, 5), np.array(y))
+    line = Line(Look("a & b", "#000000"), np.linspace(0.0, 1.0, 5), np.array(y))
     svg = chart([line], "t < 1", "y", log=log)
     assert "t < 1" in [each.text for each in ElementTree.fromstring(svg).iter("text")]
     assert "nan" not in svg.lower()
-    assert np.finfo(float).eps > LEAST_LOG
+    assert np.finfo(float).eps > LEAST
 
 
 def test_a_flat_path_makes_a_low_picture_to_one_scale() -> None:
     """The pixels of a metre are the same on both axes; a legend has the dashes of its line."""
     x = np.linspace(0.0, 30.0, 900)
-    line = Line("a", "#000000", x, np.sin(x), dash="2 3")
+    line = Line(Look("a", "#000000", (2, 3)), x, np.sin(x), width=1.0)
     assert 'stroke-dasharray="2 3"' in legend([line])
-    svg = ElementTree.fromstring(chart([line], "X", "Y", equal=True))
-    assert float((svg.get("viewBox") or "").split()[3]) == 165.0
+    frame = np.array([[-1.0, 31.0], [-3.2, 3.2]])
+    svg = ElementTree.fromstring(chart([line], "X", "Y", frame=frame))
+    assert float((svg.get("viewBox") or "").split()[3]) == 0.2 * 478 // 1 + 1 + 38 + 46
     (drawn,) = svg.iter("polyline")
     points = np.array([p.split(",") for p in (drawn.get("points") or "").split()], dtype=float)
     assert len(points) == 400

@@ -1,5 +1,6 @@
 // A browser starts no worker from a file: where a page is opened as one, its search runs in a
-// hidden frame in place of a worker. Over HTTP this does nothing.
+// hidden frame in place of a worker. Messages are copied, as between threads: the search changes
+// those that it gets. Over HTTP this does nothing.
 if (location.protocol === "file:") {
   window.Worker = class {
     constructor(url) {
@@ -8,7 +9,7 @@ if (location.protocol === "file:") {
       this.ready = new Promise((loaded) => {
         frame.onload = () => {
           const inside = frame.contentWindow;
-          inside.postMessage = (data) => this.onmessage?.({ data });
+          inside.postMessage = (data) => this.onmessage?.({ data: structuredClone(data) });
           const script = inside.document.createElement("script");
           script.onload = () => loaded(inside);
           script.src = url;
@@ -18,7 +19,8 @@ if (location.protocol === "file:") {
       document.documentElement.append(frame);
     }
     postMessage(data) {
-      this.ready.then((inside) => inside.onmessage({ data }));
+      const copy = structuredClone(data);
+      this.ready.then((inside) => inside.onmessage({ data: copy }));
     }
     terminate() {
       this.frame.remove();

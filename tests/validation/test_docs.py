@@ -26,7 +26,11 @@ from validation.studies.random_runs import random_scene as random_ball
 from validation.studies.tradeoff import configurations
 
 README = (PROJECT / "README.md").read_text(encoding="utf-8")
-DOCS = {path.name: path.read_text(encoding="utf-8") for path in (PROJECT / "docs").glob("*.md")}
+DOCS = {
+    str(path.relative_to(PROJECT / "docs")): path.read_text(encoding="utf-8")
+    for folder in ("docs", "docs/reference")
+    for path in (PROJECT / folder).glob("*.md")
+}
 PAGES = {name: " ".join(text.split()) for name, text in {**DOCS, "README.md": README}.items()}
 
 # Numbers ---------------------------------------------------------------------------------------
@@ -177,16 +181,27 @@ def test_a_printed_command_is_one() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "text",
-    [text for page in DOCS.values() for text in re.findall(r"```python\n(.*?)```", page, re.S)],
+    ("text", "output"),
+    [
+        found
+        for page in DOCS.values()
+        for found in re.findall(r"```python\n(.*?)```(?:\n\n```text\n(.*?)```)?", page, re.DOTALL)
+    ],
 )
-def test_printed_python_runs(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As it is, in a folder with the examples and a file to judge."""
+def test_printed_python_runs(
+    text: str,
+    output: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """As it is, in a folder with the examples and a file to judge; it prints what is shown."""
     monkeypatch.chdir(tmp_path)
     Path("examples").symlink_to(PROJECT / "examples")
     Path("my_robot.toml").symlink_to(PROJECT / "examples" / "my_robot.toml")
     rb.integrate(rb.load_scene("fig12"), rb.sample_times(0.4)).save("run.csv")
     exec(text, {})
+    assert output in ("", capsys.readouterr().out)
 
 
 def test_the_data_sheet_s_robot_does_what_its_page_says() -> None:

@@ -70,8 +70,8 @@ class Browser:
         self.call("Page.navigate", url=address)
         self.run("new Promise(d => document.readyState === 'complete' ? d() : onload = d)")
 
-    def size(self, width: int, height: int, dark: bool = False, media: str = "screen") -> None:
-        """Show the page in so many pixels, on a screen or as if on paper (`media="print"`)."""
+    def size(self, width: int, height: int, dark: bool = False, media: str = "") -> None:
+        """Show the page in so many pixels; with `media="print"` as if on paper."""
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.call("Emulation.setEmulatedMedia", media=media, features=[scheme])
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600}

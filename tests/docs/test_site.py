@@ -136,7 +136,7 @@ OPEN = "const attach = Element.prototype.attachShadow; \
 Element.prototype.attachShadow = function () { return attach.call(this, { mode: 'open' }) }"
 TREE = "[...document.querySelectorAll('*')].find(each => each.shadowRoot)?.shadowRoot"
 SEARCH = f"{TREE}?.querySelector('input')"
-FOCUSED = f"{TREE}?.activeElement === {SEARCH}"
+FOCUSED = f"{TREE}?.activeElement?.matches('input')"
 LISTED = f"({TREE}.querySelector('ol')?.innerText ?? '').toLowerCase()"
 
 

@@ -145,7 +145,7 @@ LISTED = f"({TREE}.querySelector('ol')?.innerText ?? '').toLowerCase()"
 @pytest.mark.parametrize("by", ["http", "file"])
 def test_the_search_finds(by: str, site: Path, address: str, tmp_path: Path) -> None:
     """Words that are typed, over HTTP and in a page opened as a file; but none that no page has."""
-    with opened("", tmp_path) as browser:
+    with opened("", tmp_path, 400, 200) as browser:  # small, as each letter is drawn
         browser.call("Page.addScriptToEvaluateOnNewDocument", source=OPEN)
         browser.visit(f"{address}index.html" if by == "http" else f"{site.as_uri()}/index.html")
         browser.run("document.querySelector('.md-search__button').click()")

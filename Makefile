@@ -48,7 +48,7 @@ check: setup
 # Then the site, in out/site; it ends at a dead link and at a name that is not there.
 docs: setup
 	$(BIN)/python -m robotball.files.scene_keys > docs/scene.md
-	$(BIN)/python -m mkdocs build --strict
+	$(BIN)/python -m zensical build --clean --strict
 
 # The notebooks of docs/tutorials, run again, with their outputs and pages; a minute.
 tutorials: setup
@@ -124,4 +124,4 @@ lock: | $(UV)
 	  --no-header --no-annotate --upgrade --output-file requirements.lock pyproject.toml
 
 clean:
-	rm -rf .venv .tools out .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv .tools .cache out .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -65,6 +65,18 @@ class Browser:
         assert "exceptionDetails" not in answer, answer["exceptionDetails"]
         return answer["result"].get("value")
 
+    def visit(self, address: str) -> None:
+        """Go to an address and wait until it is loaded."""
+        self.call("Page.navigate", url=address)
+        self.run("new Promise(d => document.readyState === 'complete' ? d() : onload = d)")
+
+    def size(self, width: int, height: int, dark: bool = False, media: str = "") -> None:
+        """Show the page in so many pixels; with `media="print"` as if on paper."""
+        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+        self.call("Emulation.setEmulatedMedia", media=media, features=[scheme])
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600}
+        self.call("Emulation.setDeviceMetricsOverride", **size)
+
     def pdf(self) -> bytes:
         """The page as it is printed on A4."""
         inches = {"paperWidth": 8.27, "paperHeight": 11.69}
@@ -110,15 +122,11 @@ def opened(
     )  # fmt: skip
     os.close(theirs_in)
     os.close(theirs_out)
-    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600}
-    scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
     try:
         with os.fdopen(own, "rb") as answers:
             browser = Browser(to, answers)
-            browser.call("Emulation.setEmulatedMedia", features=[scheme])
-            browser.call("Emulation.setDeviceMetricsOverride", **size)
-            browser.call("Page.navigate", url=path.absolute().as_uri())
-            browser.run("new Promise(d => document.readyState === 'complete' ? d() : onload = d)")
+            browser.size(width, height, dark)
+            browser.visit(path.absolute().as_uri())
             yield browser
     finally:
         process.terminate()

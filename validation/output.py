@@ -135,13 +135,19 @@ def plain_table(headings: Sequence[str], left: Collection[int] = (0,), **style: 
 
     table = Table(box=box.SIMPLE_HEAD, **{"padding": 0, "show_edge": False, **style})
     for i, heading in enumerate(headings):
-        table.add_column(heading, justify="left" if i in left else "right", no_wrap=True)
+        table.add_column(heading, justify="left" if i in left else "right")
     return table
 
 
 def print_whole(table: "Table", console: Console) -> None:
-    """Print a table as wide as it is: a narrow terminal breaks its lines, and cuts no number."""
+    """Print a table and cut no number of it.
+
+    In a terminal words are folded where that makes it fit. Else it is as wide as it is: a narrower
+    terminal breaks its lines.
+    """
     terminal, console.width = console.width, _WIDEST
+    if console.is_terminal and console.measure(table).minimum <= terminal:
+        console.width = terminal
     console.print(table)
     console.width = terminal
 

@@ -74,18 +74,17 @@ class Look(NamedTuple):
     marker: str = ""
 
 
-# After the engine's own colour; most are of Okabe and Ito's set. Dashes differ in grey, too.
-_COLOURS = ("#009E73", "#CC79A7", "#56B4E9", "#B08900", "#7F7F7F")
 _DASHES = ((), (6, 2), (2, 2), (7, 2, 2, 2), (1, 3))
 _MARKERS = "os^Dv*"
 
 
 def looks_of(agreements: Sequence["Agreement"]) -> list[Look]:
     """Return the looks of the equations' motion and of each run, on all plots of a scene."""
-    theory, engine = agreements[0].theory.engine, agreements[0].motion.engine
-    labels = [f"{engine.name}, {each.settings.name}" for each in agreements]
-    colours = [engine.colour, *(each for each in _COLOURS if each != engine.colour)]
-    looks = map(Look, labels, cycle(colours), cycle(_DASHES), cycle(_MARKERS))
+    from robotball.film.looks import colours_of, label_of
+
+    theory, motions = agreements[0].theory.engine, [each.motion for each in agreements]
+    labels = map(label_of, motions)
+    looks = map(Look, labels, colours_of(motions), cycle(_DASHES), cycle(_MARKERS))
     return [Look(theory.name, theory.colour), *looks]
 
 

@@ -12,6 +12,7 @@ weight on the side of its centre of mass. The shell is always glass, with bands 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
+from itertools import cycle
 from typing import Any, cast
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -27,7 +28,7 @@ INK = "#22262B"  # text
 ACCENT = "#D55E00"  # what the rest is held against
 FAINT = "#B4B9BF"  # what stands behind
 GHOST = 0.35  # opacity of a ball that is drawn over others
-_MORE = ("#009E73", "#CC79A7", "#56B4E9", "#B08900")  # of further motions by an engine
+_MORE = ("#009E73", "#CC79A7", "#56B4E9", "#B08900", "#7F7F7F")  # of further motions by an engine
 
 
 def rgb(colour: str) -> tuple[float, float, float]:
@@ -49,8 +50,8 @@ def label_of(motion: Any) -> str:
 def colours_of(motions: Sequence[Any]) -> list[str]:
     """Return a colour for each `Motion`: its engine's, or one of its own for a further one."""
     own = [motion.engine.colour for motion in motions]
-    before = [own[:i].count(each) for i, each in enumerate(own)]
-    return [_MORE[(n - 1) % 4] if n else each for each, n in zip(own, before, strict=True)]
+    more = cycle(each for each in _MORE if each not in own)
+    return [next(more) if each in own[:i] else each for i, each in enumerate(own)]
 
 
 # The materials that show a rotor's angle, and its disc when it turns too fast to be seen.

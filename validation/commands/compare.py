@@ -165,7 +165,7 @@ class Compare:
 
 @dataclass(frozen=True)
 class Demo:
-    """Compare fig12 and classical_regular at every preset, with table, plots and a film.
+    """Compare fig12 and classical_regular at every preset: table, plots, a page and a film.
 
     Example: robotball demo --out demo
     """
@@ -181,8 +181,9 @@ class Demo:
         from robotball.engine import request_of
         from robotball.film.render import Film
         from validation import results
-        from validation.output import progress_bar, writable_folder
+        from validation.output import progress_bar, writable_folder, write_text
         from validation.plots import draw
+        from validation.report.study_report import study_report
         from validation.runs import agreements_of, film
 
         out, console = writable_folder(self.out), Console()
@@ -201,7 +202,8 @@ class Demo:
         results.write_json(out / "demo.json", records)
         results.write_csv(out / "demo.csv", records)
         results.write_markdown(out / "demo.md", records)
-        written += [out / f"demo.{suffix}" for suffix in ("json", "csv", "md")]
+        write_text(out / "demo.html", study_report(out / "demo.json"))
+        written += [out / f"demo.{suffix}" for suffix in ("html", "json", "csv", "md")]
         path = out / f"{results.file_stem(filmed)}.mp4"
         try:
             film(path, filmed, Film(fps=24, ghost=True))

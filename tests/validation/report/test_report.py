@@ -43,7 +43,9 @@ def test_a_report_has_what_was_run_and_how_to_repeat_it(
     """
     for words in (COMMAND, "fig12", "mujoco", rb.scene_toml(agreements[0].scene).splitlines()[1]):
         assert words in page.replace("&quot;", '"')
-    assert '<th scope="col">time [s]</th><th scope="col">distance [m], MuJoCo, naive</th>' in page
+    assert (
+        '<th scope="col">time [s]</th><th scope="col">distance [m], MuJoCo as it comes</th>' in page
+    )
     for name, value in agreements[1].settings.plain().items():
         assert f"<td>{name}</td>" in page
         assert f">{value}<" in page or isinstance(value, dict | list)

@@ -51,6 +51,7 @@ from robotball.scene import Scene, spans
 # Python's part of a run is measured afterwards, on so many steps or calls without the engine.
 IDLE_STEPS = 200
 _CALLS = 200
+_ABREAST = 1024  # balls of a world at most; their samples are held until the end
 _UNKNOWN = np.full(3, np.nan)  # a force
 
 
@@ -167,6 +168,19 @@ class ServoWorld(SteppedWorld):
         self.turn(self.hinges_at(t + step)[1])
 
 
+def on_device(world: World, device: str, cuda: bool) -> str:
+    """Return the device of a world's balls, and time its steps. Raises InputError for no device.
+
+    cuda: whether the engine finds one.
+    """
+    if device not in ("cpu", "cuda") or (device == "cuda" and not cuda):
+        there = "cpu and cuda" if cuda else "cpu alone: no CUDA device is found"
+        raise InputError(f"the device can be {there}, not {device!r}")
+    if device == "cuda":
+        world.clock = time.perf_counter
+    return device
+
+
 def seconds_per_call(call: Callable[[], object]) -> float:
     """Return the processor time that a function takes [s], the mean of many calls."""
     began = time.process_time()
@@ -245,8 +259,8 @@ class Adapter(Engine):
     engine's own name and that of its environment, in the folder `environments`; world: what makes
     the ball at its start of a scene, settings and the length of its steps [s]; lacks: what says in
     a line what the engine lacks for a scene under settings, if anything. Both get its own kind of
-    settings, that of its presets. abreast: how many balls a world can roll, each as if it were
-    alone; `world` then takes the scenes too, which differ in their starts.
+    settings, that of its presets. Where these have a `device`, a world can roll many balls there,
+    each as if it were alone; `world` then takes the scenes too, which differ in their starts.
     """
 
     label: Label
@@ -261,7 +275,6 @@ class Adapter(Engine):
     knobs: Knobs | None = None
     default: str = "best"
     least_accuracy: float | None = None
-    abreast: int = 1
     environments: Path = ENVIRONMENTS
 
     @property
@@ -298,7 +311,8 @@ class Adapter(Engine):
         self, scenes: Sequence[Scene], times: Array, settings: EngineSettings
     ) -> Iterator[ContactMotion]:
         """Yield the motions of scenes, in one world where they differ in the start alone."""
-        size = self.abreast if differ_in_start(scenes) else 1
+        abreast = differ_in_start(scenes) and getattr(settings, "device", None) is not None
+        size = _ABREAST if abreast else 1
         for i in range(0, len(scenes), size):
             yield from self._motions(scenes[i : i + size], times, Request(self, settings))
 

@@ -20,19 +20,18 @@ from robotball.engines.adapter import (
     StepSettings,
     World,
     by_name,
+    on_device,
     version_of,
 )
 from robotball.engines.links import State, force_in
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, ModelHinge, build, controls_at, state_at
 from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings
-from robotball.errors import InputError
 from robotball.motion import Label
 from robotball.motors import Servo
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 
-_ABREAST = 1024  # worlds at once; their samples are held until the end
 _PASSES = 50  # of the loop at most in one call, whose controls are an array of fixed size
 
 
@@ -76,7 +75,7 @@ class _MjxWorld(World):
         if settings.line_search is not None:
             model.opt.ls_iterations = settings.line_search
         cuda = jax.default_backend() == "gpu"
-        device = jax.devices(_device(self, settings, cuda))[0]
+        device = jax.devices(on_device(self, settings.device, cuda))[0]
         self.model = mjx.put_model(model, device)
         self.data, self.calls = mjx.put_data(model, start, device), 0
         if scenes:
@@ -139,16 +138,6 @@ def _coordinates(model: Model, scenes: Sequence[Scene]) -> tuple[Array, Array]:
     return np.array(qpos), np.array(qvel)
 
 
-def _device(world: World, settings: _ModelSettings, cuda: bool) -> str:
-    """Return the device of the settings, and time its steps. Raises InputError for no device."""
-    if settings.device not in ("cpu", "cuda") or (settings.device == "cuda" and not cuda):
-        there = "cpu and cuda" if cuda else "cpu alone: no CUDA device is found"
-        raise InputError(f"the device can be {there}, not {settings.device!r}")
-    if settings.device == "cuda":
-        world.clock = time.perf_counter
-    return settings.device
-
-
 @cache
 def _advance(many: bool) -> Callable[..., Any]:
     """Return the compiled loop: model, data, controls (PASSES, nu), step [s], count → data."""
@@ -196,7 +185,6 @@ MJX = Adapter(
     presets=by_name(_MjxSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE), _BEST),
     knobs=("best", {"timestep": slice(1e-3, 2e-2), "line_search": (3, 5, 20), **_KNOBS}),
     world=_MjxWorld,
-    abreast=_ABREAST,
 )
 
 
@@ -210,14 +198,15 @@ class _WarpWorld(SteppedWorld):
         import mujoco_warp
         import warp
 
-        warp.config.quiet = True
+        warp.config.log_level = warp.LOG_WARNING
         warp.init()
         self.warp, self.engine = warp, mujoco_warp
         self.built = build(scene, replace(settings.model, timestep=step))
         start, self.friction = self.built.start_data(), self.built.compiled.pair_friction[0, 0]
         # Warp has no such flag, and resets nothing.
         self.built.compiled.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-        self.device, self.n = _device(self, settings, warp.is_cuda_available()), len(scenes) or 1
+        self.device = on_device(self, settings.device, warp.is_cuda_available())
+        self.n = len(scenes) or 1
         with warp.ScopedDevice(self.device):
             self.model = mujoco_warp.put_model(self.built.compiled)
             self.data = mujoco_warp.put_data(self.built.compiled, start, self.n)
@@ -277,6 +266,5 @@ WARP = Adapter(
     ),
     knobs=("best", {"timestep": slice(2e-3, 2e-2), **_KNOBS}),
     world=_WarpWorld,
-    abreast=_ABREAST,
     lacks=_in_single_precision,
 )

@@ -174,8 +174,8 @@ def on_device(world: World, device: str, cuda: bool) -> str:
     cuda: whether the engine finds one.
     """
     if device not in ("cpu", "cuda") or (device == "cuda" and not cuda):
-        there = "cpu and cuda" if cuda else "cpu alone: no CUDA device is found"
-        raise InputError(f"the device can be {there}, not {device!r}")
+        there = "cpu or cuda" if cuda else "cpu, as no CUDA device is found"
+        raise InputError(f"there is no device {device!r}: give {there}")
     if device == "cuda":
         world.clock = time.perf_counter
     return device

@@ -80,6 +80,9 @@ class World(ABC):
     def python_seconds(self) -> float:
         """Return the processor time of Python's part in all steps so far [s]."""
 
+    def end(self) -> None:  # noqa: B027
+        """Have the engine keep for other runs what it keeps, as what it compiled."""
+
     def force(self) -> Array:
         """Return the plane's force on the shell in the last step (3,) [N], world, if it is known.
 
@@ -353,6 +356,7 @@ class Adapter(Engine):
             if request.progress is not None:
                 request.progress(times[len(rows) - 1] / times[-1])
         share, python = spent / len(scenes), world.python_seconds() / len(scenes)
+        world.end()
         cost = {"seconds": share, "python_seconds": python}
         for each, own in zip(scenes, np.stack(rows, axis=1), strict=True):
             yield motion_of_rows(

@@ -49,7 +49,7 @@ class _GenesisWorld(ServoWorld):
         super().__init__(scene)
         import genesis as gs
 
-        gs.destroy()  # of the world before, whose precision may be another
+        gs.destroy()  # of a world that did not come to its end
         gs.init(backend=gs.cpu, precision=settings.precision, logging_level="error")
         torsional = settings.torsional if scene.rolling == "rubber" else None
         options: dict[str, Any] = {
@@ -94,6 +94,13 @@ class _GenesisWorld(ServoWorld):
         q, v = _double(self.ball.get_qpos()), _double(self.ball.get_dofs_velocity())
         attitude = q[3:7] / np.linalg.norm(q[3:7])
         return State(q[:3], v[:3], attitude, rotation_matrix(attitude) @ v[3:6], q[7:], v[6:])
+
+    def end(self) -> None:
+        # Here alone it writes its kernels to disk, a minute's compilation; robotball's processes
+        # do not come to Python's end.
+        import genesis as gs
+
+        gs.destroy()
 
     def force(self) -> Array:
         return _double(self.ball.get_links_net_contact_force())[0]

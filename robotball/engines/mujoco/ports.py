@@ -143,7 +143,15 @@ def _advance(many: bool) -> Callable[..., Any]:
     """Return the compiled loop: model, data, controls (PASSES, nu), step [s], count → data."""
     import jax
 
-    jax.config.update("jax_enable_x64", True)
+    from robotball.engines.compiled import cache_folder
+
+    # The loop takes 20 s to compile, and each run of a comparison has a process of its own.
+    folder = cache_folder()
+    for name, value in {
+        "enable_x64": True, "compilation_cache_dir": folder and str(folder / "jax"),
+        "persistent_cache_min_compile_time_secs": 1.0,
+    }.items():  # fmt: skip
+        jax.config.update(f"jax_{name}", value)
     from mujoco import mjx
 
     one_step = jax.vmap(mjx.step, in_axes=(None, 0)) if many else mjx.step

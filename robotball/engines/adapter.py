@@ -49,7 +49,6 @@ from robotball.rotations import Array, Mask
 from robotball.scene import Scene, spans
 
 # Python's part of a run is measured afterwards, on so many steps or calls without the engine.
-IDLE_STEPS = 200
 _CALLS = 200
 _ABREAST = 1024  # balls of a world at most; their samples are held until the end
 _UNKNOWN = np.full(3, np.nan)  # a force
@@ -144,7 +143,7 @@ class SteppedWorld(World):
     def python_seconds(self) -> float:
         # Commands are given to the engine as in the run, so that these calls count; no step is
         # taken.
-        count = min(IDLE_STEPS, self.steps)
+        count = min(_CALLS, self.steps)
         began = time.process_time()
         self._loop(lambda _: None, 0.0, self.longest, count)
         return (time.process_time() - began) / count * self.steps
@@ -248,6 +247,11 @@ def spins(scene: Scene, settings: PointSettings) -> str | None:
         return None
     damped = ["a torque of ours damps the spin"] if settings.spin_part else []
     return no_torsion(scene, *damped)
+
+
+def in_single_precision(scene: Scene, settings: Any) -> str:
+    """Return that an engine lacks double precision."""
+    return "its state is in single precision"
 
 
 def _nothing(scene: Scene, settings: Any) -> str | None:

@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
 
-from robotball.engines.adapter import Adapter, ServoWorld, StepSettings, by_name, version_of
+from robotball.engines import adapter
 from robotball.engines.links import State, links_of
 from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
@@ -18,7 +18,7 @@ from robotball.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
-class _GenesisSettings(StepSettings):
+class _GenesisSettings(adapter.StepSettings):
     """Settings of a Genesis run.
 
     precision: of its arithmetic, in bits; integrator, cone: by its own names; friction: of ball
@@ -42,7 +42,7 @@ class _GenesisSettings(StepSettings):
     tolerance: float | None = None
 
 
-class _GenesisWorld(ServoWorld):
+class _GenesisWorld(adapter.ServoWorld):
     """The ball and its plane in a scene of their own."""
 
     def __init__(self, scene: Scene, settings: _GenesisSettings, step: float) -> None:
@@ -160,12 +160,12 @@ def _lacks(scene: Scene, settings: _GenesisSettings) -> str | None:
     return "; ".join(lack) or None
 
 
-GENESIS = Adapter(
-    label=Label("Genesis", version_of("genesis-world"), "#AA4499"),
+GENESIS = adapter.Adapter(
+    label=Label("Genesis", adapter.version_of("genesis-world"), "#AA4499"),
     packages=("genesis",),
     extra="genesis",
     ladders={"as-it-comes": ("timestep", (1e-2,)), "best": ("timestep", (4e-3, 1e-3, 2.5e-4))},
-    presets=by_name(_AS_IT_COMES, _BEST),
+    presets=adapter.by_name(_AS_IT_COMES, _BEST),
     knobs=("best", {
         "timestep": slice(1e-4, 1e-2), "friction": slice(1.5, 5.0), "torsional": slice(0.1, 5.0),
         "integrator": ("Euler", "implicitfast"), "damping": slice(1e2, 1e9),

@@ -11,14 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from robotball.engines.adapter import (
-    Adapter,
-    SteppedWorld,
-    StepSettings,
-    by_name,
-    on_device,
-    version_of,
-)
+from robotball.engines import adapter
 from robotball.engines.links import State, force_in, links_of, start_state
 from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
@@ -32,7 +25,7 @@ _BEARS = {"impedance": 0.99, "armature": 1e6}
 
 
 @dataclass(frozen=True, kw_only=True)
-class _NewtonSettings(StepSettings):
+class _NewtonSettings(adapter.StepSettings):
     """Settings of a Newton run.
 
     integrator, cone, iterations, tolerance: of its solver; friction: of ball and plane; armature
@@ -55,7 +48,7 @@ class _NewtonSettings(StepSettings):
     device: str | None = None
 
 
-class _NewtonWorld(SteppedWorld):
+class _NewtonWorld(adapter.SteppedWorld):
     """Balls abreast in worlds of their own by Warp, or one by MuJoCo itself."""
 
     any_step = True
@@ -70,7 +63,7 @@ class _NewtonWorld(SteppedWorld):
         warp.config.log_level = warp.LOG_WARNING
         self.warp, self.device = warp, "cpu"
         if settings.device is not None:
-            self.device = on_device(self, settings.device, warp.is_cuda_available())
+            self.device = adapter.on_device(self, settings.device, warp.is_cuda_available())
             borne = {n: min(v, most) for n, most in _BEARS.items() if (v := getattr(settings, n))}
             settings = replace(settings, **borne)
         self.settings, d = settings, settings.impedance
@@ -223,8 +216,8 @@ def _lacks(scene: Scene, settings: _NewtonSettings) -> str | None:
     return lack
 
 
-NEWTON = Adapter(
-    label=Label("Newton", version_of("newton"), "#117733"),
+NEWTON = adapter.Adapter(
+    label=Label("Newton", adapter.version_of("newton"), "#117733"),
     packages=("newton",),
     extra="newton",
     ladders={
@@ -232,7 +225,7 @@ NEWTON = Adapter(
         "best": ("timestep", (20e-3, 5e-3, 1e-3)),
         "kept": ("timestep", (20e-3, 5e-3)),
     },
-    presets=by_name(_AS_IT_COMES, _BEST, replace(_BEST, name="kept", kept=True)),
+    presets=adapter.by_name(_AS_IT_COMES, _BEST, replace(_BEST, name="kept", kept=True)),
     knobs=("best", {
         "timestep": slice(1e-3, 2e-2), "integrator": ("rk4", "euler", "implicitfast"),
         "cone": ("elliptic", "pyramidal"), "iterations": (5, 10, 50), "friction": slice(2.0, 100.0),

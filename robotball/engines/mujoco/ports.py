@@ -4,7 +4,6 @@ JAX steps in double precision, Warp in single. Neither reads sensors: the shell'
 from MuJoCo's coordinates.
 """
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -13,16 +12,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from robotball.engines.adapter import (
-    IDLE_STEPS,
-    Adapter,
-    SteppedWorld,
-    StepSettings,
-    World,
-    by_name,
-    on_device,
-    version_of,
-)
+from robotball.engines import adapter
 from robotball.engines.links import State, force_in
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, ModelHinge, build, controls_at, state_at
@@ -36,7 +26,7 @@ _PASSES = 50  # of the loop at most in one call, whose controls are an array of 
 
 
 @dataclass(frozen=True, kw_only=True)
-class _ModelSettings(StepSettings):
+class _ModelSettings(adapter.StepSettings):
     """Settings of a run of MuJoCo's model: MuJoCo's own, for the model and its options.
 
     device: "cpu" or "cuda", where the balls are stepped.
@@ -56,7 +46,7 @@ class _MjxSettings(_ModelSettings):
     line_search: int | None = None
 
 
-class _MjxWorld(World):
+class _MjxWorld(adapter.World):
     """Worlds abreast, one unless scenes are given; steps are the passes of a compiled loop."""
 
     def __init__(
@@ -75,7 +65,7 @@ class _MjxWorld(World):
         if settings.line_search is not None:
             model.opt.ls_iterations = settings.line_search
         cuda = jax.default_backend() == "gpu"
-        device = jax.devices(on_device(self, settings.device, cuda))[0]
+        device = jax.devices(adapter.on_device(self, settings.device, cuda))[0]
         self.model = mjx.put_model(model, device)
         self.data, self.calls = mjx.put_data(model, start, device), 0
         if scenes:
@@ -111,11 +101,7 @@ class _MjxWorld(World):
 
     def python_seconds(self) -> float:
         """Return the processor time [s] of the calls themselves, measured on empty ones."""
-        count = min(IDLE_STEPS, self.calls)
-        began = time.process_time()
-        for _ in range(count):
-            self._take(0.0, self.longest, 0)
-        return (time.process_time() - began) / count * self.calls
+        return adapter.seconds_per_call(lambda: self._take(0.0, self.longest, 0)) * self.calls
 
 
 def shell_state(model: Model, qpos: Array, qvel: Array) -> State:
@@ -185,18 +171,22 @@ _BEST = _MjxSettings(
     line_search=5,
 )  # fmt: skip
 
-MJX = Adapter(
-    label=Label("MJX", f"{version_of('mujoco-mjx')} on {LABEL.name} {LABEL.version}", "#DDAA33"),
+MJX = adapter.Adapter(
+    label=Label(
+        "MJX", f"{adapter.version_of('mujoco-mjx')} on {LABEL.name} {LABEL.version}", "#DDAA33"
+    ),
     packages=("mujoco.mjx", "jax"),  # MJX is a part of MuJoCo's package, and needs JAX
     extra="mjx",
     ladders={"as-it-comes": ("timestep", (2e-3,)), "best": ("timestep", (20e-3, 10e-3, 5e-3))},
-    presets=by_name(_MjxSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE), _BEST),
+    presets=adapter.by_name(
+        _MjxSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE), _BEST
+    ),
     knobs=("best", {"timestep": slice(1e-3, 2e-2), "line_search": (3, 5, 20), **_KNOBS}),
     world=_MjxWorld,
 )
 
 
-class _WarpWorld(SteppedWorld):
+class _WarpWorld(adapter.SteppedWorld):
     """Worlds abreast, one unless scenes are given, on one of Warp's devices."""
 
     def __init__(
@@ -213,7 +203,7 @@ class _WarpWorld(SteppedWorld):
         start, self.friction = self.built.start_data(), self.built.compiled.pair_friction[0, 0]
         # Warp has no such flag, and resets nothing.
         self.built.compiled.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-        self.device = on_device(self, settings.device, warp.is_cuda_available())
+        self.device = adapter.on_device(self, settings.device, warp.is_cuda_available())
         self.n = len(scenes) or 1
         with warp.ScopedDevice(self.device):
             self.model = mujoco_warp.put_model(self.built.compiled)
@@ -259,20 +249,16 @@ _SINGLE = replace(
 )  # fmt: skip
 
 
-def _in_single_precision(scene: Scene, settings: _ModelSettings) -> str:
-    return "its state is in single precision"
-
-
-WARP = Adapter(
-    label=Label("MuJoCo Warp", version_of("mujoco-warp"), "#76B900"),
+WARP = adapter.Adapter(
+    label=Label("MuJoCo Warp", adapter.version_of("mujoco-warp"), "#76B900"),
     packages=("mujoco_warp",),
     extra="mujoco-warp",
     ladders={"best": ("timestep", (20e-3, 10e-3))},
-    presets=by_name(
+    presets=adapter.by_name(
         _ModelSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE),
         _ModelSettings(name="best", timestep=20e-3, model=_SINGLE, **_LOOSE),
     ),
     knobs=("best", {"timestep": slice(2e-3, 2e-2), **_KNOBS}),
     world=_WarpWorld,
-    lacks=_in_single_precision,
+    lacks=adapter.in_single_precision,
 )

@@ -77,12 +77,18 @@ class _GenesisWorld(adapter.ServoWorld):
         self.ball.set_dofs_kv(np.full(h, settings.damping), self.hinges)
         most = np.full(h, settings.most_torque or np.inf)
         self.ball.set_dofs_force_range(-most, most, self.hinges)
+        self.lag = (settings.armature or 0.0) / settings.damping  # s, of a servo
         if settings.armature is not None:
             self.ball.set_dofs_armature(np.full(h, settings.armature), self.hinges)
         self.ball.set_qpos(np.concatenate([start.centre, start.attitude, start.angles]))
         turning = rotation_matrix(start.attitude).T @ start.turning
         self.ball.set_dofs_velocity(np.concatenate([start.velocity, turning, start.rates]))
         self.turn(start.rates)
+
+    def control(self, t: float, step: float) -> None:
+        # A servo turns its own armature too, by its rate at the step's begin, or it would lag.
+        before, after = (self.hinges_at(each)[1] for each in (t, t + step))
+        self.turn(before + self.lag / step * (after - before))
 
     def turn(self, rates: Array) -> None:
         self.ball.control_dofs_velocity(rates, self.hinges)

@@ -123,6 +123,9 @@ class SteppedWorld(World):
     def step(self, step: float) -> None:
         """Take one step of the engine [s]."""
 
+    def wait(self) -> None:
+        """Wait for the steps taken: a device's own work would else count as our reading."""
+
     @abstractmethod
     def state(self) -> State:
         """Return the state that the ball is in now."""
@@ -138,6 +141,7 @@ class SteppedWorld(World):
         for begin, length, count, sample in self.stretches(times, timestep):
             self._loop(self.step, begin, length, count)
             if sample is not None:
+                self.wait()
                 yield self.state
 
     def python_seconds(self) -> float:

@@ -176,6 +176,9 @@ class _NewtonWorld(adapter.SteppedWorld):
             self.solver.step(before, after, self.controls, None, step)
         self.states = after, before
 
+    def wait(self) -> None:
+        self.warp.synchronize_device(self.device)
+
     def state(self) -> State:
         now, n = self.states[0], len(self.starts)
         q, v = (each.numpy().astype(float).reshape(n, -1) for each in (now.joint_q, now.joint_qd))

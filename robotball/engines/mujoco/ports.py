@@ -230,6 +230,9 @@ class _WarpWorld(adapter.SteppedWorld):
         with self.warp.ScopedDevice(self.device):
             self.engine.step(self.model, self.data)
 
+    def wait(self) -> None:
+        self.warp.synchronize_device(self.device)
+
     def state(self) -> State:
         qpos, qvel = (each.numpy().astype(float) for each in (self.data.qpos, self.data.qvel))
         return shell_state(self.built, qpos, qvel)

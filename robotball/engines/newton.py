@@ -70,11 +70,8 @@ class _NewtonWorld(adapter.SteppedWorld):
         # So deep that the contact carries the ball from the start.
         self.depth = scene.gravity * (1 - d) * _TIME_CONSTANT**2 if d is not None else 0.0
         self.starts = [start_state(each) for each in scenes or (scene,)]
-        chosen = {
-            name: value
-            for name in ("integrator", "cone", "iterations", "tolerance")
-            if (value := getattr(settings, name)) is not None
-        }
+        options = ("integrator", "cone", "iterations", "tolerance")
+        chosen = {n: value for n in options if (value := getattr(settings, n)) is not None}
         if settings.kept:
             chosen["update_data_interval"] = 0
         alone = settings.device is None
@@ -137,14 +134,11 @@ class _NewtonWorld(adapter.SteppedWorld):
         if settings.impedance is not None and settings.friction is not None:
             mu, d = settings.friction, settings.impedance
             pair = {
-                "geom1": plane,
-                "geom2": sphere,
-                "condim": 4 if scene.rolling == "rubber" else 3,
+                "geom1": plane, "geom2": sphere, "condim": 4 if scene.rolling == "rubber" else 3,
                 "friction": [mu, mu, mu * scene.ball.radius, 0.0, 0.0],
-                "solref": [_TIME_CONSTANT, 1.0],
-                "solreffriction": [-1.0, -0.5],
+                "solref": [_TIME_CONSTANT, 1.0], "solreffriction": [-1.0, -0.5],
                 "solimp": [d, d, 1e-3, 0.5, 1.0],
-            }
+            }  # fmt: skip
             ball.add_custom_values(**{f"mujoco:pair_{name}": pair[name] for name in pair})
         whole.replicate(ball, len(self.starts))
         places = ([*self._place(s), *np.roll(s.attitude, -1), *s.angles] for s in self.starts)

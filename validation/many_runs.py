@@ -119,7 +119,7 @@ def of_cell(cell: Cell, progress: Progress | None = None) -> Mapping[str, Any]:
     starts = [random_start(scene, np.random.default_rng(each)) for each in seeds]
     options = Run(**{name: cell[name] for name in ("engine", "keep_going", "environments")})
     of = options.request(cell["preset"])
-    more: Any = {"engine": of.engine, "progress": progress}
+    more: Any = {"engine": of.engine, "device": cell["device"], "progress": progress}
     found = compare_many(scene, starts, of.settings, sample_times(cell["duration"]), **more)
     return {"rows": found.rows}
 

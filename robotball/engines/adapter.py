@@ -49,8 +49,8 @@ from robotball.rotations import Array, Mask
 from robotball.scene import Scene, spans
 
 # Python's part of a run is measured afterwards, on so many steps or calls without the engine.
-IDLE_STEPS = 200
 _CALLS = 200
+_ABREAST = 1024  # balls of a world at most; their samples are held until the end
 _UNKNOWN = np.full(3, np.nan)  # a force
 
 
@@ -78,6 +78,9 @@ class World(ABC):
     @abstractmethod
     def python_seconds(self) -> float:
         """Return the processor time of Python's part in all steps so far [s]."""
+
+    def end(self) -> None:  # noqa: B027
+        """Have the engine keep for other runs what it keeps, as what it compiled."""
 
     def force(self) -> Array:
         """Return the plane's force on the shell in the last step (3,) [N], world, if it is known.
@@ -120,6 +123,9 @@ class SteppedWorld(World):
     def step(self, step: float) -> None:
         """Take one step of the engine [s]."""
 
+    def wait(self) -> None:
+        """Wait for the steps taken: a device's own work would else count as our reading."""
+
     @abstractmethod
     def state(self) -> State:
         """Return the state that the ball is in now."""
@@ -135,12 +141,13 @@ class SteppedWorld(World):
         for begin, length, count, sample in self.stretches(times, timestep):
             self._loop(self.step, begin, length, count)
             if sample is not None:
+                self.wait()
                 yield self.state
 
     def python_seconds(self) -> float:
         # Commands are given to the engine as in the run, so that these calls count; no step is
         # taken.
-        count = min(IDLE_STEPS, self.steps)
+        count = min(_CALLS, self.steps)
         began = time.process_time()
         self._loop(lambda _: None, 0.0, self.longest, count)
         return (time.process_time() - began) / count * self.steps
@@ -165,6 +172,19 @@ class ServoWorld(SteppedWorld):
     def control(self, t: float, step: float) -> None:
         # These engines take semi-implicit steps, whose velocities are those at the end of a step.
         self.turn(self.hinges_at(t + step)[1])
+
+
+def on_device(world: World, device: str, cuda: bool) -> str:
+    """Return the device of a world's balls, and time its steps. Raises InputError for no device.
+
+    cuda: whether the engine finds one.
+    """
+    if device not in ("cpu", "cuda") or (device == "cuda" and not cuda):
+        there = "cpu or cuda" if cuda else "cpu, as no CUDA device is found"
+        raise InputError(f"there is no device {device!r}: give {there}")
+    if device == "cuda":
+        world.clock = time.perf_counter
+    return device
 
 
 def seconds_per_call(call: Callable[[], object]) -> float:
@@ -233,6 +253,11 @@ def spins(scene: Scene, settings: PointSettings) -> str | None:
     return no_torsion(scene, *damped)
 
 
+def in_single_precision(scene: Scene, settings: Any) -> str:
+    """Return that an engine lacks double precision."""
+    return "its state is in single precision"
+
+
 def _nothing(scene: Scene, settings: Any) -> str | None:
     return None
 
@@ -245,8 +270,8 @@ class Adapter(Engine):
     engine's own name and that of its environment, in the folder `environments`; world: what makes
     the ball at its start of a scene, settings and the length of its steps [s]; lacks: what says in
     a line what the engine lacks for a scene under settings, if anything. Both get its own kind of
-    settings, that of its presets. abreast: how many balls a world can roll, each as if it were
-    alone; `world` then takes the scenes too, which differ in their starts.
+    settings, that of its presets. Where these have a `device`, a world can roll many balls there,
+    each as if it were alone; `world` then takes the scenes too, which differ in their starts.
     """
 
     label: Label
@@ -261,7 +286,6 @@ class Adapter(Engine):
     knobs: Knobs | None = None
     default: str = "best"
     least_accuracy: float | None = None
-    abreast: int = 1
     environments: Path = ENVIRONMENTS
 
     @property
@@ -298,7 +322,8 @@ class Adapter(Engine):
         self, scenes: Sequence[Scene], times: Array, settings: EngineSettings
     ) -> Iterator[ContactMotion]:
         """Yield the motions of scenes, in one world where they differ in the start alone."""
-        size = self.abreast if differ_in_start(scenes) else 1
+        abreast = differ_in_start(scenes) and getattr(settings, "device", None) is not None
+        size = _ABREAST if abreast else 1
         for i in range(0, len(scenes), size):
             yield from self._motions(scenes[i : i + size], times, Request(self, settings))
 
@@ -339,6 +364,7 @@ class Adapter(Engine):
             if request.progress is not None:
                 request.progress(times[len(rows) - 1] / times[-1])
         share, python = spent / len(scenes), world.python_seconds() / len(scenes)
+        world.end()
         cost = {"seconds": share, "python_seconds": python}
         for each, own in zip(scenes, np.stack(rows, axis=1), strict=True):
             yield motion_of_rows(

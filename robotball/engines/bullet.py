@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robotball.engines.adapter import Adapter, ServoWorld, StepSettings, by_name, version_of
+from robotball.engines import adapter
 from robotball.engines.links import State, lifting, links_of, principal_inertia
 from robotball.motion import Label
 from robotball.rotations import Array, conjugate, multiply
@@ -16,7 +16,7 @@ from robotball.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
-class _BulletSettings(StepSettings):
+class _BulletSettings(adapter.StepSettings):
     """Settings of a PyBullet run.
 
     lateral_friction: of the ball, of which Bullet takes 10 at most; spinning_friction: against
@@ -31,7 +31,7 @@ class _BulletSettings(StepSettings):
     most_rate: float | None = None
 
 
-class _BulletWorld(ServoWorld):
+class _BulletWorld(adapter.ServoWorld):
     """The ball in a client of its own."""
 
     def __init__(self, scene: Scene, settings: _BulletSettings, step: float) -> None:
@@ -133,12 +133,12 @@ _BEST = _BulletSettings(
     lateral_friction=20.0, spinning_friction=20.0, damping=0.0, most_rate=1e6,
 )  # fmt: skip
 
-BULLET = Adapter(
-    label=Label("PyBullet", version_of("pybullet"), "#E69F00"),
+BULLET = adapter.Adapter(
+    label=Label("PyBullet", adapter.version_of("pybullet"), "#E69F00"),
     packages=("pybullet",),
     extra="bullet",
     ladders={"as-it-comes": ("timestep", (1 / 240,)), "best": ("timestep", (1 / 250, 1e-3, 1e-4))},
-    presets=by_name(_AS_IT_COMES, _BEST),
+    presets=adapter.by_name(_AS_IT_COMES, _BEST),
     knobs=("best", {
         "timestep": slice(1e-4, 4e-3), "lateral_friction": slice(1.0, 100.0),
         "damping": (0.0, None), "spinning_friction": slice(0.1, 100.0),

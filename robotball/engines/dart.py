@@ -9,19 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robotball.engines.adapter import (
-    Adapter,
-    IdealWorld,
-    PointSettings,
-    ServoWorld,
-    World,
-    by_name,
-    seconds_per_call,
-    spin_damping,
-    spins,
-    velocity_first,
-    version_of,
-)
+from robotball.engines import adapter
 from robotball.engines.links import State, lifting, links_of
 from robotball.motion import Label
 from robotball.rotations import Array, from_matrix, rotation_matrix
@@ -29,7 +17,7 @@ from robotball.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
-class _DartSettings(PointSettings):
+class _DartSettings(adapter.PointSettings):
     """Settings of a DART run. friction: of ball and plane."""
 
     friction: float | None = None
@@ -67,7 +55,7 @@ def _put(ball: Any, state: State, dart: Any) -> None:
     ball.setVelocities(np.concatenate([state.turning, state.velocity, state.rates]))
 
 
-class _DartWorld(ServoWorld):
+class _DartWorld(adapter.ServoWorld):
     """The ball and its plane in a World."""
 
     def __init__(self, scene: Scene, settings: _DartSettings, step: float) -> None:
@@ -75,7 +63,7 @@ class _DartWorld(ServoWorld):
         import dartpy
 
         self.world, self.ball = dartpy.simulation.World(), _skeleton(scene, dartpy)
-        self.damping = spin_damping(scene, settings, step)
+        self.damping = adapter.spin_damping(scene, settings, step)
         self.world.setTimeStep(step)
         self.world.setGravity([0.0, 0.0, -scene.gravity])
         ground = dartpy.dynamics.Skeleton("ground")
@@ -111,7 +99,7 @@ class _DartWorld(ServoWorld):
         shell.setExtTorque([0.0, 0.0, -self.damping * shell.getAngularVelocity()[2]], False)
 
     def python_seconds(self) -> float:
-        torque = seconds_per_call(self._resist_spin) * self.steps if self.damping else 0.0
+        torque = adapter.seconds_per_call(self._resist_spin) * self.steps if self.damping else 0.0
         return super().python_seconds() + torque
 
     def state(self) -> State:
@@ -127,7 +115,7 @@ class _DartWorld(ServoWorld):
         return lifting(np.array(each.force) for each in contacts)
 
 
-class _DartDynamics(IdealWorld):
+class _DartDynamics(adapter.IdealWorld):
     """The skeleton's mass matrix and bias, with no contact of its own."""
 
     def __init__(self, scene: Scene, settings: _DartSettings, step: float) -> None:
@@ -140,15 +128,17 @@ class _DartDynamics(IdealWorld):
     def dynamics(self, state: State) -> tuple[Array, Array]:
         _put(self.ball, state, self.dart)
         # DART puts a free joint's turning before its velocity.
-        return velocity_first(self.ball.getMassMatrix(), self.ball.getCoriolisAndGravityForces())
+        return adapter.velocity_first(
+            self.ball.getMassMatrix(), self.ball.getCoriolisAndGravityForces()
+        )
 
 
-def _world(scene: Scene, settings: _DartSettings, step: float) -> World:
+def _world(scene: Scene, settings: _DartSettings, step: float) -> adapter.World:
     return (_DartDynamics if settings.ideal else _DartWorld)(scene, settings, step)
 
 
-DART = Adapter(
-    label=Label("DART", version_of("dartpy"), "#8C564B"),
+DART = adapter.Adapter(
+    label=Label("DART", adapter.version_of("dartpy"), "#8C564B"),
     packages=("dartpy",),
     extra="dart",
     ladders={
@@ -156,7 +146,7 @@ DART = Adapter(
         "best": ("timestep", (4e-3, 1e-3, 1e-4)),
         "ideal": ("rtol", (1e-6, 1e-9, 1e-12)),
     },
-    presets=by_name(
+    presets=adapter.by_name(
         _DartSettings(name="as-it-comes", error_tolerance=1e-2, timestep=1e-3, spin_part=0.0),
         # More friction than the ball needs, 1.2. What error is left is of the steps, of first
         # order.
@@ -170,5 +160,5 @@ DART = Adapter(
     }),
     source="python/tutorials/04_biped, lesson 6: velocity actuators",
     world=_world,
-    lacks=spins,
+    lacks=adapter.spins,
 )  # fmt: skip

@@ -10,18 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from robotball.engines.adapter import (
-    Adapter,
-    IdealWorld,
-    PointSettings,
-    World,
-    by_name,
-    longest_step,
-    spin_damping,
-    spins,
-    velocity_first,
-    version_of,
-)
+from robotball.engines import adapter
 from robotball.engines.links import State, lifting, links_of, start_state
 from robotball.motion import Label
 from robotball.rotations import Array
@@ -34,7 +23,7 @@ _Integrator = Literal["runge_kutta3", "radau3", "implicit_euler", "cenic"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class _DrakeSettings(PointSettings):
+class _DrakeSettings(adapter.PointSettings):
     """Settings of a Drake run.
 
     approximation: of the contact in discrete steps; integrator: for continuous time instead, where
@@ -176,7 +165,7 @@ def _against_spin(plant: Any, damping: float) -> Any:
     return system
 
 
-class _DrakeWorld(World):
+class _DrakeWorld(adapter.World):
     """The plant in a Simulator, which steps it in C++ from sample to sample."""
 
     def __init__(self, scene: Scene, settings: _DrakeSettings, step: float) -> None:
@@ -194,7 +183,7 @@ class _DrakeWorld(World):
         if settings.armature is None:
             takes = plant.get_desired_state_input_port(only)
         builder.Connect(motors.get_output_port(0), takes)
-        if damping := spin_damping(scene, settings, step):
+        if damping := adapter.spin_damping(scene, settings, step):
             torque = builder.AddSystem(_against_spin(plant, damping))
             builder.Connect(plant.get_state_output_port(), torque.get_input_port(0))
             builder.Connect(torque.get_output_port(0), plant.get_applied_spatial_force_input_port())
@@ -215,7 +204,7 @@ class _DrakeWorld(World):
 
     def march(self, times: Array, timestep: float) -> Iterator[Callable[[], State]]:
         simulator = self.simulator
-        self.longest = longest_step(self.scene, times, timestep)
+        self.longest = adapter.longest_step(self.scene, times, timestep)
         for t in times[1:].tolist():
             simulator.AdvanceTo(t)
             self.steps = max(simulator.get_num_steps_taken(), simulator.get_num_discrete_updates())
@@ -235,7 +224,7 @@ class _DrakeWorld(World):
         return float("nan")
 
 
-class _DrakeDynamics(IdealWorld):
+class _DrakeDynamics(adapter.IdealWorld):
     """The plant's mass matrix and bias, with no contact of its own."""
 
     def __init__(self, scene: Scene, settings: _DrakeSettings, step: float) -> None:
@@ -252,7 +241,7 @@ class _DrakeDynamics(IdealWorld):
         plant, context = self.plant, self.context
         plant.SetPositionsAndVelocities(context, np.concatenate(_positions(state)))
         h = plant.CalcBiasTerm(context) - plant.CalcGravityGeneralizedForces(context)
-        return velocity_first(plant.CalcMassMatrix(context), h)
+        return adapter.velocity_first(plant.CalcMassMatrix(context), h)
 
 
 _AS_IT_COMES = _DrakeSettings(
@@ -280,12 +269,12 @@ _IDEAL = _DrakeSettings(
 )
 
 
-def _world(scene: Scene, settings: _DrakeSettings, step: float) -> World:
+def _world(scene: Scene, settings: _DrakeSettings, step: float) -> adapter.World:
     return (_DrakeDynamics if settings.ideal else _DrakeWorld)(scene, settings, step)
 
 
-DRAKE = Adapter(
-    label=Label("Drake", version_of("drake"), "#009E73"),
+DRAKE = adapter.Adapter(
+    label=Label("Drake", adapter.version_of("drake"), "#009E73"),
     packages=("pydrake",),
     extra="drake",
     ladders={
@@ -294,7 +283,7 @@ DRAKE = Adapter(
         "best": ("timestep", (1e-3,)),
         "ideal": ("rtol", (1e-6, 1e-9, 1e-12)),
     },
-    presets=by_name(_AS_IT_COMES, _TAMSI, _BEST, _IDEAL),
+    presets=adapter.by_name(_AS_IT_COMES, _TAMSI, _BEST, _IDEAL),
     ours={
         **dict.fromkeys(("tamsi", "best"), "torque against spin"), "ideal": "constraints, steps"
     },
@@ -307,5 +296,5 @@ DRAKE = Adapter(
     }),
     source="examples/multibody/strandbeest/run_with_motor.cc: a gain as large as the mass",
     world=_world,
-    lacks=spins,
+    lacks=adapter.spins,
 )  # fmt: skip

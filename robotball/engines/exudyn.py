@@ -13,16 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from robotball.engines.adapter import (
-    Adapter,
-    StepSettings,
-    World,
-    by_name,
-    longest_step,
-    no_torsion,
-    seconds_per_call,
-    version_of,
-)
+from robotball.engines import adapter
 from robotball.engines.links import State, lifting
 from robotball.motion import Label
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
@@ -33,7 +24,7 @@ _PLANE = 1e4  # radii that the plane reaches
 
 
 @dataclass(frozen=True, kw_only=True)
-class _ExudynSettings(StepSettings):
+class _ExudynSettings(adapter.StepSettings):
     """Settings of an Exudyn run.
 
     solver: of its dynamic solvers; tolerance: of Newton's, relative; modified: whether Newton's
@@ -51,7 +42,7 @@ class _ExudynSettings(StepSettings):
     stiffness: float | None = None
 
 
-class _ExudynWorld(World):
+class _ExudynWorld(adapter.World):
     """One rigid body, in the frame's axes, with the inertia of the whole ball."""
 
     def __init__(self, scene: Scene, settings: _ExudynSettings) -> None:
@@ -179,7 +170,7 @@ class _ExudynWorld(World):
 
     def march(self, times: Array, timestep: float) -> Iterator[Callable[[], State]]:
         exudyn, settings = self.exudyn, self.settings
-        self.longest = longest_step(self.scene, times, timestep)
+        self.longest = adapter.longest_step(self.scene, times, timestep)
         self.steps = round(float(times[-1]) / self.longest)
         chosen = exudyn.SimulationSettings()
         chosen.timeIntegration.numberOfSteps = self.steps
@@ -223,9 +214,11 @@ class _ExudynWorld(World):
         q_t = np.ones(7 * len(self.nodes))
         torques, constraints, jacobians = self.calls
         return (
-            seconds_per_call(lambda: self._torque(self.system, 0.0, None)) * torques
-            + seconds_per_call(lambda: self._constraint(None, 0.0, 0, q, q_t, True)) * constraints
-            + seconds_per_call(lambda: self._jacobian(None, 0.0, 0, q, q_t, True)) * jacobians
+            adapter.seconds_per_call(lambda: self._torque(self.system, 0.0, None)) * torques
+            + adapter.seconds_per_call(lambda: self._constraint(None, 0.0, 0, q, q_t, True))
+            * constraints
+            + adapter.seconds_per_call(lambda: self._jacobian(None, 0.0, 0, q, q_t, True))
+            * jacobians
         )
 
 
@@ -298,15 +291,15 @@ def _lacks(scene: Scene, settings: _ExudynSettings) -> str | None:
     """Return that its own contact has no torsional friction, where a ball needs it."""
     if settings.friction is None:
         return None
-    return no_torsion(scene, "a constraint of ours forbids the spin")
+    return adapter.no_torsion(scene, "a constraint of ours forbids the spin")
 
 
-def _world(scene: Scene, settings: _ExudynSettings, step: float) -> World:
+def _world(scene: Scene, settings: _ExudynSettings, step: float) -> adapter.World:
     return (_ExudynWorld if settings.friction is None else _ContactWorld)(scene, settings)
 
 
-EXUDYN = Adapter(
-    label=Label("Exudyn", version_of("exudyn"), "#CC79A7"),
+EXUDYN = adapter.Adapter(
+    label=Label("Exudyn", adapter.version_of("exudyn"), "#CC79A7"),
     packages=("exudyn",),
     extra="exudyn",
     ladders={
@@ -319,7 +312,7 @@ EXUDYN = Adapter(
         "tolerance": slice(1e-12, 1e-5), "modified": (False, True), "load_jacobian": (False, True),
         "friction": (None, 2.0, 20.0), "slip_zone": slice(1e-6, 1e-3),
     }),
-    presets=by_name(_AS_IT_COMES, _BEST, _CONTACT),
+    presets=adapter.by_name(_AS_IT_COMES, _BEST, _CONTACT),
     ours=dict.fromkeys(("as-it-comes", "contact"), f"hinge and spin, {_GYROSTAT}")
     | {"best": f"constraints, {_GYROSTAT}"},
     source="TestModels/sphereTriangleTest.py",

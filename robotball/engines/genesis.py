@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
 
-from robotball.engines.adapter import Adapter, ServoWorld, StepSettings, by_name, version_of
+from robotball.engines import adapter
 from robotball.engines.links import State, links_of
 from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
@@ -18,7 +18,7 @@ from robotball.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
-class _GenesisSettings(StepSettings):
+class _GenesisSettings(adapter.StepSettings):
     """Settings of a Genesis run.
 
     precision: of its arithmetic, in bits; integrator, cone: by its own names; friction: of ball
@@ -42,14 +42,14 @@ class _GenesisSettings(StepSettings):
     tolerance: float | None = None
 
 
-class _GenesisWorld(ServoWorld):
+class _GenesisWorld(adapter.ServoWorld):
     """The ball and its plane in a scene of their own."""
 
     def __init__(self, scene: Scene, settings: _GenesisSettings, step: float) -> None:
         super().__init__(scene)
         import genesis as gs
 
-        gs.destroy()  # of the world before, whose precision may be another
+        gs.destroy()  # of a world that did not come to its end
         gs.init(backend=gs.cpu, precision=settings.precision, logging_level="error")
         torsional = settings.torsional if scene.rolling == "rubber" else None
         options: dict[str, Any] = {
@@ -77,12 +77,18 @@ class _GenesisWorld(ServoWorld):
         self.ball.set_dofs_kv(np.full(h, settings.damping), self.hinges)
         most = np.full(h, settings.most_torque or np.inf)
         self.ball.set_dofs_force_range(-most, most, self.hinges)
+        self.lag = (settings.armature or 0.0) / settings.damping  # s, of a servo
         if settings.armature is not None:
             self.ball.set_dofs_armature(np.full(h, settings.armature), self.hinges)
         self.ball.set_qpos(np.concatenate([start.centre, start.attitude, start.angles]))
         turning = rotation_matrix(start.attitude).T @ start.turning
         self.ball.set_dofs_velocity(np.concatenate([start.velocity, turning, start.rates]))
         self.turn(start.rates)
+
+    def control(self, t: float, step: float) -> None:
+        # A servo turns its own armature too, by its rate at the step's begin, or it would lag.
+        before, after = (self.hinges_at(each)[1] for each in (t, t + step))
+        self.turn(before + self.lag / step * (after - before))
 
     def turn(self, rates: Array) -> None:
         self.ball.control_dofs_velocity(rates, self.hinges)
@@ -94,6 +100,13 @@ class _GenesisWorld(ServoWorld):
         q, v = _double(self.ball.get_qpos()), _double(self.ball.get_dofs_velocity())
         attitude = q[3:7] / np.linalg.norm(q[3:7])
         return State(q[:3], v[:3], attitude, rotation_matrix(attitude) @ v[3:6], q[7:], v[6:])
+
+    def end(self) -> None:
+        # Here alone it writes its kernels to disk, a minute's compilation; robotball's processes
+        # do not come to Python's end.
+        import genesis as gs
+
+        gs.destroy()
 
     def force(self) -> Array:
         return _double(self.ball.get_links_net_contact_force())[0]
@@ -153,12 +166,12 @@ def _lacks(scene: Scene, settings: _GenesisSettings) -> str | None:
     return "; ".join(lack) or None
 
 
-GENESIS = Adapter(
-    label=Label("Genesis", version_of("genesis-world"), "#AA4499"),
+GENESIS = adapter.Adapter(
+    label=Label("Genesis", adapter.version_of("genesis-world"), "#AA4499"),
     packages=("genesis",),
     extra="genesis",
     ladders={"as-it-comes": ("timestep", (1e-2,)), "best": ("timestep", (4e-3, 1e-3, 2.5e-4))},
-    presets=by_name(_AS_IT_COMES, _BEST),
+    presets=adapter.by_name(_AS_IT_COMES, _BEST),
     knobs=("best", {
         "timestep": slice(1e-4, 1e-2), "friction": slice(1.5, 5.0), "torsional": slice(0.1, 5.0),
         "integrator": ("Euler", "implicitfast"), "damping": slice(1e2, 1e9),

@@ -90,15 +90,9 @@ def lifting(forces: Iterable[Array]) -> Array:
 
 
 def force_in(model: Any, data: Any) -> Array:
-    """Return the force (3,) [N] on the ball of the one contact in an MjModel's data, if any.
-
-    Unknown where the data have a constraint's force and not its contact: MJX's copy leaves out one
-    whose surfaces are apart by less than its margin.
-    """
+    """Return the force (3,) [N] on the ball of the one contact in an MjModel's data, if any."""
     import mujoco
 
-    if not data.ncon and np.any(data.efc_force):
-        return np.full(3, np.nan)
     wrench, frame = np.zeros(6), data.contact.frame.reshape(-1, 3, 3)
     if data.ncon:
         mujoco.mj_contactForce(model, data, 0, wrench)

@@ -1,16 +1,18 @@
-"""Newton as an engine: its builder's model, stepped on the processor by its MuJoCo solver.
+"""Newton as an engine: its builder's model, stepped by its MuJoCo solver.
 
-Its model and its states are in single precision, MuJoCo's steps between them in double.
+Its model and its states are in single precision. The steps between them are MuJoCo's own, in
+double, or those of MuJoCo Warp for many balls abreast, in single as well.
 """
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from robotball.engines.adapter import Adapter, SteppedWorld, StepSettings, by_name, version_of
-from robotball.engines.links import State, force_in, links_of
+from robotball.engines import adapter
+from robotball.engines.links import State, force_in, links_of, start_state
 from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
@@ -18,17 +20,20 @@ from robotball.scene import Scene
 _TIME_CONSTANT = 0.04  # s, of the contact whose impedance is set
 # Of a newcomer's hinges: the servo's gain [N m s/rad], and their armature [kg m²].
 _SERVO = {"target_kd": 1.0, "armature": 0.01}
+# The most that Warp's single precision bears: with .9999 or 1e12 kg m² the ball is thrown off.
+_BEARS = {"impedance": 0.99, "armature": 1e6}
 
 
 @dataclass(frozen=True, kw_only=True)
-class _NewtonSettings(StepSettings):
+class _NewtonSettings(adapter.StepSettings):
     """Settings of a Newton run.
 
     integrator, cone, iterations, tolerance: of its solver; friction: of ball and plane; armature
     kg m²: the reflected inertia that keeps the hinges' rates, in place of velocity servos;
     impedance: of the contact, with slip that dies out slowly; noslip: iterations, set in the
     solver's own model; kept: whether the state stays with the solver from step to step, in double
-    precision, by an option that is deprecated.
+    precision, by an option that is deprecated. device: "cpu" or "cuda" for steps by Warp, which
+    takes an impedance of .99 and an armature of 1e6 at most; None for MuJoCo's own, of one ball.
     """
 
     integrator: str | None = None
@@ -40,57 +45,66 @@ class _NewtonSettings(StepSettings):
     impedance: float | None = None
     noslip: int | None = None
     kept: bool = False
+    device: str | None = None
 
 
-class _NewtonWorld(SteppedWorld):
-    """The ball and its plane, on Warp's processor device."""
+class _NewtonWorld(adapter.SteppedWorld):
+    """Balls abreast in worlds of their own by Warp, or one by MuJoCo itself."""
 
     any_step = True
 
-    def __init__(self, scene: Scene, settings: _NewtonSettings, step: float) -> None:
+    def __init__(
+        self, scene: Scene, settings: _NewtonSettings, step: float, scenes: Sequence[Scene] = ()
+    ) -> None:
         super().__init__(scene)
         import newton
         import warp
 
-        warp.config.quiet = True
-        self.warp, self.settings, d = warp, settings, settings.impedance
+        warp.config.log_level = warp.LOG_WARNING
+        self.warp, self.device = warp, "cpu"
+        if settings.device is not None:
+            self.device = adapter.on_device(self, settings.device, warp.is_cuda_available())
+            borne = {n: min(v, most) for n, most in _BEARS.items() if (v := getattr(settings, n))}
+            settings = replace(settings, **borne)
+        self.settings, d = settings, settings.impedance
         # So deep that the contact carries the ball from the start.
         self.depth = scene.gravity * (1 - d) * _TIME_CONSTANT**2 if d is not None else 0.0
-        chosen = {
-            name: value
-            for name in ("integrator", "cone", "iterations", "tolerance")
-            if (value := getattr(settings, name)) is not None
-        }
+        self.starts = [start_state(each) for each in scenes or (scene,)]
+        options = ("integrator", "cone", "iterations", "tolerance")
+        chosen = {n: value for n in options if (value := getattr(settings, n)) is not None}
         if settings.kept:
             chosen["update_data_interval"] = 0
-        with warp.ScopedDevice("cpu"), warnings.catch_warnings():
+        alone = settings.device is None
+        with warp.ScopedDevice(self.device), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of what is deprecated
             model = self._model(newton)
-            self.solver = newton.solvers.SolverMuJoCo(model, use_mujoco_cpu=True, **chosen)
+            self.solver = newton.solvers.SolverMuJoCo(model, use_mujoco_cpu=alone, **chosen)
             self.states, self.controls = (model.state(), model.state()), model.control()
         # Newton does not pass noslip on, so it is set in the model that its solver has made.
         if settings.noslip is not None:
-            options = self.solver.mj_model.opt
-            options.noslip_iterations, options.noslip_tolerance = settings.noslip, 0.0
-        # Into MuJoCo's own data, in double precision: a state that is kept there is never read from
-        # Newton's, which has single precision.
-        now, data = self.now, self.solver.mj_data
-        turning = rotation_matrix(now.attitude).T @ now.turning
-        data.qpos[:] = [*self._centre, *now.attitude, *now.angles]
-        data.qvel[:] = [*now.velocity, *turning, *now.rates]
-        self._push(now.rates, np.zeros(len(scene.drives)))
+            made = self.solver.mj_model if alone else self.solver.mjw_model
+            made.opt.noslip_iterations = settings.noslip
+        if alone:
+            # Into MuJoCo's own data, in double precision: a state that is kept there is never read
+            # from Newton's, which has single precision.
+            now, data = self.now, self.solver.mj_data
+            turning = rotation_matrix(now.attitude).T @ now.turning
+            data.qpos[:] = [*self._place(now), *now.attitude, *now.angles]
+            data.qvel[:] = [*now.velocity, *turning, *now.rates]
+        self._push(self.now.rates, np.zeros(len(scene.drives)))
 
-    @property
-    def _centre(self) -> Array:
-        return self.now.centre - [0.0, 0.0, self.depth]
+    def _place(self, state: State) -> Array:
+        """Return where the shell's centre begins (3,) [m]."""
+        return state.centre - [0.0, 0.0, self.depth]
 
     def _model(self, newton: Any) -> Any:
-        """Return Newton's model of the ball at its start."""
-        wp, scene, settings, start = self.warp, self.scene, self.settings, self.now
+        """Return Newton's model of the balls at their starts, a world each."""
+        wp, scene, settings = self.warp, self.scene, self.settings
         gravity = wp.vec3(0.0, 0.0, -scene.gravity)
-        builder = newton.ModelBuilder(up_axis=newton.Axis.Z, gravity=gravity)
-        newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
-        material = builder.default_shape_cfg.copy()
+        ball, whole = (newton.ModelBuilder(up_axis=newton.Axis.Z, gravity=gravity) for _ in "12")
+        for each in (ball, whole):
+            newton.solvers.SolverMuJoCo.register_custom_attributes(each)
+        material = ball.default_shape_cfg.copy()
         material.density = 0.0
         if settings.friction is not None:
             material.mu = settings.friction
@@ -101,38 +115,36 @@ class _NewtonWorld(SteppedWorld):
         bodies: dict[str, int] = {}
         joints: list[int] = []
         for link in links_of(scene):
-            body = builder.add_link(
+            body = ball.add_link(
                 mass=link.mass, com=wp.vec3(*link.centre), lock_inertia=True,
                 inertia=wp.mat33(*link.inertia.ravel()), label=link.name,
             )  # fmt: skip
             if not link.parent:
-                joint = builder.add_joint_free(child=body)
-                sphere = builder.add_shape_sphere(body, radius=scene.ball.radius, cfg=material)
+                joint = ball.add_joint_free(child=body)
+                sphere = ball.add_shape_sphere(body, radius=scene.ball.radius, cfg=material)
             else:
                 place = wp.transform(wp.vec3(*link.pivot), wp.quat_identity())
-                joint = builder.add_joint_revolute(
+                joint = ball.add_joint_revolute(
                     bodies[link.parent], body, axis=wp.vec3(*link.axis), parent_xform=place, **motor
                 )
             bodies[link.name] = body
             joints.append(joint)
-        builder.add_articulation(joints)
-        plane = builder.add_ground_plane(cfg=material)
+        ball.add_articulation(joints)
+        plane = ball.add_ground_plane(cfg=material)
         if settings.impedance is not None and settings.friction is not None:
             mu, d = settings.friction, settings.impedance
             pair = {
-                "geom1": plane,
-                "geom2": sphere,
-                "world": -1,
-                "condim": 4 if scene.rolling == "rubber" else 3,
+                "geom1": plane, "geom2": sphere, "condim": 4 if scene.rolling == "rubber" else 3,
                 "friction": [mu, mu, mu * scene.ball.radius, 0.0, 0.0],
-                "solref": [_TIME_CONSTANT, 1.0],
-                "solreffriction": [-1.0, -0.5],
+                "solref": [_TIME_CONSTANT, 1.0], "solreffriction": [-1.0, -0.5],
                 "solimp": [d, d, 1e-3, 0.5, 1.0],
-            }
-            builder.add_custom_values(**{f"mujoco:pair_{name}": pair[name] for name in pair})
-        builder.joint_q = [*self._centre, *np.roll(start.attitude, -1), *start.angles]
-        builder.joint_qd = [*start.velocity, *start.turning, *start.rates]
-        return builder.finalize()
+            }  # fmt: skip
+            ball.add_custom_values(**{f"mujoco:pair_{name}": pair[name] for name in pair})
+        whole.replicate(ball, len(self.starts))
+        places = ([*self._place(s), *np.roll(s.attitude, -1), *s.angles] for s in self.starts)
+        speeds = ([*s.velocity, *s.turning, *s.rates] for s in self.starts)
+        whole.joint_q, whole.joint_qd = (np.ravel([*each]).tolist() for each in (places, speeds))
+        return whole.finalize()
 
     def _push(self, rates: Array, accelerations: Array) -> None:
         """Set the servos' targets, or the torques that accelerate the armatures."""
@@ -141,7 +153,8 @@ class _NewtonWorld(SteppedWorld):
             target, values = self.controls.joint_target_qd, rates
         else:
             target, values = self.controls.joint_f, armature * accelerations
-        target.assign(np.concatenate([free, values]).astype(np.float32))
+        each = np.concatenate([free, values]).astype(np.float32)
+        target.assign(np.tile(each, len(self.starts)))
 
     def control(self, t: float, step: float) -> None:
         # A servo's target is the rate at the step's end, where the step's velocities are. A torque
@@ -153,20 +166,28 @@ class _NewtonWorld(SteppedWorld):
 
     def step(self, step: float) -> None:
         before, after = self.states
-        with self.warp.ScopedDevice("cpu"):
+        with self.warp.ScopedDevice(self.device):
             self.solver.step(before, after, self.controls, None, step)
         self.states = after, before
 
+    def wait(self) -> None:
+        self.warp.synchronize_device(self.device)
+
     def state(self) -> State:
-        now, _ = self.states
-        q, v = (each.numpy().astype(float) for each in (now.joint_q, now.joint_qd))
-        attitude = np.roll(q[3:7], 1)
+        now, n = self.states[0], len(self.starts)
+        q, v = (each.numpy().astype(float).reshape(n, -1) for each in (now.joint_q, now.joint_qd))
+        attitude = np.roll(q[:, 3:7], 1, axis=1)
         # Rounded to single precision it is no unit quaternion any more.
-        attitude /= np.linalg.norm(attitude)
-        return State(q[:3], v[:3], attitude, v[3:6], q[7:], v[6:])
+        attitude /= np.linalg.norm(attitude, axis=1, keepdims=True)
+        return State(q[:, :3], v[:, :3], attitude, v[:, 3:6], q[:, 7:], v[:, 6:])
 
     def force(self) -> Array:
-        return force_in(self.solver.mj_model, self.solver.mj_data)
+        model, data = self.solver.mj_model, self.solver.mj_data
+        if self.settings.device is not None:
+            import mujoco_warp
+
+            mujoco_warp.get_data_into(data, model, self.solver.mjw_data)
+        return force_in(model, data)
 
 
 _AS_IT_COMES = _NewtonSettings(
@@ -184,13 +205,16 @@ _BEST = _NewtonSettings(
 def _lacks(scene: Scene, settings: _NewtonSettings) -> str | None:
     """Return that it lacks double precision and, as it comes, torsional friction."""
     lack = "its model and its states are in single precision"
+    if settings.device is not None:
+        most = ", ".join(f"{name} of {value:g}" for name, value in _BEARS.items())
+        lack += f", and so are its steps, which bear at most an {most}"
     if scene.rolling == "rubber" and settings.impedance is None:
         lack += "; its contact has no torsional friction: the shell spins freely"
     return lack
 
 
-NEWTON = Adapter(
-    label=Label("Newton", version_of("newton"), "#117733"),
+NEWTON = adapter.Adapter(
+    label=Label("Newton", adapter.version_of("newton"), "#117733"),
     packages=("newton",),
     extra="newton",
     ladders={
@@ -198,7 +222,7 @@ NEWTON = Adapter(
         "best": ("timestep", (20e-3, 5e-3, 1e-3)),
         "kept": ("timestep", (20e-3, 5e-3)),
     },
-    presets=by_name(_AS_IT_COMES, _BEST, replace(_BEST, name="kept", kept=True)),
+    presets=adapter.by_name(_AS_IT_COMES, _BEST, replace(_BEST, name="kept", kept=True)),
     knobs=("best", {
         "timestep": slice(1e-3, 2e-2), "integrator": ("rk4", "euler", "implicitfast"),
         "cone": ("elliptic", "pyramidal"), "iterations": (5, 10, 50), "friction": slice(2.0, 100.0),

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from robotball.engines.adapter import Adapter, ServoWorld, StepSettings, by_name, version_of
+from robotball.engines import adapter
 from robotball.engines.links import State, links_of, principal_inertia
 from robotball.motion import Label
 from robotball.rotations import Array, from_matrix, perpendicular
@@ -13,7 +13,7 @@ from robotball.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
-class _PhysxSettings(StepSettings):
+class _PhysxSettings(adapter.StepSettings):
     """Settings of a PhysX run.
 
     friction: of ball and plane; damping N m s/rad: of the hinges' velocity drives; armature kg m²:
@@ -30,7 +30,7 @@ class _PhysxSettings(StepSettings):
     iterations: int | None = None
 
 
-class _PhysxWorld(ServoWorld):
+class _PhysxWorld(adapter.ServoWorld):
     """The ball and its plane in a scene of its own."""
 
     def __init__(self, scene: Scene, settings: _PhysxSettings, step: float) -> None:
@@ -138,21 +138,17 @@ _BEST = _PhysxSettings(
 )  # fmt: skip
 
 
-def _lacks(scene: Scene, settings: _PhysxSettings) -> str:
-    return "its state is in single precision"
-
-
-PHYSX = Adapter(
-    label=Label("PhysX 5 (SAPIEN)", version_of("sapien"), "#7F7F7F"),
+PHYSX = adapter.Adapter(
+    label=Label("PhysX 5 (SAPIEN)", adapter.version_of("sapien"), "#7F7F7F"),
     packages=("sapien",),
     extra="physx",
     ladders={"as-it-comes": ("timestep", (5e-4,)), "best": ("timestep", (4e-3, 1e-3, 2.5e-4))},
-    presets=by_name(_AS_IT_COMES, _BEST),
+    presets=adapter.by_name(_AS_IT_COMES, _BEST),
     knobs=("best", {
         "timestep": slice(1e-4, 1e-2), "friction": slice(2.0, 100.0), "damping": slice(1e2, 1e9),
         "armature": slice(1.0, 1e6), "patch": slice(0.1, 100.0), "iterations": (4, 20, 50, 200),
     }),
     source="docs/source/tutorial/robotics/pid.rst: the internal drive",
     world=_PhysxWorld,
-    lacks=_lacks,
+    lacks=adapter.in_single_precision,
 )  # fmt: skip

@@ -11,17 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from robotball.engines.adapter import (
-    Adapter,
-    IdealWorld,
-    PointSettings,
-    SteppedWorld,
-    World,
-    by_name,
-    spin_damping,
-    spins,
-    version_of,
-)
+from robotball.engines import adapter
 from robotball.engines.links import State, lifting, links_of
 from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
@@ -29,7 +19,7 @@ from robotball.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
-class _PinocchioSettings(PointSettings):
+class _PinocchioSettings(adapter.PointSettings):
     """Settings of a Pinocchio run. solver: of its contact; friction: of ball and plane."""
 
     solver: Literal["ADMM", "PGS"] = "ADMM"
@@ -63,7 +53,7 @@ def _coordinates(state: State) -> tuple[Array, Array]:
     return q, np.concatenate([R.T @ state.velocity, R.T @ state.turning, state.rates])
 
 
-class _PinocchioWorld(IdealWorld):
+class _PinocchioWorld(adapter.IdealWorld):
     """The ball as a free shell with hinges, in Pinocchio's local coordinates."""
 
     def __init__(self, scene: Scene, settings: _PinocchioSettings, step: float) -> None:
@@ -87,7 +77,7 @@ class _PinocchioWorld(IdealWorld):
         return self.T.T @ M @ self.T, self.T.T @ (h + M @ turned)
 
 
-class _ContactWorld(SteppedWorld):
+class _ContactWorld(adapter.SteppedWorld):
     """The ball on a frictional contact of Pinocchio's, by the loop of its own example."""
 
     any_step = True
@@ -99,7 +89,7 @@ class _ContactWorld(SteppedWorld):
         self.pin, self.model = pin, _model(scene, pin)
         self.model.armature = np.array([*np.zeros(6), *np.full(len(scene.drives), _ARMATURE)])
         self.data, self.tau = self.model.createData(), np.zeros(self.model.nv)
-        self.damping, self.friction = spin_damping(scene, settings, step), settings.friction
+        self.damping, self.friction = adapter.spin_damping(scene, settings, step), settings.friction
         self.q, self.v = _coordinates(self.now)
         here, of = pin.SE3.Identity(), settings.solver
         self.contact = pin.PointContactConstraintModel(self.model, 0, here, 1, here)
@@ -147,7 +137,7 @@ class _ContactWorld(SteppedWorld):
         return lifting([self.felt])
 
 
-class _Pinocchio(Adapter):
+class _Pinocchio(adapter.Adapter):
     """Pinocchio as an `Adapter`, for balls that others of the kind cannot roll."""
 
     def cannot_express(self, scene: Scene) -> str | None:
@@ -163,12 +153,12 @@ class _Pinocchio(Adapter):
         return None
 
 
-def _world(scene: Scene, settings: _PinocchioSettings, step: float) -> World:
+def _world(scene: Scene, settings: _PinocchioSettings, step: float) -> adapter.World:
     return (_PinocchioWorld if settings.ideal else _ContactWorld)(scene, settings, step)
 
 
 PINOCCHIO = _Pinocchio(
-    label=Label("Pinocchio", version_of("pin"), "#56B4E9"),
+    label=Label("Pinocchio", adapter.version_of("pin"), "#56B4E9"),
     packages=("pinocchio",),
     extra="pinocchio",
     ladders={
@@ -177,7 +167,7 @@ PINOCCHIO = _Pinocchio(
         "as-it-comes": ("timestep", (1e-3,)),
         "contact": ("timestep", (4e-3, 1e-3)),
     },
-    presets=by_name(
+    presets=adapter.by_name(
         _PinocchioSettings(name="RK4", error_tolerance=1e-4, timestep=20e-3, ideal="RK4"),
         # DOP853 chooses its steps itself; the timestep is only the longest.
         _PinocchioSettings(name="best", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
@@ -196,5 +186,5 @@ PINOCCHIO = _Pinocchio(
     }),
     source="examples/admm-constraint-solver.py",
     world=_world,
-    lacks=spins,
+    lacks=adapter.spins,
 )  # fmt: skip

@@ -68,6 +68,9 @@ EXPECTED = {
     "exudyn_fast_rotor": "2 ms: 6.4e-3 6.9e-3; 0.5 ms: 2.4e-6 2.7e-6",
     "exudyn_sensor_times": "rows: 101 101; off: 0.0074 0.0076",
     "newton_torsional": "as it comes: 0.9999 1.0001; with condim 4: -1e-6 1e-6",
+    "mjx_contact_force":
+        "constraint: 8.99999 9.00001; free joint: 8.99999 9.00001; "
+        "contact force of the copy: 6.99999 7.00001",
     "mjx_nan":
         "MuJoCo, 0.01: 1.0713 1.0715; MuJoCo, 1e-06: 1.0713 1.0715; "
         "MJX, 0.01: 1.0713 1.0715; MJX, 0.01, finite: 1 1; MJX, 1e-06, finite: 0 0",

@@ -62,6 +62,10 @@ class Compare:
     """The seed of the random starts."""
     cluster: Cluster = None
     """The scheduler of a dask cluster to run the random starts on."""
+    device: DisallowNone[Annotated[str | None, arg(metavar="cpu|cuda", help_behavior_hint="")]] = (
+        None
+    )
+    """Where an engine that rolls many balls abreast (newton, mjx, mujoco-warp) runs them."""
 
     def run(self) -> int:
         if self.starts is not None:
@@ -78,8 +82,8 @@ class Compare:
         from validation.results import scenes_of, show, write_csv, write_json
         from validation.runs import Comparing, compare_all, tell_fault_windows
 
-        if self.seed or self.cluster:
-            raise InputError("--seed and --cluster are of random starts: give --starts too")
+        if self.seed or self.cluster or self.device:
+            raise InputError("--seed, --cluster and --device are of random starts: give --starts")
         if not self.scenes:
             raise InputError("compare needs a scene; `robotball scenes` lists the catalog")
         options = self.run_options
@@ -127,7 +131,7 @@ class Compare:
         if options.accuracy is not None or options.strict:
             raise InputError("random starts run by presets: leave out --accuracy and --strict")
         check_files(self.json, self.csv)
-        same = {"engine": options.engine, "keep_going": options.keep_going}
+        same = {"engine": options.engine, "keep_going": options.keep_going, "device": self.device}
         same |= {"seed": self.seed, "control": self.control, "environments": None}
         if options.environments is not None:
             same["environments"] = str(options.environments.absolute())

@@ -4,7 +4,6 @@ JAX steps in double precision, Warp in single. Neither reads sensors: the shell'
 from MuJoCo's coordinates.
 """
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -13,31 +12,21 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from robotball.engines.adapter import (
-    IDLE_STEPS,
-    Adapter,
-    SteppedWorld,
-    StepSettings,
-    World,
-    by_name,
-    version_of,
-)
+from robotball.engines import adapter
 from robotball.engines.links import State, force_in
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, ModelHinge, build, controls_at, state_at
 from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings
-from robotball.errors import InputError
 from robotball.motion import Label
 from robotball.motors import Servo
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 
-_ABREAST = 1024  # worlds at once; their samples are held until the end
 _PASSES = 50  # of the loop at most in one call, whose controls are an array of fixed size
 
 
 @dataclass(frozen=True, kw_only=True)
-class _ModelSettings(StepSettings):
+class _ModelSettings(adapter.StepSettings):
     """Settings of a run of MuJoCo's model: MuJoCo's own, for the model and its options.
 
     device: "cpu" or "cuda", where the balls are stepped.
@@ -57,7 +46,7 @@ class _MjxSettings(_ModelSettings):
     line_search: int | None = None
 
 
-class _MjxWorld(World):
+class _MjxWorld(adapter.World):
     """Worlds abreast, one unless scenes are given; steps are the passes of a compiled loop."""
 
     def __init__(
@@ -76,7 +65,7 @@ class _MjxWorld(World):
         if settings.line_search is not None:
             model.opt.ls_iterations = settings.line_search
         cuda = jax.default_backend() == "gpu"
-        device = jax.devices(_device(self, settings, cuda))[0]
+        device = jax.devices(adapter.on_device(self, settings.device, cuda))[0]
         self.model = mjx.put_model(model, device)
         self.data, self.calls = mjx.put_data(model, start, device), 0
         if scenes:
@@ -106,17 +95,13 @@ class _MjxWorld(World):
         return shell_state(self.built, np.asarray(self.data.qpos), np.asarray(self.data.qvel))
 
     def force(self) -> Array:
-        from mujoco import mjx
-
-        return force_in(self.built.compiled, mjx.get_data(self.built.compiled, self.data))
+        # On the free shell nothing else acts by a constraint. mj_contactForce would need MJX's copy
+        # of the contact, which has no adhesion (docs/findings/mjx_contact_force.py).
+        return np.asarray(self.data.qfrc_constraint, dtype=float)[:3]
 
     def python_seconds(self) -> float:
         """Return the processor time [s] of the calls themselves, measured on empty ones."""
-        count = min(IDLE_STEPS, self.calls)
-        began = time.process_time()
-        for _ in range(count):
-            self._take(0.0, self.longest, 0)
-        return (time.process_time() - began) / count * self.calls
+        return adapter.seconds_per_call(lambda: self._take(0.0, self.longest, 0)) * self.calls
 
 
 def shell_state(model: Model, qpos: Array, qvel: Array) -> State:
@@ -139,22 +124,20 @@ def _coordinates(model: Model, scenes: Sequence[Scene]) -> tuple[Array, Array]:
     return np.array(qpos), np.array(qvel)
 
 
-def _device(world: World, settings: _ModelSettings, cuda: bool) -> str:
-    """Return the device of the settings, and time its steps. Raises InputError for no device."""
-    if settings.device not in ("cpu", "cuda") or (settings.device == "cuda" and not cuda):
-        there = "cpu and cuda" if cuda else "cpu alone: no CUDA device is found"
-        raise InputError(f"the device can be {there}, not {settings.device!r}")
-    if settings.device == "cuda":
-        world.clock = time.perf_counter
-    return settings.device
-
-
 @cache
 def _advance(many: bool) -> Callable[..., Any]:
     """Return the compiled loop: model, data, controls (PASSES, nu), step [s], count → data."""
     import jax
 
-    jax.config.update("jax_enable_x64", True)
+    from robotball.engines.compiled import cache_folder
+
+    # The loop takes 20 s to compile, and each run of a comparison has a process of its own.
+    folder = cache_folder()
+    for name, value in {
+        "enable_x64": True, "compilation_cache_dir": folder and str(folder / "jax"),
+        "persistent_cache_min_compile_time_secs": 1.0,
+    }.items():  # fmt: skip
+        jax.config.update(f"jax_{name}", value)
     from mujoco import mjx
 
     one_step = jax.vmap(mjx.step, in_axes=(None, 0)) if many else mjx.step
@@ -188,19 +171,22 @@ _BEST = _MjxSettings(
     line_search=5,
 )  # fmt: skip
 
-MJX = Adapter(
-    label=Label("MJX", f"{version_of('mujoco-mjx')} on {LABEL.name} {LABEL.version}", "#DDAA33"),
+MJX = adapter.Adapter(
+    label=Label(
+        "MJX", f"{adapter.version_of('mujoco-mjx')} on {LABEL.name} {LABEL.version}", "#DDAA33"
+    ),
     packages=("mujoco.mjx", "jax"),  # MJX is a part of MuJoCo's package, and needs JAX
     extra="mjx",
     ladders={"as-it-comes": ("timestep", (2e-3,)), "best": ("timestep", (20e-3, 10e-3, 5e-3))},
-    presets=by_name(_MjxSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE), _BEST),
+    presets=adapter.by_name(
+        _MjxSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE), _BEST
+    ),
     knobs=("best", {"timestep": slice(1e-3, 2e-2), "line_search": (3, 5, 20), **_KNOBS}),
     world=_MjxWorld,
-    abreast=_ABREAST,
 )
 
 
-class _WarpWorld(SteppedWorld):
+class _WarpWorld(adapter.SteppedWorld):
     """Worlds abreast, one unless scenes are given, on one of Warp's devices."""
 
     def __init__(
@@ -210,14 +196,15 @@ class _WarpWorld(SteppedWorld):
         import mujoco_warp
         import warp
 
-        warp.config.quiet = True
+        warp.config.log_level = warp.LOG_WARNING
         warp.init()
         self.warp, self.engine = warp, mujoco_warp
         self.built = build(scene, replace(settings.model, timestep=step))
         start, self.friction = self.built.start_data(), self.built.compiled.pair_friction[0, 0]
         # Warp has no such flag, and resets nothing.
         self.built.compiled.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-        self.device, self.n = _device(self, settings, warp.is_cuda_available()), len(scenes) or 1
+        self.device = adapter.on_device(self, settings.device, warp.is_cuda_available())
+        self.n = len(scenes) or 1
         with warp.ScopedDevice(self.device):
             self.model = mujoco_warp.put_model(self.built.compiled)
             self.data = mujoco_warp.put_data(self.built.compiled, start, self.n)
@@ -243,6 +230,9 @@ class _WarpWorld(SteppedWorld):
         with self.warp.ScopedDevice(self.device):
             self.engine.step(self.model, self.data)
 
+    def wait(self) -> None:
+        self.warp.synchronize_device(self.device)
+
     def state(self) -> State:
         qpos, qvel = (each.numpy().astype(float) for each in (self.data.qpos, self.data.qvel))
         return shell_state(self.built, qpos, qvel)
@@ -262,21 +252,16 @@ _SINGLE = replace(
 )  # fmt: skip
 
 
-def _in_single_precision(scene: Scene, settings: _ModelSettings) -> str:
-    return "its state is in single precision"
-
-
-WARP = Adapter(
-    label=Label("MuJoCo Warp", version_of("mujoco-warp"), "#76B900"),
+WARP = adapter.Adapter(
+    label=Label("MuJoCo Warp", adapter.version_of("mujoco-warp"), "#76B900"),
     packages=("mujoco_warp",),
     extra="mujoco-warp",
     ladders={"best": ("timestep", (20e-3, 10e-3))},
-    presets=by_name(
+    presets=adapter.by_name(
         _ModelSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE),
         _ModelSettings(name="best", timestep=20e-3, model=_SINGLE, **_LOOSE),
     ),
     knobs=("best", {"timestep": slice(2e-3, 2e-2), **_KNOBS}),
     world=_WarpWorld,
-    abreast=_ABREAST,
-    lacks=_in_single_precision,
+    lacks=adapter.in_single_precision,
 )

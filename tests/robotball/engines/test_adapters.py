@@ -4,9 +4,10 @@ What all adapters share runs here, on the states of the equations and on MuJoCo'
 engine itself is run where it is installed.
 """
 
+import time
 import tomllib
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ import pytest
 import robotball as rb
 from robotball import FaultKind
 from robotball.engine import OURS
+from robotball.engines import adapter
 from robotball.engines.adapter import (
     Adapter,
     IdealWorld,
@@ -24,6 +26,7 @@ from robotball.engines.adapter import (
     ServoWorld,
     StepSettings,
     by_name,
+    on_device,
     spin_damping,
 )
 from robotball.engines.links import State, lifting, links_of, principal_inertia
@@ -128,21 +131,45 @@ class Abreast(Repeated):
         return now
 
 
-def test_balls_abreast_are_told_apart() -> None:
+@dataclass(frozen=True, kw_only=True)
+class Device(StepSettings):
+    """Settings of an engine that rolls balls abreast; None: one by one."""
+
+    device: str | None
+
+
+@pytest.mark.parametrize(("device", "worlds"), [("cpu", [2, 0]), (None, [0, 0, 0])])
+def test_balls_abreast_are_told_apart(
+    device: str | None, worlds: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Each has its own states, in batches of two; one that breaks ends no other."""
     times, made = rb.sample_times(2.0, 0.1), list[int]()
+    monkeypatch.setattr(adapter, "_ABREAST", 2)
+    settings = Device(name="best", error_tolerance=1e-3, timestep=0.1, device=device)
 
     def world(scene: Scene, settings: Any, step: float, scenes: Sequence[Scene] = ()) -> Abreast:
         made.append(len(scenes))
         return Abreast(scene, scenes)
 
-    engine = replace(spoilt({}), world=world, abreast=2)
-    motions = [*rb.simulate_many([FIG12] * 3, times=times, engine=engine)]
-    assert made == [2, 0]
-    assert [len(each.times) for each in motions] == [21, 10, 21]
-    assert motions[1].report.faults[0].kind is FaultKind.DIVERGED
+    engine = replace(spoilt({}), world=world)
+    motions = [*rb.simulate_many([FIG12] * 3, None, times, settings, engine=engine)]
+    second = device is not None
+    assert made == worlds
+    assert [len(each.times) for each in motions] == [21, 10 if second else 21, 21]
+    assert second == (FaultKind.DIVERGED in {each.kind for each in motions[1].report.faults})
     aside = [each.contact_point[9, 0] - motions[0].contact_point[9, 0] for each in motions]
-    assert aside == pytest.approx([0.0, 1.0, 0.0], abs=1e-15)
+    assert aside == pytest.approx([0.0, float(second), 0.0], abs=1e-15)
+
+
+def test_a_cuda_device_is_timed_by_the_clock_and_refused_where_there_is_none() -> None:
+    """Processor time says nothing of what another device does; no engine is needed to know."""
+    world = Repeated(FIG12, {})
+    with pytest.raises(rb.InputError, match="no device 'cuda': give cpu, as no CUDA device is"):
+        on_device(world, "cuda", cuda=False)
+    assert on_device(world, "cpu", cuda=True) == "cpu"
+    assert world.clock is time.process_time
+    assert on_device(world, "cuda", cuda=True) == "cuda"
+    assert world.clock is time.perf_counter
 
 
 X, _, Z = np.eye(3)
@@ -398,9 +425,9 @@ def test_an_engine_errs_as_it_was_measured(case: tuple[Any, ...]) -> None:
     assert measured / 1.5 < path_error(motion, theory) < measured * 1.5
 
 
-# How far an engine's contact points may be from those of a run alone [m]: measured 0 by Warp, whose
-# worlds do the same arithmetic, and 4.5e-12 by MJX, whose compiler orders it anew.
-ABREAST = {"mujoco-warp": 0.0, "mjx": 1e-10}
+# How far an engine's contact points may be from those of a run alone [m]: measured 0 by Warp and by
+# Newton, whose worlds do the same arithmetic, and 4.5e-12 by MJX, whose compiler orders it anew.
+ABREAST = {"mujoco-warp": 0.0, "mjx": 1e-10, "newton": 0.0}
 
 
 @pytest.mark.slow
@@ -412,11 +439,11 @@ def test_64_worlds_are_the_runs_alone(name: str) -> None:
     attitudes = np.random.default_rng(3).normal(size=(64, 4))
     attitudes /= np.linalg.norm(attitudes, axis=1, keepdims=True)
     starts, times = [replace(FIG12.start, attitude=q) for q in attitudes], rb.sample_times(0.4)
-    with pytest.raises(rb.InputError, match=r"the device can be cpu .*, not 'tpu'"):
+    with pytest.raises(rb.InputError, match="no device 'tpu': give cpu"):
         next(rb.simulate_many(FIG12, starts, times, engine=name, device="tpu"))
-    motions = [*rb.simulate_many(FIG12, starts, times, engine=name)]
+    motions = [*rb.simulate_many(FIG12, starts, times, engine=name, device="cpu")]
     errors = [path_error(each, rb.integrate(each.scene, times)) for each in motions]
-    assert max(errors) < 1e-4  # measured 3.6e-6 by Warp and 1.9e-5 by MJX
+    assert max(errors) < 1e-4  # measured 3.6e-6 by Warp, 1.9e-5 by MJX and 2.3e-5 by Newton
     for i in (0, 63):
-        alone = rb.simulate(motions[i].scene, times, engine=name)
+        alone = rb.simulate(motions[i].scene, times, motions[i].report.settings, engine=name)
         assert np.abs(motions[i].contact_point - alone.contact_point).max() <= ABREAST[name]

@@ -56,7 +56,8 @@ REFUSED = {
     "figures 2": "no figure 2 to draw; there are 3 to 14, and tori",
     "figures ten": "no figure ten to draw",
     # numbers
-    "compare fig12 --seed 1": "--seed and --cluster are of random starts: give --starts too",
+    "compare fig12 --seed 1": "--seed, --cluster and --device are of random starts: give --starts",
+    "compare fig12 --starts 2 --device cuda": "MuJoCo has no choice of a device: leave it out",
     "compare fig12 --starts 0": "starts must be at least 1, not 0",
     "compare fig12 --starts 2 --accuracy 1e-6": "random starts run by presets: leave out --acc",
     "compare fig12 --starts 2 --duration 0": f"{POSITIVE} 0 s",

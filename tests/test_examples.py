@@ -34,9 +34,7 @@ def test_the_script_compares_side_by_side(
 # Tutorials -------------------------------------------------------------------------------------
 
 NUMBER = r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]\d+)?"
-SAME = Decimal(
-    "1e-4"
-)  # relative: a number with many digits need not have them all on every machine
+SAME = Decimal("1e-4")  # relative, as a number of many digits differs in the last on two machines
 
 
 def printed(outputs: list[Json]) -> str:

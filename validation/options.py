@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from robotball import Request, Scene
     from robotball.rotations import Array
+    from validation.agreement import Agreement
     from validation.study import Study
     from validation.sweeps import Cell, Result, Work
 
@@ -134,6 +135,24 @@ class Run:
         from robotball.engines.adapter import elsewhere
 
         return replace(request, engine=elsewhere(request.engine, self.environments))
+
+    def agreements(
+        self, scenes: Sequence[Scene], presets: Sequence[str], fault_windows: Path | None = None
+    ) -> list[Agreement]:
+        """Run each scene by each preset, the engine's default if none is given, with progress."""
+        from validation.output import progress_bar
+        from validation.runs import agreements_of, shifted
+
+        requests = [self.request(name) for name in presets or (None,)]
+        times, strict = times_of(self.duration), self.strict
+        found: list[Agreement] = []
+        with progress_bar(len(scenes) * len(requests)) as show:
+            for scene in scenes:
+                part = shifted(show, len(found))
+                found += agreements_of(
+                    scene, requests, times, strict=strict, fault_windows=fault_windows, show=part
+                )
+        return found
 
 
 RunOptions = OmitArgPrefixes[Run]

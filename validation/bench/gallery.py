@@ -33,12 +33,9 @@ _DOCS = Path(__file__).parents[2] / "docs"
 _OUT = Path("out/gallery")
 PICTURES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))["picture"]
 _ENGINES = next(row["command"] for row in PICTURES if row["shown"] == "engines.png")
-_COSTS = (
-    ("cost", 1e3, ".3g"),
-    ("relative_cost", 1, ".2g"),
-    ("spread", 1, ".2f"),
-    ("python_share", 1, ".0%"),
-)
+_COSTS = (("cost", 1e3, ".3g"), ("relative_cost", 1, ".2g"), ("spread", 1, ".2f"),
+          ("python_share", 1, ".0%"))  # fmt: skip
+_PROVED = ("place", "statement", "evidence")
 _RANDOM = "extremes --random 500"
 _SCREEN = ("--headless", "--no-sandbox", "--hide-scrollbars", "--window-size=1000,1400",
            "--enable-unsafe-swiftshader", "--virtual-time-budget=4000")  # fmt: skip
@@ -131,7 +128,7 @@ def _put(made: Path, shown: Path) -> None:
 
 
 def _write_frame(path: Path) -> None:
-    """The README's picture: one frame of a film of fig12."""
+    """Write the README's picture: one frame of a film of fig12."""
     import mediapy
 
     found = [compare("fig12", name, sample_times(_FILMED)) for name in ("naive", "balanced")]
@@ -191,13 +188,7 @@ def engines_table(records: Sequence[Mapping[str, Any]]) -> str:
         for run in record["runs"]:
             found.setdefault(run["title"], {})[record["scene"]] = run
     for title, runs in found.items():
-        errors = [
-            "-"
-            if run is None
-            else f"{'**' * run['on_the_pareto_front']}{run['error']:.1e}"
-            f"{'**' * run['on_the_pareto_front']}"
-            for run in (runs.get(each["scene"]) for each in records)
-        ]
+        errors = [_error(runs.get(each["scene"])) for each in records]
         first = runs.get(records[0]["scene"], {})
         costs = [
             "-" if (number := first.get(key)) is None else f"{number * scale:{form}}"
@@ -207,6 +198,12 @@ def engines_table(records: Sequence[Mapping[str, Any]]) -> str:
         row = [*title.rsplit(", ", 1), *errors, *costs, ours]
         lines.append(f"| {' | '.join(row)} |")
     return "\n".join(lines)
+
+
+def _error(run: Mapping[str, Any] | None) -> str:
+    """Return a run's error, bold on the Pareto front."""
+    bold = "**" * bool(run and run["on_the_pareto_front"])
+    return f"{bold}{run['error']:.1e}{bold}" if run else "-"
 
 
 def _write_numbers(study: str, numbers: Mapping[str, Any]) -> None:
@@ -219,12 +216,9 @@ def _write_proofs(findings: Path) -> None:
     """Write the table of proofs into the page of errata, from the JSON of `robotball paper`."""
     page = _DOCS / "errata.md"
     above = page.read_text(encoding="utf-8").partition(_PROOFS)[0].rstrip()
-    claims = _read(findings)["claims"]
     rows = [
-        " | ".join(
-            str(claim[key]).replace("|", "\\|") for key in ("place", "statement", "evidence")
-        )
-        for claim in claims
+        " | ".join(str(claim[key]).replace("|", "\\|") for key in _PROVED)
+        for claim in _read(findings)["claims"]
         if claim["verdict"] == "holds as corrected"
     ]
     write_text(page, "\n".join([above, _PROOFS.rstrip(), *(f"| {row} |" for row in rows)]) + "\n")

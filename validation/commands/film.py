@@ -20,7 +20,6 @@ from validation.options import (
     SceneName,
     Threads,
     listed,
-    times_of,
 )
 
 if TYPE_CHECKING:
@@ -40,17 +39,13 @@ class _Shown:
 
     def _agreements(self) -> "list[Agreement]":
         """Compare the scene's motions with progress shown."""
-        from validation.output import progress_bar, writable_folder
+        from validation.output import writable_folder
         from validation.results import controlled
-        from validation.runs import agreements_of, tell_fault_windows, windows
+        from validation.runs import tell_fault_windows, windows
 
         options, scene = self.run_options, controlled(self.scene, self.control)
-        requests = [options.request(name) for name in listed(self.preset) or (None,)]
-        out, times = writable_folder(options.out), times_of(options.duration)
-        with progress_bar(len(requests)) as show:
-            agreements = agreements_of(
-                scene, requests, times, strict=options.strict, fault_windows=out, show=show
-            )
+        out = writable_folder(options.out)
+        agreements = options.agreements([scene], listed(self.preset), out)
         tell_fault_windows(windows(agreements, out))
         return agreements
 

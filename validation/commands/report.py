@@ -11,14 +11,13 @@ from rich.console import Console
 from tyro.conf import Positional, arg
 
 from robotball import InputError
-from validation.agreement import Agreement
-from validation.options import AGREES, DISAGREES, Names, Run, RunOptions, listed, times_of
-from validation.output import program, progress_bar, writable_folder, write_text
+from validation.options import AGREES, DISAGREES, Names, Run, RunOptions, listed
+from validation.output import program, writable_folder, write_text
 from validation.report.scene_report import report
 from validation.report.study_report import study_report
 from validation.results import file_stem, record, scenes_of
 from validation.results import show as show_table
-from validation.runs import agreements_of, film, shifted
+from validation.runs import film
 
 _FILM = (360, 640)  # px, height and width: the page stays below six megabytes
 _MOST_NAMES = 80  # characters of a file's name that scenes may take
@@ -57,19 +56,10 @@ class Report:
         return AGREES
 
     def _compared(self) -> int:
-        options = self.run_options
-        requests = [options.request(name) for name in listed(self.preset) or (None,)]
         scenes = list(scenes_of(self.scenes).values())
-        out = writable_folder(options.out)
-        times = times_of(options.duration)
-        agreements: list[Agreement] = []
-        with progress_bar(len(scenes) * len(requests)) as show:
-            for i, scene in enumerate(scenes):
-                part = shifted(show, i * len(requests))
-                agreements += agreements_of(
-                    scene, requests, times, strict=options.strict, show=part
-                )
-        stem = file_stem(agreements[: len(requests)])
+        out = writable_folder(self.run_options.out)
+        agreements = self.run_options.agreements(scenes, listed(self.preset))
+        stem = file_stem(agreements[: len(agreements) // len(scenes)])
         others = "".join(f"-{scene.name}" for scene in scenes[1:])
         path = out / f"{(stem + others)[:_MOST_NAMES]}-report.html"
         command = f"{program()} {shlex.join(sys.argv[1:])}"

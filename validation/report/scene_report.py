@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from robotball import Motion, scene_toml
+from robotball.film.looks import label_of
 from robotball.film.web import view_fragment, view_head
 from robotball.notebook import counted
 from robotball.rotations import Array
@@ -95,8 +96,7 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
 
 def sentence(agreement: Agreement) -> str:
     """Return the verdict in words and numbers, with the bound."""
-    engine, name = agreement.motion.engine.name, agreement.settings.name
-    start = f"{engine}, {name}: {agreement.verdict}."
+    start = f"{label_of(agreement.motion)}: {agreement.verdict}."
     if not agreement.finished:
         return f"{start} The run ended at {agreement.end:.4g} s."
     apart, error = float(agreement.path_errors.max()), agreement.path_error

@@ -56,7 +56,7 @@ class FaultWindow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     spans: list[tuple[float, float]]
     rows: _Numbers
     xml: str
-    sides: list[list[int]] = []  # files of former versions have none
+    sides: list[list[int]]
 
     @property
     def model(self) -> Any:

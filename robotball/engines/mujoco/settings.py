@@ -336,20 +336,15 @@ def preset(name: str) -> Settings:
     return preset_named(PRESETS, name)
 
 
-_FORMER_NAMES = {"promise": "error_tolerance"}  # in files of former versions, which stay readable
-
-
 def settings_from(plain: Mapping[str, Any]) -> Settings:
     """Return the settings from plain data, as made by `Settings.plain` or read from JSON.
 
     Raises InputError for an unknown key and where a value is missing or does not fit.
     """
     values: dict[str, Any] = {
-        _FORMER_NAMES.get(key, key): tuple(value) if isinstance(value, list) else value
-        for key, value in plain.items()
+        key: tuple(value) if isinstance(value, list) else value for key, value in plain.items()
     }
     try:
-        values.pop("fits_load", None)  # of former files, whose other values are whole
         if isinstance(drive := values["drive"], Mapping):
             values["drive"] = Servo(**drive) if "gain" in drive else Prescribed(**drive)
         if isinstance(spin := values.get("torsional_friction"), Mapping):

@@ -122,7 +122,7 @@ def test_a_report_works_in_a_browser_and_on_paper(page: str, tmp_path: Path) -> 
             })()"""
         )
         assert re.fullmatch(
-            r"t = 0\.\d+ s · MuJoCo, naive: [\d.e-]+ · MuJoCo, fast: [\d.e-]+", first
+            r"t = 0\.\d+ s · MuJoCo as it comes: [\d.e-]+ · MuJoCo, fast: [\d.e-]+", first
         )
         assert second != first
         assert after == "Point at the plot, or use the arrow keys, for values."

@@ -13,12 +13,15 @@ BIN := .venv/bin
 demo: setup gl
 	$(BIN)/robotball demo
 
-# Files go to the cores whole, as a file's tests share what they compute.
+# Files go to the cores whole, as a file's tests share what they compute; in their own order, for by
+# their number of tests the long ones with few tests would come last, on one core alone.
+ON_CORES := --numprocesses auto --dist loadfile --no-loadscope-reorder
+
 test: setup gl browser check
-	$(BIN)/pytest --numprocesses auto --dist loadfile
+	$(BIN)/pytest $(ON_CORES)
 
 test-fast: setup gl
-	$(BIN)/pytest --numprocesses auto --dist loadfile -m "not slow"
+	$(BIN)/pytest $(ON_CORES) -m "not slow"
 
 # The fast tests that catch most faults, in one process: a minute of one core.
 test-core: setup
@@ -36,7 +39,7 @@ MARK := not slow
 test-variants: setup gl
 	@failed=; for each in $(VARIANTS); do \
 	  echo "$$each"; \
-	  env $$each $(BIN)/pytest --numprocesses auto --dist loadfile -m "$(MARK)" || failed="$$failed $$each"; \
+	  env $$each $(BIN)/pytest $(ON_CORES) -m "$(MARK)" || failed="$$failed $$each"; \
 	done; test -z "$$failed" || { echo "failing under:$$failed"; exit 1; }
 
 check: setup

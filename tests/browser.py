@@ -36,7 +36,7 @@ class Browser:
 
     def __init__(self, to: int, answers: BinaryIO) -> None:
         self._to, self._answers = to, answers
-        self._number, self._session = count(1), ""
+        self._number, self._session, self._unread = count(1), "", b""
         self.console: list[str] = []
         self.requests: list[str] = []
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
@@ -83,12 +83,13 @@ class Browser:
         return b64decode(self.call("Page.printToPDF", **inches)["data"])
 
     def _read(self) -> Any:
-        message = b""
-        while not message.endswith(b"\0"):
-            part = self._answers.read(1)
+        # An answer may have megabytes: it is taken as it comes, and what follows it is kept.
+        while b"\0" not in self._unread:
+            part = os.read(self._answers.fileno(), 1 << 20)
             assert part, "the browser has ended"
-            message += part
-        return json.loads(message[:-1])
+            self._unread += part
+        message, _, self._unread = self._unread.partition(b"\0")
+        return json.loads(message)
 
     def _keep(self, event: Any) -> None:
         inside = event.get("params", {})

@@ -13,9 +13,8 @@ BIN := .venv/bin
 demo: setup gl
 	$(BIN)/robotball demo
 
-# Files go to the cores whole, as a file's tests share what they compute; in their own order, for by
-# their number of tests the long ones with few tests would come last, on one core alone.
-ON_CORES := --numprocesses auto --dist loadfile --no-loadscope-reorder
+# Files go to the cores whole, as a file's tests share what they compute.
+ON_CORES := --numprocesses auto --dist loadfile
 
 test: setup gl browser check
 	$(BIN)/pytest $(ON_CORES)

@@ -12,7 +12,7 @@ import pytest
 
 import robotball as rb
 from robotball.engines.ensembles import steppers
-from robotball.engines.ensembles.flatten import FEW, LANES, Dual, Tape, lane_function
+from robotball.engines.ensembles.flatten import LANES, Dual, Tape, lane_function
 from robotball.engines.ensembles.orbits import (
     COLLAPSED,
     TOO_MANY_STEPS,
@@ -201,12 +201,13 @@ def test_a_ball_at_rest_stays() -> None:
 
 @pytest.mark.slow
 def test_the_compiled_stepper_loads_from_its_cache() -> None:
-    """A new process compiles nothing: a step and the loops come from the cache, in 0.4 s."""
-    steppers.stepper(PATH, "rubber", FEW)
+    """After one process the next compiles nothing: step and loops come from the cache, in 0.4 s."""
     code = (
         "from robotball.engines.ensembles import orbits, steppers\n"
         "step = steppers.stepper(steppers.PATH, 'rubber', orbits.FEW)\n"
         "compiled = [step, orbits._march_lanes, orbits._follow]\n"
         "print(sum(each.stats.cache_misses.total() for each in compiled))"
     )
-    assert int(subprocess.check_output([sys.executable, "-c", code])) == 0
+    # Not this process is the first: what it has may be in the cache of another test.
+    missed = [int(subprocess.check_output([sys.executable, "-c", code])) for _ in range(2)]
+    assert missed[1] == 0

@@ -58,9 +58,8 @@ def _same(one: Any, other: Any) -> bool:
 
 # Hand-written MJCF of the floor and of the bodies: a wheel has the folder inside the package, a
 # checkout beside it.
-PARTS = next(
-    folder for folder in (parent / "mjcf" for parent in Path(__file__).parents) if folder.is_dir()
-)
+_INSIDE, _BESIDE = (folder / "mjcf" for folder in Path(__file__).parents[:2])
+PARTS = _INSIDE if _INSIDE.is_dir() else _BESIDE
 # The largest error by which an inertia may miss a condition, relative to its largest part: a tensor
 # that was computed has some roundings of 1e-16, a wrong one misses by far more.
 ROUNDING = 1e-12

@@ -78,7 +78,7 @@ _DASHES = ((), (6, 2), (2, 2), (7, 2, 2, 2), (1, 3))
 _MARKERS = "os^Dv*"
 
 
-def looks_of(agreements: Sequence["Agreement"]) -> list[Look]:
+def line_looks(agreements: Sequence["Agreement"]) -> list[Look]:
     """Return the looks of the equations' motion and of each run, on all plots of a scene."""
     from robotball.film.looks import colours_of, label_of
 
@@ -146,7 +146,7 @@ class Sheet:
 def sheet_of(agreements: Sequence["Agreement"]) -> Sheet:
     """Return the sheet of one scene's agreements by one engine."""
     theory = agreements[0].theory
-    scene, (own, *looks) = theory.scene, looks_of(agreements)
+    scene, (own, *looks) = theory.scene, line_looks(agreements)
     vector = ", ".join(f"{each:.3g}" for each in theory.momentum[0].round(12) + 0.0)
     return Sheet(
         title=f"{scene.name}: {scene.title}",

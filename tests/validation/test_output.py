@@ -22,7 +22,7 @@ from validation.plots import (
     extremes,
     framed,
     in_view,
-    looks_of,
+    line_looks,
     momentum_picture,
     path_picture,
     sheet_of,
@@ -201,7 +201,7 @@ def test_a_straight_paths_errors_end_at_rounding_and_its_panel_is_flat() -> None
 def test_runs_are_told_apart_without_colour_and_a_cross_is_where_one_breaks_off() -> None:
     """Each has a colour, a dash and a marker of its own; the first colour is its engine's."""
     agreements = [compare("fig12", name, TIMES) for name in rb.PRESETS]
-    own, *looks = looks_of(agreements)
+    own, *looks = line_looks(agreements)
     for part in ("colour", "dash", "marker"):
         assert len({getattr(each, part) for each in (own, *looks)}) >= len(looks)
     assert looks[0].colour == LABEL.colour

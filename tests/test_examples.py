@@ -77,8 +77,12 @@ def differences(cell: Json, text: str) -> list[str]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NOTEBOOKS)
-def test_a_tutorial_prints_what_it_stores(name: str, folder: Path) -> None:
-    """Every word, every number to its last digit, and as many pictures."""
+def test_a_tutorial_prints_what_it_stores(
+    name: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every word, every number to its last digit, and as many pictures, on a CI server too."""
+    monkeypatch.setenv("CI", "true")  # at which pytest cuts no line
+    monkeypatch.setenv("PY_COLORS", "1")
     cells = code_cells(read(name))
     for cell, outputs in zip(cells, run(read(name), folder), strict=True):
         assert differences(cell, printed(outputs)) == []

@@ -34,6 +34,11 @@ NOTEBOOKS = sorted(path.stem for path in FOLDER.glob("*.ipynb"))
 Json = dict[str, Any]
 _SHELL, _WRITE = "%%sh", "%%writefile "
 _LANGUAGES = {".xml": "xml", ".toml": "toml", ".py": "python"}
+# Where commands run: colours and the width of lines would be those of whoever runs them, and pytest
+# cuts no line where a CI server is known by its variables.
+_PLACE = {"COLUMNS": "100", "NO_COLOR": "1", "PY_COLORS": "0"} | dict.fromkeys(
+    ("CI", "BUILD_NUMBER", "PYTEST_ADDOPTS"), ""
+)
 _COLOURS = 64  # of a stored picture: lines and letters need no more, and a third of the bytes
 
 
@@ -97,8 +102,7 @@ def _command(line: str) -> str:
     Raises InputError where a command cannot be run.
     """
     name, *arguments = shlex.split(line)
-    # Colours and the width of lines would be those of the terminal of whoever runs it.
-    with patch.dict(os.environ, {"COLUMNS": "100", "NO_COLOR": "1"}):
+    with patch.dict(os.environ, _PLACE):
         if name == "robotball":
             status, printed, said = _robotball(arguments)
         else:

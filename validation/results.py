@@ -33,7 +33,7 @@ from validation.output import (
 )
 from validation.sensitivity import Sensitivity
 
-_ALL = "all"  # of an engine's presets
+ALL = "all"  # of an engine's presets
 
 
 def controls_of(texts: Sequence[str]) -> dict[str, Rate]:
@@ -89,7 +89,7 @@ def file_stem(agreements: Sequence[Agreement]) -> str:
     """
     first, names = agreements[0], [each.settings.name for each in agreements]
     if first.engine is not None and len(names) > 1 and names == list(first.engine.presets):
-        names = [_ALL]
+        names = [ALL]
     end = float(first.theory.times[-1])
     time = [] if end == first.scene.duration else [f"{end:g}s"]
     return file_name(first.scene.name, first.motion.engine, [*names, *time])

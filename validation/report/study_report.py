@@ -9,10 +9,11 @@ from typing import Any
 from robotball import InputError
 from robotball.files import contents
 from validation.report import VERDICTS, folded, page, paragraph, picture, plain, table, text
+from validation.results import ALL, file_name
 
 _LONGEST = 60  # rows of a table; the file has the others
 _WIDEST = 60  # characters of a cell
-_COMPARED = ("scene", "preset", "timestep", "path_error", "gamma_error", "momentum_error")
+_COMPARED = ("scene", "engine", "preset", "timestep", "path_error", "gamma_error", "momentum_error")
 
 
 def study_report(source: Path) -> str:
@@ -40,8 +41,7 @@ def study_report(source: Path) -> str:
             )
             for part in parts
         )
-        for scene in dict.fromkeys(str(part["scene"]) for part in parts):  # they are named after it
-            pictures += _pictures(source, f"{scene}-")[::-1]  # paths before momenta
+        pictures += _compared(source, parts)
         body.append(f'<div class="charts"><div>{words}</div>{"".join(pictures)}</div>')
         body += _rows("runs", [{name: part[name] for name in _COMPARED} for part in parts])
     else:
@@ -53,6 +53,25 @@ def study_report(source: Path) -> str:
 def _pictures(source: Path, stem: str) -> list[str]:
     """Return the pictures beside a file whose names begin with a stem."""
     return [picture(each) for each in sorted(source.parent.glob(f"{escape(stem)}*.png"))]
+
+
+def _compared(source: Path, runs: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the pictures beside a file that `compare` drew of its runs, each scene's path first.
+
+    They are named after the scene, the engine, the presets or `all`, and perhaps the time.
+    """
+    presets: dict[tuple[str, str], list[str]] = {}
+    for run in runs:
+        presets.setdefault((str(run["scene"]), str(run["engine"])), []).append(str(run["preset"]))
+    patterns = [
+        f"{escape(file_name(scene, None, [engine.lower(), *words]))}{time}-{kind}.png"
+        for (scene, engine), names in presets.items()
+        for kind in ("path", "momentum")
+        for words in ([*names], [ALL])[: len(names)]
+        for time in ("", "-[0-9]*s")
+    ]
+    found = [each for pattern in patterns for each in sorted(source.parent.glob(pattern))]
+    return [picture(each) for each in found]
 
 
 def _parts(record: Mapping[str, Any]) -> list[str]:

@@ -118,7 +118,7 @@ def test_no_page_overflows_complains_or_asks_outside(
     site: Path, address: str, tmp_path: Path
 ) -> None:
     """On a phone's 360 pixels in the dark, and between the margins of A4."""
-    with opened("<p style='width: 2000px'>", tmp_path, 360, 200) as browser:
+    with opened("<p style='width: 2000px'>", tmp_path, 360, 200, webgl=False) as browser:
         browser.call("Page.addScriptToEvaluateOnNewDocument", source=UNSEARCHED)
         for page in sorted(site.rglob("*.html")):
             browser.size(360, 200, dark=True)
@@ -148,7 +148,8 @@ LISTED = f"({TREE}.querySelector('ol')?.innerText ?? '').toLowerCase()"
 @pytest.mark.parametrize("by", ["http", "file"])
 def test_the_search_finds(by: str, site: Path, address: str, tmp_path: Path) -> None:
     """Words that are typed, over HTTP and in a page opened as a file; but none that no page has."""
-    with opened("", tmp_path, 400, 200) as browser:  # small, as each letter is drawn
+    # The window is small, as each letter is drawn.
+    with opened("", tmp_path, 400, 200, webgl=False) as browser:
         browser.call("Page.addScriptToEvaluateOnNewDocument", source=OPEN)
         browser.visit(f"{address}index.html" if by == "http" else f"{site.as_uri()}/index.html")
         browser.run("document.querySelector('.md-search__button').click()")

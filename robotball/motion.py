@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from robotball import equations as eq
 from robotball.drives import turns
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 # The limits that every engine's run is held to.
 DIVERGED = 1e10  # a state beyond it is no result; MuJoCo's own limit (mjMAXVAL)
 RATE_ERROR = 1e-3  # relative; a prescribed hinge keeps 1e-13, a servo this good passes
-# Of the radius; slip relative to a shorter path would be rounding over rounding.
-SHORTEST_PATH = 1e-9
 
 
 class FaultKind(Enum):
@@ -263,11 +261,8 @@ class Motion(Value):
 
     @property
     def path_scale(self) -> float:
-        """The unit of relative path errors: the path's length or the radius, the longer [m].
-
-        A ball that turns on the spot has no path, and its errors are measured by the radius.
-        """
-        return max(self.path_length, self.scene.ball.radius)
+        """The unit of relative path errors [m]: `path_unit` of the whole path."""
+        return float(path_unit(self.scene, self.path_length))
 
     def save(self, path: str | Path) -> None:
         """Write the motion as .csv, .npz or .parquet; `load_motion` restores every bit.
@@ -353,6 +348,15 @@ def pieces(count: int) -> Iterator[slice]:
 
 
 # The errors of a motion against a reference, whose times have the motion's times among them.
+
+
+def path_unit(scene: Scene, length: ArrayLike) -> Array:
+    """Return the unit of errors and slip along paths of these lengths [m]: at least the radius.
+
+    A ball that turns on the spot has no path. One that starts from rest has none yet, and a contact
+    that regularizes friction slips from the first step on.
+    """
+    return np.maximum(length, scene.ball.radius)
 
 
 def path_errors(motion: Motion, reference: Motion) -> Array:

@@ -36,7 +36,6 @@ from robotball.errors import InputError, warn
 from robotball.motion import (
     DIVERGED,
     RATE_ERROR,
-    SHORTEST_PATH,
     ContactMotion,
     ContactReport,
     EngineSettings,
@@ -44,6 +43,7 @@ from robotball.motion import (
     FaultKind,
     Label,
     Loads,
+    path_unit,
 )
 from robotball.rotations import Array, Mask
 from robotball.scene import Scene, spans
@@ -447,7 +447,7 @@ def _faults(
         slip = slip + scene.ball.radius * np.abs(readings.spin)
     elapsed = np.diff(times[:count], prepend=0.0)
     rolled = np.cumsum(np.linalg.norm(np.diff(state.centre[:, :2], axis=0, prepend=0.0), axis=1))
-    allowed = tolerance * (rolled + SHORTEST_PATH * scene.ball.radius)
+    allowed = tolerance * path_unit(scene, rolled)
     off = np.linalg.norm(readings.momentum - readings.momentum[0], axis=1)
     size = np.abs(np.concatenate([state.centre, state.velocity, state.turning], axis=1)).max(1)
     drift = scene.keeps_momentum & (off > tolerance * scene.momentum_scale)

@@ -13,12 +13,11 @@ import numpy as np
 from robotball.engines.mujoco.limits import allowed
 from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.readings import Readings, lengths
-from robotball.motion import DIVERGED, RATE_ERROR, SHORTEST_PATH, Fault, FaultKind
+from robotball.motion import DIVERGED, RATE_ERROR, Fault, FaultKind, path_unit
 from robotball.rotations import Array, Mask
 
 _SATURATED = 1 - 1e-6  # of the friction cone; solutions on its surface end this near
 _AT_LIMIT = 1 - 1e-9  # of a servo's torque limit, beyond which only rounding lies
-_ROUNDING = 1e-12  # of the radius; a shorter slip comes of the forces' rounding
 _LIFTING = 1e-2  # of the weight; a ball that presses less on the plane is about to lift off
 
 # Without MuJoCo's warnings of a bad state (BADQPOS, …), which the state itself shows.
@@ -130,9 +129,7 @@ class Monitor:
         rolled = self.rolled + np.cumsum(moved)
         self.slipped, self.rolled = float(slipped[-1]), float(rolled[-1])
         self.last_centre = readings.centre[-1:]
-        # Over a path of nothing any slip would be infinite.
-        least = max(tolerance * SHORTEST_PATH, _ROUNDING) * scene.ball.radius
-        slips = slipped > tolerance * rolled + least
+        slips = slipped > tolerance * path_unit(scene, rolled)
         faults = [(slips, Fault(FaultKind.SLIPPED, np.nan, limit=tolerance))]
         if scene.keeps_momentum:
             if self.momentum is None:

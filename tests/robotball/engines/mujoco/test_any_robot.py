@@ -93,6 +93,16 @@ def test_any_robot_rolls_as_its_equations_say(name: str, settings: str) -> None:
     assert known(agreement.path_error) < LIKE_THE_EQUATIONS[name, settings]
 
 
+def test_a_robot_at_rest_whose_motors_start_at_once_has_no_fault() -> None:
+    """Its first step slips by more than the tolerance of that path, and yet it rolls right."""
+    agreement = compare("examples/first_robot.xml", "accurate", rb.sample_times(1.0, 1e-3))
+    report = agreement.motion.report
+    moved = np.linalg.norm(agreement.motion.contact_point[1])
+    assert report.slip[1] * 1e-3 > 3 * report.settings.error_tolerance * moved
+    assert agreement.faults == ()
+    assert known(agreement.path_error) < 1.5e-8  # measured 5.1e-9: RK4's
+
+
 def test_a_soft_contact_and_a_quick_solver_are_wrong_where_the_load_varies() -> None:
     """Two choices of VARYING, each undone alone, on W5 at 1 ms; measured 5.8e-7 and 3.1e-3."""
     whole = replace(for_load(rb.preset("accurate"), worked("W5")), stop_at_fault=False)

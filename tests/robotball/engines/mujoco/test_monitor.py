@@ -146,6 +146,22 @@ def test_a_slip_is_a_fault_from_its_limit_on(name: str) -> None:
     assert [each.fault.time for part in parts for each in part] == [time]
 
 
+@pytest.mark.parametrize(
+    ("share", "faults"), [(0.9, []), (1.1, ["slipped over 0.0005 of the path"])]
+)
+def test_a_slip_before_there_is_a_path_is_held_to_the_radius(
+    share: float, faults: list[str]
+) -> None:
+    """As path errors are, or no ball could start from rest: friction that creeps slips at once."""
+    model = build(rb.load_scene("classical_regular"), FAST)
+    rows = rows_of(model, 0.1)
+    contact = np.arange(rows.shape[1])[model.sensor_columns["contact"]]
+    rows[:, contact[14:17]] = 0.0
+    length = share * FAST.error_tolerance * model.scene.ball.radius
+    rows[1, contact[14]] = length / model.compiled.opt.timestep
+    assert [cause for cause, _ in found_in(model, rows)] == faults
+
+
 def test_a_reset_and_mujocos_own_warnings_are_faults() -> None:
     """Time that goes back gives away a reset; a control that MuJoCo calls bad has a counter."""
     model = build(FIG12, FAST)

@@ -3,6 +3,8 @@
 import json
 from collections.abc import Mapping, Sequence
 from glob import escape
+from itertools import groupby, product
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -60,18 +62,16 @@ def _compared(source: Path, runs: Sequence[Mapping[str, Any]]) -> list[str]:
 
     They are named after the scene, the engine, the presets or `all`, and perhaps the time.
     """
-    presets: dict[tuple[str, str], list[str]] = {}
-    for run in runs:
-        presets.setdefault((str(run["scene"]), str(run["engine"])), []).append(str(run["preset"]))
-    patterns = [
-        f"{escape(file_name(scene, None, [engine.lower(), *words]))}{time}-{kind}.png"
-        for (scene, engine), names in presets.items()
-        for kind in ("path", "momentum")
-        for words in ([*names], [ALL])[: len(names)]
-        for time in ("", "-[0-9]*s")
-    ]
-    found = [each for pattern in patterns for each in sorted(source.parent.glob(pattern))]
-    return [picture(each) for each in found]
+    pictures: list[str] = []
+    for (scene, engine), some in groupby(runs, itemgetter("scene", "engine")):
+        names = [str(run["preset"]) for run in some]
+        first = str(engine).lower()
+        stems = [file_name(str(scene), None, [first, *words]) for words in (names, [ALL])]
+        for kind, stem in product(("path", "momentum"), stems[: len(names)]):
+            for time in ("", "-[0-9]*s"):
+                found = source.parent.glob(f"{escape(stem)}{time}-{kind}.png")
+                pictures += map(picture, sorted(found))
+    return pictures
 
 
 def _parts(record: Mapping[str, Any]) -> list[str]:

@@ -359,6 +359,14 @@ def path_unit(scene: Scene, length: ArrayLike) -> Array:
     return np.maximum(length, scene.ball.radius)
 
 
+def slip_with_spin(scene: Scene, slip: Array, spin: Array) -> Array:
+    """Return the slip (n,) that is held to the path [m/s]: with a rubber ball's spin at its radius.
+
+    slip: m/s; spin: rad/s, about the vertical.
+    """
+    return slip + scene.ball.radius * np.abs(spin) if scene.rolling == "rubber" else slip
+
+
 def path_errors(motion: Motion, reference: Motion) -> Array:
     """Return the distances (n,) of the two contact points at the motion's times [m]."""
     return _distances(motion.contact_point, reference.contact_point[_shared(motion, reference)])

@@ -48,7 +48,7 @@ def draw(agreements: Sequence["Agreement"], out: Path) -> list[Path]:
     from validation.results import file_stem
 
     name, sheet = file_stem(agreements), sheet_of(agreements)
-    drawings = [(kind, sheet, out / f"{name}-{kind}.png") for kind in _PICTURES]
+    drawings = [(kind, sheet, out / f"{name}-{kind}.png") for kind in PICTURES]
     if _MATPLOTLIB not in sys.modules:
         with suppress(OSError):  # no process is to be had, or one was killed
             return list(in_processes(_write, drawings))
@@ -57,7 +57,7 @@ def draw(agreements: Sequence["Agreement"], out: Path) -> list[Path]:
 
 def _write(drawing: tuple[str, "Sheet", Path]) -> Path:
     kind, sheet, path = drawing
-    return write_picture(path, _PICTURES[kind](sheet))
+    return write_picture(path, PICTURES[kind](sheet))
 
 
 _MOST = 50_000  # points of a line: a dozen for each column of pixels
@@ -210,7 +210,7 @@ def momentum_picture(sheet: Sheet) -> "Figure":
     return figure
 
 
-_PICTURES = {"path": path_picture, "momentum": momentum_picture}
+PICTURES = {"path": path_picture, "momentum": momentum_picture}
 
 
 def _panels(sheet: Sheet, *heights: float) -> "tuple[Figure, list[Axes]]":

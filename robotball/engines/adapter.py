@@ -44,6 +44,7 @@ from robotball.motion import (
     Label,
     Loads,
     path_unit,
+    slip_with_spin,
 )
 from robotball.rotations import Array, Mask
 from robotball.scene import Scene, spans
@@ -441,10 +442,7 @@ def _faults(
 ) -> tuple[tuple[Fault, ...], int]:
     """Return the faults that the samples alone show, and the number of samples that are kept."""
     count, tolerance = len(state.centre), settings.error_tolerance
-    # Spin counts as slip at the radius: both are then lengths, held to a part of the path.
-    slip = readings.slip
-    if scene.rolling == "rubber":
-        slip = slip + scene.ball.radius * np.abs(readings.spin)
+    slip = slip_with_spin(scene, readings.slip, readings.spin)
     elapsed = np.diff(times[:count], prepend=0.0)
     rolled = np.cumsum(np.linalg.norm(np.diff(state.centre[:, :2], axis=0, prepend=0.0), axis=1))
     allowed = tolerance * path_unit(scene, rolled)

@@ -10,6 +10,7 @@ from typing import Any
 
 from robotball import InputError
 from robotball.files import contents
+from validation.plots import PICTURES
 from validation.report import VERDICTS, folded, page, paragraph, picture, plain, table, text
 from validation.results import ALL, file_name
 
@@ -67,7 +68,7 @@ def _compared(source: Path, runs: Sequence[Mapping[str, Any]]) -> list[str]:
         names = [str(run["preset"]) for run in some]
         first = str(engine).lower()
         stems = [file_name(str(scene), None, [first, *words]) for words in (names, [ALL])]
-        for kind, stem in product(("path", "momentum"), stems[: len(names)]):
+        for kind, stem in product(PICTURES, stems[: len(names)]):
             for time in ("", "-[0-9]*s"):
                 found = source.parent.glob(f"{escape(stem)}{time}-{kind}.png")
                 pictures += map(picture, sorted(found))

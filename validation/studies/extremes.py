@@ -235,6 +235,15 @@ def missed(result: Result) -> bool:
     return error is not None and error > WRONG and not (_foretold(result) or _noticed(result))
 
 
+def _is_wrong(error: float | None) -> bool:
+    """Return whether a run is off by more than a tenth, or has no error, as it broke off."""
+    return error is None or error > WRONG
+
+
+def _is_accurate(error: float | None) -> bool:
+    return error is not None and error <= ACCURATE
+
+
 def measured_limits(results: Sequence[Result]) -> Iterator[dict[str, Any]]:
     """Yield the limits that some of the cells are beyond, predicted and as those cells show them.
 
@@ -310,8 +319,8 @@ def totals(results: Sequence[Result]) -> dict[str, int]:
     noticed.
     """
     ran = [(each, _error_of(each)) for each in results if _outcome_of(each) is not Outcome.REFUSED]
-    wrong = [each for each, error in ran if error is None or error > WRONG]
-    accurate = [each for each, error in ran if error is not None and error <= ACCURATE]
+    wrong = [each for each, error in ran if _is_wrong(error)]
+    accurate = [each for each, error in ran if _is_accurate(error)]
     return {
         "runs": len(results),
         "wrong": len(wrong),
@@ -438,8 +447,8 @@ def _draw_cell(axes: Axes, i: int, j: int, result: Result) -> None:
     error, warned, noticed = _error_of(result), _foretold(result), _noticed(result)
     shown = (
         missed(result),
-        (error is None or error > WRONG) and noticed and not warned,
-        error is not None and error <= ACCURATE and (noticed or warned),
+        _is_wrong(error) and noticed and not warned,
+        _is_accurate(error) and (noticed or warned),
     )
     for words in compress(_MARKS, shown):
         axes.add_line(_mark(words, i, j))

@@ -13,7 +13,7 @@ import numpy as np
 from robotball.engines.mujoco.limits import allowed
 from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.readings import Readings, lengths
-from robotball.motion import DIVERGED, RATE_ERROR, Fault, FaultKind, path_unit
+from robotball.motion import DIVERGED, RATE_ERROR, Fault, FaultKind, path_unit, slip_with_spin
 from robotball.rotations import Array, Mask
 
 _SATURATED = 1 - 1e-6  # of the friction cone; solutions on its surface end this near
@@ -119,9 +119,7 @@ class Monitor:
         if not len(readings.rows):
             return []
         scene, tolerance = self.model.scene, self.tolerance
-        slip = readings.slip
-        if scene.rolling == "rubber":
-            slip = slip + scene.ball.radius * np.abs(readings.spin)
+        slip = slip_with_spin(scene, readings.slip, readings.spin)
         before = readings.centre[:1] if self.last_centre is None else self.last_centre
         last_time = self.last_time if np.isfinite(self.last_time) else readings.time[0]
         moved = lengths(np.diff(readings.centre[:, :2], axis=0, prepend=before[:, :2]))

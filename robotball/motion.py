@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from enum import Enum
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,7 +31,7 @@ RATE_ERROR = 1e-3  # relative; a prescribed hinge keeps 1e-13, a servo this good
 
 
 class FaultKind(Enum):
-    """The kinds of fault, each with the sentence that a user reads.
+    """The kinds of fault, each with the sentence that a user reads, causes before their effects.
 
     {subject} stands for the faulty thing, {limit} for the limit that it passed.
     """
@@ -42,9 +42,9 @@ class FaultKind(Enum):
     CONE_SATURATED = "friction cone saturated"
     RATE_OFF = "hinge rate off by over {limit:g}"
     TORQUE_LIMIT = "{subject}'s motor at its torque limit"
+    ENGINE_WARNED = "the engine warned of {subject}"
     SLIPPED = "slipped over {limit:g} of the path"
     MOMENTUM_OFF = "M off by over {limit:g}"
-    ENGINE_WARNED = "the engine warned of {subject}"
     STEP_TOO_SHORT = "the steps became too short ({subject})"
     OUT_OF_STEPS = "max_steps = {limit:.0f} are taken"
 
@@ -350,6 +350,20 @@ def pieces(count: int) -> Iterator[slice]:
 # The errors of a motion against a reference, whose times have the motion's times among them.
 
 
+_TOLERATED = 10.0  # s, the run for which an error tolerance is stated
+_LOOSEST = 1e-2  # to which a tolerance is stretched over a longer run
+
+
+def tolerated(tolerance: float, times: ArrayLike) -> Array:
+    """Return the momentum error that is tolerated by each of the times [s], growing with them.
+
+    Every step loses or gains its part of M, so an error of M grows with time. A tolerance is stated
+    for ten seconds; a longer run has more in proportion, up to 1e-2.
+    """
+    stretched = tolerance * np.maximum(1.0, np.asarray(times) / _TOLERATED)
+    return np.minimum(stretched, max(tolerance, _LOOSEST))
+
+
 def path_unit(scene: Scene, length: ArrayLike) -> Array:
     """Return the unit of errors and slip along paths of these lengths [m]: at least the radius.
 
@@ -431,22 +445,45 @@ def _shared(motion: Motion, reference: Motion) -> NDArray[np.intp] | slice:
 _AnyMotion = TypeVar("_AnyMotion", bound=Motion)
 
 
-def joined(parts: Iterable[_AnyMotion], count: int) -> _AnyMotion:
-    """Return one motion of its consecutive parts, of `count` times at most in all.
+class Joined(Generic[_AnyMotion]):
+    """One motion of consecutive parts, of `count` times at most in all.
 
-    One part is in memory at a time, beside the whole.
+    The parts are written into arrays of the whole length as they come: np.concatenate would hold
+    every part beside the whole.
     """
-    # Written into arrays of the whole length: np.concatenate would hold every part at once.
-    done, whole, last = 0, {}, None
-    for last in parts:
-        size = len(last.times)
-        for place, array in arrays_of(last):
-            if place not in whole:
-                whole[place] = np.empty((count, *array.shape[1:]), array.dtype)
-            whole[place][done : done + size] = array
-        done += size
-    assert last is not None
-    return _with_arrays(last, {place: array[:done] for place, array in whole.items()})
+
+    def __init__(self, count: int) -> None:
+        self._count, self._done = count, 0
+        self._whole: dict[_Place, NDArray[Any]] = {}
+        self._last: _AnyMotion | None = None
+
+    def add(self, part: _AnyMotion) -> None:
+        """Append the next part."""
+        size = len(part.times)
+        for place, array in arrays_of(part):
+            if size == self._count:  # the only part, which need not be copied
+                self._whole[place] = array
+                continue
+            if place not in self._whole:
+                self._whole[place] = np.empty((self._count, *array.shape[1:]), array.dtype)
+            self._whole[place][self._done : self._done + size] = array
+        self._done, self._last = self._done + size, part
+
+    @property
+    def motion(self) -> _AnyMotion:
+        """The motion of the parts so far, which are one at least."""
+        assert self._last is not None
+        whole = {place: array[: self._done] for place, array in self._whole.items()}
+        motion: _AnyMotion = _with_arrays(self._last, whole)
+        return motion
+
+
+def joined(parts: Iterable[_AnyMotion], count: int) -> _AnyMotion:
+    """Return one motion of its consecutive parts, as Joined; one part is in memory at a time."""
+    whole = Joined[_AnyMotion](count)
+    for part in parts:
+        whole.add(part)
+    return whole.motion
 
 
 def _with_arrays(record: Any, arrays: Mapping[_Place, NDArray[Any]]) -> Any:

@@ -238,6 +238,7 @@ class Hinge:
 
 GRAVITY = 9.81  # m/s², MuJoCo's own default
 DOWN = (0.0, 0.0, -1.0)
+_RATES_SEEN = 501  # times over a scene at which the largest rate of a hinge is looked for
 _SMALL = 0.3  # of |K| + d|Ω|: where M is below it, K and dΩ turn the ball rather than M
 
 
@@ -482,6 +483,12 @@ class Scene(Value):
         """Times after 0 at which a drive is not smooth [s]."""
         drives = (*self.drives, *self.controls)
         return tuple(sorted({t for drive in drives for t in drive.breakpoints if t > 0}))
+
+    @cached_property
+    def largest_rates(self) -> tuple[float, ...]:
+        """The largest size of each hinge's command over the scene, by which errors are measured."""
+        times = np.linspace(0.0, self.duration, _RATES_SEEN)
+        return tuple(float(np.abs(drive.rate(times)).max()) for drive in self.drives)
 
     @cached_property
     def steady(self) -> bool:

@@ -18,6 +18,7 @@ from robotball.motion import (
     momentum_errors,
     path_error,
     path_errors,
+    tolerated,
 )
 from robotball.robot import Value
 from robotball.rotations import Array
@@ -129,11 +130,16 @@ class Agreement(Value):
         The path alone is not enough, as errors of two kinds can cancel in it, unless an accuracy of
         the path was requested.
         """
-        of_path = self.settings.accuracy is not None
-        measured = (self.path_error,) if of_path else (self.path_error, self.momentum_error)
-        return not self.faults and all(
-            value is not None and value <= self.tolerance for value in measured
-        )
+        error = self.path_error
+        if self.faults or error is None or not error <= self.tolerance:
+            return False
+        return self.settings.accuracy is not None or self.keeps_momentum
+
+    @property
+    def keeps_momentum(self) -> bool:
+        """Whether the error of M is at every time what `tolerated` allows by then."""
+        allowed = tolerated(self.settings.error_tolerance, self.motion.times)
+        return bool((self.momentum_errors <= allowed).all())
 
     @property
     def reference_error(self) -> float | None:
@@ -155,8 +161,7 @@ class Agreement(Value):
         """
         if self.engine is None or self.faults or self.agrees or not self.finished:
             return None
-        lost = self.momentum_error is None or self.momentum_error > self.settings.error_tolerance
-        if lost and self.scene.keeps_momentum:
+        if self.scene.keeps_momentum and not self.keeps_momentum:
             return None  # M is constant however sensitive the motion is: the engine lost it
         from validation.sensitivity import sensitivity
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.markup import escape
+from robotball.engines.mujoco.fault_window import FaultWindow, Replayed
 
 from robotball import InputError, Motion, Request, Scene, integrate
-from robotball.engines.mujoco.fault_window import FaultWindow, Replayed
 from robotball.files.replacing import refused
 from robotball.processes import allowed, in_processes
 from robotball.rotations import Array

@@ -30,23 +30,11 @@ from robotball.at_once import differ_in_start
 from robotball.engine import Engine, Knobs, Ladder, Own, Request, as_own, engine_named
 from robotball.engines import Compensated, Rate
 from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of
-from robotball.engines.links import Readings, State, readings_of, start_state, state_of_rows
+from robotball.engines.observe import State, motion_of_rows, start_state
 from robotball.equations import as_vector
 from robotball.errors import InputError, warn
-from robotball.motion import (
-    DIVERGED,
-    RATE_ERROR,
-    ContactMotion,
-    ContactReport,
-    EngineSettings,
-    Fault,
-    FaultKind,
-    Label,
-    Loads,
-    path_unit,
-    slip_with_spin,
-)
-from robotball.rotations import Array, Mask
+from robotball.motion import ContactMotion, EngineSettings, Label
+from robotball.rotations import Array
 from robotball.scene import Scene, spans
 
 # Python's part of a run is measured afterwards, on so many steps or calls without the engine.
@@ -196,9 +184,6 @@ def seconds_per_call(call: Callable[[], object]) -> float:
     return (time.process_time() - began) / _CALLS
 
 
-_LIFTED = 0.01  # of the radius: a shell this far above the plane has left it
-
-
 @dataclass(frozen=True, kw_only=True)
 class StepSettings(EngineSettings):
     """Settings of an engine that takes equal steps [s]; each adapter adds its own.
@@ -312,7 +297,7 @@ class Adapter(Engine):
         return None
 
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
-        """Return the motion, without a fault window. Loads that the engine does not give are NaN.
+        """Return the motion. Loads that the engine does not give are NaN.
 
         Where the engine is not installed it is run in its environment, without progress.
         """
@@ -369,8 +354,8 @@ class Adapter(Engine):
         cost = {"seconds": share, "python_seconds": python}
         for each, own in zip(scenes, np.stack(rows, axis=1), strict=True):
             yield motion_of_rows(
-                self.label, each, times, own, settings, np.array(forces),
-                world.friction, timestep=world.longest, steps=world.steps, **cost,
+                self.label, each, times, own, settings, np.array(forces), world.friction,
+                timestep=world.longest, steps=world.steps, **cost,
             )  # fmt: skip
 
 
@@ -396,79 +381,6 @@ def not_installed(engine: str, name: str) -> InputError:
 def longest_step(scene: Scene, times: Array, timestep: float) -> float:
     """Return the longest step [s] of a run whose steps are of `timestep` at most."""
     return float(spans(times, scene.breakpoints, timestep)[1].max())
-
-
-def motion_of_rows(
-    label: Label,
-    scene: Scene,
-    times: Array,
-    rows: Array,
-    settings: EngineSettings,
-    forces: Array = _UNKNOWN,
-    friction: float = float("nan"),
-    **run: Any,
-) -> ContactMotion:
-    """Return the motion of rows (n, 13 + 2h) of State, up to the fault that ends it, if any.
-
-    forces: (n, 3) N, of the contact, and friction its coefficient, where they are known; run: the
-    report's timestep, steps, seconds and python_seconds.
-    """
-    sound = np.logical_and.accumulate(np.isfinite(rows).all(axis=1))
-    state = state_of_rows(rows[sound])
-    # A ball that runs away overflows here, before it is cut off at its fault.
-    with np.errstate(all="ignore"):
-        readings = readings_of(scene, times[: len(state.centre)], state)
-        faults, kept = _faults(scene, times, state, readings, settings)
-    n = slice(kept)
-    forces = np.broadcast_to(forces, (len(rows), 3))[n]
-    loads = replace(Loads.unknown(kept, len(scene.drives)), contact_force=forces)
-    return ContactMotion(
-        scene=scene, engine=label, times=times[n], contact_point=state.centre[n, :2],
-        attitude=readings.attitude[n], momentum=readings.momentum[n],
-        angular_velocity=readings.angular_velocity[n], hinge_angles=state.angles[n],
-        hinge_rates=state.rates[n], loads=loads,
-        report=ContactReport(
-            settings=settings, slip=readings.slip[n], spin=readings.spin[n],
-            depth=scene.ball.radius - state.centre[n, 2],
-            friction_used=loads.sliding_friction / friction,
-            hinge_rate_error=readings.rate_error[n], faults=faults,
-            total_seconds=run["seconds"], **run,
-        ),
-    )  # fmt: skip
-
-
-def _faults(
-    scene: Scene, times: Array, state: State, readings: Readings, settings: EngineSettings
-) -> tuple[tuple[Fault, ...], int]:
-    """Return the faults that the samples alone show, and the number of samples that are kept."""
-    count, tolerance = len(state.centre), settings.error_tolerance
-    slip = slip_with_spin(scene, readings.slip, readings.spin)
-    elapsed = np.diff(times[:count], prepend=0.0)
-    rolled = np.cumsum(np.linalg.norm(np.diff(state.centre[:, :2], axis=0, prepend=0.0), axis=1))
-    allowed = tolerance * path_unit(scene, rolled)
-    off = np.linalg.norm(readings.momentum - readings.momentum[0], axis=1)
-    size = np.abs(np.concatenate([state.centre, state.velocity, state.turning], axis=1)).max(1)
-    drift = scene.keeps_momentum & (off > tolerance * scene.momentum_scale)
-    masks: list[tuple[Mask, FaultKind, float]] = [
-        (size > DIVERGED, FaultKind.DIVERGED, 0.0),
-        (state.centre[:, 2] > (1 + _LIFTED) * scene.ball.radius, FaultKind.CONTACT_LOST, 0.0),
-        (readings.rate_error > RATE_ERROR, FaultKind.RATE_OFF, RATE_ERROR),
-        (np.cumsum(slip * elapsed) > allowed, FaultKind.SLIPPED, tolerance),
-        (drift, FaultKind.MOMENTUM_OFF, tolerance),
-    ]
-    found = [(int(np.argmax(mask)), kind, limit) for mask, kind, limit in masks if mask.any()]
-    # The engine gave a state that is no number, or none: the fault is at the first time without.
-    if count < len(times):
-        found.append((count, FaultKind.DIVERGED, 0.0))
-    found.sort(key=lambda each: each[0])
-    ends = [i for i, kind, _ in found if kind is FaultKind.DIVERGED or settings.stop_at_fault]
-    kept = min([*ends, count])
-    dated = (
-        Fault(kind, float(times[i]), limit=limit, fatal=kind is FaultKind.DIVERGED)
-        for i, kind, limit in found
-        if i <= kept
-    )
-    return tuple(dated), max(kept, 1)
 
 
 def version_of(distribution: str) -> str:

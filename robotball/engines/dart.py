@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from robotball.engines import adapter
-from robotball.engines.links import State, lifting, links_of
+from robotball.engines.links import lifting, links_of
+from robotball.engines.observe import State
 from robotball.motion import Label
 from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.scene import Scene

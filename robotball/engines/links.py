@@ -1,4 +1,4 @@
-"""The ball as the tree of links that engines take, and the motion read from their states.
+"""The ball as the tree of links that engines take, and the force of their contact.
 
 All links have the ball's axes at the start, where hinges are at zero. The shell is the root: as the
 body that touches the plane it then has no drift of the contact's Jacobian, which engines leave out
@@ -6,13 +6,13 @@ body that touches the plane it then has no drift of the contact's Jacobian, whic
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from robotball.robot import Link
-from robotball.rotations import Array, from_matrix, multiply, rotation_matrix
+from robotball.rotations import Array, from_matrix
 from robotball.scene import Scene
 
 
@@ -39,50 +39,6 @@ def principal_inertia(link: Link) -> tuple[Array, Array]:
     return moments, from_matrix(axes)
 
 
-@dataclass(frozen=True)
-class State:
-    """The state of the shell and the hinges at one time, or at n times or of n balls, a row each.
-
-    centre    (3,) m, world: of the sphere
-    velocity  (3,) m/s, world: of the same point of the shell
-    attitude  (4,) of the shell, (w, x, y, z), shell to world
-    turning   (3,) rad/s, world: of the shell
-    angles    (h,) rad, of the frame's hinge, then the rotors'
-    rates     (h,) rad/s
-    """
-
-    centre: Array
-    velocity: Array
-    attitude: Array
-    turning: Array
-    angles: Array
-    rates: Array
-
-    @property
-    def row(self) -> Array:
-        """All numbers (13 + 2h,), in the order of the fields."""
-        parts = (self.centre, self.velocity, self.attitude, self.turning, self.angles, self.rates)
-        return np.concatenate(parts, axis=-1)
-
-
-def state_of_rows(rows: Array) -> State:
-    """Return the state at n times of rows (n, 13 + 2h)."""
-    angles, rates = np.split(rows[:, 13:], 2, axis=1)
-    return State(rows[:, :3], rows[:, 3:6], rows[:, 6:10], rows[:, 10:13], angles, rates)
-
-
-def start_state(scene: Scene) -> State:
-    """Return the state of the scene's start on the rolling model."""
-    start = scene.start
-    rates = np.array([float(drive.rate(0.0)) for drive in scene.drives])
-    R = rotation_matrix(start.attitude)
-    # A scene gives the frame's ω; the shell turns against it at the first hinge's rate.
-    turning = R @ (scene.angular_velocity_at(start) - rates[0] * scene.ball.shell.axis)
-    centre = np.array([0.0, 0.0, scene.ball.radius])
-    velocity = np.cross(turning, centre)
-    return State(centre, velocity, start.attitude, turning, np.zeros(len(rates)), rates)
-
-
 def lifting(forces: Iterable[Array]) -> Array:
     """Return the sum (3,) of a contact's forces, on either body, as that on the ball."""
     total = sum(forces, np.zeros(3))
@@ -97,59 +53,3 @@ def force_in(model: Any, data: Any) -> Array:
     if data.ncon:
         mujoco.mj_contactForce(model, data, 0, wrench)
     return lifting(wrench[:3] @ each for each in frame[:1])
-
-
-@dataclass(frozen=True)
-class Readings:
-    """Arrays over n states, as in Motion, with slip (n,) [m/s] and spin (n,) [rad/s].
-
-    rate_error: (n,), the largest of all hinges, relative to their largest given rates.
-    """
-
-    attitude: Array
-    angular_velocity: Array
-    momentum: Array
-    slip: Array
-    spin: Array
-    rate_error: Array
-
-
-def readings_of(scene: Scene, times: Array, state: State) -> Readings:
-    """Return the frame's attitude, ω in frame axes, M of (3.1), slip, spin and errors of rates."""
-    # About the contact point, which is below the centre. L is summed from the root outwards: a
-    # child's attitude and velocity are its parent's with the hinge's on top.
-    arm = state.centre * [0.0, 0.0, 1.0]
-    # Of each body by its name: attitude, angular velocity, place of its pivot and velocity there.
-    known: dict[str, tuple[Array, Array, Array, Array]] = {}
-    L = np.zeros_like(state.centre)
-    for i, link in enumerate(links_of(scene)):
-        turn, turning, place, moving = state.attitude, state.turning, arm, state.velocity
-        if link.parent:
-            turn, turning, place, moving = known[link.parent]
-            angle, rate = state.angles[:, i - 1, None], state.rates[:, i - 1, None]
-            R = rotation_matrix(turn)
-            offset = R @ link.pivot
-            place, moving = place + offset, moving + np.cross(turning, offset)
-            half = np.concatenate([np.cos(angle / 2), np.sin(angle / 2) * link.axis], axis=1)
-            turn, turning = multiply(turn, half), turning + rate * (R @ link.axis)
-        known[link.name] = turn, turning, place, moving
-        R = rotation_matrix(turn)
-        lever = R @ link.centre
-        velocity = moving + np.cross(turning, lever)
-        own = np.einsum("nij,jk,nlk,nl->ni", R, link.inertia, R, turning)
-        L = L + own + link.mass * np.cross(place + lever, velocity)
-    attitude, omega, *_ = known["frame"]
-    up = np.array([0.0, 0.0, 1.0])
-    sliding = state.velocity - scene.ball.radius * np.cross(state.turning, up)
-    right = np.stack([drive.rate(times) for drive in scene.drives], axis=1)
-    largest = np.abs(right).max(axis=0)
-    return Readings(
-        attitude=attitude,
-        angular_velocity=np.einsum("nji,nj->ni", rotation_matrix(attitude), omega),
-        # By (3.1) rubber's M = γ×L has no part along γ, in which the plane's torque is unknown.
-        momentum=np.cross(up, L) if scene.rolling == "rubber" else L,
-        slip=np.linalg.norm(sliding[:, :2], axis=1),
-        spin=state.turning[:, 2],
-        # A hinge that is to stand has no rate to compare with: its error is in rad/s.
-        rate_error=(np.abs(state.rates - right) / np.where(largest > 0, largest, 1.0)).max(axis=1),
-    )

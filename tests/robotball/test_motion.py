@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import robotball as rb
-import robotball.engines.mujoco.run as mujoco_run
 import robotball.motion
+from robotball.engines.mujoco import stepping
 from robotball.engines.reduced import motion_of
 from robotball.motion import PIECE, Loads, attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array, multiply
@@ -69,7 +69,7 @@ def test_pieces_change_no_bit(scene: str, monkeypatch: pytest.MonkeyPatch) -> No
     of, times, found = rb.load_scene(scene), rb.sample_times(2.0), []
     for size in (PIECE, 32):
         monkeypatch.setattr(robotball.motion, "PIECE", size)
-        monkeypatch.setattr(mujoco_run, "PIECE", size)
+        monkeypatch.setattr(stepping, "_LOOK", size)
         theory, motion = rb.integrate(of, times), rb.simulate(of, times, settings="fast")
         measures = {each.__name__: np.array(each(motion, theory)) for each in MEASURES}
         found.append([arrays(theory), arrays(motion), measures])
@@ -81,7 +81,7 @@ def test_pieces_change_no_bit(scene: str, monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_a_run_that_breaks_off_has_its_first_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     """As many times as it has rows, in every array."""
-    monkeypatch.setattr(mujoco_run, "PIECE", 4)
+    monkeypatch.setattr(stepping, "_LOOK", 4)
     slippery = replace(rb.preset("fast"), sliding_friction=0.6)
     stopped = rb.simulate(FIG12, settings=slippery)
     assert 4 < len(stopped.times) < len(FIG12.times)  # it slips at 0.12 s

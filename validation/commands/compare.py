@@ -235,8 +235,8 @@ class Replay:
     def run(self) -> int:
         from rich.console import Console
         from rich.markup import escape
-
         from robotball.engines.mujoco.fault_window import load, replay
+
         from validation.runs import outcome_of, show_row, show_rows, walk
 
         window, console = load(self.file), Console()

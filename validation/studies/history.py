@@ -24,8 +24,8 @@ from tyro.conf import DisallowNone, Positional, arg
 
 from robotball import InputError, engine_named, integrate, load_scene, sample_times
 from robotball.engine import DEFAULT
-from robotball.engines.adapter import motion_of_rows
 from robotball.engines.environments import call, interpreter_of, make, pip
+from robotball.engines.observe import motion_of_rows
 from robotball.errors import unknown
 from robotball.film.looks import ACCENT, INK
 from robotball.motion import path_error
@@ -161,7 +161,7 @@ def _bare(cell: Cell, python: str, preset: str) -> dict[str, Any]:
     cost = 2 * seconds / (before + fixed_work())
     state = shell_state(model, np.array(found["qpos"]), np.array(found["qvel"]))
     run = {"timestep": step, "steps": round(times[-1] / step), "seconds": seconds}
-    motion = motion_of_rows(LABEL, scene, times, state.row, settings, python_seconds=None, **run)
+    motion = motion_of_rows(LABEL, scene, times, state.row, settings, **run)
     whole = len(motion.times) == len(times)
     error = path_error(motion, integrate(scene, times)) if whole else None
     fault, without = "; ".join(map(str, motion.report.faults[:1])), ", ".join(found["left_out"])

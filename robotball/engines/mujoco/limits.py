@@ -20,7 +20,7 @@ from robotball.engines.mujoco.model import ModelHinge, hinges_of
 from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings, for_load
 from robotball.equations import as_vector
 from robotball.errors import InputError, warn
-from robotball.motion import Loads, loads_of
+from robotball.motion import Loads, loads_of, tolerated
 from robotball.motors import Servo
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Scene, step_count
@@ -243,19 +243,8 @@ def _law(statement: str) -> Callable[[_Prediction], _Prediction]:
     return add
 
 
-_TOLERATED = 10.0  # s, the run for which a preset's error tolerance is stated
 _STABLE = 6.3  # the longest stable step of DOP853 times the rate at which a motor settles
 _MANY_STEPS = 20_000  # adaptive ones, which take ten seconds at least
-_LOOSEST = 1e-2  # to which a tolerance is stretched over a longer run
-
-
-def allowed(tolerance: float, times: Array) -> Array:
-    """Return the error that is tolerated by each of the times [s], growing with them.
-
-    A tolerance is for ten seconds; a longer run has more in proportion, up to LOOSEST.
-    """
-    stretched = tolerance * np.maximum(1.0, np.asarray(times) / _TOLERATED)
-    return np.minimum(stretched, max(tolerance, _LOOSEST))
 
 
 @_law("RK4 follows a rotation r up to r·dt = 2.8")
@@ -303,7 +292,7 @@ def momentum_lost(plan: PlannedRun) -> LimitCheck | None:
     theta = plan.rotation_rate * plan.timestep
     order, factor = plan.integrator.momentum_loss
     steps = plan.duration / plan.timestep
-    limit = float(allowed(plan.settings.error_tolerance, np.array(plan.duration)))
+    limit = float(tolerated(plan.settings.error_tolerance, np.array(plan.duration)))
     with np.errstate(over="ignore"):
         value = float(steps * factor * np.float64(theta) ** order)
     # A trial takes some 60 ms, so it is made only where the formula raises an alarm.
@@ -333,7 +322,7 @@ def errors_added(plan: PlannedRun) -> LimitCheck | None:
     return LimitCheck(
         "what the steps' errors may add up to",
         float(rtol * max(steps, 1.0)),
-        float(allowed(plan.settings.error_tolerance, np.array(plan.duration))),
+        float(tolerated(plan.settings.error_tolerance, np.array(plan.duration))),
         "take a smaller rtol",
     )
 
@@ -793,6 +782,11 @@ def check_length(scene: Scene, settings: Settings, times: Array) -> None:
     Steps that are chosen by their error are counted as they are taken, but for the least number
     that the servos need.
     """
+    chosen = Chosen(scene, settings)
+    # Each span between two samples takes less than one step beyond its length over the timestep.
+    spans = len(times) + len(scene.breakpoints)
+    if not settings.adaptive and times[-1] / chosen.timestep + spans <= settings.max_steps:
+        return
     plan = planned(scene, settings, float(times[-1]))
     if settings.adaptive and settings.timestep is None:
         least = _settling(plan)

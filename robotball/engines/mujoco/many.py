@@ -22,9 +22,9 @@ from mujoco.rollout import Rollout
 from robotball.at_once import differ_in_start
 from robotball.engines.mujoco.limits import check_length, precheck
 from robotball.engines.mujoco.model import Model, build, carrying_depth, hinges_of, state_at
-from robotball.engines.mujoco.run import Record, monitored, recorded, run
+from robotball.engines.mujoco.run import observed, run
 from robotball.engines.mujoco.settings import Chosen, Settings
-from robotball.engines.mujoco.stepping import Portion, is_plain, stretches
+from robotball.engines.mujoco.stepping import Portion, controlled, stretches
 from robotball.motion import ContactMotion, FaultKind
 from robotball.processes import allowed, in_processes
 from robotball.rotations import Array
@@ -115,7 +115,8 @@ class _Together:
         self.size = int(_BYTES / (8 * steps * compiled.nsensordata))
         # The guess from which a solver starts is no part of the state between two groups.
         guesses = settings.warmstart != "disable" and len(self.groups) > 1
-        self.steps_alone = not settings.adaptive and not guesses and is_plain(model)
+        with controlled(model) as control:
+            self.steps_alone = not settings.adaptive and not guesses and control.is_plain
 
     def rows(
         self, pool: Rollout, data: list[mujoco.MjData], models: list[Model]
@@ -140,17 +141,17 @@ class _Together:
 
     def motion(self, model: Model, sensors: Array, seconds: float) -> ContactMotion | None:
         """Return the motion of a run's sensors (steps + 1, n); None where the threads stopped."""
-        record = Record(keeps_window=False, seconds=seconds)
-        readings = monitored(model, self.times, self._portions(sensors), record)
-        motion = recorded(self.times, readings, record)
-        return None if _STOPPED & {kind for kind, _ in record.faults} else motion
+        motion = observed(model, self.times, self._portions(sensors, seconds))
+        stopped = _STOPPED & {fault.kind for fault in motion.report.faults}
+        return None if stopped else motion
 
-    def _portions(self, sensors: Array) -> Iterator[Portion]:
+    def _portions(self, sensors: Array, seconds: float) -> Iterator[Portion]:
+        share = seconds / len(self.parts)
         rows = np.pad(sensors, ((0, 0), (0, int(mujoco.mjtWarning.mjNWARNING))))
         for part in self.parts:
             count, samples, last = int(part.counts.sum()), part.samples, part is self.parts[-1]
             if last:
                 samples = np.append(samples, count)
             longest = float(part.lengths.max())
-            yield Portion(rows[: count + last], samples, count, longest, again=list)
+            yield Portion(rows[: count + last], samples, count, longest, share)
             rows = rows[count:]

@@ -30,7 +30,6 @@ with warnings.catch_warnings(action="ignore"):
     from dm_control import mjcf
 
 _PRECISION = 17  # digits that bring every double back
-_RATES_SEEN = 501  # times over a scene at which the largest rate of a hinge is looked for
 
 
 @dataclass(frozen=True)
@@ -101,7 +100,6 @@ def hinges_of(scene: Scene, settings: Settings) -> tuple[ModelHinge, ...]:
 
     Any other body is fixed to its parent, which saves MuJoCo a degree of freedom in every step.
     """
-    times = np.linspace(0.0, scene.duration, _RATES_SEEN)
     # Of shell and frame, the one without the free joint has the hinge between them.
     joints = {"frame": "shell"} if settings.root == "frame" else {}
     return tuple(
@@ -110,7 +108,7 @@ def hinges_of(scene: Scene, settings: Settings) -> tuple[ModelHinge, ...]:
             joints.get(each.name, each.name),
             each,
             actuation=each.motor or settings.drive,
-            largest_rate=float(np.abs(each.command.rate(times)).max()) or 1.0,
+            largest_rate=scene.largest_rates[index] or 1.0,
         )
         for index, each in enumerate(scene.hinges)
         if each.motor or turns(each.command) or each.angle
@@ -152,6 +150,13 @@ class Model:
         """The columns of sensordata by the sensor's name."""
         sensors = [self.compiled.sensor(i) for i in range(self.compiled.nsensor)]
         return {each.name: slice(each.adr[0], each.adr[0] + each.dim[0]) for each in sensors}
+
+    @property
+    def has_torque_limits(self) -> bool:
+        """True if a motor of the model has a torque limit."""
+        limits = [each.torque_limit for each in self.hinges]
+        limits += [each.law.limit for each in self.scene.actuators]
+        return any(limit < np.inf for limit in limits)
 
     def start_data(self, start: Start | None = None) -> mujoco.MjData:
         """Return MjData at the scene's start, or at another one of the same ball."""

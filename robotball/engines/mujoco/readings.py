@@ -1,19 +1,16 @@
-"""Readings of a model's sensors: rows of numbers → the observables of a Motion.
+"""Readings of a model's sensors, rows of numbers, and the faults that MuJoCo alone can show.
 
 All is computed for many rows at once, and by columns: at this size NumPy's own norm and cross
 product of rows take several times as long.
 """
-
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from functools import cached_property
 
 import mujoco
 import numpy as np
 
 from robotball import equations as eq
 from robotball.engines.mujoco.model import Model, ModelHinge
-from robotball.motion import Loads
+from robotball.engines.observe import Readings, Sign, attitudes, lengths
+from robotball.motion import DIVERGED, Fault, FaultKind, Loads
 from robotball.motors import Free
 from robotball.rotations import Array, Mask, rotation_matrix
 
@@ -26,186 +23,160 @@ _STATE_SENSORS = [
     mujoco.mjtSensor.mjSENS_JOINTPOS,
     mujoco.mjtSensor.mjSENS_JOINTVEL,
 ]
-
-
 _UP = np.array([0.0, 0.0, 1.0])
+_SATURATED = 1 - 1e-6  # of the friction cone; solutions on its surface end this near
+_LIFTING = 1e-2  # of the weight; a ball that presses less on the plane is about to lift off
 
 
-@dataclass(frozen=True)
-class Readings:
-    """Rows (m, nsensordata + 7), one a state of `model`, as named columns in SI units.
+def readings_of(model: Model, rows: Array) -> Readings:
+    """Return the readings of rows (m, nsensordata + 7), one a state of the model.
 
     A row is MjData's sensordata followed by its warning counters.
     """
+    scene, columns = model.scene, model.sensor_columns
+    contact, sound = rows[:, columns["contact"]], _sound(model, rows)
+    attitude = attitudes(rows[:, columns["attitude"]], sound)
+    to_world = rotation_matrix(attitude)
+    angles, rates, torques = (_of_hinges(model, rows, name) for name in ("angle", "rate", "torque"))
+    # A diverged state's numbers have no squares.
+    with np.errstate(all="ignore"):
+        used = _friction_used(model, contact)
+        # A ball that is about to lift off has no cone left, so its contact is what is lost.
+        weight = scene.ball.mass * scene.gravity if scene.load_varies else 0.0
+        lifting = (used > _SATURATED) & (contact[:, 1] < _LIFTING * weight)
+        return Readings(
+            time=rows[:, columns["time"]][:, 0],
+            centre=rows[:, columns["centre"]],
+            attitude=attitude,
+            # The sensor's axes are the world's.
+            angular_velocity=np.einsum(
+                "nji,nj->ni", to_world, rows[:, columns["angular_velocity"]]
+            ),
+            momentum=_momentum(model, rows),
+            hinge_angles=angles,
+            hinge_rates=rates,
+            loads=Loads(_force_in_world(contact), contact[:, 4], torques),
+            slip=lengths(contact[:, 14:16]),
+            spin=contact[:, 16],
+            friction_used=used,
+            touching=(contact[:, 0] > 0) & ~lifting,
+            sound=sound,
+        )
 
-    model: Model
-    rows: Array
 
-    def column(self, sensor: str) -> Array:
-        """Return the (m, size) block of a named sensor."""
-        return self.rows[:, self.model.sensor_columns[sensor]]
+def _momentum(model: Model, rows: Array) -> Array:
+    """Return the paper's M (m, 3) in world axes, from MuJoCo's own momenta.
 
-    @property
-    def warnings(self) -> Array:
-        """The number of MuJoCo's warnings so far (m, 7), in the order of mjtWarning."""
-        return self.rows[:, self.model.compiled.nsensordata :]
+    L = G + r×mv about the contact point; M = γ×L (3.1) in the rubber model, L in the classical one.
+    """
+    scene, columns = model.scene, model.sensor_columns
+    centre = rows[:, columns["centre"]]
+    linear = scene.ball.mass * rows[:, columns["velocity"]]
+    if scene.load_varies:
+        arm = rows[:, columns["centre_of_mass"]] - centre * [1.0, 1.0, 0.0]
+    else:  # the centre of mass is the sphere's centre, and has no sensor of its own
+        arm = centre * _UP
+    L = rows[:, columns["angular_momentum"]] + _cross(arm, linear)
+    return _cross(_UP, L) if scene.rolling == "rubber" else L
 
-    @property
-    def time(self) -> Array:
-        """The times (m,) [s]."""
-        return self.column("time")[:, 0]
 
-    @property
-    def centre(self) -> Array:
-        """The sphere's centre (m, 3) [m], world."""
-        return self.column("centre")
+def _force_in_world(contact: Array) -> Array:
+    """Return the force (m, 3) of the plane on the shell along the world axes [N]."""
+    normal, tangent = contact[:, 7:10], contact[:, 10:13]
+    basis = np.stack([normal, tangent, _cross(normal, tangent)], axis=1)
+    return np.einsum("ni,nij->nj", contact[:, 1:4], basis)
 
-    @property
-    def attitude(self) -> Array:
-        """The frame's quaternion (m, 4), frame to world."""
-        return self.column("attitude")
 
-    @property
-    def angular_velocity(self) -> Array:
-        """The frame's ω (m, 3), turned from the sensor's world axes to frame axes."""
-        to_world = rotation_matrix(self.attitude)
-        return np.einsum("nji,nj->ni", to_world, self.column("angular_velocity"))
+def _friction_used(model: Model, contact: Array) -> Array:
+    """Return the used part (m,) of the friction cone, 1 on its surface, 0 in flight.
 
-    @cached_property
-    def momentum(self) -> Array:
-        """The paper's M (m, 3) in world axes, from MuJoCo's own momenta.
+    A pyramidal cone bounds the sum of the components' sizes, an elliptic one their norm.
+    """
+    compiled = model.compiled
+    # MuJoCo raises smaller coefficients to this one.
+    slide, _, spin, roll, _ = np.maximum(compiled.pair_friction[0], mujoco.mjMINMU)
+    normal, *tangential = contact[:, 1:4].T
+    torques = contact[:, 4:7].T / np.array([[spin], [roll], [roll]])
+    demand = np.concatenate([tangential, torques * slide]) / slide
+    if compiled.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL:
+        needed = np.abs(demand).sum(axis=0)
+    else:
+        needed = np.linalg.norm(demand, axis=0)
+    return np.divide(needed, normal, out=np.zeros_like(needed), where=normal > 0)
 
-        L = G + r×mv about the contact point; M = γ×L (3.1) in the rubber model, L in the
-        classical one.
-        """
-        scene = self.model.scene
-        linear = scene.ball.mass * self.column("velocity")
-        if scene.load_varies:
-            arm = self.column("centre_of_mass") - self.centre * [1.0, 1.0, 0.0]
-        else:  # the centre of mass is the sphere's centre, and has no sensor of its own
-            arm = self.centre * [0.0, 0.0, 1.0]
-        L = self.column("angular_momentum") + _cross(arm, linear)
-        return _cross(_UP, L) if scene.rolling == "rubber" else L
 
-    @property
-    def in_contact(self) -> Mask:
-        """True where the plane and the shell touch (m,)."""
-        return self.column("contact")[:, 0] > 0
+def _sound(model: Model, rows: Array) -> Mask:
+    """Return whether each row (m,) is finite, its coordinates and velocities below DIVERGED.
 
-    @property
-    def contact_force(self) -> Array:
-        """The force (m, 3) of the plane on the shell [N]: normal, then two tangential parts."""
-        return self.column("contact")[:, 1:4]
+    Forces and momenta may be as large as a heavy ball makes them.
+    """
+    # Two passes without a copy decide nearly every portion; a NaN fails both comparisons.
+    if len(rows) and rows.min() > -DIVERGED and rows.max() < DIVERGED:
+        return np.ones(len(rows), bool)
+    compiled = model.compiled
+    state = np.repeat(np.isin(compiled.sensor_type, _STATE_SENSORS), compiled.sensor_dim)
+    small = np.abs(rows[:, : compiled.nsensordata][:, state]) < DIVERGED
+    return np.asarray(np.isfinite(rows).all(axis=1) & small.all(axis=1))
 
-    @property
-    def contact_force_world(self) -> Array:
-        """The force (m, 3) of the plane on the shell along the world axes [N]."""
-        normal, tangent = self.column("contact")[:, 7:10], self.column("contact")[:, 10:13]
-        basis = np.stack([normal, tangent, _cross(normal, tangent)], axis=1)
-        return np.einsum("ni,nij->nj", self.contact_force, basis)
 
-    @property
-    def spin_torque(self) -> Array:
-        """The contact's torque (m,) about its normal [N m], λ₀ for rubber."""
-        return self.column("contact")[:, 4]
-
-    @cached_property
-    def slip(self) -> Array:
-        """The sliding velocity (m,) of the shell at the contact [m/s]."""
-        return lengths(self.column("contact")[:, 14:16])
-
-    @property
-    def spin(self) -> Array:
-        """The shell's angular velocity (m,) about the contact's normal [rad/s]."""
-        return self.column("contact")[:, 16]
-
-    @cached_property
-    def friction_used(self) -> Array:
-        """The used part (m,) of the friction cone, 1 on its surface, 0 in flight.
-
-        A pyramidal cone bounds the sum of the components' sizes, an elliptic one their norm.
-        """
-        compiled = self.model.compiled
-        # MuJoCo raises smaller coefficients to this one.
-        slide, _, spin, roll, _ = np.maximum(compiled.pair_friction[0], mujoco.mjMINMU)
-        normal, *tangential = self.contact_force.T
-        torques = self.column("contact")[:, 4:7].T / np.array([[spin], [roll], [roll]])
-        demand = np.concatenate([tangential, torques * slide]) / slide
-        if compiled.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL:
-            needed = np.abs(demand).sum(axis=0)
+def _of_hinges(model: Model, rows: Array, name: str) -> Array:
+    """Return a quantity (m, h) of the scene's hinges; 0 for those that do not turn."""
+    values = np.zeros((len(rows), len(model.scene.hinges)))
+    for hinge in model.hinges:
+        if name == "torque":
+            values[:, hinge.index] = _torque(model, rows, hinge)
         else:
-            needed = np.linalg.norm(demand, axis=0)
-        return np.divide(needed, normal, out=np.zeros_like(needed), where=normal > 0)
-
-    def sound(self, limit: float) -> Mask:
-        """Return whether each row (m,) is finite, its coordinates and velocities below `limit`.
-
-        Forces and momenta may be as large as a heavy ball makes them.
-        """
-        # Two passes without a copy decide nearly every portion; a NaN fails both comparisons.
-        if len(self.rows) and -limit < self.rows.min() and self.rows.max() < limit:
-            return np.ones(len(self.rows), bool)
-        compiled = self.model.compiled
-        state = np.repeat(np.isin(compiled.sensor_type, _STATE_SENSORS), compiled.sensor_dim)
-        finite = np.isfinite(self.rows).all(axis=1)
-        small = (np.abs(self.rows[:, : compiled.nsensordata][:, state]) < limit).all(axis=1)
-        return np.asarray(finite & small)
-
-    def _of_hinges(self, column: Callable[[ModelHinge], Array]) -> Array:
-        """Return a column for each of the scene's hinges (m, h); 0 for those that do not turn."""
-        columns = np.zeros((len(self.rows), len(self.model.scene.hinges)))
-        for hinge in self.model.hinges:
-            columns[:, hinge.index] = column(hinge)
-        return columns
-
-    @property
-    def hinge_angles(self) -> Array:
-        """The scene's hinge angles (m, h) [rad]."""
-        return self._of_hinges(lambda hinge: self.column(f"{hinge.body}_angle")[:, 0])
-
-    @property
-    def hinge_rates(self) -> Array:
-        """The scene's hinge rates (m, h) [rad/s]."""
-        return self._of_hinges(lambda hinge: self.column(f"{hinge.body}_rate")[:, 0])
-
-    @property
-    def motor_torques(self) -> Array:
-        """The torque (m, h) of the parent on the child, along the hinge [N m]."""
-        return self._of_hinges(self._torque)
-
-    def _torque(self, hinge: ModelHinge) -> Array:
-        """Return a motor's torque (m,) [N m], or what the joint of a prescribed rate carries.
-
-        The joint's site has its z along the hinge. A passive hinge has no sensor of its torque.
-        """
-        if isinstance(hinge.actuation, Free):
-            angle, rate = (self.column(f"{hinge.body}_{name}")[:, 0] for name in ("angle", "rate"))
-            passive = np.asarray(hinge.actuation.torque(0.0, angle, rate))
-            moved = f"{hinge.body}_torque" in self.model.sensor_columns
-            return passive + self.column(f"{hinge.body}_torque")[:, 0] if moved else passive
-        return self.column(f"{hinge.body}_torque")[:, -1]
-
-    @property
-    def loads(self) -> Loads:
-        """The forces and torques as in a Motion."""
-        return Loads(self.contact_force_world, self.spin_torque, self.motor_torques)
-
-    def hinge_rate_error(self, hinges: Iterable[ModelHinge]) -> Array:
-        """Return the largest error (m,) of the rates of `hinges`, over each one's largest rate."""
-        worst = np.zeros(len(self.rows))
-        # A diverged state's time may be none, which no drive can be evaluated at.
-        times = np.where(np.isfinite(self.time), self.time, 0.0)
-        for hinge in (each for each in hinges if each.follows_rate):
-            error = np.abs(self.hinge_rates[:, hinge.index] - hinge.drive.rate(times))
-            worst = np.maximum(worst, error / hinge.largest_rate)
-        return worst
+            values[:, hinge.index] = rows[:, model.sensor_columns[f"{hinge.body}_{name}"]][:, 0]
+    return values
 
 
-def lengths(v: Array) -> Array:
-    """Return the lengths (m,) of vectors (m, k)."""
-    return np.asarray(np.sqrt(sum(column * column for column in v.T)))
+def _torque(model: Model, rows: Array, hinge: ModelHinge) -> Array:
+    """Return the torque (m,) of the parent on the child, along the hinge [N m].
+
+    It is the motor's, or what the joint of a prescribed rate carries, whose site has its z along
+    the hinge. A passive hinge has no sensor of its torque.
+    """
+    columns, name = model.sensor_columns, f"{hinge.body}_torque"
+    if isinstance(hinge.actuation, Free):
+        angle, rate = (rows[:, columns[f"{hinge.body}_{each}"]][:, 0] for each in ("angle", "rate"))
+        passive = np.asarray(hinge.actuation.torque(0.0, angle, rate))
+        return passive + rows[:, columns[name]][:, 0] if name in columns else passive
+    return rows[:, columns[name]][:, -1]
 
 
 def _cross(u: Array, v: Array) -> Array:
     """Return u × v (m, 3) of rows (m, 3) or (3,)."""
     return np.stack(eq.cross(tuple(u.T), tuple(v.T)), axis=-1)
+
+
+_AT_LIMIT = 1 - 1e-9  # of a servo's torque limit, beyond which only rounding lies
+
+# Without MuJoCo's warnings of a bad state (BADQPOS, …), which the state itself shows.
+_WARNINGS = {
+    int(warning): warning.name.removeprefix("mjWARN_")
+    for warning in mujoco.mjtWarning.__members__.values()
+    if warning != mujoco.mjtWarning.mjNWARNING and "BADQ" not in warning.name
+}
+
+
+def own_faults(model: Model, rows: Array, readings: Readings) -> list[Sign]:
+    """Return the faults of MuJoCo's own: its cone, its motors' limits, its warnings."""
+    kind, warnings = FaultKind, rows[:, model.compiled.nsensordata :]
+    saturated = (readings.friction_used > _SATURATED) & readings.touching
+    torques = np.abs(readings.loads.motor_torques)
+    return [
+        (saturated, Fault(kind.CONE_SATURATED, np.nan)),
+        *(
+            (
+                torques[:, hinge.index] >= hinge.torque_limit * _AT_LIMIT,
+                Fault(kind.TORQUE_LIMIT, np.nan, hinge.body, note=hinge.own_motor),
+            )
+            for hinge in model.hinges
+            if hinge.torque_limit < np.inf
+        ),
+        *(
+            (readings.sound & (warnings[:, i] > 0), Fault(kind.ENGINE_WARNED, np.nan, name))
+            for i, name in _WARNINGS.items()
+            if warnings[-1:, i].any()  # they only grow
+        ),
+    ]

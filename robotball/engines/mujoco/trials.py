@@ -13,7 +13,7 @@ import robotball.scene
 from robotball import equations as eq
 from robotball.engines.adapter import rk4
 from robotball.engines.mujoco.model import ModelHinge, build
-from robotball.engines.mujoco.readings import Readings
+from robotball.engines.mujoco.readings import readings_of
 from robotball.engines.mujoco.settings import Settings, recipe
 from robotball.engines.mujoco.stepping import controlled, read_row
 from robotball.equations import Quaternion, Vector, as_vector
@@ -38,7 +38,7 @@ def linearised_start(scene: Scene, settings: Settings) -> tuple[Loads, Array]:
     compiled, data = model.compiled, model.start_data()
     with controlled(model):
         mujoco.mj_forward(compiled, data)
-        loads = Readings(model, read_row(data)[None]).loads
+        loads = readings_of(model, read_row(data)[None]).loads
         qpos, qvel, nv = data.qpos.copy(), data.qvel.copy(), compiled.nv
         columns = []
         # The place on the plane changes nothing, and the height is the contact's.

@@ -1,6 +1,5 @@
 """MuJoCo rolls any robot as ideal rolling does, where the plane's load varies as well."""
 
-from contextlib import nullcontext
 from dataclasses import replace
 from functools import cache
 
@@ -8,8 +7,8 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engines.mujoco import stepping
-from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.model import Model, build
+from robotball.engines.mujoco.rolling_resistance import Resistance
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import for_load
 from robotball.robot import NO_FRAME, Ball, Frame, Shell, thin_shell_inertia
@@ -130,7 +129,7 @@ def test_forces_torques_and_momentum_are_those_of_the_equations() -> None:
 
 def test_a_step_across_a_torque_limit_costs_two_orders(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where steps do not end on the switches, W4 is off by 2.9e-6 at 5 ms, not by 3e-8."""
-    monkeypatch.setattr(stepping, "switched", lambda control: nullcontext())
+    monkeypatch.setattr(Model, "has_torque_limits", False)
     theory = agreement_of("W4", "balanced").theory
     assert known(compare(worked("W4"), "balanced", theory=theory).path_error) > 1e-6
 
@@ -170,9 +169,7 @@ def test_a_ball_that_lifts_off_loses_its_contact_then() -> None:
 
 def test_resistance_goes_with_the_load_not_the_weight(monkeypatch: pytest.MonkeyPatch) -> None:
     """Resistance by W5's weight alone is off by 1.2e-2, where its load is off by 2.9e-8."""
-    monkeypatch.setattr(
-        stepping.Control, "_resisting", lambda control, *_: control.resistance * control.weight
-    )
+    monkeypatch.setattr(Resistance, "_resisting", lambda each, *_: each.arm * each.weight)
     theory = agreement_of("resisting W5", "adaptive").theory
     agreement = compare(SCENES["resisting W5"], "balanced", theory=theory)
     assert known(agreement.path_error) > 4e-3

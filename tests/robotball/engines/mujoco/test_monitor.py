@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
-from robotball.engines.mujoco.monitor import Monitor
-from robotball.engines.mujoco.readings import Readings
+from robotball.engines.mujoco.readings import own_faults, readings_of
 from robotball.engines.mujoco.stepping import by_steps, controlled, read_row
+from robotball.engines.observe import Recording
 from robotball.motors import Servo
 from robotball.rotations import Array
 from robotball.scene import spans
@@ -103,9 +104,18 @@ def rows_of(model: Model, duration: float) -> Array:
     return portion.rows
 
 
+def faults_of(model: Model, *parts: Array) -> list[rb.Fault]:
+    """The faults of a run whose rows are seen in parts, until it ends."""
+    end = readings_of(model, parts[-1]).time[-1]
+    recording = Recording(LABEL, model.scene, model.settings, np.array([0.0, end]))
+    for rows in parts:
+        readings = readings_of(model, rows)
+        recording.add(readings, np.array([], int), own_faults(model, rows, readings))
+    return list(recording.faults.values())
+
+
 def found_in(model: Model, rows: Array) -> list[tuple[str, float]]:
-    found = Monitor(model).look(Readings(model, rows))
-    return [(each.fault.text, each.fault.time) for each in found]
+    return [(each.text, each.time) for each in faults_of(model, rows)]
 
 
 def test_a_ball_thrown_up_has_lost_contact() -> None:
@@ -129,7 +139,7 @@ def test_a_slip_is_a_fault_from_its_limit_on(name: str) -> None:
     """
     model = build(rb.load_scene(name), FAST)
     rows = rows_of(model, 1.0)
-    steps = np.diff(Readings(model, rows).centre[:, :2], axis=0, prepend=np.zeros((1, 2)))
+    steps = np.diff(readings_of(model, rows).centre[:, :2], axis=0, prepend=np.zeros((1, 2)))
     contact = np.arange(rows.shape[1])[model.sensor_columns["contact"]]
     rows[:, contact[16]] = 0.0
     found = []
@@ -141,9 +151,7 @@ def test_a_slip_is_a_fault_from_its_limit_on(name: str) -> None:
     ((cause, time),) = found[1]
     assert (found[0], cause) == ([], "slipped over 0.0005 of the path")
     assert time > 0.3
-    monitor = Monitor(model)
-    parts = [monitor.look(Readings(model, some)) for some in (rows[:15], rows[15:])]
-    assert [each.fault.time for part in parts for each in part] == [time]
+    assert [each.time for each in faults_of(model, rows[:15], rows[15:])] == [time]
 
 
 @pytest.mark.parametrize(
@@ -166,7 +174,7 @@ def test_a_reset_and_mujocos_own_warnings_are_faults() -> None:
     """Time that goes back gives away a reset; a control that MuJoCo calls bad has a counter."""
     model = build(FIG12, FAST)
     rows = rows_of(model, 0.08)
-    ((_, fault),) = Monitor(model).look(Readings(model, np.array([*rows[:3], *rows[:3]])))
+    (fault,) = faults_of(model, np.array([*rows[:3], *rows[:3]]))
     assert fault.fatal
     assert fault.text == "time went back: the engine reset the state"
     model = build(FIG12, replace(FAST, drive=Servo(gain=1.0)))
@@ -203,7 +211,7 @@ def test_every_step_is_read_with_the_warnings_so_far() -> None:
     mujoco.mj_forward(model.compiled, data)
     rows.append(read_row(data))
     np.testing.assert_array_equal(portion.rows, rows)
-    warned = Readings(model, portion.rows).warnings.any(axis=1)
+    warned = portion.rows[:, model.compiled.nsensordata :].any(axis=1)
     assert warned.tolist() == [False] * 9 + [True] * 7
     assert portion.steps == 15
     assert list(portion.sampled) == list(range(16))

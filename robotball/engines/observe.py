@@ -1,0 +1,451 @@
+"""Observe a run: states of the ball → readings, the faults that they show, and the motion.
+
+Every engine's run is read, judged and recorded here, so that one law holds for all. In order: the
+state of the ball in an engine, the readings of states, the monitor, the recording.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotball.engines.links import links_of
+from robotball.motion import (
+    DIVERGED,
+    RATE_ERROR,
+    ContactMotion,
+    ContactReport,
+    EngineSettings,
+    Fault,
+    FaultKind,
+    Joined,
+    Label,
+    Loads,
+    path_unit,
+    slip_with_spin,
+    tolerated,
+)
+from robotball.rotations import Array, Mask, multiply, rotation_matrix
+from robotball.scene import Scene
+
+
+@dataclass(frozen=True)
+class State:
+    """The state of the shell and the hinges at one time, or at n times or of n balls, a row each.
+
+    centre    (3,) m, world: of the sphere
+    velocity  (3,) m/s, world: of the same point of the shell
+    attitude  (4,) of the shell, (w, x, y, z), shell to world
+    turning   (3,) rad/s, world: of the shell
+    angles    (h,) rad, of the frame's hinge, then the rotors'
+    rates     (h,) rad/s
+    """
+
+    centre: Array
+    velocity: Array
+    attitude: Array
+    turning: Array
+    angles: Array
+    rates: Array
+
+    @property
+    def row(self) -> Array:
+        """All numbers (13 + 2h,), in the order of the fields."""
+        parts = (self.centre, self.velocity, self.attitude, self.turning, self.angles, self.rates)
+        return np.concatenate(parts, axis=-1)
+
+
+def state_of_rows(rows: Array) -> State:
+    """Return the state at n times of rows (n, 13 + 2h)."""
+    angles, rates = np.split(rows[:, 13:], 2, axis=1)
+    return State(rows[:, :3], rows[:, 3:6], rows[:, 6:10], rows[:, 10:13], angles, rates)
+
+
+def start_state(scene: Scene) -> State:
+    """Return the state of the scene's start on the rolling model."""
+    start = scene.start
+    rates = np.array([float(drive.rate(0.0)) for drive in scene.drives])
+    R = rotation_matrix(start.attitude)
+    # A scene gives the frame's ω; the shell turns against it at the first hinge's rate.
+    turning = R @ (scene.angular_velocity_at(start) - rates[0] * scene.ball.shell.axis)
+    centre = np.array([0.0, 0.0, scene.ball.radius])
+    velocity = np.cross(turning, centre)
+    return State(centre, velocity, start.attitude, turning, np.zeros(len(rates)), rates)
+
+
+@dataclass(frozen=True)
+class Readings:
+    """The readings of m states of a run: what a motion records, and what shows its faults.
+
+    Attributes
+    ----------
+    time : (m,), s
+    centre : (m, 3), m, world
+        The sphere's centre.
+    attitude : (m, 4)
+        The frame's quaternion, frame to world.
+    angular_velocity : (m, 3), rad/s, frame axes
+        The frame's ω.
+    momentum : (m, 3), kg m²/s, world
+        The paper's M (3.1).
+    hinge_angles, hinge_rates : (m, h), rad and rad/s
+    loads : Loads
+        NaN where the engine gives none.
+    slip : (m,), m/s
+        The sliding velocity of the shell at the contact.
+    spin : (m,), rad/s
+        The shell's angular velocity about the vertical.
+    friction_used : (m,)
+        The used part of the friction cone; NaN where it is not known.
+    touching : (m,), bool
+        Whether the plane carries the shell.
+    sound : (m,), bool
+        Whether the state is finite and its numbers below DIVERGED.
+    """
+
+    time: Array
+    centre: Array
+    attitude: Array
+    angular_velocity: Array
+    momentum: Array
+    hinge_angles: Array
+    hinge_rates: Array
+    loads: Loads
+    slip: Array
+    spin: Array
+    friction_used: Array
+    touching: Mask
+    sound: Mask
+
+
+_UP = np.array([0.0, 0.0, 1.0])
+_UNKNOWN = np.full(3, np.nan)  # a force
+_LIFTED = 0.01  # of the radius: a shell this far above the plane has left it
+
+
+def readings_of(
+    scene: Scene, times: Array, rows: Array, forces: Array, friction: float
+) -> Readings:
+    """Return the readings of rows (n, 13 + 2h) of State at times (n,) [s].
+
+    forces (n, 3) N, world: of the plane on the shell; friction: the contact's coefficient. Both are
+    NaN where they are not known.
+    """
+    state = state_of_rows(rows)
+    size = np.abs(np.concatenate([state.centre, state.velocity, state.turning], axis=1)).max(1)
+    sound = np.isfinite(rows).all(axis=1) & (size <= DIVERGED)
+    state = replace(state, attitude=attitudes(state.attitude, sound))
+    attitude, omega, L = _frame_and_momentum(scene, state)
+    sliding = state.velocity - scene.ball.radius * np.cross(state.turning, _UP)
+    loads = replace(Loads.unknown(len(rows), len(scene.drives)), contact_force=forces)
+    return Readings(
+        time=times,
+        centre=state.centre,
+        attitude=attitude,
+        angular_velocity=np.einsum("nji,nj->ni", rotation_matrix(attitude), omega),
+        # By (3.1) rubber's M = γ×L has no part along γ, in which the plane's torque is unknown.
+        momentum=np.cross(_UP, L) if scene.rolling == "rubber" else L,
+        hinge_angles=state.angles,
+        hinge_rates=state.rates,
+        loads=loads,
+        slip=np.linalg.norm(sliding[:, :2], axis=1),
+        spin=state.turning[:, 2],
+        friction_used=loads.sliding_friction / friction,
+        touching=state.centre[:, 2] <= (1 + _LIFTED) * scene.ball.radius,
+        sound=sound,
+    )
+
+
+def attitudes(given: Array, sound: Mask) -> Array:
+    """Return quaternions (m, 4) as given, and no turn for those of states that are not sound.
+
+    Such a state may have zeros for a quaternion, whose axes cannot be computed.
+    """
+    return given if sound.all() else np.where(sound[:, None], given, [1.0, 0.0, 0.0, 0.0])
+
+
+def _frame_and_momentum(scene: Scene, state: State) -> tuple[Array, Array, Array]:
+    """Return the frame's attitude (n, 4), and its ω (n, 3) and the ball's L (n, 3), world axes.
+
+    L is the angular momentum about the contact point, which is below the centre. It is summed from
+    the root outwards: a child's attitude and velocity are its parent's with the hinge's on top.
+    """
+    arm = state.centre * _UP
+    # Of each body by its name: attitude, angular velocity, place of its pivot and velocity there.
+    known: dict[str, tuple[Array, Array, Array, Array]] = {}
+    L = np.zeros_like(state.centre)
+    for i, link in enumerate(links_of(scene)):
+        turn, turning, place, moving = state.attitude, state.turning, arm, state.velocity
+        if link.parent:
+            turn, turning, place, moving = known[link.parent]
+            angle, rate = state.angles[:, i - 1, None], state.rates[:, i - 1, None]
+            R = rotation_matrix(turn)
+            offset = R @ link.pivot
+            place, moving = place + offset, moving + np.cross(turning, offset)
+            half = np.concatenate([np.cos(angle / 2), np.sin(angle / 2) * link.axis], axis=1)
+            turn, turning = multiply(turn, half), turning + rate * (R @ link.axis)
+        known[link.name] = turn, turning, place, moving
+        R = rotation_matrix(turn)
+        lever = R @ link.centre
+        velocity = moving + np.cross(turning, lever)
+        own = np.einsum("nij,jk,nlk,nl->ni", R, link.inertia, R, turning)
+        L = L + own + link.mass * np.cross(place + lever, velocity)
+    attitude, omega, *_ = known["frame"]
+    return attitude, omega, L
+
+
+class Found(NamedTuple):
+    """A fault, and the row of the readings at which it begins."""
+
+    row: int
+    fault: Fault
+
+
+Sign = tuple[Mask, Fault]
+"""The rows (m,) that show a fault, and the fault, whose time is not known yet."""
+_ORDER = {kind: i for i, kind in enumerate(FaultKind)}
+
+
+class Monitor:
+    """The memory, from one look to the next, of what makes the numbers of a run no result.
+
+    Engines warn of little of it: a slip, a lost contact or a servo that misses its rate changes the
+    motion without a word.
+
+    rolled, slipped: the lengths of the path and of the slip along it so far [m], where a rubber
+    ball's spin counts as slip at its radius; momentum: M of the first state (3,).
+    """
+
+    def __init__(self, scene: Scene, settings: EngineSettings) -> None:
+        self.scene, self.settings = scene, settings
+        self.last_time, self.rolled, self.slipped = -np.inf, 0.0, 0.0
+        self.momentum: Array | None = None
+        self.last_centre: Array | None = None
+
+    def look(
+        self,
+        readings: Readings,
+        rate_errors: Array,
+        own: Sequence[Sign] = (),
+        failure: Fault | None = None,
+    ) -> list[Found]:
+        """Return the first of each kind of fault in the next readings, the earliest first.
+
+        If the settings stop at a fault, only the first is returned, marked fatal, with the events
+        before it.
+
+        Parameters
+        ----------
+        readings : Readings
+            Of the next m states.
+        rate_errors : (m, h)
+            The hinges' errors as by `rate_errors_of`.
+        own : sequence of Sign
+            Found by laws of the engine's own.
+        failure : Fault, optional
+            Why the integrator could not go on after the last row.
+        """
+        # A diverged state's numbers have no squares.
+        with np.errstate(all="ignore"):
+            seen = [*self._of_the_state(readings, rate_errors), *own, *self._of_the_path(readings)]
+        found = [
+            Found(row, replace(fault, time=_time_of(readings.time, row, self.last_time)))
+            for mask, fault in seen
+            if mask.any()
+            for row in [int(np.argmax(mask))]
+        ]
+        # A state that has diverged is the cause; that the integrator gives up there only follows.
+        if failure is not None and not any(each.fault.fatal for each in found):
+            row = len(readings.time)
+            time = _time_of(readings.time, row, self.last_time)
+            found.append(Found(row, replace(failure, time=time)))
+        if len(readings.time):
+            self.last_time = float(readings.time[-1])
+        found.sort(key=lambda each: (each.row, _ORDER[each.fault.kind]))
+        wrong = [each.row for each in found if not each.fault.note]
+        if wrong and self.settings.stop_at_fault:
+            return [
+                Found(row, replace(fault, fatal=row == wrong[0]))
+                for row, fault in found
+                if row <= wrong[0]
+            ]
+        return found
+
+    def _of_the_state(self, readings: Readings, rate_errors: Array) -> list[Sign]:
+        """Return the faults that each state shows by itself."""
+        sound, kind = readings.sound, FaultKind
+        elapsed = np.diff(readings.time, prepend=self.last_time)
+        # A motor of the scene's own may be weak; any other drive has to keep its rate.
+        exact = [hinge.motor is None for hinge in self.scene.hinges]
+        off_rate = np.asarray((rate_errors[:, exact] > RATE_ERROR).any(axis=1))
+        return [
+            (~sound, Fault(kind.DIVERGED, np.nan, fatal=True)),
+            (sound & (elapsed <= 0), Fault(kind.RESET, np.nan, fatal=True)),
+            (sound & ~readings.touching, Fault(kind.CONTACT_LOST, np.nan)),
+            (off_rate, Fault(kind.RATE_OFF, np.nan, limit=RATE_ERROR)),
+        ]
+
+    def _of_the_path(self, readings: Readings) -> list[Sign]:
+        """Return the faults by the slip over the path, and by the momentum."""
+        if not len(readings.time):
+            return []
+        scene, tolerance = self.scene, self.settings.error_tolerance
+        slip = slip_with_spin(scene, readings.slip, readings.spin)
+        before = readings.centre[:1] if self.last_centre is None else self.last_centre
+        last_time = self.last_time if np.isfinite(self.last_time) else readings.time[0]
+        moved = lengths(np.diff(readings.centre[:, :2], axis=0, prepend=before[:, :2]))
+        slipped = self.slipped + np.cumsum(slip * np.diff(readings.time, prepend=last_time))
+        rolled = self.rolled + np.cumsum(moved)
+        self.slipped, self.rolled = float(slipped[-1]), float(rolled[-1])
+        self.last_centre = readings.centre[-1:]
+        slips = slipped > tolerance * path_unit(scene, rolled)
+        faults = [(slips, Fault(FaultKind.SLIPPED, np.nan, limit=tolerance))]
+        if scene.keeps_momentum:
+            if self.momentum is None:
+                self.momentum = readings.momentum[0]
+            error = lengths(readings.momentum - self.momentum) / scene.momentum_scale
+            off = error > tolerated(tolerance, readings.time)
+            faults.append((off, Fault(FaultKind.MOMENTUM_OFF, np.nan, limit=tolerance)))
+        return faults
+
+
+def rate_errors_of(scene: Scene, times: Array, rates: Array) -> Array:
+    """Return the errors (n, h) of the hinges' rates (n, h), each over its largest commanded rate.
+
+    A hinge whose motor does not follow a rate has none; one that is to stand has no rate to be
+    compared with, so that its error is in rad/s.
+    """
+    errors = np.zeros_like(rates)
+    # A diverged state's time may be none, which no drive can be evaluated at.
+    times = np.where(np.isfinite(times), times, 0.0)
+    for i, (hinge, largest) in enumerate(zip(scene.hinges, scene.largest_rates, strict=True)):
+        if hinge.motor is None or hinge.motor.follows_rate:
+            errors[:, i] = np.abs(rates[:, i] - hinge.command.rate(times)) / (largest or 1.0)
+    return errors
+
+
+def lengths(v: Array) -> Array:
+    """Return the lengths (m,) of vectors (m, k), by columns: NumPy's norm of rows is slow."""
+    return np.asarray(np.sqrt(sum(column * column for column in v.T)))
+
+
+def _time_of(times: Array, row: int, last_time: float) -> float:
+    """Return the time of a row, or of the last row before it whose time is finite."""
+    known = [t for t in (0.0, last_time, *times[max(row - 1, 0) : row + 1]) if np.isfinite(t)]
+    return float(known[-1])
+
+
+class Recording:
+    """The motion of a run as it grows, until it ends or breaks off at a fault.
+
+    ended: whether a fault has ended it; faults: the first of each kind and subject.
+    """
+
+    def __init__(self, engine: Label, scene: Scene, settings: EngineSettings, times: Array) -> None:
+        self.engine, self.scene, self.settings, self.times = engine, scene, settings, times
+        self.monitor = Monitor(scene, settings)
+        self.faults: dict[tuple[FaultKind, str], Fault] = {}
+        self.ended = False
+        self._samples = Joined[ContactMotion](len(times))
+
+    def add(
+        self,
+        readings: Readings,
+        sampled: NDArray[np.int64] | None = None,
+        own: Sequence[Sign] = (),
+        failure: Fault | None = None,
+    ) -> None:
+        """Judge the next readings, and record those at sample times.
+
+        sampled (k,): the rows at the run's sample times, all if None; own, failure: as in
+        `Monitor.look`.
+        """
+        errors = rate_errors_of(self.scene, readings.time, readings.hinge_rates)
+        found = self.monitor.look(readings, errors, own, failure)
+        ends = next((each.row for each in found if each.fault.fatal), None)
+        self.ended = ends is not None
+        for row, fault in found:
+            if ends is None or row <= ends:
+                self.faults.setdefault((fault.kind, fault.subject), fault)
+        kept: Any = slice(ends) if sampled is None else sampled
+        if sampled is not None and ends is not None:
+            kept = sampled[sampled < ends]  # the row of the fatal fault is bad itself
+        self._samples.add(self._part(readings, errors, kept))
+
+    def _part(self, readings: Readings, rate_errors: Array, rows: Any) -> ContactMotion:
+        """Return the motion of some rows of readings. Numbers of the whole run are not known."""
+        loads = readings.loads
+        return ContactMotion(
+            scene=self.scene,
+            engine=self.engine,
+            times=readings.time[rows],
+            contact_point=readings.centre[rows, :2],
+            attitude=readings.attitude[rows],
+            momentum=readings.momentum[rows],
+            angular_velocity=readings.angular_velocity[rows],
+            hinge_angles=readings.hinge_angles[rows],
+            hinge_rates=readings.hinge_rates[rows],
+            loads=Loads(
+                loads.contact_force[rows], loads.spin_torque[rows], loads.motor_torques[rows]
+            ),
+            report=ContactReport(
+                settings=self.settings,
+                slip=readings.slip[rows],
+                spin=readings.spin[rows],
+                depth=self.scene.ball.radius - readings.centre[rows, 2],
+                friction_used=readings.friction_used[rows],
+                hinge_rate_error=rate_errors[rows].max(axis=1, initial=0.0),
+                faults=(),
+                timestep=0.0,
+                steps=0,
+                seconds=0.0,
+                total_seconds=0.0,
+            ),
+        )
+
+    def motion(
+        self, timestep: float, steps: int, seconds: float, python_seconds: float | None = None
+    ) -> ContactMotion:
+        """Return the recorded motion.
+
+        timestep: of the longest step [s]; steps: taken, in so many seconds of processor time, of
+        which python_seconds are Python's, where that is measured.
+        """
+        motion = self._samples.motion
+        # A note is an event of the motion, as a motor at the limit that its scene gives it.
+        report = replace(
+            motion.report,
+            faults=tuple(each for each in self.faults.values() if not each.note),
+            notes=tuple(each for each in self.faults.values() if each.note),
+            timestep=timestep,
+            steps=steps,
+            seconds=seconds,
+            total_seconds=seconds,
+            python_seconds=python_seconds,
+        )
+        # An engine's clock adds up its steps; the sample times are those that were asked for.
+        return replace(motion, times=self.times[: len(motion.times)], report=report)
+
+
+def motion_of_rows(
+    engine: Label,
+    scene: Scene,
+    times: Array,
+    rows: Array,
+    settings: EngineSettings,
+    forces: Array = _UNKNOWN,
+    friction: float = float("nan"),
+    **cost: Any,
+) -> ContactMotion:
+    """Return the motion of rows (k, 13 + 2h) of State at the first of times (n,), k <= n [s].
+
+    forces (k, 3), friction: as in `readings_of`; cost: as in `Recording.motion`.
+    """
+    recording = Recording(engine, scene, settings, times)
+    forces = np.broadcast_to(forces, (len(rows), 3))
+    # A ball that runs away overflows here, before it is cut off at its fault.
+    with np.errstate(all="ignore"):
+        recording.add(readings_of(scene, times[: len(rows)], rows, forces, friction))
+    return recording.motion(**cost)

@@ -1,5 +1,6 @@
 """The commands about the paper: its statements checked, its figures drawn."""
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -57,6 +58,7 @@ class Figures:
     """Also write which files were drawn."""
 
     def run(self) -> int:
+        from robotball.film import gl
         from validation.figures.paper_figures import chosen, draw_figures
         from validation.output import progress_bar, writable_folder, write_record
 
@@ -64,5 +66,7 @@ class Figures:
         with progress_bar(len(pictures)) as show:
             written = draw_figures(self.names, out, show)
         print(*written, sep="\n")
+        if not self.names and gl.find_backend() is None:
+            print(f"robotball: Figs 3 and 4 are left out: {gl.advice()}", file=sys.stderr)
         write_record(self.json, {"figures": [str(path) for path in written]})
         return AGREES

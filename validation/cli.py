@@ -68,7 +68,6 @@ COMMANDS = {
     "judge": "validation.studies.judge",
     "video": "validation.commands.film",
     "view": "validation.commands.film",
-    "replay": "validation.commands.compare",
     "model": "validation.commands.scene_commands",
     "export": "validation.commands.scene_commands",
     "design": "validation.commands.building",

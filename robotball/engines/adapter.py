@@ -312,7 +312,7 @@ class Adapter(Engine):
         return None
 
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
-        """Return the motion, without a fault window. Loads that the engine does not give are NaN.
+        """Return the motion. Loads that the engine does not give are NaN.
 
         Where the engine is not installed it is run in its environment, without progress.
         """

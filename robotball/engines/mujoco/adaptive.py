@@ -18,9 +18,7 @@ from robotball.engines.mujoco.stepping import (
     FREE_QVEL,
     Control,
     Portion,
-    Step,
     read_row,
-    state_of,
 )
 from robotball.motion import Fault, FaultKind
 from robotball.rotations import Array
@@ -67,7 +65,6 @@ def _portion(
 ) -> tuple[Portion, Array]:
     """Take the next steps of a smooth span, `left` at most; return the later sample times too."""
     rows: list[Array] = []
-    states: list[Array] = []
     sampled: list[int] = []
     lengths: list[float] = []
     failure: Fault | None = None
@@ -77,7 +74,6 @@ def _portion(
         _put(data, t, state)
         mujoco.mj_forward(control.model.compiled, data)
         rows.append(read_row(data))
-        states.append(state_of(data))
 
     while solver.running and len(lengths) < _LOOK and failure is None and not stopped:
         if len(lengths) == left:
@@ -102,13 +98,11 @@ def _portion(
         # The monitor sees the end of every step; one on a sample time has its row already.
         if solver.running and not sampled_end:
             read(solver.t, solver.state)
-    span = control.span
     portion = Portion(
         np.array(rows).reshape(len(rows), len(read_row(data))),
         np.array(sampled, dtype=int),
         len(lengths),
         max(lengths, default=0.0),
-        lambda: [Step(state, 0.0, span, []) for state in states],
         failure,
     )
     return portion, pending

@@ -140,7 +140,7 @@ class _Together:
 
     def motion(self, model: Model, sensors: Array, seconds: float) -> ContactMotion | None:
         """Return the motion of a run's sensors (steps + 1, n); None where the threads stopped."""
-        record = Record(keeps_window=False, seconds=seconds)
+        record = Record(seconds=seconds)
         readings = monitored(model, self.times, self._portions(sensors), record)
         motion = recorded(self.times, readings, record)
         return None if _STOPPED & {kind for kind, _ in record.faults} else motion
@@ -152,5 +152,5 @@ class _Together:
             if last:
                 samples = np.append(samples, count)
             longest = float(part.lengths.max())
-            yield Portion(rows[: count + last], samples, count, longest, again=list)
+            yield Portion(rows[: count + last], samples, count, longest)
             rows = rows[count:]

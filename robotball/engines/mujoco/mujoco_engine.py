@@ -3,8 +3,7 @@
 The room is read in this order: `settings` (the recipes), `model` (scene and settings → MJCF),
 `stepping` (MuJoCo's integrators, servos at their limits), `run`, `many`, `adaptive` (DOP853),
 `readings` (sensors → a Motion), `monitor` (faults), `limits` with `trials` (faults predicted),
-`accuracy` (an error in place of settings), `fault_window`, `mjcf_export`; `ports` (MJX and MuJoCo
-Warp).
+`accuracy` (an error in place of settings), `mjcf_export`; `ports` (MJX and MuJoCo Warp).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -54,7 +53,7 @@ class MuJoCo(Engine):
             return motion
         settings = as_own(request.settings, Settings, LABEL)
         precheck(scene, settings, times, request.loads, strict=request.strict)
-        return run(build(scene, settings), times, request.progress, request.fault_window)
+        return run(build(scene, settings), times, request.progress)
 
     def prepare(self, scene: Scene, settings: EngineSettings) -> Runner:
         """Return a function that runs one model, built here, from any start of the scene's ball."""
@@ -84,9 +83,7 @@ def _to_accuracy(scene: Scene, times: Array, request: Request, accuracy: float) 
         nonlocal part
         part /= 2
         share = _share(request.progress, 1 - 2 * part, part)
-        # The pilot runs are coarse, and go on whatever they find.
-        window = request.fault_window if settings.stop_at_fault else None
-        return run(build(scene, settings), at, share, window)
+        return run(build(scene, settings), at, share)
 
     return reach(scene, times, accuracy, another)
 

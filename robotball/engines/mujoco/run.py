@@ -3,8 +3,6 @@
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -16,41 +14,27 @@ from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.monitor import Found, Monitor
 from robotball.engines.mujoco.readings import Readings
 from robotball.engines.mujoco.stepping import Control, Portion, by_steps, controlled
-from robotball.files.replacing import discard
 from robotball.motion import PIECE, ContactMotion, ContactReport, Fault, FaultKind, joined
 from robotball.rotations import Array
 from robotball.scene import Start
-
-if TYPE_CHECKING:
-    from robotball.engines.mujoco.fault_window import FaultWindow
 
 
 def run(
     model: Model,
     times: Array,
     progress: Progress | None = None,
-    fault_window: Path | None = None,
     start: Start | None = None,
 ) -> ContactMotion:
     """Return the motion of a built model at sample times (n,) [s] from 0, which are not checked.
 
-    start: where to begin, if not at the scene's own start; fault_window: the file for the states
-    around the first fault, which is taken away if there is none. Raises InputError for a run of
-    more steps than the settings allow.
+    start: where to begin, if not at the scene's own start. Raises InputError for a run of more
+    steps than the settings allow.
     """
     check_length(model.scene, model.settings, times)
-    record = Record(keeps_window=fault_window is not None)
+    record = Record()
     with controlled(model) as control:
         portions = _march(control, model.start_data(start), times)
-        motion = recorded(times, monitored(model, times, portions, record, progress), record)
-    if fault_window is not None:
-        if record.window is None:
-            discard(fault_window)  # a former run's would pass for this one's
-        else:
-            from robotball.engines.mujoco.fault_window import write
-
-            write(fault_window, record.window)
-    return motion
+        return recorded(times, monitored(model, times, portions, record, progress), record)
 
 
 def recorded(times: Array, readings: Iterable[Readings], record: "Record") -> ContactMotion:
@@ -113,14 +97,9 @@ def _together(readings: list[Readings]) -> Readings:
 
 @dataclass
 class Record:
-    """The record of a run besides its rows: the first fault of each kind, and its cost.
+    """The record of a run besides its rows: the first fault of each kind, and its cost."""
 
-    keeps_window: whether the window around the first fault is kept.
-    """
-
-    keeps_window: bool
     faults: dict[tuple[FaultKind, str], Fault] = field(default_factory=dict)
-    window: "FaultWindow | None" = None
     steps: int = 0
     longest: float = 0.0
     seconds: float = 0.0
@@ -145,7 +124,6 @@ def monitored(
 ) -> Iterator[Readings]:
     """Yield the readings of portions at the times, until the run breaks off; fill the record."""
     monitor = Monitor(model)
-    before: Portion | None = None
     while True:
         # Processor time of this thread: a busy machine makes no run look slow.
         began = time.thread_time()
@@ -156,18 +134,12 @@ def monitored(
         readings = Readings(model, portion.rows)
         found = monitor.look(readings, portion.failure)
         ends = record.add(portion, found)
-        wrong = [each for each in found if not each.fault.note]
-        if record.keeps_window and wrong and record.window is None:
-            from robotball.engines.mujoco.fault_window import window_around
-
-            record.window = window_around(model, wrong, portion, before)
         # The row of the fatal fault is bad itself, so the motion ends before it.
         kept = portion.sampled if ends is None else portion.sampled[portion.sampled < ends]
         whole = len(kept) == len(portion.rows)
         yield readings if whole else Readings(model, portion.rows[kept])
         if ends is not None:
             break
-        before = portion  # a window may reach back into it
         if progress is not None:
             progress(monitor.last_time / times[-1])
 

@@ -12,12 +12,10 @@ far as the switch.
 In order: the controls of a span of time, the torque limits, and the stepping of a run's stretches.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from itertools import chain, pairwise
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -245,13 +243,8 @@ class _Switches:
             if at_limit:
                 compiled.actuator_biasprm[i, 0] = side * servo.limit
 
-    def steps(
-        self, data: mujoco.MjData, length: float
-    ) -> Iterator[tuple[float, tuple[Array, list[int]]]]:
-        """Take one step, in parts that end at its switches.
-
-        Yields each part once it is taken: (length [s], (state, sides) from which it began).
-        """
+    def steps(self, data: mujoco.MjData, length: float) -> Iterator[float]:
+        """Take one step in parts that end at its switches. Yields the length of each [s]."""
         left = length
         while self.control.resistance and left > 0:
             self.control.stop(data)
@@ -262,18 +255,16 @@ class _Switches:
         if left > 0:
             yield from self._to_switches(data, left)
 
-    def _to_switches(
-        self, data: mujoco.MjData, length: float
-    ) -> Iterator[tuple[float, tuple[Array, list[int]]]]:
+    def _to_switches(self, data: mujoco.MjData, length: float) -> Iterator[float]:
         """Take a part of a step as `steps` does, with the resistance to rolling as it is."""
         left = length
         for _ in range(_MOST):
             # A command that has jumped leaves a servo beyond its side before the step.
             if self._late(data) > 0:
                 self._settle(data)
-            before, sides = state_of(data), self.sides
+            before = state_of(data)
             if not self._after(data, left) > 0:  # a NaN ends here too
-                yield left, (before, sides)
+                yield left
                 return
             taken = self._until_switch(data, before, left)
             if taken > left - _SHORTEST * length:
@@ -281,15 +272,14 @@ class _Switches:
             mujoco.mj_setState(data.model, data, before, STATE)
             if taken > _SHORTEST * length:
                 self._after(data, taken)
-                yield taken, (before, sides)
+                yield taken
                 left -= taken
             self._switch(data)
             if left == 0:
                 return
         self.set([_OWN] * len(self.servos))
-        before = state_of(data)
         self._after(data, left)
-        yield left, (before, self.sides)
+        yield left
         self._settle(data)
 
     def _settle(self, data: mujoco.MjData) -> None:
@@ -424,21 +414,6 @@ def _stretches(times: Array, ends: Array, lengths: Array, counts: Array) -> Iter
         yield _Stretch(ends[which], lengths[which], sizes[which], starts[sampled[which]])
 
 
-class Step(NamedTuple):
-    """The origin of a row, from which it can be computed again.
-
-    state   (n,) MuJoCo's integration state
-    length  s, of the step from it; 0 where there was none
-    span    s, the smooth span of time that it is in
-    sides   of the servos that have a torque limit, on which they are
-    """
-
-    state: Array
-    length: float
-    span: Sequence[float]
-    sides: list[int]
-
-
 @dataclass(frozen=True)
 class Portion:
     """A part of a run, between two looks of the monitor.
@@ -447,7 +422,6 @@ class Portion:
     sampled  the indices of the rows at the run's sample times
     steps    the number of steps taken
     longest  s, the longest of them
-    again    returns the origin of each row; deferred, as only faulty runs need it
     failure  why the run cannot go on, if it cannot
     """
 
@@ -455,7 +429,6 @@ class Portion:
     sampled: Array
     steps: int
     longest: float
-    again: Callable[[], list[Step]]
     failure: Fault | None = None
 
 
@@ -467,8 +440,6 @@ def by_steps(control: Control, data: mujoco.MjData, times: Array) -> Iterator[Po
         for stretch, following in pairwise(chain(parts, (None,))):
             assert stretch is not None
             end = float(times[-1]) if following is None else None
-            sides = switches.sides if switches else []
-            again = partial(_again, control, switches, state_of(data), sides, stretch, end)
             if switches:
                 rows, firsts, longest = _step_to_switches(control, switches, data, stretch)
             else:
@@ -483,7 +454,7 @@ def by_steps(control: Control, data: mujoco.MjData, times: Array) -> Iterator[Po
                 mujoco.mj_forward(compiled, data)
                 rows[steps] = read_row(data)
                 samples = np.append(samples, steps)
-            yield Portion(rows, samples, steps, longest, again)
+            yield Portion(rows, samples, steps, longest)
 
 
 def _step(
@@ -502,7 +473,7 @@ def _step(
     # as a bare loop of mj_step.
     step, read, to = mujoco.mj_step, sensors.data, rows.reshape(-1).data
     place, size, width = 0, len(sensors), rows.shape[1]
-    for _, _, taken in _set_for_each(control, stretch):
+    for _, taken in _set_for_each(control, stretch):
         for _ in range(taken):
             step(compiled, data)
             to[place : place + size] = read
@@ -517,7 +488,8 @@ def _warnings(control: Control, start: Array, stretch: _Stretch, before: Array) 
 
     To read them at every step would slow all runs for the few in which one changes.
     """
-    data = _data_at(control, start)
+    data = mujoco.MjData(control.model.compiled)
+    mujoco.mj_setState(control.model.compiled, data, start, STATE)
     data.warning.number[:] = before
     return np.array([data.warning.number.copy() for _ in _each(control, None, data, stretch)])
 
@@ -529,62 +501,33 @@ def _step_to_switches(
     rows: list[Array] = []
     firsts: list[int] = []
     longest = 0.0
-    for first, step in _each(control, switches, data, stretch):
+    for first, length in _each(control, switches, data, stretch):
         if first:
             firsts.append(len(rows))
         rows.append(read_row(data))
-        longest = max(longest, step.length)
+        longest = max(longest, length)
     return np.array([*rows, np.empty_like(rows[0])]), np.array(firsts, np.int64), longest
-
-
-def _again(
-    control: Control,
-    switches: _Switches | None,
-    start: Array,
-    sides: list[int],
-    stretch: _Stretch,
-    end: float | None,
-) -> list[Step]:
-    """Return the steps of a stretch, which is repeated from its start with the servos' sides.
-
-    end: of the run [s], where the stretch is its last; then the last row is of the state there.
-    """
-    data = _data_at(control, start)
-    if switches:
-        switches.set(sides)
-    steps = [step for _, step in _each(control, switches, data, stretch)]
-    if end is not None:
-        sides = switches.sides if switches else []
-        steps.append(Step(state_of(data), 0.0, (end, end), sides))
-    return steps
 
 
 def _each(
     control: Control, switches: _Switches | None, data: mujoco.MjData, stretch: _Stretch
-) -> Iterator[tuple[bool, Step]]:
-    """Take the steps of a stretch; yield of each whether it begins a planned one, and itself."""
-    for length, span, count in _set_for_each(control, stretch):
+) -> Iterator[tuple[bool, float]]:
+    """Take the steps of a stretch. Yields (planned, length [s]) of each.
+
+    planned is False for the later parts of a step that was cut at a switch.
+    """
+    for length, count in _set_for_each(control, stretch):
         for _ in range(count):
             if switches is None:
-                before = state_of(data)
                 mujoco.mj_step(control.model.compiled, data)
-                yield True, Step(before, length, span, [])
+                yield True, length
                 continue
-            for i, (taken, (before, sides)) in enumerate(switches.steps(data, length)):
-                yield i == 0, Step(before, taken, span, sides)
+            for i, taken in enumerate(switches.steps(data, length)):
+                yield i == 0, taken
 
 
-def _data_at(control: Control, state: Array) -> mujoco.MjData:
-    """Return fresh MjData at a state."""
-    data = mujoco.MjData(control.model.compiled)
-    mujoco.mj_setState(control.model.compiled, data, state, STATE)
-    return data
-
-
-def _set_for_each(
-    control: Control, stretch: _Stretch
-) -> Iterator[tuple[float, Sequence[float], int]]:
-    """Set model and control for every span of a stretch, and yield its step, itself and its count.
+def _set_for_each(control: Control, stretch: _Stretch) -> Iterator[tuple[float, int]]:
+    """Set model and control for every span of a stretch. Yields (length [s], number) of its steps.
 
     The model's own timestep is set back at the end.
     """
@@ -592,5 +535,5 @@ def _set_for_each(
     timestep = option.timestep
     for span, length, count in stretch:
         option.timestep, control.span = length, span
-        yield length, span, count
+        yield length, count
     option.timestep = timestep

@@ -60,7 +60,6 @@ _INTERRUPTED = 130
 COMMANDS = {
     "scenes": "validation.commands.scene_commands",
     "engines": "validation.studies.engine_study",
-    "importers": "validation.studies.importers",
     "history": "validation.studies.history",
     "compare": "validation.commands.compare",
     "check": "validation.commands.checking",

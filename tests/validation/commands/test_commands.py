@@ -74,7 +74,7 @@ RUNS = {
     "extremes --random 2 --workers 1 --json a.json": "2 ordinary runs: 0 false alarms",
 }
 # Run below, and by the tests of their studies, of the film and of the demo's table.
-ELSEWHERE = "ablation check convergence demo design export importers judge paper portraits report "
+ELSEWHERE = "ablation check convergence demo design export judge paper portraits report "
 ELSEWHERE += "steer tradeoff video"
 
 

@@ -15,10 +15,9 @@ class Paper:
     """Check the paper's statements one by one, in its order, misprints included.
 
     Each row has its place, what is checked, what is printed where that is something else, by what
-    means, and the number with its bound; then come statements of our own. Where robotball has the
-    formula that a row is about, the row holds that, too. Takes about a minute;
-    the first time, another to compile. Exit status 0 where all that can be checked holds, as
-    printed or as corrected.
+    means, and the number with its bound. Where robotball has the formula that a row is about, the
+    row holds that, too. Takes about a minute; the first time, another to compile. Exit status 0
+    where all that can be checked holds, as printed or as corrected.
 
     Example: robotball paper --json paper.json
     """

@@ -59,7 +59,7 @@ tutorials: setup
 # Every picture and table of README and docs, made again by the program; hours on two cores. Some,
 # by the beginnings of their commands:  make gallery ONLY='figures history'
 gallery: setup gl
-	$(BIN)/python -m validation.bench.gallery $(ONLY)
+	$(BIN)/python -m tests.bench.gallery $(ONLY)
 
 # The wheel, in an environment of its own and an empty folder: it must have every file that the
 # program needs. Dependencies are this environment's, so that nothing is fetched; but not this
@@ -84,12 +84,12 @@ wheel: setup
 	@echo "the wheel runs by itself"
 
 bench: setup
-	$(BIN)/python -m validation.bench.speed
-	$(BIN)/python -m validation.bench.kernels
+	$(BIN)/python -m tests.bench.speed
+	$(BIN)/python -m tests.bench.kernels
 
 # The constants of COST_MODEL in robotball/engines/mujoco/limits.py, measured again; half an hour.
 cost-model: setup
-	$(BIN)/python -m validation.bench.cost_model
+	$(BIN)/python -m tests.bench.cost_model
 
 setup: .venv/.stamp
 

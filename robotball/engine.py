@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from importlib.metadata import entry_points
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, Protocol, TypeVar
 
@@ -91,7 +90,6 @@ class Request:
     settings      None where the accuracy chooses them
     accuracy      the path error to reach, over the path's length; None where settings are given
     strict        raise InputError where the settings are predicted to fail, instead of a warning
-    fault_window  the file for the states around the first fault, of an engine that keeps them
     progress      is called with the simulated fraction
     loads         of the whole motion, where a reference knows them, for the predictions
     """
@@ -100,7 +98,6 @@ class Request:
     settings: EngineSettings | None
     accuracy: float | None = None
     strict: bool = False
-    fault_window: Path | None = None
     progress: Progress | None = None
     loads: Loads | None = None
 
@@ -167,7 +164,6 @@ def simulate(
     engine: Engine | str = DEFAULT,
     accuracy: float | None = None,
     strict: bool = False,
-    fault_window: Path | None = None,
     progress: Progress | None = None,
 ) -> ContactMotion:
     """Return the motion of the ball as a contact engine rolls it, with a report.
@@ -175,9 +171,8 @@ def simulate(
     times: (n,) s, increasing from 0; the scene's own if None. settings: a preset's name or the
     engine's settings, its default preset if None. engine: its name or itself. accuracy: instead of
     settings, the path error to reach, relative to the path's length. A run that faults ends there,
-    with fewer times; with stop_at_fault off, only one that has no state any more does.
-    fault_window: where the states around the first fault go, for `robotball replay`; without a
-    fault the file of a former run is deleted. progress is called with the simulated fraction.
+    with fewer times; with stop_at_fault off, only one that has no state any more does. progress is
+    called with the simulated fraction.
 
     Warns of an accuracy that is not reached, of a ball or a motion that can hardly be what was
     meant, and of settings that are predicted to fail, which are an InputError if `strict`. Raises
@@ -185,7 +180,7 @@ def simulate(
     express, an accuracy that rounding forbids and a run of more steps than the settings allow.
     """
     request = request_of(engine, settings, accuracy)
-    whole = replace(request, strict=strict, fault_window=fault_window, progress=progress)
+    whole = replace(request, strict=strict, progress=progress)
     return run_request(scene, times, whole)
 
 

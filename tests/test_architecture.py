@@ -30,7 +30,7 @@ FLOORS = (
     ("validation.plots", "validation.runs", "validation.study"),
     ("validation.options", "validation.many_runs"),
     ("validation.studies",),
-    ("validation.figures", "validation.paper", "validation.bench", "validation.report"),
+    ("validation.figures", "validation.paper", "validation.report"),
     ("validation.commands",),
     ("validation.cli",),
     ("validation.__main__",),

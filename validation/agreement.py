@@ -193,7 +193,6 @@ def compare(
     accuracy: float | None = None,
     theory: Motion | None = None,
     strict: bool = False,
-    fault_window: Path | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Agreement:
     """Run `scene` by a contact engine and by the equations, and compare the two motions.
@@ -204,14 +203,14 @@ def compare(
     from 0, the scene's own if None; accuracy: instead of settings, the path error to reach; theory:
     the equations' motion at those times, where it is known already. Raises InputError and warns as
     integrate and simulate do; friction is held against what the whole motion needs. strict,
-    fault_window, progress: as in simulate.
+    progress: as in simulate.
     """
     if isinstance(scene, str | Path):
         scene = load_scene(scene)
     request = request_of(engine, settings, accuracy)
     return compare_with(
         integrate(scene, times) if theory is None else theory,
-        replace(request, strict=strict, fault_window=fault_window, progress=progress),
+        replace(request, strict=strict, progress=progress),
     )
 
 

@@ -60,7 +60,6 @@ _INTERRUPTED = 130
 COMMANDS = {
     "scenes": "validation.commands.scene_commands",
     "engines": "validation.studies.engine_study",
-    "importers": "validation.studies.importers",
     "history": "validation.studies.history",
     "compare": "validation.commands.compare",
     "check": "validation.commands.checking",
@@ -68,7 +67,6 @@ COMMANDS = {
     "judge": "validation.studies.judge",
     "video": "validation.commands.film",
     "view": "validation.commands.film",
-    "replay": "validation.commands.compare",
     "model": "validation.commands.scene_commands",
     "export": "validation.commands.scene_commands",
     "design": "validation.commands.building",

@@ -115,7 +115,7 @@ class Run:
     duration: Duration = None
     """Simulated time; the scene's own if not given."""
     out: Path = OUT
-    """Folder for pictures, and for the fault windows of faulty runs."""
+    """Folder for pictures."""
     strict: bool = False
     """Refuse settings that are predicted to fail, in place of a warning."""
     keep_going: bool = False
@@ -136,9 +136,7 @@ class Run:
 
         return replace(request, engine=elsewhere(request.engine, self.environments))
 
-    def agreements(
-        self, scenes: Sequence[Scene], presets: Sequence[str], fault_windows: Path | None = None
-    ) -> list[Agreement]:
+    def agreements(self, scenes: Sequence[Scene], presets: Sequence[str]) -> list[Agreement]:
         """Run each scene by each preset, the engine's default if none is given, with progress."""
         from validation.output import progress_bar
         from validation.runs import agreements_of, shifted
@@ -149,9 +147,7 @@ class Run:
         with progress_bar(len(scenes) * len(requests)) as show:
             for scene in scenes:
                 part = shifted(show, len(found))
-                found += agreements_of(
-                    scene, requests, times, strict=strict, fault_windows=fault_windows, show=part
-                )
+                found += agreements_of(scene, requests, times, strict=strict, show=part)
         return found
 
 

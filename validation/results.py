@@ -95,11 +95,6 @@ def file_stem(agreements: Sequence[Agreement]) -> str:
     return file_name(first.scene.name, first.motion.engine, [*names, *time])
 
 
-def fault_window_path(folder: Path, scene: Scene, engine: Label, settings: str) -> Path:
-    """Return the path of the fault window of a run, by the name of its settings."""
-    return folder / f"{file_name(scene.name, engine, [settings])}-fault.json"
-
-
 def file_name(scene: str, engine: Label | None, words: Sequence[str]) -> str:
     """Return a file's name: the scene, the engine if there is one, and the other words."""
     by = [] if engine is None else [engine.name.lower()]

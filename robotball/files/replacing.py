@@ -67,13 +67,6 @@ def remove_unfinished() -> None:
         temporary.unlink(missing_ok=True)
 
 
-def discard(path: Path) -> None:
-    """Delete a regular file, if there is one. Raises InputError where that is forbidden."""
-    with refused(path):
-        if path.is_file():
-            path.unlink()
-
-
 @contextmanager
 def refused(path: Path) -> Iterator[None]:
     """Turn an OSError of writing into an InputError with the path."""

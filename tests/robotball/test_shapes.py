@@ -19,6 +19,7 @@ from robotball.film.render import Film, frames
 from robotball.film.stage import build_stage, pose
 from robotball.film.tracks import track_of
 from robotball.rotations import Array
+from robotball.shapes import Shape
 from tests.robotball.files.scene_texts import PLATE
 from tests.robotball.files.test_robot_file import GIMBAL, HULL
 
@@ -167,3 +168,23 @@ def test_a_film_of_a_users_robot_shows_its_mesh_and_says_nothing_of_rotors(tmp_p
     assert greens[1] == 0
     notes = [*render._notes([FIG12], film, looks_of(FIG12.scene.ball))]
     assert notes == ["a rotor too fast for the film has no marks"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "sizes", "volume"),
+    [
+        ("box", (0.1, 0.2, 0.3), 0.048),
+        ("cylinder", (0.5, 0.25, 0.0), np.pi * 0.125),
+        ("torus", (0.5, 0.1, 0.0), 2 * np.pi**2 * 0.5 * 0.01),
+    ],
+)
+def test_the_triangles_of_a_body_close_it(
+    kind: Any, sizes: tuple[float, ...], volume: float
+) -> None:
+    """Their volume by the divergence theorem, and so each seen from outside anticlockwise.
+
+    A round bar of 48 sides lacks 0.3 % of it, a tube of 8 sides 10 %.
+    """
+    turn, pos = np.array([0.5, 0.5, 0.5, 0.5]), np.array([1.0, 2.0, 3.0])
+    corners = Shape(kind, np.array(sizes), pos, turn, "frame").triangles
+    assert 0.89 * volume < np.linalg.det(corners).sum() / 6 < volume * (1 + 1e-12)

@@ -13,13 +13,13 @@ import pytest
 import robotball as rb
 from robotball.files.scene_file import read_scene
 from robotball.qualitative.straight_motions import stability_limit
+from tests.bench.gallery import NUMBERS, OUTCOMES, outcomes_table
 from tests.conftest import Robotball
 from tests.imports import PROJECT
 from tests.motions import known
 from tests.random_robots import random_scene as random_robot
 from tests.validation.examples import example
 from validation import compare
-from validation.bench.gallery import NUMBERS, OUTCOMES, outcomes_table
 from validation.cli import COMMANDS, parse
 from validation.studies.extreme_maps import MAPS, cells_of
 from validation.studies.random_runs import random_scene as random_ball

@@ -1,4 +1,4 @@
-"""The commands that compare an engine's motion with the equations': `compare`, `demo`, `replay`.
+"""The commands that compare an engine's motion with the equations': `compare`, `demo`.
 
 Imports stand within the functions: drawing begins in other processes before the slow ones.
 """
@@ -80,7 +80,7 @@ class Compare:
         from robotball import InputError
         from validation.output import writable_folder
         from validation.results import scenes_of, show, write_csv, write_json
-        from validation.runs import Comparing, compare_all, tell_fault_windows
+        from validation.runs import Comparing, compare_all
 
         if self.seed or self.cluster or self.device:
             raise InputError("--seed, --cluster and --device are of random starts: give --starts")
@@ -108,7 +108,6 @@ class Compare:
             if path:
                 write(path, records)
         show(records, Console())
-        tell_fault_windows(window for each in found for window in each.windows)
         pictures = [picture for each in found for picture in each.pictures]
         if pictures:
             print("plots:", pictures[0], f"and {len(pictures) - 1} more")
@@ -216,39 +215,3 @@ class Demo:
             console.print(escape(f"no video: {error}"), style="yellow")
         console.print("Written:", *(escape(f"  {path}") for path in written), sep="\n")
         return AGREES
-
-
-@dataclass(frozen=True)
-class Replay:
-    """Step through the fault window that a faulty run left, and take its steps again.
-
-    Example: robotball compare fig12 --preset naive; robotball replay out/fig12-mujoco-naive-fault.json
-    """  # noqa: E501
-
-    file: Positional[Annotated[Path, arg(metavar="FILE")]]
-    """A SCENE-ENGINE-PRESET-fault.json, which compare or video leaves of a faulty run."""
-    step: DisallowNone[Annotated[int | None, arg(metavar="N", help_behavior_hint="")]] = None
-    """Show all of this row alone: its readings, positions and velocities."""
-    interactive: bool = False
-    """Go from row to row, each at a press of Enter, from the first bad one on."""
-
-    def run(self) -> int:
-        from rich.console import Console
-        from rich.markup import escape
-        from robotball.engines.mujoco.fault_window import load, replay
-
-        from validation.runs import outcome_of, show_row, show_rows, walk
-
-        window, console = load(self.file), Console()
-        if self.step is not None:
-            show_row(window, self.step, console)
-            return AGREES
-        replayed = replay(window)
-        run, causes = f"{window.name}, {window.settings.get('name')}", " and ".join(window.causes)
-        console.print(escape(f"{run}: {causes} at t = {window.time:.6g} s"))
-        if self.interactive:
-            walk(window, console)
-        else:
-            show_rows(window, console)
-        print(outcome_of(window, replayed))
-        return AGREES if replayed.difference in (0.0, None) else DISAGREES

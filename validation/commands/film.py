@@ -41,13 +41,10 @@ class _Shown:
         """Compare the scene's motions with progress shown."""
         from validation.output import writable_folder
         from validation.results import controlled
-        from validation.runs import tell_fault_windows, windows
 
         options, scene = self.run_options, controlled(self.scene, self.control)
-        out = writable_folder(options.out)
-        agreements = options.agreements([scene], listed(self.preset), out)
-        tell_fault_windows(windows(agreements, out))
-        return agreements
+        writable_folder(options.out)
+        return options.agreements([scene], listed(self.preset))
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """The commands about the paper: its statements checked, its figures drawn."""
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -14,10 +15,9 @@ class Paper:
     """Check the paper's statements one by one, in its order, misprints included.
 
     Each row has its place, what is checked, what is printed where that is something else, by what
-    means, and the number with its bound; then come statements of our own. Where robotball has the
-    formula that a row is about, the row holds that, too. Takes about a minute;
-    the first time, another to compile. Exit status 0 where all that can be checked holds, as
-    printed or as corrected.
+    means, and the number with its bound. Where robotball has the formula that a row is about, the
+    row holds that, too. Takes about a minute; the first time, another to compile. Exit status 0
+    where all that can be checked holds, as printed or as corrected.
 
     Example: robotball paper --json paper.json
     """
@@ -57,6 +57,7 @@ class Figures:
     """Also write which files were drawn."""
 
     def run(self) -> int:
+        from robotball.film import gl
         from validation.figures.paper_figures import chosen, draw_figures
         from validation.output import progress_bar, writable_folder, write_record
 
@@ -64,5 +65,7 @@ class Figures:
         with progress_bar(len(pictures)) as show:
             written = draw_figures(self.names, out, show)
         print(*written, sep="\n")
+        if not self.names and gl.find_backend() is None:
+            print(f"robotball: Figs 3 and 4 are left out: {gl.advice()}", file=sys.stderr)
         write_record(self.json, {"figures": [str(path) for path in written]})
         return AGREES

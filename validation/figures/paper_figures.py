@@ -11,6 +11,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from robotball import InputError
+from robotball.film import gl
 from robotball.processes import in_processes
 from validation.figures import attractor_figures as attractors
 from validation.figures.lines import figure9, figure10
@@ -18,6 +19,7 @@ from validation.figures.rest import figure5, figure6, figure7, figure8
 from validation.figures.structure import figure3, figure4
 from validation.output import write_picture
 
+_BY_OPENGL = ("3", "4")
 _SINGLE = (figure3, figure4, figure5, figure6, figure7, figure8, figure9, figure10)
 FIGURES: dict[str, dict[str, Callable[[], Figure]]] = {
     **{f"{number}": {f"fig{number:02}": each} for number, each in enumerate(_SINGLE, start=3)},
@@ -39,19 +41,26 @@ def draw_figures(
     """
     pictures = chosen(names)
     written = []
-    for i, path in enumerate(in_processes(partial(_draw, out), list(pictures))):
+    for i, path in enumerate(in_processes(partial(_draw, out), [*pictures.items()])):
         report(i + 1, path.stem)
         written.append(path)
     return written
 
 
-def _draw(out: Path, name: str) -> Path:
-    return write_picture(out / f"{name}.png", chosen(())[name]())
+def _draw(out: Path, named: tuple[str, Callable[[], Figure]]) -> Path:
+    name, picture = named
+    return write_picture(out / f"{name}.png", picture())
 
 
 def chosen(names: Sequence[str]) -> dict[str, Callable[[], Figure]]:
-    """Return the pictures of the figures named, or of all for none, by their files' names."""
+    """Return the pictures of the figures named, or of all for none, by their files' names.
+
+    All are without Figs 3 and 4 where there is no off-screen GL. Raises InputError for a figure
+    that there is not.
+    """
     for name in names:
         if name not in FIGURES:
             raise InputError(f"no figure {name} to draw; there are 3 to 14, and tori")
-    return {file: picture for name in (names or FIGURES) for file, picture in FIGURES[name].items()}
+    if not names:
+        names = [name for name in FIGURES if name not in _BY_OPENGL or gl.find_backend()]
+    return {file: picture for name in names for file, picture in FIGURES[name].items()}

@@ -1,80 +1,32 @@
-"""Figs 3 and 4: the structure of the ball and its axes, drawn from a scene's bodies and motion.
+"""Figs 3 and 4: the structure of the ball and its axes, as the film's renderer draws them.
 
-The bodies are shaded triangles in matplotlib, the farthest drawn first, so that no OpenGL is
-needed. The unit of length is the ball's radius, as in the parts of mjcf/.
+MuJoCo draws the bodies, the floor and the arrows; lines and names are drawn over its picture, where
+the camera sees their points. The unit of length is the ball's radius.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
 
-from robotball import Motion, Scene, integrate, sample_times
-from robotball.film.looks import BLUR, INK, looks_of, rgba_of
+from robotball import InputError, Motion, integrate, sample_times
+from robotball.film import gl
+from robotball.film.looks import INK, looks_of
+from robotball.film.stage import Arrow, Camera, Stage
 from robotball.film.tracks import track_of
-from robotball.rotations import Array, rotation_matrix
-from robotball.shapes import Shape
-from validation.figures import (
-    ENGINE_LINE,
-    ENGINE_NAME,
-    FAINT,
-    THEORY_LINE,
-    View,
-    engine_motion,
-    sheet,
-)
+from robotball.rotations import Array, Z, rotation_matrix, z_along
+from validation.figures import ENGINE_LINE, ENGINE_NAME, THEORY_LINE, engine_motion, sheet
 from validation.output import halo
 from validation.paper.formulas import paper_scene
 
-_LIGHT = np.array([-0.4, -0.35, 0.85])  # where it comes from
-_SHADE = 0.55  # of the colour, on a face that is turned away from it
-
-
-@dataclass(frozen=True)
-class _Solid:
-    """The triangles (n, 3, 3) of a body in world axes, in radii, and their colours (n, 3)."""
-
-    corners: Array
-    colours: Array
-
-
-def solid_of(shapes: Sequence[Shape], turn: Array, shift: Array) -> _Solid:
-    """Return a body's shapes turned (3, 3), then shifted (3,), without its glass and what blurs."""
-    solid = [shape for shape in shapes if shape.material not in ("shell", BLUR)]
-    corners = [shape.triangles for shape in solid]
-    colour = [
-        np.tile(rgba_of(shape.material)[:3], (len(own), 1))
-        for shape, own in zip(solid, corners, strict=True)
-    ]
-    return _Solid(np.concatenate(corners) @ turn.T + shift, np.concatenate(colour))
-
-
-def _draw_solid(axes: Axes, view: View, solids: Sequence[_Solid]) -> None:
-    """Draw the triangles of all bodies, the farthest first, each in one shade."""
-    corners = np.concatenate([solid.corners for solid in solids])
-    plain = np.concatenate([solid.colours for solid in solids])
-    edges = np.diff(corners, axis=1)
-    normals = np.cross(edges[:, 0], edges[:, 1])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    lit = np.abs(normals @ (_LIGHT / np.linalg.norm(_LIGHT)))
-    colours = plain * (_SHADE + (1 - _SHADE) * lit)[:, None]
-    order = np.argsort(view.depth(corners).mean(axis=1))
-    faces, shade = list(view.places(corners)[order]), colours[order]
-    axes.add_collection(PolyCollection(faces, fc=shade, ec=shade, lw=0.4, zorder=2))
-
-
 _SCENE = "fig12"  # one rotor, and mass inside the shell only
-# Both axes of Fig. 3 come towards the viewer, so that a turn about each is seen.
-_VIEW = View(azimuth=131.0, elevation=16.0)
 _ROLLED = 0.8  # s, before Fig. 4
-_SHELL, _FRAME, _ROTOR = "shell", "frame", "rotor1"
+_SIZE = 960, 1360  # pixels of a picture
+_PANEL = 6.8  # inches of the sheet that it takes
+_STEEL = "#5A7A9A"  # the shell, in no engine's colour
 _FRAME_AXES, _OMEGA, _ROTOR_AXIS = "#117733", "#CC3311", "#8A5A00"
-_NAMES_AT = 1.42  # radii from the centre
-_FREE = 3.0  # rad: the direction in Fig. 3 that is farthest from all other names
 
 
 def figure3() -> Figure:
@@ -99,23 +51,31 @@ def figure3() -> Figure:
         "  inertia is chosen: the paper gives A and K.",
     )
     title = "Fig. 3: structure of the ball, for one rotor"
-    figure, panels = sheet(title, caption, facts, [["ball"]], (6.8,))
+    figure, panels = sheet(title, caption, facts, [["ball"]], (_PANEL,))
     axes = panels["ball"]
-    bodies = _posed(scene, integrate(scene, sample_times(_ROLLED)), 0.0)
+    # Both axes come towards the viewer, so that a turn about each is seen.
+    camera = Camera(np.array([-0.2, -0.25, 0.92]), 4.6, azimuth=2.34, elevation=0.18)
     attitude = rotation_matrix(scene.start.attitude)
     shell_axis, rotor_axis = attitude @ ball.shell.axis, attitude @ ball.rotors[0].axis
-    centre = np.array([0.0, 0.0, 1.0])
-    _draw_ball(axes, bodies, centre)
-    _draw_turning(axes, centre + 0.98 * shell_axis, 0.3 * shell_axis, _OMEGA)
-    _draw_turning(axes, centre, 0.9 * rotor_axis, _ROTOR_AXIS)
-    names = {
-        "Ω(t): the shell's axis,\nabout which the frame turns": centre + 1.28 * shell_axis,
-        "n₁: the rotor's axis,\nit turns at φ̇₁(t)": centre + 0.9 * rotor_axis,
-        "frame": _outermost(bodies[_FRAME], centre, shell_axis),
-        # The end that is away from the frame's name.
-        "rotor": 2 * centre - _outermost(bodies[_ROTOR], centre, rotor_axis),
-    }
-    _draw_names(axes, centre, names)
+    arrows = [
+        (Z + 1.02 * shell_axis, Z + 1.5 * shell_axis, _OMEGA),
+        (Z, Z + 0.9 * rotor_axis, _ROTOR_AXIS),
+    ]
+    _draw_ball(axes, integrate(scene, sample_times(_ROLLED)), 0.0, camera, arrows)
+    _draw_sense(axes, camera, Z + 1.2 * shell_axis, shell_axis, _OMEGA)
+    _draw_sense(axes, camera, Z + 0.7 * rotor_axis, rotor_axis, _ROTOR_AXIS)
+    weight = attitude @ rotation_matrix(z_along(ball.shell.axis))[:, 0]  # on the frame's hoop
+    down = np.cross(np.cross(Z, rotor_axis), rotor_axis)
+    side = np.cross(camera.eye, Z) / np.hypot(*camera.eye[:2])
+    for name, point, place in (
+        ("Ω(t): the shell's axis,\nabout which the frame turns", Z + 1.3 * shell_axis, (0.8, 0.3)),
+        ("n₁: the rotor's axis,\nit turns at φ̇₁(t)", Z + 0.88 * rotor_axis, (0.83, 0.52)),
+        ("frame", Z + 0.82 * weight, (0.55, 0.93)),
+        ("rotor", Z + 0.5 * down, (0.24, 0.06)),
+        ("shell", Z + side, (0.06, 0.62)),
+    ):
+        _draw_name(axes, camera, name, point, place)
+    _draw_name(axes, camera, "C", Z)
     return figure
 
 
@@ -140,125 +100,83 @@ def figure4() -> Figure:
         "  here γ = ({:.4f}, {:.4f}, {:.4f}).".format(*frame[2]),
     )
     title = "Fig. 4: the ball on the plane, and its axes"
-    figure, panels = sheet(title, caption, facts, [["ball"]], (6.8,))
-    axes = panels["ball"]
-    foot, origin = np.array([*theory.contact_point[-1] / a, 0.0]), np.zeros(3)
-    centre = np.array([foot[0], foot[1], 1.0])
-    _draw_floor(axes, np.stack([origin, foot])[:, :2])
+    figure, panels = sheet(title, caption, facts, [["ball"]], (_PANEL,))
+    axes, origin = panels["ball"], np.zeros(3)
+    foot = np.append(theory.contact_point[-1] / a, 0.0)
+    centre = foot + Z
+    camera = Camera(0.5 * foot + 0.8 * Z, 6.5, azimuth=2.29, elevation=0.28)
+    tips = {name: (origin, 1.3 * axis, INK) for name, axis in zip("XYZ", np.eye(3), strict=True)}
+    for name, axis in zip(("x₁", "x₂", "x₃"), frame.T, strict=True):
+        tips[name] = (centre, centre + 1.5 * axis, _FRAME_AXES)
+    _draw_ball(axes, theory, _ROLLED, camera, [*tips.values()])
     for motion, style, name in (
         (theory, THEORY_LINE, "contact point, equations"),
         (engine, ENGINE_LINE, f"contact point, {ENGINE_NAME}"),
     ):
         path = np.column_stack([motion.contact_point / a, np.zeros(len(times))])
-        axes.plot(*_VIEW.places(path).T, **style, label=name)
-    _draw_ball(axes, _posed(scene, theory, _ROLLED), centre)
-    for name, axis in zip("XYZ", np.eye(3), strict=True):
-        _draw_arrow(axes, origin, 1.2 * axis, INK)
-        _draw_name(axes, name, 1.2 * axis, origin)
-    for name, axis in zip(("x₁", "x₂", "x₃"), frame.T, strict=True):
-        _draw_arrow(axes, centre, centre + 1.4 * axis, _FRAME_AXES)
-        _draw_name(axes, name, centre + 1.4 * axis, centre, _FRAME_AXES)
-    axes.plot(*_VIEW.places(np.stack([foot, centre])).T, ":", color=INK, linewidth=1.4, zorder=6)
-    for name, point, away in (("P", foot, centre), ("O", origin, foot), ("C", centre, foot)):
-        axes.plot(*_VIEW.places(point), "o", color=INK, markersize=4, zorder=8)
-        _draw_name(axes, name, point, away)
+        axes.plot(*_seen(camera, path).T, **style, label=name)
+    axes.plot(*_seen(camera, np.stack([foot, centre])).T, "o:", color=INK, markersize=4)
+    for name, (begin, end, colour) in tips.items():
+        _draw_name(axes, camera, name, end + 0.12 * (end - begin), color=colour)
+    for name, point in (("P", foot), ("O", origin), ("C", centre)):
+        _draw_name(axes, camera, name, point - 0.13 * Z)
     axes.legend(loc="lower left", fontsize=10)
     return figure
 
 
-def _posed(scene: Scene, motion: Motion, time: float) -> dict[str, _Solid]:
-    """Return the bodies of a scene's ball as its motion has them at a time [s], in radii."""
-    track, looks = track_of(motion), looks_of(scene.ball)
-    stands = track.stands(track.at(np.array([time])))
-    return {
-        body: solid_of(looks[body], stands[body][0][0], stands[body][1][0])
-        for body in (_SHELL, _FRAME, _ROTOR)
-    }
+def _draw_ball(
+    axes: Axes, motion: Motion, time: float, camera: Camera, arrows: Sequence[Arrow]
+) -> None:
+    """Draw the bodies of a motion's ball as they are at a time [s], and arrows in space.
 
-
-def _draw_ball(axes: Axes, bodies: Mapping[str, _Solid], centre: Array) -> None:
-    """Draw the bodies, the shell see-through."""
-    place = _VIEW.place(centre)
-    axes.add_patch(Circle(place, 1.0, facecolor="#DCE6EF", edgecolor="none", zorder=1))
-    _draw_solid(axes, _VIEW, list(bodies.values()))
-    axes.add_patch(Circle(place, 1.0, facecolor="#8FA9C4", edgecolor="none", alpha=0.16, zorder=4))
-    axes.add_patch(Circle(place, 1.0, facecolor="none", edgecolor=INK, linewidth=1.4, zorder=4))
-    axes.set_aspect("equal")
+    Raises InputError if there is no off-screen GL.
+    """
+    backend, track = gl.find_backend(), track_of(motion)
+    if backend is None:
+        raise InputError(gl.advice())
+    looks, stands = looks_of(motion.scene.ball), track.stands(track.at(np.array([time])))
+    stage = Stage(_SIZE, looks, [_STEEL], [track.points], camera.distance, backend)
+    try:
+        stage.place([stands], [dict.fromkeys(track.names, 0.0)])
+        axes.imshow(stage.draw(camera, [1.0], [0.0], 0, arrows))
+    finally:
+        stage.close()
     axes.set_axis_off()
+    axes.autoscale(enable=False)
 
 
-def _draw_arrow(axes: Axes, begin: Array, end: Array, colour: str) -> None:
-    """Draw an arrow in space, from (3,) to (3,)."""
-    axes.annotate(
-        "",
-        _VIEW.place(end),
-        _VIEW.place(begin),
-        zorder=6,
-        arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 2.0, "mutation_scale": 15,
-                    "shrinkA": 0, "shrinkB": 0},
-    )  # fmt: skip
+def _seen(camera: Camera, points: Array) -> Array:
+    """Return where points (n, 3) are in the picture, (n, 2) pixels."""
+    return np.array([camera.seen(point, _SIZE)[:2] for point in points])
 
 
-def _draw_turning(axes: Axes, begin: Array, along: Array, colour: str) -> None:
-    """Draw an arrow from a point (3,) along an axis (3,), and one about it for its sense."""
-    _draw_arrow(axes, begin, begin + along, colour)
-    axis = along / np.linalg.norm(along)
-    side = np.cross(axis, _VIEW.axes[2])
+def _draw_sense(axes: Axes, camera: Camera, middle: Array, axis: Array, colour: str) -> None:
+    """Draw a curved arrow about an axis (3,), in the sense of a turn about it."""
+    side = np.cross(axis, camera.eye)
     side /= np.linalg.norm(side)
     turn = np.linspace(0.15, 0.85, 60)[:, None] * 2 * np.pi
-    ring = 0.14 * (np.cos(turn) * np.cross(axis, side) - np.sin(turn) * side)
-    points = begin + 0.7 * along + ring
-    axes.plot(*_VIEW.places(points[:-3]).T, color=colour, linewidth=1.8, zorder=6)
-    _draw_arrow(axes, points[-4], points[-1], colour)
+    ring = 0.2 * (np.cos(turn) * np.cross(axis, side) - np.sin(turn) * side)
+    points = _seen(camera, middle + ring)
+    axes.plot(*points[:-3].T, color=colour, linewidth=2)
+    head = {"arrowstyle": "-|>", "color": colour, "mutation_scale": 15, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", points[-1].tolist(), points[-4].tolist(), arrowprops=head)
 
 
-def _draw_name(axes: Axes, name: str, point: Array, away: Array, colour: str = INK) -> None:
-    """Draw a name beside a point (3,), on the side that turns away from another (3,)."""
-    out = _VIEW.places(point - away)
-    x, y = _VIEW.places(point) + 0.13 * out / np.linalg.norm(out)
-    axes.text(
-        x, y, name, color=colour, fontsize=14, ha="center", va="center", path_effects=halo(),
-        zorder=9,
-    )  # fmt: skip
-
-
-def _draw_floor(axes: Axes, points: Array) -> None:
-    """Draw the plane's square grid under points (n, 2)."""
-    low, high = np.floor(points.min(axis=0)) - 1.0, np.ceil(points.max(axis=0)) + 1.0
-    for axis in (0, 1):
-        for at in np.arange(low[axis], high[axis] + 0.5):
-            line = np.zeros((2, 3))
-            line[:, axis], line[:, 1 - axis] = at, (low[1 - axis], high[1 - axis])
-            axes.plot(*_VIEW.places(line).T, color=FAINT, linewidth=0.6, alpha=0.7, zorder=0)
-
-
-def _outermost(body: _Solid, centre: Array, axis: Array) -> Array:
-    """Return the point (3,) of a body's surface that is farthest out, across an axis (3,).
-
-    There is one on either side in the picture; the one nearer to the viewer is taken.
-    """
-    points = body.corners.reshape(-1, 3)
-    out = (points - centre) @ np.cross(axis, _VIEW.axes[2])
-    ends = points[[np.argmax(out), np.argmin(out)]]
-    return ends[np.argmax(_VIEW.depth(ends))]
-
-
-def _draw_names(axes: Axes, centre: Array, anchors: Mapping[str, Array]) -> None:
-    """Write names on a ring around the ball, each in the direction of its point (3,).
-
-    The shell is everywhere, so its name is where most room is left. C stands at the centre.
-    """
-    middle = _VIEW.places(centre)
-    places = {name: _VIEW.places(point) for name, point in anchors.items()}
-    free = np.array([np.cos(_FREE), np.sin(_FREE)])
-    for name, place in {**places, "shell": middle + free}.items():
-        out = (place - middle) / np.linalg.norm(place - middle)
-        line = np.stack([place, middle + (_NAMES_AT - 0.04) * out])
-        axes.plot(*line.T, color=INK, linewidth=0.8, zorder=7)
-        across = "left" if out[0] > 0.2 else "right" if out[0] < -0.2 else "center"
-        along = "center" if across != "center" else "bottom" if out[1] > 0 else "top"
-        x, y = middle + _NAMES_AT * out
-        axes.text(x, y, name, ha=across, va=along, fontsize=12, color=INK)
-    axes.plot(*middle, "o", color=INK, markersize=4, zorder=8)
-    _draw_name(axes, "C", centre, centre - _VIEW.axes[0] - _VIEW.axes[1])
-    axes.set(xlim=(middle[0] - 2.1, middle[0] + 2.1), ylim=(middle[1] - 1.55, middle[1] + 1.55))
+def _draw_name(
+    axes: Axes,
+    camera: Camera,
+    name: str,
+    point: Array,
+    place: tuple[float, float] | None = None,
+    **style: Any,
+) -> None:
+    """Write a name at a point (3,), or at a place of the panel with a line to the point."""
+    style = {"color": INK, "ha": "center", "va": "center", "path_effects": halo(), **style}
+    (at,) = _seen(camera, point[None]).tolist()
+    if place is None:
+        axes.text(at[0], at[1], name, fontsize=14, **style)
+    else:
+        line = {"arrowstyle": "-", "color": INK, "linewidth": 0.8, "shrinkB": 0}
+        axes.annotate(
+            name, at, place, textcoords="axes fraction", arrowprops=line, fontsize=12, **style
+        )

@@ -152,7 +152,7 @@ def by(
 
 @dataclass(frozen=True)
 class Section:
-    """A section of the paper, or the part that is not the paper's, with its claims in order."""
+    """A section of the paper with its claims in order."""
 
     title: str
     claims: list[Claim] = field(default_factory=list)

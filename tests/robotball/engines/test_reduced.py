@@ -131,7 +131,7 @@ def test_two_motions_that_agree_by_chance_leave_rounding() -> None:
 def right_path(scene: rb.Scene, times: Array) -> Array:
     """Contact points (n, 2) by heyoka's Taylor series, in steps to 1e-19 of long doubles."""
     hy = pytest.importorskip("heyoka")  # for Linux alone
-    from validation.bench.kernels import equations_of, pars_of
+    from tests.bench.kernels import equations_of, pars_of
 
     starts = Starts(*kernel_start(scene))
     # The ball's numbers are parameters: heyoka compiles once for each rolling model, and in compact

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engines.mujoco import fault_window
 from robotball.files import columns as table_file
 from robotball.files import contents
 from robotball.files.columns import read_samples, read_table
@@ -28,7 +27,6 @@ READERS: dict[str, Callable[[Path], object]] = {
     "run.csv": rb.read_trajectory,
     "run.npz": rb.read_trajectory,
     "run.parquet": rb.read_trajectory,
-    "fault.json": fault_window.load,
     "study.json": study_report,
 }
 

@@ -74,9 +74,7 @@ RUNS = {
     "extremes --random 2 --workers 1 --json a.json": "2 ordinary runs: 0 false alarms",
 }
 # Run below, and by the tests of their studies, of the film and of the demo's table.
-ELSEWHERE = (
-    "ablation check convergence demo design export importers judge paper portraits replay report "
-)
+ELSEWHERE = "ablation check convergence demo design export judge paper portraits report "
 ELSEWHERE += "steer tradeoff video"
 
 
@@ -202,11 +200,6 @@ def test_a_users_text_is_shown_as_it_is(robotball: Robotball, tmp_path: Path) ->
     status, out, _ = robotball("compare", f"{name}.toml", "--preset", "naive", "--duration", 0.1)
     assert status == 1
     assert name in out
-    window = tmp_path / "out" / f"{name}-mujoco-naive-fault.json"
-    window.write_text(window.read_text().replace("hinge rate", "hinge [/rate]"))
-    status, out, _ = robotball("replay", window)
-    assert status == 0
-    assert f"{name}, naive: hinge [/rate]" in out
 
 
 def test_a_run_that_broke_in_its_first_step_has_a_page_and_no_film(

@@ -100,7 +100,6 @@ REFUSED = {
     # files to read
     "compare nowhere.toml": r"nowhere\.toml: No such file",
     f"compare {LONG}.toml": "File name too long",
-    "replay .": "Is a directory",
     "judge fig12": "judge needs a file with a trajectory: t,x,y,qw,qx,qy,qz",
     "judge fig12 a.csv": r"a\.csv: the columns y,qw,qx,qy,qz are missing; there are t, x",
     "report": "report needs a scene, or the JSON file of a study",

@@ -2,28 +2,26 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
+import robotball as rb
+from robotball.film import gl
 from robotball.film.looks import INK
 from robotball.qualitative.equilibria import closed_form_points, fixed_points
 from robotball.qualitative.portraits import separatrices
 from robotball.qualitative.sections import invariant_curve
 from robotball.qualitative.straight_motions import stability_limit
-from robotball.rotations import rotation_matrix
-from robotball.shapes import Shape
 from tests.figures import from_rest
 from validation.figures import View, lines, rest
 from validation.figures import attractor_figures as tori
 from validation.figures.lines import LINE_K, growth_rate, line_verticals
-from validation.figures.paper_figures import FIGURES
+from validation.figures.paper_figures import FIGURES, chosen
 from validation.figures.rest import closed_contour
 from validation.figures.sphere import Globe, Involute
-from validation.figures.structure import solid_of
 from validation.paper.formulas import paper_scene
 
 
@@ -56,8 +54,12 @@ DRAWN = {
 @pytest.mark.slow
 @pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize("name", DRAWN)
-def test_every_kind_of_figure_is_drawn(name: str, tmp_path: Path) -> None:
+def test_every_kind_of_figure_is_drawn(
+    name: str, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
     """In both engines' colours where there is a motion: more red than blue, and the reverse."""
+    if name == "fig04":
+        request.getfixturevalue("screen")
     DRAWN[name]().savefig(tmp_path / "drawn.png")
     pixels = imread(tmp_path / "drawn.png")[:, :, :3]
     assert pixels.shape[0] > 500
@@ -65,6 +67,15 @@ def test_every_kind_of_figure_is_drawn(name: str, tmp_path: Path) -> None:
     warm = pixels[:, :, 0] - pixels[:, :, 2]
     assert np.count_nonzero(warm > 0.3) > 100
     assert name == "fig09" or np.count_nonzero(warm < -0.3) > 100
+
+
+def test_without_an_opengl_figs_3_and_4_alone_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All figures are then all others; one that is named says what it needs."""
+    monkeypatch.setattr(gl, "find_backend", lambda: None)
+    every = {file for files in FIGURES.values() for file in files}
+    assert every - set(chosen(())) == {"fig03", "fig04"}
+    with pytest.raises(rb.InputError, match="no off-screen GL"):
+        chosen(("3",))["fig03"]()
 
 
 # What they show ----------------------------------------------------------------------------
@@ -175,24 +186,3 @@ def test_a_name_near_the_rim_stands_beyond_it_and_one_behind_is_grey() -> None:
         name = globe.axes.texts[-1]
         assert np.hypot(*name.get_position()) == pytest.approx(radius, abs=1e-3)
         assert (name.get_color() == INK) == (gamma[0] > 0)
-
-
-@pytest.mark.parametrize(
-    ("kind", "sizes", "volume"),
-    [
-        ("box", (0.1, 0.2, 0.3), 0.048),
-        ("cylinder", (0.5, 0.25, 0.0), np.pi * 0.125),
-        ("torus", (0.5, 0.1, 0.0), 2 * np.pi**2 * 0.5 * 0.01),
-    ],
-)
-def test_the_triangles_of_a_body_close_it(
-    kind: Any, sizes: tuple[float, ...], volume: float
-) -> None:
-    """Their volume by the divergence theorem, and so each seen from outside anticlockwise.
-
-    A round bar of 48 sides lacks 0.3 % of it, a tube of 8 sides 10 %.
-    """
-    shape = Shape(kind, np.array(sizes), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), "frame")
-    turn = rotation_matrix(np.array([0.5, 0.5, 0.5, 0.5]))
-    corners = solid_of([shape], turn, np.array([1.0, 2.0, 3.0])).corners
-    assert 0.89 * volume < np.linalg.det(corners).sum() / 6 < volume * (1 + 1e-12)

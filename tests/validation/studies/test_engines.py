@@ -14,7 +14,7 @@ import pytest
 import robotball as rb
 from robotball.engines import LEAST_RTOL
 from robotball.engines.environments import versions_in
-from validation.bench.gallery import engines_table
+from tests.bench.gallery import engines_table
 from validation.studies.engine_runs import (
     LOOSEST,
     OLDER,

@@ -21,9 +21,9 @@ from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import NAIVE, recipe
 from robotball.motors import Servo
+from tests.bench.gallery import numbers_of_tradeoff
 from tests.conftest import Robotball
 from tests.validation.examples import example
-from validation.bench.gallery import numbers_of_tradeoff
 from validation.studies import timing
 from validation.studies.friction import HARD, ROLLING, SOFT, TORSIONAL, friction_cells, friction_run
 from validation.studies.timing import Cost, measure_costs, parts_of, simulated_second, split

@@ -1,4 +1,4 @@
-"""Statements that are ours and not the paper's.
+"""Statements of our own about the ball, checked as those of the paper are.
 
 Balances, symmetries and sums; the balls that can be built; the numbers of the motions of its
 figures.

@@ -1,7 +1,7 @@
 """Measure how honest `--accuracy` is about its error, over random balls; it takes hours.
 
 A miss is a run whose path error is above what was requested, though it neither warned nor broke
-off. Results are kept in out/estimates.jsonl, so `python -m validation.bench.estimates` goes on
+off. Results are kept in out/estimates.jsonl, so `python -m tests.bench.estimates` goes on
 after a break.
 """
 

@@ -1,23 +1,17 @@
-"""One model file as one importer reads it: the robot's numbers.
-
-The importers are the engines' own, each in the environment of its engine. Hinges are at angle 0.
-"""
+"""Read a model file by an engine's own importer: the robot's numbers. Hinges are at angle 0."""
 
 import json
-import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from robotball import InputError, engine_named
 from robotball.robot import Solid, composed
 from robotball.rotations import rotation_matrix
 
 _Hinges = dict[str, tuple[Any, float]]
-FILES = {"JSON": "scene.json", "MJCF": "model.xml", "URDF": "model.urdf", "SDF": "model.sdf"}
 
 
 def _solid(mass: float, centre: Any, axes: Any, inertia: Any) -> Solid:
@@ -155,8 +149,6 @@ def _drake(path: str, form: str) -> dict[str, Any]:
 def _pinocchio(path: str, form: str) -> dict[str, Any]:
     import pinocchio as pin
 
-    if form == "SDF" and not pin.WITH_SDFORMAT:
-        raise InputError("its wheel is built without SDF")
     free = pin.JointModelFreeFlyer()
     model = pin.buildModelFromMJCF(path) if form == "MJCF" else pin.buildModelFromUrdf(path, free)
     data = model.createData()
@@ -203,27 +195,15 @@ def _newton(path: str, form: str) -> dict[str, Any]:
     return plain(*poses[0], bodies, hinges, model.gravity.numpy()[0], len(armatures))
 
 
-# By the engine and its option: the importer, and the formats by which it is tried. Nothing but
+# By the package and its option: the importer, and the formats by which it is tried. Nothing but
 # Python reads our JSON.
 IMPORTERS: dict[str, tuple[Callable[..., dict[str, Any]], tuple[str, ...]]] = {
-    "multibody": (_json, ("JSON",)),
+    "json": (_json, ("JSON",)),
     "mujoco": (_mujoco, ("MJCF", "URDF")),
-    "bullet": (_bullet, ("URDF", "SDF", "MJCF")),
-    "bullet, URDF_USE_INERTIA_FROM_FILE": (partial(_bullet, flags=2), ("URDF", "MJCF")),
-    "dart": (_dart, ("URDF", "SDF", "MJCF")),
-    "drake": (_drake, ("URDF", "SDF", "MJCF")),
-    "pinocchio": (_pinocchio, ("URDF", "SDF", "MJCF")),
+    "pybullet": (_bullet, ("URDF", "SDF", "MJCF")),
+    "pybullet, URDF_USE_INERTIA_FROM_FILE": (partial(_bullet, flags=2), ("URDF", "MJCF")),
+    "dartpy": (_dart, ("URDF", "SDF", "MJCF")),
+    "pydrake": (_drake, ("URDF", "SDF", "MJCF")),
+    "pinocchio": (_pinocchio, ("URDF", "MJCF")),  # its wheel is built without SDF
     "newton": (_newton, ("URDF", "MJCF")),
 }
-
-
-def read(cell: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the numbers of a cell's text as its importer reads it, and the importer's version."""
-    importer, form = IMPORTERS[cell["importer"]][0], cell["format"]
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / FILES[form]
-        path.write_text(cell["text"], encoding="utf-8")
-        found = importer(str(path), form)
-    label = engine_named(cell["engine"]).label
-    by = "Python" if form == "JSON" else f"{label.name} {label.version}"
-    return {**found, "by": by}

@@ -2,8 +2,8 @@
 
 import pytest
 
+from tests.bench.gallery import PICTURES, gallery_page
 from tests.imports import PROJECT
-from validation.bench.gallery import PICTURES, gallery_page
 from validation.cli import parse
 
 DOCS = PROJECT / "docs"

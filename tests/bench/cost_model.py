@@ -3,7 +3,7 @@
 Every scene of the catalog and random balls run at both families of the recipe: RK4 at many steps,
 and adaptive at many tolerances. The coefficients fitted to these runs stand beside those in use.
 For four accuracies a second table shows what they took over the cheapest of the configurations
-searched; `validation.bench.estimates` measures whether they are reached.
+searched; `tests.bench.estimates` measures whether they are reached.
 """
 
 import argparse

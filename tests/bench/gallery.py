@@ -1,7 +1,7 @@
 """Make every picture and table of the docs again by the program, as `make gallery` does.
 
 gallery.toml says which pictures there are, and docs/gallery.md shows them all. Arguments select the
-commands that begin with one of them: `python -m validation.bench.gallery history figures`. The
+commands that begin with one of them: `python -m tests.bench.gallery history figures`. The
 pictures of other engines need environments of their own, so they are made only where named.
 """
 
@@ -45,7 +45,7 @@ NUMBERS = _DOCS / "numbers.json"
 _HEAD = """# Gallery
 
 Every kind of picture that the program makes, and the command that makes it. `make gallery` makes
-all of them again, in hours; `python -m validation.bench.gallery figures history` those named."""
+all of them again, in hours; `python -m tests.bench.gallery figures history` those named."""
 _PROOFS = """
 ## Proofs
 

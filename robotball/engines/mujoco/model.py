@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import root_scalar
 
 import robotball.scene
-from robotball.drives import Drive, turns
+from robotball.drives import Drive, turns, uneven
 from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings, for_load
 from robotball.errors import InputError
 from robotball.motors import Actuator, Free, Law, Motor, PositionServo, Servo, Torque
@@ -101,7 +101,7 @@ def hinges_of(scene: Scene, settings: Settings) -> tuple[ModelHinge, ...]:
 
     Any other body is fixed to its parent, which saves MuJoCo a degree of freedom in every step.
     """
-    times = np.linspace(0.0, scene.duration, _RATES_SEEN)
+    times = uneven(scene.duration, scene.duration / _RATES_SEEN)
     # Of shell and frame, the one without the free joint has the hinge between them.
     joints = {"frame": "shell"} if settings.root == "frame" else {}
     return tuple(

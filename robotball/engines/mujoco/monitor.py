@@ -11,13 +11,14 @@ import mujoco
 import numpy as np
 
 from robotball.engines.mujoco.limits import allowed
-from robotball.engines.mujoco.model import Model
+from robotball.engines.mujoco.model import Model, ModelHinge
 from robotball.engines.mujoco.readings import Readings, lengths
 from robotball.motion import DIVERGED, RATE_ERROR, Fault, FaultKind, path_unit, slip_with_spin
 from robotball.rotations import Array, Mask
 
 _SATURATED = 1 - 1e-6  # of the friction cone; solutions on its surface end this near
 _AT_LIMIT = 1 - 1e-9  # of a servo's torque limit, beyond which only rounding lies
+_ROUNDING = 2e-15  # of an angle and of its drive's, relative
 _LIFTING = 1e-2  # of the weight; a ball that presses less on the plane is about to lift off
 
 # Without MuJoCo's warnings of a bad state (BADQPOS, …), which the state itself shows.
@@ -48,6 +49,7 @@ class Monitor:
         self.last_time, self.rolled, self.slipped = -np.inf, 0.0, 0.0
         self.momentum: Array | None = None
         self.last_centre: Array | None = None
+        self.ahead: Array | None = None
 
     def look(self, readings: Readings, failure: Fault | None = None) -> list[Found]:
         """Return the first of each kind of fault in the next portion, the earliest first.
@@ -88,6 +90,7 @@ class Monitor:
         # A motor of the scene's own may be weak; any other drive has to keep its rate.
         exact = [hinge for hinge in readings.model.hinges if not hinge.own_motor]
         off_rate = readings.hinge_rate_error(exact) > RATE_ERROR
+        off_rate |= self._off_between(readings, exact, elapsed)
         saturated = readings.friction_used > _SATURATED
         # A ball that is about to lift off has no cone left, so its contact is what is lost.
         lifting = saturated & (readings.contact_force[:, 0] < _LIFTING * self.weight)
@@ -113,6 +116,19 @@ class Monitor:
                 if readings.warnings[-1:, i].any()  # they only grow
             ),
         ]
+
+    def _off_between(self, readings: Readings, hinges: list[ModelHinge], elapsed: Array) -> Mask:
+        """Return the rows since whose last one a hinge has not turned as far as its drive did.
+
+        A drive whose period divides the timestep has the same rate at every row.
+        """
+        times = np.where(np.isfinite(readings.time), readings.time, 0.0)
+        angles = readings.hinge_angles[:, [each.index for each in hinges]]
+        ahead = angles - np.array([each.drive.angle(times) for each in hinges]).T
+        gained = np.diff(ahead, axis=0, prepend=ahead[:1] if self.ahead is None else self.ahead)
+        self.ahead = ahead[-1:] if len(ahead) else self.ahead
+        most = RATE_ERROR * np.outer(np.abs(elapsed), [each.largest_rate for each in hinges])
+        return np.asarray((np.abs(gained) > most + _ROUNDING * np.abs(angles)).any(axis=1))
 
     def _of_the_motion(self, readings: Readings) -> list[tuple[Mask, Fault]]:
         """Return the faults by the momentum and by the slip over the path, with their rows."""

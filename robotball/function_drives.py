@@ -1,19 +1,21 @@
 """Drives by users' functions of time, with derivatives and integrals by polynomials.
 
 A function is followed by Chebyshev polynomials of degree 24, a panel each. Panels are halved until
-the last coefficients are rounding, so that smooth functions are known to rounding, and what still
-changes within the narrowest panel is a jump. In order: the drive, its polynomials.
+the last coefficients are rounding and the polynomial passes through every look at the function, so
+that smooth functions are known to rounding, and what still changes within the narrowest panel is a
+jump. In order: the drive, its polynomials.
 """
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from robotball.drives import Custom, uneven
 from robotball.errors import END_ROUNDING, LARGEST, InputError, warn
 from robotball.rotations import Array
 
@@ -22,21 +24,29 @@ _Function = Callable[[float], float]
 _LONGEST = 1e5  # s, of a followed function: half a minute's work for a cheap one
 _FOLLOWED = 1e-12  # of the largest rate: a polynomial as near as that costs no accuracy
 _GIVEN = 1e-6  # relative: the largest error of a given derivative or integral
+_FINEST = 1e-3  # s, between two looks at a function whose author names no other
+_LOOKS, _MOST_LOOKS = 100_000, 10_000_000  # over a run: without a `finest`, and with one
+# s: a step may pass over what a panel follows that is shorter than SHORT, so the panel's ends are
+# breakpoints. Nothing turns in less than SHORTEST, to which a kink is halved without end.
+_SHORT, _SHORTEST = 0.02, 1e-6
 
 
 @dataclass(frozen=True)
 class Followed:
     """The drive of a user's function over a run from 0 to `end` [s], and nowhere else.
 
-    The fields are those of a Custom rate. A derivative or integral that is None is taken from
-    polynomials.
+    A derivative or integral that is not given is taken from polynomials.
     """
 
     end: float
-    function: _Function
-    breakpoints: tuple[float, ...] = ()
-    derivative: _Function | None = None
-    integral: _Function | None = None
+    given: Custom
+
+    @cached_property
+    def breakpoints(self) -> tuple[float, ...]:
+        """The breakpoints that are named, and the ends of the panels where the rate is quick."""
+        panels = pairwise(self.polynomials.edges.tolist())
+        quick = (panel for panel in panels if _SHORTEST < panel[1] - panel[0] < _SHORT)
+        return tuple(sorted({*self.given.breakpoints, *chain.from_iterable(quick)} - {self.end}))
 
     def rate(self, t: Any) -> Any:
         return _each(self._rate, t)
@@ -54,18 +64,21 @@ class Followed:
         Raises InputError where the function jumps, or where a derivative or integral given for it
         is not its own; warns where it is not smooth and no derivative is given.
         """
-        if not self.end <= _LONGEST:
+        finest = self.given.finest or max(_FINEST, self.end / _LOOKS)
+        longest = min(_LONGEST, _MOST_LOOKS * finest)
+        if not self.end <= longest:
             raise InputError(
-                f"a drive's function can be followed to t = {_LONGEST:g} s at most, not to "
-                f"{self.end:g} s; a number, a Ramp or a Sine has no such limit"
+                f"a drive's function can be followed to t = {longest:g} s at most, not to "
+                f"{self.end:g} s, every {finest:g} s; a number, a Ramp or a Sine has no such limit"
             )
-        inside = sorted({float(b) for b in self.breakpoints if 0 < b < self.end})
-        found = polynomials_of(self._rate, [0.0, *inside, self.end])
+        inside = sorted({float(b) for b in self.given.breakpoints if 0 < b < self.end})
+        looks = uneven(self.end, finest)
+        found = polynomials_of(self._rate, [0.0, *inside, self.end], looks)
         follows = found.off <= _FOLLOWED * (1 + found.size)
         # What is given is compared in the middle of each panel that the polynomial follows: near a
         # kink that no breakpoint names, the polynomial itself is off.
         middles = (found.edges[:-1] + found.edges[1:])[follows] / 2
-        if self.derivative is not None:
+        if self.given.derivative is not None:
             _check_own("derivative", self._acceleration, found.slope, middles, "rad/s²")
         elif not follows.all():
             warn(
@@ -73,14 +86,14 @@ class Followed:
                 f"its derivative there follows it to {found.off.max():.1g} rad/s only; give "
                 "Custom its breakpoints, or its derivative"
             )
-        if self.integral is not None:
+        if self.given.integral is not None:
             _check_own("integral", self._angle, found.area, middles, "rad")
         return found
 
     def _rate(self, t: float) -> float:
         t = self._inside(t)
         try:
-            value = float(self.function(t))
+            value = float(self.given.function(t))
         except Exception as error:  # whatever a user's function may raise
             raise InputError(
                 f"a drive's function fails at t = {t:g} s: {type(error).__name__}: {error}"
@@ -93,11 +106,11 @@ class Followed:
         return value
 
     def _acceleration(self, t: float) -> float:
-        t, given = self._inside(t), self.derivative
+        t, given = self._inside(t), self.given.derivative
         return self.polynomials.slope(t) if given is None else float(given(t))
 
     def _angle(self, t: float) -> float:
-        t, given = self._inside(t), self.integral
+        t, given = self._inside(t), self.given.integral
         return self.polynomials.area(t) if given is None else float(given(t)) - float(given(0.0))
 
     def _inside(self, t: float) -> float:
@@ -125,8 +138,7 @@ def _check_own(name: str, given: _Function, own: _Function, at: Any, unit: str) 
             )
 
 
-# s, the longest: its nodes are 33 ms apart at most, so that only a shorter pulse can hide.
-_PANEL = 0.5
+_PANEL = 0.5  # s, the longest
 _NARROWEST = 1e-9  # s: a panel of that length is not halved again
 _MOST_HALVES = 500  # of one panel: some ten kinks
 _JUMP = 1e-4  # of 1 and the value: more within the narrowest panel is no slope but a jump
@@ -136,6 +148,7 @@ _NODES = chebyshev.chebpts2(_DEGREE + 1)
 _COEFFICIENTS = np.linalg.inv(chebyshev.chebvander(_NODES, _DEGREE))
 _EPS = float(np.finfo(float).eps)
 _ROUNDING = 8 * _EPS  # of the last coefficients of a polynomial that follows
+_BETWEEN = 100.0  # times as much: the rounding of its values between the nodes
 
 
 @dataclass(frozen=True)
@@ -174,24 +187,28 @@ class _Polynomials:
         return i, float((2 * t - begin - end) / (end - begin))
 
 
-def polynomials_of(function: _Function, edges: list[float]) -> _Polynomials:
+def polynomials_of(
+    function: _Function, edges: list[float], looks: Array = _NODES[:0]
+) -> _Polynomials:
     """Return polynomials that follow a function to rounding, or as near as halving brings them.
 
-    edges: increasing times, of which the function is smooth between each two. It is asked there
-    and between, never before the first or after the last. Raises InputError where it jumps.
+    edges: increasing times, of which the function is smooth between each two; looks: further times
+    at which it is followed. It is asked there and between, never before the first or after the
+    last. Raises InputError where it jumps.
     """
-    panels: list[tuple[float, float, Array]] = []
+    panels: list[tuple[float, float, Array, float]] = []
     size = 0.0
     for piece in pairwise(edges):
         count = int(np.ceil((piece[1] - piece[0]) / _PANEL))
         for begin, end in pairwise(np.linspace(*piece, count + 1).tolist()):
-            for panel in _halved(function, begin, end, size):
+            seen = looks[np.searchsorted(looks, begin) : np.searchsorted(looks, end)]
+            for panel in _halved(function, begin, end, size, seen):
                 panels.append(panel)
                 size = max(size, float(np.abs(panel[2]).max()))
-    found = np.array([panels[0][0], *(end for _, end, _ in panels)])
+    found = np.array([panels[0][0], *(end for _, end, *_ in panels)])
     halves = np.diff(found)[:, None] / 2
-    coefficients = np.array([_COEFFICIENTS @ values for _, _, values in panels])
-    off = _tail(coefficients)
+    coefficients = np.array([_COEFFICIENTS @ values for _, _, values, _ in panels])
+    off = np.array([off for *_, off in panels])
     # Coefficients of rounding alone would be magnified in the slope by the square of their degree.
     coefficients[np.abs(coefficients) < _EPS * size] = 0.0
     slopes = chebyshev.chebder(coefficients, axis=1) / halves
@@ -203,9 +220,10 @@ def polynomials_of(function: _Function, edges: list[float]) -> _Polynomials:
 
 
 def _halved(
-    function: _Function, begin: float, end: float, size: float
-) -> Iterator[tuple[float, float, Array]]:
-    """Yield (begin, end, values at the nodes) of the parts, halved as long as that helps."""
+    function: _Function, begin: float, end: float, size: float, looks: Array
+) -> Iterator[tuple[float, float, Array, float]]:
+    """Yield (begin, end, values at the nodes, how far off) of the parts, halved as it helps."""
+    seen = np.array([function(t) for t in looks.tolist()])
     # A stack with the earlier half on top, so that panels come in the order of time.
     left, halves = [(begin, end)], 0
     while left:
@@ -216,11 +234,14 @@ def _halved(
         nodes[0], nodes[-1] = a, b
         values = np.array([function(t) for t in nodes.tolist()])
         coefficients = _COEFFICIENTS @ values
-        follows = _tail(coefficients) <= _rounding_of(coefficients, a, b, size)
+        part = slice(*np.searchsorted(looks, (a, b)))
+        between = chebyshev.chebval((looks[part] - middle) / half, coefficients) - seen[part]
+        tail, missed = float(_tail(coefficients)), float(np.abs(between).max(initial=0.0))
+        follows = max(tail, missed / _BETWEEN) <= _rounding_of(coefficients, a, b, size)
         if follows or b - a <= _NARROWEST or halves == _MOST_HALVES:
             if not follows and b - a <= _NARROWEST:
                 _check_continuous(a, b, values)
-            yield a, b, values
+            yield a, b, values, tail if follows else max(tail, missed)
         else:
             halves += 1
             left += [(middle, b), (a, middle)]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robotball.drives import Constant, Drive, Rate, as_drive, functions_of
+from robotball.drives import Constant, Drive, Rate, as_drive, sampling_error, uneven
 from robotball.equations import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.errors import LARGEST, InputError, check_not_negative, check_positive, check_size
 from robotball.robot import ROUNDING, Ball, Value, imbalance
@@ -473,9 +473,7 @@ class Scene(Value):
         if self.steady:
             return self
         scene = replace(self, duration=end)
-        for drive in (*scene.drives, *scene.controls):
-            for function in functions_of(drive):
-                assert function.polynomials  # raises before the run, not in its midst
+        assert scene.breakpoints is not None  # raises before the run, not in its midst
         return scene
 
     @cached_property
@@ -487,13 +485,18 @@ class Scene(Value):
     @cached_property
     def largest_rates(self) -> tuple[float, ...]:
         """The largest size of each hinge's command over the scene, by which errors are measured."""
-        times = np.linspace(0.0, self.duration, _RATES_SEEN)
+        times = uneven(self.duration, self.duration / _RATES_SEEN)
         return tuple(float(np.abs(drive.rate(times)).max()) for drive in self.drives)
 
     @cached_property
     def steady(self) -> bool:
         """Whether all rates are constant."""
         return all(isinstance(drive, Constant) for drive in (*self.drives, *self.controls))
+
+    def sampling_error(self, end: float, timestep: float) -> float:
+        """Return `drives.sampling_error` of the commands, in steps [s] of a run to `end` [s]."""
+        stops = np.array([0.0, *(t for t in self.breakpoints if t < end), end])
+        return sampling_error((*self.drives, *self.controls), stops, timestep)
 
     def parameters_at(self, t: float) -> Parameters:
         """Return the numbers of the equations at time t [s], in principal axes."""

@@ -33,7 +33,7 @@ from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of
 from robotball.engines.observe import State, motion_of_rows, start_state
 from robotball.equations import as_vector
 from robotball.errors import InputError, warn
-from robotball.motion import ContactMotion, EngineSettings, Label
+from robotball.motion import RATE_ERROR, ContactMotion, EngineSettings, Label
 from robotball.rotations import Array
 from robotball.scene import Scene, spans
 
@@ -334,7 +334,12 @@ class Adapter(Engine):
         if lack := self.lacks(scene, settings):
             warn(f"{scene.name}, {settings.name}: {self.label.name}: {lack}")
         more = (scenes,) if len(scenes) > 1 else ()
-        world = self.world(scene, settings, longest_step(scene, times, settings.timestep), *more)
+        step = longest_step(scene, times, settings.timestep)
+        missed = scene.sampling_error(float(times[-1]), step)
+        if missed > RATE_ERROR and getattr(settings, "ideal", None) != "DOP853":
+            lack = f"a step of {step:g} s mistakes the mean of a drive by {missed:.2g} of it"
+            warn(f"{scene.name}, {settings.name}: {self.label.name}: {lack}; take shorter steps")
+        world = self.world(scene, settings, step, *more)
         # Only the engine's steps are timed, not the reading of its states. A state that is no
         # number ends the run of its ball.
         rows, spent = [np.array([start_state(each).row for each in scenes])], 0.0

@@ -205,6 +205,7 @@ class Found(NamedTuple):
 
 Sign = tuple[Mask, Fault]
 """The rows (m,) that show a fault, and the fault, whose time is not known yet."""
+_ROUNDING = 2e-15  # of an angle and of its drive's, relative
 _ORDER = {kind: i for i, kind in enumerate(FaultKind)}
 
 
@@ -215,7 +216,8 @@ class Monitor:
     motion without a word.
 
     rolled, slipped: the lengths of the path and of the slip along it so far [m], where a rubber
-    ball's spin counts as slip at its radius; momentum: M of the first state (3,).
+    ball's spin counts as slip at its radius; momentum: M of the first state (3,); ahead (1, h): how
+    much farther the hinges have turned than their drives [rad].
     """
 
     def __init__(self, scene: Scene, settings: EngineSettings) -> None:
@@ -223,6 +225,7 @@ class Monitor:
         self.last_time, self.rolled, self.slipped = -np.inf, 0.0, 0.0
         self.momentum: Array | None = None
         self.last_centre: Array | None = None
+        self.ahead: Array | None = None
 
     def look(
         self,
@@ -280,12 +283,27 @@ class Monitor:
         # A motor of the scene's own may be weak; any other drive has to keep its rate.
         exact = [hinge.motor is None for hinge in self.scene.hinges]
         off_rate = np.asarray((rate_errors[:, exact] > RATE_ERROR).any(axis=1))
+        if not self.scene.steady:
+            off_rate |= self._off_between(readings, elapsed)[:, exact].any(axis=1)
         return [
             (~sound, Fault(kind.DIVERGED, np.nan, fatal=True)),
             (sound & (elapsed <= 0), Fault(kind.RESET, np.nan, fatal=True)),
             (sound & ~readings.touching, Fault(kind.CONTACT_LOST, np.nan)),
             (off_rate, Fault(kind.RATE_OFF, np.nan, limit=RATE_ERROR)),
         ]
+
+    def _off_between(self, readings: Readings, elapsed: Array) -> Mask:
+        """Return the rows (m, h) since whose last one a hinge has not turned as its drive did.
+
+        A drive whose period divides the timestep has the same rate at every row.
+        """
+        times = np.where(np.isfinite(readings.time), readings.time, 0.0)
+        angles, drives = readings.hinge_angles, self.scene.drives
+        ahead = angles - np.stack([drive.angle(times) for drive in drives], axis=1)
+        gained = np.diff(ahead, axis=0, prepend=ahead[:1] if self.ahead is None else self.ahead)
+        self.ahead = ahead[-1:] if len(ahead) else self.ahead
+        most = RATE_ERROR * np.outer(np.abs(elapsed), self.scene.largest_rates)
+        return np.asarray(np.abs(gained) > most + _ROUNDING * np.abs(angles))
 
     def _of_the_path(self, readings: Readings) -> list[Sign]:
         """Return the faults by the slip over the path, and by the momentum."""

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from robotball import Custom, InputError, Motion, Ramp, Samples, Scene, Sine, Sum, Trajectory
-from robotball.drives import Drive, Rate
+from robotball.drives import Drive, Rate, as_custom
 from robotball.equations import Rolling
 from robotball.files.export import poses
 from robotball.files.trajectories import LENGTHS
@@ -445,13 +445,9 @@ def scaled(rate: Rate, factor: float) -> Rate:
         return msgspec.structs.replace(rate, values=tuple(factor * v for v in rate.values))
     if isinstance(rate, Sum):
         return Sum(tuple(scaled(part, factor) for part in rate.parts))
-    if isinstance(rate, Drive):
-        rate = Custom(rate.rate, tuple(rate.breakpoints))
-    elif callable(rate):
-        rate = Custom(rate)
-    if isinstance(rate, Custom):
-        function = rate.function
-        return Custom(lambda t: factor * float(function(t)), rate.breakpoints)
+    if isinstance(rate, Custom | Drive) or callable(rate):
+        given = replace(as_custom(rate), derivative=None, integral=None)
+        return replace(given, function=lambda t: factor * float(given.function(t)))
     return factor * float(rate)
 
 

@@ -13,10 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from robotball.engines import LEAST_RTOL
-from robotball.engines.mujoco.limits import COST_MODEL, planned
+from robotball.engines.mujoco.limits import COST_MODEL, planned, seeing_step
 from robotball.engines.mujoco.settings import ADAPTIVE, BY_ERROR, PRESETS, Settings, recipe
 from robotball.errors import warn
-from robotball.motion import ContactMotion, path_error
+from robotball.motion import RATE_ERROR, ContactMotion, path_error
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene, step_count
 
@@ -78,15 +78,14 @@ class _Search:
         timestep = min(longest, _PHASE / self.rate / 2)
         if self.servo_rate > 0:
             timestep = min(timestep, _STABLE / self.servo_rate / 2)
+        timestep = seeing_step(self.scene, float(self.times[-1]), timestep, RATE_ERROR)
         coarse = self.made(self.pilot(timestep=2 * timestep), apart=2 * timestep)
         fine = self.made(self.pilot(timestep=timestep))
-        error = self.error(coarse, fine, coarse.report.timestep / fine.report.timestep, self.order)
+        error = self.rk4_error(coarse, fine)
         if error <= self.accuracy:
             # The pilot run is good enough as it is.
-            settled = replace(
-                fine.report, settings=replace(fine.report.settings, stop_at_fault=True)
-            )
-            return self.result(replace(fine, report=settled), error)
+            settings = replace(fine.report.settings, stop_at_fault=True)
+            return self.result(replace(fine, report=replace(fine.report, settings=settings)), error)
         timestep = fine.report.timestep * self.finer(error, self.order)
         if self.scene.load_varies:
             quicker = 2 * self.adaptive_seconds(_FINEST_RTOL) < self.rk4_seconds(timestep)
@@ -103,8 +102,7 @@ class _Search:
         for _ in range(1 + _CORRECTIONS):
             settings = self.settings(timestep=timestep)
             motion = self.made(settings)
-            ratio = before.report.timestep / motion.report.timestep
-            error = self.error(before, motion, ratio, self.order)
+            error = self.rk4_error(before, motion)
             if error <= self.accuracy:
                 break
             before, timestep = motion, motion.report.timestep * self.finer(error, self.order)
@@ -151,6 +149,16 @@ class _Search:
         if len(motion.times) < len(self.times):
             return np.inf
         return magnified * _momentum_change(motion) if np.isfinite(magnified) else 0.0
+
+    def rk4_error(self, coarse: ContactMotion, fine: ContactMotion) -> float:
+        """Return the fine run's path error, by that of coarser steps or by how steps see drives.
+
+        Both runs step to the same sample times, so their steps have a common multiple, and a drive
+        of that period would be the same constant in both.
+        """
+        step = fine.report.timestep
+        error = self.error(coarse, fine, coarse.report.timestep / step, self.order)
+        return max(error, self.scene.sampling_error(float(self.times[-1]), step))
 
     def error(
         self, coarse: ContactMotion, fine: ContactMotion, ratio: float, order: float

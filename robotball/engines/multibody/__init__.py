@@ -208,7 +208,7 @@ def _stand(system: System, t: float, state: Array, readings: Readings) -> Array:
     system.modes = Modes(modes.motors, standing=True)
     held = system.readings(t, state)
     if _held(held) <= system.resistance * held.normal:
-        return state
+        return _with_momentum(system, state, held)  # without the last of the rolling
     # It was let go just now, and does not roll faster than STANDING yet.
     if np.any(modes.toward):
         system.modes = modes
@@ -268,7 +268,7 @@ def _held(readings: Readings) -> float:
 
 
 def _with_momentum(system: System, state: Array, readings: Readings) -> Array:
-    """Return the state with M recomputed from the velocities. A standing shell's M is not used."""
+    """Return the state with M recomputed from the velocities."""
     scene, state = system.scene, state.copy()
     to_world = rotation_matrix(state[:4])
     angles = state[HINGES : HINGES + system.count]

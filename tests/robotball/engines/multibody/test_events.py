@@ -33,7 +33,7 @@ def round_ball(rolling: Any, omega: Any, **more: Any) -> Scene:
 def test_resistance_stops_a_ball_after_its_way(rolling: Any) -> None:
     """ω₀²a/2α in a straight line, evenly slower, and then it stands; a classical one spins on.
 
-    Measured 6e-15 m and 1.3e-14 rad/s.
+    Measured 6e-15 m and 1.3e-14 rad/s, and M of its rolling 1e-19 kg m²/s once it stands.
     """
     motion = integrate(round_ball(rolling, (1.0, -0.5, 0.3)), TIMES)
     shell = motion.angular_velocity
@@ -47,6 +47,7 @@ def test_resistance_stops_a_ball_after_its_way(rolling: Any) -> None:
     assert motion.rolling_loss is not None
     assert np.ptp(energy(motion) + motion.rolling_loss) < 1e-12
     assert (abs(up[0]) > 0.1) == (rolling == "classical")
+    assert np.abs(motion.momentum[-1, :2]).max() < 1e-15
 
 
 @pytest.mark.parametrize("slope", [0.9, 1.2])

@@ -8,6 +8,7 @@ from typing import Annotated
 from tyro.conf import DisallowNone, Positional, arg
 
 from robotball.drives import as_drive
+from robotball.engines.mujoco.user_model import UserModel
 from robotball.equations import Rolling
 from robotball.errors import check_positive
 from robotball.files.robot_file import open_robot, starts_off
@@ -16,7 +17,7 @@ from validation.output import progress_bar, versions, writable_folder, write_tex
 from validation.report import folded, page, paragraph, plain, table, text
 from validation.report import picture as figure
 from validation.results import controls_of
-from validation.studies.check import COLUMNS, Checked, Own, check_model, difference, moved, study_of
+from validation.studies.check import COLUMNS, Checked, check_model, difference, moved, study_of
 from validation.study import Study, present
 
 
@@ -53,7 +54,7 @@ class Check:
         duration = 10.0 if self.duration is None else self.duration
         given = controls_of(self.control)
         controls = {name: as_drive(value, duration) for name, value in given.items()}
-        own, moves = moved(Own(robot, controls, self.keyframe))
+        own, moves = moved(UserModel(robot, controls, self.keyframe))
         notes = [*robot.notes, *starts_off(robot, own.begin()), *moves]
         with progress_bar(1) as show:
             checked = check_model(own, self.rolling, duration, self.accuracy, show)

@@ -7,10 +7,8 @@ leaving out one after the other, and are put in the order of their effect. The f
 
 import difflib
 import warnings
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
 from typing import Any, get_args
 
 import mujoco
@@ -22,11 +20,12 @@ from scipy.optimize import root_scalar
 from robotball import InputError, Scene, integrate
 from robotball.drives import Constant, Drive, as_drive
 from robotball.engines.mujoco.settings import BY_ERROR, CONSTANT, recipe
+from robotball.engines.mujoco.user_model import Seen, UserModel, observed
 from robotball.equations import Rolling
-from robotball.errors import SceneWarning, unknown
+from robotball.errors import SceneWarning
 from robotball.files.mended_file import Change, Editable, compiled, editable
-from robotball.files.robot_file import RobotFile, gears_of, rolling_of, scene_of
-from robotball.motion import Motion
+from robotball.files.robot_file import RobotFile, gears_of, rolling_of
+from robotball.motion import ContactMotion, FaultKind, Motion
 from robotball.rotations import Array
 from robotball.scene import GRAVITY
 from validation.output import Show, known, scientific, title
@@ -38,161 +37,6 @@ _STANDS = 1e-3  # of the radius: a robot that rolls less in all is moved
 # Controls of a robot that would not move: rad, rad/s, and of the weight at the radius.
 _ANGLE, _RATE, _TORQUE = 0.3, 2.0, 0.03
 _NEARER = 0.5  # times the other's error: a rolling model so near is the one that the file has
-
-
-@dataclass(frozen=True)
-class Own:
-    """A user's model, how it is controlled, and where it starts.
-
-    controls: of actuators by name; the others keep those of the keyframe. push: of the robot as a
-    whole at the start, the speed along X at which it rolls [m/s].
-    """
-
-    robot: RobotFile
-    controls: Mapping[str, Drive]
-    key: str | None
-    push: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in self.controls:
-            if name not in self.actuators:
-                raise unknown("actuator", name, self.actuators)
-
-    @cached_property
-    def actuators(self) -> dict[str, int]:
-        """The numbers of the actuators by name."""
-        return {name: i for i, name in enumerate(gears_of(self.robot.model))}
-
-    def begin(self) -> mujoco.MjData:
-        """Return MjData at the start."""
-        robot, data = self.robot, self.robot.start(self.key)
-        self.control(data)
-        if self.push:
-            root, first = robot.root, int(robot.model.body_dofadr[robot.root])
-            radius = float(robot.model.geom_size[robot.sphere, 0])
-            turning = np.array([0.0, self.push / radius, 0.0])
-            arm = data.xpos[root] - data.geom_xpos[robot.sphere]
-            data.qvel[first : first + 3] = np.cross(turning, arm)
-            data.qvel[first] += self.push
-            data.qvel[first + 3 : first + 6] = data.xmat[root].reshape(3, 3).T @ turning
-            mujoco.mj_forward(robot.model, data)
-        return data
-
-    def control(self, data: mujoco.MjData) -> None:
-        """Set the controls at the data's time, as a loop around mj_step would."""
-        for name, value in self.controls.items():
-            data.ctrl[self.actuators[name]] = value.rate(data.time)
-
-    def scene(self, rolling: Rolling, duration: float) -> Scene:
-        """Return the scene that the reference rolls. Raises InputError for what it has not."""
-        try:
-            return scene_of(self.robot, self.begin(), self.controls, rolling, duration)
-        except InputError as error:
-            raise InputError(f"{self.robot.path}: {error}") from None
-
-    @property
-    def steady(self) -> bool:
-        """True if no control changes, so that many steps are one call."""
-        return all(isinstance(value, Constant) for value in self.controls.values())
-
-    def path(self, times: Array) -> Array:
-        """Return the contact points (n, 2) [m] at equal times (n,) [s]; NaN where it diverged."""
-        model, data = self.robot.model, self.begin()
-        # A state that diverged would go on from the start.
-        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-        count = round((times[1] - times[0]) / model.opt.timestep)
-        at_once = count if self.steady else 1
-        centres = np.full((len(times), 3), np.nan)
-        mujoco.mj_kinematics(model, data)
-        centres[0] = data.geom_xpos[self.robot.sphere]
-        for i in range(1, len(times)):
-            for _ in range(count // at_once):
-                self.control(data)
-                mujoco.mj_step(model, data, at_once)
-            if not np.all(np.isfinite(data.qpos)):
-                break
-            mujoco.mj_kinematics(model, data)
-            centres[i] = data.geom_xpos[self.robot.sphere]
-        return np.asarray((centres - centres[0]) @ self.robot.plane_axes(data).T)[:, :2]
-
-
-@dataclass
-class _Seen:
-    """Readings of every step of a user's model as it is.
-
-    slipped, spun: over the path's length, the spin at the sphere's radius; depth: of the sphere in
-    the plane, the mean [m]; aloft: the part of the steps without contact; lost: when it was first
-    lost [s]; inside: by two geoms that are not sphere and plane, the part of the steps in which
-    they touch; limits: joints that reach their range, and when [s]; delivered: the part of the
-    declared resistance to rolling; lag: of servos by name, root mean square over the command's.
-    """
-
-    slipped: float = 0.0
-    spun: float = 0.0
-    aloft: float = 0.0
-    depth: float = 0.0
-    lost: float | None = None
-    inside: Counter[tuple[int, int]] = field(default_factory=Counter)
-    limits: dict[str, float] = field(default_factory=dict)
-    delivered: float | None = None
-    lag: dict[str, float] = field(default_factory=dict)
-
-
-def _observe(own: Own, duration: float) -> _Seen:
-    """Step a model as it is, and return what its contacts, joints and servos do."""
-    robot, model, data, seen = own.robot, own.robot.model, own.begin(), _Seen()
-    radius = float(model.geom_size[robot.sphere, 0])
-    ours = {robot.sphere, robot.plane}
-    limited = np.flatnonzero(model.jnt_limited)
-    at, (low, high) = model.jnt_qposadr[limited], model.jnt_range[limited].T
-    moving, force, resistance = np.zeros(6), np.zeros(6), np.zeros(2)
-    rolled = slipped = spun = depth = 0.0
-    steps = aloft = 0
-    asked, missed = np.zeros(model.nu), np.zeros(model.nu)
-    while data.time < duration and np.all(np.isfinite(data.qpos)):
-        own.control(data)
-        mujoco.mj_step(model, data)
-        steps += 1
-        touching = False
-        others = set()
-        for i, contact in enumerate(data.contact):
-            pair = int(contact.geom1), int(contact.geom2)
-            if {*pair} != ours:
-                others.add(pair)
-                continue
-            touching = True
-            depth -= contact.dist
-            mujoco.mj_contactForce(model, data, i, force)
-            if contact.dim == 6:
-                resistance += np.linalg.norm(force[4:]), force[0] * contact.friction[3]
-        seen.inside.update(others)
-        normal = data.geom_xmat[robot.plane][2::3]
-        kind = mujoco.mjtObj.mjOBJ_GEOM
-        mujoco.mj_objectVelocity(model, data, kind, robot.sphere, moving, 0)
-        turning, velocity = moving[:3], moving[3:]
-        slip = velocity - radius * np.cross(turning, normal)
-        rolled += float(np.linalg.norm(velocity - (velocity @ normal) * normal))
-        slipped += float(np.linalg.norm(slip - (slip @ normal) * normal))
-        spun += radius * abs(float(turning @ normal))
-        if not touching:
-            aloft += 1
-            seen.lost = data.time if seen.lost is None else seen.lost
-        for j in limited[(data.qpos[at] < low) | (data.qpos[at] > high)]:
-            seen.limits.setdefault(model.joint(j).name or f"joint {j}", data.time)
-        follows = np.where(
-            model.actuator_biasprm[:, 1], data.actuator_length, data.actuator_velocity
-        )
-        asked += data.ctrl**2
-        missed += (data.ctrl - follows) ** 2
-    scale = max(rolled, radius / model.opt.timestep * _STANDS)
-    seen.slipped, seen.spun, seen.aloft = slipped / scale, spun / scale, aloft / max(steps, 1)
-    seen.depth = depth / max(steps - aloft, 1)
-    seen.inside = Counter({pair: count / steps for pair, count in seen.inside.items()})
-    seen.delivered = float(resistance[0] / resistance[1]) if resistance[1] else None
-    for name, i in own.actuators.items():
-        if model.actuator_biastype[i] and asked[i]:
-            seen.lag[name] = float(np.sqrt(missed[i] / asked[i]))
-    return seen
 
 
 # The recipe's: friction beyond any demand, and a contact as hard as MuJoCo's own steps take, whose
@@ -219,7 +63,9 @@ def _pair_of(contact: Any) -> dict[str, str]:
     return {name: _text(*each) for name, each in values.items() if np.any(each)}
 
 
-def _changes_of(own: Own, seen: _Seen, theory: Motion, step: float) -> list[Change]:
+def _changes_of(
+    own: UserModel, motion: ContactMotion, seen: Seen, theory: Motion, step: float
+) -> list[Change]:
     """Return what the recipe has otherwise than the file, at steps of a length [s].
 
     Changes without which the others are not seen come first.
@@ -256,7 +102,7 @@ def _changes_of(own: Own, seen: _Seen, theory: Motion, step: float) -> list[Chan
     if step < option.timestep:
         words = f"steps of {1e3 * option.timestep:g} ms are too long"
         found.append(Change("timestep", words, option={"timestep": _text(step)}))
-    depth = f"{1e3 * seen.depth:.2g} mm"
+    depth = f"{1e3 * np.nanmean(motion.report.depth):.2g} mm"
     words = f"the contact is soft: the sphere sinks {depth}, and bears no load at first"
     hard = {"solref": _text(_SOFTEST, 1.0), "solimp": _text(*_SOLIMP)}
     found.append(Change("softness", words, pair=hard))
@@ -278,7 +124,7 @@ def _changes_of(own: Own, seen: _Seen, theory: Motion, step: float) -> list[Chan
     return found
 
 
-def _apart(model: Any, seen: _Seen) -> Change:
+def _apart(model: Any, seen: Seen) -> Change:
     """Return the change that lets bodies inside the shell pass through one another."""
     (a, b), part = seen.inside.most_common(1)[0]
     others = f", and {len(seen.inside) - 1} more pairs" if len(seen.inside) > 1 else ""
@@ -322,9 +168,9 @@ class Checked:
 
     ended: the line of a joint whose range ends the reference early; path (n, 2): as it is [m];
     error: its; since: when it passes the accuracy [s]; others: the error by the rolling model that
-    is farther; needed: changes by their effect, each with the error after it and the error where it
-    alone is undone; spared: the others, with the error after each; edit, text: the user's file and
-    the mended one; mended (n, 2): its path [m].
+    is farther; motion, seen: as it is, at every step; needed: changes by their effect, each with
+    the error after it and the error where it alone is undone; spared: the others, with the error
+    after each; edit, text: the user's file and the mended one; mended (n, 2): its path [m].
     """
 
     theory: Motion
@@ -333,7 +179,8 @@ class Checked:
     error: float
     since: float | None
     others: Mapping[str, float]
-    seen: _Seen
+    motion: ContactMotion
+    seen: Seen
     needed: Sequence[tuple[Change, float, float]]
     spared: Sequence[tuple[Change, float]]
     edit: Editable
@@ -355,7 +202,7 @@ def _error(path: Array, theory: Motion) -> float:
 
 
 def check_model(
-    own: Own, rolling: Rolling | None, duration: float, accuracy: float, show: Show
+    own: UserModel, rolling: Rolling | None, duration: float, accuracy: float, show: Show
 ) -> Checked:
     """Check a user's model against ideal rolling over a duration [s].
 
@@ -375,7 +222,8 @@ def check_model(
     nearest = min(errors, key=lambda name: errors[name] / (_NEARER if name != default else 1.0))
     theory, ended = theories[nearest]
     times, path = theory.times, path[: len(theory.times)]
-    seen = _observe(own, float(times[-1]))
+    scene = own.scene(theory.scene.rolling, float(times[-1]))
+    motion, seen = observed(own, scene, accuracy)
     _check_no_drive_from_outside(robot, seen)
     since = np.flatnonzero(~(_away(path, theory) <= accuracy))
     normal, gap = robot.above_plane(data)
@@ -384,14 +232,14 @@ def check_model(
     )
     measured: dict[frozenset[str], float] = {}
 
-    def with_changes(changes: Iterable[Change]) -> Own:
+    def with_changes(changes: Iterable[Change]) -> UserModel:
         return replace(own, robot=replace(robot, model=compiled(edit.changed(changes))))
 
     def mended(changes: Iterable[Change]) -> Array:
         return with_changes(changes).path(times)
 
     def changes_at(step: float) -> list[Change]:
-        changes = _changes_of(own, seen, theory, step)
+        changes = _changes_of(own, motion, seen, theory, step)
         return _carrying(changes, with_changes(changes), theory)
 
     def error_of(changes: Sequence[Change]) -> float:
@@ -412,6 +260,7 @@ def check_model(
         theory, ended, path, as_it_is,
         since=float(times[since[0]]) if len(since) else None,
         others={name: error for name, error in errors.items() if name != nearest},
+        motion=motion,
         seen=seen,
         needed=[
             (change, error_of(ranked[: i + 1]), error_of([*ranked[:i], *ranked[i + 1 :]]))
@@ -430,7 +279,7 @@ _Measure = Callable[[Sequence[Change]], float]
 
 
 def _theories(
-    own: Own, rolling: Rolling | None, times: Array
+    own: UserModel, rolling: Rolling | None, times: Array
 ) -> dict[Rolling, tuple[Motion, str | None]]:
     """Return the motions of the rolling models, that of the contact's condim first.
 
@@ -456,7 +305,7 @@ def _theories(
     return found
 
 
-def _check_no_drive_from_outside(robot: RobotFile, seen: _Seen) -> None:
+def _check_no_drive_from_outside(robot: RobotFile, seen: Seen) -> None:
     """Raise InputError where a body that is no part of the robot touches its sphere."""
     model = robot.model
     root = model.body_rootid[model.geom_bodyid]
@@ -469,7 +318,7 @@ def _check_no_drive_from_outside(robot: RobotFile, seen: _Seen) -> None:
                 )
 
 
-def _touching(model: Any, seen: _Seen) -> set[int]:
+def _touching(model: Any, seen: Seen) -> set[int]:
     """Return the bodies that touch others than the plane."""
     return {int(model.geom_bodyid[each]) for pair in seen.inside for each in pair}
 
@@ -487,7 +336,7 @@ def _enough(
     return min(found, key=lambda each: max(error_of(each), accuracy))
 
 
-def _carrying(changes: list[Change], own: Own, theory: Motion) -> list[Change]:
+def _carrying(changes: list[Change], own: UserModel, theory: Motion) -> list[Change]:
     """Return the changes with the margin at which the contact carries the load from the start.
 
     A sphere that just touches has no normal force at first, and slips: 1e-3 of the path and more.
@@ -568,7 +417,7 @@ def _by_effect(changes: Sequence[Change], error_of: _Measure) -> list[Change]:
     return made
 
 
-def moved(own: Own) -> tuple[Own, list[str]]:
+def moved(own: UserModel) -> tuple[UserModel, list[str]]:
     """Return a model that moves: itself, or with controls or a push; and words on these."""
     if not _stands(own):
         return own, []
@@ -595,7 +444,7 @@ def moved(own: Own) -> tuple[Own, list[str]]:
     return replace(own, controls=controls), [words.format(given)]
 
 
-def _stands(own: Own) -> bool:
+def _stands(own: UserModel) -> bool:
     """Return whether a model without controls, started at rest, stays where it is."""
     data, robot = own.begin(), own.robot
     if own.controls or np.any(data.ctrl) or np.any(data.qvel):
@@ -613,7 +462,7 @@ COLUMNS = (
 )
 
 
-def study_of(own: Own, checked: Checked, accuracy: float, words: Sequence[str]) -> Study:
+def study_of(own: UserModel, checked: Checked, accuracy: float, words: Sequence[str]) -> Study:
     """Return the table, record, picture and words of a checked model; words: known before."""
     theory, file = checked.theory, own.robot.path
     rows = [_row("as it is", checked.error)]
@@ -683,14 +532,18 @@ def _verdict(checked: Checked, accuracy: float) -> Iterator[str]:
         yield f"cause: {cause}"
 
 
-def _symptoms(own: Own, checked: Checked) -> Iterator[str]:
+def _symptoms(own: UserModel, checked: Checked) -> Iterator[str]:
     """Yield what contacts, joints and servos do that the path alone does not show."""
-    seen, theory = checked.seen, checked.theory
-    if seen.lost is not None:
-        yield f"contact: lost for {seen.aloft:.2%} of the time, first at t = {seen.lost:.3g} s"
-    yield f"slip: {scientific(seen.slipped)} of the path"
+    seen, theory, report = checked.seen, checked.theory, checked.motion.report
+    lost = [each for each in report.faults if each.kind is FaultKind.CONTACT_LOST]
+    if lost:
+        aloft = np.isnan(report.depth).mean()
+        yield f"contact: lost for {aloft:.2%} of the time, first at t = {lost[0].time:.3g} s"
+    radius = theory.scene.ball.radius
+    rolled = max(checked.motion.path_length, _STANDS * radius) / report.timestep
+    yield f"slip: {scientific(report.slip.sum() / rolled)} of the path"
     if theory.scene.rolling == "rubber":
-        yield f"spin: {scientific(seen.spun)} of the path"
+        yield f"spin: {scientific(radius * np.abs(report.spin).sum() / rolled)} of the path"
     if seen.delivered is not None:
         yield (
             f"rolling resistance: {theory.scene.friction.rolling:g} m is declared, which is in the "

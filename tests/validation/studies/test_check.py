@@ -11,11 +11,12 @@ import pytest
 
 import robotball as rb
 from robotball.drives import Sine
+from robotball.engines.mujoco.user_model import UserModel
 from robotball.files.robot_file import open_robot
 from robotball.rotations import Array
 from tests.conftest import Robotball
 from tests.robotball.files.test_robot_file import GIMBAL, HULL
-from validation.studies.check import Own, causes_of, check_model
+from validation.studies.check import causes_of, check_model
 
 FIRST = Path("examples/first_robot.xml").absolute()
 # The first robot by the recipe, in which each planted error is the only one.
@@ -73,7 +74,7 @@ def test_a_planted_error_is_the_first_cause(cause: str, tmp_path: Path) -> None:
     old, new = PLANTED[cause]
     path = tmp_path / "planted.xml"
     path.write_text(GOOD.replace(old, new))
-    own = Own(open_robot(path), {}, None)
+    own = UserModel(open_robot(path), {}, None)
     found = check_model(own, "classical", 2.0, 5e-4, lambda *_: None)
     assert path.read_text() != GOOD
     assert causes_of(found, 5e-4)[0].startswith(f"{cause}: ")
@@ -85,7 +86,7 @@ def test_a_model_on_a_tilted_plane_is_compared_along_it(tmp_path: Path) -> None:
     path = tmp_path / "tilted.xml"
     tilted = GOOD.replace('type="plane"', 'type="plane" euler="0 -3 0"')
     path.write_text(tilted.replace('pos="0 0 .15"', 'pos="-.00785040 0 .14979443"'))
-    own = Own(open_robot(path), {}, None)
+    own = UserModel(open_robot(path), {}, None)
     found = check_model(own, "classical", 1.0, 5e-4, lambda *_: None)
     assert found.error < 6e-4
     assert np.ptp(found.path[:, 0]) > 0.1
@@ -187,9 +188,9 @@ def test_a_control_that_changes_is_played_step_by_step(tmp_path: Path) -> None:
     path = tmp_path / "good.xml"
     path.write_text(GOOD)
     wave = Sine(amplitude=0.05, frequency=0.5)
-    own = Own(open_robot(path), {"drive": wave}, None)
+    own = UserModel(open_robot(path), {"drive": wave}, None)
     right = check_model(own, "classical", 2.0, 1e-3, lambda *_: None)
-    other = Own(open_robot(path), {"drive": Sine(amplitude=-0.05, frequency=0.5)}, None)
+    other = UserModel(open_robot(path), {"drive": Sine(amplitude=-0.05, frequency=0.5)}, None)
     wrong = other.path(right.theory.times) - right.theory.contact_point
     assert right.error < 9e-4
     assert np.abs(wrong).max() > 0.1 * right.theory.path_scale

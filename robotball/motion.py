@@ -44,6 +44,7 @@ class FaultKind(Enum):
     TORQUE_LIMIT = "{subject}'s motor at its torque limit"
     SLIPPED = "slipped over {limit:g} of the path"
     MOMENTUM_OFF = "M off by over {limit:g}"
+    OFF = "path or M off by over {limit:g}, as other steps show"
     ENGINE_WARNED = "the engine warned of {subject}"
     STEP_TOO_SHORT = "the steps became too short ({subject})"
     OUT_OF_STEPS = "max_steps = {limit:.0f} are taken"

@@ -45,6 +45,7 @@ class FaultKind(Enum):
     ENGINE_WARNED = "the engine warned of {subject}"
     SLIPPED = "slipped over {limit:g} of the path"
     MOMENTUM_OFF = "M off by over {limit:g}"
+    OFF = "path or M off by over {limit:g}, as other steps show"
     STEP_TOO_SHORT = "the steps became too short ({subject})"
     OUT_OF_STEPS = "max_steps = {limit:.0f} are taken"
 
@@ -131,7 +132,7 @@ class ContactReport(Value):
     timestep         s, the longest step taken
     steps            taken
     seconds          of processor time that they took, set-up excluded
-    total_seconds    the same with the runs that chose the settings, if any did
+    total_seconds    the same with the runs that chose or checked the settings, if any did
     estimated_error  of the path, over its length; where an accuracy was requested, else None
     python_seconds   the part of `seconds` that Python takes at every step, where it is measured
 

@@ -113,6 +113,14 @@ def worked(name: str) -> Scene:
     return {"W1": _w1, "W2": _w2, "W4": _w4, "W5": _w5}[name]()
 
 
+def low_weight(mass: float, depth: float) -> Scene:
+    """A small frame [kg] that hangs low [m] in a shell of 1 kg and 0.2 m, from rest."""
+    inertia = mass * 1.6e-4 * np.eye(3)
+    frame = Frame(mass, inertia, np.array([0.0, 0.0, -depth]))
+    ball = Ball(_thin_shell(0.2, 1.0, Y), frame, ())
+    return robot("low weight", ball, "classical", [0.0], (np.cos(0.25), np.sin(0.25), 0.0, 0.0))
+
+
 def _w1() -> Scene:
     shell = Shell(0.5, 1.0, 0.16, 0.16, Z, offset=-0.05)
     frame = Frame(2.0, np.diag([0.08, 0.08, 0.05]), np.array([0.0, 0.0, -0.15]))

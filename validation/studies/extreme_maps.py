@@ -13,7 +13,7 @@ import numpy as np
 
 from robotball import Scene, Servo, Settings, load_scene
 from robotball.engines.mujoco.settings import ADAPTIVE, CONSTANT, INTEGRATORS, MOST_STEPS, recipe
-from robotball.robot import Ball, Frame, Rotor, Shell
+from robotball.robot import Ball, Frame, Pendulum, Rotor, Shell
 from robotball.rotations import Array
 from robotball.scene import Start
 from validation.studies.mistakes import with_bodies
@@ -32,7 +32,7 @@ _QUICK_INTEGRATORS = ("Euler", "RK4", ADAPTIVE)
 _QUICK_COUNT = 3  # values of an axis
 _QUICK_DURATION = 10.0  # s, at most
 
-_OneBody = TypeVar("_OneBody", bound=Shell | Frame | Rotor)
+_OneBody = TypeVar("_OneBody", bound=Shell | Frame | Rotor | Pendulum)
 
 
 def momentum_of(scene: Scene) -> Array:

@@ -84,6 +84,7 @@ _OF_KIND = {
     FaultKind.RATE_OFF: Outcome.OFF_RATE,
     FaultKind.TORQUE_LIMIT: Outcome.OFF_RATE,
     FaultKind.MOMENTUM_OFF: Outcome.WRONG,
+    FaultKind.OFF: Outcome.WRONG,
 }
 # What these cost is in the error, and may be little.
 _BY_ERROR = (Outcome.OFF_RATE, Outcome.WRONG)
@@ -553,7 +554,7 @@ class Extremes:
     """Which maps; all of them if none is given. There are
     momentum, frame, rotor, masses, scale, friction, torsion, gravity, contact, servo, duration."""
     random: DisallowNone[Annotated[int | None, arg(metavar="N", help_behavior_hint="")]] = None
-    """Instead of maps, N random extreme runs and N ordinary ones.
+    """Instead of maps, N random extreme runs, N random robots and N ordinary runs.
     Is any failure missed by the precheck and the monitor, and is any alarm false?"""
     seed: int = 0
     """The seed of the random runs."""
@@ -588,13 +589,17 @@ class Extremes:
     def _random(self, count: int) -> int:
         check_count("random", count, 1)
         seed = check_seed(self.seed)
-        with progress_bar(2 * count) as progress:
+        with progress_bar(3 * count) as progress:
             found = measure_detection(count, seed, progress)
-        outcomes = ", ".join(f"{name} {number}" for name, number in found["extreme"].items())
+
+        def outcomes(kind: str) -> str:
+            return ", ".join(f"{name} {number}" for name, number in found[kind].items())
+
         lines = [
-            f"{count} extreme runs: {outcomes}",
+            f"{count} extreme runs: {outcomes('extreme')}",
+            f"{count} robots: {outcomes('robot')}",
             *(f"missed: {words}" for words in found["missed"]),
-            f"{count} ordinary runs: {len(found['false_alarms'])} false alarms",
+            f"{count} robots and {count} ordinary runs: {len(found['false_alarms'])} false alarms",
             *(f"false alarm: {words}" for words in found["false_alarms"]),
         ]
         print(*lines, sep="\n")

@@ -1,10 +1,12 @@
-"""Measure whether failures are missed and alarms are false, over two seeded sets of random runs.
+"""Measure whether failures are missed and alarms are false, over three seeded sets of random runs.
 
 Scenes are balls of mass points within their shell, in both rolling models. Extreme runs lie far out
-along a few axes each; the others are ordinary.
+along a few axes each; the others are ordinary. Robots are those of the catalog that the small
+equations do not describe, with bodies and motions changed, under a preset.
 
 A run has failed where its path is over a tenth of its length off the equations', or where it broke
-off. It is reported where the precheck warned of it or the monitor found a fault.
+off; a robot's has where path or M is off by more than its preset says. It is reported where the
+precheck warned of it or the monitor found a fault.
 """
 
 import logging
@@ -12,7 +14,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -32,7 +34,7 @@ from robotball.engines.mujoco.limits import exceeded, planned
 from robotball.engines.mujoco.settings import ADAPTIVE, OWN, Prescribed, recipe
 from robotball.equations import Rolling
 from robotball.motors import Servo
-from robotball.robot import Ball, Frame, Rotor, Shell
+from robotball.robot import Ball, Frame, Pendulum, Rotor, Shell
 from robotball.rotations import Array
 from robotball.scene import Start
 from validation.agreement import compare
@@ -91,6 +93,8 @@ _STEPS, _TURNS = 3000, 40.0  # a run is cut to so many steps, and radians of its
 _MOST_STEPS = 4000
 _SAMPLES = 100
 _RECIPES = ("fast", "balanced", "accurate", "adaptive")
+_STEPPED = ("fast", "balanced", "balanced", "accurate")
+_APART = 0.04  # s, between the samples of a robot's run
 _EXTREME_AXES = 3  # at most, of one run
 
 
@@ -127,6 +131,18 @@ def extreme(seed: int, number: int) -> _RandomRun:
     )
 
 
+def robot(seed: int, number: int) -> _RandomRun:
+    """Return a preset on a varied robot of the catalog, one to three of its numbers far out."""
+    random = np.random.default_rng([seed, number, 2])
+    scene, settings = _varied_scene(random, balanced=False), preset(str(random.choice(_STEPPED)))
+    chosen = random.choice(list(_OF_ROBOTS), random.integers(1, _EXTREME_AXES + 1), replace=False)
+    for name in chosen:
+        scene = _OF_ROBOTS[name](scene, float(10 ** random.uniform(-1.5, 1.5)))
+    count = int(random.uniform(1.0, 3.0) / _APART)
+    times = np.linspace(0.0, count * _APART, count + 1)
+    return _RandomRun(scene, settings, times, tuple(map(str, chosen)))
+
+
 def _short_times(scene: Scene, settings: Settings, random: np.random.Generator) -> Array:
     """Return times that neither the engine nor the equations need long for."""
     plan = planned(scene, settings, scene.duration)
@@ -137,16 +153,16 @@ def _short_times(scene: Scene, settings: Settings, random: np.random.Generator) 
 
 
 @cache
-def _balanced() -> list[Scene]:
-    """Return the catalog's balls that the small equations describe: changes keep them so."""
+def _scenes(balanced: bool) -> list[Scene]:
+    """Return the catalog's balls that the small equations describe, or the others."""
     with warnings.catch_warnings(action="ignore", category=SceneWarning):  # to be built by nobody
         scenes = map(load_scene, catalog())
-        return [scene for scene in scenes if scene.not_reduced is None]
+        return [scene for scene in scenes if (scene.not_reduced is None) == balanced]
 
 
-def _varied_scene(random: np.random.Generator) -> Scene:
+def _varied_scene(random: np.random.Generator, balanced: bool = True) -> Scene:
     """Return a ball of the catalog with another start and other rates."""
-    scene = _balanced()[int(random.integers(len(_balanced())))]
+    scene = _scenes(balanced)[int(random.integers(len(_scenes(balanced))))]
     start = random_start(scene, random)
     frame, rotors = random.uniform(0.3, 1.3, 2).tolist()
     return _faster(replace(scene, start=start), frame, rotors)
@@ -167,13 +183,21 @@ def rescaled(scene: Scene, mass: float = 1.0, length: float = 1.0) -> Scene:
     return replace(scaled(scene, mass=mass, length=length), gravity=scene.gravity)
 
 
-def _heavier(scene: Scene, factor: float, kind: type[Shell | Frame | Rotor]) -> Scene:
+def _heavier(scene: Scene, factor: float, kind: type[Shell | Frame | Rotor | Pendulum]) -> Scene:
     """Return the scene with the mass of all bodies of a kind times a factor."""
 
     def heavier(body: Any) -> Any:
         return scaled_body(body, factor) if isinstance(body, kind) else body
 
     return replace(scene, ball=with_bodies(scene.ball, heavier))
+
+
+def _lower(scene: Scene, factor: float) -> Scene:
+    """Return the scene with the frame's centre of mass at another distance, within the shell."""
+    frame, a = scene.ball.frame, scene.ball.radius
+    most = 0.95 * a / max(float(np.linalg.norm(frame.centre)), 1e-9 * a)
+    lower = replace(frame, centre=frame.centre * min(factor, most))
+    return replace(scene, ball=replace(scene.ball, frame=lower))
 
 
 _Axis = Callable[[Scene, Settings, np.random.Generator], tuple[Scene, Settings]]
@@ -238,6 +262,19 @@ _AXES: dict[str, _Axis] = {
 }
 
 
+_OF_ROBOTS: dict[str, Callable[[Scene, float], Scene]] = {
+    **{
+        f"{kind.__name__.lower()}'s mass": partial(_heavier, kind=kind)
+        for kind in (Shell, Frame, Rotor, Pendulum)
+    },
+    "frame's offset": _lower,
+    "radius": lambda scene, v: rescaled(scene, length=v),
+    "gravity": lambda scene, v: replace(scene, gravity=scene.gravity * v),
+    "momentum": _start_times,
+    "rates": lambda scene, v: _faster(scene, v, v),
+}
+
+
 _REFERENCE_STEPS = 20_000  # of the equations; runs that need more are not judged
 
 
@@ -265,8 +302,8 @@ class _Judged:
         return not self.refused and (self.path_error is None or not self.path_error <= WRONG)
 
     @property
-    def missed(self) -> bool:
-        return self.failed and not self.reported
+    def off(self) -> bool:
+        return not self.refused and not self.within
 
     @property
     def false_alarm(self) -> bool:
@@ -274,10 +311,10 @@ class _Judged:
 
 
 def measure_detection(count: int, seed: int, show: Show) -> dict[str, Any]:
-    """Judge `count` extreme runs, whose failures should be reported, and as many ordinary ones.
+    """Judge `count` extreme runs and robots, whose failures should be reported, and ordinary runs.
 
-    Return the extreme runs by their outcome, those that were missed, and the false alarms, as
-    plain data.
+    Return extreme runs and robots by their outcome, those that were missed, and the false alarms of
+    robots and ordinary runs, as plain data.
     """
     logging.getLogger("absl").setLevel(logging.ERROR)
 
@@ -286,17 +323,24 @@ def measure_detection(count: int, seed: int, show: Show) -> dict[str, Any]:
             show(done + number, f"{name} runs")
             yield judged(make(seed, number))
 
-    counts: Counter[str] = Counter()
-    missed = []
-    for each in runs(extreme, 0, "extreme"):
-        counts["refused"] += bool(each.refused)
-        counts["failed"] += each.failed
-        counts["warned of before"] += each.failed and bool(each.warned)
-        counts["noticed during"] += each.failed and bool(each.faults)
-        counts["missed"] += each.missed
-        missed += [_words(each)] * each.missed
-    alarms = [_words(each) for each in runs(ordinary, count, "ordinary") if each.false_alarm]
-    return {"extreme": dict(counts), "missed": missed, "false_alarms": alarms}
+    found: dict[str, Any] = {"missed": [], "false_alarms": []}
+    for done, (name, make) in enumerate((("extreme", extreme), ("robot", robot))):
+        counts: Counter[str] = Counter()
+        for each in runs(make, done * count, name):
+            failed = each.off if make is robot else each.failed
+            missed = failed and not each.reported
+            counts["refused"] += bool(each.refused)
+            counts["failed"] += failed
+            counts["warned of before"] += failed and bool(each.warned)
+            counts["noticed during"] += failed and bool(each.faults)
+            counts["missed"] += missed
+            found["missed"] += [_words(each)] * missed
+            if make is robot and each.false_alarm:
+                found["false_alarms"].append(_words(each))
+        found[name] = dict(counts)
+    alarms = (each for each in runs(ordinary, 2 * count, "ordinary") if each.false_alarm)
+    found["false_alarms"] += map(_words, alarms)
+    return found
 
 
 def judged(run: _RandomRun) -> _Judged:

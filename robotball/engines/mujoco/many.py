@@ -20,6 +20,7 @@ import numpy as np
 from mujoco.rollout import Rollout
 
 from robotball.at_once import differ_in_start
+from robotball.engines.mujoco.accuracy import checked
 from robotball.engines.mujoco.limits import check_length, precheck
 from robotball.engines.mujoco.model import Model, build, carrying_depth, hinges_of, state_at
 from robotball.engines.mujoco.run import observed, run
@@ -74,7 +75,11 @@ def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Itera
 
 
 def _alone(settings: Settings, times: Array, scene: Scene) -> ContactMotion:
-    return run(build(scene, settings), times)
+    return _checked(run(build(scene, settings), times))
+
+
+def _checked(motion: ContactMotion) -> ContactMotion:
+    return checked(motion, lambda other, at: run(build(motion.scene, other), at))
 
 
 def _started(model: Model, scene: Scene) -> Model | None:
@@ -143,7 +148,7 @@ class _Together:
         """Return the motion of a run's sensors (steps + 1, n); None where the threads stopped."""
         motion = observed(model, self.times, self._portions(sensors, seconds))
         stopped = _STOPPED & {fault.kind for fault in motion.report.faults}
-        return None if stopped else motion
+        return None if stopped else _checked(motion)
 
     def _portions(self, sensors: Array, seconds: float) -> Iterator[Portion]:
         share = seconds / len(self.parts)

@@ -10,15 +10,12 @@ import mujoco
 import numpy as np
 
 import robotball.scene
-from robotball import equations as eq
-from robotball.engines.adapter import rk4
 from robotball.engines.mujoco.model import ModelHinge, build
 from robotball.engines.mujoco.readings import readings_of
 from robotball.engines.mujoco.settings import Settings, recipe
-from robotball.engines.mujoco.stepping import controlled, read_row
-from robotball.equations import Quaternion, Vector, as_vector
+from robotball.engines.mujoco.stepping import by_steps, controlled, read_row
 from robotball.motion import Loads
-from robotball.rotations import Array, multiply, rotation_matrix
+from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Friction, Scene
 
 # The central differences' half step, a velocity [m/s or rad/s] or an angle [rad]: rounding over it
@@ -123,109 +120,16 @@ def _angles(scene: Scene, hinge: robotball.scene.Hinge) -> Array:
 _MOST_STEPS = 500  # of a trial; the loss of a longer run is extrapolated in proportion
 
 
-def momentum_loss(scene: Scene, turning: Array, timestep: float, duration: float) -> float:
+def momentum_loss(scene: Scene, timestep: float, duration: float) -> float:
     """Estimate how much momentum RK4 loses over a duration [s], relative to the scene's scale.
 
-    turning: of the shell at the start (3,), principal axes [rad/s]. The unreduced equations
-    (2.4)-(2.5) are integrated by RK4 in the variables that MuJoCo uses: the velocity of the root,
-    the shell, in its own axes. In the frame's axes RK4 errs differently, by up to 300 times less.
-    Takes some 60 ms. Infinite where the steps diverge.
+    By steps of the recipe's model, which takes some 60 ms. Infinite where they diverge.
     """
     count = duration / timestep
-    steps = int(min(np.ceil(count), _MOST_STEPS))
-    ball = _Ball(scene, turning)
-    try:
-        with np.errstate(all="ignore"):
-            lost = _loss(ball, timestep, steps)
-    except ArithmeticError:  # a number beyond the largest
-        return np.inf
-    return lost / scene.momentum_scale * max(1.0, count / steps) if lost < np.inf else np.inf
-
-
-class _Ball:
-    """The rolling ball by (2.4)-(2.5) in MuJoCo's variables.
-
-    Its state (7,) is the shell's turning u in the shell's axes, then its quaternion.
-    """
-
-    def __init__(self, scene: Scene, turning: Array) -> None:
-        self.scene, self.rubber = scene, scene.rolling == "rubber"
-        self.axis = as_vector(scene.principal_axes.T @ scene.ball.shell.axis)
-        self.inertia = scene.principal_axes.T @ scene.ball.gyrostatic_inertia
-        self.I, self.d = as_vector(scene.ball.principal[0]), scene.ball.d
-        attitude = multiply(scene.start.attitude, scene.principal_quaternion)
-        self.start = np.array([*turning, *attitude])
-
-    def drives(self, t: float) -> tuple[float, Array, Array]:
-        """Return the frame's angle on the shell, and the hinges' rates and accelerations."""
-        drives = self.scene.drives
-        rates = np.array([float(drive.rate(t)) for drive in drives])
-        changes = np.array([float(drive.acceleration(t)) for drive in drives])
-        return float(drives[0].angle(t)), rates, changes
-
-    def rate(self, t: float, state: Array) -> Array:
-        """Return d/dt of the state by (2.4)-(2.5)."""
-        angle, rates, changes = self.drives(t)
-        u, q = _parts(state)
-        Omega, Omega_rate = eq.scale(rates[0], self.axis), eq.scale(changes[0], self.axis)
-        omega, attitude = self._of_frame(u, q, angle, Omega)
-        acceleration, _ = eq.full_angular_acceleration(
-            omega,
-            eq.space_axes(attitude)[2],
-            Omega,
-            Omega_rate,
-            as_vector(self.inertia @ rates),
-            as_vector(self.inertia @ changes),
-            self.I,
-            self.d,
-            self.rubber,
-        )
-        # Of ω - Ω, which turns with the frame about the shell's axis.
-        change = eq.subtract(acceleration, Omega_rate)
-        change = eq.add(change, eq.cross(Omega, eq.subtract(omega, Omega)))
-        return np.array([*_turned(self.axis, angle, change), *eq.attitude_rate(q, u)])
-
-    def momentum(self, t: float, state: Array) -> Array:
-        """Return M (3,) in world axes."""
-        angle, rates, _ = self.drives(t)
-        Omega = eq.scale(rates[0], self.axis)
-        omega, attitude = self._of_frame(*_parts(state), angle, Omega)
-        axes = eq.space_axes(attitude)
-        k = as_vector(self.inertia @ rates)
-        K = eq.subtract(k, eq.scale(self.d, Omega))
-        L = eq.contact_angular_momentum(omega, axes[2], Omega, K, self.I, self.d)
-        M = eq.cross(axes[2], L) if self.rubber else L
-        return np.array([eq.dot(axis, M) for axis in axes])
-
-    def _of_frame(
-        self, u: Vector, q: Quaternion, angle: float, Omega: Vector
-    ) -> tuple[Vector, Quaternion]:
-        """Return ω in frame axes, and the frame's quaternion."""
-        sine = np.sin(angle / 2)
-        turn = (np.cos(angle / 2), *eq.scale(sine, self.axis))
-        return eq.add(_turned(self.axis, -angle, u), Omega), eq.quaternion_product(q, turn)
-
-
-def _loss(ball: _Ball, dt: float, steps: int) -> float:
-    """Return the largest change of M over the steps [kg m²/s]."""
-    state, M, worst = ball.start, ball.momentum(0.0, ball.start), 0.0
-    for i in range(steps):
-        state = rk4(ball.rate, i * dt, state, dt)
-        lost = float(np.linalg.norm(ball.momentum(i * dt + dt, state) - M))
-        if not np.isfinite(lost):
-            return np.inf
-        worst = max(worst, lost)
-    return worst
-
-
-def _parts(state: Array) -> tuple[Vector, Quaternion]:
-    """Split the state into the shell's turning and quaternion."""
-    p, q, r, w, x, y, z = state.tolist()
-    return (p, q, r), (w, x, y, z)
-
-
-def _turned(axis: Vector, angle: float, v: Vector) -> Vector:
-    """Turn v about a unit axis by Rodrigues' formula."""
-    along = (1 - np.cos(angle)) * eq.dot(axis, v)
-    across = eq.scale(np.sin(angle), eq.cross(axis, v))
-    return eq.add(eq.add(eq.scale(np.cos(angle), v), across), eq.scale(along, axis))
+    steps = float(min(np.ceil(count), _MOST_STEPS))
+    model = build(replace(scene, friction=Friction()), recipe("look", 1.0, timestep=timestep))
+    with controlled(model) as control, np.errstate(all="ignore"):
+        portions = by_steps(control, model.start_data(), np.array([0.0, steps * timestep]))
+        M = np.concatenate([readings_of(model, each.rows).momentum for each in portions])
+        lost = float(np.linalg.norm(M - M[0], axis=1).max()) / scene.momentum_scale
+    return lost * max(1.0, count / steps) if lost < np.inf else np.inf

@@ -18,7 +18,7 @@ from robotball.motors import Actuator, Free, Law, Servo
 from robotball.robot import Ball, Frame, Shell
 from robotball.scene import Friction
 from tests.motions import known
-from tests.robots import Y, pendulum_ball, robot, swing, worked
+from tests.robots import Y, low_weight, pendulum_ball, robot, swing, worked
 from validation import Agreement, compare
 from validation.studies.extreme_maps import scaled
 from validation.studies.random_runs import random_scene, rescaled
@@ -97,6 +97,8 @@ EDGES: dict[str, tuple[Predict, Any, dict[str, Any], float, str, float, float]] 
         2.0, "path", 7e-7, 0.3),  # 2.2e-7, 0.79
     "rotation": (limits.rotation, ROTORS, {"timestep": [2.2 / TURN, 3.0 / TURN], **STICKY},
         120 / TURN, "path", 0.7, np.inf),  # 0.23, gone
+    "a low weight's swing": (limits.low_weight, [low_weight(10.0, 0.15), low_weight(50.0, 0.19)],
+        {**DAMPED, "error_tolerance": 5e-6}, 2.0, "path", 2e-7, 1e-3),  # 6.2e-8, 1.4e-3
     "damped slip, RK4": (limits.friction_damping, FIG12,
         {**DAMPED, "solreffriction": [(-1.0, -550.0), (-1.0, -564.0)]},
         2.0, "slip", 0.011, 0.18),  # 3.7e-3 and 0.52 m/s
@@ -167,6 +169,8 @@ SIZES: dict[str, tuple[Predict, rb.Scene, dict[str, Any], float, str, float]] = 
     "M by discrete": (limits.momentum_lost, ROUTH, {**FINE, "integrator": "discrete"},
         2.0, "momentum", 0.482),
     "M by RK4": (limits.momentum_lost, FIG12, {}, 2.0, "momentum", 0.788),
+    # (r dt)⁶ in ten seconds
+    "a low weight's path": (limits.low_weight, low_weight(20.0, 0.17), DAMPED, 2.0, "path", 1.05),
     "M by DOP853": (limits.errors_added, FIG12, {**BY_ERROR, "rtol": 1e-10},
         10.0, "momentum", 0.0288),
     # μ m g T/|M|
@@ -239,7 +243,7 @@ def test_what_has_no_limit_bears_far_more() -> None:
 
 
 def test_fast_rotors_are_no_reason_to_warn_of_a_loss() -> None:
-    """Their nutation has next to nothing of M: a loss is that of the equations by the same steps.
+    """Their nutation has next to nothing of M: a loss is that of some steps, extrapolated.
 
     By the fastest rotation alone all of M could be lost.
     """
@@ -250,21 +254,20 @@ def test_fast_rotors_are_no_reason_to_warn_of_a_loss() -> None:
     theta = planned(scene, FAST, 10.0).rotation_rate * 0.02
     assert 10.0 / 0.02 * theta**6 / 144 > limit.limit
     assert not limit.exceeded
-    assert 0.05 < measured("momentum", scene, FAST, 10.0) / limit.value < 0.4  # measured 0.12
+    assert 0.7 < measured("momentum", scene, FAST, 10.0) / limit.value < 1.3  # measured 0.96
 
 
 @pytest.mark.parametrize("name", ["fig12", "classical_regular", "wobbling_drive"])
-def test_the_equations_of_the_trial_keep_m(name: str) -> None:
+def test_the_model_of_the_trial_keeps_m(name: str) -> None:
     """But for the error of RK4's steps, of order four; the drives may change in time."""
-    scene, plan = rb.load_scene(name), planned(rb.load_scene(name), FAST, 1.0)
-    turning = plan.angular_velocity - plan.Omega
-    coarse, fine = (momentum_loss(scene, turning, step, 0.4) for step in (8e-3, 4e-3))
+    scene = rb.load_scene(name)
+    coarse, fine = (momentum_loss(scene, step, 0.4) for step in (8e-3, 4e-3))
     assert fine < 1e-9  # measured 3.5e-10 at most
     assert 3.8 < np.log2(coarse / fine) < 4.1  # measured 3.90 to 3.99
     # The loss of a run of over 500 steps is extrapolated, and there is none where they diverge.
-    whole, part = (momentum_loss(scene, turning, 8e-3, duration) for duration in (8.0, 4.0))
+    whole, part = (momentum_loss(scene, 8e-3, duration) for duration in (8.0, 4.0))
     assert whole == pytest.approx(2 * part, rel=1e-12)
-    assert momentum_loss(scene, turning, 5.0, 2500.0) == np.inf
+    assert momentum_loss(scene, 5.0, 2500.0) == np.inf
 
 
 @pytest.mark.parametrize("name", ["fig12", "wobbling_drive"])

@@ -360,9 +360,10 @@ _LOOKS = 256  # steps that are looked at over a run, and as many at each side of
 
 def uneven(end: float, gap: float) -> Any:
     """Return increasing times (n,) from 0 to `end` [s], at most `gap` apart, of no period."""
-    count = np.ceil(1.24 * end / gap)  # 1 + 0.38 · 0.618 at most between two
+    count = np.ceil(1.5 * end / gap)
     k = np.arange(count + 1)
-    return end * (k + 0.38 * (k * _GOLDEN % 1) * (k < count)) / count
+    # The parts of k² times an irrational number repeat with no period (Weyl).
+    return end * (k + 0.5 * (k * k * _GOLDEN % 1) * (k < count)) / count
 
 
 def sampling_error(drives: Iterable[Drive], stops: Any, timestep: float) -> float:

@@ -26,9 +26,9 @@ _FOLLOWED = 1e-12  # of the largest rate: a polynomial as near as that costs no 
 _GIVEN = 1e-6  # relative: the largest error of a given derivative or integral
 _FINEST = 1e-3  # s, between two looks at a function whose author names no other
 _LOOKS, _MOST_LOOKS = 100_000, 10_000_000  # over a run: without a `finest`, and with one
-# s: a step may pass over what a panel follows that is shorter than SHORT, so the panel's ends are
-# breakpoints. Nothing turns in less than SHORTEST, to which a kink is halved without end.
-_SHORT, _SHORTEST = 0.02, 1e-6
+# s: a step may pass over what a panel follows that is shorter than SHORT, so there are breakpoints,
+# as near as RK4 needs them. A panel below SHORTEST is at a kink, which is halved without end.
+_SHORT, _SHORTEST, _PARTS = 0.02, 1e-6, 4
 
 
 @dataclass(frozen=True)
@@ -43,10 +43,10 @@ class Followed:
 
     @cached_property
     def breakpoints(self) -> tuple[float, ...]:
-        """The breakpoints that are named, and the ends of the panels where the rate is quick."""
-        panels = pairwise(self.polynomials.edges.tolist())
-        quick = (panel for panel in panels if _SHORTEST < panel[1] - panel[0] < _SHORT)
-        return tuple(sorted({*self.given.breakpoints, *chain.from_iterable(quick)} - {self.end}))
+        """The breakpoints that are named, and the parts of the panels where the rate is quick."""
+        quick = (p for p in pairwise(self.polynomials.edges) if _SHORTEST < p[1] - p[0] < _SHORT)
+        parts = chain.from_iterable(np.linspace(*each, _PARTS + 1).tolist() for each in quick)
+        return tuple(sorted({*self.given.breakpoints, *parts} - {self.end}))
 
     def rate(self, t: Any) -> Any:
         return _each(self._rate, t)

@@ -352,8 +352,8 @@ class Adapter(Engine):
         step = longest_step(scene, times, settings.timestep)
         missed = scene.sampling_error(float(times[-1]), step)
         if missed > RATE_ERROR and getattr(settings, "ideal", None) != "DOP853":
-            lack = f"a step of {step:g} s mistakes the mean of a drive by {missed:.2g} of it"
-            warn(f"{scene.name}, {settings.name}: {self.label.name}: {lack}; take shorter steps")
+            lack = f"a drive's error over a step of {step:g} s is {missed:.2g}; take a shorter one"
+            warn(f"{scene.name}, {settings.name}: {self.label.name}: {lack}")
         world = self.world(scene, settings, step, *more)
         # Only the engine's steps are timed, not the reading of its states. A state that is no
         # number ends the run of its ball.

@@ -16,7 +16,7 @@ from robotball.engines import LEAST_RTOL
 from robotball.engines.mujoco.limits import COST_MODEL, planned, seeing_step
 from robotball.engines.mujoco.settings import ADAPTIVE, BY_ERROR, PRESETS, Settings, recipe
 from robotball.errors import warn
-from robotball.motion import RATE_ERROR, ContactMotion, path_error
+from robotball.motion import ContactMotion, path_error
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene, step_count
 
@@ -27,6 +27,7 @@ _Run = Callable[[Settings, Array], ContactMotion]
 _MONITORED, _MOST_MONITORED = 100.0, 0.1
 _PHASE = 0.32  # rad at the scene's rate, in a step of the pilot run: RK4's order shows below it
 _STABLE = 1.5  # a step of the pilot run times a servo's rate; RK4 diverges at 2.785
+_SEEN = 1e-4  # of a drive: the error about it in a step of the pilot run
 _AIM = 0.9  # the part of the requested error at which steps are aimed by a measured error
 # The part at which the first rtol is aimed by the cost model alone. It is small because a tenth of
 # an rtol takes a third more steps, but a second run twice as many.
@@ -78,7 +79,7 @@ class _Search:
         timestep = min(longest, _PHASE / self.rate / 2)
         if self.servo_rate > 0:
             timestep = min(timestep, _STABLE / self.servo_rate / 2)
-        timestep = seeing_step(self.scene, float(self.times[-1]), timestep, RATE_ERROR)
+        timestep = seeing_step(self.scene, float(self.times[-1]), timestep, _SEEN)
         coarse = self.made(self.pilot(timestep=2 * timestep), apart=2 * timestep)
         fine = self.made(self.pilot(timestep=timestep))
         error = self.rk4_error(coarse, fine)

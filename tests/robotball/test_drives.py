@@ -11,8 +11,9 @@ import pytest
 from scipy.integrate import quad
 
 import robotball as rb
-from robotball.drives import Constant, Drive, as_drive, sampling_error, uneven
+from robotball.drives import Constant, Drive, as_drive, sampling_error
 from robotball.motion import path_error
+from robotball.rotations import uneven
 from tests.motions import known
 from tests.robotball.own_drive import OwnDrive, of_sine
 from validation import compare

@@ -16,14 +16,13 @@ from functools import cached_property
 import numpy as np
 
 from robotball import equations as eq
-from robotball.drives import uneven
 from robotball.engines.mujoco.model import ModelHinge, hinges_of
 from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings, for_load
 from robotball.equations import as_vector
 from robotball.errors import InputError, warn
 from robotball.motion import RATE_ERROR, Loads, loads_of
 from robotball.motors import Servo
-from robotball.rotations import Array, multiply, rotation_matrix
+from robotball.rotations import Array, multiply, rotation_matrix, uneven
 from robotball.scene import Scene, step_count
 
 

@@ -17,12 +17,12 @@ import numpy as np
 from scipy.optimize import root_scalar
 
 import robotball.scene
-from robotball.drives import Drive, turns, uneven
+from robotball.drives import Drive, turns
 from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings, for_load
 from robotball.errors import InputError
 from robotball.motors import Actuator, Free, Law, Motor, PositionServo, Servo, Torque
 from robotball.robot import PARTS, Frame, Link, Pendulum, Rotor, Shell
-from robotball.rotations import Array, multiply, rotation_matrix, z_along
+from robotball.rotations import Array, multiply, rotation_matrix, uneven, z_along
 from robotball.scene import Scene, Start
 
 with warnings.catch_warnings(action="ignore"):

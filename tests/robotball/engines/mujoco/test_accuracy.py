@@ -75,7 +75,7 @@ def test_the_accuracy_is_reached_of_a_drive_that_coarse_steps_see_as_a_constant(
     In steps of 20 ms the path is off by 1.9e-2 and 7.4e-5.
     """
     sine = rb.Sine(mean=2.0, amplitude=amplitude, frequency=200.0, phase=np.pi / 2)
-    agreement = reached_by(replace(FIG12, frame_rate=sine), target, rb.sample_times(0.5))
+    agreement = reached_by(replace(FIG12, frame_rate=sine), target, rb.sample_times(0.2))
     assert agreement.agrees
     assert known(agreement.path_error) < most
 

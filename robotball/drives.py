@@ -8,8 +8,8 @@ scalars or increasing columns, in s from the start of the motion; SI units.
 A hinge without a motor keeps the drive as its rate [rad/s] exactly; to one with a motor it is a
 command, see `motors`.
 
-In order: a drive and its kinds, the drive of what a user gives as a rate. Users' functions are
-followed in `function_drives`, which is loaded for scenes that have one.
+In order: a drive and its kinds, the drive of what a user gives as a rate, and how steps see drives.
+Users' functions are followed in `function_drives`, which is loaded for scenes that have one.
 """
 
 import itertools
@@ -22,6 +22,7 @@ import msgspec
 import numpy as np
 
 from robotball.errors import END_ROUNDING, InputError, check_positive, check_size
+from robotball.rotations import uneven
 
 _Time = Any  # a float, or a column (n,)
 _Scalar = Any  # a float, or a column (n,)
@@ -300,7 +301,7 @@ def as_drive(rate: Rate, end: float) -> Drive:
     elif isinstance(rate, Custom | Drive) or callable(rate):
         from robotball.function_drives import Followed
 
-        drive = Followed(end, as_custom(rate))
+        drive = Followed(end, *vars(as_custom(rate)).values())
     else:
         drive = Constant(_number(rate))
     check_size("a drive's rate at t = 0 s", float(drive.rate(0.0)), "rad/s")
@@ -354,15 +355,7 @@ class Total:
         return sum(drive.angle(t) for drive in self.drives)
 
 
-_GOLDEN = (5**0.5 - 1) / 2
 _LOOKS = 256  # steps that are looked at over a run, and as many at each side of breakpoints
-
-
-def uneven(end: float, gap: float) -> Any:
-    """Return increasing times (n,) from 0 to `end` [s], at most `gap` apart, of no period."""
-    count = np.ceil(1.24 * end / gap)  # 1 + 0.38 · 0.618 at most between two
-    k = np.arange(count + 1)
-    return end * (k + 0.38 * (k * _GOLDEN % 1) * (k < count)) / count
 
 
 def sampling_error(drives: Iterable[Drive], stops: Any, timestep: float) -> float:

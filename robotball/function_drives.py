@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from robotball.drives import Custom, uneven
 from robotball.errors import END_ROUNDING, LARGEST, InputError, warn
-from robotball.rotations import Array
+from robotball.rotations import Array, uneven
 
 _Function = Callable[[float], float]
 
@@ -26,27 +25,32 @@ _FOLLOWED = 1e-12  # of the largest rate: a polynomial as near as that costs no 
 _GIVEN = 1e-6  # relative: the largest error of a given derivative or integral
 _FINEST = 1e-3  # s, between two looks at a function whose author names no other
 _LOOKS, _MOST_LOOKS = 100_000, 10_000_000  # over a run: without a `finest`, and with one
-# s: a step may pass over what a panel follows that is shorter than SHORT, so the panel's ends are
-# breakpoints. Nothing turns in less than SHORTEST, to which a kink is halved without end.
-_SHORT, _SHORTEST = 0.02, 1e-6
+# s: a step may pass over what a panel follows that is shorter than SHORT, so there are breakpoints,
+# as near as RK4 needs them. A panel below SHORTEST is at a kink, which is halved without end.
+_SHORT, _SHORTEST, _PARTS = 0.02, 1e-6, 4
 
 
 @dataclass(frozen=True)
 class Followed:
     """The drive of a user's function over a run from 0 to `end` [s], and nowhere else.
 
-    A derivative or integral that is not given is taken from polynomials.
+    The fields are those of a Custom rate, whose breakpoints are `named`. A derivative or integral
+    that is None is taken from polynomials.
     """
 
     end: float
-    given: Custom
+    function: _Function
+    named: tuple[float, ...]
+    derivative: _Function | None
+    integral: _Function | None
+    finest: float | None
 
     @cached_property
     def breakpoints(self) -> tuple[float, ...]:
-        """The breakpoints that are named, and the ends of the panels where the rate is quick."""
-        panels = pairwise(self.polynomials.edges.tolist())
-        quick = (panel for panel in panels if _SHORTEST < panel[1] - panel[0] < _SHORT)
-        return tuple(sorted({*self.given.breakpoints, *chain.from_iterable(quick)} - {self.end}))
+        """The breakpoints that are named, and the parts of the panels where the rate is quick."""
+        quick = (p for p in pairwise(self.polynomials.edges) if _SHORTEST < p[1] - p[0] < _SHORT)
+        parts = chain.from_iterable(np.linspace(*each, _PARTS + 1).tolist() for each in quick)
+        return tuple(sorted({*self.named, *parts} - {self.end}))
 
     def rate(self, t: Any) -> Any:
         return _each(self._rate, t)
@@ -64,21 +68,21 @@ class Followed:
         Raises InputError where the function jumps, or where a derivative or integral given for it
         is not its own; warns where it is not smooth and no derivative is given.
         """
-        finest = self.given.finest or max(_FINEST, self.end / _LOOKS)
+        finest = self.finest or max(_FINEST, self.end / _LOOKS)
         longest = min(_LONGEST, _MOST_LOOKS * finest)
         if not self.end <= longest:
             raise InputError(
                 f"a drive's function can be followed to t = {longest:g} s at most, not to "
                 f"{self.end:g} s, every {finest:g} s; a number, a Ramp or a Sine has no such limit"
             )
-        inside = sorted({float(b) for b in self.given.breakpoints if 0 < b < self.end})
+        inside = sorted({float(b) for b in self.named if 0 < b < self.end})
         looks = uneven(self.end, finest)
         found = polynomials_of(self._rate, [0.0, *inside, self.end], looks)
         follows = found.off <= _FOLLOWED * (1 + found.size)
         # What is given is compared in the middle of each panel that the polynomial follows: near a
         # kink that no breakpoint names, the polynomial itself is off.
         middles = (found.edges[:-1] + found.edges[1:])[follows] / 2
-        if self.given.derivative is not None:
+        if self.derivative is not None:
             _check_own("derivative", self._acceleration, found.slope, middles, "rad/s²")
         elif not follows.all():
             warn(
@@ -86,14 +90,14 @@ class Followed:
                 f"its derivative there follows it to {found.off.max():.1g} rad/s only; give "
                 "Custom its breakpoints, or its derivative"
             )
-        if self.given.integral is not None:
+        if self.integral is not None:
             _check_own("integral", self._angle, found.area, middles, "rad")
         return found
 
     def _rate(self, t: float) -> float:
         t = self._inside(t)
         try:
-            value = float(self.given.function(t))
+            value = float(self.function(t))
         except Exception as error:  # whatever a user's function may raise
             raise InputError(
                 f"a drive's function fails at t = {t:g} s: {type(error).__name__}: {error}"
@@ -106,11 +110,11 @@ class Followed:
         return value
 
     def _acceleration(self, t: float) -> float:
-        t, given = self._inside(t), self.given.derivative
+        t, given = self._inside(t), self.derivative
         return self.polynomials.slope(t) if given is None else float(given(t))
 
     def _angle(self, t: float) -> float:
-        t, given = self._inside(t), self.given.integral
+        t, given = self._inside(t), self.integral
         return self.polynomials.area(t) if given is None else float(given(t)) - float(given(0.0))
 
     def _inside(self, t: float) -> float:

@@ -1,4 +1,4 @@
-"""Rotations as quaternions (w, x, y, z), the order of MuJoCo, computed by scipy; unit vectors."""
+"""Rotations as quaternions (w, x, y, z), the order of MuJoCo; unit vectors; uneven times."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,3 +91,14 @@ def direction(name: str, v: Array) -> Array:
 
 def _rotation(q: Array) -> Rotation:
     return Rotation.from_quat(q, scalar_first=True)
+
+
+_GOLDEN = (5**0.5 - 1) / 2
+
+
+def uneven(end: float, gap: float) -> Array:
+    """Return increasing times (n,) from 0 to `end` [s], at most `gap` apart, of no period."""
+    count = np.ceil(1.5 * end / gap)
+    k = np.arange(count + 1)
+    # The parts of k² times an irrational number repeat with no period (Weyl).
+    return np.asarray(end * (k + 0.5 * (k * k * _GOLDEN % 1) * (k < count)) / count)

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robotball.drives import Constant, Drive, Rate, as_drive, sampling_error, uneven
+from robotball.drives import Constant, Drive, Rate, as_drive, sampling_error
 from robotball.equations import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.errors import LARGEST, InputError, check_not_negative, check_positive, check_size
 from robotball.robot import ROUNDING, Ball, Value, imbalance
-from robotball.rotations import Array, from_matrix, normalised, rotation_matrix
+from robotball.rotations import Array, from_matrix, normalised, rotation_matrix, uneven
 
 if TYPE_CHECKING:
     from robotball.mechanics import Robot

@@ -30,7 +30,7 @@ from robotball.at_once import differ_in_start
 from robotball.engine import Engine, Knobs, Ladder, Own, Request, as_own, engine_named
 from robotball.engines import Compensated, Rate
 from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of
-from robotball.engines.observe import State, motion_of_rows, start_state
+from robotball.engines.states import State, motion_of_rows, start_state
 from robotball.equations import as_vector
 from robotball.errors import InputError, warn
 from robotball.motion import RATE_ERROR, ContactMotion, EngineSettings, Label
@@ -337,8 +337,8 @@ class Adapter(Engine):
         step = longest_step(scene, times, settings.timestep)
         missed = scene.sampling_error(float(times[-1]), step)
         if missed > RATE_ERROR and getattr(settings, "ideal", None) != "DOP853":
-            lack = f"a step of {step:g} s mistakes the mean of a drive by {missed:.2g} of it"
-            warn(f"{scene.name}, {settings.name}: {self.label.name}: {lack}; take shorter steps")
+            lack = f"a drive's error over a step of {step:g} s is {missed:.2g}; take a shorter one"
+            warn(f"{scene.name}, {settings.name}: {self.label.name}: {lack}")
         world = self.world(scene, settings, step, *more)
         # Only the engine's steps are timed, not the reading of its states. A state that is no
         # number ends the run of its ball.

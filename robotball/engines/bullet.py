@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from robotball.engines import adapter
-from robotball.engines.links import lifting, links_of, principal_inertia
-from robotball.engines.observe import State
+from robotball.engines.states import State, lifting, links_of, principal_inertia
 from robotball.motion import Label
 from robotball.rotations import Array, conjugate, multiply
 from robotball.scene import Scene

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from robotball.engines import adapter
-from robotball.engines.links import lifting, links_of
-from robotball.engines.observe import State
+from robotball.engines.states import State, lifting, links_of
 from robotball.motion import Label
 from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.scene import Scene

@@ -11,8 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from robotball.engines import adapter
-from robotball.engines.links import lifting, links_of
-from robotball.engines.observe import State, start_state
+from robotball.engines.states import State, lifting, links_of, start_state
 from robotball.motion import Label
 from robotball.rotations import Array
 from robotball.scene import Scene

@@ -14,8 +14,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from robotball.engines import adapter
-from robotball.engines.links import lifting
-from robotball.engines.observe import State
+from robotball.engines.states import State, lifting
 from robotball.motion import Label
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene

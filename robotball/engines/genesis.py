@@ -11,8 +11,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 import numpy as np
 
 from robotball.engines import adapter
-from robotball.engines.links import links_of
-from robotball.engines.observe import State
+from robotball.engines.states import State, links_of
 from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene

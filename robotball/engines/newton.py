@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from robotball.engines import adapter
-from robotball.engines.links import force_in, links_of
-from robotball.engines.observe import State, start_state
+from robotball.engines.states import State, force_in, links_of, start_state
 from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene

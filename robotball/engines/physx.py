@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 
 from robotball.engines import adapter
-from robotball.engines.links import links_of, principal_inertia
-from robotball.engines.observe import State
+from robotball.engines.states import State, links_of, principal_inertia
 from robotball.motion import Label
 from robotball.rotations import Array, from_matrix, perpendicular
 from robotball.scene import Scene

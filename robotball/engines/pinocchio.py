@@ -12,8 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from robotball.engines import adapter
-from robotball.engines.links import lifting, links_of
-from robotball.engines.observe import State
+from robotball.engines.states import State, lifting, links_of
 from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene

@@ -19,8 +19,8 @@ from scipy.spatial.transform import Rotation
 
 from robotball.drives import Constant, Drive, Ramp, Samples, Sine, Total
 from robotball.engine import integrate
-from robotball.engines.links import links_of
 from robotball.engines.recorded import continuous
+from robotball.engines.states import links_of
 from robotball.errors import InputError
 from robotball.files.columns import Table, write_table
 from robotball.files.replacing import replacing

@@ -11,7 +11,10 @@ import pytest
 from scipy.integrate import quad
 
 import robotball as rb
-from robotball.drives import Constant, Drive, as_drive
+from robotball.drives import Constant, Drive, as_drive, sampling_error
+from robotball.motion import path_error
+from robotball.rotations import uneven
+from tests.motions import known
 from tests.robotball.own_drive import OwnDrive, of_sine
 from validation import compare
 
@@ -123,3 +126,85 @@ def test_a_function_that_is_not_smooth_is_warned_of() -> None:
     with warnings.catch_warnings(action="error"):
         kink = rb.Custom(lambda t: 2 + abs(t - 0.4), breakpoints=(0.4,))
         rb.integrate(replace(FIG12, frame_rate=kink), times)
+
+
+def test_steps_err_about_a_sine_by_simpsons_rule() -> None:
+    """Whatever its frequency: by sin(x)/x - (2 + cos x)/3 of its amplitude, also where it aliases.
+
+    The frequencies are below, at and beyond those whose periods divide the step, to a part of the
+    largest of all phases.
+    """
+    step, stops = 5e-3, np.array([0.0, 0.7, 2.0])
+    for frequency in (7.0, 50.0, 100.0, 199.0, 200.0, 201.0, 400.0, 1000.0, 12345.0):
+        x = math.pi * frequency * step
+        expected = abs(math.sin(x) / x - (2 + math.cos(x)) / 3) / 3  # of the largest rate
+        sine = as_drive(rb.Sine(mean=2.0, amplitude=1.0, frequency=frequency), 2.0)
+        # Measured 0.9998 at least.
+        assert 0.999 < sampling_error([sine], stops, step) / expected < 1.001, frequency
+    assert sampling_error([Constant(2.0)], stops, step) == 0.0
+
+
+def test_steps_see_what_is_of_third_degree_between_breakpoints() -> None:
+    """Samples and smooth ramps, however many breakpoints; over one that is missed they err."""
+    times = np.linspace(0.0, END, 2001)
+    samples = as_drive(rb.Samples(times=tuple(times), values=tuple(np.sin(40 * times))), END)
+    for drive in (samples, DRIVES["smooth"]):
+        # Measured 5.9e-15: rounding of a step of 1.5 ms.
+        assert sampling_error([drive], np.array([0.0, *drive.breakpoints, END]), 0.02) < 6e-14
+    # Measured 1.2e-3.
+    assert sampling_error([DRIVES["samples"]], np.array([0.0, END]), 0.02) > 4e-4
+
+
+def test_uneven_times_have_no_period() -> None:
+    """From 0 to the end, no two farther apart than is asked for; no sine is 0 at all of them."""
+    times = uneven(2.0, 0.01)
+    assert (times[0], times[-1]) == (0.0, 2.0)
+    assert 0 < np.diff(times).min() < np.diff(times).max() <= 0.01
+    for frequency in range(1, 1000):
+        assert np.abs(np.sin(2 * np.pi * frequency * times)).max() > 0.998  # measured 0.9995
+
+
+def bump(width: float, height: float) -> Callable[[float], float]:
+    """2 rad/s and a smooth pulse within `width` [s] of an uneven time."""
+
+    def rate(t: float) -> float:
+        x = (t - 0.5012345) / width
+        return 2 + height * (1 - x * x) ** 8 if abs(x) < 1 else 2.0
+
+    return rate
+
+
+LONG, SHORT = bump(6e-4, 0.03), bump(5e-5, 4e-3)
+ENDS = (0.5012345 - 5e-5, 0.5012345, 0.5012345 + 5e-5)
+
+
+@pytest.mark.parametrize(
+    ("rate", "turned", "most"),
+    [
+        (LONG, 1.0784e-5, 2e-7),  # measured 6.4e-8
+        (rb.Custom(SHORT, finest=5e-5), 1.1983e-7, 1.1e-6),  # 3.5e-7
+        (rb.Custom(SHORT, breakpoints=ENDS), 1.1983e-7, 2e-9),  # 6.0e-10
+    ],
+    ids=["as it is", "finest", "breakpoints"],
+)
+def test_a_pulse_is_followed_by_both_engines(
+    rate: rb.drives.Rate, turned: float, most: float
+) -> None:
+    """One of 1.2 ms without a word, one of 0.1 ms by a `finest` or by its breakpoints.
+
+    The equations turn the frame by its area, and MuJoCo follows them in steps of 5 ms elsewhere.
+    """
+    scene, times = replace(FIG12, frame_rate=rate), rb.sample_times(1.0)
+    theory = rb.integrate(scene, times)
+    assert theory.hinge_angles[-1, 0] - 2.0 == pytest.approx(turned, rel=1e-2)
+    motion = rb.simulate(scene, times, "balanced")
+    assert motion.report.faults == ()
+    assert known(path_error(theory, motion)) < most
+
+
+def test_a_pulse_shorter_than_the_looks_may_be_missed() -> None:
+    """As the docstring of Custom says: it is not among the polynomials, nor the breakpoints."""
+    drive = as_drive(SHORT, 1.0)
+    assert drive.angle(1.0) == pytest.approx(2.0, abs=1e-14)
+    assert drive.breakpoints == ()
+    assert len(as_drive(rb.Custom(SHORT, finest=5e-5), 1.0).breakpoints) > 20  # 69

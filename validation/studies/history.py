@@ -25,7 +25,7 @@ from tyro.conf import DisallowNone, Positional, arg
 from robotball import InputError, engine_named, integrate, load_scene, sample_times
 from robotball.engine import DEFAULT
 from robotball.engines.environments import call, interpreter_of, make, pip
-from robotball.engines.observe import motion_of_rows
+from robotball.engines.states import motion_of_rows
 from robotball.errors import unknown
 from robotball.film.looks import ACCENT, INK
 from robotball.motion import path_error

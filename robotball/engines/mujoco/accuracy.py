@@ -27,7 +27,6 @@ from robotball.engines.mujoco.settings import (
 )
 from robotball.errors import warn
 from robotball.motion import (
-    RATE_ERROR,
     ContactMotion,
     Fault,
     FaultKind,
@@ -46,6 +45,7 @@ _Run = Callable[[Settings, Array], ContactMotion]
 _MONITORED, _MOST_MONITORED = 100.0, 0.1
 _PHASE = 0.32  # rad at the scene's rate, in a step of the pilot run: RK4's order shows below it
 _STABLE = 1.5  # a step of the pilot run times a servo's rate; RK4 diverges at 2.785
+_SEEN = 1e-4  # of a drive: the error about it in a step of the pilot run
 _AIM = 0.9  # the part of the requested error at which steps are aimed by a measured error
 # The part at which the first rtol is aimed by the cost model alone. It is small because a tenth of
 # an rtol takes a third more steps, but a second run twice as many.
@@ -97,7 +97,7 @@ class _Search:
         timestep = min(longest, _PHASE / self.rate / 2)
         if self.servo_rate > 0:
             timestep = min(timestep, _STABLE / self.servo_rate / 2)
-        timestep = seeing_step(self.scene, float(self.times[-1]), timestep, RATE_ERROR)
+        timestep = seeing_step(self.scene, float(self.times[-1]), timestep, _SEEN)
         coarse = self.made(self.pilot(timestep=2 * timestep), apart=2 * timestep)
         fine = self.made(self.pilot(timestep=timestep))
         error = self.rk4_error(coarse, fine)
@@ -274,7 +274,7 @@ def checked(motion: ContactMotion, run: _Run) -> ContactMotion:
         step, at = factor * report.timestep, _thinned(motion.times, factor * report.timestep)
         other = run(_in_steps(settings, step, softer), at)
         measured = path_errors(other, motion) / motion.path_scale, momentum_errors(other, motion)
-        with np.errstate(invalid="ignore"):  # of a single step, which cannot be any longer
+        with np.errstate(all="ignore"):  # of a single step, which cannot be any longer
             error = np.maximum(*measured) / abs(
                 (other.report.timestep / report.timestep) ** order - 1
             )

@@ -13,14 +13,9 @@ import numpy as np
 
 from robotball import equations as eq
 from robotball.engines import Compensated, Rate
+from robotball.engines.mujoco.control import FREE_QPOS, FREE_QVEL, Control, read_row
 from robotball.engines.mujoco.settings import Chosen
-from robotball.engines.mujoco.stepping import (
-    FREE_QPOS,
-    FREE_QVEL,
-    Control,
-    Portion,
-    read_row,
-)
+from robotball.engines.mujoco.stepping import Portion
 from robotball.motion import Fault, FaultKind
 from robotball.rotations import Array
 

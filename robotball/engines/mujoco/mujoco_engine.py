@@ -1,10 +1,10 @@
 """MuJoCo as an engine: it takes a request and returns a motion with its report.
 
 The room is read in this order: `settings` (the recipes), `model` (scene and settings → MJCF),
-`stepping` (MuJoCo's integrators) with `torque_limits` and `rolling_resistance`, `adaptive`
-(DOP853), `readings` (sensors → readings, MuJoCo's own faults), `run`, `many`, `limits` with
-`trials` (faults predicted), `accuracy` (an error in place of settings), `mjcf_export`, `ports`
-(MJX and MuJoCo Warp).
+`control` and `stepping` (MuJoCo's integrators) with `torque_limits` and `rolling_resistance`,
+`adaptive` (DOP853), `readings` (sensors → readings, MuJoCo's own faults), `run`, `many`, `limits`
+with `trials` (faults predicted), `accuracy` (an error in place of settings), `user_model`,
+`mjcf_export`, `ports` (MJX and MuJoCo Warp).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from robotball.engine import Engine, Knobs, Ladder, Request, Runner, as_own
 from robotball.engines import Progress
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.accuracy import checked, reach
 from robotball.engines.mujoco.limits import precheck
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
@@ -56,6 +55,10 @@ class MuJoCo(Engine):
         settings = as_own(request.settings, Settings, LABEL)
         precheck(scene, settings, times, request.loads, strict=request.strict)
         motion = run(build(scene, settings), times, request.progress)
+        if scene.keeps_momentum:  # whose change would have shown an error
+            return motion
+        from robotball.engines.mujoco.accuracy import checked
+
         return checked(motion, lambda other, at: run(build(scene, other), at))
 
     def prepare(self, scene: Scene, settings: EngineSettings) -> Runner:
@@ -77,6 +80,8 @@ MUJOCO = MuJoCo()
 
 def _to_accuracy(scene: Scene, times: Array, request: Request, accuracy: float) -> ContactMotion:
     """Search for settings that reach the accuracy, and return the last run."""
+    from robotball.engines.mujoco.accuracy import reach
+
     # How many runs follow is not known, so each is given half of the work that is left.
     part = 1.0
 

@@ -13,11 +13,10 @@ import mujoco
 import numpy as np
 
 from robotball.engines import adapter
-from robotball.engines.links import force_in
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, ModelHinge, build, controls_at, state_at
 from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings
-from robotball.engines.observe import State
+from robotball.engines.states import State, force_in
 from robotball.motion import Label
 from robotball.motors import Servo
 from robotball.rotations import Array, rotation_matrix

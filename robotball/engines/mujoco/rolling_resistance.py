@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 import mujoco
 import numpy as np
 
-from robotball.engines.mujoco.stepping import Control, Steps
+from robotball.engines.mujoco.control import Control, Steps
 from robotball.rotations import Array, rotation_matrix
 
 # rad/s: a shell that rolls no faster than STANDING stands, if the plane can hold it; one that is

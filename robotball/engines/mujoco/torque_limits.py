@@ -13,8 +13,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from robotball.drives import Drive
+from robotball.engines.mujoco.control import FREE_QPOS, FREE_QVEL, STATE, Control, Steps, state_of
 from robotball.engines.mujoco.model import Model
-from robotball.engines.mujoco.stepping import FREE_QPOS, FREE_QVEL, STATE, Control, Steps, state_of
 from robotball.motors import Law
 from robotball.rotations import Array
 

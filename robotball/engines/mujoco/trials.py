@@ -10,10 +10,11 @@ import mujoco
 import numpy as np
 
 import robotball.scene
+from robotball.engines.mujoco.control import read_row
 from robotball.engines.mujoco.model import ModelHinge, build
 from robotball.engines.mujoco.readings import readings_of
 from robotball.engines.mujoco.settings import Settings, recipe
-from robotball.engines.mujoco.stepping import by_steps, controlled, read_row
+from robotball.engines.mujoco.stepping import by_steps, controlled
 from robotball.motion import Loads
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Friction, Scene

@@ -14,9 +14,9 @@ import mujoco
 import numpy as np
 
 from robotball.drives import Constant, Drive
-from robotball.engines.links import lifting
 from robotball.engines.mujoco import LABEL
 from robotball.engines.observe import Readings, Recording
+from robotball.engines.states import lifting
 from robotball.equations import Rolling
 from robotball.errors import InputError, unknown
 from robotball.files.robot_file import RobotFile, gears_of, scene_of

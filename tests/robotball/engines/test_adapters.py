@@ -6,6 +6,7 @@ engine itself is run where it is installed.
 
 import time
 import tomllib
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
@@ -29,9 +30,8 @@ from robotball.engines.adapter import (
     on_device,
     spin_damping,
 )
-from robotball.engines.links import lifting, links_of, principal_inertia
-from robotball.engines.observe import State
 from robotball.engines.pinocchio import PINOCCHIO
+from robotball.engines.states import State, lifting, links_of, principal_inertia
 from robotball.motion import Label, momentum_error, path_error
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene
@@ -171,6 +171,26 @@ def test_a_cuda_device_is_timed_by_the_clock_and_refused_where_there_is_none() -
     assert world.clock is time.process_time
     assert on_device(world, "cuda", cuda=True) == "cuda"
     assert world.clock is time.perf_counter
+
+
+@pytest.mark.parametrize(("frequency", "warns"), [(10.0, True), (9.9, True), (0.3, False)])
+def test_a_drive_that_changes_within_a_step_is_warned_of(frequency: float, warns: bool) -> None:
+    """Of an engine that is stepped by 0.1 s; DOP853, which chooses its own steps, sees it all."""
+    sine = rb.Sine(mean=2.0, amplitude=0.05, frequency=frequency, phase=np.pi / 2)
+    scene, times = replace(FIG12, frame_rate=sine), rb.sample_times(2.0, 0.1)
+    engine = spoilt({})
+    words = "fig12, best: Spoilt: a drive's error over a step of 0.1 s is 0.0"
+    for chosen in (StepSettings, PointSettings):
+        settings: Any = chosen(name="best", error_tolerance=1e-3, timestep=0.1)
+        if chosen is PointSettings:
+            settings = replace(settings, ideal="DOP853")
+        with warnings.catch_warnings(record=True) as seen:
+            warnings.simplefilter("always")
+            rb.simulate(scene, times, settings, engine=replace(engine, presets=by_name(settings)))
+        lines = [str(each.message) for each in seen]
+        assert [line.startswith(words) for line in lines] == [True] * (
+            warns and chosen is StepSettings
+        )
 
 
 X, _, Z = np.eye(3)

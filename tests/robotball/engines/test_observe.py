@@ -10,7 +10,8 @@ from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.readings import readings_of
 from robotball.engines.mujoco.stepping import by_steps, controlled
-from robotball.engines.observe import Recording, State, motion_of_rows
+from robotball.engines.observe import Recording
+from robotball.engines.states import State, motion_of_rows
 from robotball.motion import ContactMotion, EngineSettings, momentum_error
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from validation.agreement import Agreement

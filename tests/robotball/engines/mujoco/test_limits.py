@@ -76,6 +76,12 @@ def heavy(scene: rb.Scene, *masses: float) -> list[rb.Scene]:
     return [rescaled(scene, mass=mass) for mass in masses]
 
 
+def swung(frequency: float, amplitude: float = 1.0) -> rb.Scene:
+    """Fig. 12's with a frame whose rate swings from a crest on."""
+    sine = rb.Sine(mean=2.0, amplitude=amplitude, frequency=frequency, phase=np.pi / 2)
+    return replace(FIG12, frame_rate=sine)
+
+
 # Rotors at 30 times their rates turn the ball by 2.2 rad in a step inside, 3.0 beyond.
 ROTORS = replace(FIG12, rotor_rates=(30 * 148.0,))
 TURN = planned(ROTORS, FAST, 1.0).rotation_rate
@@ -93,6 +99,9 @@ EDGES: dict[str, tuple[Predict, Any, dict[str, Any], float, str, float, float]] 
         {**SLOW, "sliding_friction": [0.468, 0.441]}, 0.01, "cone", 0.995, 0.999999),  # 0.976, 1
     "spinning": (limits.torsional_friction, FIG12, {**SLOW, "torsional_friction": [1.819, 1.713]},
         0.01, "cone", 0.995, 0.999999),  # 0.987, 1
+    # Of 50 Hz, the step sees its crests alone.
+    "a drive within a step": (limits.drive_seen, [swung(7.0), swung(50.0)], {}, 1.0,
+        "path", 2e-4, 0.01),  # 6.0e-5, 0.33
     "no torsional row": (limits.contact_dimension, FIG12, {"condim": [4, 3]},
         2.0, "path", 7e-7, 0.3),  # 2.2e-7, 0.79
     "rotation": (limits.rotation, ROTORS, {"timestep": [2.2 / TURN, 3.0 / TURN], **STICKY},
@@ -352,6 +361,23 @@ def test_the_timestep_that_is_advised_is_inside_the_limit() -> None:
         for factor in (0.94, 1.06):
             settings = replace(wrong, timestep=factor * float(advised))
             assert limit_of(predict, scene, settings, 10.0).exceeded == (factor > 1)
+
+
+@pytest.mark.parametrize(("frequency", "preset"), [(100.0, "fast"), (200.0, "balanced")])
+def test_the_timestep_that_is_advised_sees_the_drive(frequency: float, preset: str) -> None:
+    """Its path error is the one predicted, to half of it or so; strict refuses the preset's."""
+    scene, settings, times = swung(frequency, 0.05), rb.preset(preset), np.linspace(0.0, 0.5, 26)
+    with pytest.raises(
+        rb.InputError, match=r"a drive's error over a step is .* a timestep below"
+    ) as error:
+        rb.simulate(scene, times, settings, strict=True)
+    (advised,) = re.findall(r"step below (\S+) s", str(error.value))
+    finer = replace(settings, timestep=0.94 * float(advised), stop_at_fault=False)
+    limit = limit_of(limits.drive_seen, scene, finer, 0.5)
+    assert not limit.exceeded
+    # Measured 0.7 and 0.6.
+    assert 0.2 < known(compare(scene, finer, times).path_error) / limit.value < 2.0
+    assert limits.drive_seen(planned(scene, rb.preset("adaptive"), 0.5)) is None
 
 
 def test_an_edge_knows_how_near_it_is() -> None:

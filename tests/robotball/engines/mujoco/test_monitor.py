@@ -8,9 +8,11 @@ import pytest
 
 import robotball as rb
 from robotball.engines.mujoco import LABEL
+from robotball.engines.mujoco.control import read_row
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.readings import own_faults, readings_of
-from robotball.engines.mujoco.stepping import by_steps, controlled, read_row
+from robotball.engines.mujoco.run import run
+from robotball.engines.mujoco.stepping import by_steps, controlled
 from robotball.engines.observe import Recording
 from robotball.motors import Servo
 from robotball.rotations import Array
@@ -56,6 +58,27 @@ def test_what_goes_wrong_is_reported(name: str) -> None:
     scene, settings, causes = FAULTS[name]
     faults = rb.simulate(scene, settings=settings).report.faults
     assert {fault.text for fault in faults} == causes
+
+
+@pytest.mark.parametrize(
+    ("preset", "frequency", "off"),
+    [
+        ("fast", 50.0, True), ("fast", 100.0, True), ("fast", 150.0, True), ("fast", 200.0, True),
+        ("balanced", 200.0, True), ("balanced", 400.0, True), ("balanced", 199.0, True),
+        ("balanced", 7.0, False), ("fast", 7.0, False),
+    ],
+)  # fmt: skip
+def test_a_drive_that_steps_see_as_a_constant_is_a_fault(
+    preset: str, frequency: float, off: bool
+) -> None:
+    """Without a precheck: its hinge turns by 2.5 % more than it does, and the path as much.
+
+    The rates at the steps' ends alone are right, but for one of 199 Hz.
+    """
+    sine = rb.Sine(mean=2.0, amplitude=0.05, frequency=frequency, phase=np.pi / 2)
+    model = build(replace(FIG12, frame_rate=sine), rb.preset(preset))
+    faults = run(model, np.linspace(0.0, 0.4, 21)).report.faults
+    assert [fault.text for fault in faults] == ["hinge rate off by over 0.001"] * off
 
 
 def test_a_diverging_run_ends_at_the_step_that_diverged() -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from robotball import equations as eq
-from robotball.engines.links import links_of
+from robotball.engines.states import links_of
 from robotball.equations import as_vector
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Scene

@@ -56,9 +56,9 @@ def interruptible() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
-def start(folder: Path, module: str, *arguments: str) -> "subprocess.Popen[str]":
-    """A module as a process in a folder."""
-    return subprocess.Popen([sys.executable, "-m", module, *arguments], cwd=folder, **PIPES)
+def start(folder: Path, *arguments: str) -> "subprocess.Popen[str]":
+    """A script or a module as a process in a folder."""
+    return subprocess.Popen([sys.executable, *arguments], cwd=folder, **PIPES)
 
 
 def ended(process: "subprocess.Popen[str]", number: int) -> tuple[int, str]:
@@ -93,7 +93,7 @@ def run(
 def test_a_signal_ends_the_work_wherever_it_is(where: str, number: int, tmp_path: Path) -> None:
     """Status 128 and the signal's number, no traceback, and no file."""
     (tmp_path / "work.py").write_text(WORK)
-    process = start(tmp_path, "work", where)
+    process = start(tmp_path, "work.py", where)  # a script, as Python keeps bytecode of a module
     assert process.stdout is not None
     assert process.stdout.readline() == "at work\n"
     assert ended(process, number) == (128 + number, "")
@@ -105,7 +105,7 @@ def test_a_signal_ends_the_work_wherever_it_is(where: str, number: int, tmp_path
 def test_a_film_that_is_interrupted_leaves_nothing(tmp_path: Path) -> None:
     """Ctrl-C goes to the encoder too, whose end is no error of its own."""
     small = ("--size", "320x180", "--duration", "6")
-    process = start(tmp_path, "validation", "video", "fig12", *small)
+    process = start(tmp_path, "-m", "validation", "video", "fig12", *small)
     while not list(tmp_path.glob("out/.*.mp4")):
         assert process.poll() is None
         time.sleep(0.01)
@@ -128,7 +128,7 @@ def test_a_command_that_is_interrupted_while_it_is_loaded_says_so(
     tmp_path: Path, seconds: float
 ) -> None:
     """Whatever part of it that is: for a second after it has begun to listen it imports."""
-    process = start(tmp_path, "validation", "compare", "fig12", "--duration", "1000")
+    process = start(tmp_path, "-m", "validation", "compare", "fig12", "--duration", "1000")
     while not listens(process.pid):
         assert process.poll() is None
         time.sleep(0.001)

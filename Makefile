@@ -105,7 +105,7 @@ setup: .venv/.stamp
 
 # A machine without uv gets a pinned one in a tool environment of its own.
 .tools/bin/uv:
-	@python3 -m venv .tools 2>/dev/null \
+	@python3 -m venv .tools >/dev/null 2>&1 \
 	  || { rm -rf .tools; .ci/apt python3-venv && python3 -m venv .tools; } \
 	  || { echo "set-up needs uv, or Python's venv: sudo apt-get install python3-venv"; exit 1; }
 	.tools/bin/python -m pip install --quiet uv==$(UV_VERSION)

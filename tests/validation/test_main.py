@@ -175,13 +175,14 @@ ASCII = {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0", "PYTHONIO
 
 
 def test_a_locale_without_greek_letters_shows_something_else(tmp_path: Path) -> None:
-    """Printed words have `?` for ²; files are the same everywhere, in UTF-8."""
+    """Printed words have `?` for ²; files are the same everywhere, in UTF-8, the catalog's too."""
     scene = replace(rb.load_scene("fig12"), title="γ")
     (tmp_path / "greek.toml").write_bytes(rb.scene_toml(scene).encode())
     done = run(tmp_path, "validation design greek.toml", **ASCII)
     assert (done.returncode, done.stderr) == (0, "")
     assert "kg m?" in done.stdout
     assert "γ" in (tmp_path / "out" / "greek_designed.toml").read_text(encoding="utf-8")
+    assert run(tmp_path, "validation scenes", **ASCII).returncode == 0
 
 
 @pytest.mark.parametrize(

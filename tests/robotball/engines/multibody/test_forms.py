@@ -121,7 +121,7 @@ def test_a_balanced_ball_rolls_as_by_the_reduced_equations(name: str) -> None:
 
     Errors of the steps add up at random, to four standard deviations here, and grow as the distance
     of two near balls does. Eight roundings come on top, of the largest terms: those of a fast rotor
-    are up to 1300 N m in loads of 10 N m, where they cancel. Measured up to 0.45 of the bound by
+    are up to 1300 N m in loads of 10 N m, where they cancel. Measured up to 0.54 of the bound by
     any processor, in the frame's rate; the bound is at most 9.1e-12, of a contact force.
     """
     scene, times = rb.load_scene(name), np.linspace(0.0, 3.0, 16)

@@ -5,6 +5,7 @@ PYTHON_RANGE := >=3.11,<3.15
 UV := $(shell command -v uv 2>/dev/null || echo .tools/bin/uv)
 export UV_PYTHON_DOWNLOADS := never
 export UV_COMPILE_BYTECODE := 1
+export UV_SYSTEM_CERTS := 1
 export UV_PROJECT_ENVIRONMENT := .venv
 BIN := .venv/bin
 
@@ -104,7 +105,7 @@ setup: .venv/.stamp
 
 # A machine without uv gets a pinned one in a tool environment of its own.
 .tools/bin/uv:
-	@python3 -m venv .tools 2>/dev/null \
+	@python3 -m venv .tools >/dev/null 2>&1 \
 	  || { rm -rf .tools; .ci/apt python3-venv && python3 -m venv .tools; } \
 	  || { echo "set-up needs uv, or Python's venv: sudo apt-get install python3-venv"; exit 1; }
 	.tools/bin/python -m pip install --quiet uv==$(UV_VERSION)

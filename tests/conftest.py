@@ -1,5 +1,6 @@
 """Shared by all tests: repeatable draws, and the command as a user runs it."""
 
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,10 @@ from robotball.film import gl
 from validation.cli import main
 
 Robotball = Callable[..., tuple[int, str, str]]
+
+# A user's terminal may ask for colours and widths by these; here all is printed to a plain pipe.
+for asked in ("COLUMNS", "LINES", "FORCE_COLOR", "NO_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE"):
+    os.environ.pop(asked, None)
 
 # Property tests draw the same examples on every machine and at every run.
 settings.register_profile("repeatable", derandomize=True, deadline=None, database=None)

@@ -66,7 +66,7 @@ def catalog() -> list[str]:
 
 def entries() -> list[_Entry]:
     """Return the heads of all these scenes. Their balls are not made."""
-    tables = {name: tomllib.loads((CATALOG / f"{name}.toml").read_text()) for name in catalog()}
+    tables = {n: tomllib.loads((CATALOG / f"{n}.toml").read_text("utf-8")) for n in catalog()}
     return [
         _Entry(name, table["title"], table["rolling"], table["duration"])
         for name, table in tables.items()

@@ -186,7 +186,7 @@ def _doubts(path: str, unit: str, value: object) -> Iterator[str]:
 
 def page() -> str:
     """Return docs/scene.md: the prose, with a table of keys for each line `{name}` of it."""
-    prose = Path(__file__).with_name("scene_page.md").read_text()
+    prose = Path(__file__).with_name("scene_page.md").read_text("utf-8")
     return re.sub(r"(?m)^\{([\w.]+)\}$", lambda found: "\n".join(_rows(found[1])), prose)
 
 

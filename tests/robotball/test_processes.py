@@ -53,7 +53,7 @@ def test_every_motion_is_done_once(threads: int) -> None:
 @pytest.mark.parametrize(("most", "at_once"), [(12, 3), (2, 2), (1, 1)])
 def test_as_many_threads_work_at_once_as_are_allowed_and_of_use(most: int, at_once: int) -> None:
     """They wait for each other, which fewer could not; and within one there is no other."""
-    meeting = threading.Barrier(at_once, timeout=20.0)
+    meeting = threading.Barrier(at_once, timeout=60.0)
     inside = []
 
     def work(_: Queue) -> None:
@@ -96,7 +96,7 @@ def test_an_error_in_a_thread_is_the_callers_and_ends_the_others() -> None:
         if begun.is_set():
             raise InputError("a start that cannot be used")
         begun.set()
-        deadline = time.monotonic() + 20.0
+        deadline = time.monotonic() + 60.0
         while queue[0] < 1000:
             assert time.monotonic() < deadline
 

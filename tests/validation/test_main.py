@@ -56,9 +56,9 @@ def interruptible() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
-def start(folder: Path, module: str, *arguments: str) -> "subprocess.Popen[str]":
-    """A module as a process in a folder."""
-    return subprocess.Popen([sys.executable, "-m", module, *arguments], cwd=folder, **PIPES)
+def start(folder: Path, *arguments: str) -> "subprocess.Popen[str]":
+    """A script or a module as a process in a folder."""
+    return subprocess.Popen([sys.executable, *arguments], cwd=folder, **PIPES)
 
 
 def ended(process: "subprocess.Popen[str]", number: int) -> tuple[int, str]:
@@ -93,7 +93,7 @@ def run(
 def test_a_signal_ends_the_work_wherever_it_is(where: str, number: int, tmp_path: Path) -> None:
     """Status 128 and the signal's number, no traceback, and no file."""
     (tmp_path / "work.py").write_text(WORK)
-    process = start(tmp_path, "work", where)
+    process = start(tmp_path, "work.py", where)  # a script, as Python keeps bytecode of a module
     assert process.stdout is not None
     assert process.stdout.readline() == "at work\n"
     assert ended(process, number) == (128 + number, "")
@@ -105,7 +105,7 @@ def test_a_signal_ends_the_work_wherever_it_is(where: str, number: int, tmp_path
 def test_a_film_that_is_interrupted_leaves_nothing(tmp_path: Path) -> None:
     """Ctrl-C goes to the encoder too, whose end is no error of its own."""
     small = ("--size", "320x180", "--duration", "6")
-    process = start(tmp_path, "validation", "video", "fig12", *small)
+    process = start(tmp_path, "-m", "validation", "video", "fig12", *small)
     while not list(tmp_path.glob("out/.*.mp4")):
         assert process.poll() is None
         time.sleep(0.01)
@@ -128,7 +128,7 @@ def test_a_command_that_is_interrupted_while_it_is_loaded_says_so(
     tmp_path: Path, seconds: float
 ) -> None:
     """Whatever part of it that is: for a second after it has begun to listen it imports."""
-    process = start(tmp_path, "validation", "compare", "fig12", "--duration", "1000")
+    process = start(tmp_path, "-m", "validation", "compare", "fig12", "--duration", "1000")
     while not listens(process.pid):
         assert process.poll() is None
         time.sleep(0.001)
@@ -175,13 +175,14 @@ ASCII = {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0", "PYTHONIO
 
 
 def test_a_locale_without_greek_letters_shows_something_else(tmp_path: Path) -> None:
-    """Printed words have `?` for ²; files are the same everywhere, in UTF-8."""
+    """Printed words have `?` for ²; files are the same everywhere, in UTF-8, the catalog's too."""
     scene = replace(rb.load_scene("fig12"), title="γ")
     (tmp_path / "greek.toml").write_bytes(rb.scene_toml(scene).encode())
     done = run(tmp_path, "validation design greek.toml", **ASCII)
     assert (done.returncode, done.stderr) == (0, "")
     assert "kg m?" in done.stdout
     assert "γ" in (tmp_path / "out" / "greek_designed.toml").read_text(encoding="utf-8")
+    assert run(tmp_path, "validation scenes", **ASCII).returncode == 0
 
 
 @pytest.mark.parametrize(

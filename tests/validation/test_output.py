@@ -58,7 +58,7 @@ def test_scenes_of_one_name_are_told_apart(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.chdir(tmp_path)
     for folder in ("a", "b", "far/b"):
         Path(folder).mkdir(parents=True)
-        Path(folder, "fig12.toml").write_text(rb.scene_toml(rb.load_scene("fig12")))
+        Path(folder, "fig12.toml").write_bytes(rb.scene_toml(rb.load_scene("fig12")).encode())
     paths = ("a/fig12.toml", "fig12", "b/fig12.toml", "./a/fig12.toml", "far/b/fig12.toml", "fig12")
     names = [scene.name for scene in scenes_of(paths).values()]
     assert names == ["a-fig12", "fig12", "b-fig12", "b-fig12-2"]

@@ -59,7 +59,7 @@ def test_a_cell_that_fails_is_recorded_and_stops_nothing(tmp_path: Path, workers
     shown: list[tuple[float, str]] = []
     options: dict[str, Any] = {"workers": workers, "show": lambda *words: shown.append(words)}
     sweep(square, cells[:2], file, workers=workers)
-    results = sweep(square, cells, file, limit=0.2, **options)
+    results = sweep(square, cells, file, limit=1.0, **options)
     assert [result.cell for result in results] == cells
     reasons = failures(results)
     reasons[4] = reasons[4].removesuffix(": nan")  # which Python 3.12 adds
@@ -68,8 +68,8 @@ def test_a_cell_that_fails_is_recorded_and_stops_nothing(tmp_path: Path, workers
         3: "ended its process with status 7",
         4: "ValueError: Out of range float values are not JSON compliant",
         5: "TypeError: a record must be a mapping, not list",
-        6: "took longer than 0.2 s",
-        7: "took longer than 0.2 s",
+        6: "took longer than 1 s",
+        7: "took longer than 1 s",
     }
     assert {result.cell["x"] for result in results if result.outlasted} == {6, 7}
     squares = [result.record and result.record["square"] for result in results]
@@ -258,7 +258,9 @@ def test_killed_workers_cost_nothing(tmp_path: Path, file: Path) -> None:
     results = sweep(square, cells, file, workers=WORKERS, show=kill)
     squares = [result.record and result.record["square"] for result in results]
     assert squares == [x**2 for x in range(24)]
-    assert 24 < runs(tmp_path).total() <= 24 + 4
+    # Between two cells a death costs nothing, but another process has taken the dead one's place.
+    assert 24 <= runs(tmp_path).total() <= 24 + 4
+    assert len(set((tmp_path / "pids").read_text().split())) > WORKERS
 
 
 def test_ctrl_c_ends_what_runs_and_leaves_the_file_whole(tmp_path: Path, file: Path) -> None:
@@ -294,7 +296,7 @@ def test_a_killed_sweep_leaves_no_process(tmp_path: Path, file: Path) -> None:
     assert not is_free()
     process.kill()
     process.join()
-    assert within(10, is_free)
+    assert within(60, is_free)
 
 
 @linux
@@ -344,10 +346,10 @@ def cluster() -> Iterator[Any]:
 def test_a_cluster_gives_the_same_results(tmp_path: Path, file: Path, cluster: Any) -> None:
     """Records and failures by dask are those by the local cores, resumed ones too."""
     cells = cells_of(tmp_path, 8, {2: "raises", 5: "ends", 7: "hangs"})
-    local = sweep(square, cells, tmp_path / "local.jsonl", workers=WORKERS, limit=0.5)
+    local = sweep(square, cells, tmp_path / "local.jsonl", workers=WORKERS, limit=1.5)
     assert failures(local).keys() == {2, 5, 7}
     sweep(square, cells[:3], file, cluster=cluster.scheduler_address)
-    assert sweep(square, cells, file, cluster=cluster.scheduler_address, limit=0.5) == local
+    assert sweep(square, cells, file, cluster=cluster.scheduler_address, limit=1.5) == local
 
 
 @pytest.mark.slow

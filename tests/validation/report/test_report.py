@@ -181,7 +181,7 @@ def test_a_studys_record_is_tables_and_pictures(robotball: Robotball, tmp_path: 
     (tmp_path / "s.json").write_text(json.dumps(record))
     (tmp_path / "s.png").write_bytes(b"\x89PNG")
     assert robotball("report", "s.json")[0] == 0
-    made = (tmp_path / "out" / "s-report.html").read_text()
+    made = (tmp_path / "out" / "s-report.html").read_text("utf-8")
     for words in ("<td>fig12</td>", "half ?", "a &lt;b&gt;", "1.235e-07", "data:image/png;base64,"):
         assert words in made
     assert "deep" not in made
@@ -251,7 +251,7 @@ def test_the_command_writes_a_page_of_several_scenes(robotball: Robotball, tmp_p
     status, out, _ = robotball(*arguments)
     assert status == 0
     assert out.splitlines()[-1] == "out/fig12-mujoco-fast-0.5s-fig13-report.html"
-    page = (tmp_path / "out" / "fig12-mujoco-fast-0.5s-fig13-report.html").read_text()
+    page = (tmp_path / "out" / "fig12-mujoco-fast-0.5s-fig13-report.html").read_text("utf-8")
     assert "robotball report fig12 fig13 --preset fast --duration 0.5" in page
     assert page.count('class="rb-view"') == 2
 

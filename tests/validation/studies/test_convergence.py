@@ -137,7 +137,7 @@ STEPS = [0.1 / 2**n for n in range(16)]
 H = np.array(STEPS)
 
 
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=120)
 @given(
     order=st.floats(0.9, 8.0),
     floor=st.floats(1e-15, 1e-6),

@@ -6,16 +6,20 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.engines import LEAST_RTOL
 from robotball.engines.multibody import March
 from robotball.engines.multibody.system import HINGES, MOMENTUM, POINT, System, readings_of
 from robotball.motion import attitude_error, momentum_error, path_error
 from robotball.motors import Free
+from robotball.rotations import multiply
 from tests.random_robots import random_scene, random_tree
 from tests.robotball.engines.multibody.second_form import SecondForm
 
 pytestmark = pytest.mark.core
 
 SECONDS = 0.3
+EPS = float(np.finfo(float).eps)
+RATES = ("angular_velocity", "hinge_angles", "hinge_rates")
 
 
 def off_by(form: SecondForm, scene: rb.Scene) -> list[float]:
@@ -78,24 +82,61 @@ def test_trees_three_deep_move_and_load_the_plane_as_newton_and_euler_say(framed
     assert min(off_by(SecondForm(turned), scene)) > 1e-3
 
 
+def differences(one: rb.Motion, other: rb.Motion) -> dict[str, float]:
+    """The largest differences of two motions, their hinges and their loads."""
+    pairs = {name: (getattr(one, name), getattr(other, name)) for name in RATES}
+    pairs |= {name: (getattr(one.loads, name), right) for name, right in vars(other.loads).items()}
+    return {
+        "path": path_error(one, other),
+        "attitude": attitude_error(one, other),
+        "momentum": momentum_error(one, other),
+        **{name: float(np.abs(a - b).max(initial=0.0)) for name, (a, b) in pairs.items()},
+    }
+
+
+def growths(scene: rb.Scene, theory: rb.Motion) -> dict[str, float]:
+    """How much each of these differences grows, of a ball that starts near by.
+
+    It starts turned by 1e-6 rad about each axis, or with as much more horizontal momentum.
+    """
+    near, start = 1e-6, scene.start
+    pushes = near * scene.momentum_scale * np.eye(3)[:2]
+    turns = near / 2 * np.eye(4)[1:]
+    starts = [replace(start, momentum=start.momentum + push) for push in pushes]
+    starts += [
+        replace(start, attitude=multiply(np.eye(4)[0] + turn, start.attitude)) for turn in turns
+    ]
+    grown = [
+        differences(rb.integrate(replace(scene, start=each), theory.times), theory)
+        for each in starts
+    ]
+    return {name: max(each[name] for each in grown) / near for name in grown[0]}
+
+
 @pytest.mark.parametrize(
     "name", [name for name in rb.catalog() if not rb.load_scene(name).not_reduced]
 )
 def test_a_balanced_ball_rolls_as_by_the_reduced_equations(name: str) -> None:
     """In path, attitude and M, with drives in time; so do its hinges and its loads.
 
-    Rounding, grown over 3 s: measured 1.2e-14 of the path, 3.1e-14 rad, 1.8e-15 of M, and 2.2e-13
-    of the rest.
+    Errors of the steps add up at random, to four standard deviations here, and grow as the distance
+    of two near balls does. Eight roundings come on top, of the largest terms: those of a fast rotor
+    are up to 1300 N m in loads of 10 N m, where they cancel. Measured up to 0.54 of the bound by
+    any processor, in the frame's rate; the bound is at most 9.1e-12, of a contact force.
     """
     scene, times = rb.load_scene(name), np.linspace(0.0, 3.0, 16)
     theory = rb.integrate(scene, times)
     motion = rb.simulate(scene, times, engine="multibody")
-    assert path_error(motion, theory) < 4e-14
-    assert attitude_error(motion, theory) < 1e-13
-    assert momentum_error(motion, theory) < 1e-14
     assert motion.report.faults == ()
-    others = ("angular_velocity", "hinge_angles", "hinge_rates")
-    pairs = [(getattr(motion, each), getattr(theory, each)) for each in others]
-    pairs += [(getattr(motion.loads, each), right) for each, right in vars(theory.loads).items()]
-    for ours, right in pairs:
-        assert np.abs(ours - right).max() < 7e-13 * max(1.0, np.abs(right).max())
+    march = March(System(scene), LEAST_RTOL, times[-1], 10_000)
+    march.run(times[[0, -1]])
+    ball, fastest = scene.ball, np.abs(theory.hinge_rates).max(axis=0)
+    whirls = [rotor.axial_inertia * w**2 for rotor, w in zip(ball.rotors, fastest[1:], strict=True)]
+    of_loads = ball.mass * scene.gravity * ball.radius + sum(whirls)
+    units = dict.fromkeys(vars(theory.loads), of_loads)
+    units |= {name: np.abs(getattr(theory, name)).max(initial=0.0) for name in RATES}
+    ours, grown = differences(motion, theory), growths(scene, theory)
+    for each, off in ours.items():
+        at_random = 4 * LEAST_RTOL * np.sqrt(march.steps)
+        bound = at_random * grown[each] + 8 * EPS * units.get(each, 1.0)
+        assert off <= bound < 2e-11, each

@@ -125,7 +125,7 @@ _FINE = 4000  # samples of a motion that is asked between them
 
 @dataclass(frozen=True)
 class Mistake:
-    """A mistake that was tried, the errors with and without it, and others that are as good."""
+    """A mistake, the errors with and without it, and others that are as good."""
 
     family: str
     name: str
@@ -159,14 +159,14 @@ class _Option:
     def typical(self) -> Array:
         return typical(self.errors, self.truth.times)
 
-    def mistake(self, before: tuple[Array, ...], as_well: Iterable["_Option"] = ()) -> Mistake:
+    def mistake(self, before: tuple[Array, ...], as_well: Iterable["_Option"]) -> Mistake:
         """Return the mistake; before: the errors with it, as_well: options that explain as much."""
         names = tuple(each.name for each in as_well)
         return Mistake(self.family, self.name, largest(before), largest(self.errors), names)
 
 
 class Search:
-    """The mistakes in a file, the one that explains most first, and all that were tried.
+    """The mistakes in a file, the one that explains most first.
 
     plain: the errors of the file as it stands. scene: the one that was simulated, as far as the
     mistakes show; corrected: the file's trajectory in the right conventions; theory: the motion of
@@ -183,7 +183,6 @@ class Search:
         self.theory = theory
         self.scene, self.truth = theory.scene, self._truth(theory, self.at.step)
         self.numbers = numbers_of(trajectory, self.at)
-        self.trials: list[Mistake] = []
         self.found: list[_Option] = []
         self._others: list[tuple[str, Scene, Truth]] | None = None
         self.plain = largest(errors_at(self.numbers, self.truth))
@@ -223,9 +222,6 @@ class Search:
                 own = _best([self._rate_of_attitude()], before)
                 if own and (best is None or _is_closer(own[0], best[0])):
                     best = own
-            if not self.found:
-                single = (each for each in options if each.parts == 1)
-                self.trials = [each.mistake(before) for each in single]
             if best is None:
                 return
             chosen, as_well = best

@@ -62,11 +62,6 @@ class Errors:
     attitude: float
     rate: float | None
 
-    @property
-    def given(self) -> tuple[float, ...]:
-        of_both = (self.path, self.attitude)
-        return of_both if self.rate is None else (*of_both, self.rate)
-
 
 def numbers_of(trajectory: Trajectory, at: slice) -> Numbers:
     """Return the numbers of a trajectory, at some of its samples."""

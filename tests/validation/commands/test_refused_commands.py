@@ -40,7 +40,6 @@ REFUSED = {
         f"{each} fig12 --preset fast --accuracy 1e-6": "give settings or an accuracy, not both"
         for each in ("compare", "video")
     },
-    "tradeoff fig12 --parts --friction": "give one of parts and friction",
     "engines fig12 --only mujoco-3.17": (
         "^robotball: MuJoCo is not installed: robotball engines --install mujoco-3.17$"
     ),

@@ -56,7 +56,7 @@ def rows_of(scene: Scene, rounds: int) -> list[Row]:
     """Measure the cost of a step of each variant, all in turn, as ratios to the minimal model's."""
     parts = parts_of(scene)
     costs = measure_costs([partial(one_step, each) for each in parts.values()], rounds)
-    rows = []
+    rows: list[Row] = []
     for (name, of), cost in zip(parts.items(), costs, strict=True):
         ratio = cost.over(costs[0])
         least, most = ratio.spread
@@ -67,9 +67,7 @@ def rows_of(scene: Scene, rounds: int) -> list[Row]:
 
 _COLUMNS = (
     Column("the minimal model with", "part", words=True),
-    Column(
-        "a step costs", lambda row: f"{row['ratio']:.2f} ({row['least']:.2f}-{row['most']:.2f})"
-    ),
+    Column("a step costs", lambda row: "{ratio:.2f} ({least:.2f}-{most:.2f})".format(**row)),
     *(Column(name, name, form="d") for name in ("bodies", "dofs", "sensors", "geoms")),
 )
 

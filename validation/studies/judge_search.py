@@ -184,7 +184,6 @@ class Search:
         self.scene, self.truth = theory.scene, self._truth(theory, self.at.step)
         self.numbers = numbers_of(trajectory, self.at)
         self.found: list[_Option] = []
-        self._others: list[tuple[str, Scene, Truth]] | None = None
         self.plain = largest(errors_at(self.numbers, self.truth))
         self.mistakes = tuple(self._mistakes())
         self.corrected = self._corrected()
@@ -273,22 +272,20 @@ class Search:
 
     def _scenes(self) -> list[_Option]:
         """Return the motions of scenes that may have been simulated instead."""
-        if self._others is None:
-            self._others = list(self._integrated())
         return [
             _Option(_SCENE, name, 1, self.numbers, truth, scene)
             for name, scene, truth in self._others
         ]
 
-    def _integrated(self) -> Iterator[tuple[str, Scene, Truth]]:
-        times = _from_zero(self.truth.times)
+    @cached_property
+    def _others(self) -> list[tuple[str, Scene, Truth]]:
+        times, found = _from_zero(self.truth.times), []
         for name, scenes in mistaken_scenes(self.scene, self.rolling_radius):
             for scene in scenes:
-                try:
+                with contextlib.suppress(InputError):  # of a ball that nobody can have simulated
                     theory = integrate(scene, times, rtol=_TRIED)
-                except InputError:  # a ball that nobody can have simulated
-                    continue
-                yield name, scene, self._truth(theory, 1)
+                    found.append((name, scene, self._truth(theory, 1)))
+        return found
 
     def _stretched(self) -> Iterator[_Option]:
         """Yield the scene's own motion, at times that are not the file's."""

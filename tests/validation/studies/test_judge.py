@@ -17,13 +17,13 @@ from robotball.mechanics import momentum_at
 from robotball.motion import attitude_error, path_error
 from robotball.robot import Ball, Frame
 from robotball.rotations import Array, conjugate, from_matrix, multiply, rotation_matrix
+from tests.bench.random_runs import random_scene
 from tests.euler_engine import euler
 from tests.random_robots import random_scene as random_robot_scene
 from validation import judge
 from validation.studies import judge_search
 from validation.studies.judge import FileJudgement, lines
 from validation.studies.mistakes import scaled
-from validation.studies.random_runs import random_scene
 
 NAMES = ("fig12", "classical_regular", "wobbling_drive", "three_rotors", "classical_chaotic")
 SCENES = (*map(rb.load_scene, NAMES), *map(random_scene, range(1, 6)))

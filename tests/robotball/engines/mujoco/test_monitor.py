@@ -14,8 +14,8 @@ from robotball.engines.mujoco.stepping import by_steps, controlled, read_row
 from robotball.motors import Servo
 from robotball.rotations import Array
 from robotball.scene import spans
+from tests.bench.random_runs import extreme, judged, ordinary
 from validation import compare
-from validation.studies.random_runs import extreme, judged, ordinary
 
 pytestmark = pytest.mark.core
 

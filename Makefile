@@ -50,7 +50,7 @@ check: setup
 # docs/scene.md, from the tables that the reader uses; a test holds it.
 # Then the site, in out/site; it ends at a dead link and at a name that is not there.
 docs: setup
-	$(BIN)/python -m robotball.files.scene_keys > docs/scene.md
+	$(BIN)/python -m tests.bench.scene_page > docs/scene.md
 	$(BIN)/python -m zensical build --clean --strict
 
 # The notebooks of docs/tutorials, run again, with their outputs and pages; a minute.

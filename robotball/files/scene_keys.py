@@ -1,14 +1,12 @@
-"""The keys of scene files in words: what is wrong with one, units asked back, and docs/scene.md.
+"""The keys of scene files in words: what is wrong with one, and units asked back.
 
-All are made by walking the records of `scene_tables` with msgspec's inspection, so that a key is
-described where it is declared and nowhere else. `python -m robotball.files.scene_keys >
-docs/scene.md` writes the page: its prose is scene_page.md, its tables are the records.
+Both are made by walking the records of `scene_tables` with msgspec's inspection, so that a key is
+described where it is declared and nowhere else.
 """
 
 import difflib
 import math
 import re
-import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -18,8 +16,7 @@ from msgspec import inspect
 
 from robotball.drives import COMMAND
 from robotball.files import contents
-from robotball.files.parts import DENSITIES
-from robotball.files.scene_tables import DRIVES, HingeTable, SceneTable, Table
+from robotball.files.scene_tables import SceneTable, Table
 
 _WORDS = {  # msgspec's names of types, in the words of TOML's users
     "float": "a number",
@@ -64,7 +61,7 @@ def counted(message: str) -> str:
 
 def _worded(key: str, what: str) -> str:
     if unknown := re.search(r"unknown field `(.*)`", what, re.S):
-        word, known = unknown[1], [each.name for table in _tables_at(key) for each in table.fields]
+        word, known = unknown[1], [each.name for table in tables_at(key) for each in table.fields]
         meant = _MEANT.get(word)
         near = [meant] if meant in known else difflib.get_close_matches(word, known, n=1)
         return f"unknown key {word!r}" + (f"; did you mean {near[0]!r}?" if near else "")
@@ -90,11 +87,11 @@ def _listed(path: str) -> str:
     return f"; it takes {known}" if known else ""
 
 
-def _tables_at(path: str) -> list[inspect.StructType]:
+def tables_at(path: str) -> list[inspect.StructType]:
     """Return the tables that may stand at a path."""
     words = [word for word in re.sub(r"\[.*?\]", "", path).split(".") if word]
     # All tables that may stand there: parts and commands are of several kinds.
-    found = [_struct(SceneTable)]
+    found = [struct_of(SceneTable)]
     for word in words:
         fields = [field for table in found for field in table.fields if field.name == word]
         found = [table for field in fields for table in _tables_in(field.type)]
@@ -109,7 +106,7 @@ def _tables_in(kind: inspect.Type) -> list[inspect.StructType]:
 def _values_at(path: str) -> Iterator[str]:
     """Yield the words that may stand at a path."""
     above, _, name = path.rpartition(".")
-    for table in _tables_at(above):
+    for table in tables_at(above):
         if name == table.tag_field:
             yield str(table.tag)
         of_name = (each for each in table.fields if each.name == re.sub(r"\[.*", "", name))
@@ -133,17 +130,17 @@ def _parts_of(kind: inspect.Type) -> Iterator[inspect.Type]:
 
 def unit_of(table: type[Table], name: str) -> str:
     """Return the unit of a key of a table."""
-    (field,) = (each for each in _struct(table).fields if each.name == name)
-    return _meaning(field)[1]
+    (field,) = (each for each in struct_of(table).fields if each.name == name)
+    return meaning_of(field)[1]
 
 
 @cache
-def _struct(table: type[msgspec.Struct]) -> inspect.StructType:
+def struct_of(table: type[msgspec.Struct]) -> inspect.StructType:
     (struct,) = _tables_in(inspect.type_info(table))
     return struct
 
 
-def _meaning(field: inspect.Field) -> tuple[str, str]:
+def meaning_of(field: inspect.Field) -> tuple[str, str]:
     """Return what `drives.key` says of a field: its meaning and its unit."""
     meant = field.type
     assert isinstance(meant, inspect.Metadata)
@@ -167,8 +164,8 @@ def asked_back(path: Path, radius: float) -> list[str]:
 def _doubts(path: str, unit: str, value: object) -> Iterator[str]:
     """Yield a question for each number at a path that is unlikely in the unit."""
     if isinstance(value, msgspec.Struct):
-        for field in _struct(type(value)).fields:
-            own = _meaning(field)[1]
+        for field in struct_of(type(value)).fields:
+            own = meaning_of(field)[1]
             inner = getattr(value, field.name)
             at = f"{path}.{field.name}" if path else field.name
             yield from _doubts(at, unit if own == COMMAND else own, inner)
@@ -182,67 +179,3 @@ def _doubts(path: str, unit: str, value: object) -> Iterator[str]:
         if abs(value) > most or (unit == "kg/m³" and 0 < value < _LIGHTEST):
             shown = f"{value:g} {unit}".removesuffix(" 1")
             yield f"{path} is {shown}; did you mean {value * factor:.4g} ({value:g} {other})?"
-
-
-def page() -> str:
-    """Return docs/scene.md: the prose, with a table of keys for each line `{name}` of it."""
-    prose = Path(__file__).with_name("scene_page.md").read_text("utf-8")
-    return re.sub(r"(?m)^\{([\w.]+)\}$", lambda found: "\n".join(_rows(found[1])), prose)
-
-
-def _rows(name: str) -> Iterator[str]:
-    """Yield the lines of the table for a path in a scene file, or a kind of part or command."""
-    if name == "materials":
-        yield from ("| `material` | density [kg/m³] |", "|---|---|")
-        yield from (f"| `{each}` | {density:g} |" for each, density in DENSITIES.items())
-        return
-    if name == "drives":
-        yield from ("| `drive` | what it does | it needs | it may have |", "|---|---|---|---|")
-        for drive, kind in DRIVES.items():
-            optional = tuple(each for each in kind.allowed if each not in kind.needed)
-            yield f"| `{drive}` | {kind.does} | {_codes(kind.needed)} | {_codes(optional)} |"
-        return
-    yield from ("| key | what it says | unit | if not given |", "|---|---|---|---|")
-    # A hinge's keys are in a table of their own, not in that of every body that has a hinge.
-    left_out = set() if name == "hinge" else set(HingeTable.__struct_fields__)
-    for field in _documented(name).fields:
-        if field.name not in left_out:
-            meaning, unit = _meaning(field)
-            yield f"| `{field.name}` | {meaning} | {unit} | {_default(field)} |"
-
-
-def _documented(name: str) -> inspect.StructType:
-    if name == "hinge":
-        return _struct(HingeTable)
-    if name == "robot":
-        from robotball.files.robot_file import RobotTable  # with MuJoCo, which reads robots
-
-        return _struct(RobotTable)
-    # Parts and commands are alike in every body; those of the frame stand for all.
-    kinds = [table for path in ("frame.part", "frame.rate") for table in _tables_at(path)]
-    at_path = _tables_at("" if name == "scene" else name)
-    return [*(table for table in kinds if table.tag == name), *at_path][0]
-
-
-def _default(field: inspect.Field) -> str:
-    match field.default:
-        case _ if field.required:
-            return "needed"
-        case bool(value):
-            return f"`{str(value).lower()}`"
-        case float(value):
-            return f"`{value:g}`"
-        case str(value) if value:
-            return f"`{value}`"
-        case (_, *_) as values:
-            return f"`[{', '.join(f'{each:g}' for each in values)}]`"
-        case _:
-            return ""
-
-
-def _codes(keys: tuple[str, ...]) -> str:
-    return ", ".join(f"`{each}`" for each in keys)
-
-
-if __name__ == "__main__":
-    sys.stdout.write(page())

@@ -1,7 +1,7 @@
 """The tables of a scene file, a record each, in the order in which a file is written.
 
 From these records a file is decoded (by msgspec, which refuses unknown keys and wrong types), read
-(`scene_file`), explained and documented (`scene_keys`) and written (`scene_writer`). Each key has
+(`scene_file`), explained (`scene_keys`) and written (`scene_writer`). Each key has
 its meaning and unit beside it. In order: hinges, bodies, friction, numbers, starts, the whole
 scene.
 """

@@ -70,8 +70,8 @@ def check_display() -> None:
             raise InputError(no_display)
 
 
-def view(motions: Sequence[Motion], seconds: float | None = None) -> None:
-    """Show motions of a scene until the window is closed, or for so many seconds.
+def view(motions: Sequence[Motion]) -> None:
+    """Show motions of a scene until the window is closed.
 
     Raises InputError if there is no display.
     """
@@ -83,12 +83,12 @@ def view(motions: Sequence[Motion], seconds: float | None = None) -> None:
     model = build_stage(looks, colours, opacities).compile()
     data = mujoco.MjData(model)
     clock = Clock(max(float(each.times[-1]) for each in motions))
-    begin = before = time.monotonic()
+    before = time.monotonic()
     with viewer.launch_passive(
         model, data, key_callback=clock.key, show_left_ui=False, show_right_ui=False
     ) as window:
         window.cam.elevation, window.cam.distance = -22.0, 9.0
-        while window.is_running() and (seconds is None or time.monotonic() - begin < seconds):
+        while window.is_running():
             now = time.monotonic()
             clock.pass_on(now - before)
             before = now

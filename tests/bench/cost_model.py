@@ -25,9 +25,9 @@ from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import ADAPTIVE, recipe
 from robotball.rotations import Array
+from tests.bench.random_runs import random_scene
 from validation.agreement import Agreement
 from validation.output import plain_table, progress_bar, write_record
-from validation.studies.random_runs import random_scene
 from validation.sweeps import Cell, sweep
 
 _BALLS = 30

@@ -15,8 +15,8 @@ import numpy as np
 
 from robotball import SceneWarning, integrate, simulate
 from robotball.motion import path_error
+from tests.bench.random_runs import random_scene
 from validation.output import progress_bar, scientific
-from validation.studies.random_runs import random_scene
 from validation.sweeps import Cell, Result, sweep
 
 _BALLS = 1000

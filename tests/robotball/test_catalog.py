@@ -9,8 +9,8 @@ import pytest
 import robotball as rb
 from robotball.equations import ROLLING_MODELS
 from robotball.files.scene_file import entries
+from tests.bench.random_runs import random_scene
 from validation import compare
-from validation.studies.random_runs import random_scene
 
 pytestmark = pytest.mark.core
 

@@ -14,6 +14,7 @@ import robotball as rb
 from robotball.files.scene_file import read_scene
 from robotball.qualitative.straight_motions import stability_limit
 from tests.bench.gallery import NUMBERS, OUTCOMES, outcomes_table
+from tests.bench.random_runs import random_scene as random_ball
 from tests.conftest import Robotball
 from tests.imports import PROJECT
 from tests.motions import known
@@ -22,7 +23,6 @@ from tests.validation.examples import example
 from validation import compare
 from validation.cli import COMMANDS, parse
 from validation.studies.extreme_maps import MAPS, cells_of
-from validation.studies.random_runs import random_scene as random_ball
 from validation.studies.tradeoff import configurations
 
 README = (PROJECT / "README.md").read_text(encoding="utf-8")

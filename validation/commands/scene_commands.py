@@ -62,7 +62,6 @@ class Model:
         if self.explain:
             print(f"{scene.name}, {settings.name}: not in the model:")
             print(*(f"  {line}" for line in left_out(scene, settings)), sep="\n")
-            print(f"What it would cost: robotball tradeoff {self.scene} --parts")
             return AGREES
         out = self.out and writable_file(self.out)
         file = None if out == STANDARD_OUTPUT else out

@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from rich.table import Table
-from tyro.conf import DisallowNone, Positional, arg
+from tyro.conf import Positional, arg
 
 from robotball import Fault, FaultKind, InputError, Motion, Scene, Settings
 from robotball.engines.mujoco import LABEL
@@ -30,12 +30,11 @@ from robotball.engines.mujoco.limits import LAWS, PlannedRun, exceeded, planned
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import for_load
-from robotball.errors import check_count, check_seed
 from robotball.film.looks import ACCENT, INK
 from robotball.rotations import Array
 from validation.agreement import Agreement
 from validation.options import AGREES, DISAGREES, File, Sweep, SweepOptions, chosen
-from validation.output import halo, known, progress_bar, writable_folder, write_record
+from validation.output import halo, known, writable_folder, write_record
 from validation.studies.extreme_maps import (
     ACCURATE,
     DURATION,
@@ -50,7 +49,6 @@ from validation.studies.extreme_maps import (
     cell_run,
     cells_of,
 )
-from validation.studies.random_runs import measure_detection
 from validation.study import Column, Row, Study, compiled_motion, show, table_of
 from validation.sweeps import Result, rows_of
 
@@ -553,23 +551,11 @@ class Extremes:
     maps: Positional[Annotated[tuple[str, ...], arg(metavar="MAP...", help_behavior_hint="")]] = ()
     """Which maps; all of them if none is given. There are
     momentum, frame, rotor, masses, scale, friction, torsion, gravity, contact, servo, duration."""
-    random: DisallowNone[Annotated[int | None, arg(metavar="N", help_behavior_hint="")]] = None
-    """Instead of maps, N random extreme runs, N random robots and N ordinary runs.
-    Is any failure missed by the precheck and the monitor, and is any alarm false?"""
-    seed: int = 0
-    """The seed of the random runs."""
     sweep: SweepOptions = field(default_factory=Sweep)
     json: File = None
     """Also write how many cells have which outcome, and the limits as measured."""
 
     def run(self) -> int:
-        if self.random is None:
-            return self._maps()
-        if self.maps:
-            raise InputError("extremes does one study at a time: give maps or --random")
-        return self._random(self.random)
-
-    def _maps(self) -> int:
         maps = chosen("map", self.maps, MAPS)
         writable_folder(self.sweep.out)
         cut = QUICK if self.sweep.quick else WHOLE
@@ -585,23 +571,3 @@ class Extremes:
         all_maps = totals([each for results in found.values() for each in results])
         write_record(self.json, {"quick": self.sweep.quick, "totals": all_maps, "summary": records})
         return DISAGREES if any(each["missed"] for each in records) else AGREES
-
-    def _random(self, count: int) -> int:
-        check_count("random", count, 1)
-        seed = check_seed(self.seed)
-        with progress_bar(3 * count) as progress:
-            found = measure_detection(count, seed, progress)
-
-        def outcomes(kind: str) -> str:
-            return ", ".join(f"{name} {number}" for name, number in found[kind].items())
-
-        lines = [
-            f"{count} extreme runs: {outcomes('extreme')}",
-            f"{count} robots: {outcomes('robot')}",
-            *(f"missed: {words}" for words in found["missed"]),
-            f"{count} robots and {count} ordinary runs: {len(found['false_alarms'])} false alarms",
-            *(f"false alarm: {words}" for words in found["false_alarms"]),
-        ]
-        print(*lines, sep="\n")
-        write_record(self.json, found)
-        return DISAGREES if found["missed"] else AGREES

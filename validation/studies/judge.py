@@ -42,7 +42,7 @@ from validation.output import (
     write_record,
 )
 from validation.studies.judge_search import Lag, Mistake, Search, lag_of, reference_of
-from validation.studies.mistakes import Errors, numbers_of, some_of
+from validation.studies.mistakes import numbers_of, some_of
 from validation.studies.orders import LEAST, fit_order
 
 _TOLERANCE = 1e-2  # of path, momentum and the hinges' rates, relative; of the attitude in rad
@@ -300,21 +300,16 @@ def _orders(judged: Sequence[FileJudgement]) -> Iterator[_Order]:
 
 _ON_THE_PLANE = 0.05  # of the radius: a height so near 0 is the contact point's
 _OFF_HEIGHT = 0.01  # of the radius, by which a centre may be off without a line
-_SHOWN = 2  # trials of each family
-_ROUNDING = 1e-16
 _EXACT = 1e-9  # of the radius
 
 
-def _show(judgement: Judgement, console: Console, every: bool = False) -> None:
-    """Print each file's errors, what is wrong with it and what was tried; then the orders.
-
-    every: all trials, in place of the best of each kind.
-    """
+def _show(judgement: Judgement, console: Console) -> None:
+    """Print each file's errors and what is wrong with it; then the orders."""
     for each in judgement.files:
         console.print(escape(f"{each.name} as a motion of {judgement.scene.name}"), style="bold")
         for line in lines(each):
             console.print(escape(f"  {line}"), soft_wrap=True)
-        print_whole(_table(each, every), console)
+        print_whole(_table(each), console)
     for order in judgement.orders:
         if order.order is None:
             what = "the errors fall along no straight line in ln(step)"
@@ -423,27 +418,14 @@ def _verdict(judged: FileJudgement) -> str:
     return f"verdict: {'agrees' if judged.within else 'off; it is not'} {bound} {part}"
 
 
-def _table(judged: FileJudgement, every: bool) -> Table:
+def _table(judged: FileJudgement) -> Table:
     table = plain_table(("if", "path", "attitude [rad]", "ω"))
-    trials, plain = judged.search.trials, judged.search.plain
-    rows = [("all is as it should be", plain, "bold")]
+    rows = [("all is as it should be", judged.search.plain, "bold")]
     rows += [(each.name, each.after, "yellow") for each in judged.mistakes]
-    named = {each.name for each in judged.mistakes}
-    for family in dict.fromkeys(each.family for each in trials):
-        # The best of each name; those that change nothing say nothing of the file.
-        own = [each for each in trials if each.family == family and each.name not in named]
-        own = [each for each in own if not _same(each.after, plain)]
-        own.sort(key=lambda each: float(np.log(np.maximum(each.after.given, _ROUNDING)).sum()))
-        unique = list({each.name: each for each in reversed(own)}.values())[::-1]
-        rows += [(each.name, each.after, "") for each in unique[: None if every else _SHOWN]]
     for name, errors, style in rows:
         cells = map(scientific, (errors.path, errors.attitude, errors.rate))
         table.add_row(escape(name), *cells, style=style)
     return table
-
-
-def _same(errors: Errors, others: Errors) -> bool:
-    return np.allclose(errors.given, others.given, rtol=1e-9, atol=1e-12)
 
 
 def _record(judgement: Judgement) -> dict[str, Any]:
@@ -469,7 +451,6 @@ def _file(judged: FileJudgement) -> dict[str, Any]:
         "mistakes": [asdict(each) for each in judged.mistakes],
         "without_mistakes": None if judged.corrected is None else _measures(judged.corrected),
         "lag": asdict(judged.lag) | {"explains": judged.lag.explains},
-        "trials": [asdict(each) for each in judged.search.trials],
         "notes": list(judged.trajectory.notes),
     }
 
@@ -509,10 +490,8 @@ class Judge:
     samples."""
     tolerance: Annotated[float, arg(metavar="ERROR")] = _TOLERANCE
     """The errors that agree: of path, momentum and hinges' rates, relative; of attitude [rad]."""
-    every: bool = False
-    """Show every mistake that was tried, not the two best of each kind."""
     json: File = None
-    """Also write the judgement with all that was tried."""
+    """Also write the judgement."""
 
     def run(self) -> int:
         if not self.files:
@@ -529,7 +508,7 @@ class Judge:
                 progress=lambda part: bar(part, f"{scene.name}: judging"),
             )
         write_record(self.json, _record(judgement))
-        _show(judgement, Console(), self.every)
+        _show(judgement, Console())
         return AGREES if judgement.agrees else DISAGREES
 
     def _timesteps(self) -> list[float]:

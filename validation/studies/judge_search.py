@@ -19,7 +19,6 @@ from robotball.engines import recorded as derivative
 from robotball.engines.recorded import continuous, sampled_rates
 from robotball.rotations import Array
 from validation.studies.mistakes import (
-    Base,
     Errors,
     Numbers,
     Truth,
@@ -56,65 +55,56 @@ class Lag:
 
 def lag_of(times: Array, numbers: Numbers, reference: Motion) -> Lag:
     """Return the lag of numbers at times (n,) [s] behind a reference that is sampled as finely."""
-    path, attitude = _between(reference)
     end = float(reference.times[-1])
-
-    def error(shift: float) -> float:
-        at = times - shift
-        inside = (at >= 0) & (at <= end)
-        ours, theirs = numbers.position[inside, :2], path(at[inside])
-        turn = attitude(at[inside])
-        # 2|sin(half the angle)| between them, whatever the signs.
-        cosine = np.abs((turn * numbers.attitude[inside]).sum(axis=1))
-        cosine /= np.linalg.norm(turn, axis=1)
-        apart = ((ours - theirs) ** 2).sum(axis=1) / reference.path_scale**2
-        return float(np.sqrt(np.mean(apart + 2 * (1 - np.minimum(cosine, 1.0)))))
-
     most = min(_LONGEST * end, end - float(times[0]))
     step = max(2 * most / _SHIFTS, min(most, float(np.median(np.diff(times)))) / 4)
-    shift = _least(error, np.arange(-most, most + step / 2, step), step, 1e-9)
-    return Lag(shift, error(0.0), error(shift))
+    error = _error_at(numbers, reference)
+    tried = np.arange(-most, most + step / 2, step)
+    shift = _least(lambda shift: error(times - shift), tried, 1e-9)
+    return Lag(shift, error(times), error(times - shift))
 
 
-def _least(error: Callable[[float], float], tried: Array, step: float, to: float) -> float:
-    """Return where an error is least, up to `to`: near the best of the values that are tried.
+def _stretch_of(times: Array, numbers: Numbers, reference: Motion) -> float:
+    """Return the factor by which the times (n,) [s] of numbers seem too long.
 
-    tried: (n,), a step apart.
+    reference: a motion in fine samples, until after the trajectory's end.
     """
-    best = float(min(tried, key=error))
+    error = _error_at(numbers, reference)
+    tried = np.linspace(1 - _LONGEST, 1 + _LONGEST, _SHIFTS + 1)
+    return _least(lambda stretch: error(times / stretch), tried, 1e-7)
+
+
+def _least(error: Callable[[float], float], tried: Array, to: float) -> float:
+    """Return where an error is least, up to `to`: near the best of equally spaced values (n,)."""
+    best, step = float(min(tried, key=error)), float(tried[1] - tried[0])
     found = minimize_scalar(
         error, bounds=(best - step, best + step), method="bounded", options={"xatol": to}
     )
     return float(found.x)
 
 
-def _stretch_of(numbers: Numbers, truth: Truth, reference: Motion) -> float:
-    """Return the factor by which the times of the numbers seem too long.
+def _error_at(numbers: Numbers, reference: Motion) -> Callable[[Array], float]:
+    """Return the error of numbers, as in `Lag`, where the reference is taken at times (n,) [s].
 
-    It lessens their errors most. reference: the motion of the truth, in fine samples, until after
-    the trajectory's end.
+    Numbers whose time is beyond the reference's ends do not count.
     """
-    path, attitude = _between(reference)
-
-    def error(stretch: float) -> float:
-        at = truth.times / stretch
-        q = attitude(at)
-        q /= np.linalg.norm(q, axis=1, keepdims=True)
-        other = replace(truth, contact_point=path(at), attitude=q)
-        return float(typical(errors_at(replace(numbers, rate=None), other), truth.times).sum())
-
-    tried = np.linspace(1 - _LONGEST, 1 + _LONGEST, _SHIFTS + 1)
-    return _least(error, tried, float(tried[1] - tried[0]), 1e-7)
-
-
-def _between(reference: Motion) -> tuple[CubicHermiteSpline, CubicHermiteSpline]:
-    """Return path and attitude, about a unit quaternion, between a motion's samples."""
-    times, q = reference.times, continuous(reference.attitude)
-    path, turn = sampled_rates(times, reference.contact_point)[0], sampled_rates(times, q)[0]
-    return (
-        CubicHermiteSpline(times, reference.contact_point, path),
-        CubicHermiteSpline(times, q, turn),
+    known, q = reference.times, continuous(reference.attitude)
+    path, attitude = (
+        CubicHermiteSpline(known, values, sampled_rates(known, values)[0])
+        for values in (reference.contact_point, q)
     )
+
+    def error(times: Array) -> float:
+        inside = (times >= 0) & (times <= known[-1])
+        ours, theirs = numbers.position[inside, :2], path(times[inside])
+        turn = attitude(times[inside])
+        # 2|sin(half the angle)| between them, whatever the signs.
+        cosine = np.abs((turn * numbers.attitude[inside]).sum(axis=1))
+        cosine /= np.linalg.norm(turn, axis=1)
+        apart = ((ours - theirs) ** 2).sum(axis=1) / reference.path_scale**2
+        return float(np.sqrt(np.mean(apart + 2 * (1 - np.minimum(cosine, 1.0)))))
+
+    return error
 
 
 _LESSENS = np.log(5.0)  # by how much a mistake must lessen one of the errors
@@ -135,7 +125,7 @@ _FINE = 4000  # samples of a motion that is asked between them
 
 @dataclass(frozen=True)
 class Mistake:
-    """A mistake that was tried, the errors with and without it, and others that are as good."""
+    """A mistake, the errors with and without it, and others that are as good."""
 
     family: str
     name: str
@@ -159,25 +149,24 @@ class _Option:
     numbers: Numbers
     truth: Truth
     scene: Scene
-    base: Base
     stretch: float = 1.0
 
     @cached_property
     def errors(self) -> tuple[Array, ...]:
-        return errors_at(self.numbers, self.truth, self.base)
+        return errors_at(self.numbers, self.truth)
 
     @cached_property
     def typical(self) -> Array:
         return typical(self.errors, self.truth.times)
 
-    def mistake(self, before: tuple[Array, ...], as_well: Iterable["_Option"] = ()) -> Mistake:
+    def mistake(self, before: tuple[Array, ...], as_well: Iterable["_Option"]) -> Mistake:
         """Return the mistake; before: the errors with it, as_well: options that explain as much."""
         names = tuple(each.name for each in as_well)
         return Mistake(self.family, self.name, largest(before), largest(self.errors), names)
 
 
 class Search:
-    """The mistakes in a file, the one that explains most first, and all that were tried.
+    """The mistakes in a file, the one that explains most first.
 
     plain: the errors of the file as it stands. scene: the one that was simulated, as far as the
     mistakes show; corrected: the file's trajectory in the right conventions; theory: the motion of
@@ -194,9 +183,7 @@ class Search:
         self.theory = theory
         self.scene, self.truth = theory.scene, self._truth(theory, self.at.step)
         self.numbers = numbers_of(trajectory, self.at)
-        self.trials: list[Mistake] = []
         self.found: list[_Option] = []
-        self._others: list[tuple[str, Scene, Truth]] | None = None
         self.plain = largest(errors_at(self.numbers, self.truth))
         self.mistakes = tuple(self._mistakes())
         self.corrected = self._corrected()
@@ -223,21 +210,17 @@ class Search:
         """Yield mistakes that lessen an error; the next has to explain what each left."""
         for _ in range(_MOST_MISTAKES):
             before = errors_at(self.numbers, self.truth)
-            base = self.numbers, self.truth, before
             families = {each.family for each in self.found}
-            options = [each for each in self._conventions(base) if each.family not in families]
+            options = [each for each in self._conventions() if each.family not in families]
             best = _best(options, before)
             wrong = max(largest(before).path, largest(before).attitude) > _SOUND
             if wrong and not {_SCENE, _TIME} & families and not (best and _is_clear(best[0])):
-                options += [*self._scenes(base), *self._stretched(base)]
+                options += [*self._scenes(), *self._stretched()]
                 best = _best(options, before)
             if _RATE not in families and (largest(before).rate or 0.0) > _ASTRAY:
-                own = _best([self._rate_of_attitude(base)], before)
+                own = _best([self._rate_of_attitude()], before)
                 if own and (best is None or _is_closer(own[0], best[0])):
                     best = own
-            if not self.found:
-                single = (each for each in options if each.parts == 1)
-                self.trials = [each.mistake(before) for each in single]
             if best is None:
                 return
             chosen, as_well = best
@@ -280,49 +263,47 @@ class Search:
         first = 0 if self.trajectory.times[0] == 0 else 1
         return truth_of(theory, slice(first, None, step))
 
-    def _conventions(self, base: Base) -> Iterator[_Option]:
+    def _conventions(self) -> Iterator[_Option]:
         for each in conventions(self.truth, self._has_height):
             if each.family == _RATE and self.numbers.rate is None:
                 continue
             numbers = each.undo(self.numbers)
-            yield _Option(each.family, each.name, each.parts, numbers, self.truth, self.scene, base)
+            yield _Option(each.family, each.name, each.parts, numbers, self.truth, self.scene)
 
-    def _scenes(self, base: Base) -> list[_Option]:
+    def _scenes(self) -> list[_Option]:
         """Return the motions of scenes that may have been simulated instead."""
-        if self._others is None:
-            self._others = list(self._integrated())
         return [
-            _Option(_SCENE, name, 1, self.numbers, truth, scene, base)
+            _Option(_SCENE, name, 1, self.numbers, truth, scene)
             for name, scene, truth in self._others
         ]
 
-    def _integrated(self) -> Iterator[tuple[str, Scene, Truth]]:
-        times = _from_zero(self.truth.times)
+    @cached_property
+    def _others(self) -> list[tuple[str, Scene, Truth]]:
+        times, found = _from_zero(self.truth.times), []
         for name, scenes in mistaken_scenes(self.scene, self.rolling_radius):
             for scene in scenes:
-                try:
+                with contextlib.suppress(InputError):  # of a ball that nobody can have simulated
                     theory = integrate(scene, times, rtol=_TRIED)
-                except InputError:  # a ball that nobody can have simulated
-                    continue
-                yield name, scene, self._truth(theory, 1)
+                    found.append((name, scene, self._truth(theory, 1)))
+        return found
 
-    def _stretched(self, base: Base) -> Iterator[_Option]:
+    def _stretched(self) -> Iterator[_Option]:
         """Yield the scene's own motion, at times that are not the file's."""
         times = self.truth.times
         later = np.linspace(0, times[-1] / (1 - _LONGEST), _FINE)
         with contextlib.suppress(InputError):  # of a drive that ends before
             fine = integrate(self.scene, later, rtol=_TRIED)
-            stretch = _stretch_of(self.numbers, self.truth, fine)
+            stretch = _stretch_of(times, self.numbers, fine)
             theory = integrate(self.scene, _from_zero(times / stretch), rtol=_TRIED)
             name = f"the times are {stretch:.5g} times what they should be"
             truth = self._truth(theory, 1)
-            yield _Option(_TIME, name, 1, self.numbers, truth, self.scene, base, stretch)
+            yield _Option(_TIME, name, 1, self.numbers, truth, self.scene, stretch)
 
-    def _rate_of_attitude(self, base: Base) -> _Option:
+    def _rate_of_attitude(self) -> _Option:
         file = self._corrected()
         rate = _with_own_rate(file.times, numbers_of(file, slice(None))).rate
         numbers = replace(self.numbers, rate=None if rate is None else rate[self.at])
-        return _Option(_RATE, _NOT_THE_RATE, 1, numbers, self.truth, self.scene, base)
+        return _Option(_RATE, _NOT_THE_RATE, 1, numbers, self.truth, self.scene)
 
 
 def _with_own_rate(times: Array, numbers: Numbers) -> Numbers:

@@ -9,11 +9,10 @@ from functools import cache, partial, reduce
 from itertools import permutations, product
 from typing import Any
 
-import msgspec
 import numpy as np
 
-from robotball import Custom, InputError, Motion, Ramp, Samples, Scene, Sine, Sum, Trajectory
-from robotball.drives import Drive, Rate, as_custom
+from robotball import Custom, InputError, Motion, Scene, Trajectory
+from robotball.drives import Constant, Drive, Rate
 from robotball.equations import Rolling
 from robotball.files.export import poses
 from robotball.files.trajectories import LENGTHS
@@ -63,11 +62,6 @@ class Errors:
     attitude: float
     rate: float | None
 
-    @property
-    def given(self) -> tuple[float, ...]:
-        of_both = (self.path, self.attitude)
-        return of_both if self.rate is None else (*of_both, self.rate)
-
 
 def numbers_of(trajectory: Trajectory, at: slice) -> Numbers:
     """Return the numbers of a trajectory, at some of its samples."""
@@ -89,35 +83,16 @@ def some_of(count: int) -> slice:
     return slice(None, None, max(1, count // _MOST))
 
 
-Base = tuple[Numbers, Truth, tuple[Array, ...]]
-"""Numbers, truth and their errors; those of what a mistake leaves alone are not computed again."""
-
-
-def errors_at(numbers: Numbers, truth: Truth, base: Base | None = None) -> tuple[Array, ...]:
-    """Return the errors of path, attitude and, if known, ω: (n,) each, in the units of `Errors`.
-
-    base: numbers, truth and their errors, of which those are taken that have not changed.
-    """
-    known: tuple[Array, ...] = ()
-    same = numbers
-    if base is not None and base[1] is truth:
-        same, known = base[0], base[2]
-    if known and numbers.position is same.position:
-        path = known[0]
-    else:
-        apart = numbers.position[:, :2] - truth.contact_point
-        path = np.linalg.norm(apart, axis=1) / truth.path_scale
-    if known and numbers.attitude is same.attitude:
-        angle = known[1]
-    else:
-        # The vector part of the turn between them has the length |sin(half the angle)|.
-        cosine = np.abs((truth.attitude * numbers.attitude).sum(axis=1))
-        turn = multiply(conjugate(truth.attitude), numbers.attitude)
-        angle = 2 * np.arctan2(np.linalg.norm(turn[:, 1:], axis=1), cosine)
+def errors_at(numbers: Numbers, truth: Truth) -> tuple[Array, ...]:
+    """Return the errors of path, attitude and, if known, ω: (n,) each, in the units of `Errors`."""
+    apart = numbers.position[:, :2] - truth.contact_point
+    path = np.linalg.norm(apart, axis=1) / truth.path_scale
+    # The vector part of the turn between them has the length |sin(half the angle)|.
+    cosine = np.abs((truth.attitude * numbers.attitude).sum(axis=1))
+    turn = multiply(conjugate(truth.attitude), numbers.attitude)
+    angle = 2 * np.arctan2(np.linalg.norm(turn[:, 1:], axis=1), cosine)
     if numbers.rate is None:
         return path, angle
-    if known and numbers.rate is same.rate:
-        return path, angle, known[2]
     fastest = np.linalg.norm(truth.rate, axis=1).max()
     return path, angle, np.linalg.norm(numbers.rate - truth.rate, axis=1) / (fastest or 1.0)
 
@@ -420,7 +395,9 @@ def _has_rate(scene: Scene, hinge: int) -> bool:
 def _with_rates(scene: Scene, which: list[int], factor: float) -> tuple[Scene, ...]:
     """Return scenes with some rates times a factor: with the same M, frame's ω, or shell's ω."""
     given = [scene.frame_rate, *scene.rotor_rates, *scene.pendulum_rates]
-    rates = [scaled(rate, factor) if i in which else rate for i, rate in enumerate(given)]
+    rates = [
+        scaled(scene.drives[i], factor) if i in which else rate for i, rate in enumerate(given)
+    ]
     rotors = 1 + len(scene.ball.rotors)
     changed = replace(
         scene,
@@ -435,20 +412,15 @@ def _with_rates(scene: Scene, which: list[int], factor: float) -> tuple[Scene, .
     return tuple(found)
 
 
-def scaled(rate: Rate, factor: float) -> Rate:
-    """Return a rate times a factor, whatever kind of rate it is."""
-    if isinstance(rate, Ramp | Sine):
-        names = ("initial", "final") if isinstance(rate, Ramp) else ("amplitude", "mean")
-        changes = {name: factor * getattr(rate, name) for name in names}
-        return msgspec.structs.replace(rate, **changes)
-    if isinstance(rate, Samples):
-        return msgspec.structs.replace(rate, values=tuple(factor * v for v in rate.values))
-    if isinstance(rate, Sum):
-        return Sum(tuple(scaled(part, factor) for part in rate.parts))
-    if isinstance(rate, Custom | Drive) or callable(rate):
-        given = replace(as_custom(rate), derivative=None, integral=None)
-        return replace(given, function=lambda t: factor * float(given.function(t)))
-    return factor * float(rate)
+def scaled(drive: Drive, factor: float) -> Rate:
+    """Return the rate of a drive times a factor."""
+    if isinstance(drive, Constant):
+        return factor * drive.value
+    return Custom(partial(_times, factor, drive), tuple(drive.breakpoints))
+
+
+def _times(factor: float, drive: Drive, t: float) -> float:
+    return factor * float(drive.rate(t))
 
 
 def _radii(scene: Scene, rolling_radius: float) -> Iterator[_MistakenScene]:

@@ -19,7 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.markup import escape
 
-from robotball import PRESETS, InputError, Scene, Settings, load_scene
+from robotball import PRESETS, Scene, Settings, load_scene
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.mujoco_engine import MUJOCO
@@ -38,12 +38,12 @@ from robotball.film.looks import ACCENT, FAINT, INK
 from robotball.motors import Servo
 from validation.agreement import Agreement
 from validation.options import Duration, SceneName, Sweep, SweepOptions, seconds_of
-from validation.output import in_picture, known, progress_bar, scientific, writable_folder
+from validation.output import in_picture, known, scientific, writable_folder
 from validation.plots import note
 from validation.results import changed
 from validation.studies.friction import friction_cells, friction_run, friction_study
 from validation.studies.orders import fit_order
-from validation.studies.timing import measure_costs, measure_parts, simulated_second
+from validation.studies.timing import measure_costs, simulated_second
 from validation.study import (
     CANCELLED,
     Column,
@@ -479,8 +479,6 @@ class Tradeoff:
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
-    parts: bool = False
-    """Measure instead what a step costs with each thing that the model leaves out."""
     friction: bool = False
     """Study instead what rolling and torsional friction do to the ball."""
     duration: Duration = None
@@ -488,12 +486,10 @@ class Tradeoff:
     sweep: SweepOptions = field(default_factory=Sweep)
 
     def run(self) -> int:
-        if self.parts and self.friction:
-            raise InputError("tradeoff does one study at a time: give one of parts and friction")
         scene = load_scene(self.scene)
         seconds = seconds_of(self.duration, self.sweep.quick, scene)
         writable_folder(self.sweep.out)
-        measured = self._parts if self.parts else self._friction if self.friction else self._front
+        measured = self._friction if self.friction else self._front
         return self.sweep.present(measured(scene, seconds), *changed(self, "duration"))
 
     def _front(self, scene: Scene, seconds: float) -> Study:
@@ -506,7 +502,3 @@ class Tradeoff:
         cells = friction_cells(self.scene, seconds, self.sweep.quick)
         results = self.sweep.results(friction_run, cells, f"{scene.name}-friction", _LIMIT)
         return friction_study(scene, results)
-
-    def _parts(self, scene: Scene, _seconds: float) -> Study:
-        with progress_bar(1) as show:
-            return measure_parts(scene, 3 if self.sweep.quick else 15, show)

@@ -11,10 +11,10 @@ import pytest
 import robotball as rb
 from robotball.files import scene_tables
 from robotball.files.scene_file import CATALOG
-from robotball.files.scene_keys import page
 from robotball.motion import path_error
 from robotball.rotations import rotation_matrix
 from robotball.scene import Friction
+from tests.bench.scene_page import page
 from tests.imports import PROJECT
 from tests.robotball.files.scene_texts import (
     BOB,
@@ -188,7 +188,7 @@ def test_rest_is_no_momentum_and_standing_still_is_another_start() -> None:
 
 
 def test_the_page_is_what_is_generated() -> None:
-    """`python -m robotball.files.scene_keys > docs/scene.md` changes nothing."""
+    """`python -m tests.bench.scene_page > docs/scene.md` changes nothing."""
     assert PAGE.read_text() == page()
 
 

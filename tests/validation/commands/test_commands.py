@@ -71,7 +71,6 @@ RUNS = {
     "chart fig14 --over K=2:4 --count 30 --duration 500 --quick --workers 1": (
         r"motions, \d\.\d minutes of processor time.*chart-K-2-4-count-30-500s-quick"
     ),
-    "extremes --random 2 --workers 1 --json a.json": "2 ordinary runs: 0 false alarms",
 }
 # Run below, and by the tests of their studies, of the film and of the demo's table.
 ELSEWHERE = "ablation check convergence demo design export judge paper portraits report "

@@ -40,7 +40,6 @@ REFUSED = {
         f"{each} fig12 --preset fast --accuracy 1e-6": "give settings or an accuracy, not both"
         for each in ("compare", "video")
     },
-    "tradeoff fig12 --parts --friction": "give one of parts and friction",
     "engines fig12 --only mujoco-3.17": (
         "^robotball: MuJoCo is not installed: robotball engines --install mujoco-3.17$"
     ),
@@ -67,7 +66,6 @@ REFUSED = {
     "tradeoff fig12 --friction --duration 0": f"{POSITIVE} 0 s",
     "export fig12 --duration 0": f"{POSITIVE} 0 s",
     "lyapunov fig12 --duration -1": "duration and transient must be positive",
-    "extremes --random 2 --seed -1": "seed must be at least 0, not -1",
     "basins fig12 --threads 0": "threads must be at least 1, not 0",
     "basins fig12 --starts 1": "starts must be at least 2, not 1",
     "lyapunov fig12 --starts 0": "starts must be at least 1, not 0",

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 import robotball as rb
 from robotball import FaultKind
 from robotball.engines.mujoco.settings import ADAPTIVE
+from tests.bench.random_runs import extreme, ordinary
 from tests.conftest import Robotball
 from validation import compare
 from validation.studies.extreme_maps import (
@@ -36,7 +37,6 @@ from validation.studies.extremes import (
     missed,
     totals,
 )
-from validation.studies.random_runs import extreme, ordinary
 from validation.study import compiled_motion
 from validation.sweeps import Result
 
@@ -215,7 +215,7 @@ def test_the_command_draws_a_map(
 
 
 def test_every_random_run_can_be_made() -> None:
-    """A ball whose parts are scaled is a ball still: the first of `extremes --random`."""
+    """A ball whose parts are scaled is a ball still: the first of the random ones."""
     for number in range(120):
         for run in (extreme(0, number), ordinary(0, number)):
             assert run.scene.not_reduced is None

@@ -22,11 +22,12 @@ from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import NAIVE, recipe
 from robotball.motors import Servo
 from tests.bench.gallery import numbers_of_tradeoff
+from tests.bench.parts import parts_of, rows_of, split
 from tests.conftest import Robotball
 from tests.validation.examples import example
 from validation.studies import timing
 from validation.studies.friction import HARD, ROLLING, SOFT, TORSIONAL, friction_cells, friction_run
-from validation.studies.timing import Cost, measure_costs, parts_of, simulated_second, split
+from validation.studies.timing import Cost, measure_costs, simulated_second
 from validation.studies.tradeoff import (
     TARGET,
     cells_of,
@@ -139,7 +140,7 @@ def test_a_configuration_is_measured_by_its_cell_alone() -> None:
 
 
 def test_a_rotor_split_in_three_moves_the_ball_alike() -> None:
-    """The extra bodies of --parts are the same inertia and the same K."""
+    """The extra bodies of a split rotor are the same inertia and the same K."""
     times = rb.sample_times(2.0)
     one, three = (
         run(build(scene, rb.preset("accurate")), times) for scene in (FIG12, split(FIG12))
@@ -190,12 +191,10 @@ def test_the_quick_study_writes_its_files(robotball: Robotball, tmp_path: Path) 
     assert files[3].read_bytes() == journal
 
 
-def test_the_parts_are_listed_with_what_they_cost(robotball: Robotball, tmp_path: Path) -> None:
+def test_the_parts_are_listed_with_what_they_cost() -> None:
     """A row each, relative to the minimal model, which is 1."""
-    status, shown, _ = robotball("tradeoff", "fig12", "--parts", "--quick", "--out", ".")
-    assert status == 0
-    assert "all of it" in shown
-    rows = json.loads((tmp_path / "fig12-mujoco-parts-quick.json").read_text())["parts"]
+    rows = rows_of(FIG12, 1)
+    assert [row["part"] for row in rows] == list(parts_of(FIG12))
     assert rows[0]["ratio"] == rows[0]["least"] == rows[0]["most"] == 1.0
     assert all(row["least"] <= row["ratio"] <= row["most"] for row in rows)
 

@@ -16,10 +16,10 @@ from robotball.engines.mujoco.accuracy import reach, scene_rate
 from robotball.engines.mujoco.mujoco_engine import LEAST_ACCURACY
 from robotball.motion import ContactMotion
 from robotball.rotations import Array
+from tests.bench.random_runs import random_scene
 from tests.motions import as_contact, known
 from tests.robots import worked
 from validation import Agreement, compare
-from validation.studies.random_runs import random_scene
 
 FIG12 = rb.load_scene("fig12")
 

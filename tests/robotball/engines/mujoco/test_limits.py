@@ -17,11 +17,11 @@ from robotball.engines.mujoco.trials import linearised_start, momentum_loss
 from robotball.motors import Actuator, Free, Law, Servo
 from robotball.robot import Ball, Frame, Shell
 from robotball.scene import Friction
+from tests.bench.random_runs import random_scene, rescaled
 from tests.motions import known
 from tests.robots import Y, low_weight, pendulum_ball, robot, swing, worked
 from validation import Agreement, compare
 from validation.studies.extreme_maps import scaled
-from validation.studies.random_runs import random_scene, rescaled
 
 pytestmark = pytest.mark.core
 

@@ -10,7 +10,7 @@ from dm_control import mjcf
 import robotball as rb
 from robotball.engines.mujoco.mjcf_export import dress
 from robotball.engines.mujoco.model import Model, build
-from validation.studies.random_runs import rescaled
+from tests.bench.random_runs import rescaled
 
 pytestmark = pytest.mark.core
 

@@ -17,9 +17,9 @@ from robotball.engines.observe import Recording
 from robotball.motors import Servo
 from robotball.rotations import Array
 from robotball.scene import spans
+from tests.bench.random_runs import extreme, judged, ordinary, robot
 from tests.robots import low_weight
 from validation import compare
-from validation.studies.random_runs import extreme, judged, ordinary, robot
 
 pytestmark = pytest.mark.core
 

@@ -3,6 +3,7 @@
 Scenes are balls of mass points within their shell, in both rolling models. Extreme runs lie far out
 along a few axes each; the others are ordinary. Robots are those of the catalog that the small
 equations do not describe, with bodies and motions changed, under a preset.
+`python -m tests.bench.random_runs 500` makes so many of each.
 
 A run has failed where its path is over a tenth of its length off the equations', or where it broke
 off; a robot's has where path or M is off by more than its preset says. It is reported where the
@@ -10,6 +11,7 @@ precheck warned of it or the monitor found a fault.
 """
 
 import logging
+import sys
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -39,7 +41,7 @@ from robotball.rotations import Array
 from robotball.scene import Start
 from validation.agreement import compare
 from validation.many_runs import random_start
-from validation.output import Show
+from validation.output import Show, progress_bar
 from validation.studies.extreme_maps import WRONG, scaled, scaled_body
 from validation.studies.mistakes import with_bodies
 
@@ -362,7 +364,29 @@ def judged(run: _RandomRun) -> _Judged:
     )
 
 
+def _main(count: int = 500, seed: int = 0) -> None:
+    """Judge so many runs of each set, and print what was missed and which alarms were false."""
+    with progress_bar(3 * count) as show:
+        found = measure_detection(count, seed, show)
+
+    def outcomes(kind: str) -> str:
+        return ", ".join(f"{name} {number}" for name, number in found[kind].items())
+
+    print(
+        f"{count} extreme runs: {outcomes('extreme')}",
+        f"{count} robots: {outcomes('robot')}",
+        *(f"missed: {words}" for words in found["missed"]),
+        f"{count} robots and {count} ordinary runs: {len(found['false_alarms'])} false alarms",
+        *(f"false alarm: {words}" for words in found["false_alarms"]),
+        sep="\n",
+    )
+
+
 def _words(of: _Judged) -> str:
     said = "; ".join((*of.warned, *of.faults, of.refused)).strip("; ")
     axes = ", ".join(of.run.axes)
     return ", ".join(filter(None, (of.run.scene.name, of.run.settings.name, axes, said)))
+
+
+if __name__ == "__main__":
+    _main(*map(int, sys.argv[1:]))

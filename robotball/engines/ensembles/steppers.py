@@ -148,7 +148,6 @@ ARC = System("arc", 4, (4,), _attitude_rate, section=_arc_function)
 DEVIATION = System("deviation", 9, (4, 3), _deviation_rate, loose=(1.0, _DIRECTION))
 
 
-
 def _wide(_: Any) -> Any:
     """Let the function that calls this have the widest vectors that the processor has."""
 

@@ -112,7 +112,8 @@ def place(bodies: _Numbers, carrier: int, angles: _Numbers, placed: _Numbers) ->
                     for i in range(3):
                         row[_ROTATION + 3 * i + k] = column[i]
             else:
-                row[_ROTATION:PLACED] = parent[_ROTATION:PLACED]
+                for i in range(_ROTATION, PLACED):
+                    row[i] = parent[i]
                 pivot = add(pivot, scale(angle, axis))
             put(row, _AT, pivot)
         arm = subtract(vector(body, _CENTRE), vector(body, _PIVOT))
@@ -330,21 +331,24 @@ def _solve(matrix: _Numbers, given: _Numbers, right: _Numbers, u: _Numbers) -> N
 def solve_rolling(
     matrix: _Numbers, given: _Numbers, directions: _Numbers, right: _Numbers, u: _Numbers
 ) -> None:
-    """Solve as `_solve` for u (k, 1, ...), with torques along D_k (c, 3, ...) for (D_k, ω_s) = 0.
+    """Solve as `_solve` for u (k, ...), with torques along D_k (c, 3, ...) for (D_k, ω_s) = 0.
 
     The torques are Lagrange multipliers: u is that of no torque and that of each torque of unit
     size, added so that the constraints hold. For momenta as the right side they are the parts of L
     along D_k, which M does not have.
     """
-    count = len(directions)
-    columns = np.zeros_like(matrix[:, : 1 + count])
+    count, k = len(directions), len(right)
+    # Number by number: numba takes seconds to compile one array's copy into a part of another.
+    columns = np.zeros((k, 1 + count, *right.shape[1:]))
     answers = np.zeros_like(columns)
-    columns[:, 0], answers[:, 0] = right[:, 0], u[:, 0]
+    for i in range(k):
+        columns[i, 0], answers[i, 0] = right[i], u[i]
     for c in range(count):
-        columns[:3, 1 + c] = directions[c]
+        for i in range(3):
+            columns[i, 1 + c] = directions[c, i]
     _solve(matrix, given, columns, answers)
-    small = np.zeros_like(matrix[:count, :count])
-    off = np.zeros_like(matrix[:count, :1])
+    small = np.zeros((count, count, *right.shape[1:]))
+    off = np.zeros((count, 1, *right.shape[1:]))
     torques = np.zeros_like(off)
     for c in range(count):
         for i in range(3):
@@ -352,9 +356,10 @@ def solve_rolling(
             for other in range(count):
                 small[c, other] += directions[c, i] * answers[i, 1 + other]
     _solve(small, np.zeros(count, dtype=np.bool_), off, torques)
-    u[:, 0] = answers[:, 0]
-    for c in range(count):
-        u[:, 0] += torques[c, 0] * answers[:, 1 + c]
+    for i in range(k):
+        u[i] = answers[i, 0]
+        for c in range(count):
+            u[i] += torques[c, 0] * answers[i, 1 + c]
 
 
 @dataclass(frozen=True)
@@ -421,16 +426,16 @@ class Robot:
         given = np.arange(k) > 2
         placed = self.placed(angles)
         columns = self.columns(placed, gamma)
-        matrix, right = np.empty((k, k, len(gamma))), np.zeros((k, 1, len(gamma)))
+        matrix, right = np.empty((k, k, len(gamma))), np.zeros((k, len(gamma)))
         mass_matrix(self.bodies, placed, columns, matrix)
         # M is γ×L in the rubber model, so L is M×γ but for its part along γ, which `solve_rolling`
         # finds from the shell's not turning about γ.
-        right[:3, 0] = (np.cross(M, gamma) if rolling == "rubber" else M).T
+        right[:3] = (np.cross(M, gamma) if rolling == "rubber" else M).T
         u = np.zeros_like(right)
-        u[3:, 0] = rates.T
+        u[3:] = rates.T
         fixed = gamma.T[None] if rolling == "rubber" else np.empty((0, 3, len(gamma)))
         solve_rolling(matrix, given, fixed, right, u)
-        return (u[:3, 0] + self._carried(columns, rates)).T
+        return (u[:3] + self._carried(columns, rates)).T
 
 
 def robot_of(ball: Ball, armatures: tuple[float, ...] = ()) -> Robot:

@@ -158,3 +158,37 @@ def test_a_run_loads_what_it_needs(
         f"{len(files)} files with {lines} lines: " + ", ".join(sorted(file.stem for file in files))
     )
     assert unneeded.isdisjoint(loaded)
+
+
+SETTINGS = """
+import contextlib, importlib, os, sys, warnings
+import matplotlib, numba, numpy
+import scipy.sparse, scipy.special, sympy  # which add filters of warnings of their own
+
+def settings():
+    compiler = {name: repr(each) for name, each in vars(numba.config).items() if name.isupper()}
+    pictures, rounding = dict.copy(matplotlib.rcParams), numpy.geterr()
+    return compiler, pictures, rounding, [*warnings.filters], dict(os.environ)
+
+def changed():
+    names = "numba", "matplotlib", "numpy", "warnings", "environment"
+    return [name for name, a, b in zip(names, before, settings()) if a != b]
+
+before = settings()
+for module in sys.argv[1:]:
+    with contextlib.suppress(ImportError):  # of an engine that is not installed
+        importlib.import_module(module)
+print(*changed(), sep=",")
+numba.config.CPU_FEATURES, matplotlib.rcParams["font.size"] = "+sse2", 7.0
+numpy.seterr(all="ignore"), warnings.simplefilter("ignore"), os.environ.update(ROBOTBALL="1")
+print(*changed(), sep=",")
+"""
+
+
+@pytest.mark.slow
+def test_to_import_every_module_changes_no_setting_of_the_process() -> None:
+    """Neither of numba, matplotlib, NumPy and warnings nor the environment; planted ones show."""
+    names = [name for name in MODULES if not name.endswith("__main__")]
+    command = [sys.executable, "-c", SETTINGS, *names]
+    ours, planted = subprocess.check_output(command, text=True, cwd=PROJECT).splitlines()
+    assert (ours, planted) == ("", "numba,matplotlib,numpy,warnings,environment")

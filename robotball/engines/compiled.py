@@ -30,7 +30,8 @@ _one_at_a_time = threading.Lock()  # numba takes the folder from a setting of th
 
 def inlined(function: Function) -> Function:
     """Make a function one that compiled functions may call; it is compiled into each of them."""
-    return register_jitable(function)
+    # Without wrappers, as neither Python nor C calls what is compiled of it.
+    return register_jitable(no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
 
 
 def compiled_from(source: str, signature: str, **options: Any) -> Callable[[Function], Any]:

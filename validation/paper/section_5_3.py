@@ -139,14 +139,11 @@ def _flow(twist: float = 1.0) -> f.Field:
 
 
 @claim("E23, Fig. 11a", "the two concentrations are one periodic motion")
-@by("(3.2) by scipy", "half the period", bound=1e-10)
-def _one_periodic_motion(twist: float) -> Errors:
-    """Follow (3.2) from one concentration to the other, and after a period back to the first.
-
-    Twisted, for half as long.
-    """
+@by("(3.2) by scipy", "half the period", {"part": 0.5}, bound=1e-10)
+def _one_periodic_motion(part: float = 1.0) -> Errors:
+    """Follow (3.2) from one concentration to the other, and after a period back to the first."""
     cycle, (one, other, again) = settled()
-    times = np.linspace(0.0, cycle.period * (1.0 if twist == 1 else 0.5), 401)
+    times = np.linspace(0.0, part * cycle.period, 401)
     path = f.followed(_flow(), one, times)
     reach = np.linalg.norm(path - other, axis=1).min()
     spacing = np.linalg.norm(np.diff(path, axis=0), axis=1).max()
@@ -157,7 +154,7 @@ def _one_periodic_motion(twist: float) -> Errors:
 
 @claim("Fig. 11a", "that periodic motion attracts")
 @by("(3.2) by scipy", "the sense of time", bound=0.8)
-def _attracts(twist: float) -> Errors:
+def _attracts(twist: float = 1.0) -> Errors:
     """Measure the rest of a neighbour's distance from that motion after ten periods of (3.2).
 
     Twisted, back in time.
@@ -185,26 +182,21 @@ def _torus_points(L: float, l: float) -> Array:
 
 
 @claim("Fig. 11a", "a limit torus: another start settles on it")
-@by("the section", "Fig. 12's start", bound=0.05)
-def _limit_torus(twist: float) -> Errors:
-    """Measure how far from Fig. 13's crossings those of another start settle.
-
-    Twisted, of Fig. 12's.
-    """
-    other = _torus_points(0.3, 1.8) if twist == 1 else _torus_points(3.6, 0.6)
-    yield cKDTree(_torus_points(0.0, 1.96)).query(other)[0]
+@by("the section", "Fig. 12's start", {"start": (3.6, 0.6)}, bound=0.05)
+def _limit_torus(start: tuple[float, float] = (0.3, 1.8)) -> Errors:
+    """Measure how far from Fig. 13's crossings those of another start settle."""
+    yield cKDTree(_torus_points(0.0, 1.96)).query(_torus_points(*start))[0]
 
 
 @claim("Fig. 11a", "the torus's curve: two parts on the involute")
-@by("the section", "another cut")
-def _parts_of_the_curve(twist: float) -> Value:
+@by("the section", "another cut", {"cut": 1.05})
+def _parts_of_the_curve(cut: float = 0.0) -> Value:
     """Count the pieces that Fig. 13's crossings make, where those within 0.2 are joined.
 
-    Twisted, with l to be counted from the middle of a piece.
+    cut: where l is 0 and 2π; 1.05 is the middle of a piece.
     """
     points = _torus_points(0.0, 1.96).copy()
-    if twist != 1:
-        points[:, 0] = (points[:, 0] - 1.05) % (2 * np.pi)
+    points[:, 0] = (points[:, 0] - cut) % (2 * np.pi)
     tree = cKDTree(points)
     pieces, _ = connected_components(tree.sparse_distance_matrix(tree, 0.2))
     return Value(int(pieces), corrected=2, bound=0)
@@ -222,7 +214,7 @@ def six() -> Array:
 
 @claim("5.3", "Λ₁ and Λ₆, where all six are followed")
 @by("six neighbours", "the sign of Λ₆", bound=0.02, unit="1/s")
-def _outer_two(twist: float) -> Errors:
+def _outer_two(twist: float = 1.0) -> Errors:
     """Measure how far Λ₁ and Λ₆ are from 0.116 and -0.139.
 
     The bound is 5 standard errors at 6000 s.
@@ -231,10 +223,10 @@ def _outer_two(twist: float) -> Errors:
 
 
 @claim("5.3", "Λ₂ ≈ Λ₃ ≈ Λ₄ ≈ Λ₅ ≈ 0")
-@by("six neighbours", "Λ₁ to Λ₄", bound=4e-3, unit="1/s")
-def _four_zeros(twist: float) -> Errors:
-    """Compute Λ₂ to Λ₅; twisted, Λ₁ to Λ₄."""
-    yield six()[1:5] if twist == 1 else six()[:4]
+@by("six neighbours", "Λ₁ to Λ₄", {"first": 0}, bound=4e-3, unit="1/s")
+def _four_zeros(first: int = 1) -> Errors:
+    """Compute Λ₂ to Λ₅."""
+    yield six()[first : first + 4]
 
 
 @cache
@@ -243,7 +235,7 @@ def ensemble() -> Exponents:
     return exponents(chaotic(), *starts(16), duration=LONG)
 
 
-_to_a_hundredth = partial(by, "16 runs of 1e5 s", "another of the three")
+_to_a_hundredth = partial(by, "16 runs of 1e5 s", "another of the three", {"before": 1})
 
 
 @claim("E26, 5.3", "D = 1 + Λ₁/|Λ₆| ≈ 1.84, to a unit of its last digit")
@@ -252,27 +244,29 @@ _to_a_hundredth = partial(by, "16 runs of 1e5 s", "another of the three")
 @_to_a_hundredth(index=1, stated=-0.13)
 @claim("E26, 5.3", "Λ₁ ≈ 0.11, to a unit of its last digit")
 @_to_a_hundredth(index=0, stated=0.11)
-def _stated_number(index: int, stated: float, twist: float) -> Value:
-    """Compute Λ₁, Λ₆ or D of Fig. 11b; twisted, the one before."""
+def _stated_number(index: int, stated: float, before: int = 0) -> Value:
+    """Compute Λ₁, Λ₆ or D of Fig. 11b, or one before it."""
     first, last = ensemble().mean
-    found = (first, last, 1 + first / abs(last))[index if twist == 1 else index - 1]
+    found = (first, last, 1 + first / abs(last))[index - before]
     return Value(found, stated, bound=0.01)
+
+
+_ON_A_CYCLE = {"name": "fig12", "count": 3}  # a cycle shows itself at once
 
 
 @claim(
     "E22, Fig. 14", "a strange attractor: neighbours part", '"the stable limit cycle" in Fig. 11b'
 )
-@by(f"{NAME}'s neighbours", "Fig. 12's start")
-def _strange(twist: float) -> Value:
-    """Compute the rate at which MuJoCo's neighbours part, 12 times 20 s from Fig. 14's start.
+@by(f"{NAME}'s neighbours", "Fig. 12's start", _ON_A_CYCLE)
+def _strange(name: str = "fig14", count: int = 12) -> Value:
+    """Compute the rate at which MuJoCo's neighbours part, so many times 20 s from a start.
 
-    It is by ln of the distance's growth; that of a limit cycle's neighbours is 0 or less. Twisted,
-    3 times on from Fig. 12's.
+    It is by ln of the distance's growth; that of a limit cycle's neighbours is 0 or less.
     """
-    scene, piece, apart = paper_scene("fig14" if twist == 1 else "fig12"), 20.0, 1e-5
+    scene, piece, apart = paper_scene(name), 20.0, 1e-5
     attitude, momentum = scene.start.attitude, scene.start.momentum
     model, times = build(scene, preset("balanced")), np.array([0.0, piece])
-    turn, total, count = f.E[0], 0.0, 12 if twist == 1 else 3  # a cycle shows itself at once
+    turn, total = f.E[0], 0.0
     for _ in range(count):
         beside = from_matrix(rotation_matrix(attitude) @ f.turned_about(turn, apart))
         ends = [
@@ -287,18 +281,15 @@ def _strange(twist: float) -> Value:
     return Value(total / (count * piece), corrected=0.116, bound=0.08, printed=0.0, unit="1/s")
 
 
-def _mean_motion(name: str, twist: float) -> AtLeast:
-    """Compute X of MuJoCo's contact point after 150 s, over the time; twisted, Y."""
+def _mean_motion(name: str, axis: int = 0) -> AtLeast:
+    """Compute X of MuJoCo's contact point after 150 s, over the time; axis 1: Y."""
     end = seen(name, 150.0, 0.05).motion.contact_point[-1]
-    return AtLeast(abs(float(end[0 if twist == 1 else 1])) / 150.0, bound=1.0, unit="m/s")
+    return AtLeast(abs(float(end[axis])) / 150.0, bound=1.0, unit="m/s")
 
 
-def _bounded_across(name: str, twist: float) -> Errors:
-    """Compute the range of Y in 150 s of MuJoCo's motion over that in half of it.
-
-    Twisted, of Fig. 14.
-    """
-    Y = seen(name if twist == 1 else "fig14", 150.0, 0.05).motion.contact_point[:, 1]
+def _bounded_across(name: str) -> Errors:
+    """Compute the range of Y in 150 s of MuJoCo's motion over that in half of it."""
+    Y = seen(name, 150.0, 0.05).motion.contact_point[:, 1]
     yield np.ptp(Y) / np.ptp(Y[: len(Y) // 2])
 
 
@@ -306,21 +297,20 @@ claim_motion(SECTION, "fig12", 4e-7)
 claim_motion(SECTION, "fig13", 4e-7)
 claim_motion(SECTION, "fig14", 1e-6)
 for name in ("fig12", "fig13", "fig14"):
-    claim(place(name), "mean motion along OX")(by(MOTION, "OY for OX", name=name)(_mean_motion))
+    claim(place(name), "mean motion along OX")(
+        by(MOTION, "OY for OX", {"axis": 1}, name=name)(_mean_motion)
+    )
 for name in ("fig12", "fig13"):
     claim(place(name), "along OY it stays bounded")(
-        by(MOTION, "Fig. 14", bound=1.03, name=name)(_bounded_across)
+        by(MOTION, "Fig. 14", {"name": "fig14"}, bound=1.03, name=name)(_bounded_across)
     )
 
 
 @claim("Fig. 14", "along OY its deviation grows")
-@by("(3.2), 4000 s", "Fig. 13")
-def _grows_across(twist: float) -> AtLeast:
-    """Compute the range of Y in 4000 s of Fig. 14's motion by (3.2) over that in 100 s.
-
-    Twisted, of 13.
-    """
-    parameters, attitude, momentum = kernel_start(paper_scene("fig14" if twist == 1 else "fig13"))
+@by("(3.2), 4000 s", "Fig. 13", {"name": "fig13"})
+def _grows_across(name: str = "fig14") -> AtLeast:
+    """Compute the range of Y in 4000 s of Fig. 14's motion by (3.2) over that in 100 s."""
+    parameters, attitude, momentum = kernel_start(paper_scene(name))
     times = np.arange(0.0, 4000.0, 0.05)
     _, path = orbit(parameters, attitude[0], momentum[0], times, 1e-10)
     return AtLeast(float(np.ptp(path[:, 1]) / np.ptp(path[:2000, 1])), bound=2.0)

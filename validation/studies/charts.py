@@ -45,6 +45,7 @@ from validation.plots import note
 from validation.results import changed
 from validation.studies.contact_sections import moving_scene
 from validation.studies.contact_tangent import growth, rolled
+from validation.studies.maps import draw_level
 from validation.study import Column, Row, Study, scene_cell, table_of
 from validation.sweeps import Cell, Work
 
@@ -235,7 +236,7 @@ def _draw_chart(
     image = panel.pcolormesh(*axes.values(), largest.T, cmap=colours, vmin=-least, vmax=most)
     bar = figure.colorbar(image, extend="min", label="λ₁ [1/s]; white line: 0")
     bar.ax.axhline(0.0, color="white")
-    panel.contour(*axes.values(), largest.T, levels=[least], colors="white", linewidths=0.6)
+    draw_level(panel, axes[x], axes[y], largest.T, "white", level=least, width=0.6)
     resting = np.where(largest < -least, 1.0, 0.0).T
     panel.contourf(*axes.values(), resting, levels=[0.5, 1.5], colors="none", hatches=["///"])
     marks: dict[str, Row] = {_PAPERS.get(scene.name, scene.name): own}

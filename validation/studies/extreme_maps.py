@@ -16,6 +16,7 @@ from robotball.engines.mujoco.settings import ADAPTIVE, CONSTANT, INTEGRATORS, M
 from robotball.robot import Ball, Frame, Pendulum, Rotor, Shell
 from robotball.rotations import Array
 from robotball.scene import Start
+from validation.studies.maps import grid_cells
 from validation.studies.mistakes import with_bodies
 from validation.sweeps import Cell
 
@@ -344,10 +345,10 @@ WHOLE, QUICK = Cut(), Cut(_QUICK_INTEGRATORS, _QUICK_COUNT)
 
 def cells_of(chosen: Map, cut: Cut = WHOLE) -> list[Cell]:
     """Return the cells of a map; those of one ball follow each other."""
-    return [
-        {"map": chosen.name, "rolling": rolling, "integrator": integrator, "x": x, "y": y}
-        for rolling in chosen.rollings
-        for integrator in cut.integrators
-        for y in cut.values(chosen.y)
-        for x in cut.values(chosen.x_of(integrator))
-    ]
+    cells: list[Cell] = []
+    for rolling in chosen.rollings:
+        for integrator in cut.integrators:
+            x, y = cut.values(chosen.x_of(integrator)), cut.values(chosen.y)
+            held = {"map": chosen.name, "rolling": rolling, "integrator": integrator}
+            cells += grid_cells(("x", x), ("y", y), **held)
+    return cells

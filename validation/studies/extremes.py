@@ -20,7 +20,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.patches import Patch
 from rich.table import Table
 from tyro.conf import Positional, arg
 
@@ -34,7 +34,7 @@ from robotball.film.looks import ACCENT, INK
 from robotball.rotations import Array
 from validation.agreement import Agreement
 from validation.options import AGREES, DISAGREES, File, Sweep, SweepOptions, chosen
-from validation.output import halo, known, writable_folder, write_record
+from validation.output import halo, known
 from validation.studies.extreme_maps import (
     ACCURATE,
     DURATION,
@@ -49,8 +49,9 @@ from validation.studies.extreme_maps import (
     cell_run,
     cells_of,
 )
-from validation.study import Column, Row, Study, compiled_motion, show, table_of
-from validation.sweeps import Result, rows_of
+from validation.studies.maps import MapStudy, draw_cells, draw_level
+from validation.study import Column, Row, compiled_motion, table_of
+from validation.sweeps import Result
 
 
 class Outcome(Enum):
@@ -385,8 +386,9 @@ _MARKS = {
 _SENTENCES = {predict.__name__: law for predict, law in LAWS.items()}
 
 
-def _picture(of: Map, results: Sequence[Result]) -> Figure:
+def _picture(name: str, results: Sequence[Result]) -> Figure:
     """Draw the panels of a map, rolling models below each other, integrators three in a row."""
+    of = MAPS[name]
     panels: dict[tuple[str, str], list[Result]] = {}
     for each in results:
         panels.setdefault((each.cell["rolling"], each.cell["integrator"]), []).append(each)
@@ -426,9 +428,12 @@ def _exceeded(panels: Iterable[Sequence[Result]]) -> list[str]:
 def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> None:
     xs, ys = (sorted({each.cell[key] for each in results}) for key in ("x", "y"))
     grids = {name: np.full((len(ys), len(xs)), np.nan) for name in styles}
+    # Even steps for values that are decades apart, so that each cell is seen.
+    looks = [_outcome_of(each).look for each in results]
+    draw_cells(axes, range(len(xs)), range(len(ys)), looks)
     for each in results:
         i, j = xs.index(each.cell["x"]), ys.index(each.cell["y"])
-        _draw_cell(axes, i, j, each)
+        _mark_alarms(axes, i, j, each)
         for name, value in _nearness(each).items():
             if name in grids:
                 grids[name][j, i] = np.clip(value, 1e-6, 1e6)
@@ -441,8 +446,7 @@ def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> 
         axis.set_ticks(*round_ticks(values), size=8.5)
 
 
-def _draw_cell(axes: Axes, i: int, j: int, result: Result) -> None:
-    axes.add_patch(Rectangle((i - 0.5, j - 0.5), 1, 1, **_outcome_of(result).look))
+def _mark_alarms(axes: Axes, i: int, j: int, result: Result) -> None:
     error, warned, noticed = _error_of(result), _foretold(result), _noticed(result)
     shown = (
         missed(result),
@@ -479,9 +483,7 @@ def _draw_limit(axes: Axes, nearness: Array, colour: str, dashes: Any) -> None:
         return
     rows, columns = (np.array([-0.5, *range(n), n - 0.5]) for n in nearness.shape)
     grid = np.ma.masked_invalid(_to_the_borders(nearness))
-    lines = axes.contour(columns, rows, grid, levels=[0.0], colors=[colour], linewidths=1.8)
-    lines.set_linestyle(dashes)
-    lines.set_path_effects(halo(3.2))
+    draw_level(axes, columns, rows, grid, colour, dashes=dashes, rim=3.2)
 
 
 def _to_the_borders(grid: Array) -> Array:
@@ -557,17 +559,11 @@ class Extremes:
 
     def run(self) -> int:
         maps = chosen("map", self.maps, MAPS)
-        writable_folder(self.sweep.out)
         cut = QUICK if self.sweep.quick else WHOLE
-        found = {
-            each.name: self.sweep.results(measure, cells_of(each, cut), "extremes", each.limit)
-            for each in maps
-        }
+        study = MapStudy("extremes", measure, self.sweep)
+        found = study.results({each.name: (cells_of(each, cut), each.limit) for each in maps})
         records = summary(found)
-        show(_shown(records))
-        for each, results in zip(maps, found.values(), strict=True):
-            rows, drawn = rows_of(results), _picture(each, results)
-            self.sweep.present(Study("extremes", None, [each.name], rows, picture=drawn))
         all_maps = totals([each for results in found.values() for each in results])
-        write_record(self.json, {"quick": self.sweep.quick, "totals": all_maps, "summary": records})
+        record = {"totals": all_maps, "summary": records}
+        study.present(found, _picture, _shown(records), self.json, record)
         return DISAGREES if any(each["missed"] for each in records) else AGREES

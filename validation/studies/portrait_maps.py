@@ -22,10 +22,11 @@ from robotball.film.looks import ACCENT, INK
 from robotball.qualitative.equilibria import kappa, name_of, proposition_2
 from robotball.rotations import Array
 from validation.options import AGREES, DISAGREES, File, Sweep, SweepOptions, chosen
-from validation.output import halo, writable_folder, write_record
+from validation.output import halo
 from validation.plots import note
-from validation.study import Column, Study, show, table_of
-from validation.sweeps import Cell, Result, rows_of
+from validation.studies.maps import MapStudy, draw_cells, draw_level, grid_cells
+from validation.study import Column, table_of
+from validation.sweeps import Cell, Result
 
 A: Vector = (0.5, 0.4, 0.3)  # of Figs 5 to 8, 1/(kg m²)
 _OMEGA: Vector = (4.0, 2.0, 1.0)  # rad/s
@@ -80,7 +81,7 @@ PLANES = {
 def cells_of(plane: _Plane, count: int) -> list[Cell]:
     """Return the cells of a map, row by row."""
     across, up = plane.axes(count)
-    return [{"map": plane.name, "K3": K3, "y": y} for y in up for K3 in across]
+    return grid_cells(("K3", across), ("y", up), map=plane.name)
 
 
 def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
@@ -163,8 +164,9 @@ _PANELS: dict[str, Callable[[Mapping[str, Any]], str]] = {
 }
 
 
-def _picture(plane: _Plane, results: Sequence[Result]) -> Figure:
-    """Draw four panels of the same cells, each by one property, with the curves over them."""
+def _picture(name: str, results: Sequence[Result]) -> Figure:
+    """Draw four panels of a map's cells, each by one property, with the curves over them."""
+    plane = PLANES[name]
     figure = Figure(figsize=(12.5, 11.5), layout="constrained")
     figure.suptitle(
         f"Phase portraits of motion from rest: A = diag{A}, K = (0, 0, K₃), {plane.held}",
@@ -172,38 +174,33 @@ def _picture(plane: _Plane, results: Sequence[Result]) -> Figure:
     )
     panels, curves = figure.subplots(2, 2), _curves_of(plane)
     for axes, (title, property_of) in zip(panels.flat, _PANELS.items(), strict=True):
-        _draw_cells(axes, results, property_of)
+        _draw_property(axes, results, property_of)
         for levels, (_, colour, dashes) in zip(curves, _CURVES.values(), strict=True):
-            lines = axes.contour(*levels, levels=[0.0], colors=[colour], linewidths=1.8)
-            lines.set_linestyle(dashes)
+            draw_level(axes, *levels, colour, dashes=dashes)
         axes.set(xlabel="K₃ [kg m²/s]", ylabel=plane.label, title=title)
-        for K3, name, side in ((0.3, "6", "right"), (0.52, "7", "left"), (3.0, "8", "right")):
-            y = 1.0 if plane.name == "axial" else float(np.degrees(np.arctan2(2.0, 4.0)))
+        for K3, number, side in ((0.3, "6", "right"), (0.52, "7", "left"), (3.0, "8", "right")):
+            y = 1.0 if name == "axial" else float(np.degrees(np.arctan2(2.0, 4.0)))
             axes.plot(K3, y, "o", color=INK, mec="white", markersize=6, clip_on=False, zorder=5)
-            note(axes, f"Fig. {name}", (K3, y), (-3 if name == "6" else 3, 5), fontsize=8,
+            note(axes, f"Fig. {number}", (K3, y), (-3 if number == "6" else 3, 5), fontsize=8,
                  color=INK, zorder=5, path_effects=halo(), ha=side)  # fmt: skip
-    handles = [Line2D([], [], color=colour, linestyle=dashes, linewidth=1.8, label=name)
-              for name, (_, colour, dashes) in _CURVES.items()]  # fmt: skip
+    handles = [Line2D([], [], color=colour, linestyle=dashes, linewidth=1.8, label=words)
+              for words, (_, colour, dashes) in _CURVES.items()]  # fmt: skip
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False,
                   title="curves by the formulas of section 4.2, corrected")  # fmt: skip
     return figure
 
 
-def _draw_cells(
+def _draw_property(
     axes: Axes, results: Sequence[Result], property_of: Callable[[Mapping[str, Any]], str]
 ) -> None:
     """Draw each cell in the colour of its property, with a legend of what is there."""
-    across, up = (np.array(sorted({each.cell[key] for each in results})) for key in ("K3", "y"))
+    across, up = (sorted({each.cell[key] for each in results}) for key in ("K3", "y"))
     words = [property_of(each.record) if each.record else _NONE for each in results]
     styles: dict[str, dict[str, Any]] = {
-        word: {"facecolor": _COLOURS.get(word, _OTHER), "hatch": _HATCHES.get(word), "ec": "0.5"}
+        word: {"fc": _COLOURS.get(word, _OTHER), "hatch": _HATCHES.get(word), "ec": "0.5"}
         for word in words
     }
-    for each, word in zip(results, words, strict=True):
-        x, y = each.cell["K3"], each.cell["y"]
-        half = (across[1] - across[0]) / 2, (up[1] - up[0]) / 2
-        corners = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1]])
-        axes.fill(x + half[0] * corners[0], y + half[1] * corners[1], lw=0, **styles[word])
+    draw_cells(axes, across, up, [{**styles[word], "lw": 0} for word in words])
     order = [*_COLOURS, *sorted(set(words) - set(_COLOURS) - {_NONE}), _NONE]
     shown = sorted(styles, key=order.index)
     handles = [Patch(**styles[word], label=word) for word in shown]
@@ -282,16 +279,9 @@ class Portraits:
 
     def run(self) -> int:
         planes = chosen("map", self.maps, PLANES)
-        writable_folder(self.sweep.out)
         count = _QUICK_COUNT if self.sweep.quick else _COUNT
-        found = {
-            each.name: self.sweep.results(measure, cells_of(each, count), "portraits", _LIMIT)
-            for each in planes
-        }
+        study = MapStudy("portraits", measure, self.sweep)
+        found = study.results({each.name: (cells_of(each, count), _LIMIT) for each in planes})
         records = [summary(each, found[each.name]) for each in planes]
-        show(shown(records))
-        for each, results in zip(planes, found.values(), strict=True):
-            rows, drawn = rows_of(results), _picture(each, results)
-            self.sweep.present(Study("portraits", None, [each.name], rows, picture=drawn))
-        write_record(self.json, {"quick": self.sweep.quick, "summary": records})
+        study.present(found, _picture, shown(records), self.json, {"summary": records})
         return DISAGREES if any(each["against_the_formulas"] for each in records) else AGREES

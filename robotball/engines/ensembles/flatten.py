@@ -186,13 +186,14 @@ def text(operand: "Symbol | float") -> str:
 def lane_function(name: str, tape: Tape, results: Mapping[int, "Symbol | float"]) -> str:
     """Return the source of a function of a workspace (rows·lanes,) that runs a tape in every lane.
 
+    It needs `sqrt` and `wide_vectors`, of no arguments, in its module.
     results: the value to write to each row, after all is computed.
     """
     # The compiler can see that lanes are independent because the workspace is flat, with rows that
     # stand a known number of lanes apart.
     body = [*tape.lines, *(f"{tape.at(row)} = {text(value)}" for row, value in results.items())]
-    loop = f"    for i in range({tape.lanes}):"
-    return "\n".join((f"def {name}(w):", loop, *(f"        {line}" for line in body)))
+    head = (f"def {name}(w):", "    wide_vectors()", f"    for i in range({tape.lanes}):")
+    return "\n".join((*head, *(f"        {line}" for line in body)))
 
 
 def least(a: "Symbol", b: "Symbol | float") -> "Symbol":

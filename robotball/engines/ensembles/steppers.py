@@ -21,7 +21,8 @@ from functools import cache
 from typing import Any
 
 import numba
-from numba.core.codegen import get_host_cpu_features
+from numba import types
+from numba.extending import intrinsic
 
 from robotball import equations as eq
 from robotball.engines.compiled import compiled_from, inlined
@@ -147,10 +148,23 @@ ARC = System("arc", 4, (4,), _attitude_rate, section=_arc_function)
 DEVIATION = System("deviation", 9, (4, 3), _deviation_rate, loose=(1.0, _DIRECTION))
 
 
-# LLVM holds some processors to half of their vectors' width, a third slower here. The setting works
-# only before a process compiles anything, and gives way to a user's own.
-if "+avx512f" in get_host_cpu_features() and numba.config.CPU_FEATURES is None:
-    numba.config.CPU_FEATURES = get_host_cpu_features() + ",-prefer-256-bit"
+def _wide(_: Any) -> Any:
+    """Let the function that calls this have the widest vectors that the processor has."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        # LLVM holds some processors to half of their vectors' width, a third slower here. numba's
+        # setting would be one of the whole process, while this attribute is of one function alone.
+        # llvmlite's list of attributes has none with a value, so it is added past the check of its
+        # name. A user who sets the features of the processor decides the width as well.
+        if numba.config.CPU_FEATURES is None:
+            set.add(builder.function.attributes, _WIDEST)
+        return context.get_dummy_value()
+
+    return types.void(), generate
+
+
+_WIDEST = '"prefer-vector-width"="512"'
+_wide_vectors: Any = intrinsic(_wide)
 
 # Rows of a workspace: the length of step to try, the error allowed, the time, where to stop; the
 # ball, the level set, the section; and from STATE on the state, its slope, the new state, the flag
@@ -327,7 +341,7 @@ def stepper(system: System, rolling: Rolling, lanes: int = LANES) -> Any:
     name = f"{system.name}_{rolling}_{lanes}"
     source = _flat_step(name, system, rolling, lanes)
     # numba keeps only what has a file and is a module's: the text passes for a part of this one.
-    made: dict[str, Any] = {"__name__": __name__, "sqrt": math.sqrt}
+    made: dict[str, Any] = {"__name__": __name__, "sqrt": math.sqrt, "wide_vectors": _wide_vectors}
     exec(compile(source, __file__, "exec"), made)
     options = {"nogil": True, "error_model": "numpy", "fastmath": _FREEDOM}
     return compiled_from(source, "void(f8[::1])", **options)(made[name])

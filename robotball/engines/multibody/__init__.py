@@ -13,7 +13,7 @@ reduced equations.
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib.metadata import version
 
 import numpy as np
@@ -128,7 +128,8 @@ def _check_rates(scene: Scene, duration: float, limit: int) -> None:
 
 def _fastest(system: System) -> float:
     """Return the largest |λ| [1/s] of the Jacobian at the start, motors below their limits."""
-    system.resistance = 0.0  # at rest it is not smooth, and has no Jacobian
+    # At rest resistance is not smooth, and has no Jacobian.
+    system.machine = system.machine._replace(resistance=0.0)
     state = system.start()
     sides = [
         (system.rate(0.0, state + step) - system.rate(0.0, state - step)) / (2 * step.max())
@@ -190,7 +191,7 @@ def _begin(system: System, t: float, state: Array) -> Array:
     # First the motors' sides, as the load on the plane depends on their torques.
     modes, unlimited = system.modes, system.readings(t, state).unlimited
     sides = np.where(np.abs(unlimited) > system.limits, np.sign(unlimited), 0.0)
-    system.modes = replace(modes, motors=sides.astype(np.int64))
+    system.modes = modes._replace(motors=sides.astype(np.int64))
     readings = system.readings(t, state)
     if not readings.normal > 0:
         raise _lift_off(t)
@@ -232,11 +233,12 @@ def _let_go(system: System, t: float, state: Array) -> Array:
         return system.readings(t, state + _NUDGE * system.rate(t, state)).rolling
 
     free = ahead()
-    system.modes.toward = -readings.plane_torque * [1.0, 1.0, 0.0] / _held(readings)
+    toward = -readings.plane_torque * [1.0, 1.0, 0.0] / _held(readings)
+    system.modes = system.modes._replace(toward=toward)
     for _ in range(_NUDGES):
         to = float(np.linalg.norm(free)) * system.modes.toward + ahead()
         if np.any(to):
-            system.modes.toward = to / np.linalg.norm(to)
+            system.modes = system.modes._replace(toward=to / np.linalg.norm(to))
     return state
 
 
@@ -251,7 +253,7 @@ def _switch(system: System, t: float, state: Array, which: int) -> Array:
     j = system.limited[which]
     motors = modes.motors.copy()
     motors[j] = int(np.sign(readings.unlimited[j])) if modes.motors[j] == 0 else 0
-    system.modes = replace(modes, motors=motors)
+    system.modes = modes._replace(motors=motors)
     return state
 
 

@@ -7,19 +7,35 @@ several by gears. The derivative is computed
 with readings of the state, the forces and rates that it takes: see `Readings`.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from types import FunctionType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
 from numpy.typing import NDArray
 
 from robotball import equations as eq
 from robotball import mechanics
 from robotball.drives import Constant
 from robotball.engines.compiled import compiled_from, inlined
-from robotball.mechanics import needed, put, solve_rolling, vector
+from robotball.equations import Vector
+from robotball.mechanics import (
+    COLUMN,
+    MOVING,
+    PLACED,
+    TURNING,
+    mass_matrix,
+    momentum_rates,
+    move,
+    needed,
+    partial_velocities,
+    place,
+    put,
+    solve_rolling,
+    vector,
+)
 from robotball.motors import SLOW
 from robotball.rotations import Array, Mask, rotation_matrix
 from robotball.scene import Scene
@@ -48,137 +64,259 @@ for _module in (eq, mechanics):
         if isinstance(_function, FunctionType):
             inlined(_function)
 
-_SIGNATURE = (
-    "void(f8[::1], f8[:, ::1], i8, f8, f8[::1], f8[:, ::1], f8[:, ::1], b1[::1], i8[::1], "
-    "f8[::1], f8[::1], f8[::1], b1, f8, b1, f8[::1], f8[::1], f8[::1])"
-)
 
+class Machine(NamedTuple):
+    """The numbers of a scene that stay while it moves.
 
-@compiled_from(_sources(), _SIGNATURE, nogil=True, error_model="numpy")
-def _differentiate(
-    state: Any, bodies: Any, carrier: int, radius: float, gravity: Any, motors: Any, gears: Any,
-    given: Any, modes: Any, rates: Any, accelerations: Any, commands: Any, spin_free: bool,
-    resistance: float, standing: bool, toward: Any, rate: Any, readings: Any,
-) -> None:  # fmt: skip
-    """Write the derivative of a state into `rate`, and the readings into `readings`.
-
-    gravity (3,) m/s², world; motors (m, MOTOR); gears (m, h); given (3 + h,): whether a rate is
-    given, by rates (h,) and their accelerations (h,); modes (m,): -1, 0 or 1, the side of its limit
-    on which a motor is; commands (m,), of the motors; resistance m, of the plane to rolling;
-    standing: whether that holds the shell; toward (3,) world, the direction in which a standing
-    shell will roll.
+    bodies, radius, carrier: of its `Robot`; gravity (3,) m/s², world; motors (m, MOTOR), the
+    numbers of their laws; gears (m, h); given (3 + h,): whether a rate is given; spin_free: whether
+    the shell may not turn about the vertical; resistance m, of the plane to rolling.
     """
-    count = len(rates)
-    w, x, y, z = state[0], state[1], state[2], state[3]
-    alpha, beta, gamma = eq.space_axes((w, x, y, z))
-    axes = (alpha, beta, gamma)
-    M = eq.seen_from_frame(vector(state, MOMENTUM), axes)
-    G = eq.seen_from_frame(vector(gravity, 0), axes)
-    angles = state[HINGES : HINGES + count]
-    placed = np.empty((count + 1, mechanics.PLACED))
-    mechanics.place(bodies, carrier, angles, placed)
-    columns = np.empty((count + 1, 3 + count, mechanics.COLUMN))
-    mechanics.partial_velocities(bodies, placed, radius, gamma, columns)
-    matrix = np.empty((3 + count, 3 + count))
-    mechanics.mass_matrix(bodies, placed, columns, matrix)
 
-    directions = np.zeros(((2 if standing else 0) + (1 if spin_free else 0), 3))
-    if standing:
-        put(directions[0], 0, alpha)
-        put(directions[1], 0, beta)
-    if spin_free:
-        put(directions[-1], 0, gamma)
-    right, u = np.zeros((3 + count, 1)), np.zeros((3 + count, 1))
+    bodies: Array
+    radius: float
+    carrier: int
+    gravity: Array
+    motors: Array
+    gears: Array
+    given: Mask
+    spin_free: bool
+    resistance: float
+
+
+class Inputs(NamedTuple):
+    """The drives at a time: given rates and accelerations (h,), and the motors' commands (m,)."""
+
+    rates: Array
+    accelerations: Array
+    commands: Array
+
+
+class Modes(NamedTuple):
+    """The modes of a robot; while they stay, the derivative is a smooth function of the state.
+
+    motors (m,): -1, 0 or 1, the side of its limit on which a motor is; standing: whether the
+    plane's resistance to rolling holds the shell; toward (3,), world: the direction in which it
+    will roll.
+    """
+
+    motors: NDArray[np.int64]
+    standing: bool = False
+    toward: Array = np.zeros(3)
+
+
+class _Pose(NamedTuple):
+    """A state as the formulas of `mechanics` take it, in the axes of the carrier.
+
+    directions (c, 3): those about which the shell may not turn.
+    """
+
+    axes: tuple[Vector, Vector, Vector]
+    gravity: Vector
+    placed: Any
+    columns: Any
+    matrix: Any
+    directions: Any
+
+
+@inlined
+def _pose_of(state: Any, machine: Machine, standing: bool) -> _Pose:
+    k = len(machine.given)
+    axes = eq.space_axes((state[0], state[1], state[2], state[3]))
+    placed, columns = np.zeros((k - 2, PLACED)), np.zeros((k - 2, k, COLUMN))
+    matrix = np.zeros((k, k))
+    place(machine.bodies, machine.carrier, state[HINGES : HINGES + k - 3], placed)
+    partial_velocities(machine.bodies, placed, machine.radius, axes[2], columns)
+    mass_matrix(machine.bodies, placed, columns, matrix)
+    # A shell that stands turns about neither horizontal axis, a rubber one not about the vertical.
+    first, end = 0 if standing else 2, 3 if machine.spin_free else 2
+    directions = np.zeros((end - first, 3))
+    for i in range(first, end):
+        put(directions[i - first], 0, axes[i])
+    gravity = eq.seen_from_frame(vector(machine.gravity, 0), axes)
+    return _Pose(axes, gravity, placed, columns, matrix, directions)
+
+
+@inlined
+def _velocities(state: Any, machine: Machine, inputs: Inputs, pose: _Pose) -> tuple[Any, Any]:
+    """Return u (3 + h,), and how the bodies move (b, MOVING), without their accelerations."""
+    count = len(inputs.rates)
+    right, u = np.zeros(3 + count), np.zeros(3 + count)
+    M = eq.seen_from_frame(vector(state, MOMENTUM), pose.axes)
     # L = M×γ + λγ in the rubber model; (ω_s, γ) = 0 stands in for the unknown λ.
-    L = eq.cross(M, gamma) if spin_free else M
-    put(right[:, 0], 0, L)
-    right[3:, 0] = state[HINGES + count : HINGES + 2 * count]
-    u[3:, 0] = rates
-    solve_rolling(matrix, given, directions, right, u)
-    now = u[:, 0]
-    moving = np.empty((count + 1, mechanics.MOVING))
-    mechanics.move(columns, now, moving)
+    put(right, 0, eq.cross(M, pose.axes[2]) if machine.spin_free else M)
+    for j in range(count):
+        right[3 + j], u[3 + j] = state[HINGES + count + j], inputs.rates[j]
+    solve_rolling(pose.matrix, machine.given, pose.directions, right, u)
+    moving = np.zeros((len(machine.bodies), MOVING))
+    move(pose.columns, u, moving)
+    return u, moving
 
-    torques = readings[_PER_HINGE + count : _PER_HINGE + 2 * count]
+
+@inlined
+def _motors_act(
+    state: Any, machine: Machine, inputs: Inputs, modes: Modes, u: Any, torques: Any, unlimited: Any
+) -> None:
+    """Write the torques (h,) of the motors on the hinges, and those (m,) without limits."""
+    count = len(torques)
     torques[:] = 0.0
-    readings[_PER_HINGE : _PER_HINGE + count] = now[3:]
-    for i in range(len(motors)):
-        motor, angle, speed = motors[i], 0.0, 0.0
+    for i in range(len(unlimited)):
+        motor, angle, speed = machine.motors[i], 0.0, 0.0
         for j in range(count):
-            angle += gears[i, j] * angles[j]
-            speed += gears[i, j] * now[3 + j]
+            angle += machine.gears[i, j] * state[HINGES + j]
+            speed += machine.gears[i, j] * u[3 + j]
         free = (
-            motor[_PER_COMMAND] * commands[i]
+            motor[_PER_COMMAND] * inputs.commands[i]
             - motor[_PER_ANGLE] * angle
             - motor[_PER_RATE] * speed
             + motor[_AT_REST]
         )
         if motor[_FRICTION] > 0:
             free -= motor[_FRICTION] * np.tanh(speed / SLOW)
-        readings[_PER_HINGE + 2 * count + i] = free
-        torque = free if modes[i] == 0 else modes[i] * motor[_LIMIT]
-        torques += gears[i] * torque
+        unlimited[i] = free
+        torque = free if modes.motors[i] == 0 else modes.motors[i] * motor[_LIMIT]
+        for j in range(count):
+            torques[j] += machine.gears[i, j] * torque
 
+
+@inlined
+def _forces(machine: Machine, pose: _Pose, u: Any, moving: Any, u_rate: Any, by_plane: Any) -> Any:
+    """Write the torques that u needs to change so, by the plane first; return the plane's force."""
+    return needed(
+        machine.bodies, pose.placed, pose.columns, moving, machine.radius, pose.axes[2],
+        pose.gravity, u, u_rate, by_plane,
+    )  # fmt: skip
+
+
+@inlined
+def _accelerate(
+    machine: Machine, inputs: Inputs, pose: _Pose, u: Any, moving: Any, torques: Any, u_rate: Any,
+    by_plane: Any,
+) -> Any:  # fmt: skip
+    """Write du/dt without resistance to rolling, and its torques; return the plane's force."""
     # The torques that no acceleration at all would need are the bias; without them, solving for
     # accelerations has the same matrix as solving for rates.
-    u_rate, plane = np.zeros((3 + count, 1)), np.empty(3 + count)
-    needed(bodies, placed, columns, moving, radius, gamma, G, now, u_rate[:, 0], plane)
-    right[:, 0] = -plane
-    right[3:, 0] += torques
-    u_rate[3:, 0] = accelerations
-    solve_rolling(matrix, given, directions, right, u_rate)
-    force = needed(bodies, placed, columns, moving, radius, gamma, G, now, u_rate[:, 0], plane)
+    _forces(machine, pose, u, moving, u_rate, by_plane)
+    right = -by_plane
+    for j in range(len(torques)):
+        right[3 + j] += torques[j]
+        u_rate[3 + j] = inputs.accelerations[j]
+    solve_rolling(pose.matrix, machine.given, pose.directions, right, u_rate)
+    return _forces(machine, pose, u, moving, u_rate, by_plane)
 
-    shell = vector(now, 0)
-    rolling = eq.subtract(shell, eq.scale(eq.dot(shell, gamma), gamma))
+
+@inlined
+def _rolling_of(u: Any, pose: _Pose) -> Vector:
+    """Return the horizontal part of the shell's angular velocity."""
+    return _across(vector(u, 0), pose.axes[2])
+
+
+@inlined
+def _across(v: Vector, gamma: Vector) -> Vector:
+    return eq.subtract(v, eq.scale(eq.dot(v, gamma), gamma))
+
+
+@inlined
+def _resist(
+    machine: Machine, modes: Modes, pose: _Pose, u: Any, moving: Any, u_rate: Any, by_plane: Any,
+    force: Vector,
+) -> Any:  # fmt: skip
+    """Add the plane's resistance to du/dt and the torques; return the plane's force."""
+    # The torque is -μN along the rolling, and N is linear in the torque: one more solution, for a
+    # unit torque, gives both. Below STANDING the direction goes over, without a jump, into the one
+    # in which the shell will roll.
+    gamma, rolling = pose.axes[2], _rolling_of(u, pose)
     speed = np.sqrt(eq.dot(rolling, rolling))
-    if resistance > 0 and not standing:
-        # The torque is -μN along the rolling, and N is linear in the torque: one more solution, for
-        # a unit torque, gives both. Below STANDING the direction goes over, without a jump, into
-        # the one in which the shell will roll.
-        ahead = eq.seen_from_frame(vector(toward, 0), axes)
-        along = eq.add(rolling, eq.scale(max(STANDING - speed, 0.0), ahead))
-        length = np.sqrt(eq.dot(along, along))
-        along = eq.scale(1 / length if length > STANDING / 2 else 0.0, along)
-        by_torque, resisted = np.zeros((3 + count, 1)), np.zeros((3 + count, 1))
-        put(resisted[:, 0], 0, eq.scale(-1.0, along))
-        solve_rolling(matrix, given, directions, resisted, by_torque)
-        both = u_rate[:, 0] + by_torque[:, 0]
-        normal = eq.dot(gamma, force)
-        changed = needed(bodies, placed, columns, moving, radius, gamma, G, now, both, plane)
-        per_torque = eq.dot(gamma, changed) - normal
-        torque = resistance * normal / (1 - resistance * per_torque)
-        u_rate += torque * by_torque
-        force = needed(bodies, placed, columns, moving, radius, gamma, G, now, u_rate[:, 0], plane)
-    for j in range(count):
-        if given[3 + j]:
-            torques[j] = plane[3 + j]
+    ahead = eq.seen_from_frame(vector(modes.toward, 0), pose.axes)
+    along = eq.add(rolling, eq.scale(max(STANDING - speed, 0.0), ahead))
+    length = np.sqrt(eq.dot(along, along))
+    along = eq.scale(1 / length if length > STANDING / 2 else 0.0, along)
+    right, by_torque = np.zeros(len(u)), np.zeros(len(u))
+    put(right, 0, eq.scale(-1.0, along))
+    solve_rolling(pose.matrix, machine.given, pose.directions, right, by_torque)
+    normal = eq.dot(gamma, force)
+    changed = _forces(machine, pose, u, moving, u_rate + by_torque, by_plane)
+    per_torque = eq.dot(gamma, changed) - normal
+    torque = machine.resistance * normal / (1 - machine.resistance * per_torque)
+    for i in range(len(u)):
+        u_rate[i] += torque * by_torque[i]
+    return _forces(machine, pose, u, moving, u_rate, by_plane)
 
-    momenta = np.empty(3 + count)
-    mechanics.momentum_rates(bodies, placed, moving, radius, gamma, G, momenta)
-    L_rate, by_plane = vector(momenta, 0), vector(plane, 0)
+
+@inlined
+def _write_rates(
+    machine: Machine, pose: _Pose, u: Any, moving: Any, torques: Any, by_plane: Any, state: Any,
+    rate: Any,
+) -> None:  # fmt: skip
+    """Write the derivative of the state; by_plane (3 + h,) begins with the plane's torque."""
+    (alpha, beta, gamma), count, shell = pose.axes, len(torques), vector(u, 0)
+    momenta = np.zeros(3 + count)
+    momentum_rates(
+        machine.bodies, pose.placed, moving, machine.radius, gamma, pose.gravity, momenta
+    )
+    L_rate = vector(momenta, 0)
     rate[LOSS] = 0.0
-    if resistance > 0:
-        level = eq.subtract(by_plane, eq.scale(eq.dot(by_plane, gamma), gamma))
+    if machine.resistance > 0:
+        level = _across(vector(by_plane, 0), gamma)
         L_rate = eq.add(L_rate, level)
         rate[LOSS] = -eq.dot(level, shell)
-    M_rate = eq.cross(gamma, L_rate) if spin_free else L_rate
-    omega = vector(moving[carrier], mechanics.TURNING)
-    rate[0], rate[1], rate[2], rate[3] = eq.attitude_rate((w, x, y, z), omega)
-    rate[POINT], rate[POINT + 1] = eq.contact_velocity(alpha, beta, shell, (0.0, 0.0, 0.0), radius)
-    for i in range(3):
-        rate[MOMENTUM + i] = eq.dot(axes[i], M_rate)
-        readings[_FORCE + i] = eq.dot(axes[i], force)
-        readings[_PLANE_TORQUE + i] = eq.dot(axes[i], by_plane)
-        readings[_OMEGA + i] = omega[i]
-        readings[_ROLLING + i] = eq.dot(axes[i], rolling)
-    if spin_free:
+    M_rate = eq.cross(gamma, L_rate) if machine.spin_free else L_rate
+    q, omega = (state[0], state[1], state[2], state[3]), vector(moving[machine.carrier], TURNING)
+    rate[0], rate[1], rate[2], rate[3] = eq.attitude_rate(q, omega)
+    rate[POINT], rate[POINT + 1] = eq.contact_velocity(
+        alpha, beta, shell, (0.0, 0.0, 0.0), machine.radius
+    )
+    put(rate, MOMENTUM, (eq.dot(alpha, M_rate), eq.dot(beta, M_rate), eq.dot(gamma, M_rate)))
+    if machine.spin_free:
         # M = γ×L is horizontal, and rounding must not add up to anything else.
         rate[MOMENTUM + 2] = 0.0
     for j in range(count):
-        rate[HINGES + j] = now[3 + j]
-        rate[HINGES + count + j] = 0.0 if given[3 + j] else momenta[3 + j] + torques[j]
-        rate[HINGES + 2 * count + j] = torques[j] * now[3 + j]
+        rate[HINGES + j] = u[3 + j]
+        rate[HINGES + count + j] = 0.0 if machine.given[3 + j] else momenta[3 + j] + torques[j]
+        rate[HINGES + 2 * count + j] = torques[j] * u[3 + j]
+
+
+_ROW, _TABLE = types.float64[::1], types.float64[:, ::1]
+_MACHINE = (
+    _TABLE, types.float64, types.int64, _ROW, _TABLE, _TABLE, types.boolean[::1], types.boolean,
+    types.float64,
+)  # fmt: skip
+_SIGNATURE = types.void(
+    _ROW,
+    types.NamedTuple(_MACHINE, Machine),
+    types.NamedUniTuple(_ROW, 3, Inputs),
+    types.NamedTuple((types.int64[::1], types.boolean, _ROW), Modes),
+    _ROW,
+    _ROW,
+)
+
+
+@compiled_from(_sources(), _SIGNATURE, nogil=True, error_model="numpy")
+def _differentiate(
+    state: Any, machine: Machine, inputs: Inputs, modes: Modes, rate: Any, readings: Any
+) -> None:
+    """Write the derivative of a state into `rate`, and the readings into `readings`."""
+    count, pose = len(inputs.rates), _pose_of(state, machine, modes.standing)
+    u, moving = _velocities(state, machine, inputs, pose)
+    torques = readings[_PER_HINGE + count : _PER_HINGE + 2 * count]
+    unlimited = readings[_PER_HINGE + 2 * count :]
+    _motors_act(state, machine, inputs, modes, u, torques, unlimited)
+    u_rate, by_plane = np.zeros(3 + count), np.zeros(3 + count)
+    force = _accelerate(machine, inputs, pose, u, moving, torques, u_rate, by_plane)
+    if machine.resistance > 0 and not modes.standing:
+        force = _resist(machine, modes, pose, u, moving, u_rate, by_plane, force)
+    for j in range(count):
+        if machine.given[3 + j]:
+            torques[j] = by_plane[3 + j]
+    _write_rates(machine, pose, u, moving, torques, by_plane, state, rate)
+    rolling = _rolling_of(u, pose)
+    for i in range(3):
+        readings[_FORCE + i] = eq.dot(pose.axes[i], force)
+        readings[_PLANE_TORQUE + i] = eq.dot(pose.axes[i], vector(by_plane, 0))
+        readings[_OMEGA + i] = moving[machine.carrier, TURNING + i]
+        readings[_ROLLING + i] = eq.dot(pose.axes[i], rolling)
+    for j in range(count):
+        readings[_PER_HINGE + j] = u[3 + j]
 
 
 @dataclass(frozen=True)
@@ -217,18 +355,9 @@ def readings_of(numbers: Array, count: int) -> Readings:
     return Readings(numbers, *threes, *of_hinges)
 
 
-@dataclass
-class Modes:
-    """The modes of a robot; while they stay, the derivative is a smooth function of the state.
-
-    motors (m,): -1, 0 or 1, the side of its limit on which a motor is; standing: whether the
-    plane's resistance to rolling holds the shell; toward (3,), world: the direction in which it
-    will roll.
-    """
-
-    motors: NDArray[np.int64]
-    standing: bool = False
-    toward: Array = field(default_factory=lambda: np.zeros(3))
+# By the entry of its only signature: to look at the types of its records again and again would take
+# longer than the derivative of a ball.
+_call = next(iter(_differentiate.overloads.values())).entry_point
 
 
 class System:
@@ -237,15 +366,15 @@ class System:
     def __init__(self, scene: Scene) -> None:
         hinges, robot = scene.hinges, scene.robot
         self.scene, self.count = scene, len(hinges)
-        self.given: Mask = np.array([False] * 3 + [hinge.motor is None for hinge in hinges])
+        given = np.array([False] * 3 + [hinge.motor is None for hinge in hinges])
         own = [i for i, hinge in enumerate(hinges) if hinge.motor is not None]
         laws = [hinge.motor.law for hinge in hinges if hinge.motor is not None]
         laws += [each.law for each in scene.actuators]
         self.motors = np.array(laws).reshape(-1, _MOTOR)
-        self.gears = np.zeros((len(laws), self.count))
-        self.gears[range(len(own)), own] = 1.0
+        gears = np.zeros((len(laws), self.count))
+        gears[range(len(own)), own] = 1.0
         places = {hinge.name: i for i, hinge in enumerate(hinges)}
-        for row, actuator in zip(self.gears[len(own) :], scene.actuators, strict=True):
+        for row, actuator in zip(gears[len(own) :], scene.actuators, strict=True):
             for name, ratio in actuator.gears:
                 row[places[name]] += ratio
         self.limits = self.motors[:, _LIMIT]
@@ -253,15 +382,19 @@ class System:
         self.ranges = [
             (HINGES + i, each.range) for i, each in enumerate(scene.ball.tree[1:]) if each.range
         ]
-        self.resistance = scene.friction.rolling
         self.modes = Modes(np.zeros(len(laws), dtype=np.int64))
         self.end = np.inf
-        self._bodies = np.ascontiguousarray(robot.bodies)
-        self._gravity, self._spin_free = scene.gravity_world, scene.rolling == "rubber"
-        self._rates = np.array([float(hinge.command.rate(0.0)) for hinge in hinges])
-        self._accelerations = np.zeros(self.count)
+        self.machine = Machine(
+            np.ascontiguousarray(robot.bodies), float(robot.radius), robot.carrier,
+            scene.gravity_world, self.motors, gears, given, scene.rolling == "rubber",
+            float(scene.friction.rolling),
+        )  # fmt: skip
         commands = [*(hinges[i].command for i in own), *scene.controls]
-        self._commands = np.array([float(command.rate(0.0)) for command in commands])
+        first = [
+            np.array([float(command.rate(0.0)) for command in each])
+            for each in ([hinge.command for hinge in hinges], commands)
+        ]
+        self._inputs = Inputs(first[0], np.zeros(self.count), first[1])
         self._changing_rates = [
             (i, hinge.command)
             for i, hinge in enumerate(hinges)
@@ -270,6 +403,11 @@ class System:
         self._changing_commands = [
             (i, command) for i, command in enumerate(commands) if not isinstance(command, Constant)
         ]
+
+    @property
+    def resistance(self) -> float:
+        """The plane's coefficient of resistance to rolling [m]."""
+        return self.machine.resistance
 
     @property
     def size(self) -> int:
@@ -313,16 +451,12 @@ class System:
 
     def _run(self, t: float, state: Array) -> tuple[Array, Array]:
         for i, command in self._changing_rates:
-            self._rates[i] = command.rate(t)
+            self._inputs.rates[i] = command.rate(t)
             # A piece's last state has the acceleration of this piece, not that of the next one.
-            self._accelerations[i] = command.acceleration(min(t, self.end))
+            self._inputs.accelerations[i] = command.acceleration(min(t, self.end))
         for i, command in self._changing_commands:
-            self._commands[i] = command.rate(t)
+            self._inputs.commands[i] = command.rate(t)
         rate, readings = np.empty(self.size), np.empty(self.readings_size)
-        modes, robot = self.modes, self.scene.robot
-        _differentiate(
-            state, self._bodies, robot.carrier, robot.radius, self._gravity, self.motors,
-            self.gears, self.given, modes.motors, self._rates, self._accelerations, self._commands,
-            self._spin_free, self.resistance, modes.standing, modes.toward, rate, readings,
-        )  # fmt: skip
+        row = np.ascontiguousarray(state, dtype=float)  # as the entry takes without a look
+        _call(row, self.machine, self._inputs, self.modes, rate, readings)
         return rate, readings

@@ -4,6 +4,7 @@ Balances, symmetries and sums; the balls that can be built; the numbers of the m
 figures.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, partial
 
@@ -49,7 +50,7 @@ claim = SECTION.claim
 
 @claim("3.1", "M×γ is the horizontal part of L")
 @by(MOTION, "the sign of M", bound=2e-7, unit=MOMENTUM)
-def _turned_momentum(twist: float) -> Errors:
+def _turned_momentum(twist: float = 1.0) -> Errors:
     """Compare M×γ, M from MuJoCo's bodies, with the horizontal part of L = Ĩω + K + d(Ω,γ)γ."""
     ball = seen(RUBBER)
     L = ball.of(lambda n, w, g: f.level(f.contact_inertia(n, g) @ w + n.K, g))
@@ -60,7 +61,7 @@ def _turned_momentum(twist: float) -> Errors:
 @by(MOTION, "the sign of K", bound=1e-5, unit="J", name=CLASSICAL)
 @claim("3.1", "dE/dt = -(Ω, (A⁻¹ω + K)×ω)")
 @by(MOTION, "sign of K", bound=1.5e-6, unit="J", name=RUBBER)
-def _energy_balance(name: str, twist: float) -> Errors:
+def _energy_balance(name: str, twist: float = 1.0) -> Errors:
     """Compare E(t) - E(0) along MuJoCo's motion with ∫ -(Ω, (A⁻¹ω + K)×ω) dt."""
     ball, classical = seen(name), name == CLASSICAL
     n, omega, gamma = ball.numbers[0], tuple(ball.omega.T), tuple(ball.gamma.T)
@@ -84,7 +85,7 @@ def _full_rates(n: Numbers, velocity: Velocity, M: Array, gamma: Array) -> Array
 @by("(3.3) at random states", "D by another axis too", bound=1e-14, classical=True)
 @claim("3.1", "Ωᵢ = Kᵢ = 0: (γ, M, t) → (Dγ, -DM, -t)")
 @by("(3.2) at random states", "D by another axis too", bound=1e-14, classical=False)
-def _reversal(classical: bool, twist: float) -> Errors:
+def _reversal(classical: bool, twist: float = 1.0) -> Errors:
     """Compare the rates at (Dγ, ∓DM) with minus the images of those at (γ, M), if Ωᵢ = Kᵢ = 0."""
     sign = 1.0 if classical else -1.0
     velocity = f.velocity_of(classical)
@@ -99,7 +100,7 @@ def _reversal(classical: bool, twist: float) -> Errors:
 
 @claim("3.2", "classical: M = K + d(Ω,γ)γ rolls straight at a|γ×Ω|")
 @by(MOTION, "the sign of d")
-def _straight_classical(twist: float) -> Residual:
+def _straight_classical(twist: float = 1.0) -> Residual:
     """Compare the way of MuJoCo's classical ball, from M = K + d(Ω,γ)γ, in 5 s with a|γ×Ω|t."""
     scene, gamma = paper_scene(CLASSICAL), np.array([0.6, 0.48, 0.64])
     n = f.numbers(scene.parameters)
@@ -112,7 +113,7 @@ def _straight_classical(twist: float) -> Residual:
 
 @claim("5.2", "(M×γ)₃ = -√(f - L²) sin g")
 @by("(5.5) at random L, l, g", "the sign", bound=1e-14, unit=MOMENTUM)
-def _without_angles(twist: float) -> Errors:
+def _without_angles(twist: float = 1.0) -> Errors:
     """Compare (M×γ)₃ with -√(f - L²) sin g, by (5.5) at random L, l and g."""
     random = np.random.default_rng(94)
     for _ in range(100):
@@ -122,14 +123,12 @@ def _without_angles(twist: float) -> Errors:
 
 
 @claim("5.2", "each orbit crosses g = 0 in both directions")
-@by("the section", "5 crossings", bound=0, unit="of 64 do not")
-def _one_way(twist: float) -> Errors:
+@by("the section", "5 crossings", {"count": 5}, bound=0, unit="of 64 do not")
+def _one_way(count: int = 1000) -> Errors:
     """Count how many of 64 orbits of Fig. 11b cross g = 0 in one direction only, in 1000 crossings.
 
-    An orbit may keep to one direction for a while: two of these do for 50 crossings. Twisted, in
-    the first 5.
+    An orbit may keep to one direction for a while: two of these do for 50 crossings.
     """
-    count = 1000 if twist == 1 else 5
     found = section(chaotic(), *starts(64), count=count, tolerance=1e-9)
     both = (found.directions == 1).any(axis=1) & (found.directions == -1).any(axis=1)
     yield int(np.count_nonzero(~both))
@@ -137,7 +136,7 @@ def _one_way(twist: float) -> Errors:
 
 @claim("5.3", "(γ, M) → (-γ, -M) reverses dY/dt alone")
 @by("(3.2) and (3.3) at random states", "the sign of Ẏ", bound=1e-14)
-def _mirror(twist: float) -> Errors:
+def _mirror(twist: float = 1.0) -> Errors:
     """Compare the rates at (-γ, -M) with those at (γ, M): of M, γ and Y the sign is the other."""
     for state in f.states(92):
         n, M = f.still(state.n), state.momentum(classical=False)
@@ -148,14 +147,14 @@ def _mirror(twist: float) -> Errors:
 
 
 @claim("Fig. 11a", "the periodic motion is its own image by that")
-@by("the section", "g, sign", bound=3e-13)
-def _own_mirror_image(twist: float) -> Errors:
+@by("the section", "g, sign", {"twist": -1.0, "g": 0.3}, bound=3e-13)
+def _own_mirror_image(twist: float = 1.0, g: float = np.pi) -> Errors:
     """Measure how far -γ, -M of Fig. 11a's cycle are from it.
 
     They cross g = π where γ, M cross g = 0.
     """
     cycle = settled()[0]
-    yield nearest(-twist * points(cycle), points(cycle, g=np.pi if twist == 1 else 0.3))
+    yield nearest(-twist * points(cycle), points(cycle, g))
 
 
 def points(cycle: Cycle, g: float = 0.0) -> Array:
@@ -166,7 +165,7 @@ def points(cycle: Cycle, g: float = 0.0) -> Array:
 
 @claim("5.3", "rubber: the exponents' sum is the mean divergence")
 @by("the monodromy", "the sign")
-def _sum_on_a_cycle(twist: float) -> Residual:
+def _sum_on_a_cycle(twist: float = 1.0) -> Residual:
     """Compare ln det of the monodromy of Fig. 11a's cycle with ∫ -(Aγ, γ×Ω)/(Aγ,γ) dt."""
     cycle = settled()[0]
     _, monodromy, volume = monodromy_of(regular(), cycle.attitude, cycle.momentum, cycle.period)
@@ -175,7 +174,7 @@ def _sum_on_a_cycle(twist: float) -> Residual:
 
 @claim("5.3", "classical: the same, where ω = 0")
 @by("eigenvalues", "the sign", bound=2e-14, unit="1/s")
-def _sum_on_straight_lines(twist: float) -> Errors:
+def _sum_on_straight_lines(twist: float = 1.0) -> Errors:
     """Compare the eigenvalues near classical motions with ω = 0 with (Aγ, γ×Ω)/(1/d - (Aγ,γ))."""
     ball = paper_scene(CLASSICAL).parameters
     n = f.numbers(ball)
@@ -188,14 +187,14 @@ def _sum_on_straight_lines(twist: float) -> Errors:
 # The numbers of the figures' motions ---------------------------------------------------------
 
 # A statement that is a number: twisted, the number by a hundredth.
-_number = partial(by, twist="the number, by a hundredth", control=1.01)
+_number = partial(by, twist="the number, by a hundredth", control={"twist": 1.01})
 
 
 @claim("4.2", "|κ₂| = 1 at K₃ = 2.08207: Θ disappears")
 @_number("search", bound=0, unit="points off", K3=2.08207, more=6)
 @claim("4.2", "|κ₁| = 1 at K₃ = 0.51503: Δ disappears")
 @_number("search", bound=0, unit="points off", K3=0.51503, more=10)
-def _vanishing(K3: float, more: int, twist: float) -> Errors:
+def _vanishing(K3: float, more: int, twist: float = 1.0) -> Errors:
     """Count how far the numbers of fixed points beside K₃ are from `more` and four less."""
     yield from four_fewer(twist * K3, 1e-4, more, 200)
 
@@ -204,7 +203,7 @@ def _vanishing(K3: float, more: int, twist: float) -> Errors:
 @_number("Newton", name="fig08", stated=6.09094, within=1e-5)
 @claim("Fig. 7", "the period of its limit cycle")
 @_number("Newton", name="fig07", stated=60.0086, within=1e-4)
-def _cycle_period(name: str, stated: float, within: float, twist: float) -> Value:
+def _cycle_period(name: str, stated: float, within: float, twist: float = 1.0) -> Value:
     """Compute the period of the only limit cycle of a figure."""
     found = cycle(name)
     period = found.period if found else float("nan")
@@ -212,8 +211,8 @@ def _cycle_period(name: str, stated: float, within: float, twist: float) -> Valu
 
 
 @claim("Fig. 10", "16/7.69 does not depend on Ω₃")
-@by("eigenvalues; stability_limit", "K₁, by a tenth", 1.1, bound=0, unit="of 4 wrong")
-def _limit_for_any_turning(twist: float) -> Errors:
+@by("eigenvalues; stability_limit", "K₁, by a tenth", {"twist": 1.1}, bound=0, unit="of 4 wrong")
+def _limit_for_any_turning(twist: float = 1.0) -> Errors:
     """Count the Ω₃ of 0.5, 1, 2, 4 at which σ₋ is not stable below and unstable above 16/7.69."""
     for Omega3 in (0.5, 1.0, 2.0, 4.0):
         n = line_ball(Omega3)
@@ -224,28 +223,25 @@ def _limit_for_any_turning(twist: float) -> Errors:
 
 
 @claim("Fig. 10", "at f = 3 all four are saddle-foci")
-@by("eigenvalues", "f = 2", bound=0, unit="of 4 off")
-def _saddle_foci(twist: float) -> Errors:
-    """Count the lines at f = 3 that are no saddle-foci: a real rate, a pair of other sign.
-
-    Twisted, at f = 2.
-    """
+@by("eigenvalues", "f = 2", {"level": 2.0}, bound=0, unit="of 4 off")
+def _saddle_foci(level: float = 3.0) -> Errors:
+    """Count the lines at a level f that are no saddle-foci: a real rate, a pair of other sign."""
     for name in ("σ₊", "σ₋", "δ₊", "δ₋"):
-        rates = line(line_ball(), 3.0 if twist == 1 else 2.0, name).rates
+        rates = line(line_ball(), level, name).rates
         real, pair = rates[np.abs(rates.imag) < 1e-9].real, rates[np.abs(rates.imag) > 1e-9].real
         yield not (len(real) == 1 and len(pair) == 2 and real[0] * pair[0] < 0)
 
 
 @claim("Fig. 11a", "the period of its periodic orbit")
 @_number("Newton")
-def period(twist: float) -> Value:
+def period(twist: float = 1.0) -> Value:
     """Compute the period of Fig. 11a's periodic orbit."""
     return Value(float(settled()[0].period), twist * 8.74326, bound=1e-5, unit="s")
 
 
 @claim("Fig. 11a", "|multiplier|")
 @_number("the monodromy")
-def _multiplier(twist: float) -> Value:
+def _multiplier(twist: float = 1.0) -> Value:
     """Compute the modulus of the periodic orbit's multipliers, a complex pair."""
     found = float(np.abs(settled()[0].multipliers).max())
     return Value(found, twist * 0.92816, bound=1e-5)
@@ -258,13 +254,13 @@ def reached() -> Basins:
 
 
 @claim("Fig. 11a", "one periodic orbit attracts, and else a torus")
-@by("64 starts", "Fig. 11b")
-def _attracting_cycles(twist: float) -> Value:
+@by("64 starts", "Fig. 11b", {"chaos": True})
+def _attracting_cycles(chaos: bool = False) -> Value:
     """Count the periodic orbits that attract, of 64 starts; what else attracts must be a torus.
 
-    Twisted, of 8 starts of Fig. 11b.
+    chaos: of 8 starts of Fig. 11b.
     """
-    found = reached() if twist == 1 else basins(chaotic(), *starts(8))
+    found = basins(chaotic(), *starts(8)) if chaos else reached()
     number = len(found.cycles) if found.share(CHAOS) == 0 else float("nan")
     return Value(number, corrected=1, bound=0, unit="cycle")
 
@@ -278,17 +274,14 @@ def _velocities(on_torus: bool) -> Array:
 
 
 @claim("Fig. 11a", "one torus: all on it have the same drift")
-@by("2e4 s", "all starts", bound=1e-3, unit="m/s")
-def _one_torus(twist: float) -> Errors:
-    """Measure how far the mean velocities of all starts that reach a torus are apart.
-
-    Twisted, of all.
-    """
+@by("2e4 s", "all starts", {"kinds": (True, False)}, bound=1e-3, unit="m/s")
+def _one_torus(kinds: Sequence[bool] = (True,)) -> Errors:
+    """Measure how far the mean velocities of all starts that reach a torus, or not, are apart."""
     # Means over T = 2e4 s of a motion with two frequencies are off by some 1/T.
-    yield np.ptp(np.concatenate([_velocities(each) for each in {True, twist == 1}]))
+    yield np.ptp(np.concatenate([_velocities(each) for each in kinds]))
 
 
-_in_chaos = partial(by, "16 runs of 1e5 s", "the number, by a tenth", control=1.1)
+_in_chaos = partial(by, "16 runs of 1e5 s", "the number, by a tenth", control={"twist": 1.1})
 
 
 @claim("5.3", "D to a further digit")
@@ -297,21 +290,18 @@ _in_chaos = partial(by, "16 runs of 1e5 s", "the number, by a tenth", control=1.
 @_in_chaos(index=1, stated=-0.139, within=2e-3)
 @claim("5.3", "Λ₁ to a further digit")
 @_in_chaos(index=0, stated=0.116, within=2e-3)
-def _further_digit(index: int, stated: float, within: float, twist: float) -> Value:
+def _further_digit(index: int, stated: float, within: float, twist: float = 1.0) -> Value:
     """Compute Λ₁, Λ₆ or D of Fig. 11b."""
     found = *ensemble().mean, ensemble().dimension
     return Value(found[index], twist * stated, within)
 
 
 @claim("5.3", "the classical ball is chaotic too: λ₁")
-@by("16 runs of 1e4 s", "rubber")
-def _classical_exponent(twist: float) -> Value:
-    """Compute λ₁ of the classical ball with Fig. 14's numbers and c = 3.
-
-    Twisted, of the rubber one.
-    """
+@by("16 runs of 1e4 s", "rubber", {"rubber": True})
+def _classical_exponent(rubber: bool = False) -> Value:
+    """Compute λ₁ of the classical ball with Fig. 14's numbers and c = 3, or of the rubber one."""
     ball = paper_scene(CLASSICAL).parameters
-    found = exponents(ball, *starts(16, c=3.0), 1e4) if twist == 1 else ensemble()
+    found = ensemble() if rubber else exponents(ball, *starts(16, c=3.0), 1e4)
     return Value(found.mean[0], corrected=0.34, bound=5e-3, unit="1/s")  # ± 0.001
 
 
@@ -330,17 +320,16 @@ def _drift_of(name: str) -> Drift:
 @_number("1e5 s", name="fig13", stated=3.665, within=1e-3)
 @claim("Fig. 12", "drift along X")
 @_number("1000 periods", name="fig12", stated=3.65907, within=1e-5)
-def _drift_along(name: str, stated: float, within: float, twist: float) -> Value:
+def _drift_along(name: str, stated: float, within: float, twist: float = 1.0) -> Value:
     """Compute the drift along OX = -M/√f."""
     return Value(float(_drift_of(name).mean[0]), twist * stated, within, unit="m/s")
 
 
 @claim("Figs 12-14", "no drift along Y")
-@by("1e5 s", "along OX")
-def _drift_across(twist: float) -> Residual:
-    """Compute the drift along OY in Figs 12, 13 and 14, the largest; twisted, along OX."""
-    index = 1 if twist == 1 else 0
-    across = [float(_drift_of(name).mean[index]) for name in ("fig12", "fig13", "fig14")]
+@by("1e5 s", "along OX", {"axis": 0})
+def _drift_across(axis: int = 1) -> Residual:
+    """Compute the drift along OY in Figs 12, 13 and 14, the largest; axis 0: along OX."""
+    across = [float(_drift_of(name).mean[axis]) for name in ("fig12", "fig13", "fig14")]
     # Fig. 14's is a mean of chaos: the standard error is 1.3e-3.
     return Residual(max(across, key=abs), bound=8e-3, unit="m/s")
 
@@ -350,7 +339,7 @@ def _drift_across(twist: float) -> Residual:
 
 @claim("App. A", "b = 1/a: a body has I iff d ≤ Σb - 2 max b")
 @by("random bodies", "the sign of max b", bound=0, unit="of 1000 wrong")
-def _triangle_inequality(twist: float) -> Errors:
+def _triangle_inequality(twist: float = 1.0) -> Errors:
     """Count how often d ≤ Σb - 2 max b, b = 1/a, is wrong about I = b - d being that of a body."""
     random = np.random.default_rng(5)
     for _ in range(1000):
@@ -369,8 +358,8 @@ def _is_an_inertia(tensor: Array) -> bool:
 
 
 @claim("App. A", "mass inside needs d ≥ Σb/5, max b ≤ (2/5)Σb")
-@by("random clouds", "1/5, to 2/5", control=0.5, bound=0, unit="of 1000 wrong")
-def _mass_inside(twist: float) -> Errors:
+@by("random clouds", "1/5, to 2/5", control={"twist": 0.5}, bound=0, unit="of 1000 wrong")
+def _mass_inside(twist: float = 1.0) -> Errors:
     """Count the clouds of masses within for which not d ≥ Σb/5 and max b ≤ (2/5) Σb, of 1000."""
     random = np.random.default_rng(6)
     for _ in range(1000):
@@ -383,7 +372,7 @@ def _mass_inside(twist: float) -> Errors:
         yield not (b.sum() / 5 <= twist * d and b.max() <= 0.4 * b.sum())
 
 
-_largest_d = partial(by, "I and d", "the largest d, by a hundredth", 1.01, bound=3e-5)
+_largest_d = partial(by, "I and d", "the largest d, by a hundredth", {"twist": 1.01}, bound=3e-5)
 
 
 @claim("Figs 9-10", "max b = 0.4762 Σb; m ≤ 1/3, below Σb/5")
@@ -392,7 +381,7 @@ _largest_d = partial(by, "I and d", "the largest d, by a hundredth", 1.01, bound
 @_largest_d(name="fig06", stated=(0.42553, 1.56667, 7 / 6))
 @claim("Figs 11-14", "max b = 0.3836 Σb; 0.869 ≤ m ≤ 1.012")
 @_largest_d(name="fig14", stated=(0.38356, 0.86905, 1.0119))
-def limits(name: str, stated: tuple[float, float, float], twist: float) -> Errors:
+def limits(name: str, stated: tuple[float, float, float], twist: float = 1.0) -> Errors:
     """Compare max b/Σb, Σb/5 and Σb - 2 max b of a figure's A with the stated ones; relative."""
     b = 1 / np.array(paper_scene(name).parameters.A)
     found = np.array([b.max() / b.sum(), *masses_allowed(np.diag(b), 1.0)])
@@ -400,17 +389,17 @@ def limits(name: str, stated: tuple[float, float, float], twist: float) -> Error
 
 
 @claim("Figs 5-14", "only the balls of 11 to 14 can be built")
-@by("their bodies", "the other ones", bound=0, unit="of 11 wrong")
-def _buildable(twist: float) -> Errors:
+@by("their bodies", "the other ones", {"sound": False}, bound=0, unit="of 11 wrong")
+def _buildable(sound: bool = True) -> Errors:
     """Count the balls of the catalog that can be built though it says not, or the reverse."""
     for name in (*CAPTIONS, "fig10_stable"):
-        stated = (name in ("fig12", "fig13", "fig14")) == (twist == 1)
+        stated = (name in ("fig12", "fig13", "fig14")) == sound
         yield stated == bool(beyond_the_shell(paper_scene(name).ball))
 
 
 @claim("(A.3)", "one rotor along K + (J_s + d)Ω gives any K")
 @by(MASSES, "the sign of d", bound=1e-14, unit=MOMENTUM)
-def _one_rotor(twist: float) -> Errors:
+def _one_rotor(twist: float = 1.0) -> Errors:
     """Compare K, by Σ r×mu of balls with one rotor, with the wanted one.
 
     The rotor is along K + (J_s + d)Ω and turns at |K + (J_s + d)Ω|/j.

@@ -56,8 +56,7 @@ def test_a_claim_of_the_paper_holds_and_fails_with_one_thing_changed(claim: Clai
     found = finding(claim)
     assert found.verdict == ("holds as corrected" if claim.printed else "holds"), found.evidence
     assert claim.twist
-    assert claim.control != 1
-    twisted = finding(claim, claim.control)
+    twisted = finding(claim, twisted=True)
     assert twisted.verdict == "does not reproduce", twisted.evidence
     assert not isinstance(twisted.evidence, str), "it fails by a number, not by giving up"
 
@@ -136,7 +135,7 @@ def test_a_chaotic_number_has_the_digits_that_are_known() -> None:
 def test_a_check_that_ends_in_an_error_reproduces_nothing(error: Exception, words: str) -> None:
     """As an index where a wrong sign left no crossing: its row says so, and the others follow."""
 
-    def gives_up(_: float) -> Residual:
+    def gives_up(_: bool) -> Residual:
         raise error
 
     found = examine(Claim("a test", "a cycle", gives_up))
@@ -160,7 +159,7 @@ def test_the_largest_error_counts_or_the_number_of_wrong_ones(
     """The largest of a check's errors is its evidence; NaN is larger than all."""
     nine = {"errors": [9.0]}
     made = by("arithmetic", "the sign", bound=bound, unit="m", printed=nine, errors=errors)
-    assert str(examine(made(lambda errors, twist: iter(errors)).claim).evidence) == evidence
+    assert str(examine(made(lambda errors: iter(errors)).claim).evidence) == evidence
 
 
 # The command ---------------------------------------------------------------------------------

@@ -1,0 +1,81 @@
+"""A map of two axes: its cells, swept and gone on with, and the drawing of cells and level lines.
+
+The cells of a map are plain data and stand row by row: the first axis runs fastest.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from rich.table import Table
+
+from robotball.rotations import Array
+from validation.options import Sweep
+from validation.output import halo, writable_folder, write_record
+from validation.study import Study, show
+from validation.sweeps import Cell, Result, Work, rows_of
+
+
+def grid_cells(
+    x: tuple[str, Sequence[float]], y: tuple[str, Sequence[float]], **held: Any
+) -> list[Cell]:
+    """Return the cells at all pairs of two axes, each a name and its values; held is in all."""
+    return [{**held, x[0]: across, y[0]: up} for up in y[1] for across in x[1]]
+
+
+@dataclass(frozen=True)
+class MapStudy:
+    """Maps by one work: a journal keeps what is done, and each map has a table and a picture."""
+
+    name: str
+    work: Work
+    sweep: Sweep
+
+    def results(self, maps: Mapping[str, tuple[Sequence[Cell], float]]) -> dict[str, list[Result]]:
+        """Sweep the cells of each map, none of which may take longer than its limit [s]."""
+        # Refused before the first cell, which may take minutes.
+        writable_folder(self.sweep.out)
+        return {
+            name: self.sweep.results(self.work, cells, self.name, limit)
+            for name, (cells, limit) in maps.items()
+        }
+
+    def present(
+        self,
+        found: Mapping[str, Sequence[Result]],
+        picture: Callable[[str, Sequence[Result]], Figure],
+        shown: Iterable[Table | str],
+        json: Path | None,
+        record: Mapping[str, Any],
+    ) -> None:
+        """Print what is shown, write the table and the picture of each map, and the record."""
+        show(shown)
+        for name, results in found.items():
+            drawn = picture(name, results)
+            self.sweep.present(Study(self.name, None, [name], rows_of(results), picture=drawn))
+        write_record(json, {"quick": self.sweep.quick, **record})
+
+
+def draw_cells(
+    axes: Axes, xs: Sequence[float], ys: Sequence[float], looks: Sequence[Mapping[str, Any]]
+) -> None:
+    """Draw each cell, row by row, as a rectangle of its look around its place on even axes."""
+    width, height = (values[1] - values[0] if len(values) > 1 else 1 for values in (xs, ys))
+    places = ((x, y) for y in ys for x in xs)
+    for (x, y), look in zip(places, looks, strict=True):
+        axes.add_patch(Rectangle((x - width / 2, y - height / 2), width, height, **look))
+
+
+def draw_level(
+    axes: Axes, xs: Any, ys: Any, grid: Array, colour: str, *, level: float = 0.0,
+    dashes: Any = "-", width: float = 1.8, rim: float = 0.0,
+) -> None:  # fmt: skip
+    """Draw the line along which a function (y, x) has a level, with a white rim [points]."""
+    lines = axes.contour(xs, ys, grid, levels=[level], colors=[colour], linewidths=width)
+    lines.set_linestyle(dashes)
+    if rim:
+        lines.set_path_effects(halo(rim))

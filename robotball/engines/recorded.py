@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotball.errors import InputError, warn
+from robotball.files import UNREADABLE
 from robotball.files.columns import read_table
 from robotball.files.trajectories import FORMAT, Trajectory, arrays_of, read_trajectory
 from robotball.motion import Label, Loads, Motion, loads_of, pieces
@@ -239,5 +240,5 @@ def _label(header: dict[str, str] | object, name: str) -> Label:
     try:
         known = json.loads(given)
         return Label(**{each.name: str(known[each.name]) for each in fields(Label)})
-    except (ValueError, TypeError, KeyError):
+    except UNREADABLE:
         return Label(given or name, "", _COLOUR)

@@ -1,27 +1,61 @@
 """Scenes, bodies and motions as files; how a user's file is opened.
 
-`contents` and `opened` read regular files alone, up to a limit. What is written goes by way of
-`replacing`. The other modules know the formats.
+`contents` and `opened` read regular files alone, up to a limit, and `readable` meets what is no
+file of its kind. What is written goes by way of `replacing`. The other modules know the formats.
 """
 
 import errno
+import lzma
+import os
 import stat
+import tokenize
+import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
+
+import msgspec
 
 from robotball.errors import InputError
 
 # Bytes of a scene, a robot or a record; those of the catalog have 1.4 kB at most.
 _LONGEST = 10_000_000
 MB = 1e6
+# All that readers raise for bytes that are no file of their kind, damaged, or nested endlessly.
+UNREADABLE = (
+    ArithmeticError, EOFError, LookupError, MemoryError, OSError, RuntimeError, TypeError,
+    ValueError, lzma.LZMAError, msgspec.MsgspecError, tokenize.TokenError, zipfile.BadZipFile,
+    zlib.error,
+)  # fmt: skip
 
 
 def contents(path: Path, longest: int = _LONGEST) -> bytes:
     """Return the bytes of a regular file. Raises InputError as `opened` does."""
     with opened(path, longest) as file:
         return file.read()
+
+
+def is_own(folder: Path) -> bool:
+    """Return whether this user owns a folder, and the link to it, and no other may write there."""
+    there = folder.stat()
+    return (
+        folder.lstat().st_uid == there.st_uid == os.getuid()
+        and not there.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+        and os.access(folder, os.W_OK | os.X_OK)
+    )
+
+
+@contextmanager
+def readable(what: str) -> Iterator[None]:
+    """Raise InputError, which begins with `what`, for what a reader in the block raises."""
+    try:
+        yield
+    except InputError:
+        raise
+    except UNREADABLE as error:
+        raise InputError(f"{what}: {error}") from None
 
 
 @contextmanager

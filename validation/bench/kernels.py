@@ -366,7 +366,9 @@ def _main() -> None:
     if "+avx512f" in features and _FEATURES not in os.environ:
         print("\nThe same without 512-bit lanes", flush=True)
         narrow = {**os.environ, _FEATURES: f"{features},+prefer-256-bit"}
-        subprocess.run([sys.executable, "-m", "validation.bench.kernels"], env=narrow, check=True)
+        subprocess.run(
+            [sys.executable, "-P", "-m", "validation.bench.kernels"], env=narrow, check=True
+        )
 
 
 if __name__ == "__main__":

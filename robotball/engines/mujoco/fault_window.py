@@ -21,7 +21,7 @@ from robotball.engines.mujoco.stepping import (
     switched,
 )
 from robotball.errors import InputError
-from robotball.files import contents
+from robotball.files import contents, readable
 from robotball.files.replacing import replacing
 from robotball.files.scene_file import read_scene
 from robotball.files.scene_writer import scene_toml
@@ -122,10 +122,8 @@ def write(path: Path, window: FaultWindow) -> None:
 def load(path: Path) -> FaultWindow:
     """Return the fault window in a file. Raises InputError where the file holds none."""
     data = contents(path)
-    try:
+    with readable(f"{path}: no fault window of a run"):
         saved = msgspec.json.decode(data, type=FaultWindow)
-    except (msgspec.DecodeError, ValueError, RecursionError) as error:
-        raise InputError(f"{path}: no fault window of a run: {error}") from None
     rows = len(saved.rows)
     columns = (saved.table, saved.states, saved.lengths, saved.spans)
     # No field is used before all agree, so that no stranger's file ends in an error of ours.

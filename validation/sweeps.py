@@ -28,7 +28,7 @@ import msgspec
 
 from robotball import InputError
 from robotball.errors import check_count, check_positive
-from robotball.files import UNREADABLE
+from robotball.files import readable
 from robotball.files.replacing import no_regular_file
 from robotball.processes import Answer, EndedError, Worker, cores, pool
 from validation.output import Show, versions, writable_file
@@ -190,7 +190,7 @@ def _to_line(cell: Cell, record: Mapping[str, Any] | None, failure: str | None) 
 
 
 def _from_line(line: str | bytes) -> Result:
-    """Return the result of a line. Raises one of UNREADABLE where it is none."""
+    """Return the result of a line. Raises as msgspec does where it is none."""
     return msgspec.json.decode(line, type=Result)
 
 
@@ -258,11 +258,9 @@ def _continued(file: BinaryIO, path: Path, work: Work) -> dict[str, Result]:
         _write(file, json.dumps(header))
     results = {}
     for number, line in enumerate(lines, start=2):
-        try:
+        with readable(f"line {number} of {path} is no result: delete that line"):
             result = _from_line(line)
             results[_identity(result.cell)] = result
-        except UNREADABLE:
-            raise InputError(f"line {number} of {path} is no result: delete that line") from None
     return results
 
 
@@ -275,11 +273,9 @@ def _write(file: BinaryIO, line: str) -> None:
 
 
 def _check_header(line: bytes, ours: dict[str, Any], path: Path) -> None:
-    try:
+    with readable(f"{path} is not the record of a sweep: move it, or {_ELSEWHERE}"):
         theirs = json.loads(line)
         work, made_by = theirs["work"], dict(theirs["versions"])
-    except UNREADABLE:
-        raise InputError(f"{path} is not the record of a sweep: move it, or {_ELSEWHERE}") from None
     if work != ours["work"]:
         raise InputError(
             f"{path} is the record of {work}, not of {ours['work']}: move it, or {_ELSEWHERE}"

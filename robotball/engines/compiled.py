@@ -21,7 +21,7 @@ from llvmlite.binding import get_host_cpu_name
 from numba.extending import register_jitable
 
 from robotball.errors import warn
-from robotball.files import is_own
+from robotball.files.replacing import is_own
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

@@ -29,7 +29,7 @@ from typing import Any, TypeVar
 
 import robotball
 from robotball.errors import InputError, warn
-from robotball.files import is_own
+from robotball.files.replacing import is_own
 from robotball.processes import answered, end_when_closed
 
 _T = TypeVar("_T")

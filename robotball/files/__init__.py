@@ -5,46 +5,30 @@ file of its kind. What is written goes by way of `replacing`. The other modules 
 """
 
 import errno
-import lzma
-import os
 import stat
-import tokenize
-import zipfile
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
-
-import msgspec
 
 from robotball.errors import InputError
 
 # Bytes of a scene, a robot or a record; those of the catalog have 1.4 kB at most.
 _LONGEST = 10_000_000
 MB = 1e6
-# All that readers raise for bytes that are no file of their kind, damaged, or nested endlessly.
-UNREADABLE = (
+# What readers raise for bytes that are no file of theirs, damaged or too deep; and the modules, not
+# all of them loaded, of readers' own errors.
+_UNREADABLE = (
     ArithmeticError, EOFError, LookupError, MemoryError, OSError, RuntimeError, TypeError,
-    ValueError, lzma.LZMAError, msgspec.MsgspecError, tokenize.TokenError, zipfile.BadZipFile,
-    zlib.error,
+    ValueError,
 )  # fmt: skip
+_READERS = ("_lzma", "msgspec", "pyarrow.lib", "tokenize", "zipfile", "zlib")
 
 
 def contents(path: Path, longest: int = _LONGEST) -> bytes:
     """Return the bytes of a regular file. Raises InputError as `opened` does."""
     with opened(path, longest) as file:
         return file.read()
-
-
-def is_own(folder: Path) -> bool:
-    """Return whether this user owns a folder, and the link to it, and no other may write there."""
-    there = folder.stat()
-    return (
-        folder.lstat().st_uid == there.st_uid == os.getuid()
-        and not there.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-        and os.access(folder, os.W_OK | os.X_OK)
-    )
 
 
 @contextmanager
@@ -54,7 +38,9 @@ def readable(what: str) -> Iterator[None]:
         yield
     except InputError:
         raise
-    except UNREADABLE as error:
+    except Exception as error:
+        if not (isinstance(error, _UNREADABLE) or type(error).__module__ in _READERS):
+            raise
         raise InputError(f"{what}: {error}") from None
 
 

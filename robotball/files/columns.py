@@ -321,12 +321,9 @@ def _write_parquet(path: Path, table: Table) -> None:
 
 def _read_parquet(file: BinaryIO) -> Table:
     pyarrow, parquet = _pyarrow()
-    try:
-        packed = parquet.ParquetFile(file)
-        _check_size(packed.metadata.num_rows * packed.metadata.num_columns * _WORD)
-        whole = packed.read()
-    except pyarrow.ArrowException as error:
-        raise ValueError(str(error)) from None
+    packed = parquet.ParquetFile(file)
+    _check_size(packed.metadata.num_rows * packed.metadata.num_columns * _WORD)
+    whole = packed.read()
     types = pyarrow.types
     arrays = {
         field.name: column.to_numpy()

@@ -38,8 +38,7 @@ def check_loads(path: Path, how: str = "compiled") -> None:
         str(path).encode()
     except UnicodeEncodeError:
         raise InputError(
-            f"{path}: MuJoCo opens no file whose name is no text in this locale: set "
-            "LC_ALL=C.UTF-8, or rename it"
+            f"{path}: its name is no text in this locale: set LC_ALL=C.UTF-8, or rename it"
         ) from None
     contents(path)  # to be refused; it is read once more by MuJoCo, with the files beside it
     try:

@@ -36,7 +36,7 @@ from validation.studies.engine_runs import fixed_work
 from validation.study import Column, Row, Study, scene_cell, show, table_of
 from validation.sweeps import Cell, Result
 
-_HOME = ENVIRONMENTS.with_name("history")  # of the environments
+_HOME = ENVIRONMENTS.with_name("history")  # of all environments
 _SCENE = "fig12"  # its rates are steady and its load constant: plain MJCF has all of it
 _LIMIT = 900.0  # s that a version may take, its installation included
 _ROUNDS = 5  # of timing

@@ -124,6 +124,16 @@ def test_an_environment_that_is_not_ours_is_not_run(
         rb.simulate(FIG12, TIMES, engine=elsewhere(ELSEWHERE, folder))
 
 
+@pytest.mark.slow
+def test_a_process_imports_nothing_of_the_current_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A module there does not stand in for one that it loads."""
+    (tmp_path / "numpy.py").write_text("raise SystemExit('of a stranger')")
+    monkeypatch.chdir(tmp_path)
+    assert environments.call(sys.executable, eval, "float(__import__('numpy').ones(2).sum())") == 2
+
+
 def test_environments_are_in_the_users_own_folder(tmp_path: Path) -> None:
     """Whatever folder one stands in: XDG_DATA_HOME, which a relative path is not, or the home's."""
     code = "from robotball.engines.environments import ENVIRONMENTS; print(ENVIRONMENTS)"

@@ -356,8 +356,6 @@ ROBOT = (
     [
         "video r.xml --duration 0.2 --fps 10 --size 320x180",
         "compare fig12 --starts 2 --duration 0.2 --threads 2",
-        "engines fig12 --only mujoco --quick",
-        "history mujoco --quick",
     ],
 )
 def test_nothing_of_the_current_folder_is_imported(tmp_path: Path, arguments: str) -> None:

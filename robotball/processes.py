@@ -12,6 +12,7 @@ import multiprocessing
 import os
 import pickle
 import signal
+import sys
 import threading
 import time
 import warnings
@@ -24,6 +25,7 @@ from functools import partial
 from itertools import islice
 from multiprocessing import connection, forkserver, resource_tracker
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from robotball.errors import SceneWarning, check_count
@@ -292,16 +294,20 @@ def _start_server(modules: Iterable[str]) -> None:
     Its processes have one thread a library, and leave Ctrl-C to us, as they take over what the
     server has from its start.
     """
-    resource_tracker.ensure_running()  # whose start would unblock SIGINT
-    before = {name: os.environ[name] for name in _ONE_THREAD if name in os.environ}
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    os.environ.update(_ONE_THREAD)
+    # A module of the current folder is imported there only if it would be imported here.
+    ours = any(each.exists() and each.samefile(os.curdir) for each in map(Path, sys.path))
+    added = _ONE_THREAD if ours else _ONE_THREAD | {"PYTHONSAFEPATH": "1"}
+    before = {name: os.environ[name] for name in added if name in os.environ}
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    os.environ.update(added)
     try:
+        resource_tracker.ensure_running()  # whose start would unblock SIGINT
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         # The caller's script too, as the work may be a function of its own.
         _FORKSERVER.set_forkserver_preload(["__main__", *modules, __name__])
         forkserver.ensure_running()
     finally:
-        for name in _ONE_THREAD:
+        for name in added:
             del os.environ[name]
         os.environ.update(before)
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)

@@ -130,8 +130,33 @@ def _about(point: Array, body: "Solid | Body") -> Array:
     return body.inertia + body.mass * (r @ r * np.eye(3) - np.outer(r, r))
 
 
+_SHAPES = {"inertia": (3, 3), "asymmetry": (3, 3), "attitude": (4,)}  # others have three numbers
+
+
+class Given(Value):
+    """Base of what users make: numbers in lists and tuples are taken for arrays.
+
+    Raises InputError for what is no array, or of another shape than the field's.
+    """
+
+    def __post_init__(self) -> None:
+        for each in fields(self):  # type: ignore[arg-type]
+            value = getattr(self, each.name)
+            if value is None or each.type not in (Array, Array | None):
+                continue
+            try:
+                array = np.asarray(value, float)
+            except (TypeError, ValueError):
+                array = np.empty(0)
+            shape = _SHAPES.get(each.name, (3,))
+            if array.shape != shape and not each.name.startswith("hinge"):
+                what = f"a {type(self).__name__.lower()}'s {each.name}"
+                raise InputError(f"{what} must be numbers of shape {shape}, not {value!r}")
+            object.__setattr__(self, each.name, array)
+
+
 @dataclass(frozen=True)
-class _Built(Value):
+class _Built(Given):
     """A body. shapes: its `robotball.shapes.Shape`s as it is built [m], for pictures alone."""
 
     shapes: tuple[Any, ...] = field(default=(), compare=False, repr=False, kw_only=True)

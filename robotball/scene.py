@@ -14,7 +14,7 @@ import numpy as np
 from robotball.drives import Constant, Drive, Rate, as_drive, sampling_error
 from robotball.equations import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.errors import LARGEST, InputError, check_not_negative, check_positive, check_size
-from robotball.robot import ROUNDING, Ball, Value, imbalance
+from robotball.robot import ROUNDING, Ball, Given, Value, imbalance
 from robotball.rotations import Array, from_matrix, normalised, rotation_matrix, uneven
 
 if TYPE_CHECKING:
@@ -22,15 +22,20 @@ if TYPE_CHECKING:
     from robotball.motors import Actuator, Motor
 
 SAMPLE_INTERVAL = 0.02  # s, of the scene's own times
+# Of motions of hours, which take a fifth of the memory so.
+_LONG, _LONG_INTERVAL = 1e4, 0.1  # s
 _MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each in a file, 120 in memory
 
 
-def sample_times(duration: float, interval: float = SAMPLE_INTERVAL) -> Array:
+def sample_times(duration: float, interval: float | None = None) -> Array:
     """Return equal times (n,) from 0 to `duration`, at most `interval` apart [s].
 
+    interval: if None, SAMPLE_INTERVAL up to 1e4 s, and 0.1 s of a longer motion.
     Raises InputError unless the duration is positive and finite, and for more than MOST_SAMPLES.
     """
     check_positive("duration", duration, "s")
+    if interval is None:
+        interval = _LONG_INTERVAL if duration > _LONG else SAMPLE_INTERVAL
     if not duration / interval < _MOST_SAMPLES:
         raise InputError(
             f"{duration:g} s would be {duration / interval:.3g} samples {interval:g} s apart, of "
@@ -113,7 +118,7 @@ _START_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
-class Start(Value):
+class Start(Given):
     """The attitude (4,), frame to world, and the momentum M (3,) in world axes [kg m²/s].
 
     hinge_angles, hinge_rates (h,): of every hinge, in the order of `Scene.hinges` [rad, rad/s];

@@ -27,6 +27,8 @@ _GRACE = 2.0  # s that Python has to end the command; compiled code may not let 
 
 def main() -> None:
     """Run the command, and exit with its status; with 3 where robotball itself is wrong."""
+    # Whatever a child imports, as MuJoCo's packages start Pythons too, is not from this folder.
+    os.environ["PYTHONSAFEPATH"] = "1"
     _open_closed()
     _make_lasting()
     with _ended_by_signals() as signals:

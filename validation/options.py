@@ -123,7 +123,7 @@ class Run:
     environments: DisallowNone[
         Annotated[Path | None, arg(metavar="FOLDER", help_behavior_hint="")]
     ] = None
-    """Of engines that are not installed here; out/engines if not given."""
+    """Of engines that are not installed here; else where `engines --install` makes them."""
 
     def request(self, preset: str | None) -> Request:
         """Return the request to the engine."""

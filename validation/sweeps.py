@@ -24,8 +24,11 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import msgspec
+
 from robotball import InputError
 from robotball.errors import check_count, check_positive
+from robotball.files import readable
 from robotball.files.replacing import no_regular_file
 from robotball.processes import Answer, EndedError, Worker, cores, pool
 from validation.output import Show, versions, writable_file
@@ -187,8 +190,8 @@ def _to_line(cell: Cell, record: Mapping[str, Any] | None, failure: str | None) 
 
 
 def _from_line(line: str | bytes) -> Result:
-    """Return the result of a line. Raises ValueError or TypeError where it is none."""
-    return Result(**json.loads(line))
+    """Return the result of a line. Raises as msgspec does where it is none."""
+    return msgspec.json.decode(line, type=Result)
 
 
 @dataclass(frozen=True)
@@ -255,11 +258,9 @@ def _continued(file: BinaryIO, path: Path, work: Work) -> dict[str, Result]:
         _write(file, json.dumps(header))
     results = {}
     for number, line in enumerate(lines, start=2):
-        try:
+        with readable(f"line {number} of {path} is no result: delete that line"):
             result = _from_line(line)
             results[_identity(result.cell)] = result
-        except (ValueError, TypeError):
-            raise InputError(f"line {number} of {path} is no result: delete that line") from None
     return results
 
 
@@ -272,11 +273,9 @@ def _write(file: BinaryIO, line: str) -> None:
 
 
 def _check_header(line: bytes, ours: dict[str, Any], path: Path) -> None:
-    try:
+    with readable(f"{path} is not the record of a sweep: move it, or {_ELSEWHERE}"):
         theirs = json.loads(line)
         work, made_by = theirs["work"], dict(theirs["versions"])
-    except (ValueError, TypeError, KeyError):
-        raise InputError(f"{path} is not the record of a sweep: move it, or {_ELSEWHERE}") from None
     if work != ours["work"]:
         raise InputError(
             f"{path} is the record of {work}, not of {ours['work']}: move it, or {_ELSEWHERE}"

@@ -21,10 +21,10 @@ from llvmlite.binding import get_host_cpu_name
 from numba.extending import register_jitable
 
 from robotball.errors import warn
+from robotball.files.replacing import is_own
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-_OTHERS_MAY_WRITE = 0o022  # in a folder's mode
 _one_at_a_time = threading.Lock()  # numba takes the folder from a setting of the whole process
 
 
@@ -102,7 +102,7 @@ def cache_folder() -> Path | None:
         try:
             there = folder.expanduser()
             there.mkdir(mode=0o700, parents=True, exist_ok=True)
-            if _is_own(there):
+            if is_own(there):
                 return there
         except (OSError, RuntimeError):  # RuntimeError: the user has no home
             continue
@@ -111,13 +111,3 @@ def cache_folder() -> Path | None:
         f"user alone; set XDG_CACHE_HOME (tried {home})"
     )
     return None
-
-
-def _is_own(folder: Path) -> bool:
-    """Return whether this user owns a folder, and the link to it, and no other may write there."""
-    there = folder.stat()
-    return (
-        folder.lstat().st_uid == there.st_uid == os.getuid()
-        and not there.st_mode & _OTHERS_MAY_WRITE
-        and os.access(folder, os.W_OK | os.X_OK)
-    )

@@ -2,7 +2,8 @@
 
 An engine has an environment of its own, so that none decides on another's packages. It holds the
 engine and what that requires; everything else, robotball among it, comes from our environment,
-which is searched after it. So MuJoCo of another version is only another environment.
+which is searched after it. So MuJoCo of another version is only another environment. One that was
+not made here, or that another user may change, is not run.
 
 A process is started by the environment's interpreter, with a pipe whose closing ends it. What the
 engine prints goes to standard error.
@@ -19,6 +20,7 @@ import sysconfig
 import tempfile
 import venv
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from functools import partial
 from importlib.metadata import distributions
 from pathlib import Path
@@ -27,19 +29,38 @@ from typing import Any, TypeVar
 
 import robotball
 from robotball.errors import InputError, warn
+from robotball.files.replacing import is_own
 from robotball.processes import answered, end_when_closed
 
 _T = TypeVar("_T")
-ENVIRONMENTS = Path("out/engines")  # a folder each
-_LINK = "zz_robotball.pth"
+_DATA = Path(os.environ.get("XDG_DATA_HOME", ""))
+ENVIRONMENTS = (_DATA if _DATA.is_absolute() else Path("~/.local/share")) / "robotball" / "engines"
+with suppress(RuntimeError):  # of a user without a home
+    ENVIRONMENTS = ENVIRONMENTS.expanduser()
+_MADE = "made_by_robotball.txt"  # among the packages: those of another Python are none
+# Ours come after its own. They are those of now, as other checkouts use the environment too.
+_OURS = [str(Path(robotball.__file__).parents[1]), sysconfig.get_path("purelib")]
+_START = f"import sys; sys.path += {_OURS}; from {__name__} import _main; _main()"
 
 
 def interpreter_of(home: Path) -> Path | None:
     """Return the interpreter of an environment, None where there is none.
 
-    The link is written last: an environment without it was not made to its end, and is none.
+    The mark is written last: an environment without it was not made to its end, and is none.
+    Raises InputError for one that is not this user's alone.
     """
-    return (home / "bin" / "python").absolute() if (_packages(home) / _LINK).exists() else None
+    if not (_packages(home) / _MADE).exists():
+        return None
+    _check_own(home)
+    return (home / "bin" / "python").absolute()
+
+
+def _check_own(home: Path) -> None:
+    if not is_own(home):
+        raise InputError(
+            f"{home} belongs to another user, or others may write there, so it is not run: give "
+            "another folder with --environments"
+        )
 
 
 def versions_in(home: Path, requirements: Iterable[str]) -> str:
@@ -59,18 +80,19 @@ def make(home: Path, requirements: Sequence[str]) -> Path:
             f"{home} is no environment, and would be lost: move it, or give another folder with "
             "--environments"
         )
+    home.mkdir(mode=0o700, parents=True, exist_ok=True)
+    home.chmod(0o700)
+    _check_own(home)
     venv.create(home, clear=True, with_pip=True)
     failure = f"{home.name} cannot be installed"
     pip(home / "bin" / "python", failure, "install", "--quiet", *requirements)
-    # Our packages come after its own.
-    ours: Sequence[str] = (str(Path(robotball.__file__).parents[1]), sysconfig.get_path("purelib"))
-    (_packages(home) / _LINK).write_text("\n".join(ours) + "\n")
+    (_packages(home) / _MADE).touch()
     return home
 
 
 def pip(python: Path, failure: str, *arguments: str) -> str:
     """Return what an environment's pip prints. Raises InputError, the failure and pip's reason."""
-    command = [str(python), "-m", "pip", "--disable-pip-version-check", *arguments]
+    command = [str(python), "-P", "-m", "pip", "--disable-pip-version-check", *arguments]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         raise InputError(f"{failure}: {_last_word(done.stderr)}")
@@ -101,7 +123,7 @@ def call(python: Path | str, function: Callable[..., _T], *given: Any) -> _T:
     ours, theirs = os.pipe()
     # The pipe's other end is ours alone: the run ends where we do.
     with os.fdopen(ours), os.fdopen(theirs, "w"), tempfile.TemporaryFile() as said:
-        command = [python, "-m", __name__, str(ours)]
+        command = [python, "-P", "-c", _START, str(ours)]
         done = subprocess.run(command, input=job, stdout=PIPE, stderr=said, pass_fds=[ours])
         said.seek(0)
         why = _last_word(said.read().decode(errors="replace"))
@@ -126,7 +148,3 @@ def _main() -> None:
             raise found[1]  # of a kind that may be unknown to the reader, who has its last word
         pickle.dump(found, answer)
     os._exit(0)  # some engines end badly
-
-
-if __name__ == "__main__":
-    _main()

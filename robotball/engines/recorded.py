@@ -4,6 +4,7 @@ What the file does not give is computed from its samples: rates are slopes of po
 neighbouring samples, each with an estimate of its error, and the rest follows from them.
 """
 
+import contextlib
 import json
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotball.errors import InputError, warn
+from robotball.files import readable
 from robotball.files.columns import read_table
 from robotball.files.trajectories import FORMAT, Trajectory, arrays_of, read_trajectory
 from robotball.motion import Label, Loads, Motion, loads_of, pieces
@@ -236,8 +238,7 @@ def _hinges(scene: Scene, trajectory: Trajectory) -> tuple[Array, Array]:
 def _label(header: dict[str, str] | object, name: str) -> Label:
     """Return the engine's label in the file, or one by the file's name where it has none."""
     given = header.get("engine", "") if isinstance(header, dict) else ""
-    try:
+    with contextlib.suppress(InputError), readable(name):
         known = json.loads(given)
         return Label(**{each.name: str(known[each.name]) for each in fields(Label)})
-    except (ValueError, TypeError, KeyError):
-        return Label(given or name, "", _COLOUR)
+    return Label(given or name, "", _COLOUR)

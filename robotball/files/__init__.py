@@ -1,7 +1,7 @@
 """Scenes, bodies and motions as files; how a user's file is opened.
 
-`contents` and `opened` read regular files alone, up to a limit. What is written goes by way of
-`replacing`. The other modules know the formats.
+`contents` and `opened` read regular files alone, up to a limit, and `readable` meets what is no
+file of its kind. What is written goes by way of `replacing`. The other modules know the formats.
 """
 
 import errno
@@ -16,12 +16,32 @@ from robotball.errors import InputError
 # Bytes of a scene, a robot or a record; those of the catalog have 1.4 kB at most.
 _LONGEST = 10_000_000
 MB = 1e6
+# What readers raise for bytes that are no file of theirs, damaged or too deep; and the modules, not
+# all of them loaded, of readers' own errors.
+_UNREADABLE = (
+    ArithmeticError, EOFError, LookupError, MemoryError, OSError, RuntimeError, TypeError,
+    ValueError,
+)  # fmt: skip
+_READERS = ("_lzma", "msgspec", "pyarrow.lib", "tokenize", "zipfile", "zlib")
 
 
 def contents(path: Path, longest: int = _LONGEST) -> bytes:
     """Return the bytes of a regular file. Raises InputError as `opened` does."""
     with opened(path, longest) as file:
         return file.read()
+
+
+@contextmanager
+def readable(what: str) -> Iterator[None]:
+    """Raise InputError, which begins with `what`, for what a reader in the block raises."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        if not (isinstance(error, _UNREADABLE) or type(error).__module__ in _READERS):
+            raise
+        raise InputError(f"{what}: {error}") from None
 
 
 @contextmanager

@@ -10,8 +10,6 @@ import contextlib
 import io
 import json
 import re
-import zipfile
-import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -22,7 +20,7 @@ import numpy as np
 
 from robotball.drives import Samples
 from robotball.errors import InputError
-from robotball.files import MB, named, opened
+from robotball.files import MB, named, opened, readable
 from robotball.files.replacing import replacing
 from robotball.rotations import Array
 
@@ -33,16 +31,11 @@ _MARKS = {
     codecs.BOM_UTF16_BE: "utf-16",
 }
 _LINES = 20_000  # that are read at once, so that a file's text never stands whole in memory
-LONGEST = 4_000_000_000  # bytes: a motion of a day takes 2.5e9 as CSV
+LONGEST = 4_000_000_000  # bytes: a motion of a day, every 20 ms, takes 2.5e9 as CSV
+_MOST = 1_000_000_000  # bytes in memory, of all numbers: the same takes 0.9e9
 _WORD = 8  # bytes of a number
 # Of an NPZ's own members and a Parquet's metadata, as JSON; units are a line of a CSV's header.
 _HEADER, _UNITS = "header", "units"
-# What NumPy and zipfile raise for bytes that are no NPZ; TypeError for a single array's file,
-# OSError where a member is said to begin before the file.
-_UNREADABLE = (
-    ValueError, TypeError, EOFError, OSError, KeyError, RuntimeError, zipfile.BadZipFile,
-    zlib.error,
-)  # fmt: skip
 _PARQUET_EXTRA = (
     "Parquet needs pyarrow: install robotball's extra `parquet`, or use .csv or .npz instead"
 )
@@ -79,7 +72,8 @@ def read_table(path: Path) -> Table:
     texts = dict.fromkeys((".csv", ".tsv", ".txt"), _read_csv)
     read = _of_suffix(path, {**texts, ".npz": _read_npz, ".parquet": _read_parquet})
     # A reader says what is wrong with the bytes; the file's name is put before it here.
-    with opened(path, LONGEST) as file, named(path):
+    what = f"it is no {path.suffix[1:].upper()} file that can be read"
+    with opened(path, LONGEST) as file, named(path), readable(what):
         table = read(file)
     lengths = {name: len(column) for name, column in table.columns.items()}
     if len(set(lengths.values())) > 1:
@@ -167,6 +161,7 @@ def _table(lines: Iterator[_Line]) -> Table:
     parts = [_numbers(names, begun, delimiter, comments)]
     while piece := [*islice(lines, _LINES)]:
         parts.append(_numbers(names, piece, delimiter, comments))
+        _check_size(sum(each.nbytes for each in parts))
     if not any(map(len, parts)):
         raise InputError("there are no rows of numbers below the columns' names")
     header = _header(comments)
@@ -266,22 +261,23 @@ def _write_npz(path: Path, table: Table) -> None:
 
 
 def _read_npz(file: BinaryIO) -> Table:
-    try:
-        # A pickle may run any code of a stranger's.
-        with np.load(file, allow_pickle=False) as members:
-            # Before anything is unpacked: a few kB of zeros may be gigabytes.
-            _check_unpacked(sum(each.file_size for each in members.zip.filelist))
-            arrays = {name: members[name] for name in members.files}
-    except _UNREADABLE as error:
-        raise InputError(f"it is no NPZ file that can be read: {error}") from None
+    # A pickle may run any code of a stranger's.
+    with np.load(file, allow_pickle=False) as members:
+        # Before anything is unpacked: a few kB of zeros may be gigabytes.
+        _check_size(sum(each.file_size for each in members.zip.filelist))
+        # A member that is no array comes as its bytes.
+        arrays = {name: np.asarray(members[name]) for name in members.files}
+    _check_size(sum(each.size for each in arrays.values()) * _WORD)
     header, units = (_texts(arrays.pop(name, None)) for name in (_HEADER, _UNITS))
     return Table(dict(_columns(arrays)), units, header)
 
 
-def _check_unpacked(size: int) -> None:
-    """Raise InputError where a compressed file would take so many bytes."""
-    if size > LONGEST:
-        raise InputError(f"it unpacks to {size / MB:.4g} MB, and may to {LONGEST / MB:g}")
+def _check_size(size: int) -> None:
+    """Raise InputError where a table would take so many bytes of memory."""
+    if size > _MOST:
+        raise InputError(
+            f"it takes {size / MB:.4g} MB of memory, and may take {_MOST / MB:g}; shorten it"
+        )
 
 
 def _texts(member: Any) -> dict[str, str]:
@@ -325,18 +321,15 @@ def _write_parquet(path: Path, table: Table) -> None:
 
 def _read_parquet(file: BinaryIO) -> Table:
     pyarrow, parquet = _pyarrow()
-    try:
-        packed = parquet.ParquetFile(file)
-        _check_unpacked(packed.metadata.num_rows * packed.metadata.num_columns * _WORD)
-        whole = packed.read()
-        types = pyarrow.types
-        arrays = {
-            field.name: column.to_numpy()
-            for field, column in zip(whole.schema, whole.columns, strict=True)
-            if types.is_floating(field.type) or types.is_integer(field.type)
-        }
-    except (pyarrow.ArrowException, ValueError, OSError) as error:
-        raise InputError(f"it is no Parquet file that can be read: {error}") from None
+    packed = parquet.ParquetFile(file)
+    _check_size(packed.metadata.num_rows * packed.metadata.num_columns * _WORD)
+    whole = packed.read()
+    types = pyarrow.types
+    arrays = {
+        field.name: column.to_numpy()
+        for field, column in zip(whole.schema, whole.columns, strict=True)
+        if types.is_floating(field.type) or types.is_integer(field.type)
+    }
     metadata = whole.schema.metadata or {}
     header, units = (
         _texts(metadata.get(name.encode(), b"").decode(errors="replace"))

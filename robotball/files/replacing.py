@@ -93,6 +93,16 @@ def followed(path: Path) -> Path:
     return target
 
 
+def is_own(folder: Path) -> bool:
+    """Return whether this user owns a folder, and the link to it, and no other may write there."""
+    there = folder.stat()
+    return (
+        folder.lstat().st_uid == there.st_uid == os.getuid()
+        and not there.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+        and os.access(folder, os.W_OK | os.X_OK)
+    )
+
+
 def no_regular_file(path: Path) -> bool:
     """Return whether `path` is `-`, or names something that is there and no regular file."""
     return path == STANDARD_OUTPUT or (path.exists() and not path.is_file())

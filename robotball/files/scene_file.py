@@ -19,7 +19,7 @@ import numpy as np
 from robotball import scene as starts
 from robotball.drives import Rate
 from robotball.errors import InputError, check_positive, check_size, unknown, warn
-from robotball.files import contents, named
+from robotball.files import contents, named, readable
 from robotball.files import scene_tables as tables
 from robotball.files.scene_tables import DRIVES, rate_of
 from robotball.robot import (
@@ -110,8 +110,10 @@ def load_scene(name: str | Path, controls: Mapping[str, Rate] | None = None) -> 
 
 def read_scene(path: Path, text: bytes | str, controls: Mapping[str, Rate] | None = None) -> Scene:
     """Return the scene of a TOML file's text; the path names it. Raises InputError."""
-    try:
+    # Bytes that are no text, an integer of thousands of digits, as many brackets.
+    with readable(f"{path}: not TOML"):
         given = msgspec.toml.decode(text)
+    try:
         if "robot" in given or controls:
             from robotball.files.robot_file import scene_of_robot
 
@@ -124,10 +126,6 @@ def read_scene(path: Path, text: bytes | str, controls: Mapping[str, Rate] | Non
 
         line = str(error) if isinstance(error, InputError) else explained(str(error))
         raise InputError(f"{path}: {counted(line)}") from None
-    # ValueError: bytes that are no text, an integer of thousands of digits; RecursionError: as
-    # many brackets.
-    except (msgspec.DecodeError, ValueError, RecursionError) as error:
-        raise InputError(f"{path}: not TOML: {error}") from None
 
 
 def _check_numbers(key: str, value: object) -> None:

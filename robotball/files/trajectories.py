@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robotball.errors import InputError
+from robotball.errors import LARGEST, InputError
 from robotball.files import named
 from robotball.files.columns import Table, read_table, write_table
 from robotball.files.scene_writer import scene_toml
@@ -121,6 +121,7 @@ _AS_WRITTEN = {"°/s": "deg/s", "µm": "um", "μm": "um", "rad/sec": "rad/s", "r
 _NO_QUATERNION = 0.02  # off length one: more is no rounding
 _ROUNDED = 1e-6  # off length one: single precision, which is not worth a note
 _NO_UNIT = ("", "-", "1")
+_FINITE = f"it must be finite, and at most {LARGEST:g} in size"
 
 
 @dataclass(frozen=True)
@@ -253,12 +254,12 @@ def _made_si(columns: dict[str, Array], units: Mapping[str, str], group: _Place)
 
 
 def _check_finite(name: str, column: Array, times: Array) -> None:
-    bad = np.flatnonzero(~np.isfinite(column))
+    bad = np.flatnonzero(~(np.abs(column) <= LARGEST))
     if len(bad):
         i = int(bad[0])
         more = f", and in {len(bad) - 1} more" if len(bad) > 1 else ""
         at = f" (t = {times[i]:g} s)" if name != "t" else ""
-        raise InputError(f"{name} is {column[i]} in row {i + 1}{at}{more}; it must be finite")
+        raise InputError(f"{name} is {column[i]} in row {i + 1}{at}{more}; {_FINITE}")
 
 
 def _check_increasing(times: Array) -> None:

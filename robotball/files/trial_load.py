@@ -34,6 +34,12 @@ def check_loads(path: Path, how: str = "compiled") -> None:
 
     how: `compiled`, or `parsed` alone.
     """
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        raise InputError(
+            f"{path}: its name is no text in this locale: set LC_ALL=C.UTF-8, or rename it"
+        ) from None
     contents(path)  # to be refused; it is read once more by MuJoCo, with the files beside it
     try:
         done = subprocess.run(

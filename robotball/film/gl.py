@@ -80,7 +80,7 @@ def _candidates() -> tuple[str, ...]:
 def _works(backend: str) -> bool:
     try:
         child = subprocess.run(
-            [sys.executable, "-c", _PROBE],
+            [sys.executable, "-P", "-c", _PROBE],
             env={**os.environ, "MUJOCO_GL": backend},
             capture_output=True,
             timeout=_PATIENCE,

@@ -410,10 +410,11 @@ def _arrows(then: Moments, lengths: dict[str, float], radius: float) -> dict[str
     return found
 
 
-# By the file's suffix: the codec, its rate factor, and ffmpeg's own options.
+# By the file's suffix: the codec, its rate factor, and ffmpeg's own options. As many threads on any
+# machine, as the bytes depend on their number; WebM would have a random mark, but for `bitexact`.
 _FORMATS: dict[str, tuple[str, int | None, str]] = {
-    ".mp4": ("h264", 20, "-preset veryfast"),
-    ".webm": ("vp9", 32, "-deadline realtime -cpu-used 7 -row-mt 1"),
+    ".mp4": ("h264", 20, "-preset veryfast -threads 4"),
+    ".webm": ("vp9", 32, "-deadline realtime -cpu-used 7 -row-mt 1 -threads 4 -fflags +bitexact"),
     # A palette for each frame: a common one would make ffmpeg hold all frames until the last.
     ".gif": (
         "gif",

@@ -235,7 +235,7 @@ def _replace(page: Path, pattern: str, table: str) -> None:
 
 def _run(command: str, *options: str) -> None:
     print(f"robotball {command}", flush=True)
-    words = [sys.executable, "-m", "validation", *command.split(), *options]
+    words = [sys.executable, "-P", "-m", "validation", *command.split(), *options]
     if subprocess.run(words).returncode > 1:
         sys.exit(f"robotball {command} failed")
 

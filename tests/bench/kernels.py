@@ -366,7 +366,8 @@ def _main() -> None:
     if "+avx512f" in features and _FEATURES not in os.environ:
         print("\nThe same without 512-bit lanes", flush=True)
         narrow = {**os.environ, _FEATURES: f"{features},+prefer-256-bit"}
-        subprocess.run([sys.executable, "-m", "tests.bench.kernels"], env=narrow, check=True)
+        command = [sys.executable, "-P", "-m", "tests.bench.kernels"]
+        subprocess.run(command, env=narrow, check=True)
 
 
 if __name__ == "__main__":

@@ -1,14 +1,28 @@
 """Shell, frame and rotors, and the numbers A, K, d and Ω that the equations know of them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from robotball.equations import parameters_of
-from robotball.robot import Ball, Frame, Rotor, Shell, Value, axial_tensor, thin_shell_inertia
+from robotball.robot import (
+    Ball,
+    Frame,
+    Given,
+    Link,
+    Pendulum,
+    Rotor,
+    Shell,
+    Value,
+    axial_tensor,
+    thin_shell_inertia,
+)
 from robotball.rotations import Array
+from robotball.scene import Start
 from tests.random_balls import cloud_inertia
 from tests.random_robots import random_robot
 from tests.vectors import Y, Z, gap
@@ -18,6 +32,27 @@ SHELL = Shell(radius=0.5, mass=2.0, axial_inertia=0.3, transverse_inertia=0.2, a
 FRAME = Frame(mass=1.0, inertia=np.diag([0.1, 0.2, 0.25]))
 ROTOR = Rotor(mass=0.5, axial_inertia=0.02, transverse_inertia=0.01, axis=TILTED)
 BALL = Ball(SHELL, FRAME, (ROTOR,))
+PENDULUM = Pendulum(0.5, 0.01 * np.eye(3), 0.1 * Y, TILTED)
+LINK = Link("arm", "shell", 0.5, 0.01 * np.eye(3), 0.1 * Y, TILTED)
+START = Start(np.array([0.6, 0.8, 0.0, 0.0]), Y, hinge_angles=np.zeros(2))
+
+
+@given(
+    st.sampled_from((SHELL, FRAME, ROTOR, PENDULUM, LINK, START)), st.sampled_from((list, tuple))
+)
+def test_lists_and_tuples_are_taken_for_arrays(record: Given, kind: type) -> None:
+    """In every field of every body, and of a start: the record is the same."""
+    names = [each.name for each in fields(record)]  # type: ignore[arg-type]
+    arrays = {name: getattr(record, name) for name in names}
+    lists = {
+        n: kind(map(kind, a) if a.ndim > 1 else a)
+        for n, a in arrays.items()
+        if isinstance(a, np.ndarray)
+    }
+    again = replace(record, **lists)  # type: ignore[type-var]
+    assert len(lists) >= 2
+    assert again == record
+    assert all(getattr(again, name).dtype == float for name in lists)
 
 
 @dataclass(frozen=True)

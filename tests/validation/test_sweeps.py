@@ -126,6 +126,11 @@ def test_a_table_has_a_row_a_cell(tmp_path: Path) -> None:
 
 # The file --------------------------------------------------------------------------------------
 
+DEEP = "[" * 100_000 + "]" * 100_000
+DAMAGED = (
+    "{}", DEEP, '{"cell": 5, "record": null, "failure": null}',
+    '{"cell": {}, "record": "x", "failure": null}', '{"cell": {}, "record": {}, "failure": 1}',
+)  # fmt: skip
 HEADER = '{"work": "tests.validation.work.square", "versions": {"python": "2.7"}}\n'
 
 
@@ -136,19 +141,23 @@ HEADER = '{"work": "tests.validation.work.square", "versions": {"python": "2.7"}
         (HEADER, "was made with python 2.7, and this"),
         ("a,b\n1,2", "is not the record of a sweep: move it, or give another folder with --out"),
         ("somebody's only line", "is not the record of a sweep: move it, or give another folder"),
-        (None, r"line 2 of .* is no result: delete that line"),
+        (
+            '{"work": ' + DEEP + "}\n",
+            "is not the record of a sweep: move it, or give another folder",
+        ),
+        *((line, r"line 2 of .* is no result: delete that line") for line in DAMAGED),
     ],
 )
 def test_a_file_of_something_else_is_refused_and_left_alone(
-    file: Path, text: str | None, message: str
+    file: Path, text: str, message: str
 ) -> None:
     """Another work's, another version's, no sweep's at all, or one with a line that is no result.
 
     A whole line that cannot be read is not a kill's doing, and is not dropped in silence.
     """
-    if text is None:
+    if text in DAMAGED:
         sweep(square, [], file)
-        text = f"{file.read_text()}{{}}\n"
+        text = f"{file.read_text()}{text}\n"
     file.write_text(text)
     with pytest.raises(InputError, match=message):
         sweep(square, [], file)

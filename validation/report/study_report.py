@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from robotball import InputError
-from robotball.files import contents
+from robotball.files import contents, readable
 from validation.plots import PICTURES
 from validation.report import VERDICTS, folded, page, paragraph, picture, plain, table, text
 from validation.results import ALL, file_name
@@ -25,10 +25,8 @@ def study_report(source: Path) -> str:
     Raises InputError for a file that cannot be read, or that no study wrote.
     """
     data = contents(source)
-    try:
+    with readable(f"{source} is no JSON"):
         record = json.loads(data)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{source} is no JSON: {error}") from None
     parts = record if isinstance(record, list) else [record]
     if not parts or not all(
         isinstance(part, dict) and isinstance(part.get("versions"), dict) for part in parts

@@ -7,7 +7,6 @@ which an old version may not know. pip lists the versions, and a wheel's newest 
 
 import re
 import sys
-import venv
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -24,7 +23,7 @@ from tyro.conf import DisallowNone, Positional, arg
 
 from robotball import InputError, engine_named, integrate, load_scene, sample_times
 from robotball.engine import DEFAULT
-from robotball.engines.environments import call, interpreter_of, make, pip
+from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of, make, pip
 from robotball.engines.states import motion_of_rows
 from robotball.errors import unknown
 from robotball.film.looks import ACCENT, INK
@@ -37,6 +36,7 @@ from validation.studies.engine_runs import fixed_work
 from validation.study import Column, Row, Study, scene_cell, show, table_of
 from validation.sweeps import Cell, Result
 
+_HOME = ENVIRONMENTS.with_name("history")  # of all environments
 _SCENE = "fig12"  # its rates are steady and its load constant: plain MJCF has all of it
 _LIMIT = 900.0  # s that a version may take, its installation included
 _ROUNDS = 5  # of timing
@@ -106,9 +106,8 @@ def _package(engine: str) -> str:
 
 def _pip(folder: Path, failure: str, *arguments: str) -> str:
     """Return what the pip of an environment of its own prints."""
-    if not (folder / "pip" / "pyvenv.cfg").exists():
-        venv.create(folder / "pip", with_pip=True)
-    return pip(folder / "pip" / "bin" / "python", failure, *arguments)
+    home = folder / "pip"
+    return pip(interpreter_of(home) or make(home, ["pip"]) / "bin" / "python", failure, *arguments)
 
 
 def _environment(engine: str, version: str, folder: Path) -> tuple[str, str | None]:
@@ -307,11 +306,12 @@ class History:
     sweep: SweepOptions = field(default_factory=Sweep)
 
     def run(self) -> int:
-        package, home = _package(self.engine), writable_folder(self.sweep.out) / "history"
+        package = _package(self.engine)
+        writable_folder(self.sweep.out)
         if self.sweep.quick:
             return self._table([engine_named(self.engine).label.version])
         failure = f"the versions of {package} cannot be listed"
-        versions = released(_pip(home, failure, "index", "versions", package))
+        versions = released(_pip(_HOME, failure, "index", "versions", package))
         first, last = self.bisect or (self.since, self.to)
         end = places_of(versions, last)[-1] if last else len(versions) - 1
         start = places_of(versions, first)[-1 if self.bisect else 0] if first else 0
@@ -323,7 +323,7 @@ class History:
     def _rows(self, versions: Sequence[str]) -> list[Row]:
         quick = self.sweep.quick
         cell = scene_cell(_SCENE, seconds_of(None, quick, load_scene(_SCENE)))
-        home = None if quick else str((self.sweep.out / "history").absolute())
+        home = None if quick else str(_HOME)
         shared = {**cell, "engine": self.engine, "environments": home}
         cells = [{**shared, "version": each} for each in versions]
         return rows_of(self.sweep.results(measure, cells, f"{self.engine}-history", _LIMIT))

@@ -29,7 +29,7 @@ from robotball import (
     scene_toml,
 )
 from robotball.engines import recorded as derivative
-from robotball.errors import check_positive
+from robotball.errors import LARGEST, check_positive
 from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array
 from validation.options import AGREES, DISAGREES, File, SceneName, check_files, listed
@@ -263,10 +263,10 @@ def _thinned(trajectory: Trajectory) -> Trajectory:
 def _timestep_of(trajectory: Trajectory) -> float:
     """Return the engine's step of the file's header, or else the interval of its samples [s]."""
     given = (trajectory.header or {}).get("timestep", "")
-    try:
-        return float(given)
-    except ValueError:
-        return float(np.median(np.diff(trajectory.times)))
+    with contextlib.suppress(ValueError):
+        if 0 < (step := float(given)) <= LARGEST:
+            return step
+    return float(np.median(np.diff(trajectory.times)))
 
 
 def _judged(

@@ -15,6 +15,7 @@ from robotball.engines.mujoco.model import ModelHinge, build
 from robotball.engines.mujoco.readings import readings_of
 from robotball.engines.mujoco.settings import Settings, recipe
 from robotball.engines.mujoco.stepping import by_steps, controlled
+from robotball.errors import InputError
 from robotball.motion import Loads
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Friction, Scene
@@ -51,6 +52,11 @@ def linearised_start(scene: Scene, settings: Settings) -> tuple[Loads, Array]:
                 mujoco.mj_forward(compiled, data)
                 sides.append(data.qacc.copy())
             columns.append((sides[0] - sides[1]) / (2 * _PUSH))
+    if not np.isfinite(columns).all():
+        raise InputError(
+            f"{scene.name}: at the start MuJoCo has no finite accelerations; bring "
+            "the bodies' places and masses nearer to those of the ball"
+        )
     turning = np.zeros((nv - 3, 2 * nv - 3))
     turning[:, nv:] = np.eye(nv - 3)
     # A deviation of attitude is measured in axes that turn with the shell.

@@ -1,5 +1,7 @@
 """An engine that only an environment has runs there by itself, and what goes wrong is one line."""
 
+import os
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -36,7 +38,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     there = environments._packages(home)
     package(there, "only-there")
     (there / "only_there.py").touch()
-    (there / environments._LINK).touch()
+    (there / environments._MADE).touch()
+    home.chmod(0o700)
     python = home / "bin" / "python"
     python.parent.mkdir()
     path = f"{there}:{tmp_path / 'ours'}:{PROJECT}"
@@ -100,3 +103,43 @@ def test_versions_are_those_that_the_environment_holds(folder: Path) -> None:
     assert environments.versions_in(home, ("only-there>=1", "numpy")) == "only-there 1.5"
     assert environments.interpreter_of(home) == home / "bin" / "python"
     assert environments.interpreter_of(folder / "none") is None
+
+
+@pytest.mark.parametrize("whose", ["another user's", "writable by others", "not made by us"])
+def test_an_environment_that_is_not_ours_is_not_run(
+    folder: Path, whose: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is refused in a line; one that robotball did not make is none. Nor is any made there."""
+    home = folder / "elsewhere"
+    if whose == "not made by us":
+        (environments._packages(home) / environments._MADE).unlink()
+        assert environments.interpreter_of(home) is None
+        return
+    if whose == "another user's":
+        monkeypatch.setattr(os, "getuid", lambda: 123456)
+    else:
+        home.chmod(0o777)
+    words = r"elsewhere belongs to another user, or others may write there, so it is not run: give"
+    with pytest.raises(rb.InputError, match=words):
+        rb.simulate(FIG12, TIMES, engine=elsewhere(ELSEWHERE, folder))
+
+
+@pytest.mark.slow
+def test_a_process_imports_nothing_of_the_current_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A module there does not stand in for one that it loads."""
+    (tmp_path / "numpy.py").write_text("raise SystemExit('of a stranger')")
+    monkeypatch.chdir(tmp_path)
+    assert environments.call(sys.executable, eval, "float(__import__('numpy').ones(2).sum())") == 2
+
+
+def test_environments_are_in_the_users_own_folder(tmp_path: Path) -> None:
+    """Whatever folder one stands in: XDG_DATA_HOME, which a relative path is not, or the home's."""
+    code = "from robotball.engines.environments import ENVIRONMENTS; print(ENVIRONMENTS)"
+    own = tmp_path / ".local" / "share"
+    for given, data in ((str(tmp_path / "data"), tmp_path / "data"), ("out", own), ("", own)):
+        environment = {**os.environ, "HOME": str(tmp_path), "XDG_DATA_HOME": given}
+        command = [sys.executable, "-c", code]
+        said = subprocess.check_output(command, env=environment, text=True, cwd=PROJECT)
+        assert said.strip() == str(data / "robotball" / "engines")

@@ -1,7 +1,9 @@
 """Motions come back to the last bit; others' trajectories as they are meant, or are refused."""
 
+import io
 import sys
 import tracemalloc
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -227,6 +229,40 @@ def test_a_long_file_is_read_in_pieces(tmp_path: Path, monkeypatch: pytest.Monke
         read(tmp_path, f"{NAMES}\n{''.join(rows)}")
 
 
+DEEP = "[" * 100_000 + "]" * 100_000
+
+
+def zipped(packing: int = zipfile.ZIP_STORED, **members: bytes) -> bytes:
+    """An NPZ with these members."""
+    whole = io.BytesIO()
+    with zipfile.ZipFile(whole, "w", packing) as file:
+        for name, data in members.items():
+            file.writestr(f"{name}.npy", data)
+    return whole.getvalue()
+
+
+def member(descr: str, shape: object) -> bytes:
+    """An array of which there is only the header."""
+    header = f"{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}, }}".encode()
+    return b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header
+
+
+def saved(text: str) -> bytes:
+    """An array of one text, as NumPy saves it."""
+    whole = io.BytesIO()
+    np.save(whole, np.array(text))
+    return whole.getvalue()
+
+
+# By the reason that the reader gives.
+NPZS = {
+    "maximum recursion depth exceeded": zipped(units=saved(DEEP)),
+    "maximum recursion": zipped(header=saved('{"a": ' + DEEP + "}")),
+    r"\('EOF in multi-line statement'": zipped(x=member("(((", 1).replace(b"}", b" ")),
+    "Python int too large to convert to C": zipped(x=member("'<f8'", (2**200,))),
+    "Invalid or unsupported options":
+        zipped(zipfile.ZIP_LZMA, x=bytes(4000)).replace(b"\x5d\0\0", b"\xff\0\0"),
+}  # fmt: skip
 REFUSED = {
     "": "the file holds no numbers",
     f"{NAMES}\n": "no rows of numbers",
@@ -235,6 +271,9 @@ REFUSED = {
     PLAIN.replace("1,2,", "nan,2,"): r"x is nan in row 2 \(t = 0.5 s\); it must be finite",
     PLAIN.replace("1,2,", "inf,2,").replace("3,4", "inf,4"): r"x is inf in row 2 .*, and in 1 more",
     PLAIN.replace("0.5,", "nan,"): "t is nan in row 2; it must be finite",
+    PLAIN.replace("1,2,", "1e300,2,"): r"x is 1e\+300 in row 2 .*finite, and at most 1e\+50",
+    PLAIN.replace("0.5,", "1e300,"): r"t is 1e\+300 in row 2; .*finite, and at most 1e\+50",
+    f"# units: {DEEP}\n{PLAIN}": "it is no CSV file that can be read: maximum recursion depth",
     PLAIN.replace("0.5,", "1.5,"): "times must increase: t = 1 s in row 3 follows 1.5 s",
     PLAIN.replace("0.5,", "1,"): "t = 1 s comes twice, in rows 2 and 3",
     PLAIN.replace("0,0,0,1", "-1,0,0,1"): "times must start at 0 s or later, not at -1 s",
@@ -255,6 +294,7 @@ NO_TABLES = [
         ("a.npz", data, "it is no NPZ file that can be read")
         for data in (b"PK\x03\x04 no zip", b"t,x,y", b"\x93NUMPY\x01\x00")
     ),
+    *(("a.npz", data, f"it is no NPZ file that can be read: {why}") for why, data in NPZS.items()),
     ("a.bag", b"", r"one of \.csv, \.tsv, \.txt, \.npz, \.parquet, not '\.bag'"),
     *(("run.csv", text.encode(), words) for text, words in REFUSED.items()),
 ]

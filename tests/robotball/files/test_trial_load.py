@@ -176,6 +176,12 @@ def test_a_range_without_end_and_a_name_are_no_numbers(tmp_path: Path) -> None:
     assert solid_of_file(path, "body", "inf").mass > 0
 
 
+def test_a_name_that_is_no_text_is_refused_as_such(tmp_path: Path) -> None:
+    """As under LC_ALL=C a name beyond ASCII is: it has nothing to do with memory."""
+    with pytest.raises(rb.InputError, match=r"name is no text in this locale: set LC_ALL=C\.UTF"):
+        solid_of_file(written(tmp_path, URDF).rename(tmp_path / "\udcc3.urdf"), "link", "arm")
+
+
 HEIGHTS = '<asset><hfield name="h" nrow="20000" ncol="20000" size="1 1 1 1"/></asset>'
 
 

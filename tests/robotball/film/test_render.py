@@ -1,6 +1,7 @@
 """The video: the frames, what they show, and the file."""
 
 import dataclasses
+import os
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
@@ -17,7 +18,7 @@ from robotball.film import gl, render
 from robotball.film.looks import colours_of, rgb
 from robotball.film.render import Film, frames, write_video
 from robotball.film.stage import Pixels
-from robotball.processes import at_most
+from robotball.processes import at_most, cores
 from robotball.rotations import multiply
 
 TIMES = np.linspace(0.0, 0.3, 16)  # s
@@ -134,6 +135,24 @@ def test_a_video_has_every_frame_to_the_end_of_the_shorter_motion(
     assert sum(1 for _ in reader) == 7  # 0 … 0.3 s
     assert (len(done), done[-1]) == (7, 1)
     assert list(tmp_path.iterdir()) == [target]
+
+
+@screen
+@pytest.mark.skipif(cores() < 2, reason="there is one core")
+@pytest.mark.parametrize("suffix", ["mp4", "webm"])
+def test_a_video_has_the_same_bytes_on_any_number_of_cores(tmp_path: Path, suffix: str) -> None:
+    """The encoder would take as many threads as there are cores."""
+    motion, allowed = rb.integrate(FIG12, np.linspace(0.0, 1.0, 51)), os.sched_getaffinity(0)
+    film, written = Film(size=(240, 320)), []
+    try:
+        for some in ({min(allowed)}, allowed):
+            os.sched_setaffinity(0, some)
+            target = tmp_path / f"{len(some)}.{suffix}"
+            write_video(target, [motion, motion], film)
+            written.append(target.read_bytes())
+    finally:
+        os.sched_setaffinity(0, allowed)
+    assert written[0] == written[1]
 
 
 @screen

@@ -2,7 +2,10 @@
 
 import csv
 import json
+import os
 import re
+import subprocess
+import sys
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -329,3 +332,31 @@ def test_the_help_lists_the_commands_and_the_values_of_options(robotball: Robotb
         assert out.count("Example: robotball") == 1
         beside = out.partition(f"\n  {name}")[2].partition("\n  -")[0]
         assert all(re.search(rf"\b{value}\b", beside) for value in values), option
+
+
+PLANTED = ("mujoco", "ctypes", "numpy", "json", "multiprocessing", "tempfile", "robotball", "os")
+ROBOT = (
+    '<mujoco><worldbody><body name="ball" pos="0 0 .15"><freejoint/>'
+    '<geom type="sphere" size=".15" mass=".6"/></body></worldbody></mujoco>'
+)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("screen")
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "video r.xml --duration 0.2 --fps 10 --size 320x180",
+        "compare fig12 --starts 2 --duration 0.2 --threads 2",
+    ],
+)
+def test_nothing_of_the_current_folder_is_imported(tmp_path: Path, arguments: str) -> None:
+    """By none of the Pythons that commands and their packages start."""
+    for name in PLANTED:
+        (tmp_path / f"{name}.py").write_text(f"open('{tmp_path}/{name}-ran', 'w')\n")
+    (tmp_path / "r.xml").write_text(ROBOT)
+    command = [str(Path(sys.executable).with_name("robotball")), *arguments.split()]
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert done.returncode < 2, done.stderr
+    assert list(tmp_path.glob("*-ran")) == []

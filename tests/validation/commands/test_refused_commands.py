@@ -100,6 +100,10 @@ REFUSED = {
     f"compare {LONG}.toml": "File name too long",
     "judge fig12": "judge needs a file with a trajectory: t,x,y,qw,qx,qy,qz",
     "judge fig12 a.csv": r"a\.csv: the columns y,qw,qx,qy,qz are missing; there are t, x",
+    "judge fig12 late.csv --every": r"late\.csv: t is 1e\+300 in row 2; it must be finite",
+    "judge fig12 huge.csv --json j": r"huge\.csv: x is 1e\+300 in row 2 .*; it must be finite",
+    "judge fig12 deep.csv": r"deep\.csv: it is no CSV file that can be read: maximum recursion",
+    "compare far.urdf": "far: at the start MuJoCo has no finite accelerations; bring the bodies'",
     "report": "report needs a scene, or the JSON file of a study",
     "report a.json fig12": "one study's JSON file at a time",
     "report a.json": r"a\.json: No such file",
@@ -118,9 +122,24 @@ REFUSED = {
 }
 
 
+# A joint at 10⁹ m.
+LINK = (
+    '<inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>'
+    "</inertial>"
+)
+FAR = (
+    f'<robot name="far"><link name="base">{LINK}<collision><geometry><sphere radius="0.2"/>'
+    f'</geometry></collision></link><link name="arm">{LINK}</link>'
+    '<joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/>'
+    '<axis xyz="0 1 0"/><origin xyz="1e9 0 0"/></joint></robot>'
+)
 FILES = {
     "a.csv": "t,x\n0,1\n",
     "right.csv": "t,x,y,qw,qx,qy,qz\n0,0,0,1,0,0,0\n1,0,0,1,0,0,0\n",
+    "late.csv": "t,x,y,qw,qx,qy,qz\n0,0,0,1,0,0,0\n1e300,0,0,1,0,0,0\n",
+    "huge.csv": "t,x,y,qw,qx,qy,qz\n0,0,0,1,0,0,0\n1,1e300,0,1,0,0,0\n",
+    "deep.csv": "# units: " + "[" * 100_000 + "\nt,x,y,qw,qx,qy,qz\n0,0,0,1,0,0,0\n1,0,0,1,0,0,0\n",
+    "far.urdf": FAR,
     "b.json": "{",
     "c.json": '{"versions": 1}',
     "e.json": '{"versions": {}, "a": ' + "[" * 200_000 + "]" * 200_000 + "}",
@@ -139,6 +158,7 @@ def test_bad_input_is_one_line_and_writes_nothing(
     status, out, err = robotball(*shlex.split(arguments))
     err = re.sub(r"^\d+%: .*\n", "", err, flags=re.MULTILINE)  # of progress, on a slow machine
     assert (status, out) == (2, "")
-    assert re.fullmatch(r"(robotball: warning: fig06: .*\n)?robotball: .*\n", err)
+    warned = "(robotball: warning: (fig06: |Inertia matrix is too close).*\n)*"
+    assert re.fullmatch(rf"{warned}robotball: (?!warning).*\n", err)
     assert re.search(words, err, re.MULTILINE)
     assert sorted(tmp_path.rglob("*")) == before

@@ -1,7 +1,6 @@
 """The study of all engines: a crash is a row, the front a front, an environment looks into ours."""
 
 import json
-import subprocess
 import sys
 import venv
 from dataclasses import replace
@@ -13,7 +12,7 @@ import pytest
 
 import robotball as rb
 from robotball.engines import LEAST_RTOL
-from robotball.engines.environments import versions_in
+from robotball.engines.environments import call, versions_in
 from tests.bench.gallery import engines_table
 from validation.studies.engine_runs import (
     LOOSEST,
@@ -180,8 +179,8 @@ def test_an_environment_has_its_engine_and_all_of_ours(tmp_path: Path) -> None:
     home = install(asked, tmp_path)
     python = python_of(asked, tmp_path)
     assert python == home / "bin" / "python"
-    code = "import otherengine, robotball, numpy; print(otherengine.__file__, robotball.__file__)"
-    found = subprocess.check_output([python, "-c", code], text=True, cwd=home).split()
+    imports = (f"__import__('{each}').__file__" for each in ("otherengine", "robotball"))
+    found = [call(python, eval, each) for each in imports]
     assert Path(found[0]).is_relative_to(home)
     assert Path(found[1]).samefile(rb.__file__)
     assert versions_in(home, ("otherengine>=1", "pip")).startswith("otherengine 1.0, pip ")

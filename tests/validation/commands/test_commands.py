@@ -76,8 +76,8 @@ RUNS = {
     ),
 }
 # Run below, and by the tests of their studies, of the film and of the demo's table.
-ELSEWHERE = "ablation check convergence demo design export judge paper portraits report "
-ELSEWHERE += "steer tradeoff video"
+ELSEWHERE = "ablation check convergence demo design export extremes judge paper portraits "
+ELSEWHERE += "report steer tradeoff video"
 
 
 @pytest.mark.parametrize(("arguments", "words"), RUNS.items())

@@ -28,7 +28,7 @@ _MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each in a file, 120 in memory
 def sample_times(duration: float, interval: float = SAMPLE_INTERVAL) -> Array:
     """Return equal times (n,) from 0 to `duration`, at most `interval` apart [s].
 
-    Raises InputError unless the duration is positive and finite, and for more than MOST_SAMPLES.
+    Raises InputError unless the duration is positive and finite, and for more than _MOST_SAMPLES.
     """
     check_positive("duration", duration, "s")
     if not duration / interval < _MOST_SAMPLES:

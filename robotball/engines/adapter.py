@@ -26,13 +26,13 @@ from typing import Any, Literal
 import numpy as np
 
 from robotball import equations as eq
-from robotball.at_once import differ_in_start
 from robotball.engine import Engine, Knobs, Ladder, Own, Request, as_own, engine_named
 from robotball.engines import Compensated, Rate
 from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of
 from robotball.engines.links import Readings, State, readings_of, start_state, state_of_rows
 from robotball.equations import as_vector
 from robotball.errors import InputError, warn
+from robotball.many_motions import differ_in_start
 from robotball.motion import (
     DIVERGED,
     RATE_ERROR,

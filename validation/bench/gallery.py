@@ -25,8 +25,8 @@ from robotball.engines.mujoco.settings import FIRST_ORDER
 from robotball.files.replacing import replacing
 from robotball.film.render import Film, frames
 from validation.agreement import compare
+from validation.comparing import motions_of
 from validation.output import write_text
-from validation.runs import motions_of
 from validation.studies.extremes import Outcome
 
 _DOCS = Path(__file__).parents[2] / "docs"

@@ -78,9 +78,9 @@ class Compare:
         from rich.console import Console
 
         from robotball import InputError
+        from validation.comparing import Comparing, compare_all, tell_fault_windows
         from validation.output import writable_folder
         from validation.results import scenes_of, show, write_csv, write_json
-        from validation.runs import Comparing, compare_all, tell_fault_windows
 
         if self.seed or self.cluster or self.device:
             raise InputError("--seed, --cluster and --device are of random starts: give --starts")
@@ -121,7 +121,7 @@ class Compare:
     def _many(self, starts: int) -> int:
         from robotball import InputError
         from robotball.errors import check_count
-        from validation.many_runs import ERRORS, PERCENTILES, many_runs
+        from validation.random_starts import ERRORS, PERCENTILES, many_runs
         from validation.results import controlled
         from validation.study import Column, Study, present, scene_cell, table_of
 
@@ -185,10 +185,10 @@ class Demo:
         from robotball.engine import request_of
         from robotball.film.render import Film
         from validation import results
+        from validation.comparing import agreements_of, film
         from validation.output import progress_bar, writable_folder, write_text
         from validation.plots import draw
         from validation.report.study_report import study_report
-        from validation.runs import agreements_of, film
 
         out, console = writable_folder(self.out), Console()
         requests = [request_of(settings=name) for name in PRESETS]
@@ -237,7 +237,7 @@ class Replay:
         from rich.markup import escape
 
         from robotball.engines.mujoco.fault_window import load, replay
-        from validation.runs import outcome_of, show_row, show_rows, walk
+        from validation.comparing import outcome_of, show_row, show_rows, walk
 
         window, console = load(self.file), Console()
         if self.step is not None:

@@ -8,7 +8,7 @@ robotball has a formula of its own, its value is held beside the paper's by the 
 
 from validation.paper import (
     appendix_a,
-    ours,
+    beyond_the_paper,
     section_1,
     section_2,
     section_3,
@@ -31,5 +31,5 @@ SECTIONS = (
     section_5.SECTION_5_2,
     section_5_3.SECTION,
     appendix_a.SECTION,
-    ours.SECTION,
+    beyond_the_paper.SECTION,
 )

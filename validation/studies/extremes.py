@@ -194,7 +194,7 @@ def _sample_times(this: CellRun) -> Array:
 
 
 def _ample(settings: Settings, theory: Motion) -> Settings:
-    """Return the settings with friction AMPLE times the motion's demand, where it is less."""
+    """Return the settings with friction _AMPLE times the motion's demand, where it is less."""
     settings, loads = for_load(settings, theory.scene), theory.loads
     spin = settings.torsional_friction_of(theory.scene.ball.radius)
     return replace(
@@ -501,7 +501,7 @@ def _to_the_borders(grid: Array) -> Array:
 
 
 def round_ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
-    """Return places among the cells of these values, and labels, at powers of ten: TICKS at most.
+    """Return places among the cells of these values, and labels, at powers of ten: _TICKS at most.
 
     A power need be no cell's own value. Where fewer than two lie in the range, some cells' values.
     """

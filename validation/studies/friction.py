@@ -113,7 +113,7 @@ def friction_study(scene: Scene, results: Sequence[Result]) -> Study:
 
 
 def _until(sizes: Array) -> int:
-    """Return the last sample before more of |M| (n,) is lost than EATEN; at least the second."""
+    """Return the last sample before more of |M| (n,) is lost than _EATEN; at least the second."""
     lost = np.flatnonzero(sizes < (1 - _EATEN) * sizes[0])
     return max(1, int(lost[0]) - 1) if len(lost) else len(sizes) - 1
 

@@ -62,7 +62,7 @@ class _Plane:
 
 
 def _turned(degrees: float) -> Vector:
-    """Return OMEGA with its part across e₃ turned to this angle from e₁."""
+    """Return _OMEGA with its part across e₃ turned to this angle from e₁."""
     size, angle = np.hypot(_OMEGA[0], _OMEGA[1]), np.radians(degrees)
     return (float(size * np.cos(angle)), float(size * np.sin(angle)), _OMEGA[2])
 
@@ -210,7 +210,7 @@ def _draw_property(
 
 
 def _curves_of(plane: _Plane) -> list[tuple[Array, Array, Array]]:
-    """Return for each of CURVES K₃ (n,), y (m,) and the function (m, n) whose zeros it is."""
+    """Return for each of _CURVES K₃ (n,), y (m,) and the function (m, n) whose zeros it is."""
     across = np.linspace(-plane.K3, plane.K3, _FINE)
     up = np.linspace(plane.low, plane.high, _FINE)
     balls = [[plane.ball(K3, y) for K3 in across] for y in up]

@@ -36,8 +36,8 @@ from robotball.robot import Ball, Frame, Rotor, Shell
 from robotball.rotations import Array
 from robotball.scene import Start
 from validation.agreement import compare
-from validation.many_runs import random_start
 from validation.output import Show
+from validation.random_starts import random_start
 from validation.studies.extreme_maps import WRONG, scaled, scaled_body
 from validation.studies.mistakes import with_bodies
 

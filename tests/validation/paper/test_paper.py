@@ -14,7 +14,7 @@ from rich.console import Console
 import validation.paper
 from robotball import InputError
 from validation.cli import main
-from validation.paper import SECTIONS, ours
+from validation.paper import SECTIONS, beyond_the_paper
 from validation.paper.claim import (
     AtLeast,
     Claim,
@@ -33,7 +33,7 @@ finding = cache(examine)
 
 CLAIMS = [claim for section in SECTIONS for claim in section.claims]
 # In these are the long runs, the searches from everywhere and what compiles for seconds.
-LONG = ("1.", "3.3.", "4.2.", "5.3.", ours.SECTION.title)
+LONG = ("1.", "3.3.", "4.2.", "5.3.", beyond_the_paper.SECTION.title)
 CHECKED = [
     pytest.param(
         claim,
@@ -68,7 +68,12 @@ def test_no_erratum_and_no_place_of_the_paper_is_left_out() -> None:
     checked says why: photographs, drawings, a name, a theorem, other machines, what is not stated
     or is open.
     """
-    theirs = [each.place for part in SECTIONS if part is not ours.SECTION for each in part.claims]
+    theirs = [
+        each.place
+        for part in SECTIONS
+        if part is not beyond_the_paper.SECTION
+        for each in part.claims
+    ]
     equations = {2: "1234567", 3: "123", 4: "12346", 5: "123456", "A": "123"}
     for place in (
         *(f"Remark {i}" for i in (1, 3, 4, 5, 6, 7, 8)),

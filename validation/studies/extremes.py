@@ -387,7 +387,7 @@ _MARKS = {
 _SENTENCES = {predict.__name__: law for predict, law in LAWS.items()}
 
 
-def _picture(name: str, results: Sequence[Result]) -> Figure:
+def _map_picture(name: str, results: Sequence[Result]) -> Figure:
     """Draw the panels of a map, rolling models below each other, integrators three in a row."""
     of = MAPS[name]
     panels: dict[tuple[str, str], list[Result]] = {}
@@ -578,7 +578,7 @@ class Extremes:
         records = summary(found)
         all_maps = totals([each for results in found.values() for each in results])
         record = {"totals": all_maps, "summary": records}
-        study.present(found, _picture, _shown(records), self.json, record)
+        study.present(found, _map_picture, _shown(records), self.json, record)
         return DISAGREES if any(each["missed"] for each in records) else AGREES
 
     def _random(self, count: int) -> int:

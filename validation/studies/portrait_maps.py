@@ -61,7 +61,7 @@ class _Plane:
         return values(-self.K3, self.K3), values(self.low, self.high)
 
 
-def _turned(degrees: float) -> Vector:
+def _Omega_at(degrees: float) -> Vector:
     """Return _OMEGA with its part across e₃ turned to this angle from e₁."""
     size, angle = np.hypot(_OMEGA[0], _OMEGA[1]), np.radians(degrees)
     return (float(size * np.cos(angle)), float(size * np.sin(angle)), _OMEGA[2])
@@ -73,7 +73,7 @@ PLANES = {
         _Plane("axial", "Ω₃ [rad/s]", "Ω₁ = 4, Ω₂ = 2 rad/s", 3.0, -4.0, 4.0,
               lambda y: (_OMEGA[0], _OMEGA[1], y)),
         _Plane("azimuth", "angle of (Ω₁, Ω₂) from e₁ [degrees]",
-              "√(Ω₁² + Ω₂²) = √20, Ω₃ = 1 rad/s", 3.0, -85.0, 85.0, _turned),
+              "√(Ω₁² + Ω₂²) = √20, Ω₃ = 1 rad/s", 3.0, -85.0, 85.0, _Omega_at),
     )
 }  # fmt: skip
 
@@ -164,7 +164,7 @@ _PANELS: dict[str, Callable[[Mapping[str, Any]], str]] = {
 }
 
 
-def _picture(name: str, results: Sequence[Result]) -> Figure:
+def _portrait_picture(name: str, results: Sequence[Result]) -> Figure:
     """Draw four panels of a map's cells, each by one property, with the curves over them."""
     plane = PLANES[name]
     figure = Figure(figsize=(12.5, 11.5), layout="constrained")
@@ -283,5 +283,5 @@ class Portraits:
         study = MapStudy("portraits", measure, self.sweep)
         found = study.results({each.name: (cells_of(each, count), _LIMIT) for each in planes})
         records = [summary(each, found[each.name]) for each in planes]
-        study.present(found, _picture, shown(records), self.json, {"summary": records})
+        study.present(found, _portrait_picture, shown(records), self.json, {"summary": records})
         return DISAGREES if any(each["against_the_formulas"] for each in records) else AGREES

@@ -103,11 +103,11 @@ def window_around(
         causes=[each.fault.text for each in found if each.row == found[0].row],
         time=found[0].fault.time,
         columns=list(columns),
-        table=_plain(np.column_stack(list(columns.values()))),
-        states=_plain(states),
+        table=_without_arrays(np.column_stack(list(columns.values()))),
+        states=_without_arrays(states),
         lengths=[float(step.length) for step in steps],
         spans=[(float(step.span[0]), float(step.span[1])) for step in steps],
-        rows=_plain(rows),
+        rows=_without_arrays(rows),
         xml=model.xml,
         sides=[step.sides for step in steps],
     )
@@ -238,13 +238,13 @@ def _text(scene: Scene) -> str | None:
         return None
 
 
-def _plain(values: Array) -> _Numbers:
+def _without_arrays(values: Array) -> _Numbers:
     """Replace numbers that are not finite, which JSON does not have."""
     return [[v if np.isfinite(v) else None for v in row] for row in values.tolist()]
 
 
 def _array(values: _Numbers) -> Array:
-    """Return the inverse of `_plain`. Raises InputError where rows differ in length."""
+    """Return the inverse of `_without_arrays`. Raises InputError where rows differ in length."""
     try:
         return np.array([[np.nan if v is None else v for v in row] for row in values])
     except ValueError as error:

@@ -166,7 +166,7 @@ class _Ball:
     def rate(self, t: float, state: Array) -> Array:
         """Return d/dt of the state by (2.4)-(2.5)."""
         angle, rates, changes = self.drives(t)
-        u, q = _parts(state)
+        u, q = _run_parts(state)
         Omega, Omega_rate = eq.scale(rates[0], self.axis), eq.scale(changes[0], self.axis)
         omega, attitude = self._of_frame(u, q, angle, Omega)
         acceleration, _ = eq.full_angular_acceleration(
@@ -183,13 +183,13 @@ class _Ball:
         # Of ω - Ω, which turns with the frame about the shell's axis.
         change = eq.subtract(acceleration, Omega_rate)
         change = eq.add(change, eq.cross(Omega, eq.subtract(omega, Omega)))
-        return np.array([*_turned(self.axis, angle, change), *eq.attitude_rate(q, u)])
+        return np.array([*_turned_state(self.axis, angle, change), *eq.attitude_rate(q, u)])
 
     def momentum(self, t: float, state: Array) -> Array:
         """Return M (3,) in world axes."""
         angle, rates, _ = self.drives(t)
         Omega = eq.scale(rates[0], self.axis)
-        omega, attitude = self._of_frame(*_parts(state), angle, Omega)
+        omega, attitude = self._of_frame(*_run_parts(state), angle, Omega)
         axes = eq.space_axes(attitude)
         k = as_vector(self.inertia @ rates)
         K = eq.subtract(k, eq.scale(self.d, Omega))
@@ -203,7 +203,7 @@ class _Ball:
         """Return ω in frame axes, and the frame's quaternion."""
         sine = np.sin(angle / 2)
         turn = (np.cos(angle / 2), *eq.scale(sine, self.axis))
-        return eq.add(_turned(self.axis, -angle, u), Omega), eq.quaternion_product(q, turn)
+        return eq.add(_turned_state(self.axis, -angle, u), Omega), eq.quaternion_product(q, turn)
 
 
 def _loss(ball: _Ball, dt: float, steps: int) -> float:
@@ -218,13 +218,13 @@ def _loss(ball: _Ball, dt: float, steps: int) -> float:
     return worst
 
 
-def _parts(state: Array) -> tuple[Vector, Quaternion]:
+def _run_parts(state: Array) -> tuple[Vector, Quaternion]:
     """Split the state into the shell's turning and quaternion."""
     p, q, r, w, x, y, z = state.tolist()
     return (p, q, r), (w, x, y, z)
 
 
-def _turned(axis: Vector, angle: float, v: Vector) -> Vector:
+def _turned_state(axis: Vector, angle: float, v: Vector) -> Vector:
     """Turn v about a unit axis by Rodrigues' formula."""
     along = (1 - np.cos(angle)) * eq.dot(axis, v)
     across = eq.scale(np.sin(angle), eq.cross(axis, v))

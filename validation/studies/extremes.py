@@ -145,6 +145,7 @@ def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
 def _measured(this: CellRun) -> dict[str, Any]:
     scene, times = this.scene, _sample_times(this)
     theory = compiled_motion(scene, times)
+    # On a map that does not vary friction, slip would hide what its axes do.
     settings = _ample(this.settings, theory) if this.ample else this.settings
     motion = run(build(scene, settings), times)
     agreement = Agreement(theory, motion)
@@ -437,6 +438,7 @@ def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> 
         _mark_alarms(axes, i, j, each)
         for name, value in _nearness(each).items():
             if name in grids:
+                # No contour passes beside an infinite value; far off only the side counts.
                 grids[name][j, i] = np.clip(value, 1e-6, 1e6)
     for name, grid in grids.items():
         _draw_limit(axes, np.log10(grid), *styles[name])

@@ -48,6 +48,7 @@ class _Plane:
 
     def ball(self, K3: float, y: float) -> Parameters:
         """Return the ball at a place of the map."""
+        # Of I and d the motion from rest has A = (I + d)⁻¹ alone, so that any d does.
         d = 1.0
         I = (1 / A[0] - d, 1 / A[1] - d, 1 / A[2] - d)
         return Parameters("rubber", I, d, 1.0, self.Omega(y), (0.0, 0.0, K3))
@@ -56,6 +57,7 @@ class _Plane:
         """Return the values of K₃ and of y; with an even count none is on a line of symmetry."""
 
         def values(low: float, high: float) -> list[float]:
+            # A cell is known by the text of its numbers, which last bits would change.
             return [float(f"{value:.6g}") for value in np.linspace(low, high, count)]
 
         return values(-self.K3, self.K3), values(self.low, self.high)

@@ -1,6 +1,5 @@
 """The names of `robotball`, each from its home; loaded when they are first used."""
 
-from .at_once import simulate_many as simulate_many
 from .designing import Design as Design
 from .designing import Limits as Limits
 from .designing import design as design
@@ -30,6 +29,7 @@ from .files.scene_file import load_scene as load_scene
 from .files.scene_writer import scene_toml as scene_toml
 from .files.trajectories import Trajectory as Trajectory
 from .files.trajectories import read_trajectory as read_trajectory
+from .many_motions import simulate_many as simulate_many
 from .motion import ContactMotion as ContactMotion
 from .motion import ContactReport as ContactReport
 from .motion import EngineSettings as EngineSettings

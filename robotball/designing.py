@@ -185,7 +185,7 @@ def describe(design: Design) -> str:
     rows = [
         f"ball    radius {ball.radius:g} m, mass {ball.mass:.6g} kg "
         f"(inside the shell from {least:.6g} kg on, a body's up to {most:.6g} kg)",
-        f"shell   mass {shell.mass:.6g} kg, {kind}, axis {_text(shell.axis)}",
+        f"shell   mass {shell.mass:.6g} kg, {kind}, axis {_in_digits(shell.axis)}",
         f"frame   mass {frame.mass:.6g} kg, principal moments {moments} kg m², "
         f"within {design.reach:.4g} m, {design.frame_rate:.6g} rad/s",
     ]
@@ -193,7 +193,7 @@ def describe(design: Design) -> str:
         ring = math.sqrt(rotor.axial_inertia / rotor.mass)
         rows.append(
             f"rotor{i}  mass {rotor.mass:.6g} kg, ring of radius {ring:.4g} m, axis "
-            f"{_text(rotor.axis)}, {rate:.6g} rad/s"
+            f"{_in_digits(rotor.axis)}, {rate:.6g} rad/s"
         )
     return "\n".join([*rows, design.verdict])
 
@@ -651,5 +651,5 @@ def _ball(
     return ball, (float(np.linalg.norm(h)) / rotors[0].axial_inertia,)
 
 
-def _text(v: Array) -> str:
+def _in_digits(v: Array) -> str:
     return f"({v[0]:.6g}, {v[1]:.6g}, {v[2]:.6g})"

@@ -364,7 +364,7 @@ def solve_rolling(
 
 @dataclass(frozen=True)
 class Robot:
-    """The numbers of a tree of bodies, in rows (b, ROW) as the formulas take them, and a [m].
+    """The numbers of a tree of bodies, in rows (b, _ROW) as the formulas take them, and a [m].
 
     carrier: the row of the body whose axes vectors have, and whose attitude a motion gives.
     """

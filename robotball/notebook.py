@@ -46,7 +46,7 @@ def scene_line(scene: Any) -> str:
 def scene_cell(scene: Any) -> str:
     """Return HTML of the scene's line, a table of its bodies, and its path by the equations.
 
-    A path that the equations cannot give in STEPS steps is replaced by the reason.
+    A path that the equations cannot give in _STEPS steps is replaced by the reason.
     """
     # The equations import scenes, so a scene imports them only when it is displayed.
     from robotball import integrate, sample_times

@@ -30,8 +30,8 @@ _MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each in a file, 120 in memory
 def sample_times(duration: float, interval: float | None = None) -> Array:
     """Return equal times (n,) from 0 to `duration`, at most `interval` apart [s].
 
-    interval: if None, SAMPLE_INTERVAL up to 1e4 s, and 0.1 s of a longer motion.
-    Raises InputError unless the duration is positive and finite, and for more than MOST_SAMPLES.
+    interval: if None, 0.02 s up to 1e4 s, and 0.1 s of a longer motion.
+    Raises InputError unless the duration is positive and finite, and for more than _MOST_SAMPLES.
     """
     check_positive("duration", duration, "s")
     if interval is None:

@@ -95,7 +95,7 @@ def tube(outer: float, inner: float, length: float) -> Shape:
     # Neither wall nor length may vanish: triangles without an area have no normal.
     a, b, h = outer, min(inner, 0.98 * outer), max(length, 0.02 * outer) / 2
     section = np.array([(b, -h), (a, -h), (a, h), (b, h), (b, -h)])
-    corners = _turned(section, _AROUND).reshape(-1, 3)
+    corners = _rotated_shape(section, _AROUND).reshape(-1, 3)
     # Triangles share their corners, without which no light would run smoothly round the tube.
     vertices, numbers = np.unique(np.round(corners / a, 9), axis=0, return_inverse=True)
     return Shape("mesh", np.full(3, a), vertices=vertices, faces=numbers.reshape(-1, 3))
@@ -140,10 +140,10 @@ def add_geoms(
         if shape.kind in ("torus", "mesh"):
             geom.attrib.update(type="mesh", mesh=_asset(assets, shape, unit))
         else:
-            geom.attrib.update(type=shape.kind, size=_text(shape.size * unit))
+            geom.attrib.update(type=shape.kind, size=_digits(shape.size * unit))
         geom.attrib.update(
-            pos=_text(shape.pos * unit),
-            quat=_text(shape.turn),
+            pos=_digits(shape.pos * unit),
+            quat=_digits(shape.turn),
             material=f"{prefix}{shape.material}",
         )
 
@@ -156,17 +156,20 @@ def _asset(assets: Element, shape: Shape, unit: float) -> str:
         params = f"{_RESOLUTION} {tube / radius:.6g} 1 1"
         own = {"builtin": "supertorus", "params": params}
     else:
-        vertices, faces = _text(shape.vertices.ravel()), " ".join(map(str, shape.faces.ravel()))
+        vertices, faces = (
+            _digits(shape.vertices.ravel()),
+            " ".join(map(str, shape.faces.ravel())),
+        )
         scale = shape.size * unit
-        name = f"mesh_{crc32((vertices + faces + _text(scale)).encode()):08x}"
+        name = f"mesh_{crc32((vertices + faces + _digits(scale)).encode()):08x}"
         # Of a shell, as a mesh that only is looked at may be open.
         own = {"vertex": vertices, "face": faces, "inertia": "shell"}
     if assets.find(f"mesh[@name='{name}']") is None:
-        SubElement(assets, "mesh", {"name": name, "scale": _text(scale), **own})
+        SubElement(assets, "mesh", {"name": name, "scale": _digits(scale), **own})
     return name
 
 
-def _text(numbers: Array) -> str:
+def _digits(numbers: Array) -> str:
     return " ".join(f"{number:.9g}" for number in numbers)
 
 
@@ -174,7 +177,7 @@ _AROUND, _SECTION = 48, 8  # steps about a shape's axis, and around a tube or a 
 _THIN = 12  # steps about the axis of a capsule or a small sphere
 
 
-def _turned(section: Array, steps: int) -> Array:
+def _rotated_shape(section: Array, steps: int) -> Array:
     """Return the triangles (n, 3, 3) of a section (m, 2), as r and z, turned about z."""
     # Half a step on, so that the four sides of a box face its axes.
     angles = 2 * np.pi * (np.arange(steps + 1) + 0.5) / steps
@@ -192,16 +195,16 @@ def _triangles(kind: Kind, size: Array) -> Array:
     a, b, _ = size
     if kind == "torus":
         turn = np.linspace(0.0, 2 * np.pi, _SECTION + 1)
-        return _turned(np.column_stack([a + b * np.cos(turn), b * np.sin(turn)]), _AROUND)
+        return _rotated_shape(np.column_stack([a + b * np.cos(turn), b * np.sin(turn)]), _AROUND)
     if kind in ("cylinder", "box"):
         # A box is a cylinder with four sides, whose edges are √2 as far from the axis.
         r, steps = (1.0, _AROUND) if kind == "cylinder" else (np.sqrt(2), 4)
         section = np.array([(0.0, -1.0), (r, -1.0), (r, 1.0), (0.0, 1.0)])
-        return _turned(section, steps) * ([a, a, b] if kind == "cylinder" else size)
+        return _rotated_shape(section, steps) * ([a, a, b] if kind == "cylinder" else size)
     # Only the shell is so large that its steps would be seen.
     large = kind != "capsule" and a > 0.5
     rise = np.linspace(-np.pi / 2, np.pi / 2, (2 if large else 1) * _SECTION + 1)
     section, steps = np.column_stack([np.cos(rise), np.sin(rise)]), _AROUND if large else _THIN
     if kind == "capsule":
-        return _turned(a * section + np.outer(np.where(rise > 0, b, -b), [0, 1]), steps)
-    return _turned(section, steps) * (a if kind == "sphere" else size)
+        return _rotated_shape(a * section + np.outer(np.where(rise > 0, b, -b), [0, 1]), steps)
+    return _rotated_shape(section, steps) * (a if kind == "sphere" else size)

@@ -1,9 +1,14 @@
 """The architecture is as its plan says, and the tests of it catch what they forbid."""
 
 import ast
+import builtins
+import io
+import keyword
 import os
+import re
 import subprocess
 import sys
+import tokenize
 from collections.abc import Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -27,8 +32,8 @@ FLOORS = (
     ("validation.output",),
     ("validation.sweeps",),
     tuple(f"validation.{name}" for name in ("sensitivity", "agreement", "results")),
-    ("validation.plots", "validation.runs", "validation.study"),
-    ("validation.options", "validation.many_runs"),
+    ("validation.plots", "validation.comparing", "validation.study"),
+    ("validation.options", "validation.random_starts"),
     ("validation.studies",),
     ("validation.figures", "validation.paper", "validation.report"),
     ("validation.commands",),
@@ -114,6 +119,63 @@ def test_an_engines_name_is_typed_in_its_room_alone() -> None:
             each.value for each in nodes if isinstance(each, ast.Constant) if each not in firsts
         ]
         assert not [each for each in texts if isinstance(each, str) and "MuJoCo" in each], name
+
+
+def prose_of(text: str) -> Iterator[str]:
+    """Yield the docstrings and the comments of a module."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            yield str(node.value.value)
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type == tokenize.COMMENT:
+            yield token.string
+
+
+def words_of(text: str) -> Iterator[str]:
+    """Yield what a module names: its own names and those it uses, and its texts."""
+    for node in ast.walk(ast.parse(text)):
+        for key in ("name", "id", "attr", "arg"):
+            name = getattr(node, key, None)
+            yield from name.split(".") if isinstance(name, str) else ()
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node.value
+
+
+def unknown_names(text: str, known: set[str]) -> Iterator[str]:
+    """Yield what prose names and is nowhere: `names`, and CONSTANTS that are private ones here."""
+    own = {node.id for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Name)}
+    for prose in prose_of(text):
+        for name in re.findall(r"`([A-Za-z_][\w.]*)(?:\(.*?\))?`", prose):
+            if name not in known and not set(name.split(".")) <= known:
+                yield name
+        for name in re.findall(r"(?<!\w)[A-Z][A-Z0-9]+(?:_[A-Z0-9]+)*(?![\w(])", prose):
+            if name not in own and f"_{name}" in own and name not in OTHERS:
+                yield name
+
+
+# Packages' own words, and columns of a user's file.
+OTHERS = {
+    "README",
+    "TAMSI",
+    "dm_control.mjcf",
+    "skip_file_prefixes",
+    "x_mm",
+    "x_error",
+    "rich.table.Table",
+}
+UNMENDED = {f"{MUJOCO}.limits", f"{MUJOCO}.stepping", "robotball.files.trial_load"}
+
+
+def test_every_name_that_a_docstring_or_comment_mentions_exists() -> None:
+    """In the two packages; one that does not, or is private by now, is found."""
+    texts = {name: file.read_text() for name, file in MODULES.items()}
+    known = {word for text in texts.values() for word in words_of(text)}
+    known |= {part for name in MODULES for part in name.split(".")} | OTHERS | {*dir(builtins)}
+    known |= {file.name for file in MODULES.values()} | {*keyword.kwlist}
+    found = {name: [*unknown_names(text, known)] for name, text in texts.items()}
+    assert {name: each for name, each in found.items() if each and name not in UNMENDED} == {}
+    planted = '"""Of `no_such_name`, `path_error` and COUNT."""\n_COUNT = 1  # as `str.such_a_one`'
+    assert [*unknown_names(planted, known)] == ["no_such_name", "COUNT", "str.such_a_one"]
 
 
 def code_lines(file: Path) -> int:

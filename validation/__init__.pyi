@@ -2,7 +2,7 @@
 
 from .agreement import Agreement as Agreement
 from .agreement import compare as compare
-from .many_runs import ManyRuns as ManyRuns
-from .many_runs import compare_many as compare_many
+from .random_starts import ManyRuns as ManyRuns
+from .random_starts import compare_many as compare_many
 from .studies.judge import Judgement as Judgement
 from .studies.judge import judge as judge

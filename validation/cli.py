@@ -78,7 +78,7 @@ COMMANDS = {
     "attractors": "validation.studies.attractors",
     "basins": "validation.studies.attractors",
     "equilibria": "validation.commands.equilibria_list",
-    "results": "validation.studies.both_engines",
+    "results": "validation.studies.paper_results",
     "continue": "validation.studies.branches",
     "portraits": "validation.studies.portrait_maps",
     "chart": "validation.studies.charts",

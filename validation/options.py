@@ -138,8 +138,8 @@ class Run:
 
     def agreements(self, scenes: Sequence[Scene], presets: Sequence[str]) -> list[Agreement]:
         """Run each scene by each preset, the engine's default if none is given, with progress."""
+        from validation.comparing import agreements_of, shifted
         from validation.output import progress_bar
-        from validation.runs import agreements_of, shifted
 
         requests = [self.request(name) for name in presets or (None,)]
         times, strict = times_of(self.duration), self.strict

@@ -108,11 +108,11 @@ def changed(options: Any, *names: str) -> list[str]:
     for each in fields(options):
         value = getattr(options, each.name)
         if each.name in names and value != each.default:
-            words += _words(each.name.replace("_", "-"), value)
+            words += _option_words(each.name.replace("_", "-"), value)
     return words
 
 
-def _words(name: str, value: Any) -> list[str]:
+def _option_words(name: str, value: Any) -> list[str]:
     if value is True:
         return [name]
     if isinstance(value, int | float):
@@ -159,13 +159,13 @@ def record(agreement: Agreement) -> Record:
         ],
         "verdict": agreement.verdict,
         # What the motion makes of small errors; None unless that explains something.
-        "sensitivity": None if sensitivity is None else _plain(sensitivity),
+        "sensitivity": None if sensitivity is None else _json_settings(sensitivity),
         "seed": None,  # nothing in a comparison is random
         "versions": versions() | {agreement.motion.engine.name: agreement.motion.engine.version},
     }
 
 
-def _plain(sensitivity: Sensitivity) -> dict[str, Any]:
+def _json_settings(sensitivity: Sensitivity) -> dict[str, Any]:
     """Return its numbers, None for those that are not finite, and whether it explains the error."""
     plain = {name: known(value) for name, value in asdict(sensitivity).items()}
     return {**plain, "explains": sensitivity.explains}
@@ -200,7 +200,7 @@ def write_markdown(path: Path, records: Sequence[Record]) -> None:
         "|---|---|---:|---:|---:|---:|---:|---|",
     ]
     for each in records:
-        step, *numbers = _numbers(each)
+        step, *numbers = _row_numbers(each)
         cells = (each["scene"], each["preset"], f"{step} ms", *numbers, each["verdict"])
         lines.append(f"| {' | '.join(cells)} |")
     write_text(path, "\n".join(lines) + "\n")
@@ -215,7 +215,7 @@ def show(records: Sequence[Record], console: Console) -> None:
     for each in records:
         style = "" if each["agrees"] else "yellow"
         names = (escape(each["scene"]), each["rolling"], escape(each["preset"]))
-        table.add_row(*names, *_numbers(each), _word(each), style=style)
+        table.add_row(*names, *_row_numbers(each), _word(each), style=style)
         if each["verdict"] != "agrees":
             below.append((f"{each['scene']}, {each['preset']}: {each['verdict']}", style))
     print_whole(table, console)
@@ -224,7 +224,7 @@ def show(records: Sequence[Record], console: Console) -> None:
         console.print(escape(line), style=style)
 
 
-def _numbers(record: Record) -> list[str]:
+def _row_numbers(record: Record) -> list[str]:
     """Return the timestep [ms], the three errors and the speed as both tables show them."""
     errors = (record[name] for name in ("path_error", "gamma_error", "momentum_error"))
     step, speed = f"{record['timestep'] * 1e3:.3g}", f"{record['realtime_factor']:.0f}"

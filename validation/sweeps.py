@@ -163,12 +163,12 @@ def rows_of(results: Sequence[Result]) -> list[dict[str, Any]]:
     cells = (name for result in results for name in result.cell)
     columns = dict.fromkeys((*cells, *(name for row in rows for name in row)))
     return [
-        {name: _plain(row.get(name)) for name in columns} | {"failure": result.failure}
+        {name: _as_cell(row.get(name)) for name in columns} | {"failure": result.failure}
         for row, result in zip(rows, results, strict=True)
     ]
 
 
-def _plain(value: Any) -> Any:
+def _as_cell(value: Any) -> Any:
     return json.dumps(value, ensure_ascii=False) if isinstance(value, list | dict) else value
 
 

@@ -26,13 +26,13 @@ from typing import Any, Literal
 import numpy as np
 
 from robotball import equations as eq
-from robotball.at_once import differ_in_start
 from robotball.engine import Engine, Knobs, Ladder, Own, Request, as_own, engine_named
 from robotball.engines import Compensated, Rate
 from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of
 from robotball.engines.states import State, motion_of_rows, start_state
 from robotball.equations import as_vector
 from robotball.errors import InputError, warn
+from robotball.many_motions import differ_in_start
 from robotball.motion import RATE_ERROR, ContactMotion, EngineSettings, Label
 from robotball.rotations import Array
 from robotball.scene import Scene, spans

@@ -124,11 +124,11 @@ def _bodies(ball: Ball, looks: Looks) -> Iterator[dict[str, Any]]:
             "axis": (joint.axis / (ball.radius if joint.slides else 1)).tolist(),
             "pivot": (joint.pivot / ball.radius).tolist(),
             "marked": marked,
-            "shapes": [_plain(each, meshes) for each in looks[link.name]],
+            "shapes": [_json_tree(each, meshes) for each in looks[link.name]],
         }
 
 
-def _plain(shape: Shape, meshes: int) -> dict[str, Any]:
+def _json_tree(shape: Shape, meshes: int) -> dict[str, Any]:
     """Return a shape as the script takes it, a mesh as one of so many."""
     thin = shape.thinned(MESHES // max(meshes, 1))
     return {

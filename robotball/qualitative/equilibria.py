@@ -406,6 +406,6 @@ def name_of(parameters: Parameters, gamma: Array) -> str:
         points = closed_form_points(parameters)
     except InputError:
         return ""
-    # SAME is far more than Newton's method leaves and far less than two points of a ball are apart.
+    # _SAME is far more than Newton's method leaves, and two points of a ball are far more apart.
     near = (name for name, point in points.items() if np.abs(point - gamma).max() < _SAME)
     return next(near, "")

@@ -177,7 +177,7 @@ TORUS, CHAOS, LOST, LINE = -1, -2, -3, -4
 _CROSSINGS = 64  # looked at after the transient; cycles that cross half as often are recognised
 _NEAR = 1e-3  # of unit vectors: a point that near to a cycle has reached it
 _AT_REST = 1e-4  # of the speed that |M| allows: a frame that slow has settled on a straight line
-# Over CHAOS_TIME a neighbour on a torus departs as the time does, by e^7; in chaos past e^30.
+# Over _CHAOS_TIME a neighbour on a torus departs as the time does, by e^7; in chaos past e^30.
 _CHAOS_TIME, _CHAOTIC_GROWTH = 1000.0, 30.0
 
 

@@ -19,8 +19,8 @@ _Numbers = NDArray[Any]
 Flow = Callable[[_Numbers], _Numbers]
 """Rates of coordinates (n, ...), which may be complex and are 0 at the zero considered."""
 _STEP = 1e-30j  # of which no square is left
-# Aliasing falls as RADIUS^COUNT, and rounding of a third derivative grows as RADIUS^-3: here it is
-# some 1e-12 of the rates.
+# Aliasing falls as _RADIUS^_COUNT, and rounding of a third derivative grows as _RADIUS^-3: here it
+# is some 1e-12 of the rates.
 _COUNT, _RADIUS = 32, 0.05
 
 

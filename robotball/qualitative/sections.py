@@ -302,7 +302,7 @@ def _fitted(points: Array, rotation: float) -> InvariantCurve:
 
 
 def _candidate_rotations(points: Array) -> list[float]:
-    """Return the strongest spectral lines (up to LINES) of an orbit (m, k), in turns.
+    """Return the strongest spectral lines (up to _LINES) of an orbit (m, k), in turns.
 
     Each is refined on the spectrum of the points under a smooth window, whose lines are narrow.
     """

@@ -26,8 +26,8 @@ from robotball.files.replacing import replacing
 from robotball.film.render import Film, frames
 from tests.bench.random_runs import measure_detection
 from validation.agreement import compare
+from validation.comparing import motions_of
 from validation.output import write_text
-from validation.runs import motions_of
 from validation.studies.extremes import Outcome
 
 _DOCS = Path(__file__).parents[2] / "docs"

@@ -40,8 +40,8 @@ from robotball.robot import Ball, Frame, Pendulum, Rotor, Shell
 from robotball.rotations import Array
 from robotball.scene import Start
 from validation.agreement import compare
-from validation.many_runs import random_start
 from validation.output import Show, progress_bar
+from validation.random_starts import random_start
 from validation.studies.extreme_maps import WRONG, scaled, scaled_body
 from validation.studies.mistakes import with_bodies
 

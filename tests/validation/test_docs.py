@@ -102,7 +102,7 @@ def test_the_docs_have_the_demos_table(
     robotball: Robotball, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two scenes at all presets, to the digits shown; the film is another test's."""
-    monkeypatch.setattr("validation.runs.film", lambda *_: None)
+    monkeypatch.setattr("validation.comparing.film", lambda *_: None)
     assert robotball("demo", "--out", "demo")[0] == 0
     assert len([*(tmp_path / "demo").glob("*.png")]) == 4
     page = (tmp_path / "demo" / "demo.md").read_text(encoding="utf-8")

@@ -78,9 +78,9 @@ class Compare:
         from rich.console import Console
 
         from robotball import InputError
+        from validation.comparing import Comparing, compare_all
         from validation.output import writable_folder
         from validation.results import scenes_of, show, write_csv, write_json
-        from validation.runs import Comparing, compare_all
 
         if self.seed or self.cluster or self.device:
             raise InputError("--seed, --cluster and --device are of random starts: give --starts")
@@ -120,7 +120,7 @@ class Compare:
     def _many(self, starts: int) -> int:
         from robotball import InputError
         from robotball.errors import check_count
-        from validation.many_runs import ERRORS, PERCENTILES, many_runs
+        from validation.random_starts import ERRORS, PERCENTILES, many_runs
         from validation.results import controlled
         from validation.study import Column, Study, present, scene_cell, table_of
 
@@ -184,10 +184,10 @@ class Demo:
         from robotball.engine import request_of
         from robotball.film.render import Film
         from validation import results
+        from validation.comparing import agreements_of, film
         from validation.output import progress_bar, writable_folder, write_text
         from validation.plots import draw
         from validation.report.study_report import study_report
-        from validation.runs import agreements_of, film
 
         out, console = writable_folder(self.out), Console()
         requests = [request_of(settings=name) for name in PRESETS]

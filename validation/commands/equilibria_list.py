@@ -50,7 +50,12 @@ def _point_cells(point: _Point, a: float) -> _Cells:
     else:
         straight = path.radius > _NEARLY_STRAIGHT * a
         words = "straight line" if straight else f"circle of {path.radius:.4g} m"
-    return name or "fixed", _row(fixed.gamma), _row(fixed.eigenvalues), f"{fixed.kind},\n{words}"
+    return (
+        name or "fixed",
+        _join(fixed.gamma),
+        _join(fixed.eigenvalues),
+        f"{fixed.kind},\n{words}",
+    )
 
 
 def _half_circle_cells(circle: FixedCircle, name: str, first: float, word: str) -> _Cells:
@@ -59,20 +64,30 @@ def _half_circle_cells(circle: FixedCircle, name: str, first: float, word: str) 
     ends = circle.at(np.array([first, last]))
     rates = circle.rate(circle.at(np.linspace(first, last, 400)))
     fastest = rates[np.argmax(np.abs(rates))]
-    span = f"± from {_row(ends[0])}\nto {_row(ends[1])}"
+    span = f"± from {_join(ends[0])}\nto {_join(ends[1])}"
     return name, span, f"0, and 0 to {fastest:.4g}", f"{word},\nstraight line"
 
 
 def _cycle_cells(cycle: Cycle) -> _Cells:
-    return "cycle", _row(cycle.gamma), _row(cycle.multipliers), f"period {cycle.period:.7f} s"
+    return (
+        "cycle",
+        _join(cycle.gamma),
+        _join(cycle.multipliers),
+        f"period {cycle.period:.7f} s",
+    )
 
 
 def _straight_cells(line: StraightMotion, name: str) -> _Cells:
     kind = "stable" if line.is_stable else "unstable"
-    return name or "straight", _row(line.gamma), _row(line.eigenvalues), f"{kind},\nstraight line"
+    return (
+        name or "straight",
+        _join(line.gamma),
+        _join(line.eigenvalues),
+        f"{kind},\nstraight line",
+    )
 
 
-def _row(values: Array) -> str:
+def _join(values: Array) -> str:
     """Return numbers side by side, without rounding errors; conjugate ones as a ± bi."""
     values = np.round(values, 12) + 0.0
     if np.isrealobj(values) or not np.any(values.imag):
@@ -81,7 +96,7 @@ def _row(values: Array) -> str:
     return ", ".join(f"{z.real:.4g} ± {z.imag:.4g}i" if z.imag else f"{z.real:.4g}" for z in above)
 
 
-def _record(
+def _found_record(
     points: Sequence[_Point],
     circle: FixedCircle | None,
     cycles: Sequence[Cycle],
@@ -92,21 +107,21 @@ def _record(
         "fixed_points": [
             {
                 "name": name,
-                **_plain(point, "gamma", "eigenvalues", "kind"),
+                **_lists(point, "gamma", "eigenvalues", "kind"),
                 "contact_speed": path.speed,
                 "contact_turning": path.turning,
             }
             for name, point, path in points
         ],
-        "fixed_circle": circle and _plain(circle, "axes", "index"),
-        "limit_cycles": [_plain(cycle, "gamma", "period", "multipliers") for cycle in cycles],
+        "fixed_circle": circle and _lists(circle, "axes", "index"),
+        "limit_cycles": [_lists(cycle, "gamma", "period", "multipliers") for cycle in cycles],
         "straight_motions": [
-            {"name": name, **_plain(line, "gamma", "eigenvalues", "speed")} for line, name in lines
+            {"name": name, **_lists(line, "gamma", "eigenvalues", "speed")} for line, name in lines
         ],
     }
 
 
-def _plain(found: object, *names: str) -> dict[str, Any]:
+def _lists(found: object, *names: str) -> dict[str, Any]:
     """Return fields as plain data: arrays as lists, complex numbers as [real, imaginary]."""
     plain = {name: getattr(found, name) for name in names}
     for name, value in plain.items():
@@ -151,10 +166,10 @@ class Equilibria:
         line = straight_motion(scene.parameters, gamma)
         table = Table("", "γ", "eigenvalues [1/s]", "", box=box.SIMPLE_HEAD)
         table.add_row(*_straight_cells(line, ""))
-        momentum = f"M = ({_row(line.momentum)}) kg m²/s; γ in principal axes:"
+        momentum = f"M = ({_join(line.momentum)}) kg m²/s; γ in principal axes:"
         above = "A classical ball can roll straight on at any γ; at the scene's own, with"
         show([above, momentum, table])
-        write_record(self.json, {"scene": scene.name, **_record((), None, (), ((line, ""),))})
+        write_record(self.json, {"scene": scene.name, **_found_record((), None, (), ((line, ""),))})
         return AGREES
 
     def _rubber(self, scene: Scene) -> int:
@@ -193,6 +208,6 @@ class Equilibria:
             below.append("Ω = 0: every motion from rest is closed, and none attracts.")
         show([*shown, table, *below])
         print(picture)
-        found = _record(known, circle, cycles, lines)
+        found = _found_record(known, circle, cycles, lines)
         write_record(self.json, {"scene": scene.name, **found, "picture": str(picture)})
         return AGREES

@@ -72,8 +72,8 @@ class Video(_Shown):
 
     def run(self) -> int:
         from robotball.film.render import Film
+        from validation.comparing import film
         from validation.results import changed, file_name, file_stem
-        from validation.runs import film
 
         how = Film(self.fps, _size(self.size), self.slow, self.camera, self.ghost, self.arrows)
         agreements = self._agreements()
@@ -98,9 +98,9 @@ class View(_Shown):
     def run(self) -> int:
         from robotball.film.viewer import KEYS, check_display, view
         from robotball.film.web import view_page
+        from validation.comparing import motions_of
         from validation.output import write_text
         from validation.results import file_stem
-        from validation.runs import motions_of
 
         if not self.web:
             check_display()

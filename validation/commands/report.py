@@ -11,13 +11,13 @@ from rich.console import Console
 from tyro.conf import Positional, arg
 
 from robotball import InputError
+from validation.comparing import film
 from validation.options import AGREES, DISAGREES, Names, Run, RunOptions, listed
 from validation.output import program, writable_folder, write_text
 from validation.report.scene_report import report
 from validation.report.study_report import study_report
 from validation.results import file_stem, record, scenes_of
 from validation.results import show as show_table
-from validation.runs import film
 
 _FILM = (360, 640)  # px, height and width: the page stays below six megabytes
 _MOST_NAMES = 80  # characters of a file's name that scenes may take

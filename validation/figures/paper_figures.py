@@ -15,7 +15,7 @@ from robotball.film import gl
 from robotball.processes import in_processes
 from validation.figures import attractor_figures as attractors
 from validation.figures.lines import figure9, figure10
-from validation.figures.rest import figure5, figure6, figure7, figure8
+from validation.figures.motion_from_rest import figure5, figure6, figure7, figure8
 from validation.figures.structure import figure3, figure4
 from validation.output import write_picture
 

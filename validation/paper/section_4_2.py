@@ -114,11 +114,11 @@ def _growth_in_a_turn(n: Numbers, r: float) -> float:
 
 
 # Of the 100 balls 84 are foci that turn.
-_turned = partial(by, "a turn about Γ₅ by scipy", bound=0, unit="of 84 wrong")
+_by_a_turn = partial(by, "a turn about Γ₅ by scipy", bound=0, unit="of 84 wrong")
 
 
 @claim("E6, Prop. 2", "the focus is stable iff B/A₁ < 0", "stable if B/A₁ > 0")
-@_turned("the sign of B/A₁", printed=MINUS)
+@_by_a_turn("the sign of B/A₁", printed=MINUS)
 def _stable_foci(twist: float = 1.0) -> Errors:
     """Count where B/A₁ < 0 mistakes a focus for stable or unstable, and B/A₁ > 0 as printed."""
     for n, growth in _foci():
@@ -128,7 +128,7 @@ def _stable_foci(twist: float = 1.0) -> Errors:
 
 
 @claim("E7, Prop. 2", "B = Ω₁Ω₂((a₂-a₃)²A₁² - (a₁-a₃)²A₂²)", "B = K₃Ω₁Ω₂(…)")
-@_turned("the sign in B", printed={"printed": True})
+@_by_a_turn("the sign in B", printed={"printed": True})
 def _B_of_the_foci(twist: float = 1.0, printed: bool = False) -> Errors:
     """Count the foci mistaken with B as corrected, and with the factor K₃ as printed."""
     for n, growth in _foci():

@@ -55,7 +55,7 @@ def chart(
     a dot at the start. The attribute `data-lines` holds the values that the page's script shows
     under the pointer.
     """
-    thin = [_thinned(line) for line in lines]
+    thin = [_fewer_points(line) for line in lines]
     xs, ys = [line.x for line in thin], [line.y for line in thin]
     (x0, x1), (y0, y1) = _range(xs, math.inf), _log_range(ys) if log else _range(ys, reach)
     width, height = _WIDTH - _LEFT - _RIGHT, _HEIGHT - _TOP - _BOTTOM
@@ -75,14 +75,14 @@ def chart(
     right, low = _LEFT + width, _TOP + height
     for tick in ticks(x0, x1):
         x = float(px(np.array(tick)))
-        parts += [_grid(x, _TOP, x, low), _text(x, low + 18, f"{tick:g}")]
+        parts += [_grid(x, _TOP, x, low), _svg_text(x, low + 18, f"{tick:g}")]
     powers = (n for n in ticks(y0, y1) if n % 1 == 0)
     for tick in powers if log else ticks(y0, y1, 5):
         y = float(py(np.array(10.0**tick if log else tick)))
         words = f"1e{tick:.0f}" if log else f"{tick:g}"
-        parts += [_grid(_LEFT, y, right, y), _text(_LEFT - 6, y + 4, words, "end")]
-    parts.append(_text(_LEFT + width / 2, low + 40, x_label))
-    parts.append(_text(2, 18, y_label, "start"))
+        parts += [_grid(_LEFT, y, right, y), _svg_text(_LEFT - 6, y + 4, words, "end")]
+    parts.append(_svg_text(_LEFT + width / 2, low + 40, x_label))
+    parts.append(_svg_text(2, 18, y_label, "start"))
     data = [_data(line, px(line.x), py(line.y)) for line in thin]
     # A picture in the picture cuts off what leaves the axes.
     parts.append(f'<svg {inside} viewBox="{_LEFT} {_TOP} {width} {height}">')
@@ -117,7 +117,7 @@ def ticks(low: float, high: float, most: int = 7) -> list[float]:
     return [round(n * step, 12) + 0.0 for n in range(first, last + 1)]
 
 
-def _thinned(line: Line) -> Line:
+def _fewer_points(line: Line) -> Line:
     count = len(line.x)
     if count <= _POINTS:
         return line
@@ -149,7 +149,7 @@ def _grid(x1: float, y1: float, x2: float, y2: float) -> str:
     return f'<line class="grid" x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"/>'
 
 
-def _text(x: float, y: float, words: str, anchor: str = "middle") -> str:
+def _svg_text(x: float, y: float, words: str, anchor: str = "middle") -> str:
     return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(words)}</text>'
 
 
@@ -175,13 +175,13 @@ def _data(line: Line, x: Array, y: Array) -> dict[str, object]:
     return {
         "name": line.look.label,
         "colour": line.look.colour,
-        "at": [*zip(_numbers(x, ".1f"), _numbers(y, ".1f"), strict=True)],
-        "x": _numbers(line.x),
-        "y": _numbers(line.y),
-        "t": line.times if line.times is None else _numbers(line.times),
+        "at": [*zip(_svg_numbers(x, ".1f"), _svg_numbers(y, ".1f"), strict=True)],
+        "x": _svg_numbers(line.x),
+        "y": _svg_numbers(line.y),
+        "t": line.times if line.times is None else _svg_numbers(line.times),
     }
 
 
-def _numbers(values: Array, form: str = f".{_DIGITS}g") -> list[float | None]:
+def _svg_numbers(values: Array, form: str = f".{_DIGITS}g") -> list[float | None]:
     # JSON has no NaN.
     return [float(f"{x:{form}}") if math.isfinite(x) else None for x in values.tolist()]

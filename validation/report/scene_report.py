@@ -77,7 +77,7 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
         '<div class="charts"><div>',
         *(paragraph(sentence(each), VERDICTS[each.agrees]) for each in group),
         f"</div>{_paths(group)}</div>",
-        _numbers(group),
+        _ball_numbers(group),
         "<h3>To be looked at</h3>",
         shown,
         "<h3>Errors</h3>",
@@ -106,7 +106,7 @@ def sentence(agreement: Agreement) -> str:
     )
 
 
-def _numbers(group: Sequence[Agreement]) -> str:
+def _ball_numbers(group: Sequence[Agreement]) -> str:
     rows = []
     for each in group:
         errors = each.path_error, each.gamma_error, each.attitude_error, each.momentum_error

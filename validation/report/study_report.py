@@ -44,9 +44,12 @@ def study_report(source: Path) -> str:
         )
         pictures += _compared(source, parts)
         body.append(f'<div class="charts"><div>{words}</div>{"".join(pictures)}</div>')
-        body += _rows("runs", [{name: part[name] for name in _COMPARED} for part in parts])
+        body += _tables("runs", [{name: part[name] for name in _COMPARED} for part in parts])
     else:
-        body += [*pictures, *(_rows("runs", parts) if record is parts else _parts(record))]
+        body += [
+            *pictures,
+            *(_tables("runs", parts) if record is parts else _sections(record)),
+        ]
     body.append(folded("Versions", plain(parts[0]["versions"]), short=True))
     return page(f"robotball: {source.stem}", body)
 
@@ -73,17 +76,17 @@ def _compared(source: Path, runs: Sequence[Mapping[str, Any]]) -> list[str]:
     return pictures
 
 
-def _parts(record: Mapping[str, Any]) -> list[str]:
+def _sections(record: Mapping[str, Any]) -> list[str]:
     """Return a record's plain values as one table, and each list of records as another."""
     single = {name: _cell(value) for name, value in record.items() if _is_plain(value)}
     body = [plain(single)] if single else []
     for name, value in record.items():
         if isinstance(value, list) and value and all(isinstance(each, dict) for each in value):
-            body += _rows(name, value)
+            body += _tables(name, value)
     return body
 
 
-def _rows(name: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
+def _tables(name: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     columns = [key for key, value in rows[0].items() if _is_plain(value)]
     cells = [[_cell(row.get(key)) for key in columns] for row in rows[:_LONGEST]]
     first = f", of which the first {_LONGEST} are shown" if len(rows) > _LONGEST else ""

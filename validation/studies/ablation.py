@@ -145,7 +145,7 @@ def _measure_ablation(scene: Scene, times: Array, rounds: int, show: Show) -> St
         lambda done: show((len(models) + done) / total, f"{scene.name}: timing"),
     )
     rows = [
-        _row(direction, agreement, cost, costs[0])
+        _part_row(direction, agreement, cost, costs[0])
         for (direction, _), agreement, cost in zip(directions, agreements, costs, strict=True)
     ]
     variants = [{**record(each), **row} for each, row in zip(agreements, rows, strict=True)]
@@ -162,7 +162,7 @@ def _measure_ablation(scene: Scene, times: Array, rounds: int, show: Show) -> St
     )  # fmt: skip
 
 
-def _row(direction: str, agreement: Agreement, cost: Cost, naive: Cost) -> dict[str, Any]:
+def _part_row(direction: str, agreement: Agreement, cost: Cost, naive: Cost) -> dict[str, Any]:
     """Return the numbers of a variant; those of a run that broke off are None."""
     theory, ratio = agreement.theory, cost.over(naive)
     speed = theory.path_length / float(theory.times[-1])

@@ -37,7 +37,7 @@ _MOST = 500  # points of a branch of cycles from its birth on
 _SEARCHED, _STARTS = 100.0, 16  # s, the longest period searched for; random starts where M ≠ 0
 
 
-def _row(family: motions.Family, branch: int, point: Point) -> dict[str, Any]:
+def _row_of(family: motions.Family, branch: int, point: Point) -> dict[str, Any]:
     """Return a point of a branch as plain data: SI units, principal axes; of cycles exponents/s."""
     u, s = point.x[:-1], float(point.x[-1])
     ball, size, _ = family.at(s)
@@ -61,7 +61,7 @@ def _special(family: motions.Family, branches: Sequence[Branch]) -> Iterator[Row
     """Yield the special points, and where a period grows without bound, with what they are."""
     for number, branch in enumerate(branches, 1):
         for point in branch.special():
-            row, what = _row(family, number, point), ""
+            row, what = _row_of(family, number, point), ""
             if point.kind == HOPF and row["period"]:
                 what = "a torus is born"
             elif point.kind == HOPF:
@@ -76,11 +76,11 @@ def _special(family: motions.Family, branches: Sequence[Branch]) -> Iterator[Row
             if end.startswith(motions.ENDLESS):
                 s, power = motions.growth(points)
                 law = f"distance^-{power:.3f}: saddle-node" if power else "logarithm: homoclinic"
-                row = _row(family, number, points[-1])
+                row = _row_of(family, number, points[-1])
                 yield {**row, "kind": _NO_BOUND, "value": family.value(s), "what": law}
 
 
-def _picture(scene: Scene, over: str, rows: Sequence[Row], special: Sequence[Row]) -> Figure:
+def _branch_picture(scene: Scene, over: str, rows: Sequence[Row], special: Sequence[Row]) -> Figure:
     """Draw the branches over the number: of cycles the period, else the γᵢ that varies most."""
     key = max(("gamma3", "gamma2", "gamma1"), key=lambda each: np.ptp([row[each] for row in rows]))
     label = "γ" + "₁₂₃"[int(key[-1]) - 1]
@@ -174,7 +174,7 @@ class Continue:
         if not branches:
             raise InputError(f"{scene.name}: no {self.of} found at either end of the range")
         rows = [
-            _row(family, n, point) for n, each in enumerate(branches, 1) for point in each.points
+            _row_of(family, n, point) for n, each in enumerate(branches, 1) for point in each.points
         ]
         columns = (
             Column("", "kind", words=True),
@@ -188,7 +188,7 @@ class Continue:
         record["ends"] = [each.ends for each in branches]
         study = Study(
             scene.name, None, ("continue", self.of, self.over), rows, record,
-            (table_of(columns, special), told), _picture(scene, self.over, rows, special),
+            (table_of(columns, special), told), _branch_picture(scene, self.over, rows, special),
         )  # fmt: skip
         stem = study.stem(*changed(self, "longest"))
         print(present(study, self.out / f"{stem}.png", self.json, self.csv)[0])

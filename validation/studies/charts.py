@@ -232,6 +232,7 @@ def _draw_chart(
     figure, (across, up), own = _blank(scene, axes)
     panel, (x, y) = figure.subplots(), axes
     colours = colormaps["viridis"].with_extremes(under=FAINT)
+    # A chart without any chaos has a scale of colours all the same.
     most = max(2 * least, float(np.nanmax(largest)))
     image = panel.pcolormesh(*axes.values(), largest.T, cmap=colours, vmin=-least, vmax=most)
     bar = figure.colorbar(image, extend="min", label="λ₁ [1/s]; white line: 0")
@@ -303,6 +304,7 @@ class Chart:
 
     def run(self) -> int:
         scene, less = moving_scene(self.scene, "a chart"), _QUICK if self.sweep.quick else 1
+        # A point put in between would have no motion before it from which to go on.
         levels = 0 if self.follow else check_count("refine", self.refine, 0)
         count = max(3, check_count("count", self.count, 3) // less)
         axes = axes_of(self.over, (count - 1) * 2**levels + 1)
@@ -326,9 +328,11 @@ class Chart:
         def measured(places: Integers) -> Array:
             points = np.stack([axes[n][i] for n, i in zip(axes, places.T, strict=True)], axis=1)
             level = own | dict(zip(axes, points.T, strict=True))
+            # No vector of length √f has a part c along γ that is longer than itself.
             some = np.broadcast_to(level["f"] > np.square(level["c"]), len(points))
             if not some.any():  # of this one too the reason is said
                 varied(ball, momentum, dict(zip(axes, points[-1], strict=True)))
+            # Followed motions need each other's ends, in order, so they are one cell.
             size = len(points) if self.follow else _CHUNK
             rows.update(self._rows(measure, shared, points[some].tolist(), size))
             there = [rows.get((*point,)) for point in points]
@@ -340,6 +344,7 @@ class Chart:
             raise InputError(f"over {self.over} no motion could be followed")
         found = [rows[point] for point in sorted(rows)]
         some = largest[np.isfinite(largest)]
+        # A regular motion's λ₁ is its own 0, of which the two halves show no spread.
         errors = [row["largest_error"] for row in found if row["motion"] == _CHAOTIC]
         record = {
             "scene": scene.name, **shared, "size": largest.shape, "points": len(rows),

@@ -45,7 +45,7 @@ _SLIDE, _SOFTEST = CONSTANT["sliding_friction"], BY_ERROR[1]
 _SOLIMP: Any = recipe("mended", 1e-3).solimp
 
 
-def _text(*values: float) -> str:
+def _digits(*values: float) -> str:
     return " ".join(f"{each:.9g}" for each in values)
 
 
@@ -60,7 +60,7 @@ def _pair_of(contact: Any) -> dict[str, str]:
         "margin": [contact.includemargin],
     }
     # Where all are 0 they are the default.
-    return {name: _text(*each) for name, each in values.items() if np.any(each)}
+    return {name: _digits(*each) for name, each in values.items() if np.any(each)}
 
 
 def _changes_of(
@@ -101,10 +101,10 @@ def _changes_of(
         found.append(Change("integrator", words, option={"integrator": "RK4"}))
     if step < option.timestep:
         words = f"steps of {1e3 * option.timestep:g} ms are too long"
-        found.append(Change("timestep", words, option={"timestep": _text(step)}))
+        found.append(Change("timestep", words, option={"timestep": _digits(step)}))
     depth = f"{1e3 * np.nanmean(motion.report.depth):.2g} mm"
     words = f"the contact is soft: the sphere sinks {depth}, and bears no load at first"
-    hard = {"solref": _text(_SOFTEST, 1.0), "solimp": _text(*_SOLIMP)}
+    hard = {"solref": _digits(_SOFTEST, 1.0), "solimp": _digits(*_SOLIMP)}
     found.append(Change("softness", words, pair=hard))
     if option.noslip_iterations < 1:
         words = "friction is regularized, and creeps; slip is not solved for"
@@ -158,7 +158,7 @@ def _friction(contact: Any, theory: Motion, condim: int) -> Iterator[Change]:
     if condim > 3 and theory.scene.rolling == "rubber":
         words.append(f"torsional friction {spin:.3g} m, of which it needs {twist:.2g}")
     if slide < most[0] or (condim > 3 and spin != most[1]):
-        values = _text(most[0], most[0], most[1], roll, roll)
+        values = _digits(most[0], most[0], most[1], roll, roll)
         yield Change("friction", "; ".join(words), pair={"friction": values})
 
 
@@ -363,7 +363,7 @@ def _carrying(changes: list[Change], own: UserModel, theory: Motion) -> list[Cha
     if not (found.converged and 0 < margin < _STANDS * theory.scene.ball.radius):
         return changes
     return [
-        replace(each, pair={**each.pair, "margin": _text(margin)})
+        replace(each, pair={**each.pair, "margin": _digits(margin)})
         if each.name == "softness"
         else each
         for each in changes
@@ -465,11 +465,11 @@ COLUMNS = (
 def study_of(own: UserModel, checked: Checked, accuracy: float, words: Sequence[str]) -> Study:
     """Return the table, record, picture and words of a checked model; words: known before."""
     theory, file = checked.theory, own.robot.path
-    rows = [_row("as it is", checked.error)]
+    rows = [_line("as it is", checked.error)]
     rows += [
-        _row(f"+ {each.name}", error, undone, each.words) for each, error, undone in checked.needed
+        _line(f"+ {each.name}", error, undone, each.words) for each, error, undone in checked.needed
     ]
-    rows += [_row(f"({each.name})", error, words=each.words) for each, error in checked.spared]
+    rows += [_line(f"({each.name})", error, words=each.words) for each, error in checked.spared]
     lines = [*words, *_verdict(checked, accuracy), *_symptoms(own, checked)]
     if checked.needed:
         reached = "" if checked.mended_error <= accuracy else f", more than {accuracy:g}"
@@ -495,11 +495,13 @@ def study_of(own: UserModel, checked: Checked, accuracy: float, words: Sequence[
             *map(escape, lines),
             *([table_of(COLUMNS, rows)] if len(rows) > 1 else []),
         ),
-        picture=_picture(file.name, checked, accuracy),
+        picture=_check_picture(file.name, checked, accuracy),
     )  # fmt: skip
 
 
-def _row(change: str, error: float, undone: float | None = None, words: str = "") -> dict[str, Any]:
+def _line(
+    change: str, error: float, undone: float | None = None, words: str = ""
+) -> dict[str, Any]:
     return {"change": change, "error": known(error), "undone": known(undone), "words": words}
 
 
@@ -567,7 +569,7 @@ def difference(checked: Checked) -> list[str]:
     ]
 
 
-def _picture(name: str, checked: Checked, accuracy: float) -> Figure:
+def _check_picture(name: str, checked: Checked, accuracy: float) -> Figure:
     """Draw the paths, and the errors over time, as it is and mended."""
     theory = checked.theory
     figure = Figure(figsize=(11.0, 5.4), layout="constrained")

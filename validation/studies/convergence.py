@@ -156,7 +156,7 @@ def measure_convergence(
 
     best, limit = _limit(run_of, theory, finest)
     rows = [
-        _row(run_of, best, theory, before, method)
+        _order_row(run_of, best, theory, before, method)
         for before, method in zip([None, *methods[:-1]], methods, strict=True)
     ]
     return Runs(scene, settings, float(theory.times[-1]), limit, rows)
@@ -218,7 +218,7 @@ def _limit(run_of: _RunOf, theory: Motion, finest: _Method) -> tuple[Motion, dic
     )
 
 
-def _row(
+def _order_row(
     run_of: _RunOf, best: Motion, theory: Motion, before: _Method | None, method: _Method
 ) -> dict[str, Any]:
     """Compare the run of a method with both references, and with the one before it."""

@@ -61,6 +61,7 @@ def gyrostat(
     carried = K + (ball.shell.axial_inertia + ball.d) * frame_rate * ball.shell.axis
     size = float(np.linalg.norm(carried))
     inertia = rotor.axial_inertia if rotor_rate is None else size / rotor_rate
+    # As of a thin disc: no body of this axial moment has less across it, so most is left.
     new = replace(rotor, axial_inertia=inertia, transverse_inertia=inertia / 2, axis=carried / size)
     frame = replace(ball.frame, inertia=ball.frame.inertia + rotor.inertia - new.inertia)
     return replace(

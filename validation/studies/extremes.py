@@ -144,6 +144,7 @@ def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
 def _measured(this: CellRun) -> dict[str, Any]:
     scene, times = this.scene, _sample_times(this)
     theory = compiled_motion(scene, times)
+    # On a map that does not vary friction, slip would hide what its axes do.
     settings = _ample(this.settings, theory) if this.ample else this.settings
     motion = run(build(scene, settings), times)
     agreement = Agreement(theory, motion)
@@ -193,7 +194,7 @@ def _sample_times(this: CellRun) -> Array:
 
 
 def _ample(settings: Settings, theory: Motion) -> Settings:
-    """Return the settings with friction AMPLE times the motion's demand, where it is less."""
+    """Return the settings with friction _AMPLE times the motion's demand, where it is less."""
     settings, loads = for_load(settings, theory.scene), theory.loads
     spin = settings.torsional_friction_of(theory.scene.ball.radius)
     return replace(
@@ -386,7 +387,7 @@ _MARKS = {
 _SENTENCES = {predict.__name__: law for predict, law in LAWS.items()}
 
 
-def _picture(name: str, results: Sequence[Result]) -> Figure:
+def _map_picture(name: str, results: Sequence[Result]) -> Figure:
     """Draw the panels of a map, rolling models below each other, integrators three in a row."""
     of = MAPS[name]
     panels: dict[tuple[str, str], list[Result]] = {}
@@ -436,6 +437,7 @@ def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> 
         _mark_alarms(axes, i, j, each)
         for name, value in _nearness(each).items():
             if name in grids:
+                # No contour passes beside an infinite value; far off only the side counts.
                 grids[name][j, i] = np.clip(value, 1e-6, 1e6)
     for name, grid in grids.items():
         _draw_limit(axes, np.log10(grid), *styles[name])
@@ -500,7 +502,7 @@ def _to_the_borders(grid: Array) -> Array:
 
 
 def round_ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
-    """Return places among the cells of these values, and labels, at powers of ten: TICKS at most.
+    """Return places among the cells of these values, and labels, at powers of ten: _TICKS at most.
 
     A power need be no cell's own value. Where fewer than two lie in the range, some cells' values.
     """
@@ -565,5 +567,5 @@ class Extremes:
         records = summary(found)
         all_maps = totals([each for results in found.values() for each in results])
         record = {"totals": all_maps, "summary": records}
-        study.present(found, _picture, _shown(records), self.json, record)
+        study.present(found, _map_picture, _shown(records), self.json, record)
         return DISAGREES if any(each["missed"] for each in records) else AGREES

@@ -113,7 +113,7 @@ def friction_study(scene: Scene, results: Sequence[Result]) -> Study:
 
 
 def _until(sizes: Array) -> int:
-    """Return the last sample before more of |M| (n,) is lost than EATEN; at least the second."""
+    """Return the last sample before more of |M| (n,) is lost than _EATEN; at least the second."""
     lost = np.flatnonzero(sizes < (1 - _EATEN) * sizes[0])
     return max(1, int(lost[0]) - 1) if len(lost) else len(sizes) - 1
 
@@ -154,13 +154,13 @@ def _friction_picture(scene: Scene, results: Sequence[Result], needed: float) ->
     return figure
 
 
-def _rows(results: Sequence[Result], kind: str) -> list[dict[str, Any]]:
+def _friction_rows(results: Sequence[Result], kind: str) -> list[dict[str, Any]]:
     return [{**r.cell, **r.record} for r in results if r.record and r.cell["friction"] == kind]
 
 
 def _rolling(axes: Axes, scene: Scene, results: Sequence[Result]) -> None:
     weight = scene.ball.mass * scene.gravity
-    rows = _rows(results, ROLLING)
+    rows = _friction_rows(results, ROLLING)
     given = np.array(sorted({row["length"] for row in rows}))
     axes.plot(given, weight * given, color=ACCENT, linewidth=1.6, label="$\\mu_r m g$")
     for stiffness, marker, fill, label in (
@@ -180,7 +180,7 @@ def _rolling(axes: Axes, scene: Scene, results: Sequence[Result]) -> None:
 
 
 def _torsional(axes: Axes, results: Sequence[Result], needed: float | None) -> None:
-    rows = _rows(results, TORSIONAL)
+    rows = _friction_rows(results, TORSIONAL)
     lengths = [row["length"] for row in rows]
     for key, marker, fill, line, label in (
         ("path_error", "o", LABEL.colour, "-", "path error"),

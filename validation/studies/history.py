@@ -257,7 +257,7 @@ def _page(rows: Sequence[Row], lines: Sequence[str]) -> str:
     return "\n".join([*cells, "", *map("* {}".format, lines), ""])
 
 
-def _picture(title: str, rows: Sequence[Row]) -> Figure:
+def _history_picture(title: str, rows: Sequence[Row]) -> Figure:
     """Draw errors and speed over the dates, or over the versions in order where one has none."""
     figure = Figure(figsize=(10.0, 6.6), layout="constrained")
     news = [row["version"] for row in rows if row["changed"]]
@@ -333,7 +333,7 @@ class History:
         lines = _lines_of(changes_of(rows), _package(self.engine))
         title = f"{label.name} on {_SCENE}, version after version"
         table = table_of(_COLUMNS, rows, lambda row: row["failure"])
-        picture = _picture(title, [row for row in rows if not row["failure"]])
+        picture = _history_picture(title, [row for row in rows if not row["failure"]])
         record, words = {"history": rows, "changes": lines}, changed(self, "since", "to", "every")
         study = Study(
             _SCENE, label, ["history"], rows, record, (title, table, *map(escape, lines)), picture

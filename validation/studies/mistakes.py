@@ -157,12 +157,12 @@ def _all(changes: Sequence[_Change]) -> _Change:
 # Attitude ----------------------------------------------------------------------------------
 
 
-def _turned(change: Callable[[Array], Array]) -> _Change:
+def _attitude(change: Callable[[Array], Array]) -> _Change:
     return lambda numbers: replace(numbers, attitude=change(numbers.attitude))
 
 
 def _right(q: Array) -> _Change:
-    return _turned(lambda attitude: multiply(attitude, np.broadcast_to(q, attitude.shape)))
+    return _attitude(lambda attitude: multiply(attitude, np.broadcast_to(q, attitude.shape)))
 
 
 def _attitudes(truth: Truth) -> list[_Parts]:
@@ -171,18 +171,18 @@ def _attitudes(truth: Truth) -> list[_Parts]:
     principal = conjugate(scene.principal_quaternion)
     counted = "the attitude is counted from the start, in"
     orders = {
-        "the quaternion's order is x, y, z, w": _turned(lambda q: q[:, [3, 0, 1, 2]]),
-        "qx, qy, qz, qw hold w, x, y, z": _turned(lambda q: q[:, [1, 2, 3, 0]]),
+        "the quaternion's order is x, y, z, w": _attitude(lambda q: q[:, [3, 0, 1, 2]]),
+        "qx, qy, qz, qw hold w, x, y, z": _attitude(lambda q: q[:, [1, 2, 3, 0]]),
     }
-    senses = {"the rotation is from world to frame (conjugate, transposed)": _turned(conjugate)}
+    senses = {"the rotation is from world to frame (conjugate, transposed)": _attitude(conjugate)}
     frames = {
         "the attitude is the shell's, not the frame's": _right(_in_shell(truth, 1)),
         "the attitude is that of the ball's principal axes": _right(principal),
         f"{counted} world axes": _right(start),
-        f"{counted} frame axes": _turned(lambda q: multiply(start, q)),
+        f"{counted} frame axes": _attitude(lambda q: multiply(start, q)),
     }
     for S in _rotations():
-        other = f"the frame's axes are others: the file's {_XYZ} are the scene's {_text(S)}"
+        other = f"the frame's axes are others: the file's {_XYZ} are the scene's {_axes_of(S)}"
         frames[other] = _right(from_matrix(S))
     return [orders, senses, frames]
 
@@ -197,7 +197,7 @@ def _in_shell(truth: Truth, sense: int) -> Array:
 # Position ----------------------------------------------------------------------------------
 
 
-def _moved(change: Callable[[Array], Array]) -> _Change:
+def _position(change: Callable[[Array], Array]) -> _Change:
     """Return what undoes a change of the horizontal part (n, 2)."""
 
     def undo(numbers: Numbers) -> Numbers:
@@ -217,26 +217,26 @@ def _positions(truth: Truth) -> list[_Parts]:
     a = truth.motion.scene.ball.radius
     sizes = {_SPELT.get(unit, unit): size for unit, size in LENGTHS.items() if unit != "m"}
     sizes |= {"radii of the ball": a, "diameters": 2 * a}
-    origins = {"the path does not start at (0, 0)": _moved(lambda p: p - p[0])}
+    origins = {"the path does not start at (0, 0)": _position(lambda p: p - p[0])}
     lengths = {
         f"the positions are in {unit}": _resized(size)
         for unit, size in sizes.items()
         if not 1 / _NEAR < size < _NEAR
     }
     planes = {
-        "x and y are exchanged": _moved(lambda p: p[:, ::-1]),
-        "x has the other sign": _moved(lambda p: p * [-1, 1]),
-        "y has the other sign": _moved(lambda p: p * [1, -1]),
-        "x and y both have the other sign": _moved(lambda p: -p),
-        "x, y are the scene's y, -x": _moved(lambda p: p[:, ::-1] * [-1, 1]),
-        "x, y are the scene's -y, x": _moved(lambda p: p[:, ::-1] * [1, -1]),
-        "x, y are the scene's -y, -x": _moved(lambda p: -p[:, ::-1]),
+        "x and y are exchanged": _position(lambda p: p[:, ::-1]),
+        "x has the other sign": _position(lambda p: p * [-1, 1]),
+        "y has the other sign": _position(lambda p: p * [1, -1]),
+        "x and y both have the other sign": _position(lambda p: -p),
+        "x, y are the scene's y, -x": _position(lambda p: p[:, ::-1] * [-1, 1]),
+        "x, y are the scene's -y, x": _position(lambda p: p[:, ::-1] * [1, -1]),
+        "x, y are the scene's -y, -x": _position(lambda p: -p[:, ::-1]),
     }
     centre, places = truth.motion.contact_point, {}
     for name, each in poses(truth.motion).items():
         place = (each.position[:, :2] - centre)[truth.at]
         if np.abs(place).max() > 1e-6 * a:
-            places[f"x, y are of the {name}'s centre of mass"] = _moved(partial(np.add, -place))
+            places[f"x, y are of the {name}'s centre of mass"] = _position(partial(np.add, -place))
     return [origins, lengths, planes, places]
 
 
@@ -267,7 +267,7 @@ def _rates(truth: Truth) -> list[_Parts]:
         ),
         f"{of} is in the shell's axes": _rated(lambda w, _: _rotated(w, to_frame)),
         f"{of} is in principal axes": _along(scene.principal_axes.T),
-        **{f"{of}'s {_XYZ} are along the scene's {_text(S)}": _along(S) for S in _rotations()},
+        **{f"{of}'s {_XYZ} are along the scene's {_axes_of(S)}": _along(S) for S in _rotations()},
     }
     bodies = {f"{of} is the shell's, not the frame's": _rated(lambda w, _: w + more)}
     return [units, signs, axes, bodies]
@@ -300,7 +300,7 @@ def _worlds(has_height: bool) -> Iterator[tuple[str, _Change]]:
     for S in _signed_permutations():
         if np.array_equal(S, np.eye(3)) or not (has_height or abs(S[2, 2]) == 1):
             continue
-        text = _text(S)
+        text = _axes_of(S)
         known = f" ({_WORLDS[text]})" if text in _WORLDS else ""
         axes = f"{_XYZ} are the scene's {text}{known}"
         proper = np.linalg.det(S) > 0
@@ -343,7 +343,7 @@ def _rotations() -> list[Array]:
     return [S for S in turning if not np.array_equal(S, np.eye(3))]
 
 
-def _text(S: Array) -> str:
+def _axes_of(S: Array) -> str:
     """Return the axes by name: "y, -x, z"."""
     names = (("-" if row.sum() < 0 else "") + "xyz"[int(np.abs(row).argmax())] for row in S)
     return ", ".join(names)

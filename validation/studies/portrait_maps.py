@@ -48,6 +48,7 @@ class _Plane:
 
     def ball(self, K3: float, y: float) -> Parameters:
         """Return the ball at a place of the map."""
+        # Of I and d the motion from rest has A = (I + d)⁻¹ alone, so that any d does.
         d = 1.0
         I = (1 / A[0] - d, 1 / A[1] - d, 1 / A[2] - d)
         return Parameters("rubber", I, d, 1.0, self.Omega(y), (0.0, 0.0, K3))
@@ -56,13 +57,14 @@ class _Plane:
         """Return the values of K₃ and of y; with an even count none is on a line of symmetry."""
 
         def values(low: float, high: float) -> list[float]:
+            # A cell is known by the text of its numbers, which last bits would change.
             return [float(f"{value:.6g}") for value in np.linspace(low, high, count)]
 
         return values(-self.K3, self.K3), values(self.low, self.high)
 
 
-def _turned(degrees: float) -> Vector:
-    """Return OMEGA with its part across e₃ turned to this angle from e₁."""
+def _Omega_at(degrees: float) -> Vector:
+    """Return _OMEGA with its part across e₃ turned to this angle from e₁."""
     size, angle = np.hypot(_OMEGA[0], _OMEGA[1]), np.radians(degrees)
     return (float(size * np.cos(angle)), float(size * np.sin(angle)), _OMEGA[2])
 
@@ -73,7 +75,7 @@ PLANES = {
         _Plane("axial", "Ω₃ [rad/s]", "Ω₁ = 4, Ω₂ = 2 rad/s", 3.0, -4.0, 4.0,
               lambda y: (_OMEGA[0], _OMEGA[1], y)),
         _Plane("azimuth", "angle of (Ω₁, Ω₂) from e₁ [degrees]",
-              "√(Ω₁² + Ω₂²) = √20, Ω₃ = 1 rad/s", 3.0, -85.0, 85.0, _turned),
+              "√(Ω₁² + Ω₂²) = √20, Ω₃ = 1 rad/s", 3.0, -85.0, 85.0, _Omega_at),
     )
 }  # fmt: skip
 
@@ -164,7 +166,7 @@ _PANELS: dict[str, Callable[[Mapping[str, Any]], str]] = {
 }
 
 
-def _picture(name: str, results: Sequence[Result]) -> Figure:
+def _portrait_picture(name: str, results: Sequence[Result]) -> Figure:
     """Draw four panels of a map's cells, each by one property, with the curves over them."""
     plane = PLANES[name]
     figure = Figure(figsize=(12.5, 11.5), layout="constrained")
@@ -210,7 +212,7 @@ def _draw_property(
 
 
 def _curves_of(plane: _Plane) -> list[tuple[Array, Array, Array]]:
-    """Return for each of CURVES K₃ (n,), y (m,) and the function (m, n) whose zeros it is."""
+    """Return for each of _CURVES K₃ (n,), y (m,) and the function (m, n) whose zeros it is."""
     across = np.linspace(-plane.K3, plane.K3, _FINE)
     up = np.linspace(plane.low, plane.high, _FINE)
     balls = [[plane.ball(K3, y) for K3 in across] for y in up]
@@ -283,5 +285,5 @@ class Portraits:
         study = MapStudy("portraits", measure, self.sweep)
         found = study.results({each.name: (cells_of(each, count), _LIMIT) for each in planes})
         records = [summary(each, found[each.name]) for each in planes]
-        study.present(found, _picture, shown(records), self.json, {"summary": records})
+        study.present(found, _portrait_picture, shown(records), self.json, {"summary": records})
         return DISAGREES if any(each["against_the_formulas"] for each in records) else AGREES

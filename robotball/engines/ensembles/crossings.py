@@ -41,7 +41,7 @@ def _put(tracks: Any, lane: int, target: int, source: int) -> None:
 
 @inlined
 def _root_estimate(tracks: Any, lane: int) -> float:
-    """Return the time between LOW and HIGH, of opposite values, where the value may be zero.
+    """Return the time between _LOW and _HIGH, of opposite values, where the value may be zero.
 
     It is that of the cubic in the value that has both times and rates, where this is monotonic,
     and else the middle: Newton's method without a bracket diverges here.
@@ -58,13 +58,13 @@ def _root_estimate(tracks: Any, lane: int) -> float:
 
 @inlined
 def _turning_part(tracks: Any, lane: int) -> float:
-    """Return the part of the way from LOW to HIGH at which the rate may pass zero."""
+    """Return the part of the way from _LOW to _HIGH at which the rate may pass zero."""
     return tracks[lane, _LOW + 2] / (tracks[lane, _LOW + 2] - tracks[lane, _HIGH + 2])
 
 
 @inlined
 def _may_hide_two(tracks: Any, lane: int) -> bool:
-    """Return whether the value, of one sign at LOW and HIGH, comes near zero or past it between."""
+    """Return whether the value, of one sign at _LOW and _HIGH, comes near zero between them."""
     low, low_rate = tracks[lane, _LOW + 1], tracks[lane, _LOW + 2]
     high, high_rate = tracks[lane, _HIGH + 1], tracks[lane, _HIGH + 2]
     if low * low_rate >= 0 or high * high_rate <= 0:
@@ -95,7 +95,7 @@ def _marched(tracks: Any, lane: int, length: float) -> int:
 
 @inlined
 def _turning_tried(tracks: Any, lane: int, tries: int) -> int:
-    """Return the mode after a try at the turning point; sets TURN if the function crossed there."""
+    """Return the mode after a try at the turning point; set _TURN if the function crossed there."""
     value, rate = tracks[lane, _SEEN + 1], tracks[lane, _SEEN + 2]
     if value * tracks[lane, _LOW + 1] < 0:
         _put(tracks, lane, _HIGH, _SEEN)

@@ -349,7 +349,7 @@ class Starts:
         # M = -mα + cγ has its horizontal part against α; a vertical M has none to turn.
         self.turns = np.where(across > 0, np.arctan2(-momenta[:, 1], -momenta[:, 0]), 0.0)
         unit = attitudes / np.linalg.norm(attitudes, axis=1, keepdims=True)
-        self.attitudes = _turned(-self.turns, unit)
+        self.attitudes = _turned_starts(-self.turns, unit)
         numbers = np.repeat([row_of(ball) for ball in several], len(sizes[0]), axis=0)
         level = np.stack([across, momenta[:, 2]], axis=1)
         no_section = np.zeros((len(level), STATE - SECTION))
@@ -401,7 +401,7 @@ class Starts:
 
     def to_world(self, attitudes: Array) -> Array:
         """Return attitudes (n, m, 4) in world axes."""
-        return _turned(self.turns[:, None], attitudes)
+        return _turned_starts(self.turns[:, None], attitudes)
 
     def turned_back(self, points: Array) -> Array:
         """Return points (n, m, 2) of the plane in world axes."""
@@ -410,7 +410,7 @@ class Starts:
         return np.stack([cos * X - sin * Y, sin * X + cos * Y], axis=-1)
 
 
-def _turned(angles: Array, attitudes: Array) -> Array:
+def _turned_starts(angles: Array, attitudes: Array) -> Array:
     """Return attitudes (..., 4) after turns (...) about the vertical [rad]."""
     turns = (np.cos(angles / 2), 0.0, 0.0, np.sin(angles / 2))
     return np.stack(eq.quaternion_product(turns, components(attitudes)), axis=-1)

@@ -170,7 +170,7 @@ def _step_for(scene: Scene, settings: Settings) -> tuple[float, float]:
 
 
 def _played(scene: Scene, settings: Settings, step: float, parts: int) -> Array:
-    """Return the contact points (SAMPLES, 2) of a run with held controls [m].
+    """Return the contact points (_SAMPLES, 2) of a run with held controls [m].
 
     parts: the number of its steps in one of the run that it is compared with, so that both are
     sampled at the same times.

@@ -70,7 +70,7 @@ class MuJoCo(Engine):
         self, scenes: Sequence[Scene], times: Array, settings: EngineSettings
     ) -> Iterator[ContactMotion]:
         """Yield the motions of scenes, as `run` returns them."""
-        from robotball.engines.mujoco.many import run_many
+        from robotball.engines.mujoco.rollouts import run_many
 
         return run_many(scenes, as_own(settings, Settings, LABEL), times)
 

@@ -126,7 +126,7 @@ def _coordinates(model: Model, scenes: Sequence[Scene]) -> tuple[Array, Array]:
 
 @cache
 def _advance(many: bool) -> Callable[..., Any]:
-    """Return the compiled loop: model, data, controls (PASSES, nu), step [s], count → data."""
+    """Return the compiled loop: model, data, controls (_PASSES, nu), step [s], count → data."""
     import jax
 
     from robotball.engines.compiled import cache_folder

@@ -107,7 +107,7 @@ def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
 
 
 def _angles(scene: Scene, hinge: robotball.scene.Hinge) -> Array:
-    """Return the hinge's angles (SEEN,) [rad]: as it is commanded, or else a whole turn."""
+    """Return the hinge's angles (_SEEN,) [rad]: as it is commanded, or else a whole turn."""
     if hinge.name in ("frame", *dict(scene.ball.named_rotors)):
         return np.full(_SEEN, hinge.angle)
     times = np.linspace(0.0, scene.duration, _SEEN - 1)

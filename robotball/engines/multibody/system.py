@@ -42,7 +42,7 @@ from robotball.scene import Scene
 
 # Places in a state; from HINGES on the angles, the momenta and the work, h numbers each.
 POINT, MOMENTUM, LOSS, HINGES = 4, 6, 9, 10
-# Places in the readings; from PER_HINGE on the hinges' rates and torques, h each, and the motors'
+# Places in the readings; from _PER_HINGE on the hinges' rates and torques, h each, and the motors'
 # torques without limits.
 _FORCE, _PLANE_TORQUE, _OMEGA, _ROLLING, _PER_HINGE = 0, 3, 6, 9, 12
 # Places in a motor's row: the numbers of its law.
@@ -68,7 +68,7 @@ for _module in (eq, mechanics):
 class Machine(NamedTuple):
     """The numbers of a scene that stay while it moves.
 
-    bodies, radius, carrier: of its `Robot`; gravity (3,) m/s², world; motors (m, MOTOR), the
+    bodies, radius, carrier: of its `Robot`; gravity (3,) m/s², world; motors (m, _MOTOR), the
     numbers of their laws; gears (m, h); given (3 + h,): whether a rate is given; spin_free: whether
     the shell may not turn about the vertical; resistance m, of the plane to rolling.
     """
@@ -323,7 +323,7 @@ def _differentiate(
 class Readings:
     """Readings of states (...); world axes, but for omega.
 
-    numbers       (..., PER_HINGE + 2h + m)  all of them, as the derivative writes them
+    numbers       (..., _PER_HINGE + 2h + m)  all of them, as the derivative writes them
     force         (..., 3)  N, of the plane on the shell
     plane_torque  (..., 3)  N m, of the plane on the shell about the contact point
     omega         (..., 3)  rad/s of the frame, frame axes
@@ -349,7 +349,7 @@ class Readings:
 
 
 def readings_of(numbers: Array, count: int) -> Readings:
-    """Return the readings of `count` hinges in an array (..., PER_HINGE + 2h + m), as views."""
+    """Return the readings of `count` hinges in an array (..., _PER_HINGE + 2h + m), as views."""
     threes = (numbers[..., i : i + 3] for i in (_FORCE, _PLANE_TORQUE, _OMEGA, _ROLLING))
     of_hinges = np.split(numbers[..., _PER_HINGE:], [count, 2 * count], axis=-1)
     return Readings(numbers, *threes, *of_hinges)

@@ -16,11 +16,11 @@ from robotball.qualitative.portraits import separatrices
 from robotball.qualitative.sections import invariant_curve
 from robotball.qualitative.straight_motions import stability_limit
 from tests.figures import from_rest
-from validation.figures import View, lines, rest
+from validation.figures import View, lines, motion_from_rest
 from validation.figures import attractor_figures as tori
 from validation.figures.lines import LINE_K, growth_rate, line_verticals
+from validation.figures.motion_from_rest import closed_contour
 from validation.figures.paper_figures import FIGURES, chosen
-from validation.figures.rest import closed_contour
 from validation.figures.sphere import Globe, Involute
 from validation.paper.formulas import paper_scene
 
@@ -32,7 +32,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
         (lines, "FINENESS", 20),
         (lines, "SHOWN", 20.0),
         (lines, "LONG", 30.0),
-        (rest, "DURATIONS", {7: 10.0}),
+        (motion_from_rest, "DURATIONS", {7: 10.0}),
         (tori, "LEVELS", (0.2, 0.5, 0.6)),
         (tori, "REGULAR", replace(tori.REGULAR, starts=8, count=320)),
         (tori, "REGULAR_BY_CONTACT", replace(tori.REGULAR_BY_CONTACT, starts=3, count=10)),

@@ -19,13 +19,13 @@ import mujoco
 import numpy as np
 from mujoco.rollout import Rollout
 
-from robotball.at_once import differ_in_start
 from robotball.engines.mujoco.accuracy import checked
 from robotball.engines.mujoco.limits import check_length, precheck
 from robotball.engines.mujoco.model import Model, build, carrying_depth, hinges_of, state_at
 from robotball.engines.mujoco.run import observed, run
 from robotball.engines.mujoco.settings import Chosen, Settings
 from robotball.engines.mujoco.stepping import Portion, controlled, stretches
+from robotball.many_motions import differ_in_start
 from robotball.motion import ContactMotion, FaultKind
 from robotball.processes import allowed, in_processes
 from robotball.rotations import Array

@@ -9,8 +9,8 @@ import pytest
 from robotball import Scene, Settings
 from robotball.engines.mujoco.model import Model, build
 from tests.imports import PROJECT
-from validation.studies import both_engines
-from validation.studies.both_engines import PARTS, holds, tables
+from validation.studies import paper_results
+from validation.studies.paper_results import PARTS, holds, tables
 from validation.study import Row
 
 
@@ -42,7 +42,7 @@ def test_another_ball_turns_the_lines(
         rates = tuple(factor * rate for rate in rotors)
         return build(replace(scene, frame_rate=frame, rotor_rates=rates), settings)
 
-    monkeypatch.setattr(both_engines, "build", other)
+    monkeypatch.setattr(paper_results, "build", other)
     rates = [row for row in PARTS[part](True) if row["quantity"] in ("λ", "Re λ")]
     assert rates
     assert not any(map(holds, rates))
@@ -53,7 +53,7 @@ def test_another_ball_turns_the_lines(
 def test_what_decides_is_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
     """Steps four times as long leave 4⁴ times the difference."""
     balanced = quick_rows("equilibria")
-    monkeypatch.setattr(both_engines, "_BALANCED", partial(both_engines.by_contact, "fast"))
+    monkeypatch.setattr(paper_results, "_BALANCED", partial(paper_results.by_contact, "fast"))
     fast = [*PARTS["equilibria"](True)]
     left = [rows[0]["apart"] for rows in (fast, balanced)]  # of γ in 10 s; rates have rounding too
     assert left[0] / left[1] == pytest.approx(256, rel=0.1)  # measured 262

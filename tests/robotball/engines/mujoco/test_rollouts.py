@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engines.mujoco import many
+from robotball.engines.mujoco import rollouts
 from robotball.motion import arrays_of
 from robotball.processes import at_most
 
@@ -63,7 +63,7 @@ def test_each_motion_is_that_of_a_run_alone(case: str, monkeypatch: pytest.Monke
     starts, times = starts_of(scene, 5), np.linspace(0.0, 1.0, 11) if times is None else times
     if case == "some that go on":  # and one that breaks, where MuJoCo's threads stop
         starts[3] = replace(starts[3], momentum=1e4 * starts[3].momentum)
-    monkeypatch.setattr(many, "_BYTES", 2.5e5)
+    monkeypatch.setattr(rollouts, "_BYTES", 2.5e5)
     done: list[float] = []
     with at_most(1 if case in HERE else 2):
         motions = [*rb.simulate_many(scene, starts, times, settings, progress=done.append)]

@@ -81,10 +81,10 @@ def compare_many(
     scenes = [replace(scene, start=each) for each in starts]
     more: Any = {"engine": engine, "device": device, "progress": progress}
     motions = simulate_many(scenes, None, times, settings, **more)
-    return ManyRuns(tuple(map(_row, map(Agreement, _references(scenes, times), motions))))
+    return ManyRuns(tuple(map(_start_row, map(Agreement, _references(scenes, times), motions))))
 
 
-def _row(agreement: Agreement) -> Row:
+def _start_row(agreement: Agreement) -> Row:
     fault = agreement.faults[0].kind.name if agreement.faults else None
     row = {name: getattr(agreement, name) for name in (*ERRORS, "agrees")}
     return row | {"fault": fault, "seconds": agreement.report.seconds}

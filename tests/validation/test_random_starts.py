@@ -9,7 +9,7 @@ import pytest
 
 import robotball as rb
 from robotball.processes import at_most
-from validation import ManyRuns, compare, compare_many, many_runs
+from validation import ManyRuns, compare, compare_many, random_starts
 from validation.study import scene_cell
 from validation.sweeps import Result, sweep
 
@@ -18,7 +18,7 @@ TIMES = rb.sample_times(1.0)
 
 def starts_of(scene: rb.Scene, count: int) -> list[rb.Start]:
     randoms = (np.random.default_rng([7, i]) for i in range(count))
-    return [many_runs.random_start(scene, each) for each in randoms]
+    return [random_starts.random_start(scene, each) for each in randoms]
 
 
 # Compiled steps in lanes; the same of the classical model; one by one, a drive that changes and the
@@ -34,7 +34,7 @@ def test_errors_are_those_of_comparisons_one_by_one(name: str) -> None:
         rows = compare_many(scene, starts, "fast", TIMES).rows
     for row, start in zip(rows, starts, strict=True):
         one = compare(replace(scene, start=start), "fast", TIMES)
-        for error in many_runs.ERRORS:
+        for error in random_starts.ERRORS:
             assert row[error] == pytest.approx(getattr(one, error), rel=3e-8)
         assert (row["fault"], row["agrees"]) == (None, True)
 
@@ -45,7 +45,7 @@ def test_a_broken_run_is_counted_and_has_no_error() -> None:
     found = compare_many(scene, starts_of(scene, 3), slippery, TIMES)
     none = found.summary("path_error")
     assert none["faulty"] == 3
-    assert {none[name] for name in many_runs.PERCENTILES} == {None}
+    assert {none[name] for name in random_starts.PERCENTILES} == {None}
     row = {"path_error": 1.0, "fault": None, "agrees": True, "seconds": 1.0}
     rows = tuple(row | {"path_error": float(i)} for i in range(101))
     broken = row | {"path_error": None, "fault": "SLIPPED"}
@@ -65,9 +65,9 @@ def without_seconds(rows: Any) -> list[dict[str, Any]]:
 
 def test_cells_are_parts_of_the_whole() -> None:
     """A start depends on its number alone, so that a cluster's cells have the same runs."""
-    alone = many_runs.of_cell(whole() | {"first": 0, "count": 5})["rows"]
+    alone = random_starts.of_cell(whole() | {"first": 0, "count": 5})["rows"]
     parts = [whole() | {"first": i, "count": count} for i, count in ((0, 2), (2, 3))]
-    rows = [row for each in parts for row in many_runs.of_cell(each)["rows"]]
+    rows = [row for each in parts for row in random_starts.of_cell(each)["rows"]]
     assert without_seconds(rows) == without_seconds(alone)
 
 
@@ -78,7 +78,7 @@ def test_a_cells_engine_is_looked_for_in_its_environments(monkeypatch: pytest.Mo
     monkeypatch.setattr("robotball.engines.adapter.interpreter_of", looked.append)
     cell = whole() | {"engine": "dart", "preset": "best", "environments": "elsewhere"}
     with pytest.raises(rb.InputError, match="DART is not installed"):
-        many_runs.of_cell(cell | {"first": 0, "count": 1})
+        random_starts.of_cell(cell | {"first": 0, "count": 1})
     assert looked == [Path("elsewhere/dart")]
 
 
@@ -94,11 +94,11 @@ def test_a_cluster_gives_the_same_rows(tmp_path: Path, monkeypatch: pytest.Monke
         addresses.append(cluster)
         return sweep(*of, workers=1, **more)
 
-    monkeypatch.setattr(many_runs, "sweep", local)
-    monkeypatch.setattr(many_runs, "_CELL", 2)
-    here, there = (many_runs.many_runs(whole(), 5, at, tmp_path) for at in (None, "tcp://a:1"))
+    monkeypatch.setattr(random_starts, "sweep", local)
+    monkeypatch.setattr(random_starts, "_CELL", 2)
+    here, there = (random_starts.many_runs(whole(), 5, at, tmp_path) for at in (None, "tcp://a:1"))
     assert without_seconds(there.rows) == without_seconds(here.rows)
     assert len((tmp_path / "starts.jsonl").read_text().splitlines()) == 1 + 3
     with pytest.raises(rb.InputError, match="no scene is called 'nowhere'"):
-        many_runs.many_runs(whole() | {"scene": "nowhere"}, 1, "tcp://a:1", tmp_path)
+        random_starts.many_runs(whole() | {"scene": "nowhere"}, 1, "tcp://a:1", tmp_path)
     assert addresses == ["tcp://a:1"] * 2

@@ -242,7 +242,7 @@ def _drift(quick: bool) -> _Rows:
     yield line(*words, 1e-2, "step, half by what it takes of M") | {"drifts": found}
 
 
-def _picture(drifts: Array) -> Figure:
+def _results_picture(drifts: Array) -> Figure:
     """Draw the drifts over |Ω| by both: rows of |Ω|, the equations', the engine's."""
     figure = Figure(figsize=(8.0, 5.0), layout="constrained")
     axes = figure.subplots()
@@ -316,7 +316,7 @@ class Results:
         failed = [f"{each.cell['part']}: {each.failure}" for each in results if each.failure]
         parts = {each.cell["part"]: each.record["rows"] for each in results if each.record}
         rows = [row for some in parts.values() for row in some]
-        picture = [_picture(np.array(row["drifts"])) for row in rows if "drifts" in row]
+        picture = [_results_picture(np.array(row["drifts"])) for row in rows if "drifts" in row]
         table = table_of(_COLUMNS, rows, lambda row: not holds(row), "result")
         study = Study("results", LABEL, [], rows, {"parts": parts}, [table, *failed], *picture)
         self.sweep.present(study, *names)

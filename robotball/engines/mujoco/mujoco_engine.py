@@ -14,7 +14,7 @@ from robotball.engines import Progress
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.limits import precheck
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.run import run
+from robotball.engines.mujoco.run import held, run
 from robotball.engines.mujoco.settings import OWN, PRESETS, Settings
 from robotball.motion import ContactMotion, EngineSettings
 from robotball.rotations import Array
@@ -54,12 +54,7 @@ class MuJoCo(Engine):
             return motion
         settings = as_own(request.settings, Settings, LABEL)
         precheck(scene, settings, times, request.loads, strict=request.strict)
-        motion = run(build(scene, settings), times, request.progress)
-        if scene.keeps_momentum:  # whose change would have shown an error
-            return motion
-        from robotball.engines.mujoco.accuracy import checked
-
-        return checked(motion, lambda other, at: run(build(scene, other), at))
+        return held(run(build(scene, settings), times, request.progress))
 
     def prepare(self, scene: Scene, settings: EngineSettings) -> Runner:
         """Return a function that runs one model, built here, from any start of the scene's ball."""

@@ -19,10 +19,9 @@ import mujoco
 import numpy as np
 from mujoco.rollout import Rollout
 
-from robotball.engines.mujoco.accuracy import checked
 from robotball.engines.mujoco.limits import check_length, precheck
 from robotball.engines.mujoco.model import Model, build, carrying_depth, hinges_of, state_at
-from robotball.engines.mujoco.run import observed, run
+from robotball.engines.mujoco.run import held, observed, run
 from robotball.engines.mujoco.settings import Chosen, Settings
 from robotball.engines.mujoco.stepping import Portion, controlled, stretches
 from robotball.many_motions import differ_in_start
@@ -75,11 +74,7 @@ def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Itera
 
 
 def _alone(settings: Settings, times: Array, scene: Scene) -> ContactMotion:
-    return _checked(run(build(scene, settings), times))
-
-
-def _checked(motion: ContactMotion) -> ContactMotion:
-    return checked(motion, lambda other, at: run(build(motion.scene, other), at))
+    return held(run(build(scene, settings), times))
 
 
 def _started(model: Model, scene: Scene) -> Model | None:
@@ -148,7 +143,7 @@ class _Together:
         """Return the motion of a run's sensors (steps + 1, n); None where the threads stopped."""
         motion = observed(model, self.times, self._portions(sensors, seconds))
         stopped = _STOPPED & {fault.kind for fault in motion.report.faults}
-        return None if stopped else _checked(motion)
+        return None if stopped else held(motion)
 
     def _portions(self, sensors: Array, seconds: float) -> Iterator[Portion]:
         share = seconds / len(self.parts)

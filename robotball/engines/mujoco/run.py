@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from robotball.engines import Progress
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.limits import check_length
-from robotball.engines.mujoco.model import Model
+from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.readings import own_faults, readings_of
 from robotball.engines.mujoco.stepping import Portion, by_steps, controlled
 from robotball.engines.observe import Recording
@@ -62,3 +62,12 @@ def observed(
         if progress is not None and len(readings.time):
             progress(float(readings.time[-1] / times[-1]))
     return recording.motion(longest, steps, seconds)
+
+
+def held(motion: ContactMotion) -> ContactMotion:
+    """Return the motion of a run, held against runs in other steps where its M is no witness."""
+    if motion.scene.not_reduced is None:
+        return motion
+    from robotball.engines.mujoco.accuracy import checked
+
+    return checked(motion, lambda other, at: run(build(motion.scene, other), at))

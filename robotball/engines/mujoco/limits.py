@@ -328,9 +328,9 @@ def low_weight(plan: PlannedRun) -> LimitCheck | None:
     Measured 0.7 to 1.5 of (r dt)⁶ over ten seconds, from 2.5e-7 to 8.5e-3, on nine frames of 10 to
     50 kg in a shell of 1 kg, and a fifth to 3 times it on random ones over 1 to 3 s.
     """
-    scene, robot = plan.scene, plan.scene.robot
-    if plan.integrator.order != 4 or not scene.load_varies:
+    if plan.integrator.order != 4 or not plan.scene.load_varies:
         return None
+    scene, robot = plan.scene, plan.scene.robot
     hinges = np.array([(each.angle, each.rate) for each in scene.hinges]).reshape(-1, 2)
     angles, rates = hinges.T[:, None]
     gamma, omega = rotation_matrix(scene.start.attitude)[2], scene.angular_velocity_at(scene.start)

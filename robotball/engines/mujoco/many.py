@@ -20,10 +20,9 @@ import numpy as np
 from mujoco.rollout import Rollout
 
 from robotball.at_once import differ_in_start
-from robotball.engines.mujoco.accuracy import checked
 from robotball.engines.mujoco.limits import check_length, precheck
 from robotball.engines.mujoco.model import Model, build, carrying_depth, hinges_of, state_at
-from robotball.engines.mujoco.run import Record, monitored, recorded, run
+from robotball.engines.mujoco.run import Record, held, monitored, recorded, run
 from robotball.engines.mujoco.settings import Chosen, Settings
 from robotball.engines.mujoco.stepping import Portion, is_plain, stretches
 from robotball.motion import ContactMotion, FaultKind
@@ -75,11 +74,7 @@ def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Itera
 
 
 def _alone(settings: Settings, times: Array, scene: Scene) -> ContactMotion:
-    return _checked(run(build(scene, settings), times))
-
-
-def _checked(motion: ContactMotion) -> ContactMotion:
-    return checked(motion, lambda other, at: run(build(motion.scene, other), at))
+    return held(run(build(scene, settings), times))
 
 
 def _started(model: Model, scene: Scene) -> Model | None:
@@ -148,7 +143,7 @@ class _Together:
         record = Record(keeps_window=False, seconds=seconds)
         readings = monitored(model, self.times, self._portions(sensors), record)
         motion = recorded(self.times, readings, record)
-        return None if _STOPPED & {kind for kind, _ in record.faults} else _checked(motion)
+        return None if _STOPPED & {kind for kind, _ in record.faults} else held(motion)
 
     def _portions(self, sensors: Array) -> Iterator[Portion]:
         rows = np.pad(sensors, ((0, 0), (0, int(mujoco.mjtWarning.mjNWARNING))))

@@ -12,10 +12,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from robotball.engine import Engine, Knobs, Ladder, Request, Runner, as_own
 from robotball.engines import Progress
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.accuracy import checked, reach
 from robotball.engines.mujoco.limits import precheck
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.run import run
+from robotball.engines.mujoco.run import held, run
 from robotball.engines.mujoco.settings import OWN, PRESETS, Settings
 from robotball.motion import ContactMotion, EngineSettings
 from robotball.rotations import Array
@@ -55,8 +54,8 @@ class MuJoCo(Engine):
             return motion
         settings = as_own(request.settings, Settings, LABEL)
         precheck(scene, settings, times, request.loads, strict=request.strict)
-        motion = run(build(scene, settings), times, request.progress, request.fault_window)
-        return checked(motion, lambda other, at: run(build(scene, other), at))
+        model = build(scene, settings)
+        return held(run(model, times, request.progress, request.fault_window))
 
     def prepare(self, scene: Scene, settings: EngineSettings) -> Runner:
         """Return a function that runs one model, built here, from any start of the scene's ball."""
@@ -77,6 +76,8 @@ MUJOCO = MuJoCo()
 
 def _to_accuracy(scene: Scene, times: Array, request: Request, accuracy: float) -> ContactMotion:
     """Search for settings that reach the accuracy, and return the last run."""
+    from robotball.engines.mujoco.accuracy import reach
+
     # How many runs follow is not known, so each is given half of the work that is left.
     part = 1.0
 

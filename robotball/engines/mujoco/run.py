@@ -12,7 +12,7 @@ import numpy as np
 from robotball.engines import Progress
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.limits import check_length
-from robotball.engines.mujoco.model import Model
+from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.monitor import Found, Monitor
 from robotball.engines.mujoco.readings import Readings
 from robotball.engines.mujoco.stepping import Control, Portion, by_steps, controlled
@@ -51,6 +51,15 @@ def run(
 
             write(fault_window, record.window)
     return motion
+
+
+def held(motion: ContactMotion) -> ContactMotion:
+    """Return the motion of a run, held against runs in other steps where its M is no witness."""
+    if motion.scene.not_reduced is None:
+        return motion
+    from robotball.engines.mujoco.accuracy import checked
+
+    return checked(motion, lambda other, at: run(build(motion.scene, other), at))
 
 
 def recorded(times: Array, readings: Iterable[Readings], record: "Record") -> ContactMotion:

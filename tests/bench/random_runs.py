@@ -337,8 +337,7 @@ def measure_detection(count: int, seed: int, show: Show) -> dict[str, Any]:
             counts["noticed during"] += failed and bool(each.faults)
             counts["missed"] += missed
             found["missed"] += [_words(each)] * missed
-            if make is robot and each.false_alarm:
-                found["false_alarms"].append(_words(each))
+            found["false_alarms"] += [_words(each)] * (make is robot and each.false_alarm)
         found[name] = dict(counts)
     alarms = (each for each in runs(ordinary, 2 * count, "ordinary") if each.false_alarm)
     found["false_alarms"] += map(_words, alarms)

@@ -274,10 +274,9 @@ def checked(motion: ContactMotion, run: _Run) -> ContactMotion:
         step, at = factor * report.timestep, _thinned(motion.times, factor * report.timestep)
         other = run(_in_steps(settings, step, softer), at)
         measured = path_errors(other, motion) / motion.path_scale, momentum_errors(other, motion)
+        ratio = other.report.timestep / report.timestep
         with np.errstate(all="ignore"):  # of a single step, which cannot be any longer
-            error = np.maximum(*measured) / abs(
-                (other.report.timestep / report.timestep) ** order - 1
-            )
+            error = np.maximum(*measured) / abs(ratio**order - 1)
         off = ~(error <= part * tolerated(settings.error_tolerance, other.times))
         seconds += other.report.seconds
         if len(other.times) == len(at) and not off.any():

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tokenize
 from collections.abc import Iterator, Mapping
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -121,9 +122,15 @@ def test_an_engines_name_is_typed_in_its_room_alone() -> None:
         assert not [each for each in texts if isinstance(each, str) and "MuJoCo" in each], name
 
 
+@cache
+def nodes_of(text: str) -> list[ast.AST]:
+    """The nodes of a module, which several checks look at."""
+    return [*ast.walk(ast.parse(text))]
+
+
 def prose_of(text: str) -> Iterator[str]:
     """Yield the docstrings and the comments of a module."""
-    for node in ast.walk(ast.parse(text)):
+    for node in nodes_of(text):
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             yield str(node.value.value)
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
@@ -133,7 +140,7 @@ def prose_of(text: str) -> Iterator[str]:
 
 def words_of(text: str) -> Iterator[str]:
     """Yield what a module names: its own names and those it uses, and its texts."""
-    for node in ast.walk(ast.parse(text)):
+    for node in nodes_of(text):
         for key in ("name", "id", "attr", "arg"):
             name = getattr(node, key, None)
             yield from name.split(".") if isinstance(name, str) else ()
@@ -143,7 +150,7 @@ def words_of(text: str) -> Iterator[str]:
 
 def unknown_names(text: str, known: set[str]) -> Iterator[str]:
     """Yield what prose names and is nowhere: `names`, and CONSTANTS that are private ones here."""
-    own = {node.id for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Name)}
+    own = {node.id for node in nodes_of(text) if isinstance(node, ast.Name)}
     for prose in prose_of(text):
         for name in re.findall(r"`([A-Za-z_][\w.]*)(?:\(.*?\))?`", prose):
             if name not in known and not set(name.split(".")) <= known:

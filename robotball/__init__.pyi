@@ -30,12 +30,12 @@ from .files.scene_file import load_scene as load_scene
 from .files.scene_writer import scene_toml as scene_toml
 from .files.trajectories import Trajectory as Trajectory
 from .files.trajectories import read_trajectory as read_trajectory
+from .loads import Loads as Loads
 from .motion import ContactMotion as ContactMotion
 from .motion import ContactReport as ContactReport
 from .motion import EngineSettings as EngineSettings
 from .motion import Fault as Fault
 from .motion import FaultKind as FaultKind
-from .motion import Loads as Loads
 from .motion import Motion as Motion
 from .motion import ReferenceMotion as ReferenceMotion
 from .motors import Actuator as Actuator

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotball.engines.links import links_of
+from robotball.loads import Loads
 from robotball.motion import (
     DIVERGED,
     RATE_ERROR,
@@ -22,7 +23,6 @@ from robotball.motion import (
     FaultKind,
     Joined,
     Label,
-    Loads,
     path_unit,
     slip_with_spin,
     tolerated,

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from robotball.errors import InputError, warn
 from robotball.files.columns import read_table
 from robotball.files.trajectories import FORMAT, Trajectory, arrays_of, read_trajectory
-from robotball.motion import Label, Loads, Motion, loads_of, pieces
+from robotball.loads import Loads, loads_of
+from robotball.motion import Label, Motion, pieces
 from robotball.rotations import Array, angle_between, conjugate, rotation_matrix
 from robotball.scene import Scene
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from robotball.engines import LEAST_RTOL
+from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.mujoco.limits import COST_MODEL, planned, seeing_step
 from robotball.engines.mujoco.settings import ADAPTIVE, BY_ERROR, PRESETS, Settings, recipe
 from robotball.errors import warn

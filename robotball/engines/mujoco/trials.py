@@ -11,13 +11,13 @@ import numpy as np
 
 import robotball.scene
 from robotball import equations as eq
-from robotball.engines.adapter import rk4
+from robotball.engines.dop853 import rk4
 from robotball.engines.mujoco.model import ModelHinge, build
 from robotball.engines.mujoco.readings import readings_of
 from robotball.engines.mujoco.settings import Settings, recipe
 from robotball.engines.mujoco.stepping import controlled, read_row
 from robotball.equations import Quaternion, Vector, as_vector
-from robotball.motion import Loads
+from robotball.loads import Loads
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Friction, Scene
 

@@ -91,3 +91,10 @@ def direction(name: str, v: Array) -> Array:
 
 def _rotation(q: Array) -> Rotation:
     return Rotation.from_quat(q, scalar_first=True)
+
+
+def continuous(attitude: Array) -> Array:
+    """Return quaternions (n, 4) without jumps of the sign, as q and -q are one attitude."""
+    cosines = (attitude[1:] * attitude[:-1]).sum(axis=1)
+    signs = np.cumprod(np.concatenate([[1.0], np.where(cosines < 0, -1.0, 1.0)]))
+    return attitude * signs[:, None]

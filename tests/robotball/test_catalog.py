@@ -9,8 +9,8 @@ import pytest
 import robotball as rb
 from robotball.equations import ROLLING_MODELS
 from robotball.files.scene_file import entries
+from tests.random_balls import ball_of_points
 from validation import compare
-from validation.studies.random_runs import random_scene
 
 pytestmark = pytest.mark.core
 
@@ -92,7 +92,7 @@ CASES = [*range(8), *zip(UNSTEADY, 3 * ROLLING_MODELS, strict=True)]
 def scene_of(case: Any) -> rb.Scene:
     """A random ball, or Fig. 12's under drives in time, in one of the models."""
     if isinstance(case, int):
-        return random_scene(case)
+        return ball_of_points(case)
     name, rolling = case
     return replace(rb.load_scene("fig12"), rolling=rolling, **UNSTEADY[name])
 

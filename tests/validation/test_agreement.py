@@ -8,9 +8,9 @@ import pytest
 
 import robotball as rb
 from robotball.rotations import multiply
+from robotball.variations import scaled
 from tests.motions import as_contact
 from validation import Agreement, compare
-from validation.studies.extreme_maps import scaled
 
 pytestmark = pytest.mark.core
 

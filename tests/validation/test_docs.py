@@ -17,12 +17,12 @@ from tests.bench.gallery import NUMBERS, OUTCOMES, outcomes_table
 from tests.conftest import Robotball
 from tests.imports import PROJECT
 from tests.motions import known
+from tests.random_balls import ball_of_points
 from tests.random_robots import random_scene as random_robot
 from tests.validation.examples import example
 from validation import compare
 from validation.cli import COMMANDS, parse
 from validation.studies.extreme_maps import MAPS, cells_of
-from validation.studies.random_runs import random_scene as random_ball
 from validation.studies.tradeoff import configurations
 
 README = (PROJECT / "README.md").read_text(encoding="utf-8")
@@ -131,7 +131,7 @@ def test_the_settings_page_has_the_presets_worst_errors() -> None:
 
     That is room for the last bits, which a sensitive robot magnifies.
     """
-    scenes = random_ball(14), random_robot(np.random.default_rng(74))
+    scenes = ball_of_points(14), random_robot(np.random.default_rng(74))
     theories = [rb.integrate(scene, rb.sample_times(10.0)) for scene in scenes]
     for name in ("fast", "balanced", "accurate", "adaptive"):
         (tolerance,) = re.findall(rf"`--preset {name}`.*?right to ([\de-]+)", DOCS["settings.md"])

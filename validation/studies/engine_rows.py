@@ -44,10 +44,11 @@ def _as_they_are(engine: Engine) -> dict[str, Ladder]:
     return found
 
 
-_SPIN, _ALL_BUT_DYNAMICS = "torque against spin", "constraints, steps"
-_TORQUE = "gyrostat's torque"
+_SPIN, _IDEAL = "torque against spin", "constraints, steps"
+_GYROSTAT = "gyrostat's torque"
 _IMPEDANCE = (0.9, 0.99, 0.999, 0.9999)
 _BY_RTOL: Ladder = ("rtol", (1e-6, 1e-9, 1e-12))
+_TO_ROUNDING: Ladder = ("rtol", (1e-6, 1e-9, 1e-12, 1e-15))
 _OF_MODEL: dict[str, Any] = {
     "model.softness": slice(1e-4, 10.0), "model.sliding_friction": slice(2.0, 100.0),
     "model.integrator": ("RK4", "Euler", "implicitfast"),
@@ -60,11 +61,8 @@ def _steps(*values: float) -> Ladder:
 
 _ROWS = {
     "mujoco": EngineRow(
-        {
-            "naive": _steps(2e-3),
-            "balanced": _steps(20e-3, 10e-3, 5e-3, 1e-3),
-            "adaptive": ("rtol", (1e-6, 1e-9, 1e-12, 1e-15)),
-        },
+        {"naive": _steps(2e-3), "balanced": _steps(20e-3, 10e-3, 5e-3, 1e-3),
+         "adaptive": _TO_ROUNDING},
         ("balanced", {
             "timestep": slice(1e-3, 2e-2), "integrator": OWN, "solver": ("PGS", "CG", "Newton"),
             "iterations": (3, 10, 50), "noslip_iterations": (0, 1, 5),
@@ -73,7 +71,7 @@ _ROWS = {
         }),
         {"adaptive": "steps"},
     ),
-    "multibody": EngineRow({"best": ("rtol", (1e-6, 1e-9, 1e-12, 1e-15))}, ours={"best": "all"}),
+    "multibody": EngineRow({"best": _TO_ROUNDING}, ours={"best": "all"}),
     "bullet": EngineRow(
         {"as-it-comes": _steps(1 / 240), "best": _steps(1 / 250, 1e-3, 1e-4)},
         ("best", {
@@ -89,16 +87,12 @@ _ROWS = {
             "timestep": slice(1e-4, 4e-3), "friction": slice(1.0, 1e3),
             "spin_part": slice(0.1, 2.0),
         }),
-        {"best": _SPIN, "ideal": _ALL_BUT_DYNAMICS},
+        {"best": _SPIN, "ideal": _IDEAL},
         "python/tutorials/04_biped, lesson 6: velocity actuators",
     ),
     "drake": EngineRow(
-        {
-            "as-it-comes": _steps(1e-3),
-            "tamsi": _steps(4e-3, 1e-3, 1e-4),
-            "best": _steps(1e-3),
-            "ideal": _BY_RTOL,
-        },
+        {"as-it-comes": _steps(1e-3), "tamsi": _steps(4e-3, 1e-3, 1e-4), "best": _steps(1e-3),
+         "ideal": _BY_RTOL},
         ("best", {
             "timestep": slice(1e-4, 5e-3), "approximation": ("tamsi", "sap", "lagged", "similar"),
             "integrator": (None, "runge_kutta3", "radau3", "implicit_euler"),
@@ -106,26 +100,20 @@ _ROWS = {
             "error_control": (False, True), "stiction": slice(1e-4, 1e-2),
             "spin_part": slice(0.1, 1e4), "armature": slice(1e2, 1e12),
         }),
-        {"tamsi": _SPIN, "best": _SPIN, "ideal": _ALL_BUT_DYNAMICS},
+        {"tamsi": _SPIN, "best": _SPIN, "ideal": _IDEAL},
         "examples/multibody/strandbeest/run_with_motor.cc: a gain as large as the mass",
     ),
     "exudyn": EngineRow(
-        {
-            "as-it-comes": _steps(2e-4),
-            "best": _steps(20e-3, 5e-3, 1e-3),
-            "contact": _steps(5e-3, 1e-3),
-        },
+        {"as-it-comes": _steps(2e-4), "best": _steps(20e-3, 5e-3, 1e-3),
+         "contact": _steps(5e-3, 1e-3)},
         ("best", {
             "timestep": slice(1e-3, 2e-2), "solver": ("TrapezoidalIndex2", "GeneralizedAlpha"),
             "tolerance": slice(1e-12, 1e-5), "modified": (False, True),
             "load_jacobian": (False, True), "friction": (None, 2.0, 20.0),
             "slip_zone": slice(1e-6, 1e-3),
         }),
-        {
-            "as-it-comes": f"hinge and spin, {_TORQUE}",
-            "contact": f"hinge and spin, {_TORQUE}",
-            "best": f"constraints, {_TORQUE}",
-        },
+        dict.fromkeys(("as-it-comes", "contact"), f"hinge and spin, {_GYROSTAT}")
+        | {"best": f"constraints, {_GYROSTAT}"},
         "TestModels/sphereTriangleTest.py",
     ),
     "genesis": EngineRow(
@@ -146,11 +134,8 @@ _ROWS = {
         {"best": _steps(20e-3, 10e-3)}, ("best", {"timestep": slice(2e-3, 2e-2), **_OF_MODEL})
     ),
     "newton": EngineRow(
-        {
-            "as-it-comes": _steps(1e-3),
-            "best": _steps(20e-3, 5e-3, 1e-3),
-            "kept": _steps(20e-3, 5e-3),
-        },
+        {"as-it-comes": _steps(1e-3), "best": _steps(20e-3, 5e-3, 1e-3),
+         "kept": _steps(20e-3, 5e-3)},
         ("best", {
             "timestep": slice(1e-3, 2e-2), "integrator": ("rk4", "euler", "implicitfast"),
             "cone": ("elliptic", "pyramidal"), "iterations": (5, 10, 50),
@@ -169,17 +154,13 @@ _ROWS = {
         source="docs/source/tutorial/robotics/pid.rst: the internal drive",
     ),
     "pinocchio": EngineRow(
-        {
-            "RK4": _steps(20e-3, 10e-3, 5e-3),
-            "best": ("rtol", (1e-6, 1e-9, 1e-12, 1e-14)),
-            "as-it-comes": _steps(1e-3),
-            "contact": _steps(4e-3, 1e-3),
-        },
+        {"RK4": _steps(20e-3, 10e-3, 5e-3), "best": ("rtol", (1e-6, 1e-9, 1e-12, 1e-14)),
+         "as-it-comes": _steps(1e-3), "contact": _steps(4e-3, 1e-3)},
         ("contact", {
             "timestep": slice(1e-4, 4e-3), "solver": ("ADMM", "PGS"),
             "friction": slice(1.0, 100.0), "spin_part": slice(0.1, 2.0),
         }),
-        {"RK4": _ALL_BUT_DYNAMICS, "best": _ALL_BUT_DYNAMICS, "contact": _SPIN},
+        {"RK4": _IDEAL, "best": _IDEAL, "contact": _SPIN},
         "examples/admm-constraint-solver.py",
     ),
 }  # fmt: skip

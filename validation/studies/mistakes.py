@@ -4,23 +4,20 @@ Numbers of a file are compared with the reference's sample by sample, under each
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cache, partial, reduce
 from itertools import permutations, product
-from typing import Any
 
-import msgspec
 import numpy as np
 
-from robotball import Custom, InputError, Motion, Ramp, Samples, Scene, Sine, Sum, Trajectory
-from robotball.drives import Drive, Rate, as_custom
+from robotball import InputError, Motion, Scene, Trajectory
 from robotball.equations import Rolling
-from robotball.files.export import poses
 from robotball.files.trajectories import LENGTHS
-from robotball.mechanics import momentum_at
 from robotball.motors import Servo
-from robotball.robot import Ball, Body, Rotor, Shell
+from robotball.poses import poses
+from robotball.robot import Body, Rotor, Shell
 from robotball.rotations import Array, conjugate, from_matrix, multiply, rotation_matrix
+from robotball.variations import scaled_rate, with_angular_velocity, with_bodies
 
 _FLOOR = 1e-6  # an error below it explains as little as none
 _MOST = 400  # samples that a convention is tried on
@@ -420,7 +417,7 @@ def _has_rate(scene: Scene, hinge: int) -> bool:
 def _with_rates(scene: Scene, which: list[int], factor: float) -> tuple[Scene, ...]:
     """Return scenes with some rates times a factor: with the same M, frame's ω, or shell's ω."""
     given = [scene.frame_rate, *scene.rotor_rates, *scene.pendulum_rates]
-    rates = [scaled(rate, factor) if i in which else rate for i, rate in enumerate(given)]
+    rates = [scaled_rate(rate, factor) if i in which else rate for i, rate in enumerate(given)]
     rotors = 1 + len(scene.ball.rotors)
     changed = replace(
         scene,
@@ -433,22 +430,6 @@ def _with_rates(scene: Scene, which: list[int], factor: float) -> tuple[Scene, .
         more = (factor - 1) * float(scene.drives[0].rate(0.0)) * scene.ball.shell.axis
         found.append(_kept(changed, scene, _omega(scene) + more))
     return tuple(found)
-
-
-def scaled(rate: Rate, factor: float) -> Rate:
-    """Return a rate times a factor, whatever kind of rate it is."""
-    if isinstance(rate, Ramp | Sine):
-        names = ("initial", "final") if isinstance(rate, Ramp) else ("amplitude", "mean")
-        changes = {name: factor * getattr(rate, name) for name in names}
-        return msgspec.structs.replace(rate, **changes)
-    if isinstance(rate, Samples):
-        return msgspec.structs.replace(rate, values=tuple(factor * v for v in rate.values))
-    if isinstance(rate, Sum):
-        return Sum(tuple(scaled(part, factor) for part in rate.parts))
-    if isinstance(rate, Custom | Drive) or callable(rate):
-        given = replace(as_custom(rate), derivative=None, integral=None)
-        return replace(given, function=lambda t: factor * float(given.function(t)))
-    return factor * float(rate)
 
 
 def _radii(scene: Scene, rolling_radius: float) -> Iterator[_MistakenScene]:
@@ -502,16 +483,6 @@ def _with_body(scene: Scene, body: Body, other: Body) -> tuple[Scene, ...]:
     return (_kept(heavier, scene), heavier)
 
 
-def with_bodies(ball: Ball, change: Callable[[Any], Any]) -> Ball:
-    """Return the ball with another body in the place of each."""
-    bodies = {each.name: getattr(ball, each.name) for each in fields(ball)}
-    changed: dict[str, Any] = {
-        name: tuple(map(change, own)) if isinstance(own, tuple) else change(own)
-        for name, own in bodies.items()
-    }
-    return replace(ball, **changed)
-
-
 def _starts(scene: Scene) -> Iterator[_MistakenScene]:
     start, R = scene.start, rotation_matrix(scene.start.attitude)
     omega, q = _omega(scene), start.attitude
@@ -540,10 +511,7 @@ def _omega(scene: Scene) -> Array:
 
 def _kept(changed: Scene, scene: Scene, omega: Array | None = None) -> Scene:
     """Return a changed scene that starts with the frame's ω of the other, or with this ω."""
-    start, omega = changed.start, _omega(scene) if omega is None else omega
-    angles, rates = np.array([(hinge.angle, hinge.rate) for hinge in changed.hinges]).T
-    M = momentum_at(changed.ball, changed.rolling, start.attitude, omega, angles, rates)
-    return replace(changed, start=replace(start, momentum=_level(changed, M)))
+    return with_angular_velocity(changed, _omega(scene) if omega is None else omega)
 
 
 def _level(scene: Scene, M: Array) -> Array:

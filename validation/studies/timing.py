@@ -24,8 +24,8 @@ from robotball.engines.mujoco.settings import NAIVE
 from robotball.errors import InputError
 from robotball.motors import Motor, Servo
 from robotball.rotations import Array
+from robotball.variations import scaled_body
 from validation.output import Show
-from validation.studies.extreme_maps import scaled_body
 from validation.studies.friction import LEAST_FRICTION
 from validation.study import Column, Row, Study, table_of
 

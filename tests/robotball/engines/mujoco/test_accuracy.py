@@ -17,9 +17,9 @@ from robotball.engines.mujoco.mujoco_engine import LEAST_ACCURACY
 from robotball.motion import ContactMotion
 from robotball.rotations import Array
 from tests.motions import as_contact, known
+from tests.random_balls import ball_of_points
 from tests.robots import worked
 from validation import Agreement, compare
-from validation.studies.random_runs import random_scene
 
 FIG12 = rb.load_scene("fig12")
 
@@ -38,7 +38,7 @@ def reached_by(scene: rb.Scene, target: float, times: Array | None = None) -> Ag
         (FIG12, 1e-8, "RK4", 1.4),  # 1.37
         (rb.load_scene("spin_up_from_rest"), 1e-8, "RK4", 1.4),  # 1.14
         (rb.load_scene("wobbling_drive"), 1e-10, "DOP853", 22.0),  # 7.3: near rounding, as below
-        (random_scene(6), 1e-10, "DOP853", 11.0),  # 3.6
+        (ball_of_points(6), 1e-10, "DOP853", 11.0),  # 3.6
         # M changes by itself, so two runs tell the error.
         (worked("W2"), 1e-9, "RK4", 2.5),  # 2.36
         (worked("W4"), 1e-6, "RK4", 1.5),  # 1.39

@@ -17,11 +17,11 @@ from robotball.engines.mujoco.trials import linearised_start, momentum_loss
 from robotball.motors import Actuator, Free, Law, Servo
 from robotball.robot import Ball, Frame, Shell
 from robotball.scene import Friction
+from robotball.variations import scaled
 from tests.motions import known
+from tests.random_balls import ball_of_points
 from tests.robots import Y, pendulum_ball, robot, swing, worked
 from validation import Agreement, compare
-from validation.studies.extreme_maps import scaled
-from validation.studies.random_runs import random_scene, rescaled
 
 pytestmark = pytest.mark.core
 
@@ -73,7 +73,7 @@ def geared(gain: float) -> rb.Scene:
 
 
 def heavy(scene: rb.Scene, *masses: float) -> list[rb.Scene]:
-    return [rescaled(scene, mass=mass) for mass in masses]
+    return [scaled(scene, mass=mass, gravity=1.0) for mass in masses]
 
 
 # Rotors at 30 times their rates turn the ball by 2.2 rad in a step inside, 3.0 beyond.
@@ -243,7 +243,7 @@ def test_fast_rotors_are_no_reason_to_warn_of_a_loss() -> None:
 
     By the fastest rotation alone all of M could be lost.
     """
-    ball = random_scene(46)
+    ball = ball_of_points(46)
     rates = tuple(4 * rate for rate in ball.rotor_rates if isinstance(rate, float))
     scene = replace(ball, rotor_rates=rates)
     limit = limit_of(limits.momentum_lost, scene, FAST, 10.0)
@@ -321,7 +321,7 @@ def test_the_recipe_has_no_limit_near() -> None:
 
     But for one: the catalog's servos are too strong for steps of 20 ms.
     """
-    for scene in (*map(rb.load_scene, rb.catalog()), *map(random_scene, range(4))):
+    for scene in (*map(rb.load_scene, rb.catalog()), *map(ball_of_points, range(4))):
         beyond = [p for p in ("fast", "adaptive") if exceeded(scene, rb.preset(p), scene.times)]
         assert beyond == ["fast"] * (scene.name == "servo_motors"), scene.name
 
@@ -359,7 +359,7 @@ def test_an_edge_knows_how_near_it_is() -> None:
     assert not LimitCheck("", 4.0, 4.0, "", least=True).exceeded
     assert LimitCheck("", np.nan, 1.0, "").exceeded
     for length, beyond in ((1.0, False), (1e9, True)):  # such a ball rolls beyond 1e10 m
-        scene = rescaled(FIG12, length=length)
+        scene = scaled(FIG12, length=length, gravity=1.0)
         assert limit_of(limits.largest_number, scene, FAST, 10.0).exceeded == beyond
 
 

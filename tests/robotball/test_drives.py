@@ -12,8 +12,8 @@ from scipy.integrate import quad
 
 import robotball as rb
 from robotball.drives import Constant, Drive, as_drive
+from tests.motions import pair_of
 from tests.robotball.own_drive import OwnDrive, of_sine
-from validation import compare
 
 END = 3.0  # s
 FIG12 = rb.load_scene("fig12")
@@ -108,7 +108,7 @@ def test_a_function_is_asked_within_the_run_alone(end: float, preset: str) -> No
     """Whatever the scene's duration: by both engines, breakpoints at and beyond the end."""
     rate = rb.Custom(only_on(end), breakpoints=(0.0, end, 3 * end))
     scene = replace(FIG12, frame_rate=rate, duration=0.3)
-    assert compare(scene, preset, np.linspace(0.0, end, 11)).agrees
+    assert pair_of(scene, preset, np.linspace(0.0, end, 11)).agrees
 
 
 def test_a_function_that_is_not_smooth_is_warned_of() -> None:

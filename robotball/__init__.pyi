@@ -1,5 +1,7 @@
 """The names of `robotball`, each from its home; loaded when they are first used."""
 
+import validation as _validation
+
 from .at_once import simulate_many as simulate_many
 from .designing import Design as Design
 from .designing import Limits as Limits
@@ -55,3 +57,7 @@ from .robot import Shell as Shell
 from .scene import Scene as Scene
 from .scene import Start as Start
 from .scene import sample_times as sample_times
+
+Agreement = _validation.Agreement
+compare = _validation.compare
+compare_many = _validation.compare_many

@@ -88,7 +88,7 @@ def test_the_study_of_engines_runs_an_engine_that_its_table_lacks(
     robotball: Robotball, tmp_path: Path
 ) -> None:
     """Each of its presets as it is; there is nothing to tune."""
-    options = ("fig12", "--only", "off", "--duration", "0.2", "--workers", "1")
+    options = ("fig12", "--only", "off", "--duration", "1", "--workers", "1")
     status, out, _ = robotball("engines", *options)
     assert (status, "Off 3.1, as it comes" in out) == (0, True)
     (data,) = tmp_path.glob("out/*.json")

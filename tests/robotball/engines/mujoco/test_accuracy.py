@@ -53,6 +53,7 @@ def test_the_accuracy_asked_for_is_reached(
     estimate, error = pair.report.estimated_error, pair.path_error
     assert pair.agrees
     assert error <= target
+    assert estimate is not None
     assert estimate <= target
     assert as_own(pair.report.settings, rb.Settings, LABEL).integrator == integrator
     assert 0.95 < estimate / error < most
@@ -164,6 +165,7 @@ def test_a_chaotic_motion_is_followed_as_far_as_its_estimate_says() -> None:
     """fig14 over 60 s, seven Lyapunov times: 8.8e-7 of the path, and estimated so."""
     pair = reached_by(rb.load_scene("fig14"), 1e-6, rb.sample_times(60.0, 0.1))
     estimate = pair.report.estimated_error
+    assert estimate is not None
     assert estimate / pair.path_error == pytest.approx(1.0, abs=0.1)  # measured 1.0008
 
 

@@ -74,13 +74,14 @@ wheel: setup
 	$(BIN)/python -m hatchling build -t wheel -d $(WHEEL)
 	$(BIN)/python -m venv $(WHEEL)/env
 	$(WHEEL)/env/bin/python -m pip install --quiet --no-deps --no-index $(WHEEL)/*.whl
+	echo 'raise ImportError("another package")' > $$(echo $(WHEEL)/env/lib/python*/site-packages)/validation.py
 	cd $(WHEEL)/empty && for each in --version scenes 'model fig12 --out fig12.xml' \
 	  'compare fig12 --preset fast --duration 0.5' 'report fig12 --preset fast --duration 0.5'; \
 	  do $(ALONE) ../env/bin/robotball $$each || exit 1; done
-	cd $(WHEEL)/empty && $(ALONE) ../env/bin/python -c 'import robotball, sys, validation; \
-	  files = robotball.__file__, validation.__file__; \
+	cd $(WHEEL)/empty && $(ALONE) ../env/bin/python -c 'import robotball, sys; \
+	  files = robotball.__file__, sys.modules[robotball.compare.__module__].__file__; \
 	  sys.exit(any(sys.prefix not in file for file in files))'
-	@! ls $(WHEEL)/env/lib/python*/site-packages | grep -ix 'mjcf\|docs\|tests\|examples' \
+	@! ls $(WHEEL)/env/lib/python*/site-packages | grep -ix 'mjcf\|validation\|docs\|tests\|examples' \
 	  || { echo "the wheel takes a name that is anybody's"; exit 1; }
 	@echo "the wheel runs by itself"
 

@@ -1,26 +1,39 @@
 """A rolling ball run by contact engines and by the paper's equations, side by side.
 
     import robotball as rb
-    from validation import compare
 
     scene = rb.load_scene("fig12")   # a name of rb.catalog(), or the path of a robot's file
     theory = rb.integrate(scene)     # the motion by the equations
     motion = rb.simulate(scene)      # the motion by MuJoCo
-    agreement = compare(scene)       # both motions, how far apart they are, and a verdict
+    agreement = rb.compare(scene)    # both motions, how far apart they are, and a verdict
     print(agreement.path_error, motion.report)
 
-`compare` and the studies are in the package `validation`, which comes with this one.
+`compare` and the studies are in the package `validation`, which comes with this one and stands on
+it. Here are its everyday names alone.
 """
 
 import os
+from importlib import import_module
+from pathlib import Path
 
 import lazy_loader
 
 # What is named in __init__.pyi is loaded when it is first used.
-_loaded, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_loaded, _, _own = lazy_loader.attach_stub(__name__, __file__)
+_EVERYDAY = ("Agreement", "compare", "compare_many")  # of `validation`, which needs all of this
+__all__ = sorted([*_own, *_EVERYDAY])
+
+
+def __dir__() -> list[str]:
+    return __all__
 
 
 def __getattr__(name: str) -> object:
+    if name in _EVERYDAY:
+        # Beside this package in the checkout, and in it where a wheel was installed: there another
+        # package may be called so.
+        inside = Path(__file__).with_name("validation").is_dir()
+        return getattr(import_module(f"{__name__}.validation" if inside else "validation"), name)
     try:
         return _loaded(name)
     except (AttributeError, RuntimeError, ImportError) as error:

@@ -1,5 +1,7 @@
 """The names of `robotball`, each from its home; loaded when they are first used."""
 
+import validation as _validation
+
 from .designing import Design as Design
 from .designing import Limits as Limits
 from .designing import design as design
@@ -29,13 +31,13 @@ from .files.scene_file import load_scene as load_scene
 from .files.scene_writer import scene_toml as scene_toml
 from .files.trajectories import Trajectory as Trajectory
 from .files.trajectories import read_trajectory as read_trajectory
+from .loads import Loads as Loads
 from .many_motions import simulate_many as simulate_many
 from .motion import ContactMotion as ContactMotion
 from .motion import ContactReport as ContactReport
 from .motion import EngineSettings as EngineSettings
 from .motion import Fault as Fault
 from .motion import FaultKind as FaultKind
-from .motion import Loads as Loads
 from .motion import Motion as Motion
 from .motion import ReferenceMotion as ReferenceMotion
 from .motors import Actuator as Actuator
@@ -55,3 +57,7 @@ from .robot import Shell as Shell
 from .scene import Scene as Scene
 from .scene import Start as Start
 from .scene import sample_times as sample_times
+
+Agreement = _validation.Agreement
+compare = _validation.compare
+compare_many = _validation.compare_many

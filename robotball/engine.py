@@ -10,18 +10,18 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from importlib.metadata import entry_points
-from types import MappingProxyType
 from typing import Any, Literal, Protocol, TypeVar
 
 import numpy as np
 
-from robotball.engines import LEAST_RTOL, Progress
+from robotball.engines import Progress
+from robotball.engines.dop853 import LEAST_RTOL
 from robotball.errors import InputError, unknown, warn
+from robotball.loads import Loads
 from robotball.motion import (
     ContactMotion,
     EngineSettings,
     Label,
-    Loads,
     ReferenceMotion,
     arrays_of,
     preset_named,
@@ -29,10 +29,6 @@ from robotball.motion import (
 from robotball.rotations import Array
 from robotball.scene import Scene, Start, check_times
 
-Ladder = tuple[str, tuple[float, ...]]
-"""A field of an engine's settings and the values that it takes in turn."""
-Knobs = tuple[str, Mapping[str, tuple[Any, ...] | slice]]
-"""A preset, and the values of its fields that a search may take: some, or all of a slice's span."""
 Runner = Callable[[Array, Start], ContactMotion]
 """Times (n,) [s] from 0 and a start → the motion."""
 Own = TypeVar("Own", bound=EngineSettings)
@@ -45,11 +41,6 @@ class Engine(Protocol):
     default         the preset that is taken where none is named
     least_accuracy  the smallest path error that it can choose settings for; None: it chooses none
     as_it_comes     the preset that a newcomer would write
-    ladders         by preset, a field of its settings and the values at which the engine's error is
-                    held against its cost
-    ours            by preset, the parts of its runs that are robotball's and not the engine's
-    source          the page or example of its own documentation that `as_it_comes` follows
-    knobs           what a search for its best settings may change; None: there is nothing to search
     """
 
     label: Label
@@ -57,10 +48,6 @@ class Engine(Protocol):
     default: str
     least_accuracy: float | None
     as_it_comes: str = "as-it-comes"
-    ladders: Mapping[str, "Ladder"] = MappingProxyType({})
-    ours: Mapping[str, str] = MappingProxyType({})
-    source: str = ""
-    knobs: "Knobs | None" = None
 
     def cannot_express(self, scene: Scene) -> str | None:
         """Return why the engine cannot roll this scene, in a line; None where it can."""

@@ -102,3 +102,10 @@ def uneven(end: float, gap: float) -> Array:
     k = np.arange(count + 1)
     # The parts of k² times an irrational number repeat with no period (Weyl).
     return np.asarray(end * (k + 0.5 * (k * k * _GOLDEN % 1) * (k < count)) / count)
+
+
+def continuous(attitude: Array) -> Array:
+    """Return quaternions (n, 4) without jumps of the sign, as q and -q are one attitude."""
+    cosines = (attitude[1:] * attitude[:-1]).sum(axis=1)
+    signs = np.cumprod(np.concatenate([[1.0], np.where(cosines < 0, -1.0, 1.0)]))
+    return attitude * signs[:, None]

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import settings
 
 from robotball.film import gl
-from validation.cli import main
 
 Robotball = Callable[..., tuple[int, str, str]]
 
@@ -37,6 +36,8 @@ def robotball(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> Robotball:
     """Runs the command in an empty folder: (exit status, standard output, standard error)."""
+    from validation.cli import main  # late: the core's tests have no need of it
+
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments: object) -> tuple[int, str, str]:

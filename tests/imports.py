@@ -1,7 +1,7 @@
 """Who imports whom in this project, read from the files; lazy imports included."""
 
 import ast
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.util import resolve_name
 from pathlib import Path
 
@@ -9,9 +9,9 @@ PROJECT = Path(__file__).parent.parent
 PACKAGES = ("robotball", "validation")
 
 
-def modules_of(root: Path) -> dict[str, Path]:
-    """The modules of the two packages under a root, by their full names."""
-    files = [file for package in PACKAGES for file in sorted((root / package).rglob("*.py"))]
+def modules_of(root: Path, packages: Sequence[str] = PACKAGES) -> dict[str, Path]:
+    """The modules of packages under a root, by their full names."""
+    files = [file for package in packages for file in sorted((root / package).rglob("*.py"))]
     return {_name(file.relative_to(root)): file for file in files}
 
 

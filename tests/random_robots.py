@@ -6,11 +6,11 @@ import numpy as np
 
 from robotball.drives import Sine
 from robotball.equations import Rolling
-from robotball.mechanics import momentum_at
 from robotball.motors import Actuator, Free, Law, Motor, PositionServo, Servo, Torque
 from robotball.robot import NO_FRAME, Ball, Frame, Link, Pendulum, Rotor, Shell
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene, Start
+from robotball.variations import with_angular_velocity
 from tests.random_balls import cloud_inertia, random_axis
 
 MODELS: tuple[Rolling, ...] = ("rubber", "classical")
@@ -85,7 +85,7 @@ def random_scene(rng: np.random.Generator, rolling: Rolling | None = None) -> Sc
     )
     angles, given = rng.uniform(-1, 1, hinges), rng.uniform(-1, 1, hinges)
     start = replace(scene.start, hinge_angles=angles, hinge_rates=given)
-    return with_angular_velocity(replace(scene, start=start), rng.normal(size=3))
+    return without_spin(replace(scene, start=start), rng.normal(size=3))
 
 
 def random_tree(rng: np.random.Generator, framed: bool) -> Scene:
@@ -127,18 +127,14 @@ def random_tree(rng: np.random.Generator, framed: bool) -> Scene:
         frame_rate=0.0, rotor_rates=(), pendulum_rates=(), link_rates=(0.0,) * 4,
         motors=motors, actuators=actuators, start=start,
     )  # fmt: skip
-    return with_angular_velocity(tree, rng.normal(size=3))
+    return without_spin(tree, rng.normal(size=3))
 
 
-def with_angular_velocity(scene: Scene, omega: Array) -> Scene:
+def without_spin(scene: Scene, omega: Array) -> Scene:
     """The scene whose frame starts with ω (3,), less the shell's spin where it may not spin."""
-    start = scene.start
-    rates = np.array([hinge.rate for hinge in scene.hinges])
-    gamma = rotation_matrix(start.attitude)[2]
+    gamma = rotation_matrix(scene.start.attitude)[2]
     if scene.rolling == "rubber":
-        turning = rates[0] if scene.ball.has_frame else 0.0
+        turning = scene.hinges[0].rate if scene.ball.has_frame else 0.0
         shell = omega - turning * scene.ball.shell.axis
         omega = omega - (shell @ gamma) * gamma
-    angles = np.array([hinge.angle for hinge in scene.hinges])
-    M = momentum_at(scene.ball, scene.rolling, start.attitude, omega, angles, rates)
-    return replace(scene, start=replace(start, momentum=M))
+    return with_angular_velocity(scene, omega)

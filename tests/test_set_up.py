@@ -1,14 +1,18 @@
 """`make setup` installs all that is needed, on a Python that is supported."""
 
+import ast
 import os
 import re
 import subprocess
+import sys
 import tomllib
 from importlib.util import find_spec
 from pathlib import Path
+from zipfile import ZipFile
 
 from tests.imports import PROJECT
 
+OUTSIDE = re.compile(r"validation(\.\w+)*$")  # the full name of a module
 PYPROJECT = tomllib.loads((PROJECT / "pyproject.toml").read_text())
 
 
@@ -45,3 +49,25 @@ def test_continuous_integration_knows_nothing_of_its_machine(tmp_path: Path) -> 
         home = {line for line in seen if line.startswith("HOME=")} - {f"HOME={PROJECT}"}
         assert len(home) == 1
         assert seen == home | more | {f"PATH={path}"}
+
+
+def test_in_a_wheel_validation_is_a_part_of_robotball(tmp_path: Path) -> None:
+    """No module of it, and not the command, asks for a package `validation`, which is anybody's."""
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
+    subprocess.run(build, cwd=PROJECT, check=True, capture_output=True)
+    with ZipFile(next(tmp_path.glob("*.whl"))) as wheel:
+        files = {name: wheel.read(name).decode() for name in wheel.namelist()}
+    assert {name.split("/")[0].split("-")[0] for name in files} == {"robotball"}
+    (commands,) = (text for name, text in files.items() if name.endswith("entry_points.txt"))
+    assert "robotball = robotball.validation.__main__:main" in commands
+    inside = re.compile(r"robotball/validation/.*\.py$")
+    modules = {name: text for name, text in files.items() if inside.match(name)}
+    assert len(modules) > 50
+    for name, text in modules.items():
+        for node in ast.walk(ast.parse(text)):
+            named: list[object] = []
+            if isinstance(node, ast.Import):
+                named += [each.name for each in node.names]
+            elif isinstance(node, ast.ImportFrom | ast.Constant):
+                named.append(node.module if isinstance(node, ast.ImportFrom) else node.value)
+            assert not [each for each in named if OUTSIDE.match(str(each))], name

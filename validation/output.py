@@ -51,7 +51,7 @@ def program() -> str:
     """Return the words that start this program in a reader's terminal, in the same folder."""
     started = Path(sys.argv[0])
     if started.stem == "__main__":
-        return "python -m validation"
+        return f"python -m {__package__}"
     return "robotball" if which("robotball") == str(started) else os.path.relpath(started)
 
 

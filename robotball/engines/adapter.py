@@ -15,7 +15,7 @@ term of dS/dt is left to be dropped.
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, requires, version
 from importlib.util import find_spec
@@ -26,8 +26,8 @@ from typing import Any, Literal
 import numpy as np
 
 from robotball import equations as eq
-from robotball.engine import Engine, Knobs, Ladder, Own, Request, as_own, engine_named
-from robotball.engines import Compensated, Rate
+from robotball.engine import Engine, Own, Request, as_own, engine_named
+from robotball.engines.dop853 import Compensated, rk4
 from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of
 from robotball.engines.states import State, motion_of_rows, start_state
 from robotball.equations import as_vector
@@ -266,10 +266,6 @@ class Adapter(Engine):
     presets: Mapping[str, StepSettings]
     world: Callable[..., World]
     lacks: Callable[[Scene, Any], str | None] = _nothing
-    ladders: Mapping[str, Ladder] = field()  # or it would take an Engine's for its default
-    ours: Mapping[str, str] = field(default_factory=dict)
-    source: str = ""
-    knobs: Knobs | None = None
     default: str = "best"
     least_accuracy: float | None = None
     environments: Path = ENVIRONMENTS
@@ -481,12 +477,3 @@ def velocity_first(M: Array, h: Array) -> tuple[Array, Array]:
     """Return M and h for u = (v, ω, rates) from those of an engine that has (ω, v, rates)."""
     order = np.array([3, 4, 5, 0, 1, 2, *range(6, len(h))])
     return M[np.ix_(order, order)], h[order]
-
-
-def rk4(rate: Rate, t: float, y: Array, h: float) -> Array:
-    """Return the state after a step of the classical Runge-Kutta method from y at t, h long [s]."""
-    k1 = rate(t, y)
-    k2 = rate(t + h / 2, y + h / 2 * k1)
-    k3 = rate(t + h / 2, y + h / 2 * k2)
-    k4 = rate(t + h, y + h * k3)
-    return y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)

@@ -137,13 +137,6 @@ BULLET = adapter.Adapter(
     label=Label("PyBullet", adapter.version_of("pybullet"), "#E69F00"),
     packages=("pybullet",),
     extra="bullet",
-    ladders={"as-it-comes": ("timestep", (1 / 240,)), "best": ("timestep", (1 / 250, 1e-3, 1e-4))},
     presets=adapter.by_name(_AS_IT_COMES, _BEST),
-    knobs=("best", {
-        "timestep": slice(1e-4, 4e-3), "lateral_friction": slice(1.0, 100.0),
-        "damping": (0.0, None), "spinning_friction": slice(0.1, 100.0),
-        "motor_force": slice(1e3, 1e10),
-    }),
-    source="examples/pybullet/examples/robotcontrol.py",
     world=_BulletWorld,
-)  # fmt: skip
+)

@@ -141,11 +141,6 @@ DART = adapter.Adapter(
     label=Label("DART", adapter.version_of("dartpy"), "#8C564B"),
     packages=("dartpy",),
     extra="dart",
-    ladders={
-        "as-it-comes": ("timestep", (1e-3,)),
-        "best": ("timestep", (4e-3, 1e-3, 1e-4)),
-        "ideal": ("rtol", (1e-6, 1e-9, 1e-12)),
-    },
     presets=adapter.by_name(
         _DartSettings(name="as-it-comes", error_tolerance=1e-2, timestep=1e-3, spin_part=0.0),
         # More friction than the ball needs, 1.2. What error is left is of the steps, of first
@@ -154,11 +149,6 @@ DART = adapter.Adapter(
         # DOP853 chooses its steps itself; the timestep is only the longest.
         _DartSettings(name="ideal", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
     ),
-    ours={"best": "torque against spin", "ideal": "constraints, steps"},
-    knobs=("best", {
-        "timestep": slice(1e-4, 4e-3), "friction": slice(1.0, 1e3), "spin_part": slice(0.1, 2.0),
-    }),
-    source="python/tutorials/04_biped, lesson 6: velocity actuators",
     world=_world,
     lacks=adapter.spins,
-)  # fmt: skip
+)

@@ -277,24 +277,7 @@ DRAKE = adapter.Adapter(
     label=Label("Drake", adapter.version_of("drake"), "#009E73"),
     packages=("pydrake",),
     extra="drake",
-    ladders={
-        "as-it-comes": ("timestep", (1e-3,)),
-        "tamsi": ("timestep", (4e-3, 1e-3, 1e-4)),
-        "best": ("timestep", (1e-3,)),
-        "ideal": ("rtol", (1e-6, 1e-9, 1e-12)),
-    },
     presets=adapter.by_name(_AS_IT_COMES, _TAMSI, _BEST, _IDEAL),
-    ours={
-        **dict.fromkeys(("tamsi", "best"), "torque against spin"), "ideal": "constraints, steps"
-    },
-    knobs=("best", {
-        "timestep": slice(1e-4, 5e-3), "approximation": ("tamsi", "sap", "lagged", "similar"),
-        "integrator": (None, "runge_kutta3", "radau3", "implicit_euler"),
-        "friction": slice(2.0, 100.0), "accuracy_per_step": slice(1e-10, 1e-4),
-        "error_control": (False, True), "stiction": slice(1e-4, 1e-2), "spin_part": slice(0.1, 1e4),
-        "armature": slice(1e2, 1e12),
-    }),
-    source="examples/multibody/strandbeest/run_with_motor.cc: a gain as large as the mass",
     world=_world,
     lacks=adapter.spins,
-)  # fmt: skip
+)

@@ -279,7 +279,6 @@ _AS_IT_COMES = _ExudynSettings(
     name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=2e-4, tolerance=1e-6,
     solver="TrapezoidalIndex2", modified=True, friction=0.2, slip_zone=1e-3, stiffness=1e5,
 )  # fmt: skip
-_GYROSTAT = "gyrostat's torque"
 _BEST = _ExudynSettings(name="best", error_tolerance=1e-3, stop_at_fault=False, timestep=1e-3)
 _CONTACT = replace(
     _BEST, name="contact", solver="TrapezoidalIndex2", tolerance=1e-9, load_jacobian=False,
@@ -302,20 +301,7 @@ EXUDYN = adapter.Adapter(
     label=Label("Exudyn", adapter.version_of("exudyn"), "#CC79A7"),
     packages=("exudyn",),
     extra="exudyn",
-    ladders={
-        "as-it-comes": ("timestep", (2e-4,)),
-        "best": ("timestep", (20e-3, 5e-3, 1e-3)),
-        "contact": ("timestep", (5e-3, 1e-3)),
-    },
-    knobs=("best", {
-        "timestep": slice(1e-3, 2e-2), "solver": ("TrapezoidalIndex2", "GeneralizedAlpha"),
-        "tolerance": slice(1e-12, 1e-5), "modified": (False, True), "load_jacobian": (False, True),
-        "friction": (None, 2.0, 20.0), "slip_zone": slice(1e-6, 1e-3),
-    }),
     presets=adapter.by_name(_AS_IT_COMES, _BEST, _CONTACT),
-    ours=dict.fromkeys(("as-it-comes", "contact"), f"hinge and spin, {_GYROSTAT}")
-    | {"best": f"constraints, {_GYROSTAT}"},
-    source="TestModels/sphereTriangleTest.py",
     world=_world,
     lacks=_lacks,
-)  # fmt: skip
+)

@@ -170,15 +170,7 @@ GENESIS = adapter.Adapter(
     label=Label("Genesis", adapter.version_of("genesis-world"), "#AA4499"),
     packages=("genesis",),
     extra="genesis",
-    ladders={"as-it-comes": ("timestep", (1e-2,)), "best": ("timestep", (4e-3, 1e-3, 2.5e-4))},
     presets=adapter.by_name(_AS_IT_COMES, _BEST),
-    knobs=("best", {
-        "timestep": slice(1e-4, 1e-2), "friction": slice(1.5, 5.0), "torsional": slice(0.1, 5.0),
-        "integrator": ("Euler", "implicitfast"), "damping": slice(1e2, 1e9),
-        "iterations": (20, 50, 200), "armature": slice(1.0, 1e9),
-        "impedance": (0.9, 0.99, 0.999, 0.9999), "impratio": slice(1.0, 1e5),
-    }),
-    source="Control Your Robot, of its user guide",
     world=_GenesisWorld,
     lacks=_lacks,
-)  # fmt: skip
+)

@@ -217,18 +217,7 @@ NEWTON = adapter.Adapter(
     label=Label("Newton", adapter.version_of("newton"), "#117733"),
     packages=("newton",),
     extra="newton",
-    ladders={
-        "as-it-comes": ("timestep", (1e-3,)),
-        "best": ("timestep", (20e-3, 5e-3, 1e-3)),
-        "kept": ("timestep", (20e-3, 5e-3)),
-    },
     presets=adapter.by_name(_AS_IT_COMES, _BEST, replace(_BEST, name="kept", kept=True)),
-    knobs=("best", {
-        "timestep": slice(1e-3, 2e-2), "integrator": ("rk4", "euler", "implicitfast"),
-        "cone": ("elliptic", "pyramidal"), "iterations": (5, 10, 50), "friction": slice(2.0, 100.0),
-        "armature": slice(1e2, 1e14), "impedance": (0.9, 0.99, 0.999, 0.9999), "noslip": (0, 1, 5),
-    }),
-    source="newton/examples/basic/example_basic_urdf.py",
     world=_NewtonWorld,
     lacks=_lacks,
-)  # fmt: skip
+)

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from robotball.loads import Loads
 from robotball.motion import (
     RATE_ERROR,
     ContactMotion,
@@ -20,7 +21,6 @@ from robotball.motion import (
     FaultKind,
     Joined,
     Label,
-    Loads,
     path_unit,
     slip_with_spin,
     tolerated,

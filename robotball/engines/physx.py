@@ -142,13 +142,7 @@ PHYSX = adapter.Adapter(
     label=Label("PhysX 5 (SAPIEN)", adapter.version_of("sapien"), "#7F7F7F"),
     packages=("sapien",),
     extra="physx",
-    ladders={"as-it-comes": ("timestep", (5e-4,)), "best": ("timestep", (4e-3, 1e-3, 2.5e-4))},
     presets=adapter.by_name(_AS_IT_COMES, _BEST),
-    knobs=("best", {
-        "timestep": slice(1e-4, 1e-2), "friction": slice(2.0, 100.0), "damping": slice(1e2, 1e9),
-        "armature": slice(1.0, 1e6), "patch": slice(0.1, 100.0), "iterations": (4, 20, 50, 200),
-    }),
-    source="docs/source/tutorial/robotics/pid.rst: the internal drive",
     world=_PhysxWorld,
     lacks=adapter.in_single_precision,
-)  # fmt: skip
+)

@@ -161,30 +161,19 @@ PINOCCHIO = _Pinocchio(
     label=Label("Pinocchio", adapter.version_of("pin"), "#56B4E9"),
     packages=("pinocchio",),
     extra="pinocchio",
-    ladders={
-        "RK4": ("timestep", (20e-3, 10e-3, 5e-3)),
-        "best": ("rtol", (1e-6, 1e-9, 1e-12, 1e-14)),
-        "as-it-comes": ("timestep", (1e-3,)),
-        "contact": ("timestep", (4e-3, 1e-3)),
-    },
     presets=adapter.by_name(
         _PinocchioSettings(name="RK4", error_tolerance=1e-4, timestep=20e-3, ideal="RK4"),
         # DOP853 chooses its steps itself; the timestep is only the longest.
         _PinocchioSettings(name="best", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
         _PinocchioSettings(
-            name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-3,
+            name="as-it-comes",
+            error_tolerance=1e-2,
+            stop_at_fault=False,
+            timestep=1e-3,
             spin_part=0.0,
         ),
         _PinocchioSettings(name="contact", error_tolerance=5e-2, timestep=1e-3, friction=20.0),
     ),
-    ours={
-        **dict.fromkeys(("RK4", "best"), "constraints, steps"), "contact": "torque against spin"
-    },
-    knobs=("contact", {
-        "timestep": slice(1e-4, 4e-3), "solver": ("ADMM", "PGS"), "friction": slice(1.0, 100.0),
-        "spin_part": slice(0.1, 2.0),
-    }),
-    source="examples/admm-constraint-solver.py",
     world=_world,
     lacks=adapter.spins,
-)  # fmt: skip
+)

@@ -16,8 +16,9 @@ from robotball.errors import InputError, warn
 from robotball.files import readable
 from robotball.files.columns import read_table
 from robotball.files.trajectories import FORMAT, Trajectory, arrays_of, read_trajectory
-from robotball.motion import Label, Loads, Motion, loads_of, pieces
-from robotball.rotations import Array, angle_between, conjugate, rotation_matrix
+from robotball.loads import Loads, loads_of
+from robotball.motion import Label, Motion, pieces
+from robotball.rotations import Array, angle_between, conjugate, continuous, rotation_matrix
 from robotball.scene import Scene
 
 # An odd number, to have as many neighbours on each side.
@@ -48,13 +49,6 @@ def angular_velocity(times: Array, attitude: Array) -> tuple[Array, Array]:
     w, v = conjugate(q)[:, :1], conjugate(q)[:, 1:]
     turned = w * rate[:, 1:] + rate[:, :1] * v + np.cross(v, rate[:, 1:])
     return 2 * turned, 2 * error
-
-
-def continuous(attitude: Array) -> Array:
-    """Return quaternions (n, 4) without jumps of the sign, as q and -q are one attitude."""
-    cosines = (attitude[1:] * attitude[:-1]).sum(axis=1)
-    signs = np.cumprod(np.concatenate([[1.0], np.where(cosines < 0, -1.0, 1.0)]))
-    return attitude * signs[:, None]
 
 
 def turned_between(attitude: Array) -> Array:

@@ -11,9 +11,11 @@ from importlib.metadata import version
 import numpy as np
 
 from robotball import equations as eq
-from robotball.engines import LEAST_RTOL, Compensated, Progress, Rate, take_step
+from robotball.engines import Progress
+from robotball.engines.dop853 import LEAST_RTOL, Compensated, Rate, take_step
 from robotball.equations import as_vector, check_speed
-from robotball.motion import Label, Motion, ReferenceMotion, extended, joined, loads_of, pieces
+from robotball.loads import loads_of
+from robotball.motion import Label, Motion, ReferenceMotion, extended, joined, pieces
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene
 

@@ -7,7 +7,7 @@ start, without any engine's recipe; URDF and SDF have bodies and hinges.
 import contextlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,6 @@ from scipy.spatial.transform import Rotation
 
 from robotball.drives import Constant, Drive, Ramp, Samples, Sine, Total
 from robotball.engine import integrate
-from robotball.engines.recorded import continuous
 from robotball.engines.states import links_of
 from robotball.errors import InputError
 from robotball.files.columns import Table, write_table
@@ -27,7 +26,8 @@ from robotball.files.replacing import replacing
 from robotball.files.scene_writer import scene_toml
 from robotball.motion import Motion
 from robotball.motors import DCMotor, Free, PositionServo, Servo
-from robotball.rotations import Array, from_matrix, multiply, rotation_matrix
+from robotball.poses import poses
+from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Hinge, Scene
 
 _FORMAT = "robotball scene 1"
@@ -150,44 +150,6 @@ def _bodies(motion: Motion) -> list[dict[str, Any]]:
         }
         for link in scene.ball.tree
     ]
-
-
-@dataclass(frozen=True)
-class _Poses:
-    """A body's places and velocities at the n times of a motion, in world axes, SI units.
-
-    position, velocity  (n, 3)  of the centre of mass
-    attitude            (n, 4)  quaternion (w, x, y, z): how it is turned from where it is along
-                                with the frame's axes, at its hinge's angle 0
-    angular_velocity    (n, 3)
-    """
-
-    position: Array
-    attitude: Array
-    velocity: Array
-    angular_velocity: Array
-
-
-def poses(motion: Motion) -> dict[str, _Poses]:
-    """Return the poses of every body of the motion's ball, by its name."""
-    scene, angles = motion.scene, motion.hinge_angles
-    states = scene.robot.states(motion.gamma, angles, motion.angular_velocity, motion.hinge_rates)
-    to_world, radius = rotation_matrix(motion.attitude), scene.ball.radius
-    centre = np.column_stack([motion.contact_point, np.full(len(angles), radius)])
-
-    def in_world(vectors: Array) -> Array:
-        return np.asarray(np.einsum("nij,nj->ni", to_world, vectors))
-
-    turned, _ = scene.robot.moved(angles)
-    return {
-        link.name: _Poses(
-            position=centre + in_world(states.placed[i, :3].T),
-            attitude=continuous(multiply(motion.attitude, from_matrix(turned[i]))),
-            velocity=in_world(states.velocities[i]),
-            angular_velocity=in_world(states.turning[i]),
-        )
-        for i, link in enumerate(scene.ball.tree)
-    }
 
 
 def _about_centre(mass: float, centre: Array, inertia: Array) -> Array:

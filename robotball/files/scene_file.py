@@ -299,17 +299,13 @@ def _turning(scene: Scene, omega: tables.Triple) -> Scene:
 
     Raises InputError where the shell would spin on the spot and the rolling model is rubber.
     """
-    from robotball.mechanics import momentum_at
+    from robotball.variations import with_angular_velocity
 
-    start, turned = scene.start, np.array(omega)
-    angles = np.array([hinge.angle for hinge in scene.hinges])
-    rates = np.array([hinge.rate for hinge in scene.hinges])
+    turned = np.array(omega)
     if scene.rolling == "rubber":
-        gamma = rotation_matrix(start.attitude)[2]
-        starts.check_no_spin(turned - rates[0] * scene.ball.shell.axis, gamma)
-    # Hinges turn at the start, so that M follows from ω only when their rates are known.
-    M = momentum_at(scene.ball, scene.rolling, start.attitude, turned, angles, rates)
-    return replace(scene, start=replace(start, momentum=M))
+        gamma = rotation_matrix(scene.start.attitude)[2]
+        starts.check_no_spin(turned - scene.hinges[0].rate * scene.ball.shell.axis, gamma)
+    return with_angular_velocity(scene, turned)
 
 
 def _attitude(table: tables.StartTable) -> Array:

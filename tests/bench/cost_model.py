@@ -25,7 +25,7 @@ from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import ADAPTIVE, recipe
 from robotball.rotations import Array
-from tests.bench.random_runs import random_scene
+from tests.random_balls import ball_of_points
 from validation.agreement import Agreement
 from validation.output import plain_table, progress_bar, write_record
 from validation.sweeps import Cell, sweep
@@ -49,7 +49,7 @@ def _measure(cell: Cell) -> Mapping[str, Any]:
     """Return the runs of both families, and one case a target; errors against the equations."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SceneWarning)
-        scene = random_scene(cell["ball"]) if "ball" in cell else load_scene(cell["scene"])
+        scene = ball_of_points(cell["ball"]) if "ball" in cell else load_scene(cell["scene"])
         theory = integrate(scene)
         interval = float(theory.times[1])
         rk4 = (recipe("", 1.0, timestep=interval / n) for n in _STEPS)

@@ -15,7 +15,7 @@ import numpy as np
 
 from robotball import SceneWarning, integrate, simulate
 from robotball.motion import path_error
-from tests.bench.random_runs import random_scene
+from tests.random_balls import ball_of_points
 from validation.output import progress_bar, scientific
 from validation.sweeps import Cell, Result, sweep
 
@@ -39,7 +39,7 @@ def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
 
     Both errors are None of a run that broke off; reference: the equations' own error.
     """
-    scene = random_scene(cell["ball"])
+    scene = ball_of_points(cell["ball"])
     theory = integrate(scene, _TIMES)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", SceneWarning)

@@ -16,7 +16,7 @@ from robotball.engines.mujoco.model import build, hinges_of
 from robotball.engines.mujoco.settings import NAIVE
 from robotball.errors import InputError
 from robotball.motors import Motor, Servo
-from validation.studies.extreme_maps import scaled_body
+from robotball.variations import scaled_body
 from validation.studies.friction import LEAST_FRICTION
 from validation.studies.timing import measure_costs, one_step
 from validation.study import Column, Row, show, table_of

@@ -9,8 +9,8 @@ import pytest
 import robotball as rb
 from robotball.equations import ROLLING_MODELS
 from robotball.files.scene_file import entries
-from tests.bench.random_runs import random_scene
-from validation import compare
+from tests.motions import pair_of
+from tests.random_balls import ball_of_points
 
 pytestmark = pytest.mark.core
 
@@ -37,15 +37,13 @@ def test_both_engines_agree_on_every_scene(name: str) -> None:
     preset, times = "balanced", rb.sample_times(4.0) if scene.not_reduced else None
     if name == "servo_motors":  # fast ones, which steps of 5 ms do not follow
         preset, times = "accurate", rb.sample_times(1.0)
-    agreement = compare(scene, preset, times)
-    assert agreement.faults == ()
-    assert agreement.agrees
-    assert agreement.path_error is not None
+    pair = pair_of(scene, preset, times)
+    assert pair.report.faults == ()
+    assert pair.agrees
     # Where it is below 1e-12, rounding counts as well as RK4.
-    assert agreement.path_error < 3 * max(MEASURED[name], 1e-12)
-    assert agreement.momentum_error is not None
-    assert agreement.momentum_error < 1.7e-7  # measured 5.6e-8 (swinging_frame): RK4's
-    ours, theirs = agreement.motion.loads, agreement.theory.loads
+    assert pair.path_error < 3 * max(MEASURED[name], 1e-12)
+    assert pair.momentum_error < 1.7e-7  # measured 5.6e-8 (swinging_frame): RK4's
+    ours, theirs = pair.motion.loads, pair.theory.loads
     for kind in ("contact_force", "spin_torque", "motor_torques"):
         expected = getattr(theirs, kind)
         # Of fig05d the spin torque is zero: 5.1e-8 N m is RK4's error in a drive's load.
@@ -92,7 +90,7 @@ CASES = [*range(8), *zip(UNSTEADY, 3 * ROLLING_MODELS, strict=True)]
 def scene_of(case: Any) -> rb.Scene:
     """A random ball, or Fig. 12's under drives in time, in one of the models."""
     if isinstance(case, int):
-        return random_scene(case)
+        return ball_of_points(case)
     name, rolling = case
     return replace(rb.load_scene("fig12"), rolling=rolling, **UNSTEADY[name])
 
@@ -106,9 +104,7 @@ def test_mujoco_follows_the_equations_with_order_four(case: Any) -> None:
     """
     scene = scene_of(case)
     theory = rb.integrate(scene)
-    coarse, fine = (compare(scene, each, theory=theory) for each in ("fast", "balanced"))
-    assert fine.faults == ()
-    assert coarse.path_error is not None
-    assert fine.path_error is not None
+    coarse, fine = (pair_of(scene, each, theory=theory) for each in ("fast", "balanced"))
+    assert fine.report.faults == ()
     assert fine.path_error < (5e-8 if isinstance(case, int) else 9e-8)
     assert 3.5 < np.log(coarse.path_error / fine.path_error) / np.log(4) < 4.5

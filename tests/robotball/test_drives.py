@@ -14,9 +14,8 @@ import robotball as rb
 from robotball.drives import Constant, Drive, as_drive, sampling_error
 from robotball.motion import path_error
 from robotball.rotations import uneven
-from tests.motions import known
+from tests.motions import pair_of
 from tests.robotball.own_drive import OwnDrive, of_sine
-from validation import compare
 
 END = 3.0  # s
 FIG12 = rb.load_scene("fig12")
@@ -111,7 +110,7 @@ def test_a_function_is_asked_within_the_run_alone(end: float, preset: str) -> No
     """Whatever the scene's duration: by both engines, breakpoints at and beyond the end."""
     rate = rb.Custom(only_on(end), breakpoints=(0.0, end, 3 * end))
     scene = replace(FIG12, frame_rate=rate, duration=0.3)
-    assert compare(scene, preset, np.linspace(0.0, end, 11)).agrees
+    assert pair_of(scene, preset, np.linspace(0.0, end, 11)).agrees
 
 
 def test_a_function_that_is_not_smooth_is_warned_of() -> None:
@@ -199,7 +198,7 @@ def test_a_pulse_is_followed_by_both_engines(
     assert theory.hinge_angles[-1, 0] - 2.0 == pytest.approx(turned, rel=1e-2)
     motion = rb.simulate(scene, times, "balanced")
     assert motion.report.faults == ()
-    assert known(path_error(theory, motion)) < most
+    assert path_error(theory, motion) < most
 
 
 def test_a_pulse_shorter_than_the_looks_may_be_missed() -> None:

@@ -14,7 +14,8 @@ import robotball as rb
 import robotball.motion
 from robotball.engines.mujoco import stepping
 from robotball.engines.reduced import motion_of
-from robotball.motion import PIECE, Loads, attitude_error, gamma_error, momentum_error, path_error
+from robotball.loads import Loads
+from robotball.motion import PIECE, attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array, multiply
 
 FIG12 = rb.load_scene("fig12")

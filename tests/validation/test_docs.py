@@ -14,10 +14,9 @@ import robotball as rb
 from robotball.files.scene_file import read_scene
 from robotball.qualitative.straight_motions import stability_limit
 from tests.bench.gallery import NUMBERS, OUTCOMES, outcomes_table
-from tests.bench.random_runs import random_scene as random_ball
 from tests.conftest import Robotball
 from tests.imports import PROJECT
-from tests.motions import known
+from tests.random_balls import ball_of_points
 from tests.random_robots import random_scene as random_robot
 from tests.validation.examples import example
 from validation import compare
@@ -131,7 +130,7 @@ def test_the_settings_page_has_the_presets_worst_errors() -> None:
 
     That is room for the last bits, which a sensitive robot magnifies.
     """
-    scenes = random_ball(14), random_robot(np.random.default_rng(74))
+    scenes = ball_of_points(14), random_robot(np.random.default_rng(74))
     theories = [rb.integrate(scene, rb.sample_times(10.0)) for scene in scenes]
     for name in ("fast", "balanced", "accurate", "adaptive"):
         (tolerance,) = re.findall(rf"`--preset {name}`.*?right to ([\de-]+)", DOCS["settings.md"])
@@ -139,7 +138,8 @@ def test_the_settings_page_has_the_presets_worst_errors() -> None:
         (row,) = re.findall(rf"^\| {name} \| (.*) of \d+ \|$", DOCS["settings.md"], re.M)
         _, balanced, _, unbalanced, _ = row.split(" | ")
         for theory, shown in zip(theories, (balanced, unbalanced), strict=True):
-            error = known(compare(theory.scene, name, theory.times, theory=theory).path_error)
+            error = compare(theory.scene, name, theory.times, theory=theory).path_error
+            assert error is not None
             assert float(shown) / 3 < error < 3 * float(shown), name
 
 

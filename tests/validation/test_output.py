@@ -2,6 +2,9 @@
 
 import csv
 import json
+import os
+import stat
+import threading
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,7 +20,7 @@ from robotball.engines.mujoco import LABEL
 from robotball.files.replacing import replacing
 from validation import Agreement, compare
 from validation.cli import parse
-from validation.output import progress_bar, write_rows, write_text
+from validation.output import progress_bar, writable_file, write_rows, write_text
 from validation.plots import (
     extremes,
     framed,
@@ -261,3 +264,45 @@ def test_a_failure_maps_ticks_are_round(values: Sequence[float], labels: list[st
     places, shown = round_ticks(list(values))
     assert shown == labels
     assert all(-0.5 <= place <= len(values) - 0.5 for place in places)
+
+
+# Files that are no plain files ------------------------------------------------------------------
+
+
+def write(path: Path, text: str) -> None:
+    with replacing(writable_file(path)) as temporary:
+        temporary.write_text(text)
+
+
+def test_a_pipe_is_written_into_and_stays_one(tmp_path: Path) -> None:
+    """Its reader gets all of the text; the same holds for a device."""
+    fifo, read = tmp_path / "fifo", list[str]()
+    os.mkfifo(fifo)
+    reader = threading.Thread(target=lambda: read.append(fifo.read_text()), daemon=True)
+    reader.start()
+    write(fifo, "whole")
+    reader.join(10)
+    assert read == ["whole"]
+    assert stat.S_ISFIFO(fifo.stat().st_mode)
+    assert list(tmp_path.iterdir()) == [fifo]
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_link_stays_and_what_it_names_is_replaced(tmp_path: Path, there: bool) -> None:
+    """Whether or not the file is there already; no fragment stays in either folder."""
+    (tmp_path / "far").mkdir()
+    target, link = tmp_path / "far" / "real.json", tmp_path / "link.json"
+    link.symlink_to("far/real.json")
+    if there:
+        target.write_text("old")
+    write(link, "new")
+    assert link.is_symlink()
+    assert (target.is_symlink(), target.read_text()) == (False, "new")
+    assert [path.name for path in target.parent.iterdir()] == ["real.json"]
+
+
+def test_links_in_a_circle_are_refused(tmp_path: Path) -> None:
+    link = tmp_path / "link"
+    link.symlink_to(link)
+    with pytest.raises(rb.InputError, match="cannot be written: Too many levels"):
+        write(link, "new")

@@ -33,7 +33,7 @@ from robotball import (
     load_scene,
     preset,
 )
-from robotball.engines import LEAST_RTOL
+from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run

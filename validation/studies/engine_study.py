@@ -21,7 +21,7 @@ from scipy.stats import qmc
 from tyro.conf import Positional, arg
 
 from robotball import InputError, Scene, engine_named, engine_names, load_scene
-from robotball.engine import DEFAULT, Knobs
+from robotball.engine import DEFAULT
 from robotball.engines.environments import ENVIRONMENTS, call, versions_in
 from robotball.errors import check_count, check_positive
 from robotball.film.looks import INK
@@ -40,6 +40,7 @@ from validation.output import in_picture, writable_folder
 from validation.results import changed
 from validation.sensitivity import chaotic
 from validation.studies import engine_runs
+from validation.studies.engine_rows import Knobs, row_of
 from validation.studies.engine_runs import Contestant, python_of
 from validation.studies.orders import fit_order
 from validation.study import (
@@ -76,7 +77,7 @@ def cells_of(
          "field": field, "value": value, "interpreter": str(python)}
         for each in contestants
         if (python := python_of(each, folder)) is not None
-        for preset, (field, values) in engine_named(each.engine).ladders.items()
+        for preset, (field, values) in row_of(each.engine).ladders.items()
         for value in values
     ]  # fmt: skip
 
@@ -118,18 +119,21 @@ def study_of(scene: Scene, results: Sequence[Result]) -> dict[str, Any]:
             fault = "; ".join(faults) or f"broke off at {record['reached']:g} s"
             failed.append({**place, "title": _title(place), "fault": fault})
             continue
-        engine, python = engine_named(cell["engine"]), record["python_seconds"]
+        engine, row = engine_named(cell["engine"]), row_of(cell["engine"])
+        python = record["python_seconds"]
         of, seconds = {**record, **place, "error": error}, record["seconds"]
         runs.append({
             **of, "title": _title(of), "fault": "".join(faults[:1]), "usable": _usable(of),
             "newcomer": cell["preset"] == engine.as_it_comes,
             "cost": seconds / cell["duration"] * speed / record["fixed_work"],
             "python_share": min(1.0, python / seconds) if python is not None and seconds else None,
-            "ours": engine.ours.get(cell["preset"], ""), "source": engine.source,
+            "ours": row.ours.get(cell["preset"], ""), "source": row.source,
             "changes": cell.get("changes", {}),
         })  # fmt: skip
     default = engine_named(DEFAULT)
-    published = getattr(default.presets[default.default], default.ladders[default.default][0])
+    published = getattr(
+        default.presets[default.default], row_of(DEFAULT).ladders[default.default][0]
+    )
     own = (DEFAULT, default.default, published)
     unit = next((run["cost"] for run in runs if (*_key(run), run["value"]) == own), None)
     usable = [run for run in runs if run["usable"]]
@@ -158,10 +162,10 @@ def _key(run: Row) -> tuple[str, str]:
 
 
 def _title(run: Row) -> str:
-    """Return an engine with its version, the preset, and the step or rtol."""
+    """Return an engine with its version, the preset, and the step or rtol that it has."""
     engine = f"{run['label']} {run['version']}" if "label" in run else run["contestant"]
-    value = f"{run['value'] * 1e3:g} ms" if run["field"] == "timestep" else f"{run['value']:g}"
-    return f"{engine}, {run['preset']}, {value}"
+    value = {"timestep": f", {run['value'] * 1e3:g} ms", "rtol": f", {run['value']:g}"}
+    return f"{engine}, {run['preset']}{value.get(run['field'], '')}"
 
 
 def _usable(run: Row) -> bool:
@@ -325,13 +329,14 @@ class Engines:
 
     def _tune(self, name: str, contestant: Contestant) -> None:
         scene, engine = load_scene(name), engine_named(contestant.engine)
-        if engine.knobs is None:
+        knobs = row_of(contestant.engine).knobs
+        if knobs is None:
             raise InputError(f"{contestant.name} has no knobs: there is nothing to tune")
         check_count("budget", self.budget, _LEAST_BUDGET)
         check_positive("cap", self.cap, "ms")
         seconds = seconds_of(self.duration, self.sweep.quick, scene)
         cells = cells_of(name, [contestant], self.environments, seconds, 1)
-        (base, *_) = (cell for cell in cells if cell["preset"] == engine.knobs[0])
+        (base, *_) = (cell for cell in cells if cell["preset"] == knobs[0])
         published = getattr(engine.presets[base["preset"]], base["field"])
         # What takes far longer than the cap cannot be the best; set-up may take its time.
         limit = min(_LIMIT, _SET_UP + 10 * self.cap / 1e3 * seconds)
@@ -348,7 +353,7 @@ class Engines:
             by_changes = {json.dumps(run["changes"]): run["error"] for run in best}
             return [by_changes.get(json.dumps(each), math.inf) for each in configurations]
 
-        search(engine.knobs, self.budget, errors)
+        search(knobs, self.budget, errors)
         title = f"{scene.name}, {base['preset']} of {contestant.name}, within {self.cap:g} ms"
         shown = (f"[bold]{escape(title)}[/]", table_of(_TUNED, best[:_SHOWN]))
         study = Study(scene.name, engine.label, ["tune"], rows_of(tried), {"best": best}, shown)

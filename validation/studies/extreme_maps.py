@@ -5,19 +5,16 @@ decades. What comes of a cell is in `extremes.py`.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from robotball import Scene, Servo, Settings, load_scene
 from robotball.engines.mujoco.settings import ADAPTIVE, CONSTANT, INTEGRATORS, MOST_STEPS, recipe
-from robotball.robot import Ball, Frame, Pendulum, Rotor, Shell
-from robotball.rotations import Array
-from robotball.scene import Start
+from robotball.variations import gyrostat, momentum_of, redistributed, scaled
 from validation.studies.maps import grid_cells
-from validation.studies.mistakes import with_bodies
 from validation.sweeps import Cell
 
 _SCENES = {"rubber": "fig12", "classical": "classical_regular"}
@@ -32,87 +29,6 @@ _COUNT = 8  # values of an axis, if no other number is given
 _QUICK_INTEGRATORS = ("Euler", "RK4", ADAPTIVE)
 _QUICK_COUNT = 3  # values of an axis
 _QUICK_DURATION = 10.0  # s, at most
-
-_OneBody = TypeVar("_OneBody", bound=Shell | Frame | Rotor | Pendulum)
-
-
-def momentum_of(scene: Scene) -> Array:
-    """Return K (3,) of (A.3), frame axes [kg m²/s]."""
-    return scene.principal_axes @ np.array(scene.parameters.K)
-
-
-def gyrostat(
-    scene: Scene,
-    *,
-    frame_rate: float | None = None,
-    K: Array | None = None,
-    rotor_rate: float | None = None,
-) -> Scene:
-    """Return the scene with other Ω and K (3,), frame axes, and the same A and mass.
-
-    What is None stays; rates are in rad/s. By (A.3) the rotor has to carry K + (J_s + d)Ω: its axis
-    and its rate become what that takes, or, where its rate is given, its axis and its inertia. The
-    frame takes the rest of the inertia. Raises InputError where nothing is left for it.
-    """
-    ball = scene.ball
-    (rotor,) = ball.rotors
-    K = momentum_of(scene) if K is None else K
-    frame_rate = float(scene.drives[0].rate(0.0)) if frame_rate is None else frame_rate
-    carried = K + (ball.shell.axial_inertia + ball.d) * frame_rate * ball.shell.axis
-    size = float(np.linalg.norm(carried))
-    inertia = rotor.axial_inertia if rotor_rate is None else size / rotor_rate
-    # As of a thin disc: no body of this axial moment has less across it, so most is left.
-    new = replace(rotor, axial_inertia=inertia, transverse_inertia=inertia / 2, axis=carried / size)
-    frame = replace(ball.frame, inertia=ball.frame.inertia + rotor.inertia - new.inertia)
-    return replace(
-        scene,
-        ball=Ball(ball.shell, frame, (new,)),
-        frame_rate=frame_rate,
-        rotor_rates=(size / inertia,),
-    )
-
-
-def redistributed(scene: Scene, *, frame_to_shell: float, rotor_to_frame: float) -> Scene:
-    """Return the scene with its mass shared out anew; bodies keep their shapes and rates."""
-    ball = scene.ball
-    shares = np.array([1.0, frame_to_shell, frame_to_shell * rotor_to_frame])
-    shell, frame, rotor = (ball.mass * shares / shares.sum()).tolist()
-    (old_rotor,) = ball.rotors
-    return replace(
-        scene,
-        ball=Ball(
-            scaled_body(ball.shell, shell / ball.shell.mass),
-            scaled_body(ball.frame, frame / ball.frame.mass),
-            (scaled_body(old_rotor, rotor / old_rotor.mass),),
-        ),
-    )
-
-
-def scaled(scene: Scene, *, mass: float, length: float) -> Scene:
-    """Return the same motion of a ball whose masses and lengths are multiplied by two factors.
-
-    Rates and times stay, so that momenta go with mass·length² and gravity with length.
-    """
-    return replace(
-        scene,
-        ball=with_bodies(scene.ball, lambda body: scaled_body(body, mass, length)),
-        start=Start(scene.start.attitude, scene.start.momentum * mass * length**2),
-        gravity=scene.gravity * length,
-    )
-
-
-def scaled_body(body: _OneBody, mass: float, length: float = 1.0) -> _OneBody:
-    """Return a body with its mass and its lengths multiplied by two factors."""
-    factors = {
-        "mass": mass,
-        "axial_inertia": mass * length**2,
-        "transverse_inertia": mass * length**2,
-        "inertia": mass * length**2,
-        "radius": length,
-        "centre": length,
-    }
-    names = {each.name for each in fields(body)} & factors.keys()
-    return replace(body, **{name: getattr(body, name) * factors[name] for name in names})
 
 
 @dataclass(frozen=True)

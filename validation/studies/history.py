@@ -32,6 +32,7 @@ from validation.options import AGREES, Sweep, SweepOptions, seconds_of
 from validation.output import writable_folder, write_text
 from validation.results import changed
 from validation.studies import bare_steps, engine_study
+from validation.studies.engine_rows import row_of
 from validation.studies.engine_runs import fixed_work
 from validation.study import Column, Row, Study, scene_cell, show, table_of
 from validation.sweeps import Cell, Result
@@ -185,7 +186,7 @@ def _free_body(python: str) -> float | None:
 def _adapted(cell: Cell, python: str, preset: str) -> dict[str, Any]:
     """Run a preset by our adapter in a version's environment."""
     engine = engine_named(cell["engine"])
-    name = engine.ladders[preset][0]
+    name = row_of(cell["engine"]).ladders[preset][0]
     run = {**cell, "contestant": "", "preset": preset, "field": name, "interpreter": python}
     value = getattr(engine.presets[preset], name)
     told = engine_study.measure({**run, "value": value, "rounds": _ROUNDS, "stretches": False})

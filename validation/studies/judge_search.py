@@ -16,8 +16,8 @@ from scipy.optimize import minimize_scalar
 
 from robotball import InputError, Motion, Scene, Trajectory, integrate
 from robotball.engines import recorded as derivative
-from robotball.engines.recorded import continuous, sampled_rates
-from robotball.rotations import Array
+from robotball.engines.recorded import sampled_rates
+from robotball.rotations import Array, continuous
 from validation.studies.mistakes import (
     Errors,
     Numbers,

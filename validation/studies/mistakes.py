@@ -4,22 +4,20 @@ Numbers of a file are compared with the reference's sample by sample, under each
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cache, partial, reduce
 from itertools import permutations, product
-from typing import Any
 
 import numpy as np
 
-from robotball import Custom, InputError, Motion, Scene, Trajectory
-from robotball.drives import Constant, Drive, Rate
+from robotball import InputError, Motion, Scene, Trajectory
 from robotball.equations import Rolling
-from robotball.files.export import poses
 from robotball.files.trajectories import LENGTHS
-from robotball.mechanics import momentum_at
 from robotball.motors import Servo
-from robotball.robot import Ball, Body, Rotor, Shell
+from robotball.poses import poses
+from robotball.robot import Body, Rotor, Shell
 from robotball.rotations import Array, conjugate, from_matrix, multiply, rotation_matrix
+from robotball.variations import scaled_rate, with_angular_velocity, with_bodies
 
 _FLOOR = 1e-6  # an error below it explains as little as none
 _MOST = 400  # samples that a convention is tried on
@@ -395,9 +393,7 @@ def _has_rate(scene: Scene, hinge: int) -> bool:
 def _with_rates(scene: Scene, which: list[int], factor: float) -> tuple[Scene, ...]:
     """Return scenes with some rates times a factor: with the same M, frame's ω, or shell's ω."""
     given = [scene.frame_rate, *scene.rotor_rates, *scene.pendulum_rates]
-    rates = [
-        scaled(scene.drives[i], factor) if i in which else rate for i, rate in enumerate(given)
-    ]
+    rates = [scaled_rate(rate, factor) if i in which else rate for i, rate in enumerate(given)]
     rotors = 1 + len(scene.ball.rotors)
     changed = replace(
         scene,
@@ -410,17 +406,6 @@ def _with_rates(scene: Scene, which: list[int], factor: float) -> tuple[Scene, .
         more = (factor - 1) * float(scene.drives[0].rate(0.0)) * scene.ball.shell.axis
         found.append(_kept(changed, scene, _omega(scene) + more))
     return tuple(found)
-
-
-def scaled(drive: Drive, factor: float) -> Rate:
-    """Return the rate of a drive times a factor."""
-    if isinstance(drive, Constant):
-        return factor * drive.value
-    return Custom(partial(_times, factor, drive), tuple(drive.breakpoints))
-
-
-def _times(factor: float, drive: Drive, t: float) -> float:
-    return factor * float(drive.rate(t))
 
 
 def _radii(scene: Scene, rolling_radius: float) -> Iterator[_MistakenScene]:
@@ -474,16 +459,6 @@ def _with_body(scene: Scene, body: Body, other: Body) -> tuple[Scene, ...]:
     return (_kept(heavier, scene), heavier)
 
 
-def with_bodies(ball: Ball, change: Callable[[Any], Any]) -> Ball:
-    """Return the ball with another body in the place of each."""
-    bodies = {each.name: getattr(ball, each.name) for each in fields(ball)}
-    changed: dict[str, Any] = {
-        name: tuple(map(change, own)) if isinstance(own, tuple) else change(own)
-        for name, own in bodies.items()
-    }
-    return replace(ball, **changed)
-
-
 def _starts(scene: Scene) -> Iterator[_MistakenScene]:
     start, R = scene.start, rotation_matrix(scene.start.attitude)
     omega, q = _omega(scene), start.attitude
@@ -512,10 +487,7 @@ def _omega(scene: Scene) -> Array:
 
 def _kept(changed: Scene, scene: Scene, omega: Array | None = None) -> Scene:
     """Return a changed scene that starts with the frame's ω of the other, or with this ω."""
-    start, omega = changed.start, _omega(scene) if omega is None else omega
-    angles, rates = np.array([(hinge.angle, hinge.rate) for hinge in changed.hinges]).T
-    M = momentum_at(changed.ball, changed.rolling, start.attitude, omega, angles, rates)
-    return replace(changed, start=replace(start, momentum=_level(changed, M)))
+    return with_angular_velocity(changed, _omega(scene) if omega is None else omega)
 
 
 def _level(scene: Scene, M: Array) -> Array:

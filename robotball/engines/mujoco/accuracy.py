@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from robotball.engine import as_own
-from robotball.engines import LEAST_RTOL
+from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.limits import COST_MODEL, planned, seeing_step
 from robotball.engines.mujoco.settings import (

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from robotball import equations as eq
-from robotball.engines import Compensated, Rate
+from robotball.engines.dop853 import Compensated, Rate
 from robotball.engines.mujoco.control import FREE_QPOS, FREE_QVEL, Control, read_row
 from robotball.engines.mujoco.settings import Chosen
 from robotball.engines.mujoco.stepping import Portion

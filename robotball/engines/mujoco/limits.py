@@ -20,7 +20,8 @@ from robotball.engines.mujoco.model import ModelHinge, hinges_of
 from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings, for_load
 from robotball.equations import as_vector
 from robotball.errors import InputError, warn
-from robotball.motion import RATE_ERROR, Loads, loads_of, tolerated
+from robotball.loads import Loads, loads_of
+from robotball.motion import RATE_ERROR, tolerated
 from robotball.motors import Servo
 from robotball.rotations import Array, multiply, rotation_matrix, uneven
 from robotball.scene import Scene, step_count

@@ -9,13 +9,13 @@ with `trials` (faults predicted), `accuracy` (an error in place of settings, and
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from robotball.engine import Engine, Knobs, Ladder, Request, Runner, as_own
+from robotball.engine import Engine, Request, Runner, as_own
 from robotball.engines import Progress
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.limits import precheck
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import held, run
-from robotball.engines.mujoco.settings import OWN, PRESETS, Settings
+from robotball.engines.mujoco.settings import PRESETS, Settings
 from robotball.motion import ContactMotion, EngineSettings
 from robotball.rotations import Array
 from robotball.scene import Scene
@@ -32,17 +32,6 @@ class MuJoCo(Engine):
     default = "balanced"
     least_accuracy: float | None = LEAST_ACCURACY
     as_it_comes = "naive"
-    ladders: Mapping[str, Ladder] = {
-        "naive": ("timestep", (2e-3,)),
-        "balanced": ("timestep", (20e-3, 10e-3, 5e-3, 1e-3)),
-        "adaptive": ("rtol", (1e-6, 1e-9, 1e-12, 1e-15)),
-    }
-    ours: Mapping[str, str] = {"adaptive": "steps"}
-    knobs: Knobs | None = ("balanced", {
-        "timestep": slice(1e-3, 2e-2), "integrator": OWN, "solver": ("PGS", "CG", "Newton"),
-        "iterations": (3, 10, 50), "noslip_iterations": (0, 1, 5), "softness": slice(1e-3, 100.0),
-        "cone": ("elliptic", "pyramidal"), "sliding_friction": slice(2.0, 100.0),
-    })  # fmt: skip
 
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
         """Return the scene's motion at times (n,) [s] from 0; fewer where the run broke off."""

@@ -161,10 +161,6 @@ _HARD = replace(
     PRESETS["balanced"], **CONSTANT | {"solver": "Newton", "softness": 1e-2},
     noslip_iterations=None, noslip_tolerance=None, ls_tolerance=None,
 )  # fmt: skip
-_KNOBS: dict[str, Any] = {
-    "model.softness": slice(1e-4, 10.0), "model.sliding_friction": slice(2.0, 100.0),
-    "model.integrator": ("RK4", "Euler", "implicitfast"),
-}  # fmt: skip
 _LOOSE: dict[str, Any] = {"error_tolerance": 1e-2, "stop_at_fault": False}
 _BEST = _MjxSettings(
     name="best", error_tolerance=1e-4, stop_at_fault=False, timestep=5e-3, model=_HARD,
@@ -177,11 +173,9 @@ MJX = adapter.Adapter(
     ),
     packages=("mujoco.mjx", "jax"),  # MJX is a part of MuJoCo's package, and needs JAX
     extra="mjx",
-    ladders={"as-it-comes": ("timestep", (2e-3,)), "best": ("timestep", (20e-3, 10e-3, 5e-3))},
     presets=adapter.by_name(
         _MjxSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE), _BEST
     ),
-    knobs=("best", {"timestep": slice(1e-3, 2e-2), "line_search": (3, 5, 20), **_KNOBS}),
     world=_MjxWorld,
 )
 
@@ -256,12 +250,10 @@ WARP = adapter.Adapter(
     label=Label("MuJoCo Warp", adapter.version_of("mujoco-warp"), "#76B900"),
     packages=("mujoco_warp",),
     extra="mujoco-warp",
-    ladders={"best": ("timestep", (20e-3, 10e-3))},
     presets=adapter.by_name(
         _ModelSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE),
         _ModelSettings(name="best", timestep=20e-3, model=_SINGLE, **_LOOSE),
     ),
-    knobs=("best", {"timestep": slice(2e-3, 2e-2), **_KNOBS}),
     world=_WarpWorld,
     lacks=adapter.in_single_precision,
 )

@@ -10,7 +10,8 @@ import numpy as np
 from robotball import equations as eq
 from robotball.engines.mujoco.model import Model, ModelHinge
 from robotball.engines.observe import Readings, Sign, attitudes, lengths
-from robotball.motion import DIVERGED, Fault, FaultKind, Loads
+from robotball.loads import Loads
+from robotball.motion import DIVERGED, Fault, FaultKind
 from robotball.motors import Free
 from robotball.rotations import Array, Mask, rotation_matrix
 

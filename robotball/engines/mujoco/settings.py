@@ -19,7 +19,7 @@ import mujoco
 import numpy as np
 from msgspec import Meta
 
-from robotball.engines import LEAST_RTOL
+from robotball.engines.dop853 import LEAST_RTOL
 from robotball.errors import LARGEST, InputError, check_positive
 from robotball.motion import EngineSettings, preset_named
 from robotball.motors import Servo

@@ -16,7 +16,7 @@ from robotball.engines.mujoco.readings import readings_of
 from robotball.engines.mujoco.settings import Settings, recipe
 from robotball.engines.mujoco.stepping import by_steps, controlled
 from robotball.errors import InputError
-from robotball.motion import Loads
+from robotball.loads import Loads
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Friction, Scene
 

@@ -20,7 +20,8 @@ from robotball.engines.states import lifting
 from robotball.equations import Rolling
 from robotball.errors import InputError, unknown
 from robotball.files.robot_file import RobotFile, gears_of, scene_of
-from robotball.motion import DIVERGED, ContactMotion, EngineSettings, Loads
+from robotball.loads import Loads
+from robotball.motion import DIVERGED, ContactMotion, EngineSettings
 from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.scene import Scene
 

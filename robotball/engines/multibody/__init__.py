@@ -20,8 +20,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from robotball.drives import turns
-from robotball.engine import Engine, Ladder, Request, as_own
-from robotball.engines import LEAST_RTOL, Compensated, Progress, take_step
+from robotball.engine import Engine, Request, as_own
+from robotball.engines import Progress
+from robotball.engines.dop853 import LEAST_RTOL, Compensated, take_step
 from robotball.engines.multibody.system import (
     HINGES,
     LOSS,
@@ -34,12 +35,12 @@ from robotball.engines.multibody.system import (
     readings_of,
 )
 from robotball.errors import InputError, warn
+from robotball.loads import Loads
 from robotball.motion import (
     ContactMotion,
     ContactReport,
     EngineSettings,
     Label,
-    Loads,
     Motion,
     ReferenceMotion,
     extended,
@@ -429,8 +430,6 @@ class _Multibody(Engine):
     }
     default = "best"
     least_accuracy: float | None = None
-    ladders: Mapping[str, Ladder] = {"best": ("rtol", (1e-6, 1e-9, 1e-12, 1e-15))}
-    ours: Mapping[str, str] = {"best": "all"}
 
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
         """Return the motion, which neither slips nor spins."""

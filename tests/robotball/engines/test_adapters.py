@@ -111,7 +111,7 @@ class AnyBall(Adapter):
 def spoilt(spoil: Spoil) -> Adapter:
     """An engine that makes one mistake."""
     return AnyBall(
-        label=Label("Spoilt", "1", "#000000"), packages=("robotball",), extra="", ladders={},
+        label=Label("Spoilt", "1", "#000000"), packages=("robotball",), extra="",
         presets=by_name(StepSettings(name="best", error_tolerance=1e-3, timestep=0.1)),
         world=lambda scene, settings, step: Repeated(scene, spoil),
     )  # fmt: skip
@@ -341,15 +341,10 @@ def test_our_constraints_roll_ideally_on_the_dynamics_of_another(
 def test_an_adapter_is_known_without_its_package(
     name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """Presets, ladders, and the extra; a run without the package says how to get it in a line."""
+    """Presets and the extra; a run without the package says how to get it in a line."""
     engine = ADAPTERS[name]
     assert sorted(PROJECT["optional-dependencies"][name]) == sorted(engine.requirements) != []
     assert engine.default in engine.presets
-    for preset, (field, _) in engine.ladders.items():
-        assert hasattr(engine.presets[preset], field)
-    assert engine.ours.keys() <= engine.presets.keys()
-    # MJX and Warp have MuJoCo's own preset in place of an example's.
-    assert bool(engine.source) == (name not in ("mjx", "mujoco-warp"))
     monkeypatch.setattr("robotball.engines.adapter.find_spec", lambda _: None)
     monkeypatch.chdir(tmp_path)
     with pytest.raises(

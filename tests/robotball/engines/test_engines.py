@@ -1,8 +1,6 @@
-"""Engines of others go through everything that ours does, and what is hardly meant is warned of."""
+"""Requests to engines, ours and others', and what is hardly meant, which is warned of."""
 
-import json
 import re
-import sys
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -12,87 +10,20 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engine import OURS, request_of
-from robotball.engines.mujoco.mujoco_engine import MUJOCO
+from robotball.engine import request_of
 from robotball.motors import Servo
 from robotball.rotations import Array
-from tests.conftest import Robotball
-from tests.off_engine import ERROR, OFF
-from validation import compare
-from validation.plots import momentum_picture, path_picture, sheet_of
+from tests.off_engine import OFF
 
 FIG12 = rb.load_scene("fig12")
 PENDULUM = rb.load_scene("pendulum_robot")
 EXAMPLE = Path(__file__).parents[3] / "examples" / "my_robot.toml"
 
 
-@pytest.fixture
-def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The engine `off` as a package with an entry point would bring it."""
-    info = tmp_path / "off-3.1.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: off\nVersion: 3.1\n")
-    (info / "entry_points.txt").write_text(
-        "[robotball.engines]\noff = tests.off_engine:OFF\ntorn = tests.off_engine:NOWHERE\n"
-    )
-    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
-
-
-def test_an_engine_is_held_against_the_equations() -> None:
-    """Its deliberate error, 1e-4 of the path at the end, is measured; plots are in its colour."""
-    agreement = compare(FIG12, engine=OFF)
-    assert agreement.path_error == pytest.approx(ERROR, rel=1e-9)
-    assert (agreement.momentum_error, agreement.agrees) == (0, True)
-    for draw, names in (
-        (path_picture, ["equations", "Off, as it comes", "start"]),
-        (momentum_picture, ["Off, as it comes"]),
-    ):
-        axes = draw(sheet_of([agreement])).axes[0]
-        assert axes.get_legend_handles_labels()[1] == names
-        colours = {line.get_color() for line in axes.get_lines()}
-        assert colours & {OFF.label.colour, MUJOCO.label.colour} == {OFF.label.colour}
-    # An engine that prepares nothing runs the scene with another start.
+def test_an_engine_that_prepares_nothing_runs_the_scene_with_another_start() -> None:
     start = rb.load_scene("fig13").start
     motion = OFF.prepare(FIG12, OFF.presets["as it comes"])(np.array([0.0, 0.1]), start)
     assert motion.momentum[0] == pytest.approx(start.momentum, abs=1e-12)
-
-
-@pytest.mark.usefixtures("installed")
-def test_a_package_brings_an_engine_to_every_command(robotball: Robotball, tmp_path: Path) -> None:
-    """Found by its entry point: in the list, in table, JSON, CSV and the names of pictures."""
-    assert rb.engine_names() == [*OURS, "off", "torn"]
-    assert rb.engine_named("off") is OFF
-    options = ("fig12", "--engine", "off", "--json", "data.json", "--csv", "t.csv")
-    status, out, _ = robotball("compare", *options)
-    assert status == 0
-    assert "as it comes" in out
-    (record,) = json.loads((tmp_path / "data.json").read_text())
-    assert record["engine"] == "Off"
-    assert record["versions"]["Off"] == "3.1"
-    assert record["path_error"] == pytest.approx(ERROR, rel=1e-9)
-    assert ",Off," in (tmp_path / "t.csv").read_text()
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {
-        "fig12-off-as-it-comes-path.png", "fig12-off-as-it-comes-momentum.png",
-    }  # fmt: skip
-
-
-@pytest.mark.usefixtures("installed")
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ("fig12 --engine mujok", "no engine is called 'mujok'; did you mean mujoco"),
-        ("fig12 --engine torn", "the engine 'torn' of tests.off_engine:NOWHERE fails"),
-        ("fig12 --engine off --preset fast", "no preset is called 'fast'; there are"),
-        ("fig12 --engine off --accuracy 1e-6", "Off has no settings for an accuracy"),
-        ("classical_regular --engine off", "Off cannot run classical_regular: it has no"),
-    ],
-)
-def test_what_an_engine_cannot_do_is_one_line_before_the_run(
-    arguments: str, words: str, robotball: Robotball
-) -> None:
-    """Exit status 2."""
-    status, _, err = robotball("compare", *arguments.split())
-    assert (status, words in err, err.count("\n")) == (2, True, 1)
 
 
 def test_a_request_is_made_of_settings_or_of_an_accuracy() -> None:

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import robotball as rb
 from robotball.drives import Rate
-from robotball.engines import Compensated
+from robotball.engines.dop853 import Compensated
 from robotball.engines.ensembles.orbits import Starts, kernel_start
 from robotball.engines.ensembles.steppers import PATH
 from robotball.equations import Rolling

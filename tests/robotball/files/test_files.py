@@ -1,8 +1,6 @@
 """Files of users are regular ones of a limited length; what is written is whole or not there."""
 
 import os
-import stat
-import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,8 +13,6 @@ from robotball.files import contents
 from robotball.files.columns import read_samples, read_table
 from robotball.files.replacing import replacing
 from robotball.files.robot_file import solid_of_file
-from validation.output import writable_file
-from validation.report.study_report import study_report
 
 READERS: dict[str, Callable[[Path], object]] = {
     "scene.toml": rb.load_scene,
@@ -27,7 +23,6 @@ READERS: dict[str, Callable[[Path], object]] = {
     "run.csv": rb.read_trajectory,
     "run.npz": rb.read_trajectory,
     "run.parquet": rb.read_trajectory,
-    "study.json": study_report,
 }
 
 
@@ -37,16 +32,20 @@ def test_neither_a_device_nor_a_file_without_end_is_read(tmp_path: Path, name: s
 
     10 MB are enough for a scene, and a table has 4000; these 5 GB take no place on the disk.
     """
-    path = tmp_path / name
+    check_length(READERS[name], tmp_path / name)
+
+
+def check_length(read: Callable[[Path], object], path: Path) -> None:
+    """Neither a device nor a file of 5 GB is read."""
     path.symlink_to(os.devnull)
     with pytest.raises(rb.InputError, match="it is no regular file; copy what it gives") as error:
-        READERS[name](path)
+        read(path)
     assert str(error.value).startswith(f"{path}: ")
     path.unlink()
     path.touch()
     os.truncate(path, 5_000_000_000)
     with pytest.raises(rb.InputError, match=r"it has 5000 MB, and may have (10|4000); shorten it"):
-        READERS[name](path)
+        read(path)
 
 
 def test_a_file_of_the_greatest_length_is_read(tmp_path: Path) -> None:
@@ -72,45 +71,6 @@ def test_a_small_file_does_not_fill_the_memory(
     monkeypatch.setattr(table_file, "_MOST", 1_000_000)
     with pytest.raises(rb.InputError, match=r"it takes 8 MB of memory, and may take 1;"):
         read_table(path)
-
-
-def write(path: Path, text: str) -> None:
-    with replacing(writable_file(path)) as temporary:
-        temporary.write_text(text)
-
-
-def test_a_pipe_is_written_into_and_stays_one(tmp_path: Path) -> None:
-    """Its reader gets all of the text; the same holds for a device."""
-    fifo, read = tmp_path / "fifo", list[str]()
-    os.mkfifo(fifo)
-    reader = threading.Thread(target=lambda: read.append(fifo.read_text()), daemon=True)
-    reader.start()
-    write(fifo, "whole")
-    reader.join(10)
-    assert read == ["whole"]
-    assert stat.S_ISFIFO(fifo.stat().st_mode)
-    assert list(tmp_path.iterdir()) == [fifo]
-
-
-@pytest.mark.parametrize("there", [True, False])
-def test_a_link_stays_and_what_it_names_is_replaced(tmp_path: Path, there: bool) -> None:
-    """Whether or not the file is there already; no fragment stays in either folder."""
-    (tmp_path / "far").mkdir()
-    target, link = tmp_path / "far" / "real.json", tmp_path / "link.json"
-    link.symlink_to("far/real.json")
-    if there:
-        target.write_text("old")
-    write(link, "new")
-    assert link.is_symlink()
-    assert (target.is_symlink(), target.read_text()) == (False, "new")
-    assert [path.name for path in target.parent.iterdir()] == ["real.json"]
-
-
-def test_links_in_a_circle_are_refused(tmp_path: Path) -> None:
-    link = tmp_path / "link"
-    link.symlink_to(link)
-    with pytest.raises(rb.InputError, match="cannot be written: Too many levels"):
-        write(link, "new")
 
 
 def test_no_two_writers_share_a_temporary_file(tmp_path: Path) -> None:

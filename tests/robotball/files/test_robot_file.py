@@ -15,9 +15,8 @@ import robotball as rb
 from robotball.files import robot_file
 from robotball.files.robot_file import RobotFile, open_robot
 from robotball.rotations import Array
+from tests.motions import pair_of
 from tests.robotball.files.scene_texts import PLATE
-from validation import compare
-from validation.results import controls_of
 
 # The free joint is an inner body's. The shell is on a gimbal of it, with a weight glued on; one
 # motor pulls on both of the gimbal's joints, and another slides a mass.
@@ -149,9 +148,8 @@ def test_controls_change_in_time(tmp_path: Path) -> None:
     points = own_steps(open_robot(path), times, {"drive": drive.rate, "fly": fly.rate})
     away = np.linalg.norm(points - theory.contact_point, axis=1)
     assert away.max() < 1.3e-4 * theory.path_scale
-    agreement = compare(scene, "balanced", times)
-    assert agreement.path_error is not None
-    assert agreement.path_error < 1.1e-7  # measured 3.6e-8
+    pair = pair_of(scene, "balanced", times)
+    assert pair.path_error < 1.1e-7  # measured 3.6e-8
 
 
 NAMED = """robot = "mybot.xml"
@@ -187,19 +185,6 @@ def test_a_scene_file_names_a_robots(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("trusted")
-def test_controls_are_given_as_numbers_and_tables(tmp_path: Path) -> None:
-    """On the command line, each once; the samples' end is the scene's."""
-    file = written(tmp_path, "fly.csv", "t,value\n0,0\n1,20\n5,30\n")
-    controls = controls_of(["drive=.5", f"fly={file}"])
-    assert controls == {"drive": 0.5, "fly": rb.Samples(times=(0, 1, 5), values=(0, 20, 30))}
-    scene = robot_file.robot_scene(written(tmp_path, "mybot.xml", PLATE), controls)
-    assert (scene.duration, scene.controls[0].rate(0.0)) == (5.0, 0.5)
-    for texts in (["drive"], ["=3"], ["drive="], ["drive=1", "drive=2"]):
-        with pytest.raises(rb.InputError, match="takes NAME=VALUE or NAME=FILE, once a name"):
-            controls_of(texts)
-
-
-@pytest.mark.usefixtures("trusted")
 def test_a_motion_ends_where_a_joint_reaches_its_range(tmp_path: Path) -> None:
     """When its own model's joint does; what runs beside the equations ends with them.
 
@@ -211,18 +196,17 @@ def test_a_motion_ends_where_a_joint_reaches_its_range(tmp_path: Path) -> None:
     path = written(tmp_path, "ranged.xml", ranged)
     times = np.linspace(0.0, 0.3, 31)
     with pytest.warns(rb.SceneWarning, match="axle reaches its range of -90 to 90 deg") as said:
-        agreement = compare(str(path), "balanced", times)
+        pair = pair_of(rb.load_scene(str(path)), "balanced", times)
     reached = float(str(said[0].message).split("t = ")[1].split(" s,")[0])
     data = (robot := open_robot(path)).start()
     robot.model.opt.timestep, robot.model.opt.integrator = 1e-4, mujoco.mjtIntegrator.mjINT_RK4
     while data.joint("axle").qpos < np.pi / 2:
         mujoco.mj_step(robot.model, data)
     assert reached == pytest.approx(data.time, abs=1.2e-3)
-    assert agreement.agrees
-    assert len(agreement.motion.times) == 1 + int(reached / 0.01)
-    theory = agreement.theory
-    assert agreement.reference_error is not None
-    assert agreement.reference_error < 1e-12
+    assert pair.agrees
+    assert len(pair.motion.times) == 1 + int(reached / 0.01)
+    theory = pair.theory
+    assert theory.reference_error < 1e-12
     assert np.array_equal(
         theory.contact_point, rb.integrate(free, times).contact_point[: len(theory.times)]
     )

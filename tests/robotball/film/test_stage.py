@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.files.export import poses
 from robotball.film import gl, stage, tracks
 from robotball.film.looks import looks_of
 from robotball.film.stage import LENS, SUN, Camera, Stage, build_stage, pose
 from robotball.film.tracks import track_of
+from robotball.poses import poses
 from robotball.rotations import Array, rotation_matrix
 from robotball.shapes import Shape
 from tests.random_robots import random_tree

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.files.export import poses
 from robotball.film.web import MOST, STEP, view_data, view_fragment, view_page
+from robotball.poses import poses
 from robotball.rotations import rotation_matrix
 from tests.browser import needs_browser, opened
 from tests.random_robots import random_tree

@@ -32,7 +32,6 @@ from robotball.qualitative.portraits import limit_cycles, separatrices
 from robotball.rotations import rotation_matrix
 from robotball.scene import Start
 from tests.figures import CLASSICAL, ball, from_rest
-from validation.paper import formulas as f
 
 A: Vector = (0.5, 0.4, 0.3)
 OMEGA: Vector = (4.0, 2.0, 1.0)
@@ -45,23 +44,6 @@ GAMMA = np.array([0.6, 0.48, 0.64])
 
 def random_ball(rng: np.random.Generator, K: Vector) -> Parameters:
     return ball(as_vector(rng.uniform(0.2, 1.0, 3)), as_vector(rng.uniform(-4, 4, 3)), K, d=0.01)
-
-
-def test_no_fixed_point_is_missed() -> None:
-    """Newton's method from 60 points of the sphere finds no point that is not in the list.
-
-    It solves the paper's formulas as they are typed a second time. Of 12 random balls.
-    """
-    rng = np.random.default_rng(4)
-    numbers = set()
-    for _ in range(12):
-        some = random_ball(rng, as_vector(0.3 * rng.normal(size=3)))
-        known = np.array([point.gamma for point in fixed_points(some)])
-        numbers.add(len(known))
-        assert max(np.abs(flow(some, as_vector(g))).max() for g in known) < 1e-13 * rate_scale(some)
-        for gamma in f.zeros(f.from_rest(f.numbers(some)), 60):
-            assert np.linalg.norm(known - gamma, axis=1).min() < 1e-6
-    assert numbers == {2, 6, 10}
 
 
 def test_the_search_finds_the_points_of_the_closed_form() -> None:

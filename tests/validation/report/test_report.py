@@ -12,6 +12,7 @@ import pytest
 import robotball as rb
 from tests.browser import needs_browser, opened
 from tests.conftest import Robotball
+from tests.robotball.files.test_files import check_length
 from validation import Agreement, compare
 from validation.output import program
 from validation.plots import LEAST, Look
@@ -296,3 +297,8 @@ def test_a_flat_path_makes_a_low_picture_to_one_scale() -> None:
     assert len(points) == 400
     across, up = np.ptp(points, axis=0)
     assert across / up == pytest.approx(30 / 2, rel=0.01)  # measured 15.02
+
+
+def test_a_study_is_read_from_a_plain_file_of_a_limited_length(tmp_path: Path) -> None:
+    """As every file of a user is."""
+    check_length(study_report, tmp_path / "study.json")

@@ -11,7 +11,7 @@ from zipfile import ZipFile
 import pytest
 
 import robotball as rb
-from robotball.engines import LEAST_RTOL
+from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.environments import call, versions_in
 from tests.bench.gallery import engines_table
 from validation.studies.engine_runs import (

@@ -23,10 +23,6 @@ from validation.studies.extreme_maps import (
     base,
     cell_run,
     cells_of,
-    gyrostat,
-    momentum_of,
-    redistributed,
-    scaled,
 )
 from validation.studies.extremes import (
     Outcome,
@@ -37,7 +33,6 @@ from validation.studies.extremes import (
     missed,
     totals,
 )
-from validation.study import compiled_motion
 from validation.sweeps import Result
 
 ROLLINGS = ("rubber", "classical")
@@ -53,42 +48,6 @@ def test_the_quick_atlas_has_every_map() -> None:
         xs = {each["x"] for each in cells_of(chosen, QUICK) if each["integrator"] == "RK4"}
         assert 2 <= len(xs) <= 3
         assert {chosen.x.values[0], chosen.x.values[-1]} <= xs
-
-
-@pytest.mark.parametrize("rolling", ROLLINGS)
-def test_a_gyrostat_has_the_momentum_and_the_rate_requested(rolling: str) -> None:
-    """Only Ω and K change: I, d and M are the scene's."""
-    scene, K = base(rolling), np.array([30.0, -4.0, 500.0])
-    numbers, new = scene.parameters, gyrostat(scene, frame_rate=-7.0, K=K).parameters
-    np.testing.assert_allclose(new.K, K, rtol=1e-12)
-    np.testing.assert_allclose(new.Omega, [0, 0, -7.0], atol=1e-14)
-    np.testing.assert_allclose([*new.I, new.d], [*numbers.I, numbers.d], rtol=1e-12)
-    slow = gyrostat(scene, frame_rate=2.0, K=momentum_of(scene), rotor_rate=1e6)
-    assert slow.rotor_rates == pytest.approx((1e6,))
-    np.testing.assert_allclose(slow.parameters.K, numbers.K, rtol=1e-12, atol=1e-12)
-    with pytest.raises(rb.InputError, match="frame's inertia is not positive"):
-        gyrostat(scene, frame_rate=2.0, K=momentum_of(scene), rotor_rate=1.0)
-
-
-def test_a_mass_shared_out_anew_is_the_same_mass() -> None:
-    """Ratios over twelve decades."""
-    scene = base("rubber")
-    new = redistributed(scene, frame_to_shell=1e6, rotor_to_frame=1e-6).ball
-    assert new.mass == pytest.approx(scene.ball.mass, rel=1e-14)
-    assert new.frame.mass / new.shell.mass == pytest.approx(1e6)
-    assert new.rotors[0].mass / new.frame.mass == pytest.approx(1e-6)
-
-
-@pytest.mark.parametrize("rolling", ROLLINGS)
-def test_a_scaled_ball_moves_alike(rolling: str) -> None:
-    """The path goes with the length, whatever the masses: 1e-14 of it, by rounding."""
-    scene, times = base(rolling), rb.sample_times(1.0)
-    small, large = (
-        compiled_motion(each, times) for each in (scene, scaled(scene, mass=1e7, length=1e5))
-    )
-    assert np.abs(large.contact_point / 1e5 - small.contact_point).max() < 1e-12
-    frictions = [each.loads.sliding_friction.max() for each in (small, large)]
-    assert frictions[1] == pytest.approx(frictions[0], rel=1e-12)
 
 
 @pytest.mark.parametrize(

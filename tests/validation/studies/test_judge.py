@@ -17,16 +17,16 @@ from robotball.mechanics import momentum_at
 from robotball.motion import attitude_error, path_error
 from robotball.robot import Ball, Frame
 from robotball.rotations import Array, conjugate, from_matrix, multiply, rotation_matrix
-from tests.bench.random_runs import random_scene
+from robotball.variations import scaled_rate
 from tests.euler_engine import euler
+from tests.random_balls import ball_of_points
 from tests.random_robots import random_scene as random_robot_scene
 from validation import judge
 from validation.studies import judge_search
 from validation.studies.judge import FileJudgement, lines
-from validation.studies.mistakes import scaled
 
 NAMES = ("fig12", "classical_regular", "wobbling_drive", "three_rotors", "classical_chaotic")
-SCENES = (*map(rb.load_scene, NAMES), *map(random_scene, range(1, 6)))
+SCENES = (*map(rb.load_scene, NAMES), *map(ball_of_points, range(1, 6)))
 FIG12 = SCENES[0]
 STEPS = (0.02, 0.005)  # s: first-order errors of the attitude of up to 1, and of 0.3 rad
 END, INTERVAL = 2.0, 0.04  # s
@@ -218,7 +218,7 @@ def with_rate(hinge: int, factor: float) -> InScene:
 
     def planted(scene: rb.Scene) -> rb.Scene:
         rates = [scene.frame_rate, *scene.rotor_rates]
-        rates[hinge] = scaled(scene.drives[hinge], factor)
+        rates[hinge] = scaled_rate(rates[hinge], factor)
         return replace(scene, frame_rate=rates[0], rotor_rates=tuple(rates[1:]))
 
     return planted
@@ -259,7 +259,7 @@ RATES: list[Rate] = [
 @pytest.mark.parametrize("rate", RATES)
 def test_a_rate_of_any_kind_is_scaled(rate: Rate) -> None:
     """It is three times as fast at any time."""
-    own, three = (as_drive(each, 1.0) for each in (rate, scaled(as_drive(rate, 1.0), 3.0)))
+    own, three = (as_drive(each, 1.0) for each in (rate, scaled_rate(rate, 3.0)))
     for t in (0.1, 0.4, 0.9):
         assert three.rate(t) == pytest.approx(3 * own.rate(t), rel=1e-12)
 

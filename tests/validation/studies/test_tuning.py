@@ -9,9 +9,9 @@ import pytest
 
 import robotball as rb
 from robotball import engine_names
-from robotball.engine import Knobs
 from tests.conftest import Robotball
 from validation.studies import engine_study
+from validation.studies.engine_rows import Knobs, row_of
 from validation.studies.engine_runs import changed, run
 from validation.studies.engine_study import Changes, search
 
@@ -56,12 +56,13 @@ def test_a_search_draws_evenly_and_refines_the_best() -> None:
     assert json.loads(json.dumps(tried)) == tried
 
 
-@pytest.mark.parametrize("name", [name for name in engine_names() if rb.engine_named(name).knobs])
+@pytest.mark.parametrize("name", [name for name in engine_names() if row_of(name).knobs])
 def test_an_engine_s_knobs_turn_its_own_settings(name: str) -> None:
     """Each is a field, and the first and the last of all their values are settings."""
     engine = rb.engine_named(name)
-    assert engine.knobs is not None
-    preset, spans = engine.knobs
+    knobs = row_of(name).knobs
+    assert knobs is not None
+    preset, spans = knobs
     for end in (0, -1):
         ends = {
             knob: (span.start, span.stop)[end] if isinstance(span, slice) else span[end]

@@ -13,10 +13,9 @@ from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import for_load
 from robotball.robot import NO_FRAME, Ball, Frame, Shell, thin_shell_inertia
 from robotball.scene import Friction
-from tests.motions import known
+from tests.motions import Pair, pair_of
 from tests.random_robots import random_scene, random_tree
 from tests.robots import Y, box_inertia, robot, worked
-from validation import Agreement, compare
 
 pytestmark = pytest.mark.core
 
@@ -56,8 +55,8 @@ SCENES = {
 
 
 @cache
-def agreement_of(name: str, settings: str) -> Agreement:
-    return compare(SCENES[name], settings, rb.sample_times(2.0))
+def pair_by(name: str, settings: str) -> Pair:
+    return pair_of(SCENES[name], settings, rb.sample_times(2.0))
 
 
 # Bounds are about three times what was measured, beside them: of the path error over 2 s.
@@ -87,41 +86,42 @@ LIKE_THE_EQUATIONS = {
 @pytest.mark.parametrize(("name", "settings"), LIKE_THE_EQUATIONS)
 def test_any_robot_rolls_as_its_equations_say(name: str, settings: str) -> None:
     """Unbalanced, by motors of its own, on an inclined plane, or on one that resists rolling."""
-    agreement = agreement_of(name, settings)
-    assert agreement.faults == ()
-    assert known(agreement.path_error) < LIKE_THE_EQUATIONS[name, settings]
+    pair = pair_by(name, settings)
+    assert pair.report.faults == ()
+    assert pair.path_error < LIKE_THE_EQUATIONS[name, settings]
 
 
 def test_a_robot_at_rest_whose_motors_start_at_once_has_no_fault() -> None:
     """Its first step slips by more than the tolerance of that path, and yet it rolls right."""
-    agreement = compare("examples/first_robot.xml", "accurate", rb.sample_times(1.0, 1e-3))
-    report = agreement.motion.report
-    moved = np.linalg.norm(agreement.motion.contact_point[1])
+    scene = rb.load_scene("examples/first_robot.xml")
+    pair = pair_of(scene, "accurate", rb.sample_times(1.0, 1e-3))
+    report = pair.motion.report
+    moved = np.linalg.norm(pair.motion.contact_point[1])
     assert report.slip[1] * 1e-3 > 3 * report.settings.error_tolerance * moved
-    assert agreement.faults == ()
-    assert known(agreement.path_error) < 1.5e-8  # measured 5.1e-9: RK4's
+    assert pair.report.faults == ()
+    assert pair.path_error < 1.5e-8  # measured 5.1e-9: RK4's
 
 
 def test_a_soft_contact_and_a_quick_solver_are_wrong_where_the_load_varies() -> None:
     """Two choices of VARYING, each undone alone, on W5 at 1 ms; measured 5.8e-7 and 3.1e-3."""
     whole = replace(for_load(rb.preset("accurate"), worked("W5")), stop_at_fault=False)
     for wrong in ({"softness": 1.0}, {"solver": "PGS", "iterations": 3}):
-        agreement = compare(worked("W5"), replace(whole, **wrong), rb.sample_times(2.0))
-        assert known(agreement.path_error) > 1e-7
+        pair = pair_of(worked("W5"), replace(whole, **wrong), rb.sample_times(2.0))
+        assert pair.path_error > 1e-7
 
 
 def test_forces_torques_and_momentum_are_those_of_the_equations() -> None:
     """A servo with an armature is among them, whose joint carries less than the motor gives."""
-    agreement = agreement_of("W4", "balanced")
-    ours, theirs = agreement.motion, agreement.theory
+    pair = pair_by("W4", "balanced")
+    ours, theirs = pair.motion, pair.theory
     of_motors = np.abs(ours.loads.motor_torques - theirs.loads.motor_torques).max(axis=0)
     assert of_motors.max() < 2e-6  # measured 6.3e-7 N m of 0.7: RK4's
     assert np.abs(ours.loads.contact_force - theirs.loads.contact_force).max() < 1.3e-5  # 4.4e-6 N
-    assert known(agreement.momentum_error) < 1.1e-7  # measured 3.6e-8
+    assert pair.momentum_error < 1.1e-7  # measured 3.6e-8
     assert np.ptp(theirs.loads.normal_force) > 1
     assert np.ptp(theirs.momentum, axis=0).min() > 1e-3
     # A motor at its limit is a note beside the faults, with the time of the switch.
-    note = agreement.report.notes[0]
+    note = pair.report.notes[0]
     assert note.text == "frame's motor at its torque limit"
     assert note.time == pytest.approx(0.3078706, abs=1e-6)
     assert np.abs(ours.loads.motor_torques[:, 0]).max() == pytest.approx(0.6, rel=1e-6)
@@ -130,8 +130,8 @@ def test_forces_torques_and_momentum_are_those_of_the_equations() -> None:
 def test_a_step_across_a_torque_limit_costs_two_orders(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where steps do not end on the switches, W4 is off by 2.9e-6 at 5 ms, not by 3e-8."""
     monkeypatch.setattr(Model, "has_torque_limits", False)
-    theory = agreement_of("W4", "balanced").theory
-    assert known(compare(worked("W4"), "balanced", theory=theory).path_error) > 1e-6
+    theory = pair_by("W4", "balanced").theory
+    assert pair_of(worked("W4"), "balanced", theory=theory).path_error > 1e-6
 
 
 def test_a_robot_at_rest_keeps_its_contact() -> None:
@@ -170,9 +170,9 @@ def test_a_ball_that_lifts_off_loses_its_contact_then() -> None:
 def test_resistance_goes_with_the_load_not_the_weight(monkeypatch: pytest.MonkeyPatch) -> None:
     """Resistance by W5's weight alone is off by 1.2e-2, where its load is off by 2.9e-8."""
     monkeypatch.setattr(Resistance, "_resisting", lambda each, *_: each.arm * each.weight)
-    theory = agreement_of("resisting W5", "adaptive").theory
-    agreement = compare(SCENES["resisting W5"], "balanced", theory=theory)
-    assert known(agreement.path_error) > 4e-3
+    theory = pair_by("resisting W5", "adaptive").theory
+    pair = pair_of(SCENES["resisting W5"], "balanced", theory=theory)
+    assert pair.path_error > 4e-3
 
 
 @pytest.mark.parametrize("preset", ["fast", "adaptive"])

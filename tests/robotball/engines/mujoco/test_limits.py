@@ -17,11 +17,10 @@ from robotball.engines.mujoco.trials import linearised_start, momentum_loss
 from robotball.motors import Actuator, Free, Law, Servo
 from robotball.robot import Ball, Frame, Shell
 from robotball.scene import Friction
-from tests.bench.random_runs import random_scene, rescaled
-from tests.motions import known
+from robotball.variations import scaled
+from tests.motions import Pair, pair_of
+from tests.random_balls import ball_of_points
 from tests.robots import Y, low_weight, pendulum_ball, robot, swing, worked
-from validation import Agreement, compare
-from validation.studies.extreme_maps import scaled
 
 pytestmark = pytest.mark.core
 
@@ -32,20 +31,20 @@ BY_ERROR: dict[str, Any] = {"timestep": None, "integrator": "DOP853"}
 Predict = Callable[[PlannedRun], LimitCheck | None]
 # Of a run; `crept` is the mean slip over the mean speed, `sped` the slip after the first step over
 # the speed of M.
-MEASURES: dict[str, Callable[[Agreement], float]] = {
-    "path": lambda run: known(run.path_error),
-    "momentum": lambda run: known(run.momentum_error),
+MEASURES: dict[str, Callable[[Pair], float]] = {
+    "path": lambda run: run.path_error,
+    "momentum": lambda run: run.momentum_error,
     "slip": lambda run: float(run.report.slip.max()),
     "crept": lambda run: (
         float(run.report.slip.mean() * run.theory.times[-1]) / run.theory.path_length
     ),
     "sped": lambda run: (
-        float(run.report.slip[1] * run.scene.ball.d / run.scene.ball.radius)
-        / run.scene.momentum_scale
+        float(run.report.slip[1] * run.theory.scene.ball.d / run.theory.scene.ball.radius)
+        / run.theory.scene.momentum_scale
     ),
     "rate": lambda run: float(run.report.hinge_rate_error.max()),
     "cone": lambda run: float(run.report.friction_used.max()),
-    "lost": lambda run: float("contact lost" in [fault.text for fault in run.faults]),
+    "lost": lambda run: float("contact lost" in [fault.text for fault in run.report.faults]),
 }
 
 
@@ -56,7 +55,7 @@ def limit_of(predict: Predict, *run: Any) -> LimitCheck:
 
 
 def measured(what: str, scene: rb.Scene, settings: rb.Settings, duration: float) -> float:
-    return MEASURES[what](compare(scene, settings, np.linspace(0.0, duration, 51)))
+    return MEASURES[what](pair_of(scene, settings, np.linspace(0.0, duration, 51)))
 
 
 def geared(gain: float) -> rb.Scene:
@@ -73,7 +72,7 @@ def geared(gain: float) -> rb.Scene:
 
 
 def heavy(scene: rb.Scene, *masses: float) -> list[rb.Scene]:
-    return [rescaled(scene, mass=mass) for mass in masses]
+    return [scaled(scene, mass=mass, gravity=1.0) for mass in masses]
 
 
 def swung(frequency: float, amplitude: float = 1.0) -> rb.Scene:
@@ -231,13 +230,13 @@ def test_a_hinge_gives_way_by_its_load_over_its_armature(name: str, duration: fl
     scene = rb.load_scene(name)
     for armature, beyond in ((1e14, False), (1e4, True)):
         settings = replace(rb.preset("balanced"), drive=Prescribed(armature), stop_at_fault=False)
-        agreement = compare(scene, settings, np.linspace(0.0, duration, 51))
+        pair = pair_of(scene, settings, np.linspace(0.0, duration, 51))
         at_start, known = (
             limit_of(limits.prescribed_rate, scene, settings, duration, loads)
-            for loads in (None, agreement.theory.loads)
+            for loads in (None, pair.theory.loads)
         )
         assert at_start.exceeded == known.exceeded == beyond
-    assert MEASURES["rate"](agreement) == pytest.approx(known.value, rel=0.03)
+    assert MEASURES["rate"](pair) == pytest.approx(known.value, rel=0.03)
 
 
 def test_what_has_no_limit_bears_far_more() -> None:
@@ -256,7 +255,7 @@ def test_fast_rotors_are_no_reason_to_warn_of_a_loss() -> None:
 
     By the fastest rotation alone all of M could be lost.
     """
-    ball = random_scene(46)
+    ball = ball_of_points(46)
     rates = tuple(4 * rate for rate in ball.rotor_rates if isinstance(rate, float))
     scene = replace(ball, rotor_rates=rates)
     limit = limit_of(limits.momentum_lost, scene, FAST, 10.0)
@@ -333,7 +332,7 @@ def test_the_recipe_has_no_limit_near() -> None:
 
     But for one: the catalog's servos are too strong for steps of 20 ms.
     """
-    for scene in (*map(rb.load_scene, rb.catalog()), *map(random_scene, range(4))):
+    for scene in (*map(rb.load_scene, rb.catalog()), *map(ball_of_points, range(4))):
         beyond = [p for p in ("fast", "adaptive") if exceeded(scene, rb.preset(p), scene.times)]
         assert beyond == ["fast"] * (scene.name == "servo_motors"), scene.name
 
@@ -344,9 +343,8 @@ def test_a_warning_names_the_number_the_limit_and_the_fix() -> None:
     words = r"fig12, fast: sliding friction is 0\.1 and must be at least 0\.4547: the ball slips"
     with pytest.warns(rb.SceneWarning, match=words):
         rb.simulate(FIG12, times, slippery)
-    for work in (rb.simulate, compare):
-        with pytest.raises(rb.InputError, match="must be at least"):
-            work(FIG12, times=times, settings=slippery, strict=True)
+    with pytest.raises(rb.InputError, match="must be at least"):
+        rb.simulate(FIG12, times, slippery, strict=True)
     own = replace(worked("W2"), friction=Friction(sliding=0.02))
     line = str(exceeded(own, rb.preset("balanced"), own.times)[0])
     assert line.startswith("sliding friction is 0.02 and must be at least 0.05855")
@@ -376,7 +374,7 @@ def test_the_timestep_that_is_advised_sees_the_drive(frequency: float, preset: s
     limit = limit_of(limits.drive_seen, scene, finer, 0.5)
     assert not limit.exceeded
     # Measured 0.7 and 0.6.
-    assert 0.2 < known(compare(scene, finer, times).path_error) / limit.value < 2.0
+    assert 0.2 < pair_of(scene, finer, times).path_error / limit.value < 2.0
     assert limits.drive_seen(planned(scene, rb.preset("adaptive"), 0.5)) is None
 
 
@@ -388,7 +386,7 @@ def test_an_edge_knows_how_near_it_is() -> None:
     assert not LimitCheck("", 4.0, 4.0, "", least=True).exceeded
     assert LimitCheck("", np.nan, 1.0, "").exceeded
     for length, beyond in ((1.0, False), (1e9, True)):  # such a ball rolls beyond 1e10 m
-        scene = rescaled(FIG12, length=length)
+        scene = scaled(FIG12, length=length, gravity=1.0)
         assert limit_of(limits.largest_number, scene, FAST, 10.0).exceeded == beyond
 
 

@@ -10,8 +10,7 @@ from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import recipe
 from robotball.engines.mujoco.stepping import stretches
-from tests.motions import known
-from validation import compare
+from tests.motions import pair_of
 
 pytestmark = pytest.mark.core
 
@@ -27,9 +26,9 @@ FIG12 = rb.load_scene("fig12")
     ],
 )
 def test_mujoco_follows_the_equations(name: str, settings: str, bound: float) -> None:
-    agreement = compare(rb.load_scene(name), settings, rb.sample_times(3.0))
-    assert agreement.agrees
-    assert known(agreement.path_error) < bound
+    pair = pair_of(rb.load_scene(name), settings, rb.sample_times(3.0))
+    assert pair.agrees
+    assert pair.path_error < bound
 
 
 @pytest.mark.parametrize("name", ["fig12", "classical_regular"])
@@ -38,19 +37,19 @@ def test_momentum_attitude_and_turning_agree(name: str) -> None:
 
     Frame and rotor turn at constant rates, whatever torque that takes.
     """
-    agreement = compare(rb.load_scene(name), "balanced")
-    ours, theirs = agreement.motion, agreement.theory
+    pair = pair_of(rb.load_scene(name), "balanced")
+    ours, theirs = pair.motion, pair.theory
     # Measured at most 2.5e-14 kg m²/s of 5: rounding in summing the bodies' momenta.
     assert np.abs(ours.momentum[0] - theirs.momentum[0]).max() < 8e-14
     same = np.abs((ours.attitude * theirs.attitude).sum(axis=1))
     # Measured 1.3e-15 and 2.4e-7 rad/s: RK4's error, which a quaternion's cosine squares.
     assert np.abs(same - 1).max() < 5e-15
     assert np.abs(ours.angular_velocity - theirs.angular_velocity).max() < 8e-7
-    assert known(agreement.gamma_error) < 1.7e-7  # measured 5.6e-8 rad
-    assert known(agreement.momentum_error) < 1.2e-8  # measured 3.9e-9
+    assert pair.gamma_error < 1.7e-7  # measured 5.6e-8 rad
+    assert pair.momentum_error < 1.2e-8  # measured 3.9e-9
     # Measured 2.9e-11 of 1480 rad: rounding of 2 000 additions.
     assert np.abs(ours.hinge_angles - theirs.hinge_angles).max() < 2e-10
-    assert agreement.report.hinge_rate_error.max() < 3e-13  # measured 6e-14 at most
+    assert pair.report.hinge_rate_error.max() < 3e-13  # measured 6e-14 at most
 
 
 def test_far_apart_samples_take_the_same_steps_as_near_ones() -> None:
@@ -73,9 +72,9 @@ def test_far_apart_samples_take_the_same_steps_as_near_ones() -> None:
 def test_samples_may_fall_on_the_steps_of_dop853(timestep: float) -> None:
     """Steps that end on sample times are read once, and time does not seem to stand still."""
     settings = recipe("fixed", 1e-9, integrator="DOP853", timestep=timestep, rtol=1.0)
-    agreement = compare(FIG12, settings, rb.sample_times(0.5))
-    assert agreement.faults == ()
-    assert known(agreement.path_error) < 1e-12  # measured 1.9e-13, rounding
+    pair = pair_of(FIG12, settings, rb.sample_times(0.5))
+    assert pair.report.faults == ()
+    assert pair.path_error < 1e-12  # measured 1.9e-13, rounding
 
 
 @pytest.mark.parametrize("preset", ["fast", "naive"])

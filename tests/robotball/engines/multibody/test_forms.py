@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engines import LEAST_RTOL
+from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.multibody import March
 from robotball.engines.multibody.system import HINGES, MOMENTUM, POINT, System, readings_of
 from robotball.motion import attitude_error, momentum_error, path_error

@@ -1,0 +1,46 @@
+"""Poses: where the bodies of a motion's ball are, and how they move, in world axes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotball.motion import Motion
+from robotball.rotations import Array, continuous, from_matrix, multiply, rotation_matrix
+
+
+@dataclass(frozen=True)
+class _Poses:
+    """A body's places and velocities at the n times of a motion, in world axes, SI units.
+
+    position, velocity  (n, 3)  of the centre of mass
+    attitude            (n, 4)  quaternion (w, x, y, z): how it is turned from where it is along
+                                with the frame's axes, at its hinge's angle 0
+    angular_velocity    (n, 3)
+    """
+
+    position: Array
+    attitude: Array
+    velocity: Array
+    angular_velocity: Array
+
+
+def poses(motion: Motion) -> dict[str, _Poses]:
+    """Return the poses of every body of the motion's ball, by its name."""
+    scene, angles = motion.scene, motion.hinge_angles
+    states = scene.robot.states(motion.gamma, angles, motion.angular_velocity, motion.hinge_rates)
+    to_world, radius = rotation_matrix(motion.attitude), scene.ball.radius
+    centre = np.column_stack([motion.contact_point, np.full(len(angles), radius)])
+
+    def in_world(vectors: Array) -> Array:
+        return np.asarray(np.einsum("nij,nj->ni", to_world, vectors))
+
+    turned, _ = scene.robot.moved(angles)
+    return {
+        link.name: _Poses(
+            position=centre + in_world(states.placed[i, :3].T),
+            attitude=continuous(multiply(motion.attitude, from_matrix(turned[i]))),
+            velocity=in_world(states.velocities[i]),
+            angular_velocity=in_world(states.turning[i]),
+        )
+        for i, link in enumerate(scene.ball.tree)
+    }

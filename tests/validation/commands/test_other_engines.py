@@ -1,0 +1,98 @@
+"""An engine of another package goes through everything that ours do."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+import robotball as rb
+from robotball.engine import OURS
+from robotball.engines.mujoco.mujoco_engine import MUJOCO
+from tests.conftest import Robotball
+from tests.off_engine import ERROR, OFF
+from validation import compare
+from validation.plots import momentum_picture, path_picture, sheet_of
+
+FIG12 = rb.load_scene("fig12")
+
+
+@pytest.fixture
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The engine `off` as a package with an entry point would bring it."""
+    info = tmp_path / "off-3.1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: off\nVersion: 3.1\n")
+    (info / "entry_points.txt").write_text(
+        "[robotball.engines]\noff = tests.off_engine:OFF\ntorn = tests.off_engine:NOWHERE\n"
+    )
+    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
+
+
+def test_an_engine_is_held_against_the_equations() -> None:
+    """Its deliberate error, 1e-4 of the path at the end, is measured; plots are in its colour."""
+    agreement = compare(FIG12, engine=OFF)
+    assert agreement.path_error == pytest.approx(ERROR, rel=1e-9)
+    assert (agreement.momentum_error, agreement.agrees) == (0, True)
+    for draw, names in (
+        (path_picture, ["equations", "Off, as it comes", "start"]),
+        (momentum_picture, ["Off, as it comes"]),
+    ):
+        axes = draw(sheet_of([agreement])).axes[0]
+        assert axes.get_legend_handles_labels()[1] == names
+        colours = {line.get_color() for line in axes.get_lines()}
+        assert colours & {OFF.label.colour, MUJOCO.label.colour} == {OFF.label.colour}
+
+
+@pytest.mark.usefixtures("installed")
+def test_a_package_brings_an_engine_to_every_command(robotball: Robotball, tmp_path: Path) -> None:
+    """Found by its entry point: in the list, in table, JSON, CSV and the names of pictures."""
+    assert rb.engine_names() == [*OURS, "off", "torn"]
+    assert rb.engine_named("off") is OFF
+    options = ("fig12", "--engine", "off", "--json", "data.json", "--csv", "t.csv")
+    status, out, _ = robotball("compare", *options)
+    assert status == 0
+    assert "as it comes" in out
+    (record,) = json.loads((tmp_path / "data.json").read_text())
+    assert record["engine"] == "Off"
+    assert record["versions"]["Off"] == "3.1"
+    assert record["path_error"] == pytest.approx(ERROR, rel=1e-9)
+    assert ",Off," in (tmp_path / "t.csv").read_text()
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        "fig12-off-as-it-comes-path.png", "fig12-off-as-it-comes-momentum.png",
+    }  # fmt: skip
+
+
+@pytest.mark.usefixtures("installed")
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("fig12 --engine mujok", "no engine is called 'mujok'; did you mean mujoco"),
+        ("fig12 --engine torn", "the engine 'torn' of tests.off_engine:NOWHERE fails"),
+        ("fig12 --engine off --preset fast", "no preset is called 'fast'; there are"),
+        ("fig12 --engine off --accuracy 1e-6", "Off has no settings for an accuracy"),
+        ("classical_regular --engine off", "Off cannot run classical_regular: it has no"),
+    ],
+)
+def test_what_an_engine_cannot_do_is_one_line_before_the_run(
+    arguments: str, words: str, robotball: Robotball
+) -> None:
+    """Exit status 2."""
+    status, _, err = robotball("compare", *arguments.split())
+    assert (status, words in err, err.count("\n")) == (2, True, 1)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("installed")
+def test_the_study_of_engines_runs_an_engine_that_its_table_lacks(
+    robotball: Robotball, tmp_path: Path
+) -> None:
+    """Each of its presets as it is; there is nothing to tune."""
+    options = ("fig12", "--only", "off", "--duration", "1", "--workers", "1")
+    status, out, _ = robotball("engines", *options)
+    assert (status, "Off 3.1, as it comes" in out) == (0, True)
+    (data,) = tmp_path.glob("out/*.json")
+    (row,) = json.loads(data.read_text())["runs"]
+    assert row["path_error"] == pytest.approx(ERROR, rel=1e-9)
+    status, _, err = robotball("engines", *options, "--tune")
+    assert (status, "off has no knobs" in err) == (2, True)

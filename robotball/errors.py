@@ -29,10 +29,10 @@ class InputError(ValueError):
     Examples
     --------
     >>> import robotball as rb
-    >>> rb.Ramp(final=1.0, end=-1.0)
+    >>> rb.preset("fats")
     Traceback (most recent call last):
         ...
-    robotball.errors.InputError: a ramp must start at 0 or later and end after that, not from 0 to -1 s
+    robotball.errors.InputError: no preset is called 'fats'; did you mean fast?
     """
 
     def __init__(self, message: str) -> None:

@@ -136,7 +136,7 @@ class Trajectory:
         The name of the file.
     times : (n,), s
         Increasing times from 0 or later.
-    position : (n, 3), m, world
+    position : (n, 3), m
         The ball's position. Its third column is NaN if the file has no height.
     attitude : (n, 4)
         Unit quaternions (w, x, y, z).

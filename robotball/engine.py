@@ -415,9 +415,9 @@ def integrate(
         The relative error allowed in one step, at least the default.
     max_steps : int, optional
         The largest number of steps. The default limit stands for some minutes of work.
-    equations : {"reduced", "multibody"}, optional
-        The equations to integrate: the paper's (3.2) or (3.3), or those of any robot. The default
-        is "reduced" where these describe the scene, else "multibody".
+    equations : str, optional
+        "reduced" for the paper's (3.2) or (3.3), or "multibody" for the equations of any robot. The
+        default is "reduced" where these describe the scene, else "multibody".
     progress : callable, optional
         Called with the fraction of the motion that is known, from 0 to 1, if the integration takes
         longer than a moment.

@@ -101,8 +101,8 @@ def compare_many(
         Sample times, increasing from 0. The default is `scene.times`.
     engine : Engine or str, default "mujoco"
         The engine, or its name.
-    device : {"cpu", "cuda"}, optional
-        The device to step on, in place of the one in the settings. Only some engines have a choice.
+    device : str, optional
+        "cpu" or "cuda", in place of the device in the settings. Only some engines have a choice.
     progress : callable, optional
         Called with the fraction of the runs that are done, from 0 to 1.
 

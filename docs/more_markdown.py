@@ -1,12 +1,13 @@
-"""Equations as MathML, and docstrings' lists of fields, for the pages of the site.
+"""Equations as MathML, and what docstrings say of names, for the pages of the site.
 
-mkdocs.yml names this module as an extension of Python-Markdown. Browsers draw MathML by themselves,
-and GitHub draws the same LaTeX.
+mkdocs.yml names this module as an extension of Python-Markdown, and of Griffe, which reads the
+docstrings. Browsers draw MathML by themselves, and GitHub draws the same LaTeX.
 """
 
 import re
 from xml.etree.ElementTree import Element
 
+import griffe
 from latex2mathml.converter import convert
 from markdown import Extension, Markdown
 from markdown.inlinepatterns import InlineProcessor
@@ -42,3 +43,16 @@ class _MoreMarkdown(Extension):
 def makeExtension() -> Extension:
     """Return the extension; Python-Markdown calls it."""
     return _MoreMarkdown()
+
+
+class Types(griffe.Extension):
+    """Write types as docstrings do: `(n, 3), m` is a tuple to Griffe, which adds brackets."""
+
+    def on_object(self, *, obj: griffe.Object, **_: object) -> None:
+        if obj.docstring is None:
+            return
+        for section in obj.docstring.parsed:
+            for each in section.value if isinstance(section.value, list) else ():
+                kind = getattr(each, "annotation", None)
+                if isinstance(kind, griffe.ExprTuple) and str(kind) not in obj.docstring.value:
+                    kind.implicit = True

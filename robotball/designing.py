@@ -49,12 +49,36 @@ WIDER = 1.1  # the least radius itself leaves the other bounds no margin
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """Bounds on the bodies of a design; by default there is none but the shell. SI units.
+    """Bound the bodies of a design.
 
-    rotor_speed rad/s, the largest; frame_radius m, within which the frame must lie (None: inside
-    the shell); rotor_radius m, the rotors' largest (None: 0.6 of the frame's); shell_mass,
-    frame_mass, rotor_mass kg, the least, of each rotor; shell_thickness m, of a homogeneous shell
-    (0: thin). buildable = True refuses a ball with mass beyond frame_radius.
+    By default the shell is the only bound.
+
+    Attributes
+    ----------
+    rotor_speed : float, rad/s
+        The largest rate of a rotor.
+    frame_radius : float or None, m
+        The radius within which the frame must lie. If None, it is the inner radius of the shell.
+    rotor_radius : float or None, m
+        The largest radius of a rotor. If None, it is 0.6 of the frame's.
+    shell_mass : float, kg
+        The least mass of the shell.
+    frame_mass : float, kg
+        The least mass of the frame.
+    rotor_mass : float, kg
+        The least mass of each rotor.
+    shell_thickness : float, m
+        The thickness of a homogeneous shell. 0 is a thin shell.
+    buildable : bool
+        Whether a ball with mass beyond `frame_radius` is refused.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> slow = rb.Limits(rotor_speed=50.0)
+    >>> found = rb.design(A=[0.7, 0.6, 0.8], Omega=[0, 0, 2], K=[2, 2, 0], radius=1.0, limits=slow)
+    >>> max(found.rotor_rates) <= 50.0
+    True
     """
 
     rotor_speed: float = math.inf
@@ -75,12 +99,31 @@ class Limits:
 
 @dataclass(frozen=True)
 class Design:
-    """A ball with the requested numbers, the rates that it needs, and whether it can be built.
+    """Hold a ball with requested numbers, and the rates that it needs.
 
-    frame_rate rad/s, about the shell's axis; rotor_rates (rotors,) rad/s; limits, those that it
-    keeps. masses kg: with the first and more all mass can lie inside the shell, with less than the
-    second the inertia is a body's. needed_radius m: the least within which the frame can lie, where
-    that is more than the limits allow; else what they allow.
+    Attributes
+    ----------
+    ball : Ball
+        The bodies.
+    frame_rate : float, rad/s
+        The rate of the frame about the shell's axis.
+    rotor_rates : tuple of float, rad/s
+        The rate of each rotor.
+    limits : Limits
+        The limits that the bodies keep.
+    masses : (float, float), kg
+        The least mass with which all mass can lie inside the shell, and the largest with which the
+        inertia is a body's.
+    needed_radius : float, m
+        The least radius within which the frame can lie, if that is more than the limits allow.
+        Otherwise it is the radius that they allow.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> found = rb.design(A=[0.7, 0.6, 0.8], Omega=[0, 0, 2], K=[2, 2, 0], radius=1.0)
+    >>> found.buildable, len(found.rotor_rates)
+    (True, 1)
     """
 
     ball: Ball
@@ -131,16 +174,45 @@ def design(
     mass: float | None = None,
     limits: Limits | None = None,
 ) -> Design:
-    """Design a ball with the requested numbers of the equations, by the fewest rotors.
+    """Design a ball with requested numbers of the equations, by the fewest rotors.
 
-    A: (3,) its diagonal or (3, 3), in the frame's axes, 1/(kg m²); Omega (3,) rad/s and K (3,)
-    kg m²/s in the same axes; radius m; mass kg. The shell's axis is along Omega, or z where that is
-    zero. The rotors are rings with Σ j φ̇ n = K + (J_s + d)Ω, by (A.3) and K = k - dΩ: none where
-    that can be zero, one where their rates have no limit, and never more than two.
+    The shell's axis is along Omega, or z if Omega is zero. The rotors are rings with Σ j φ̇ n = K +
+    (J_s + d)Ω, by (A.3) and K = k - dΩ. There is no rotor if that can be zero, one if the rates
+    have no limit, and never more than two. The masses of the bodies are those that keep all bounds
+    by the largest margin. A frame inside its radius, or nearly so, goes before fewer rotors.
 
-    The masses of the bodies, and the ball's where it is None, are those that keep all bounds by the
-    largest margin. A frame inside its radius, or nearly so, goes before fewer rotors. Raises
-    InputError where there is no ball, with the condition, its value, its limit and the difference.
+    Parameters
+    ----------
+    A : (3,) or (3, 3), 1/(kg m²), frame axes
+        The inverse of the inertia about the contact point, or its diagonal.
+    Omega : (3,), rad/s, frame axes
+        The rate of the frame relative to the shell.
+    K : (3,), kg m²/s, frame axes
+        The momentum of the parts that turn.
+    radius : float, m
+        The radius of the shell.
+    mass : float, kg, optional
+        The mass of the ball. The default is the mass that keeps all bounds by the largest margin.
+    limits : Limits, optional
+        Bounds on the bodies. By default the shell is the only one.
+
+    Returns
+    -------
+    Design
+        The bodies and their rates.
+
+    Raises
+    ------
+    InputError
+        If there is no such ball. The message has the condition, its value, its limit and the
+        difference.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> found = rb.design(A=[0.7, 0.6, 0.8], Omega=[0, 0, 2], K=[2, 2, 0], radius=1.0)
+    >>> print(f"{len(found.ball.rotors)} rotor at {found.rotor_rates[0]:.1f} rad/s")
+    1 rotor at 138.9 rad/s
     """
     limits = Limits() if limits is None else limits
     _check_sizes(radius, mass, limits)

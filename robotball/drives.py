@@ -30,7 +30,26 @@ _Scalar = Any  # a float, or a column (n,)
 
 @runtime_checkable
 class Drive(Protocol):
-    """The rate of a hinge over time; any object with these members can be a rate of a scene."""
+    """Give the rate of a hinge over time.
+
+    Any object with these members can be a rate of a scene. A hinge with a motor takes the drive as
+    the command of the motor. Times are scalars or increasing columns (n,), in s from the start of
+    the motion.
+
+    Attributes
+    ----------
+    breakpoints : tuple of float, s
+        The times at which the rate is not smooth.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> drive = rb.Sine(amplitude=1.0, frequency=0.5)
+    >>> isinstance(drive, rb.Drive)
+    True
+    >>> print(f"{drive.rate(0.5):.3f} rad/s, {drive.angle(0.5):.3f} rad")
+    1.000 rad/s, 0.318 rad
+    """
 
     @property
     def breakpoints(self) -> tuple[float, ...]:
@@ -102,10 +121,37 @@ _SHAPES: dict[str, tuple[Callable[[Any], Any], ...]] = {
 
 
 class Ramp(_Curve, frozen=True, kw_only=True, tag="ramp"):
-    """A rate that goes from `initial` to `final` between two times.
+    """Change a rate from `initial` to `final` between two times.
 
-    At the fraction u of the time, the rate has covered u of the way (linear), 3u² - 2u³ (smooth:
-    the acceleration does not jump), or 10u³ - 15u⁴ + 6u⁵ (quintic: nor does the jerk).
+    At the fraction u of the time, the rate has covered u of the way if the shape is linear, 3u² -
+    2u³ if it is smooth, and 10u³ - 15u⁴ + 6u⁵ if it is quintic. The acceleration of a smooth ramp
+    does not jump. Neither does the jerk of a quintic one.
+
+    Attributes
+    ----------
+    final : float, rad/s
+        The rate from `end` on. For a hinge with a motor, it has the unit of the command.
+    end : float, s
+        The time at which the ramp ends.
+    initial : float, rad/s
+        The rate until `start`, with the unit of `final`.
+    start : float, s
+        The time at which the ramp starts.
+    shape : {"linear", "smooth", "quintic"}
+        How the rate goes from one value to the other.
+
+    Raises
+    ------
+    InputError
+        If the ramp starts before 0 s, does not end after its start, or has a value that is not
+        finite.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> ramp = rb.Ramp(final=3.0, start=1.0, end=2.0, shape="smooth")
+    >>> [float(ramp.rate(t)) for t in (0.0, 1.5, 2.0)]
+    [0.0, 1.5, 3.0]
     """
 
     final: Annotated[float, key("the value from `end` on", COMMAND)]
@@ -154,7 +200,32 @@ class Ramp(_Curve, frozen=True, kw_only=True, tag="ramp"):
 
 
 class Sine(_Curve, frozen=True, kw_only=True, tag="sine"):
-    """A rate of mean + amplitude·sin(2π frequency t + phase)."""
+    """Swing a rate about a mean, as mean + amplitude·sin(2π frequency t + phase).
+
+    Attributes
+    ----------
+    amplitude : float, rad/s
+        How far the rate swings from the mean. For a hinge with a motor, it has the unit of the
+        command.
+    frequency : float, Hz
+        The number of swings in a second.
+    mean : float, rad/s
+        The rate about which it swings, with the unit of `amplitude`.
+    phase : float, rad
+        The phase at time 0.
+
+    Raises
+    ------
+    InputError
+        If the frequency is not positive, or a number is not finite.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> sine = rb.Sine(mean=2.0, amplitude=1.0, frequency=0.25)
+    >>> print(f"{sine.rate(1.0):.3f} rad/s")
+    3.000 rad/s
+    """
 
     amplitude: Annotated[float, key("how far it swings from the mean", COMMAND)]
     frequency: Annotated[float, key("swings in a second", "Hz")]
@@ -186,10 +257,31 @@ class Sine(_Curve, frozen=True, kw_only=True, tag="sine"):
 
 
 class Samples(_Curve, frozen=True, dict=True, kw_only=True, tag="samples"):
-    """A rate through `values` at `times`, with a continuous slope.
+    """Pass a rate through values at given times, with a continuous slope.
 
-    Between two samples it is a cubic that never leaves their range (Fritsch and Carlson's), so it
-    overshoots nowhere. It is not defined before the first sample or after the last.
+    Between two samples the rate is a monotone cubic of Fritsch and Carlson, which overshoots
+    nowhere. The rate is not defined before the first sample or after the last, so the samples must
+    reach over the whole run.
+
+    Attributes
+    ----------
+    times : tuple of float, s
+        Two increasing times or more. Arrays are accepted.
+    values : tuple of float, rad/s
+        The rate at each time. For a hinge with a motor, it has the unit of the command.
+
+    Raises
+    ------
+    InputError
+        If there are not as many values as times, fewer than two, times that do not increase, or
+        numbers that are not finite.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> rate = rb.Samples(times=(0.0, 1.0, 2.0), values=(0.0, 2.0, 2.0))
+    >>> [float(rate.rate(t)) for t in (0.0, 1.0, 1.5)]
+    [0.0, 2.0, 2.0]
     """
 
     times: tuple[float, ...]  # s
@@ -241,7 +333,29 @@ class Samples(_Curve, frozen=True, dict=True, kw_only=True, tag="samples"):
 
 @dataclass(frozen=True)
 class Sum:
-    """A rate that is the sum of others: numbers, Ramps, Sines, Samples, functions of time."""
+    """Add several rates.
+
+    Attributes
+    ----------
+    parts : tuple
+        The rates: numbers, drives or functions of time. A part that is a Sum is replaced by its
+        parts.
+
+    Raises
+    ------
+    InputError
+        If there are no parts.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> import robotball as rb
+    >>> rate = rb.Sum((2.0, rb.Ramp(final=1.0, end=0.5)))
+    >>> scene = replace(rb.load_scene("fig12"), frame_rate=rate)
+    >>> motion = rb.integrate(scene, rb.sample_times(0.5))
+    >>> print(f"{motion.hinge_rates[-1, 0]:.3f} rad/s")
+    3.000 rad/s
+    """
 
     parts: tuple["Rate", ...]
 
@@ -254,16 +368,42 @@ class Sum:
 
 @dataclass(frozen=True)
 class Custom:
-    """A rate given by a function of time, continuous, and smooth between `breakpoints`.
+    """Take a rate from a function of time.
 
-    derivative [rad/s²] and integral [rad] are functions of time as well. Where they are None, they
-    are taken from polynomials that follow the function. None is called outside a run's times.
+    The function must be continuous, and smooth between the breakpoints. No function is called
+    outside the times of a run. A pulse that is shorter than `finest` and has no breakpoints may
+    fall between two looks at the function. Every engine then misses the pulse, so that all agree.
 
-    finest [s] is how fine the function is looked at: at uneven times, none farther apart. It is a
-    millisecond if None, or a 100 000th of a longer run, as for a function that is no Custom. What
-    a look finds is followed, and every engine steps to where it begins and ends. A pulse that is
-    shorter than `finest` and has no breakpoints may fall between two looks; then no engine rolls
-    it, and all agree.
+    Attributes
+    ----------
+    function : callable
+        Returns the rate [rad/s] at a time [s].
+    breakpoints : tuple of float, s
+        The times at which the rate is not smooth.
+    derivative : callable or None
+        Returns the derivative of the rate [rad/s²]. If None, polynomials that follow the function
+        give it.
+    integral : callable or None
+        Returns the integral of the rate from time 0 [rad]. If None, polynomials that follow the
+        function give it.
+    finest : float or None, s
+        The longest time between two looks at the function, which are at uneven times. If None, it
+        is a millisecond, or a 100 000th of a longer run.
+
+    Raises
+    ------
+    InputError
+        If `finest` is not positive.
+
+    Examples
+    --------
+    >>> import math
+    >>> from dataclasses import replace
+    >>> import robotball as rb
+    >>> scene = replace(rb.load_scene("fig12"), frame_rate=rb.Custom(lambda t: 2.0 + math.tanh(t)))
+    >>> motion = rb.integrate(scene, rb.sample_times(0.5))
+    >>> print(f"{motion.hinge_rates[-1, 0]:.3f} rad/s")
+    2.462 rad/s
     """
 
     function: Callable[[float], float]

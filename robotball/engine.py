@@ -35,12 +35,32 @@ Own = TypeVar("Own", bound=EngineSettings)
 
 
 class Engine(Protocol):
-    """A contact engine.
+    """Run scenes as a contact engine does.
 
-    presets         its settings by name
-    default         the preset that is taken where none is named
-    least_accuracy  the smallest path error that it can choose settings for; None: it chooses none
-    as_it_comes     the preset that a newcomer would write
+    Any object with these members is an engine. A class that derives from this one inherits the
+    members that have a value here.
+
+    Attributes
+    ----------
+    label : Label
+        The engine's name, version and colour.
+    presets : mapping of str to EngineSettings
+        The engine's settings by name.
+    default : str
+        The preset that is taken if no settings are given.
+    least_accuracy : float or None
+        The smallest path error that the engine can choose settings for. None if it chooses none.
+    as_it_comes : str
+        The preset that a newcomer would write.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> engine = rb.engine_named("mujoco")
+    >>> engine.label.name, engine.default
+    ('MuJoCo', 'balanced')
+    >>> print(engine.cannot_express(rb.load_scene("fig12")))
+    None
     """
 
     label: Label
@@ -72,13 +92,29 @@ class Engine(Protocol):
 
 @dataclass(frozen=True)
 class Request:
-    """A run requested of an engine, by its own settings or by any that reach an accuracy.
+    """Request a run of an engine, by its own settings or by an accuracy.
 
-    settings      None where the accuracy chooses them
-    accuracy      the path error to reach, over the path's length; None where settings are given
-    strict        raise InputError where the settings are predicted to fail, instead of a warning
-    progress      is called with the simulated fraction
-    loads         of the whole motion, where a reference knows them, for the predictions
+    Attributes
+    ----------
+    engine : Engine
+        The engine that runs the scene.
+    settings : EngineSettings or None
+        The engine's settings. None if the accuracy chooses them.
+    accuracy : float or None
+        The path error to reach, relative to the path's length. None if settings are given.
+    strict : bool
+        Whether settings that are predicted to fail raise InputError. Otherwise they cause a
+        warning.
+    progress : callable or None
+        Called with the simulated fraction, from 0 to 1.
+    loads : Loads or None
+        The loads of the whole motion, if a reference knows them. The predictions use them.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> rb.Request(rb.engine_named("mujoco"), None, accuracy=1e-6).name
+    'to 1e-06'
     """
 
     engine: Engine
@@ -121,12 +157,48 @@ OURS = {
 
 
 def engine_names() -> list[str]:
-    """Return the names of all engines, ours first."""
+    """List the names of all engines.
+
+    Returns
+    -------
+    list of str
+        The names: the engines of robotball first, then those that installed packages add by an
+        entry point of the group `robotball.engines`. An engine that is listed need not be
+        installed.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> rb.engine_names()[:3]
+    ['mujoco', 'multibody', 'bullet']
+    """
     return [*OURS, *sorted({point.name for point in entry_points(group=_GROUP)} - OURS.keys())]
 
 
 def engine_named(name: str) -> Engine:
-    """Return the engine of this name. Raises InputError where it is unknown or cannot be loaded."""
+    """Load the engine of a name.
+
+    Parameters
+    ----------
+    name : str
+        A name of `engine_names`.
+
+    Returns
+    -------
+    Engine
+        The engine.
+
+    Raises
+    ------
+    InputError
+        If there is no engine of this name, or if its package is not installed or fails to load.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> sorted(rb.engine_named("mujoco").presets)
+    ['accurate', 'adaptive', 'balanced', 'fast', 'naive']
+    """
     if name in OURS:
         return _loaded(OURS[name])
     for point in entry_points(group=_GROUP, name=name):
@@ -153,18 +225,53 @@ def simulate(
     strict: bool = False,
     progress: Progress | None = None,
 ) -> ContactMotion:
-    """Return the motion of the ball as a contact engine rolls it, with a report.
+    """Simulate a scene by a contact engine.
 
-    times: (n,) s, increasing from 0; the scene's own if None. settings: a preset's name or the
-    engine's settings, its default preset if None. engine: its name or itself. accuracy: instead of
-    settings, the path error to reach, relative to the path's length. A run that faults ends there,
-    with fewer times; with stop_at_fault off, only one that has no state any more does. progress is
-    called with the simulated fraction.
+    A run ends at its first fault, so a motion may have fewer times than requested. If
+    `stop_at_fault` of the settings is False, only a fault that leaves no state ends the run.
 
-    Warns of an accuracy that is not reached, of a ball or a motion that can hardly be what was
-    meant, and of settings that are predicted to fail, which are an InputError if `strict`. Raises
-    InputError on unusable times, an unknown engine or preset, a scene that the engine cannot
-    express, an accuracy that rounding forbids and a run of more steps than the settings allow.
+    Parameters
+    ----------
+    scene : Scene
+        The scene to run.
+    times : (n,), s, optional
+        Sample times, increasing from 0. The default is `scene.times`.
+    settings : EngineSettings or str, optional
+        The engine's settings, or the name of a preset. The default is the engine's default preset.
+    engine : Engine or str, default "mujoco"
+        The engine, or its name.
+    accuracy : float, optional
+        The path error to reach, relative to the path's length. It chooses the settings, so give
+        either `accuracy` or `settings`.
+    strict : bool, default False
+        Whether settings that are predicted to fail raise InputError instead of a warning.
+    progress : callable, optional
+        Called with the simulated fraction, from 0 to 1.
+
+    Returns
+    -------
+    ContactMotion
+        The motion, with a report on its run.
+
+    Raises
+    ------
+    InputError
+        If times are unusable, the engine or the preset is unknown, the engine cannot express the
+        scene, rounding forbids the accuracy, or the run needs more steps than the settings allow.
+
+    Warns
+    -----
+    SceneWarning
+        If the accuracy is not reached, if settings are predicted to fail, or if the ball or its
+        motion can hardly be intended.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> scene = rb.load_scene("fig12")
+    >>> motion = rb.simulate(scene, rb.sample_times(0.5), "fast")
+    >>> print(f"{motion.path_length:.3f} m in {motion.report.steps} steps")
+    1.857 m in 25 steps
     """
     request = request_of(engine, settings, accuracy)
     whole = replace(request, strict=strict, progress=progress)
@@ -276,17 +383,46 @@ def integrate(
     equations: _Equations | None = None,
     progress: Progress | None = None,
 ) -> ReferenceMotion:
-    """Return the scene's motion by equations, with an estimate of its own error.
+    """Integrate a scene's motion by the equations of ideal rolling.
 
-    The motion's label names the equations.
+    The label of the motion names the equations. Every number of a returned motion is finite.
 
-    times: (n,) s, increasing from 0; the scene's own if None. rtol: the error allowed in one step,
-    from 1e-15 on; max_steps: a limit for motions that turn too often, some minutes' work if None.
-    equations: (3.2)/(3.3) where they describe the scene, if None, else those of any robot; both
-    can be asked for by name. progress: called with the fraction of the motion that is known, if it
-    takes longer than a moment. Raises InputError on unusable times, for a scene that the equations
-    asked for do not describe, where the ball lifts off, where the limit is met or a step shrinks to
-    nothing, and where a number would overflow: a motion that is returned is finite.
+    Parameters
+    ----------
+    scene : Scene
+        The scene to run.
+    times : (n,), s, optional
+        Sample times, increasing from 0. The default is `scene.times`.
+    rtol : float, default 1e-15
+        The relative error allowed in one step, at least the default.
+    max_steps : int, optional
+        The largest number of steps. The default limit stands for some minutes of work.
+    equations : str, optional
+        "reduced" for the paper's (3.2) or (3.3), or "multibody" for the equations of any robot. The
+        default is "reduced" where these describe the scene, else "multibody".
+    progress : callable, optional
+        Called with the fraction of the motion that is known, from 0 to 1, if the integration takes
+        longer than a moment.
+
+    Returns
+    -------
+    ReferenceMotion
+        The motion, with an estimate of its own error.
+
+    Raises
+    ------
+    InputError
+        If times are unusable, the requested equations do not describe the scene, the ball lifts
+        off, the limit of steps is met, a step shrinks to nothing, or a number overflows.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> motion = rb.integrate(rb.load_scene("fig12"), rb.sample_times(0.5))
+    >>> motion.contact_point.shape
+    (26, 2)
+    >>> print(f"{motion.path_length:.3f} m")
+    1.857 m
     """
     times = scene.times if times is None else check_times(times)
     if not LEAST_RTOL <= rtol < 1:

@@ -17,7 +17,23 @@ _PACKAGES = ("robotball", "validation")
 
 
 class InputError(ValueError):
-    """Input that cannot be used; the message is one line: the value, the limit, what to do."""
+    """Refuse input that cannot be used.
+
+    The message is one line with the value, its limit and what to do.
+
+    Parameters
+    ----------
+    message : str
+        The line. Line breaks become blanks, and long words lose their middle.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> rb.preset("fats")
+    Traceback (most recent call last):
+        ...
+    robotball.errors.InputError: no preset is called 'fats'; did you mean fast?
+    """
 
     def __init__(self, message: str) -> None:
         # A quoted key or a file's name may hold a line break of its own, and be of any length.
@@ -32,7 +48,23 @@ def _shortened(text: str, most: int) -> str:
 
 
 class SceneWarning(UserWarning):
-    """A scene that runs, but not as its author may think; one line."""
+    """Warn of a scene that runs, though perhaps not as its author means it.
+
+    The message is one line.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> from dataclasses import replace
+    >>> import robotball as rb
+    >>> rate = rb.Sine(mean=2.0, amplitude=0.05, frequency=200.0)
+    >>> scene = replace(rb.load_scene("fig12"), frame_rate=rate)
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     motion = rb.simulate(scene, rb.sample_times(0.1), "fast")
+    >>> print(caught[0].category.__name__)
+    SceneWarning
+    """
 
 
 def warn(line: str) -> None:

@@ -14,12 +14,26 @@ from robotball.scene import Scene
 
 @dataclass(frozen=True)
 class Loads(Value):
-    """Forces and torques at n times, on h hinges (the frame's, then the rotors').
+    """Hold the forces and torques that a motion needs, at n times and on h hinges.
 
-    contact_force  (n, 3)  N, world: of the plane on the shell, the normal force last
-    spin_torque    (n,)    N m: λ₀, of the plane on the shell about the vertical
-    motor_torques  (n, h)  N m: of the shell on the frame and of the frame on the rotors, along
-                           the hinges; 0 where a hinge never turns
+    The hinges are the frame's, then the rotors'.
+
+    Attributes
+    ----------
+    contact_force : (n, 3), N, world
+        The force of the plane on the shell. Its third column is the normal force.
+    spin_torque : (n,), N m
+        The torque λ₀ of the plane on the shell about the vertical.
+    motor_torques : (n, h), N m
+        The torques of the motors along the hinges: of the shell on the frame, and of the frame on
+        the rotors. 0 for a hinge that never turns.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> loads = rb.integrate(rb.load_scene("fig12"), rb.sample_times(0.5)).loads
+    >>> print(f"needs a friction coefficient of {loads.sliding_friction.max():.3f}")
+    needs a friction coefficient of 1.155
     """
 
     contact_force: Array

@@ -22,17 +22,58 @@ def simulate_many(
     device: str | None = None,
     progress: Progress | None = None,
 ) -> Iterator[ContactMotion]:
-    """Return an iterator of the motions of a scene's ball from many starts, in their order.
+    """Simulate many starts of a scene, or many scenes, by a contact engine.
 
-    Or of several scenes, which may differ in drives and bodies too, at the same times: without
-    `starts`. Each is the motion that `simulate` returns of that scene, to the last bit; times (the
-    first scene's own if None), settings and engine are as there. An engine that can works on all
-    cores, and holds the rows of some of the runs at a time: whoever keeps no motion needs no memory
-    for it. device: "cpu" or "cuda", in place of the settings', where an engine with a choice steps
-    all balls abreast, which are then equal to rounding. progress is called with the part of the
-    runs that is done. Warns of settings that are predicted to fail, of many starts from those with
-    the least and the most momentum, and of each motion that can hardly be what was meant. Raises
-    InputError as `simulate` does.
+    Each motion is the one that `simulate` returns for its scene, to the last bit. An engine that
+    can works on all cores. Motions are made as the iterator advances, so memory does not grow with
+    their number. With `device` the engine steps all balls abreast, and the motions are equal to
+    rounding.
+
+    Parameters
+    ----------
+    scene : Scene or sequence of Scene
+        The scene whose ball is started many times, or several scenes. Several scenes may differ in
+        their drives and bodies too.
+    starts : sequence of Start, optional
+        The starts of a single scene. Several scenes have their own.
+    times : (n,), s, optional
+        Sample times, increasing from 0. The default is the times of the first scene.
+    settings : EngineSettings or str, optional
+        The engine's settings, or the name of a preset. The default is the engine's default preset.
+    engine : Engine or str, default "mujoco"
+        The engine, or its name.
+    device : str, optional
+        "cpu" or "cuda", in place of the device in the settings. Only some engines have a choice.
+    progress : callable, optional
+        Called with the fraction of the runs that are done, from 0 to 1.
+
+    Returns
+    -------
+    iterator of ContactMotion
+        The motions, in the order of the starts or of the scenes.
+
+    Raises
+    ------
+    InputError
+        If `starts` is given with several scenes or missing with one, if the engine has no choice of
+        a device, and wherever `simulate` raises it.
+
+    Warns
+    -----
+    SceneWarning
+        If settings are predicted to fail, or if a motion can hardly be intended. Of scenes that
+        differ only in their start, only those with the least and the largest momentum are checked.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> import robotball as rb
+    >>> scene = rb.load_scene("fig12")
+    >>> starts = [replace(scene.start, momentum=f * scene.start.momentum) for f in (0.5, 1.0)]
+    >>> for motion in rb.simulate_many(scene, starts, rb.sample_times(1.0), "fast"):
+    ...     print(f"{motion.path_length:.2f} m")
+    1.87 m
+    2.74 m
     """
     request = request_of(engine, settings)
     if device is not None:

@@ -29,9 +29,16 @@ RATE_ERROR = 1e-3  # relative; a prescribed hinge keeps 1e-13, a servo this good
 
 
 class FaultKind(Enum):
-    """The kinds of fault, each with the sentence that a user reads, causes before their effects.
+    """Name the kinds of fault, causes before their effects.
 
-    {subject} stands for the faulty thing, {limit} for the limit that it passed.
+    The value of a kind is the sentence that a user reads. In it, {subject} stands for the faulty
+    part, and {limit} for the limit that was passed.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> rb.FaultKind.CONTACT_LOST.value
+    'contact lost'
     """
 
     DIVERGED = "the state diverged"
@@ -50,10 +57,29 @@ class FaultKind(Enum):
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault of a run: its kind, and the time at which it begins [s].
+    """Describe a fault of a run, and when it begins.
 
-    subject, limit: named by its kind's sentence; fatal: whether it ended the run; note: whether
-    it belongs to the motion and is no fault, as a motor at the limit that its scene gives it.
+    Attributes
+    ----------
+    kind : FaultKind
+        The kind of the fault.
+    time : float, s
+        The time at which the fault begins.
+    subject : str
+        The faulty part, if the sentence of the kind names one.
+    limit : float
+        The limit that was passed, if the sentence of the kind names one.
+    fatal : bool
+        Whether the fault ended the run.
+    note : bool
+        Whether the event belongs to the motion and is no fault. A motor at the limit that its scene
+        gives is one.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> print(rb.Fault(rb.FaultKind.SLIPPED, 1.5, limit=1e-3))
+    slipped over 0.001 of the path at t = 1.5 s
     """
 
     kind: FaultKind
@@ -74,12 +100,28 @@ class Fault:
 
 @dataclass(frozen=True, kw_only=True)
 class EngineSettings:
-    """The settings that all engines have; each engine's own are added by a subclass.
+    """Hold the settings that all engines have.
 
-    error_tolerance: the largest path error and momentum error, both relative, that the settings
-    are held to over 10 s on the scenes of the catalog; accuracy: the path error that they were
-    chosen for, if they were; stop_at_fault: end the run at its first fault, or go on as long as
-    there is a state.
+    The settings of an engine are a subclass, which adds fields of its own.
+
+    Attributes
+    ----------
+    name : str
+        The name of the settings, for tables and files.
+    error_tolerance : float
+        The largest relative path error and momentum error that the settings are held to, over 10 s
+        on the scenes of the catalog.
+    accuracy : float or None
+        The path error that the settings were chosen for. None if they were not chosen for one.
+    stop_at_fault : bool
+        Whether a run ends at its first fault. Otherwise it goes on as long as there is a state.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> settings = rb.preset("fast")
+    >>> isinstance(settings, rb.EngineSettings), settings.error_tolerance
+    (True, 0.0005)
     """
 
     name: str
@@ -117,24 +159,48 @@ class Label:
 
 @dataclass(frozen=True)
 class ContactReport(Value):
-    """A contact engine's report on its run; arrays (n,) are at the motion's times.
+    """Report on a contact engine's run.
 
-    settings         those of the run
-    slip             m/s      sliding velocity of the shell at the contact
-    spin             rad/s    angular velocity of the shell about the vertical
-    depth            m        of the plane in the shell, by which the lever arm is short
-    friction_used    fraction of the friction cone that the contact force needs; 1 is saturated
-    hinge_rate_error largest error of a hinge's rate, relative to the rate
-    faults           the earliest first; empty for a sound run
-    notes            events that belong to the motion, as a motor at its limit
-    timestep         s, the longest step taken
-    steps            taken
-    seconds          of processor time that they took, set-up excluded
-    total_seconds    the same with the runs that chose or checked the settings, if any did
-    estimated_error  of the path, over its length; where an accuracy was requested, else None
-    python_seconds   the part of `seconds` that Python takes at every step, where it is measured
+    Arrays (n,) have one value for each time of the motion.
 
-    friction_used is NaN where an engine does not report contact forces.
+    Attributes
+    ----------
+    settings : EngineSettings
+        The settings of the run.
+    slip : (n,), m/s
+        The sliding speed of the shell at the contact.
+    spin : (n,), rad/s
+        The angular velocity of the shell about the vertical.
+    depth : (n,), m
+        How deep the shell is in the plane. The lever arm of the contact is shorter by as much.
+    friction_used : (n,)
+        The fraction of the friction cone that the contact force takes. At 1 the cone is saturated.
+        NaN if the engine does not report contact forces.
+    hinge_rate_error : (n,)
+        The largest error of a hinge's rate, relative to the rate.
+    faults : tuple of Fault
+        The faults, the earliest first. Empty for a sound run.
+    timestep : float, s
+        The longest step taken.
+    steps : int
+        The number of steps taken.
+    seconds : float, s
+        The processor time of the steps, without the set-up.
+    total_seconds : float, s
+        The processor time together with the runs that chose or checked the settings.
+    estimated_error : float or None
+        The estimated path error, relative to the path's length. None if no accuracy was requested.
+    notes : tuple of Fault
+        Events that belong to the motion and are no faults.
+    python_seconds : float or None, s
+        The part of `seconds` that Python takes at the steps. None if it is not measured.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> report = rb.simulate(rb.load_scene("fig12"), rb.sample_times(0.5), "fast").report
+    >>> report.steps, report.faults, bool(report.slip.max() < 1e-3)
+    (25, (), True)
     """
 
     settings: EngineSettings
@@ -160,18 +226,41 @@ class ContactReport(Value):
 
 @dataclass(frozen=True, repr=False)
 class Motion(Value):
-    """A sampled motion of a scene's ball, with n times, h hinges (the frame's, then the rotors').
+    """Hold the motion of a scene's ball, sampled at n times, with h hinges.
 
-    scene                     the scene that was run
-    engine                    that made the motion
-    times             (n,)    s; fewer than requested where an engine's run broke off
-    contact_point     (n, 2)  m, world: where the ball touches the plane
-    attitude          (n, 4)  quaternion (w, x, y, z) of the frame, frame to world
-    momentum          (n, 3)  kg m²/s, world: the paper's M, which is constant in space
-    angular_velocity  (n, 3)  rad/s, of the frame, frame axes
-    hinge_angles      (n, h)  rad, from those of the scene's start
-    hinge_rates       (n, h)  rad/s
-    loads                     forces and torques that the motion needs
+    The hinges are the frame's, then the rotors'.
+
+    Attributes
+    ----------
+    scene : Scene
+        The scene that was run.
+    engine : Label
+        The name, version and colour of the engine that made the motion.
+    times : (n,), s
+        The sample times. Fewer than requested if the run broke off.
+    contact_point : (n, 2), m, world
+        The point at which the ball touches the plane.
+    attitude : (n, 4), frame to world
+        Unit quaternions (w, x, y, z) of the frame.
+    momentum : (n, 3), kg m²/s, world
+        The angular momentum M of the paper. It is constant in space if the scene keeps it.
+    angular_velocity : (n, 3), rad/s, frame axes
+        The angular velocity of the frame.
+    hinge_angles : (n, h), rad
+        The angles of the hinges, from those of the scene's start on.
+    hinge_rates : (n, h), rad/s
+        The rates of the hinges.
+    loads : Loads
+        The forces and torques that the motion needs.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> motion = rb.integrate(rb.load_scene("fig12"), rb.sample_times(0.5))
+    >>> motion.attitude.shape, motion.hinge_rates.shape
+    ((26, 4), (26, 2))
+    >>> print(f"{motion.path_length:.3f} m")
+    1.857 m
     """
 
     scene: Scene
@@ -198,7 +287,7 @@ class Motion(Value):
         return motion_cell(self)
 
     def plot(self, *others: "Motion") -> "Figure":
-        """Draw its path and momentum, with those of other motions of its scene."""
+        """Draw the path and momentum of this motion, with those of other motions of its scene."""
         from robotball.notebook import picture
 
         return picture([self, *others])
@@ -224,10 +313,10 @@ class Motion(Value):
         return float(path_unit(self.scene, self.path_length))
 
     def save(self, path: str | Path) -> None:
-        """Write the motion as .csv, .npz or .parquet; `load_motion` restores every bit.
+        """Write the motion as .csv, .npz or .parquet. `load_motion` restores every bit.
 
-        The header has the scene's TOML, the engine and the units; a contact engine's report is
-        left out. Raises InputError where the file cannot be written.
+        The header has the scene's TOML, the engine and the units. The report of a contact engine is
+        not written. Raises InputError if the file cannot be written.
         """
         from robotball.files.trajectories import write_motion
 
@@ -243,11 +332,25 @@ def _gamma_of(attitude: Array) -> Array:
 
 @dataclass(frozen=True, repr=False)
 class ReferenceMotion(Motion):
-    """A motion by equations, against which others are measured, with an estimate of its error.
+    """Hold a motion by equations, against which other motions are measured.
 
-    again               returns the contact points (n, 2) of the motion by longer steps [m]
-    motor_work  (n, h)  work of the motors since the start [J]; None by the reduced equations
-    rolling_loss  (n,)  work lost to rolling resistance [J]; None by the reduced equations
+    It has the attributes of `Motion` as well.
+
+    Attributes
+    ----------
+    again : callable
+        Returns the contact points (n, 2) of the motion by longer steps [m].
+    motor_work : (n, h), J, or None
+        The work of the motors since the start. None by the reduced equations.
+    rolling_loss : (n,), J, or None
+        The work lost to rolling resistance. None by the reduced equations.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> theory = rb.integrate(rb.load_scene("fig12"), rb.sample_times(0.5))
+    >>> theory.reference_error < 1e-12
+    True
     """
 
     again: Callable[[], Array] = field(compare=False)
@@ -268,7 +371,22 @@ class ReferenceMotion(Motion):
 
 @dataclass(frozen=True, repr=False)
 class ContactMotion(Motion):
-    """A motion by a contact engine, with its report."""
+    """Hold a motion by a contact engine.
+
+    It has the attributes of `Motion` as well.
+
+    Attributes
+    ----------
+    report : ContactReport
+        The report on the run, with its faults.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> motion = rb.simulate(rb.load_scene("fig12"), rb.sample_times(0.5), "fast")
+    >>> motion.report.settings.name, motion.report.faults
+    ('fast', ())
+    """
 
     report: ContactReport
 
@@ -326,8 +444,8 @@ def tolerated(tolerance: float, times: ArrayLike) -> Array:
 def path_unit(scene: Scene, length: ArrayLike) -> Array:
     """Return the unit of errors and slip along paths of these lengths [m]: at least the radius.
 
-    A ball that turns on the spot has no path. One that starts from rest has none yet, and a contact
-    that regularizes friction slips from the first step on.
+    A ball that turns on the spot has no path. At the start the path is still short while
+    regularised friction already slips. The radius is the unit until the path is longer.
     """
     return np.maximum(length, scene.ball.radius)
 

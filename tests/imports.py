@@ -1,12 +1,20 @@
 """Who imports whom in this project, read from the files; lazy imports included."""
 
 import ast
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.util import resolve_name
 from pathlib import Path
 
 PROJECT = Path(__file__).parent.parent
 PACKAGES = ("robotball", "validation")
+# The public names, each with the module that is its home.
+PUBLIC = [
+    (f"{package}.{home}", name)
+    for package in PACKAGES
+    for stub in [(PROJECT / package / "__init__.pyi").read_text()]
+    for home, name in re.findall(r"^from \.(\S+) import \w+ as (\w+)$", stub, re.MULTILINE)
+]
 
 
 def modules_of(root: Path, packages: Sequence[str] = PACKAGES) -> dict[str, Path]:

@@ -31,10 +31,26 @@ _LIMITED = 3.0  # times the reference's own error: a smaller path error may be t
 
 @dataclass(frozen=True, repr=False)
 class Agreement(Value):
-    """A contact engine's motion beside the reference's, and the measures of their difference.
+    """Hold a contact engine's motion beside the reference's, and measure their difference.
 
-    A motion that broke off has no measures: they are None, and `faults` says why. engine: what
-    made the motion; None where it cannot be run again, as of a recorded one.
+    A motion that broke off has no measures. They are None, and `faults` says why.
+
+    Attributes
+    ----------
+    theory : Motion
+        The motion by the equations.
+    motion : ContactMotion
+        The motion by the contact engine.
+    engine : Engine or None
+        The engine of the motion. None if the motion cannot be run again, as one from a file.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> from validation import compare
+    >>> agreement = compare("fig12", "fast", rb.sample_times(0.5))
+    >>> agreement.path_error < agreement.tolerance, agreement.faults
+    (True, ())
     """
 
     theory: Motion
@@ -195,15 +211,51 @@ def compare(
     strict: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Agreement:
-    """Run `scene` by a contact engine and by the equations, and compare the two motions.
+    """Run a scene by a contact engine and by the equations, and compare the two motions.
 
-    scene: a Scene, a name from the catalog, or a path to a TOML, MJCF or URDF file, as `load_scene`
-    takes them.
-    settings: a preset's name or the engine's settings, its default preset if None; times: (n,) s
-    from 0, the scene's own if None; accuracy: instead of settings, the path error to reach; theory:
-    the equations' motion at those times, where it is known already. Raises InputError and warns as
-    integrate and simulate do; friction is held against what the whole motion needs. strict,
-    progress: as in simulate.
+    The friction of the engine is checked against what the whole motion needs.
+
+    Parameters
+    ----------
+    scene : Scene, str or Path
+        The scene, a name of the catalog, or the path of a TOML, MJCF or URDF file.
+    settings : EngineSettings or str, optional
+        The engine's settings, or the name of a preset. The default is the engine's default preset.
+    times : (n,), s, optional
+        Sample times, increasing from 0. The default is `scene.times`.
+    engine : Engine or str, default "mujoco"
+        The engine, or its name.
+    accuracy : float, optional
+        The path error to reach, relative to the path's length. It chooses the settings, so give
+        either `accuracy` or `settings`.
+    theory : Motion, optional
+        The motion by the equations at these times, if it is known.
+    strict : bool, default False
+        Whether settings that are predicted to fail raise InputError instead of a warning.
+    progress : callable, optional
+        Called with the simulated fraction, from 0 to 1.
+
+    Returns
+    -------
+    Agreement
+        Both motions, their errors and a verdict.
+
+    Raises
+    ------
+    InputError
+        If `load_scene`, `integrate` or `simulate` raises it.
+
+    Warns
+    -----
+    SceneWarning
+        If `load_scene` or `simulate` warns.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> from validation import compare
+    >>> compare("fig12", "fast", rb.sample_times(0.5)).verdict
+    'agrees'
     """
     if isinstance(scene, str | Path):
         scene = load_scene(scene)

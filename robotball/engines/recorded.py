@@ -108,18 +108,41 @@ _HALF_TURN = np.pi / 2  # rad between two samples, beyond which its direction is
 
 @dataclass(frozen=True, repr=False)
 class RecordedMotion(Motion):
-    """A motion from a file, with slip and spin by its own numbers; arrays (n,), errors estimated.
+    """Hold a motion from a file, with the slip and spin that its own numbers imply.
 
-    slip and spin are those of the shell at the plane, from the path's rate and the shell's turning.
-    The errors are of numerical rates of the file's numbers, and not the engine's; a quantity that
-    the file gives has none. A motor's hinge has NaN for angle and rate unless the file has them.
+    It has the attributes of `Motion` as well. Slip and spin are the shell's at the plane, from the
+    rate of the path and the turning of the shell. The errors are estimated errors of numerical
+    rates, and not the engine's. A quantity that the file gives has the error 0. The hinge of a
+    motor has NaN for its angle and rate unless the file has them.
 
-    angular_velocity_error  rad/s
-    momentum_error          kg m²/s
-    slip, slip_error        m/s
-    spin, spin_error        rad/s
-    rolling_radius          m, at which the ball would not have slipped
-    height                  m, of the centre; nan where the file has none
+    Attributes
+    ----------
+    angular_velocity_error : (n,), rad/s
+        The error of `angular_velocity`.
+    momentum_error : (n,), kg m²/s
+        The error of `momentum`.
+    slip : (n,), m/s
+        The sliding speed of the shell at the contact.
+    slip_error : (n,), m/s
+        The error of `slip`.
+    spin : (n,), rad/s
+        The angular velocity of the shell about the vertical.
+    spin_error : (n,), rad/s
+        The error of `spin`.
+    rolling_radius : float, m
+        The radius at which the ball would not have slipped.
+    height : (n,), m
+        The height of the centre. NaN if the file has none.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import robotball as rb
+    >>> scene = rb.load_scene("fig12")
+    >>> rb.integrate(scene, rb.sample_times(0.5)).save("run.csv")
+    >>> motion = rb.recorded(scene, rb.read_trajectory(Path("run.csv")))
+    >>> print(f"{motion.rolling_radius:.3f} m")
+    1.000 m
     """
 
     angular_velocity_error: Array
@@ -133,9 +156,39 @@ class RecordedMotion(Motion):
 
 
 def load_motion(path: str | Path, scene: Scene) -> Motion:
-    """Return the motion of a file: to the last bit one of `Motion.save`, any other as recorded.
+    """Read the motion of a scene from a file.
 
-    Warns where the file is of another scene. Raises InputError as `read_trajectory` does.
+    Parameters
+    ----------
+    path : str or Path
+        A file that `Motion.save` wrote, or a trajectory of any simulator as CSV, NPZ or Parquet.
+    scene : Scene
+        The scene that the file is a motion of.
+
+    Returns
+    -------
+    Motion
+        The motion that was saved, to the last bit. Of another trajectory a RecordedMotion, as
+        `recorded` returns it.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, as `read_trajectory` says.
+
+    Warns
+    -----
+    SceneWarning
+        If the file names another scene.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> scene = rb.load_scene("fig12")
+    >>> motion = rb.integrate(scene, rb.sample_times(0.5))
+    >>> motion.save("run.csv")
+    >>> bool((rb.load_motion("run.csv", scene).momentum == motion.momentum).all())
+    True
     """
     path = Path(path)
     table = read_table(path)
@@ -153,10 +206,37 @@ def load_motion(path: str | Path, scene: Scene) -> Motion:
 
 
 def recorded(scene: Scene, trajectory: Trajectory) -> RecordedMotion:
-    """Return the motion of a scene that a trajectory is taken to be.
+    """Take a trajectory as a motion of a scene.
 
-    Raises InputError where its attitudes are too far apart for an angular velocity, and the file
-    gives none.
+    What the trajectory does not have is computed from its samples. Rates are slopes of polynomials
+    through neighbouring samples.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene that the trajectory is a motion of.
+    trajectory : Trajectory
+        The trajectory, as `read_trajectory` returns it.
+
+    Returns
+    -------
+    RecordedMotion
+        The motion, with estimated errors of the numerical rates.
+
+    Raises
+    ------
+    InputError
+        If the attitudes are too far apart for an angular velocity, and the trajectory has none.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import robotball as rb
+    >>> scene = rb.load_scene("fig12")
+    >>> rb.integrate(scene, rb.sample_times(0.5)).save("run.csv")
+    >>> motion = rb.recorded(scene, rb.read_trajectory(Path("run.csv")))
+    >>> bool(motion.slip.max() < 1e-3)
+    True
     """
     times, attitude = trajectory.times, trajectory.attitude
     omega, omega_error = _angular_velocity(trajectory)

@@ -45,12 +45,36 @@ _README = "README.md"
 
 
 def export_scene(scene: Scene, folder: Path | str, times: Array | None = None) -> list[Path]:
-    """Write a scene for other simulators into a folder; returns the files.
+    """Write a scene for other simulators into a folder.
 
-    scene.json, scene.toml where the scene has one, drives.csv and reference.csv at the sample
-    times (n,) [s], the scene's own if None, model.xml (MJCF), model.urdf, model.sdf, README.md.
-    Raises InputError for a scene that the equations cannot integrate, and where nothing can be
-    written.
+    The files are scene.json, scene.toml if the scene can be written so, drives.csv and
+    reference.csv at the sample times, model.xml (MJCF), model.urdf, model.sdf and README.md.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene to write.
+    folder : Path or str
+        The folder. It is made if it does not exist.
+    times : (n,), s, optional
+        Sample times, increasing from 0. The default is `scene.times`.
+
+    Returns
+    -------
+    list of Path
+        The files that were written, sorted.
+
+    Raises
+    ------
+    InputError
+        If the equations cannot integrate the scene, or if nothing can be written.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> files = rb.export_scene(rb.load_scene("fig12"), "fig12", rb.sample_times(0.5))
+    >>> print(*(file.name for file in files))
+    README.md drives.csv model.sdf model.urdf model.xml reference.csv scene.json scene.toml
     """
     folder = Path(folder)
     motion = integrate(scene, times)

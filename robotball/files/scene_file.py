@@ -60,7 +60,19 @@ class _Entry:
 
 
 def catalog() -> list[str]:
-    """Return the names of the scenes that come with robotball."""
+    """List the names of the scenes that come with robotball.
+
+    Returns
+    -------
+    list of str
+        The names, sorted. `load_scene` takes each.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> "fig12" in rb.catalog()
+    True
+    """
     return sorted(path.stem for path in CATALOG.glob("*.toml"))
 
 
@@ -74,11 +86,38 @@ def entries() -> list[_Entry]:
 
 
 def load_scene(name: str | Path, controls: Mapping[str, Rate] | None = None) -> Scene:
-    """Return the scene of a catalog name, or of a path to a TOML, MJCF or URDF file.
+    """Load a scene of the catalog, or from a file.
 
-    controls: of a robot's own file, by the names of its actuators, in place of those that it has.
-    Raises InputError, with the file and the key, where there is none or it cannot be used, and
-    warns of bodies that no workshop could build and of numbers that seem to have another unit.
+    Parameters
+    ----------
+    name : str or Path
+        A name of the catalog, or the path of a TOML, MJCF or URDF file.
+    controls : mapping of str to rate, optional
+        Rates for the actuators of a robot's own file, by their names, in place of the file's. A
+        rate is a number, a drive or a function of time.
+
+    Returns
+    -------
+    Scene
+        The scene.
+
+    Raises
+    ------
+    InputError
+        If there is no such scene or file, or if the file cannot be used. The message names the file
+        and the key.
+
+    Warns
+    -----
+    SceneWarning
+        If no workshop could build a body, or if a number seems to have another unit.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> scene = rb.load_scene("fig12")
+    >>> scene.rolling, scene.ball.radius
+    ('rubber', 1.0)
     """
     # A catalog name first: a file of that name has a suffix, or a folder before it.
     path = CATALOG / f"{name}.toml"

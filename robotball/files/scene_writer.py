@@ -26,10 +26,32 @@ _ALWAYS = ("axis", "pivot")
 
 
 def scene_toml(scene: Scene) -> str:
-    """Return the text of a scene file with the bodies, rates and start of `scene`.
+    """Write a scene as the text of a scene file.
 
-    Its name is the file's. Raises InputError for a rate given by a function of time, for links
-    and for actuators, which no file can hold.
+    `load_scene` reads the same scene from it, to the last bit. The name of the scene is the name of
+    the file, and is not in the text.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene to write.
+
+    Returns
+    -------
+    str
+        The text, with the bodies, rates and start of the scene.
+
+    Raises
+    ------
+    InputError
+        If the scene has a rate by a function of time, links or actuators, which no scene file can
+        hold.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> print(rb.scene_toml(rb.load_scene("fig12")).splitlines()[0])
+    title = "Drifting along a limit cycle, rubber (Fig. 12)"
     """
     # The start comes last, and its momentum last in it: the remark is on that line. From rest means
     # M = 0 in the paper, where a robot's builder would expect ω = 0.

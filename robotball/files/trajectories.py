@@ -126,16 +126,41 @@ _FINITE = f"it must be finite, and at most {LARGEST:g} in size"
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A ball's motion as a file has it: in SI units, otherwise in conventions of its own.
+    """Hold a ball's motion as a file has it, in SI units.
 
-    times             (n,)    s, increasing
-    position          (n, 3)  m; z is nan where the file has none
-    attitude          (n, 4)  unit quaternion
-    angular_velocity  (n, 3)  rad/s, or None
-    momentum          (n, 3)  kg m²/s, or None
-    others            columns of other names
-    header            of the file
-    notes             what had to be understood on reading, a line each
+    Frames and origins are those of the file.
+
+    Attributes
+    ----------
+    name : str
+        The name of the file.
+    times : (n,), s
+        Increasing times from 0 or later.
+    position : (n, 3), m
+        The ball's position. Its third column is NaN if the file has no height.
+    attitude : (n, 4)
+        Unit quaternions (w, x, y, z).
+    angular_velocity : (n, 3), rad/s, or None
+        The angular velocity of the frame. None if the file has none.
+    momentum : (n, 3), kg m²/s, or None
+        The momentum M. None if the file has none.
+    others : mapping of str to (n,), or None
+        The columns of other names.
+    header : mapping of str to str, or None
+        The header of the file.
+    notes : tuple of str
+        What was changed on reading, such as units, a line each.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import robotball as rb
+    >>> times = np.linspace(0.0, 0.5, 26)
+    >>> still = np.tile([1.0, 0.0, 0.0, 0.0], (26, 1))
+    >>> trajectory = rb.Trajectory("still", times, np.zeros((26, 3)), still)
+    >>> motion = rb.recorded(rb.load_scene("fig12"), trajectory)
+    >>> print(f"{motion.path_length:.3f} m")
+    0.000 m
     """
 
     name: str
@@ -150,10 +175,35 @@ class Trajectory:
 
 
 def read_trajectory(path: Path) -> Trajectory:
-    """Return the trajectory of a CSV, NPZ or Parquet file.
+    """Read a trajectory that any simulator wrote.
 
-    Raises InputError, with the file, for missing columns, unknown units, numbers that are not
-    finite, times that do not increase, and quaternions that are none.
+    Time, position and attitude are needed. Columns are known by many names and in many units, which
+    are made SI's.
+
+    Parameters
+    ----------
+    path : Path
+        A CSV, NPZ or Parquet file.
+
+    Returns
+    -------
+    Trajectory
+        The trajectory, with a note on each change that was made on reading.
+
+    Raises
+    ------
+    InputError
+        If columns are missing, a unit is unknown, numbers are not finite, times do not increase, or
+        quaternions do not have length one. The message names the file.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import robotball as rb
+    >>> rb.integrate(rb.load_scene("fig12"), rb.sample_times(0.5)).save("run.csv")
+    >>> trajectory = rb.read_trajectory(Path("run.csv"))
+    >>> trajectory.position.shape, trajectory.notes
+    ((26, 3), ())
     """
     table = read_table(path)
     with named(path):

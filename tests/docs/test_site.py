@@ -19,15 +19,9 @@ from typing import Any
 import pytest
 
 from tests.browser import Browser, needs_browser, opened
-from tests.imports import PACKAGES, PROJECT
+from tests.imports import PROJECT, PUBLIC
 
 REFERENCE = "".join(path.read_text() for path in (PROJECT / "docs" / "reference").glob("*.md"))
-PUBLIC = [
-    (f"{package}.{home}", name)
-    for package in PACKAGES
-    for stub in [(PROJECT / package / "__init__.pyi").read_text()]
-    for home, name in re.findall(r"^from \.(\S+) import \w+ as (\w+)$", stub, re.MULTILINE)
-]
 
 
 def test_a_public_name_is_documented_once() -> None:
@@ -98,6 +92,15 @@ def test_equations_are_mathml_and_each_page_leads_on(site: Path) -> None:
         for way, page in ("prev", last), ("next", then):
             leads = re.findall(f'rel="{way}" href=".*?([\\w-]+).html"', head)
             assert leads == [page.rpartition("/")[2]] if page else leads == [], (each, way)
+
+
+@pytest.mark.slow
+def test_sections_of_docstrings_are_lists(site: Path) -> None:
+    """Each parameter is an item, with its type as it is written: shape, unit and frame."""
+    page = (site / "reference" / "motion.html").read_text()
+    items = re.findall(r'(?s)<li class="doc-section-item.*?</li>', page)
+    texts = [" ".join(re.sub("<[^>]*>", "", each).split()) for each in items]
+    assert any(each.startswith("contact_force ((n, 3), N, world) –") for each in texts)
 
 
 # What reaches beyond the width, and by nothing that scrolls; on paper nothing scrolls.

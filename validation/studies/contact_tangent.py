@@ -114,10 +114,10 @@ class _Growth:
 
     @property
     def spectra(self) -> Array:
-        """The six exponents (n, 6) of each motion, in the order of their means [1/s].
+        """Return the six exponents (n, 6) of each motion, in the order of their means [1/s].
 
-        Of those that were not followed, 0 stands for that of (M, γ), which is 0 in every state of a
-        rubber ball by (3.1).
+        Exponents that were not computed are 0. For a rubber ball that is the one of (M, γ) = 0
+        (3.1).
         """
         found = self.logarithms.mean(axis=1) / self.stretch
         six = np.pad(found, ((0, 0), (0, 6 - found.shape[1])))

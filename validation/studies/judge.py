@@ -99,9 +99,9 @@ class _Beside:
 
     @cached_property
     def hinge_rates(self) -> dict[str, tuple[float, float]]:
-        """Return how far each known hinge rate is off, relative, and its factor.
+        """Return for each hinge whose rate is known (relative RMS error, factor).
 
-        Both by the mean square: the factor takes the reference's rate nearest to the file's.
+        factor · reference fits the file in least squares.
         """
         found = {}
         ours, theirs = self.motion.hinge_rates, self.theory.hinge_rates[-len(self.motion.times) :]
@@ -196,7 +196,27 @@ class _Order:
 
 @dataclass(frozen=True)
 class Judgement:
-    """Files of one scene, the one with the longest step first, and orders of convergence."""
+    """Hold the judgement of trajectories of one scene.
+
+    Attributes
+    ----------
+    scene : Scene
+        The scene that the trajectories were judged by.
+    files : tuple of FileJudgement
+        The judgement of each trajectory, the one with the longest step first.
+    orders : tuple
+        The orders of convergence of path and attitude. Empty unless the files differ in their step.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> from validation import judge
+    >>> scene = rb.load_scene("fig12")
+    >>> rb.integrate(scene, rb.sample_times(1.0)).save("run.csv")
+    >>> judgement = judge(scene, "run.csv")
+    >>> [file.name for file in judgement.files], judgement.orders
+    (['run.csv'], ())
+    """
 
     scene: Scene
     files: tuple[FileJudgement, ...]
@@ -217,11 +237,40 @@ def judge(
 ) -> Judgement:
     """Find what is wrong with trajectories of a scene.
 
-    files: each a file, or a trajectory as `read_trajectory` gives it. timesteps: the engine's in
-    each file [s]; by the file's header, or else the interval of its samples, where they are not
-    given. tolerance: of path, momentum and hinges' rates, relative, and of the attitude in rad.
-    progress: called with the fraction that is done. Raises InputError as `read_trajectory`,
-    `recorded` and `integrate` do, and for a file that is many times longer than the scene.
+    Parameters
+    ----------
+    scene : Scene
+        The scene that the trajectories are motions of.
+    files : path, Trajectory, or sequence of them
+        The files, or trajectories as `read_trajectory` returns them.
+    timesteps : sequence of float, s, optional
+        The step of the engine in each file. The default is the step in the file's header, or the
+        interval of its samples.
+    tolerance : float, default 0.01
+        The largest error of path, momentum and hinge rates, relative, and of the attitude in rad.
+    progress : callable, optional
+        Called with the fraction that is done, from 0 to 1.
+
+    Returns
+    -------
+    Judgement
+        The errors and the mistakes of each trajectory, and the orders of convergence.
+
+    Raises
+    ------
+    InputError
+        If `read_trajectory`, `recorded` or `integrate` raises it, or if a file is many times longer
+        than the scene.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> from validation import judge
+    >>> scene = rb.load_scene("fig12")
+    >>> rb.integrate(scene, rb.sample_times(1.0)).save("run.csv")
+    >>> judgement = judge(scene, "run.csv")
+    >>> judgement.agrees, judgement.files[0].mistakes
+    (True, ())
     """
     given = [files] if isinstance(files, Path | str | Trajectory) else list(files)
     if timesteps and len(timesteps) != len(given):

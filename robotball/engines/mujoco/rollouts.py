@@ -39,8 +39,8 @@ _STOPPED = {FaultKind.DIVERGED, FaultKind.RESET, FaultKind.ENGINE_WARNED}
 def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Iterator[ContactMotion]:
     """Yield the motions of scenes at times (n,) [s] from 0, in their order.
 
-    Warns as `precheck` does of each scene, but of many starts of those with the least and the most
-    momentum. Raises InputError as `build` and `run` do.
+    Runs the precheck on each scene. Of scenes that differ only in their start, only those with the
+    least and the largest momentum are checked. Raises InputError as `build` and `run` do.
     """
     alike = differ_in_start(scenes)
     by_size = sorted(scenes, key=lambda each: float(np.linalg.norm(each.start.momentum)))

@@ -1,0 +1,172 @@
+"""Each public name has a docstring as NumPy's guide has it, with an example that runs."""
+
+import ast
+import doctest
+import inspect
+import re
+import warnings
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.imports import PUBLIC
+
+# Homes whose docstrings have no sections yet.
+UNWRITTEN = {f"robotball.{home}" for home in ("ball", "motors", "robot", "scene")}
+WRITTEN = [each for each in PUBLIC if each[0] not in UNWRITTEN]
+# The sections of NumPy's guide that are in use, in its order.
+SECTIONS = ("Parameters", "Attributes", "Returns", "Raises", "Warns", "Notes", "Examples")
+NAMED = ("Parameters", "Attributes")
+
+
+def docstring(home: str, name: str) -> str:
+    """The docstring of a function or class, or the text below a value."""
+    body = ast.parse(Path(import_module(home).__file__ or "").read_text()).body
+    for node, after in zip(body, [*body[1:], None], strict=True):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name == name:
+            return ast.get_docstring(node) or ""
+        targets = [getattr(node, "target", None), *getattr(node, "targets", [])]
+        if name in [each.id for each in targets if isinstance(each, ast.Name)]:
+            text = after.value if isinstance(after, ast.Expr) else None
+            return inspect.cleandoc(str(text.value)) if isinstance(text, ast.Constant) else ""
+    return ""
+
+
+def sections_of(text: str) -> dict[str, str]:
+    """The sections of a docstring by their titles; what is above the first one by ""."""
+    head, *rest = re.split(r"(?m)^(\w[\w ]*)\n-{3,}$", text)
+    return {"": head, **dict(zip(rest[::2], rest[1::2], strict=True))}
+
+
+def entries(section: str) -> dict[str, str]:
+    """The names of a section, or its types where it has none, each with its description."""
+    found = re.findall(r"(?m)^(\S.*)\n((?:(?: +.*)?\n?(?=$| |\n))*)", section.strip("\n") + "\n")
+    return {head.partition(" : ")[0].strip(): text.strip() for head, text in found}
+
+
+def needed(value: Any) -> set[str]:
+    """The parameters of a function, or the fields that a record adds to those of its base."""
+    if inspect.isfunction(value):
+        return set(inspect.signature(value).parameters)
+    if not inspect.isclass(value) or issubclass(value, Enum):
+        return set()
+    if struct := getattr(value, "__struct_fields__", ()):  # of msgspec
+        return set(struct)
+    if not is_dataclass(value):
+        return {each for each in vars(value).get("__annotations__", {}) if each[0] != "_"}
+    base = value.__mro__[1]
+    known = fields(base) if is_dataclass(base) else ()
+    return {each.name for each in fields(value)} - {each.name for each in known}
+
+
+def faults(text: str, value: Any) -> Iterator[str]:
+    """What the docstring of a value breaks of NumPy's guide."""
+    sections = sections_of(text)
+    summary, _, more = sections[""].partition("\n")
+    if not re.fullmatch(r"[A-Z][a-z]+ [^;]*\.", summary) or summary.split()[0] in ("A", "The"):
+        yield "the summary is no sentence of one line that begins with a verb"
+    if more.partition("\n")[0].strip():
+        yield "the summary goes on in a second line"
+    titles = [each for each in sections if each]
+    if titles != [each for each in SECTIONS if each in titles]:
+        yield f"sections {titles}"
+    named = {
+        each.strip(): text
+        for title in NAMED
+        for names, text in entries(sections.get(title, "")).items()
+        for each in names.split(",")
+    }
+    if missing := needed(value) - named.keys():
+        yield f"nothing about {sorted(missing)}"
+    allowed = needed(value) if inspect.isfunction(value) else {*needed(value), *dir(value)}
+    if inspect.isclass(value):
+        allowed |= {*inspect.signature(value.__init__).parameters}
+    if unknown := named.keys() - allowed:
+        yield f"no such names {sorted(unknown)}"
+    others = [
+        entries(sections[each]) for each in ("Returns", "Raises", "Warns") if each in sections
+    ]
+    if empty := [name for each in (named, *others) for name, text in each.items() if not text]:
+        yield f"no description of {empty}"
+    if inspect.isfunction(value) and "Returns" not in titles:
+        yield "no Returns"
+    if ">>> " not in sections.get("Examples", ""):
+        yield "no example"
+
+
+@pytest.mark.parametrize(("home", "name"), WRITTEN, ids=lambda each: each.rpartition(".")[2])
+def test_a_public_name_has_sections_as_numpy_has_them(home: str, name: str) -> None:
+    """A summary, every parameter or field, what is returned, and an example."""
+    assert [*faults(docstring(home, name), getattr(import_module(home), name))] == []
+
+
+@pytest.mark.parametrize(("home", "name"), WRITTEN, ids=lambda each: each.rpartition(".")[2])
+def test_an_example_prints_what_it_says(
+    home: str, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each runs alone, in an empty folder, and imports what it uses."""
+    monkeypatch.chdir(tmp_path)
+    assert failures(docstring(home, name)) == []
+
+
+def failures(text: str) -> list[str]:
+    """What the examples of a docstring print that they do not say."""
+    printed: list[str] = []
+    examples = doctest.DocTestParser().get_doctest(text, {}, "example", None, None)
+    assert examples.examples
+    with warnings.catch_warnings():
+        doctest.DocTestRunner(verbose=False).run(examples, out=printed.append)
+    return printed
+
+
+GOOD = """Add two numbers.
+
+Parameters
+----------
+a : int
+    The first.
+b : int, optional
+    The second.
+
+Returns
+-------
+int
+    The sum.
+
+Examples
+--------
+>>> 1 + 2
+3
+"""
+
+
+def add(a: int, b: int = 1) -> int:
+    return a + b
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "fault"),
+    [
+        ("Add two numbers.", "The sum of two numbers.", "the summary is no"),
+        ("Add two numbers.", "Add one; add another.", "the summary is no"),
+        ("numbers.\n", "numbers.\nOr none.\n", "the summary goes on"),
+        ("b : int, optional\n    The second.\n", "", "nothing about ['b']"),
+        ("b : int", "b, c : int", "no such names ['c']"),
+        ("    The second.\n", "", "no description of ['b']"),
+        ("    The sum.\n", "", "no description of ['int']"),
+        ("Returns\n-------", "Yield\n-----", "sections"),
+        ("Returns\n-------\nint\n    The sum.\n", "", "no Returns"),
+        (">>> 1 + 2\n3", "None.", "no example"),
+    ],
+)
+def test_a_docstring_that_breaks_the_guide_is_found(old: str, new: str, fault: str) -> None:
+    """The good one passes; each change of it is named, and so is a wrong result."""
+    assert [*faults(GOOD, add)] == []
+    assert any(each.startswith(fault) for each in faults(GOOD.replace(old, new), add)), old
+    assert failures(GOOD) == []
+    assert "Expected:\n    4\n" in "".join(failures(GOOD.replace("3", "4")))

@@ -26,14 +26,15 @@ shell iff d >= Σb/5; so both can be had iff max b <= (2/5) Σb.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
+from robotball.ball import ROUNDING, Ball, Frame, Hinge, Rotor, Shell, shell_inertia
 from robotball.equations import Parameters
 from robotball.errors import InputError, check_positive, check_size
-from robotball.robot import ROUNDING, Ball, Frame, Rotor, Shell, shell_inertia
 from robotball.rotations import Array
 from robotball.scene import Scene
 
@@ -75,20 +76,22 @@ class Limits:
 
 @dataclass(frozen=True)
 class Design:
-    """A ball with the requested numbers, the rates that it needs, and whether it can be built.
+    """A ball with the requested numbers, its hinges' rates, and whether it can be built.
 
-    frame_rate rad/s, about the shell's axis; rotor_rates (rotors,) rad/s; limits, those that it
-    keeps. masses kg: with the first and more all mass can lie inside the shell, with less than the
-    second the inertia is a body's. needed_radius m: the least within which the frame can lie, where
-    that is more than the limits allow; else what they allow.
+    limits: those that it keeps. masses kg: with the first and more all mass can lie inside the
+    shell, with less than the second the inertia is a body's. needed_radius m: the least within
+    which the frame can lie, where that is more than the limits allow; else what they allow.
     """
 
     ball: Ball
-    frame_rate: float
-    rotor_rates: tuple[float, ...]
     limits: Limits
     masses: tuple[float, float]
     needed_radius: float
+
+    @property
+    def rates(self) -> tuple[float, ...]:
+        """The hinges' rates [rad/s]: the frame's about the shell's axis, then the rotors'."""
+        return tuple(cast(float, hinge.command) for hinge in self.ball.hinges)
 
     @property
     def reach(self) -> float:
@@ -164,11 +167,8 @@ def design(
         found = share(request, WIDER * needed) or share(request, math.inf)
     if found is None:
         raise _refusal(request, limits, radius)
-    ball, rates = _ball(found, B, Omega, K, radius, limits)
     return Design(
-        ball=ball,
-        frame_rate=float(np.linalg.norm(Omega)),
-        rotor_rates=rates,
+        ball=_ball(found, B, Omega, K, radius, limits),
         limits=limits,
         masses=masses_allowed(B, radius),
         needed_radius=radius * needed,
@@ -187,9 +187,9 @@ def describe(design: Design) -> str:
         f"(inside the shell from {least:.6g} kg on, a body's up to {most:.6g} kg)",
         f"shell   mass {shell.mass:.6g} kg, {kind}, axis {_text(shell.axis)}",
         f"frame   mass {frame.mass:.6g} kg, principal moments {moments} kg m², "
-        f"within {design.reach:.4g} m, {design.frame_rate:.6g} rad/s",
+        f"within {design.reach:.4g} m, {design.rates[0]:.6g} rad/s",
     ]
-    for i, (rotor, rate) in enumerate(zip(ball.rotors, design.rotor_rates, strict=True), start=1):
+    for i, (rotor, rate) in enumerate(zip(ball.rotors, design.rates[1:], strict=True), start=1):
         ring = math.sqrt(rotor.axial_inertia / rotor.mass)
         rows.append(
             f"rotor{i}  mass {rotor.mass:.6g} kg, ring of radius {ring:.4g} m, axis "
@@ -220,9 +220,6 @@ def redesign(
         title=f"{scene.title}, designed bodies",
         source=f"Bodies designed for the numbers of {scene.name}. {found.verdict}\n{scene.source}",
         ball=found.ball,
-        frame_rate=found.frame_rate,
-        rotor_rates=found.rotor_rates,
-        motors=(),
     )
 
 
@@ -626,10 +623,8 @@ def _least(largest_margin: Callable[[float], float], too_small: float) -> float:
     return float(1 / brentq(margin, 0.0, 1 / too_small, rtol=1e-4, xtol=1e-4 / too_small))
 
 
-def _ball(
-    found: _Share, B: Array, Omega: Array, K: Array, radius: float, limits: Limits
-) -> tuple[Ball, tuple[float, ...]]:
-    """Return the bodies of a share in SI units, the frame with what is left, and rotor rates."""
+def _ball(found: _Share, B: Array, Omega: Array, K: Array, radius: float, limits: Limits) -> Ball:
+    """Return the ball of a share in SI units, the frame with what is left, as it turns."""
     trace = float(np.trace(B))
     unit = trace / radius**2  # kg
     shell_mass, frame_mass = unit * found.shell_mass, unit * found.frame_mass
@@ -644,11 +639,12 @@ def _ball(
     # The frame takes what rounding leaves, so that the whole ball has the requested numbers.
     d = (shell_mass + frame_mass + sum(rotor.mass for rotor in rotors)) * radius**2
     others = shell.inertia + sum((rotor.inertia for rotor in rotors), np.zeros((3, 3)))
-    ball = Ball(shell, Frame(frame_mass, B - d * np.eye(3) - others), rotors)
-    if len(rotors) != 1:  # two both turn at the largest rate
-        return ball, (limits.rotor_speed,) * len(rotors)
-    h = K + (J_s + d) * Omega
-    return ball, (float(np.linalg.norm(h)) / rotors[0].axial_inertia,)
+    frame = Frame(frame_mass, B - d * np.eye(3) - others)
+    rates = [limits.rotor_speed] * len(rotors)  # two both turn at the largest rate
+    if len(rotors) == 1:
+        h = K + (J_s + d) * Omega
+        rates = [float(np.linalg.norm(h)) / rotors[0].axial_inertia]
+    return Ball(shell, (Hinge(frame, turning), *map(Hinge, rotors, rates)))
 
 
 def _text(v: Array) -> str:

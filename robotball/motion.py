@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robotball import equations as eq
+from robotball.ball import Value
 from robotball.drives import turns
 from robotball.equations import as_vector
 from robotball.errors import InputError, unknown
-from robotball.robot import Value
 from robotball.rotations import Array, angle_between, rotation_matrix
 from robotball.scene import Scene
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from robotball.robot import Link
+from robotball.ball import Link
 from robotball.rotations import Array, from_matrix
 from robotball.scene import Scene
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from robotball import equations as eq
 from robotball import sample_times, simulate
+from robotball.ball import Frame
 from robotball.equations import as_vector
-from robotball.robot import Ball, Frame
 from robotball.rotations import Array, from_matrix, multiply
 from robotball.scene import Start
 from validation.paper import formulas as f
@@ -158,7 +158,7 @@ def _without_gravity(twist: float) -> Errors:
     if twist != 1:
         ball, off = scene.ball, np.array([0.0, 0.0, 1e-5])
         frame = Frame(ball.frame.mass, ball.frame.inertia, off)
-        scene = replace(scene, ball=Ball(ball.shell, frame, ball.rotors))
+        scene = scene.with_hinges(body={"frame": frame})
     times = sample_times(5.0)
     paths = [simulate(replace(scene, gravity=g), times).contact_point for g in (9.81, 3.7)]
     yield largest(paths[0] - paths[1])

@@ -12,8 +12,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from robotball import Scene, Servo, Settings, load_scene
+from robotball.ball import Frame, Rotor, Shell
 from robotball.engines.mujoco.settings import ADAPTIVE, CONSTANT, INTEGRATORS, MOST_STEPS, recipe
-from robotball.robot import Ball, Frame, Rotor, Shell
 from robotball.rotations import Array
 from robotball.scene import Start
 from validation.studies.mistakes import with_bodies
@@ -62,28 +62,16 @@ def gyrostat(
     inertia = rotor.axial_inertia if rotor_rate is None else size / rotor_rate
     new = replace(rotor, axial_inertia=inertia, transverse_inertia=inertia / 2, axis=carried / size)
     frame = replace(ball.frame, inertia=ball.frame.inertia + rotor.inertia - new.inertia)
-    return replace(
-        scene,
-        ball=Ball(ball.shell, frame, (new,)),
-        frame_rate=frame_rate,
-        rotor_rates=(size / inertia,),
-    )
+    return scene.with_hinges(body=(frame, new), command=(frame_rate, size / inertia))
 
 
 def redistributed(scene: Scene, *, frame_to_shell: float, rotor_to_frame: float) -> Scene:
     """Return the scene with its mass shared out anew; bodies keep their shapes and rates."""
     ball = scene.ball
     shares = np.array([1.0, frame_to_shell, frame_to_shell * rotor_to_frame])
-    shell, frame, rotor = (ball.mass * shares / shares.sum()).tolist()
-    (old_rotor,) = ball.rotors
-    return replace(
-        scene,
-        ball=Ball(
-            scaled_body(ball.shell, shell / ball.shell.mass),
-            scaled_body(ball.frame, frame / ball.frame.mass),
-            (scaled_body(old_rotor, rotor / old_rotor.mass),),
-        ),
-    )
+    masses = iter((ball.mass * shares / shares.sum()).tolist())
+    bodies = with_bodies(ball, lambda body: scaled_body(body, next(masses) / body.mass))
+    return replace(scene, ball=bodies)
 
 
 def scaled(scene: Scene, *, mass: float, length: float) -> Scene:

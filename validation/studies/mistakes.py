@@ -4,7 +4,7 @@ Numbers of a file are compared with the reference's sample by sample, under each
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cache, partial, reduce
 from itertools import permutations, product
 from typing import Any
@@ -13,13 +13,12 @@ import msgspec
 import numpy as np
 
 from robotball import Custom, InputError, Motion, Ramp, Samples, Scene, Sine, Sum, Trajectory
+from robotball.ball import Ball, Body, Rotor, Shell
 from robotball.drives import Drive, Rate, as_custom
 from robotball.equations import Rolling
 from robotball.files.export import poses
 from robotball.files.trajectories import LENGTHS
-from robotball.mechanics import momentum_at
 from robotball.motors import Servo
-from robotball.robot import Ball, Body, Rotor, Shell
 from robotball.rotations import Array, conjugate, from_matrix, multiply, rotation_matrix
 
 _FLOOR = 1e-6  # an error below it explains as little as none
@@ -419,15 +418,9 @@ def _has_rate(scene: Scene, hinge: int) -> bool:
 
 def _with_rates(scene: Scene, which: list[int], factor: float) -> tuple[Scene, ...]:
     """Return scenes with some rates times a factor: with the same M, frame's ω, or shell's ω."""
-    given = [scene.frame_rate, *scene.rotor_rates, *scene.pendulum_rates]
+    given = [hinge.command for hinge in scene.ball.hinges]
     rates = [scaled(rate, factor) if i in which else rate for i, rate in enumerate(given)]
-    rotors = 1 + len(scene.ball.rotors)
-    changed = replace(
-        scene,
-        frame_rate=rates[0],
-        rotor_rates=tuple(rates[1:rotors]),
-        pendulum_rates=tuple(rates[rotors:]),
-    )
+    changed = scene.with_hinges(command=rates)
     found = [changed, _kept(changed, scene)]
     if 0 in which:
         more = (factor - 1) * float(scene.drives[0].rate(0.0)) * scene.ball.shell.axis
@@ -503,13 +496,10 @@ def _with_body(scene: Scene, body: Body, other: Body) -> tuple[Scene, ...]:
 
 
 def with_bodies(ball: Ball, change: Callable[[Any], Any]) -> Ball:
-    """Return the ball with another body in the place of each."""
-    bodies = {each.name: getattr(ball, each.name) for each in fields(ball)}
-    changed: dict[str, Any] = {
-        name: tuple(map(change, own)) if isinstance(own, tuple) else change(own)
-        for name, own in bodies.items()
-    }
-    return replace(ball, **changed)
+    """Return the ball with another body in the place of each, the shell first."""
+    shell = change(ball.shell)
+    hinges = tuple(replace(each, body=change(each.body)) for each in ball.hinges)
+    return replace(ball, shell=shell, hinges=hinges)
 
 
 def _starts(scene: Scene) -> Iterator[_MistakenScene]:
@@ -540,10 +530,8 @@ def _omega(scene: Scene) -> Array:
 
 def _kept(changed: Scene, scene: Scene, omega: Array | None = None) -> Scene:
     """Return a changed scene that starts with the frame's ω of the other, or with this ω."""
-    start, omega = changed.start, _omega(scene) if omega is None else omega
-    angles, rates = np.array([(hinge.angle, hinge.rate) for hinge in changed.hinges]).T
-    M = momentum_at(changed.ball, changed.rolling, start.attitude, omega, angles, rates)
-    return replace(changed, start=replace(start, momentum=_level(changed, M)))
+    M = changed.momentum_of(_omega(scene) if omega is None else omega)
+    return replace(changed, start=replace(changed.start, momentum=_level(changed, M)))
 
 
 def _level(scene: Scene, M: Array) -> Array:

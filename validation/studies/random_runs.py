@@ -28,11 +28,11 @@ from robotball import (
     load_scene,
     preset,
 )
+from robotball.ball import Ball, Frame, Hinge, Hung, Rotor, Shell
 from robotball.engines.mujoco.limits import exceeded, planned
 from robotball.engines.mujoco.settings import ADAPTIVE, OWN, Prescribed, recipe
 from robotball.equations import Rolling
 from robotball.motors import Servo
-from robotball.robot import Ball, Frame, Rotor, Shell
 from robotball.rotations import Array
 from robotball.scene import Start
 from validation.agreement import compare
@@ -68,7 +68,8 @@ def random_scene(number: int) -> Scene:
     point_mass = (mass - shell_mass - sum(rotor.mass for rotor in rotors)) / 12
     tensors = [2 * point_mass * (r @ r * np.eye(3) - np.outer(r, r)) for r in points]
     frame = Frame(12 * point_mass, np.sum(tensors, axis=0))
-    ball = Ball(shell, frame, tuple(rotors))
+    bodies: list[Hung] = [frame, *rotors]
+    ball = Ball(shell, tuple(map(Hinge, bodies)))
     rolling: Rolling = "rubber" if number % 2 else "classical"
     # Rates of both signs such that |A K| and |Ω| stay below 4 rad/s.
     weakest = float(np.linalg.eigvalsh(ball.inertia)[0] + ball.d)
@@ -79,10 +80,10 @@ def random_scene(number: int) -> Scene:
     momentum = direction() * weakest * rng.uniform(0.5, 2.5)
     if rolling == "rubber":
         momentum[2] = 0.0
+    turning = float(rng.choice([-1, 1]) * rng.uniform(0.3, 2.5))
     return Scene(
-        name=f"ball {number}", title="", source="", ball=ball, rolling=rolling,
-        frame_rate=float(rng.choice([-1, 1]) * rng.uniform(0.3, 2.5)), rotor_rates=spins,
-        start=Start(attitude, momentum), duration=10.0,
+        name=f"ball {number}", title="", source="", duration=10.0, rolling=rolling,
+        ball=ball.with_hinges(command=(turning, *spins)), start=Start(attitude, momentum),
     )  # fmt: skip
 
 
@@ -158,8 +159,9 @@ def _faster(scene: Scene, frame: float = 1.0, rotors: float = 1.0) -> Scene:
     def times(rate: Any, factor: float) -> Any:
         return rate * factor if isinstance(rate, float | int) else rate
 
-    rates = tuple(times(rate, rotors) for rate in scene.rotor_rates)
-    return replace(scene, frame_rate=times(scene.frame_rate, frame), rotor_rates=rates)
+    turning, *rates = (hinge.command for hinge in scene.ball.hinges)
+    rates = [times(rate, rotors) for rate in rates]
+    return scene.with_hinges(command=(times(turning, frame), *rates))
 
 
 def rescaled(scene: Scene, mass: float = 1.0, length: float = 1.0) -> Scene:

@@ -38,7 +38,7 @@ FAULTS: dict[str, tuple[rb.Scene, rb.Settings, set[str]]] = {
     "no torsional row": (FIG12, replace(FAST, condim=3), {"slipped over 0.0005 of the path"}),
     # No warning of MuJoCo's, and M is off at once.
     "Euler at fast rotors": (
-        replace(FIG12, rotor_rates=(30 * 148.0,)),
+        FIG12.with_hinges(command={"rotor1": 30 * 148.0}),
         replace(FAST, integrator="Euler", timestep=1e-3, sliding_friction=1e4,
                 torsional_friction=1e4),
         {"M off by over 0.0005"},

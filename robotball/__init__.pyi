@@ -2,6 +2,13 @@
 
 import validation as _validation
 
+from .ball import Ball as Ball
+from .ball import Frame as Frame
+from .ball import Hinge as Hinge
+from .ball import Link as Link
+from .ball import Pendulum as Pendulum
+from .ball import Rotor as Rotor
+from .ball import Shell as Shell
 from .designing import Design as Design
 from .designing import Limits as Limits
 from .designing import design as design
@@ -47,13 +54,6 @@ from .motors import Law as Law
 from .motors import PositionServo as PositionServo
 from .motors import Servo as Servo
 from .motors import Torque as Torque
-from .robot import NO_FRAME as NO_FRAME
-from .robot import Ball as Ball
-from .robot import Frame as Frame
-from .robot import Link as Link
-from .robot import Pendulum as Pendulum
-from .robot import Rotor as Rotor
-from .robot import Shell as Shell
 from .scene import Scene as Scene
 from .scene import Start as Start
 from .scene import sample_times as sample_times

@@ -26,14 +26,15 @@ shell iff d >= Σb/5; so both can be had iff max b <= (2/5) Σb.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
+from robotball.ball import ROUNDING, Ball, Frame, Hinge, Rotor, Shell, shell_inertia
 from robotball.equations import Parameters
 from robotball.errors import InputError, check_positive, check_size
-from robotball.robot import ROUNDING, Ball, Frame, Rotor, Shell, shell_inertia
 from robotball.rotations import Array
 from robotball.scene import Scene
 
@@ -99,16 +100,12 @@ class Limits:
 
 @dataclass(frozen=True)
 class Design:
-    """Hold a ball with requested numbers, and the rates that it needs.
+    """Hold a ball with requested numbers and the rates that it needs.
 
     Attributes
     ----------
     ball : Ball
-        The bodies.
-    frame_rate : float, rad/s
-        The rate of the frame about the shell's axis.
-    rotor_rates : tuple of float, rad/s
-        The rate of each rotor.
+        The bodies, with the rates of their hinges.
     limits : Limits
         The limits that the bodies keep.
     masses : (float, float), kg
@@ -122,16 +119,19 @@ class Design:
     --------
     >>> import robotball as rb
     >>> found = rb.design(A=[0.7, 0.6, 0.8], Omega=[0, 0, 2], K=[2, 2, 0], radius=1.0)
-    >>> found.buildable, len(found.rotor_rates)
+    >>> found.buildable, len(found.ball.rotors)
     (True, 1)
     """
 
     ball: Ball
-    frame_rate: float
-    rotor_rates: tuple[float, ...]
     limits: Limits
     masses: tuple[float, float]
     needed_radius: float
+
+    @property
+    def rates(self) -> tuple[float, ...]:
+        """The hinges' rates [rad/s]: the frame's about the shell's axis, then the rotors'."""
+        return tuple(cast(float, hinge.command) for hinge in self.ball.hinges)
 
     @property
     def reach(self) -> float:
@@ -236,11 +236,8 @@ def design(
         found = share(request, WIDER * needed) or share(request, math.inf)
     if found is None:
         raise _refusal(request, limits, radius)
-    ball, rates = _ball(found, B, Omega, K, radius, limits)
     return Design(
-        ball=ball,
-        frame_rate=float(np.linalg.norm(Omega)),
-        rotor_rates=rates,
+        ball=_ball(found, B, Omega, K, radius, limits),
         limits=limits,
         masses=masses_allowed(B, radius),
         needed_radius=radius * needed,
@@ -259,9 +256,9 @@ def describe(design: Design) -> str:
         f"(inside the shell from {least:.6g} kg on, a body's up to {most:.6g} kg)",
         f"shell   mass {shell.mass:.6g} kg, {kind}, axis {_in_digits(shell.axis)}",
         f"frame   mass {frame.mass:.6g} kg, principal moments {moments} kg m², "
-        f"within {design.reach:.4g} m, {design.frame_rate:.6g} rad/s",
+        f"within {design.reach:.4g} m, {design.rates[0]:.6g} rad/s",
     ]
-    for i, (rotor, rate) in enumerate(zip(ball.rotors, design.rotor_rates, strict=True), start=1):
+    for i, (rotor, rate) in enumerate(zip(ball.rotors, design.rates[1:], strict=True), start=1):
         ring = math.sqrt(rotor.axial_inertia / rotor.mass)
         rows.append(
             f"rotor{i}  mass {rotor.mass:.6g} kg, ring of radius {ring:.4g} m, axis "
@@ -292,9 +289,6 @@ def redesign(
         title=f"{scene.title}, designed bodies",
         source=f"Bodies designed for the numbers of {scene.name}. {found.verdict}\n{scene.source}",
         ball=found.ball,
-        frame_rate=found.frame_rate,
-        rotor_rates=found.rotor_rates,
-        motors=(),
     )
 
 
@@ -698,10 +692,8 @@ def _least(largest_margin: Callable[[float], float], too_small: float) -> float:
     return float(1 / brentq(margin, 0.0, 1 / too_small, rtol=1e-4, xtol=1e-4 / too_small))
 
 
-def _ball(
-    found: _Share, B: Array, Omega: Array, K: Array, radius: float, limits: Limits
-) -> tuple[Ball, tuple[float, ...]]:
-    """Return the bodies of a share in SI units, the frame with what is left, and rotor rates."""
+def _ball(found: _Share, B: Array, Omega: Array, K: Array, radius: float, limits: Limits) -> Ball:
+    """Return the ball of a share in SI units, the frame with what is left, as it turns."""
     trace = float(np.trace(B))
     unit = trace / radius**2  # kg
     shell_mass, frame_mass = unit * found.shell_mass, unit * found.frame_mass
@@ -716,11 +708,12 @@ def _ball(
     # The frame takes what rounding leaves, so that the whole ball has the requested numbers.
     d = (shell_mass + frame_mass + sum(rotor.mass for rotor in rotors)) * radius**2
     others = shell.inertia + sum((rotor.inertia for rotor in rotors), np.zeros((3, 3)))
-    ball = Ball(shell, Frame(frame_mass, B - d * np.eye(3) - others), rotors)
-    if len(rotors) != 1:  # two both turn at the largest rate
-        return ball, (limits.rotor_speed,) * len(rotors)
-    h = K + (J_s + d) * Omega
-    return ball, (float(np.linalg.norm(h)) / rotors[0].axial_inertia,)
+    frame = Frame(frame_mass, B - d * np.eye(3) - others)
+    rates = [limits.rotor_speed] * len(rotors)  # two both turn at the largest rate
+    if len(rotors) == 1:
+        h = K + (J_s + d) * Omega
+        rates = [float(np.linalg.norm(h)) / rotors[0].axial_inertia]
+    return Ball(shell, (Hinge(frame, turning), *map(Hinge, rotors, rates)))
 
 
 def _in_digits(v: Array) -> str:

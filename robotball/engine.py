@@ -27,10 +27,10 @@ from robotball.motion import (
     preset_named,
 )
 from robotball.rotations import Array
-from robotball.scene import Scene, Start, check_times
+from robotball.scene import Scene, check_times
 
-Runner = Callable[[Array, Start], ContactMotion]
-"""Times (n,) [s] from 0 and a start → the motion."""
+Runner = Callable[[Array, Scene], ContactMotion]
+"""Times (n,) [s] from 0 and a scene that starts in another state → the motion."""
 Own = TypeVar("Own", bound=EngineSettings)
 
 
@@ -78,9 +78,9 @@ class Engine(Protocol):
         ...
 
     def prepare(self, scene: Scene, settings: EngineSettings) -> Runner:
-        """Return the engine made ready to run the scene's ball from one start after another."""
+        """Return the engine made ready to run a scene from one state of its ball after another."""
         request = Request(self, settings)
-        return lambda times, start: self.run(replace(scene, start=start), times, request)
+        return lambda times, started: self.run(started, times, request)
 
     def run_many(
         self, scenes: Sequence[Scene], times: Array, settings: EngineSettings
@@ -355,13 +355,14 @@ def _doubts(motion: ContactMotion) -> Iterator[str]:
             f"the ball rolls {motion.path_length:.2g} m in {motion.times[-1]:g} s, less than its "
             f"radius of {radius:g} m; check the start, the rates [rad/s] and the masses [kg]"
         )
-    for i, motor in enumerate(scene.motors):
+    for i, hinge in enumerate(scene.hinges):
+        motor = hinge.motor
         if motor is not None and motor.follows_rate:
             no_load = motor.law.limit / motor.law.per_rate
             rate = np.abs(motion.hinge_rates[:, i]).max()
             if rate > _NO_LOAD * no_load:
                 yield (
-                    f"{scene.hinges[i].name}'s motor turns at {rate:.3g} rad/s, but without load "
+                    f"{hinge.name}'s motor turns at {rate:.3g} rad/s, but without load "
                     f"at {no_load:.3g} = torque_limit/kv if it stalls at its limit; check rate "
                     "(1 rpm is 0.105 rad/s), kv and torque_limit"
                 )

@@ -21,8 +21,8 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from robotball.ball import Ball
 from robotball.errors import LARGEST, InputError
-from robotball.robot import Ball
 from robotball.rotations import Array
 
 # Any type with + - * /: numba, sympy and heyoka each bring their own, which no protocol names.

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotball import equations as eq
+from robotball.ball import Value
 from robotball.drives import turns
 from robotball.equations import as_vector
-from robotball.robot import Value
 from robotball.rotations import Array
 from robotball.scene import Scene
 

@@ -104,5 +104,14 @@ def _each(
 
 
 def differ_in_start(scenes: Sequence[Scene]) -> bool:
-    """Return whether scenes differ in nothing but their starts."""
-    return all(replace(each, start=scenes[0].start) == scenes[0] for each in scenes)
+    """Return whether scenes differ in nothing but how the ball and its hinges start."""
+    first = scenes[0]
+    angles = [each.angle for each in first.ball.hinges]
+    rates = [each.rate for each in first.ball.hinges]
+
+    def as_first(scene: Scene) -> Scene:
+        if scene.ball is not first.ball and len(scene.hinges) == len(first.hinges):
+            scene = scene.with_hinges(angle=angles, rate=rates)
+        return replace(scene, start=first.start)
+
+    return all(as_first(each) == first for each in scenes)

@@ -24,9 +24,9 @@ from typing import Any
 
 import numpy as np
 
+from robotball.ball import Ball
 from robotball.equations import Rolling, Scalar, Vector, add, cross, dot, scale, subtract
-from robotball.robot import Ball
-from robotball.rotations import Array, rotation_matrix
+from robotball.rotations import Array
 
 _Numbers = Any  # an array, or its row
 
@@ -438,8 +438,8 @@ class Robot:
         return (u[:3] + self._carried(columns, rates)).T
 
 
-def robot_of(ball: Ball, armatures: tuple[float, ...] = ()) -> Robot:
-    """Return a ball's robot; armatures [kg m²] of its hinges, 0 where none are given."""
+def robot_of(ball: Ball) -> Robot:
+    """Return a ball's robot, with the armatures of its hinges' motors."""
     names = [link.name for link in ball.tree]
     rows = np.zeros((len(names), _ROW))
     for row, link in zip(rows, ball.tree, strict=True):
@@ -447,8 +447,8 @@ def robot_of(ball: Ball, armatures: tuple[float, ...] = ()) -> Robot:
         row[_CENTRE:_AXIS], row[_AXIS:_PIVOT] = link.centre, link.axis
         row[_PIVOT:_INERTIA], row[_INERTIA:_ARMATURE] = link.pivot, link.inertia.ravel()
     rows[1:, _PARENT] = [names.index(link.parent) for link in ball.tree[1:]]
-    if armatures:
-        rows[1:, _ARMATURE] = armatures
+    motors = [hinge.motor for hinge in ball.hinges]
+    rows[1:, _ARMATURE] = [motor.armature if motor else 0.0 for motor in motors]
     return Robot(rows, ball.radius, carrier=int(ball.has_frame))
 
 
@@ -499,16 +499,3 @@ class States:
     def velocities(self) -> Array:
         """The velocities (b, n, 3) of the bodies' centres of mass, frame axes [m/s]."""
         return self.moving[:, _VELOCITY:_TURNING_RATE].transpose(0, 2, 1)
-
-
-def momentum_at(
-    ball: Ball, rolling: Rolling, attitude: Array, omega: Array, angles: Array, rates: Array
-) -> Array:
-    """Return M (3,) in world axes of a ball in one state [kg m²/s].
-
-    attitude (4,), frame to world; omega (3,) of the frame, in frame axes [rad/s]; angles and rates
-    (h,) of the hinges [rad, rad/s]. In the rubber model the shell must not spin.
-    """
-    to_world = rotation_matrix(attitude)
-    one = robot_of(ball).states(to_world[None, 2], angles[None], omega[None], rates[None])
-    return np.asarray(to_world @ one.momentum(rolling)[0])

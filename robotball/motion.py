@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from robotball.ball import Value
 from robotball.errors import InputError, unknown
 from robotball.loads import Loads
-from robotball.robot import Value
 from robotball.rotations import Array, angle_between, rotation_matrix
 from robotball.scene import Scene
 

@@ -25,11 +25,25 @@ SLOW = 1e-3
 
 
 class Law(NamedTuple):
-    """The law of every motor's torque, between -limit and limit [N m].
+    """Give the torque of any motor by six numbers, which compiled equations take as they are.
 
-    per_command · command - per_angle · angle - per_rate · rate + at_rest, and against the rate a
-    dry friction, smoothed to friction · tanh(rate/SLOW). All motors have one law, so that compiled
-    equations take any motor as six numbers.
+    It is per_command · command - per_angle · angle - per_rate · rate + at_rest, less a dry
+    friction smoothed to friction · tanh(rate/SLOW), and lies between -limit and limit. SI units.
+
+    Parameters
+    ----------
+    per_command : float
+        Torque per unit of the command.
+    per_angle : float
+        Against the angle, N m/rad.
+    per_rate : float
+        Against the rate, N m s/rad.
+    at_rest : float, optional
+        Torque of the motor at rest, N m.
+    limit : float, optional
+        Largest torque either way, N m.
+    friction : float, optional
+        Dry friction, N m.
     """
 
     per_command: float
@@ -65,7 +79,22 @@ class Motor(Protocol):
 
 @dataclass(frozen=True)
 class Servo(Motor):
-    """A velocity servo with a gain [N m s/rad] and, if it has one, a torque limit [N m]."""
+    """Follow a rate: torque = gain (command - rate), at most the limit either way.
+
+    Parameters
+    ----------
+    gain : float
+        N m s/rad.
+    torque_limit : float, optional
+        N m; if None there is none.
+    armature : float, optional
+        Reflected inertia of the motor's rotor, kg m².
+
+    Raises
+    ------
+    InputError
+        If the gain or the limit is not positive, or the armature negative.
+    """
 
     follows_rate: ClassVar[bool] = True
     gain: float
@@ -83,7 +112,24 @@ class Servo(Motor):
 
 @dataclass(frozen=True)
 class PositionServo(Motor):
-    """A servo that follows an angle: gain [N m/rad], damping [N m s/rad], torque limit [N m]."""
+    """Follow an angle: torque = gain (command - angle) - damping · rate, at most the limit.
+
+    Parameters
+    ----------
+    gain : float
+        N m/rad.
+    damping : float, optional
+        N m s/rad.
+    torque_limit : float, optional
+        N m; if None there is none.
+    armature : float, optional
+        Reflected inertia of the motor's rotor, kg m².
+
+    Raises
+    ------
+    InputError
+        If the gain or the limit is not positive, or another number negative.
+    """
 
     gain: float
     damping: float = 0.0
@@ -108,12 +154,28 @@ def _check_common(servo: Servo | PositionServo) -> None:
 
 @dataclass(frozen=True)
 class DCMotor(Motor):
-    """A direct-current motor by its data sheet; the command is its share of the nominal voltage.
+    """Drive a hinge by a direct-current motor; the command is its share of the nominal voltage.
 
-    stall_torque [N m], no_load_speed [rad/s] and rotor_inertia [kg m²] are those before the gear,
-    and gear its ratio: turns of the motor in one of the hinge. torque_limit [N m] is that of the
-    hinge, as electronics or the gear set it; without one the torque falls linearly with the rate,
-    also beyond the no-load speed, and a motor that is turned backwards exceeds its stall torque.
+    Without a limit the torque falls linearly with the rate, also beyond the no-load speed, and a
+    motor that is turned backwards exceeds its stall torque.
+
+    Parameters
+    ----------
+    stall_torque : float
+        Before the gear, N m.
+    no_load_speed : float
+        Before the gear, rad/s.
+    gear : float, optional
+        Turns of the motor in one of the hinge.
+    rotor_inertia : float, optional
+        Before the gear, kg m².
+    torque_limit : float, optional
+        Of the hinge, as electronics or the gear set it, N m; if None there is none.
+
+    Raises
+    ------
+    InputError
+        If a number is not positive; the rotor's inertia may be 0.
     """
 
     stall_torque: float
@@ -143,7 +205,18 @@ class DCMotor(Motor):
 
 @dataclass(frozen=True)
 class Torque(Motor):
-    """A motor that gives the commanded torque, whatever the hinge does."""
+    """Give the commanded torque, whatever the hinge does.
+
+    Parameters
+    ----------
+    armature : float, optional
+        Reflected inertia of the motor's rotor, kg m².
+
+    Raises
+    ------
+    InputError
+        If the armature is negative.
+    """
 
     armature: float = 0.0
 
@@ -157,9 +230,25 @@ class Torque(Motor):
 
 @dataclass(frozen=True)
 class Free(Motor):
-    """No motor: damping [N m s/rad] and a spring [N m/rad] that rests at an angle [rad].
+    """Let a hinge turn freely against damping, a spring and dry friction; no command is used.
 
-    friction [N m]: dry friction, smoothed as in `Law`. The hinge's command is not used, and is 0.
+    Parameters
+    ----------
+    damping : float, optional
+        N m s/rad.
+    stiffness : float, optional
+        Of the spring, N m/rad.
+    rest : float, optional
+        Angle at which the spring rests, rad.
+    armature : float, optional
+        Reflected inertia of what turns with the hinge, kg m².
+    friction : float, optional
+        Dry friction, smoothed as in `Law`, N m.
+
+    Raises
+    ------
+    InputError
+        If a number other than the rest angle is negative, or one is not finite.
     """
 
     damping: float = 0.0
@@ -183,11 +272,23 @@ class Free(Motor):
 
 @dataclass(frozen=True)
 class Actuator:
-    """A motor that moves hinges through gears, besides what each hinge has of its own.
+    """Move hinges through gears, besides what each hinge has of its own.
 
-    gears: hinges by name, with the ratio of each: the motor's angle is Σ ratio · angle, and a hinge
-    gets ratio times its torque; command: what the law takes, over time, or first its activation;
-    within: the least and largest command, to which a constant one is clipped.
+    Parameters
+    ----------
+    name : str
+        The actuator's own.
+    gears : tuple of (str, float)
+        Hinges by name, with the ratio of each: the motor's angle is Σ ratio · angle, and a hinge
+        gets ratio times its torque.
+    law : Law
+        Torque of the motor, N m.
+    command : float, Drive, Custom or callable, optional
+        What the law takes, as a function of time; with an activation, what that takes.
+    activation : Activation, optional
+        State of the actuator's own between the command and the law.
+    within : tuple of 2 floats, optional
+        Least and largest command, to which a constant one is clipped.
     """
 
     name: str

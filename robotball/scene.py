@@ -1,20 +1,21 @@
 """Scene: a ball, its drives, a rolling model, a plane and a start; all that an engine needs.
 
 A scene is checked and made exact when it is made, so that every engine starts from one state.
-In order: sample times, friction of the plane, starts in the forms of the paper, Hinge, Scene.
+In order: sample times, friction of the plane, starts in the forms of the paper, hinges as engines
+take them, the scene.
 """
 
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from robotball.ball import ROUNDING, Ball, Given, Link, Value, imbalance
 from robotball.drives import Constant, Drive, Rate, as_drive, sampling_error
 from robotball.equations import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.errors import LARGEST, InputError, check_not_negative, check_positive, check_size
-from robotball.robot import ROUNDING, Ball, Given, Value, imbalance
 from robotball.rotations import Array, from_matrix, normalised, rotation_matrix, uneven
 
 if TYPE_CHECKING:
@@ -28,10 +29,25 @@ _MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each in a file, 120 in memory
 
 
 def sample_times(duration: float, interval: float | None = None) -> Array:
-    """Return equal times (n,) from 0 to `duration`, at most `interval` apart [s].
+    """Return equally spaced times.
 
-    interval: if None, 0.02 s up to 1e4 s, and 0.1 s of a longer motion.
-    Raises InputError unless the duration is positive and finite, and for more than _MOST_SAMPLES.
+    Parameters
+    ----------
+    duration : float
+        Last of the times, s.
+    interval : float, optional
+        How far apart they are at most, s. If None, 0.02 s up to 1e4 s, and 0.1 s of a longer
+        motion.
+
+    Returns
+    -------
+    array (n,)
+        Times from 0 to the duration, s.
+
+    Raises
+    ------
+    InputError
+        If the duration is not positive and finite, or asks for more than ten million times.
     """
     check_positive("duration", duration, "s")
     if interval is None:
@@ -119,17 +135,18 @@ _START_ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class Start(Given):
-    """The attitude (4,), frame to world, and the momentum M (3,) in world axes [kg m²/s].
+    """Say how the ball lies and rolls at the start of a motion.
 
-    hinge_angles, hinge_rates (h,): of every hinge, in the order of `Scene.hinges` [rad, rad/s];
-    None is 0 for the angles; for the rates it is the commanded rate, or 0 where the command is not
-    a rate. The rate of a hinge without a motor is always the commanded one.
+    Parameters
+    ----------
+    attitude : array (4,)
+        Quaternion (w, x, y, z) of the frame, frame to world.
+    momentum : array (3,)
+        M in world axes, kg m²/s.
     """
 
     attitude: Array
     momentum: Array
-    hinge_angles: Array | None = None
-    hinge_rates: Array | None = None
 
 
 def section_state(L: float, l: float, g: float, f: float, c: float = 0.0) -> tuple[Array, Array]:
@@ -218,27 +235,26 @@ def check_no_spin(shell: Array, gamma: Array) -> None:
 
 
 @dataclass(frozen=True)
-class Hinge:
-    """One hinge of a scene, seen from the frame.
+class MovedHinge:
+    """A hinge as engines take it: that of the ball, with all that its scene knows of it.
 
-    name    of the body that turns: frame, rotor1, …, pendulum1, …
-    axis    (3,) unit vector, frame axes
-    pivot   (3,) m, a point of the axis from the sphere's centre
+    body    with its name, axis and pivot, as it is where all hinges are at 0
     command of the motor, a function of time: `rate(t)` is its value, in the motor's own unit
     motor   None: the hinge keeps the commanded rate exactly
-    angle   rad at the start
-    rate    rad/s at the start
-    slides  whether it is a slide, whose angle is in m and whose torque in N
+    angle   rad at the start; m of a slide
+    rate    rad/s at the start; m/s of a slide
     """
 
-    name: str
-    axis: Array
-    pivot: Array
+    body: Link
     command: Drive
     motor: "Motor | None"
     angle: float
     rate: float
-    slides: bool = False
+
+    @property
+    def name(self) -> str:
+        """The name of the body that turns: frame, rotor1, …, pendulum1, …, or a link's."""
+        return self.body.name
 
 
 GRAVITY = 9.81  # m/s², MuJoCo's own default
@@ -249,18 +265,41 @@ _SMALL = 0.3  # of |K| + d|Ω|: where M is below it, K and dΩ turn the ball rat
 
 @dataclass(frozen=True, repr=False)
 class Scene(Value):
-    """One experiment, the same for every engine. SI units.
+    """Set up one experiment, the same for every engine.
 
-    frame_rate, rotor_rates, pendulum_rates and link_rates are the commands of the hinges, the
-    frame's about the shell's axis and relative to the shell, the others' relative to the frame, a
-    link's relative to its parent: numbers, drives, or functions of time. motors, in the same order,
-    say how a hinge is moved. One without a motor keeps the commanded rate [rad/s] exactly; to a
-    motor the command is what it takes, a rate, an angle [rad] or a torque [N m]. A slide's are in m
-    and N. An empty tuple is no motor on any hinge.
+    Parameters
+    ----------
+    name : str
+        One word, for tables and names of files.
+    title : str
+        One line, for plots.
+    source : str
+        Where the numbers come from.
+    ball : Ball
+        Bodies, what moves them, and how they are hinged at the start.
+    rolling : {"rubber", "classical"}
+        Rolling model: rubber forbids slipping and spinning about the vertical, classical slipping
+        alone.
+    start : Start
+        Attitude and momentum. One that misses the rolling model by rounding is put on it: its
+        attitude becomes a unit quaternion, a rubber ball's M horizontal.
+    duration : float
+        Of the motion, s.
+    gravity : float, optional
+        m/s².
+    gravity_direction : tuple of 3 floats, optional
+        Direction of the fall in world axes, whose Z is the plane's normal; an inclined plane has a
+        horizontal part.
+    friction : Friction, optional
+        Friction of the plane.
+    actuators : tuple of Actuator, optional
+        Motors that move several hinges by gears, besides what each hinge has of its own.
 
-    gravity_direction (3,): of the fall, in world axes, whose Z is the plane's normal; an inclined
-    plane has a horizontal part. friction: of the plane. A start that misses the rolling model by
-    rounding is put on it: its attitude becomes a unit quaternion, a rubber M horizontal.
+    Raises
+    ------
+    InputError
+        If a number cannot be, the start misses the rolling model, a command is no function of time
+        over the duration, or an actuator is on a hinge that it cannot move.
     """
 
     name: str
@@ -268,16 +307,11 @@ class Scene(Value):
     source: str
     ball: Ball
     rolling: Rolling
-    frame_rate: Rate
-    rotor_rates: tuple[Rate, ...]
     start: Start
     duration: float
     gravity: float = GRAVITY
-    motors: "tuple[Motor | None, ...]" = ()
-    pendulum_rates: tuple[Rate, ...] = ()
     gravity_direction: tuple[float, float, float] = DOWN
     friction: Friction = field(default_factory=Friction)
-    link_rates: tuple[Rate, ...] = ()
     actuators: "tuple[Actuator, ...]" = ()
 
     def __post_init__(self) -> None:
@@ -285,17 +319,7 @@ class Scene(Value):
             raise InputError(f"rolling must be one of {ROLLING_MODELS}, not {self.rolling!r}")
         check_positive("duration", self.duration, "s")
         check_positive("gravity", self.gravity, "m/s²")
-        for kind, bodies, rates in (
-            ("rotors", self.ball.rotors, self.rotor_rates),
-            ("pendulums", self.ball.pendulums, self.pendulum_rates),
-            ("links", self.ball.links, self.link_rates),
-        ):
-            if len(rates) != len(bodies):
-                raise InputError(f"{len(bodies)} {kind} need as many rates, not {len(rates)}")
-        if len(self.motors) not in (0, len(self.drives)):
-            raise InputError(
-                f"{len(self.drives)} hinges need as many motors, or none, not {len(self.motors)}"
-            )
+        assert len(self.hinges) == len(self.ball.hinges)  # commands are checked as drives are made
         down = unit("gravity_direction", np.array(self.gravity_direction))
         if not down[2] < 0:
             raise InputError(
@@ -309,8 +333,7 @@ class Scene(Value):
         if self.rolling == "rubber":
             momentum = horizontal(momentum, self.momentum_scale)
         # Made exact once, here: engines that each normalise it would start from different states.
-        start = Start(attitude, momentum, *self._checked_hinges())
-        object.__setattr__(self, "start", start)
+        object.__setattr__(self, "start", Start(attitude, momentum))
         for actuator in self.actuators:
             self._check_actuator(actuator)
 
@@ -324,28 +347,6 @@ class Scene(Value):
                     f"{actuator.name} moves the hinge of {name!r}, which must be one whose rate is "
                     f"not given; those are {', '.join(moved) or 'none'}"
                 )
-
-    def _checked_hinges(self) -> tuple[Array | None, Array | None]:
-        """Return the start's angles and rates in one form for equal states.
-
-        Scenes are compared by their fields. So angles that are all 0 become None, and the rates of
-        hinges without motors the commanded ones. Raises InputError for angles or rates that are not
-        one for each hinge, or not finite.
-        """
-        angles, rates, drives = self.start.hinge_angles, self.start.hinge_rates, self.drives
-        for name, values, unit in (("angles", angles, "rad"), ("rates", rates, "rad/s")):
-            if values is None:
-                continue
-            if values.shape != (len(drives),):
-                raise InputError(
-                    f"{len(drives)} hinges need as many {name} at the start, not an array of shape "
-                    f"{values.shape}"
-                )
-            for value in values.tolist():
-                check_size(f"a hinge's {name[:-1]} at the start", value, unit)
-        if rates is not None:
-            rates = np.array([hinge.rate for hinge in self.hinges_at(self.start)])
-        return angles if angles is not None and angles.any() else None, rates
 
     # What a notebook shows is loaded when it is shown.
 
@@ -375,12 +376,21 @@ class Scene(Value):
         return from_matrix(self.principal_axes)
 
     @cached_property
+    def hinges(self) -> tuple[MovedHinge, ...]:
+        """The ball's hinges as they start, with commands as drives over the scene's duration."""
+        hinges = []
+        for given, link in zip(self.ball.hinges, self.ball.tree[1:], strict=True):
+            command, rate = self._drive(link.name, given.command), given.rate
+            if rate is None:  # a Torque's command and a PositionServo's are no rates
+                follows = given.motor is None or given.motor.follows_rate
+                rate = float(command.rate(0.0)) if follows else 0.0
+            hinges.append(MovedHinge(link, command, given.motor, float(given.angle), float(rate)))
+        return tuple(hinges)
+
+    @cached_property
     def drives(self) -> tuple[Drive, ...]:
-        """The hinges' commands: the frame's drive, the rotors', the pendulums' and the links'."""
-        own = (self.frame_rate,) if self.ball.has_frame else ()
-        rates = (*own, *self.rotor_rates, *self.pendulum_rates, *self.link_rates)
-        names = [link.name for link in self.ball.tree[1:]]
-        return tuple(map(self._drive, names, rates))
+        """The hinges' commands."""
+        return tuple(hinge.command for hinge in self.hinges)
 
     def _drive(self, name: str, rate: Rate) -> Drive:
         # The message of a drive does not know whose it is.
@@ -394,26 +404,9 @@ class Scene(Value):
         """The actuators' commands."""
         return tuple(self._drive(each.name, each.control(self.duration)) for each in self.actuators)
 
-    @cached_property
-    def hinges(self) -> tuple[Hinge, ...]:
-        """The frame's hinge, then the rotors', then the pendulums', as they are at the start."""
-        return self.hinges_at(self.start)
-
-    def hinges_at(self, start: Start) -> tuple[Hinge, ...]:
-        """Return the hinges as they are at another start."""
-        angles, rates, hinges = start.hinge_angles, start.hinge_rates, []
-        for i, link in enumerate(self.ball.tree[1:]):
-            command, motor = self.drives[i], self.motors[i] if self.motors else None
-            if motor is not None and rates is not None:
-                rate = float(rates[i])
-            else:  # a Torque's command and a PositionServo's are no rates
-                follows = motor is None or motor.follows_rate
-                rate = float(command.rate(0.0)) if follows else 0.0
-            angle = 0.0 if angles is None else float(angles[i])
-            hinges.append(
-                Hinge(link.name, link.axis, link.pivot, command, motor, angle, rate, link.slides)
-            )
-        return tuple(hinges)
+    def with_hinges(self, **given: Any) -> "Scene":
+        """Return the scene with another ball, of `Ball.with_hinges`."""
+        return replace(self, ball=self.ball.with_hinges(**given))
 
     @cached_property
     def robot(self) -> "Robot":
@@ -421,8 +414,7 @@ class Scene(Value):
         # Balanced scenes at given rates are integrated by (3.2) and (3.3), and need no mechanics.
         from robotball.mechanics import robot_of
 
-        armatures = tuple(motor.armature if motor else 0.0 for motor in self.motors)
-        return robot_of(self.ball, armatures)
+        return robot_of(self.ball)
 
     @property
     def gravity_world(self) -> Array:
@@ -438,7 +430,7 @@ class Scene(Value):
             return "a pendulum moves the centre of mass"
         if self.ball.general:
             return "its bodies are a tree of links, or its shell is not symmetric"
-        if any(self.motors):
+        if any(hinge.motor for hinge in self.hinges):
             return "a hinge has a motor, which does not keep its rate exactly"
         if self.gravity_direction != DOWN:
             return "the plane is inclined"
@@ -537,15 +529,25 @@ class Scene(Value):
         """Return ω (3,) of the frame, in frame axes, at any start of this ball [rad/s]."""
         to_frame = rotation_matrix(start.attitude).T
         if self.not_reduced:
-            hinges = self.hinges_at(start)
             return self.robot.angular_velocity(
                 to_frame[None, :, 2],
-                np.array([[hinge.angle for hinge in hinges]]),
+                np.array([[hinge.angle for hinge in self.hinges]]),
                 (to_frame @ start.momentum)[None],
-                np.array([[hinge.rate for hinge in hinges]]),
+                np.array([[hinge.rate for hinge in self.hinges]]),
                 self.rolling,
             )[0]
         to_principal = self.principal_axes.T @ to_frame
         M, gamma = to_principal @ start.momentum, to_principal[:, 2]
         omega = self.parameters_at(0.0).angular_velocity(as_vector(M), as_vector(gamma))
         return self.principal_axes @ np.array(omega)
+
+    def momentum_of(self, omega: Array) -> Array:
+        """Return M (3,) in world axes of a start with ω (3,) of the frame, in frame axes [rad/s].
+
+        In the rubber model the shell must not spin.
+        """
+        to_world = rotation_matrix(self.start.attitude)
+        angles = np.array([[hinge.angle for hinge in self.hinges]])
+        rates = np.array([[hinge.rate for hinge in self.hinges]])
+        one = self.robot.states(to_world[None, 2], angles, omega[None], rates)
+        return np.asarray(to_world @ one.momentum(self.rolling)[0])

@@ -25,7 +25,7 @@ from robotball.errors import InputError, check_positive, check_size
 from robotball.motion import Motion
 from robotball.motors import Free
 from robotball.rotations import Array, Mask, multiply, rotation_matrix, turned
-from robotball.scene import Hinge, Scene, Start
+from robotball.scene import MovedHinge, Scene, Start
 
 _FINE = 2001  # points, of whose chords a path's length is the sum: a circle's is short by 4e-7
 # Of the duration, before and after the way. Weights that hang must lean before the ball starts and
@@ -165,23 +165,19 @@ def steer(scene: Scene, path: WantedPath, duration: float) -> _Steered:
         Samples(times=tuple(times.tolist()), values=tuple(column.tolist())) if on else 0.0
         for column, on in zip(rates.T, driven, strict=True)
     ]
-    rotors = len(scene.ball.rotors)
     steered = replace(
         scene,
         name=f"{scene.name}_{path.name}",
         title=f"{scene.title}, steered along the {path.name}",
-        frame_rate=samples[0],
-        rotor_rates=tuple(samples[1 : 1 + rotors]),
-        pendulum_rates=tuple(samples[1 + rotors :]),
-        motors=(),
+        ball=scene.ball.with_hinges(command=samples, motor=[None] * len(samples), angle=y[7:, 0]),
         duration=duration,
         # The solution's own first state, which the boundary conditions hold to their tolerance.
-        start=Start(y[:4, 0] / np.linalg.norm(y[:4, 0]), np.zeros(3), y[7:, 0]),
+        start=Start(y[:4, 0] / np.linalg.norm(y[:4, 0]), np.zeros(3)),
     )
     return _Steered(steered, times, rates, way.point(times))
 
 
-def _is_driven(hinge: Hinge) -> bool:
+def _is_driven(hinge: MovedHinge) -> bool:
     return not isinstance(hinge.motor, Free) and (hinge.motor is not None or turns(hinge.command))
 
 

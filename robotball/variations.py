@@ -1,15 +1,14 @@
-"""Variations: make a scene from another one, with other bodies, other rates or another start."""
+"""Variations: make a scene from another one, with other bodies, masses, sizes or rates."""
 
 from collections.abc import Callable
 from dataclasses import fields, replace
+from functools import partial
 from typing import Any, TypeVar
 
-import msgspec
 import numpy as np
 
-from robotball.drives import Custom, Drive, Ramp, Rate, Samples, Sine, Sum, as_custom
-from robotball.mechanics import momentum_at
-from robotball.robot import Ball, Frame, Pendulum, Rotor, Shell
+from robotball.ball import Ball, Frame, Pendulum, Rotor, Shell
+from robotball.drives import Constant, Custom, Drive, Rate
 from robotball.rotations import Array
 from robotball.scene import Scene, Start
 
@@ -17,13 +16,10 @@ _OneBody = TypeVar("_OneBody", bound=Shell | Frame | Rotor | Pendulum)
 
 
 def with_bodies(ball: Ball, change: Callable[[Any], Any]) -> Ball:
-    """Return the ball with another body in the place of each."""
-    bodies = {each.name: getattr(ball, each.name) for each in fields(ball)}
-    changed: dict[str, Any] = {
-        name: tuple(map(change, own)) if isinstance(own, tuple) else change(own)
-        for name, own in bodies.items()
-    }
-    return replace(ball, **changed)
+    """Return the ball with another body in the place of each, the shell first."""
+    shell = change(ball.shell)
+    hinges = tuple(replace(each, body=change(each.body)) for each in ball.hinges)
+    return replace(ball, shell=shell, hinges=hinges)
 
 
 def scaled_body(body: _OneBody, mass: float, length: float = 1.0) -> _OneBody:
@@ -60,16 +56,9 @@ def redistributed(scene: Scene, *, frame_to_shell: float, rotor_to_frame: float)
     """Return the scene with its mass shared out anew; bodies keep their shapes and rates."""
     ball = scene.ball
     shares = np.array([1.0, frame_to_shell, frame_to_shell * rotor_to_frame])
-    shell, frame, rotor = (ball.mass * shares / shares.sum()).tolist()
-    (old_rotor,) = ball.rotors
-    return replace(
-        scene,
-        ball=Ball(
-            scaled_body(ball.shell, shell / ball.shell.mass),
-            scaled_body(ball.frame, frame / ball.frame.mass),
-            (scaled_body(old_rotor, rotor / old_rotor.mass),),
-        ),
-    )
+    masses = iter((ball.mass * shares / shares.sum()).tolist())
+    bodies = with_bodies(ball, lambda body: scaled_body(body, next(masses) / body.mass))
+    return replace(scene, ball=bodies)
 
 
 def momentum_of(scene: Scene) -> Array:
@@ -99,39 +88,15 @@ def gyrostat(
     inertia = rotor.axial_inertia if rotor_rate is None else size / rotor_rate
     new = replace(rotor, axial_inertia=inertia, transverse_inertia=inertia / 2, axis=carried / size)
     frame = replace(ball.frame, inertia=ball.frame.inertia + rotor.inertia - new.inertia)
-    return replace(
-        scene,
-        ball=Ball(ball.shell, frame, (new,)),
-        frame_rate=frame_rate,
-        rotor_rates=(size / inertia,),
-    )
+    return scene.with_hinges(body=(frame, new), command=(frame_rate, size / inertia))
 
 
-def scaled_rate(rate: Rate, factor: float) -> Rate:
-    """Return a rate times a factor, whatever kind of rate it is."""
-    if isinstance(rate, Ramp | Sine):
-        names = ("initial", "final") if isinstance(rate, Ramp) else ("amplitude", "mean")
-        changes = {name: factor * getattr(rate, name) for name in names}
-        return msgspec.structs.replace(rate, **changes)
-    if isinstance(rate, Samples):
-        return msgspec.structs.replace(rate, values=tuple(factor * v for v in rate.values))
-    if isinstance(rate, Sum):
-        return Sum(tuple(scaled_rate(part, factor) for part in rate.parts))
-    if isinstance(rate, Custom | Drive) or callable(rate):
-        given = replace(as_custom(rate), derivative=None, integral=None)
-        return replace(given, function=lambda t: factor * float(given.function(t)))
-    return factor * float(rate)
+def scaled_rate(drive: Drive, factor: float) -> Rate:
+    """Return the rate of a drive times a factor."""
+    if isinstance(drive, Constant):
+        return factor * drive.value
+    return Custom(partial(_times, factor, drive), tuple(drive.breakpoints))
 
 
-def with_angular_velocity(scene: Scene, omega: Array) -> Scene:
-    """Return the scene whose frame starts with an angular velocity (3,), frame axes [rad/s].
-
-    Hinges turn at the start, so that M follows from ω only with their rates. A rubber ball's shell
-    may not spin, so that its M has no vertical part.
-    """
-    start = scene.start
-    angles = np.array([hinge.angle for hinge in scene.hinges])
-    rates = np.array([hinge.rate for hinge in scene.hinges])
-    M = momentum_at(scene.ball, scene.rolling, start.attitude, omega, angles, rates)
-    M = M * [1.0, 1.0, 0.0] if scene.rolling == "rubber" else M
-    return replace(scene, start=replace(start, momentum=M))
+def _times(factor: float, drive: Drive, t: float) -> float:
+    return factor * float(drive.rate(t))

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from robotball.ball import Ball, Frame, Hinge, Hung, Rotor, Shell, shell_inertia
 from robotball.equations import Rolling
-from robotball.robot import Ball, Frame, Rotor, Shell, shell_inertia
 from robotball.rotations import Array
 from robotball.scene import Scene, Start
 
@@ -15,24 +15,22 @@ _SEED = 20190501
 
 @dataclass(frozen=True)
 class RandomBall:
-    """A ball, its rates [rad/s], its shell's thickness and the radii of frame and rotors [m]."""
+    """A ball, its hinges' rates [rad/s], its shell's thickness, radii of frame and rotors [m]."""
 
     ball: Ball
-    frame_rate: float
-    rotor_rates: tuple[float, ...]
+    rates: tuple[float, ...]
     thickness: float
     frame_radius: float
     rotor_radius: float
 
     @property
     def Omega(self) -> Array:
-        return self.frame_rate * self.ball.shell.axis
+        return self.rates[0] * self.ball.shell.axis
 
     @property
     def K(self) -> Array:
         """K = k - dΩ (3,), with k of (A.3)."""
-        rates = np.array([self.frame_rate, *self.rotor_rates])
-        return self.ball.gyrostatic_inertia @ rates - self.ball.d * self.Omega
+        return self.ball.gyrostatic_inertia @ np.array(self.rates) - self.ball.d * self.Omega
 
 
 def random_ball(rng: np.random.Generator, rotors: int) -> RandomBall:
@@ -48,16 +46,15 @@ def random_ball(rng: np.random.Generator, rotors: int) -> RandomBall:
         Rotor(m, m * radius**2, m * radius**2 / 2, random_axis(rng))
         for m, radius in zip(masses[2:], rotor_radius * rng.uniform(0.5, 1, rotors), strict=True)
     )
-    ball = Ball(
-        shell=Shell(a, masses[0], J_s, J_s, random_axis(rng)),
-        frame=Frame(masses[1], cloud_inertia(rng, masses[1], frame_radius)),
-        rotors=rings,
-    )
+    shell = Shell(a, masses[0], J_s, J_s, random_axis(rng))
+    frame = Frame(masses[1], cloud_inertia(rng, masses[1], frame_radius))
+    bodies: list[Hung] = [frame, *rings]
+    ball = Ball(shell, tuple(map(Hinge, bodies)))
     rates = rng.uniform(20, 300, rotors) * rng.choice([-1, 1], rotors)
+    turning = float(rng.choice([0.0, rng.uniform(0.1, 5), -rng.uniform(0.1, 5)]))
     return RandomBall(
         ball=ball,
-        frame_rate=float(rng.choice([0.0, rng.uniform(0.1, 5), -rng.uniform(0.1, 5)])),
-        rotor_rates=tuple(rates.tolist()),
+        rates=(turning, *rates.tolist()),
         thickness=float(thickness),
         frame_radius=float(frame_radius),
         rotor_radius=float(rotor_radius),
@@ -95,10 +92,10 @@ def ring_ball(rng: np.random.Generator, rotors: int) -> RandomBall:
     points *= 0.5 * radius / np.linalg.norm(points, axis=1, keepdims=True)
     second = 0.01 * mass * points.T @ points
     frame = Frame(0.03 * mass, np.trace(second) * np.eye(3) - second)
+    bodies: list[Hung] = [frame, *rings]
     return RandomBall(
-        ball=Ball(real.ball.shell, frame, tuple(rings)),
-        frame_rate=real.frame_rate,
-        rotor_rates=(float(rng.uniform(5, 50)),) * rotors,
+        ball=Ball(real.ball.shell, tuple(map(Hinge, bodies))),
+        rates=(real.rates[0], *[float(rng.uniform(5, 50))] * rotors),
         thickness=real.thickness,
         frame_radius=radius,
         rotor_radius=radius,
@@ -124,7 +121,8 @@ def ball_of_points(number: int) -> Scene:
     point_mass = (mass - shell_mass - sum(rotor.mass for rotor in rotors)) / 12
     tensors = [2 * point_mass * (r @ r * np.eye(3) - np.outer(r, r)) for r in points]
     frame = Frame(12 * point_mass, np.sum(tensors, axis=0))
-    ball = Ball(shell, frame, tuple(rotors))
+    bodies: list[Hung] = [frame, *rotors]
+    ball = Ball(shell, tuple(map(Hinge, bodies)))
     rolling: Rolling = "rubber" if number % 2 else "classical"
     # Rates of both signs such that |A K| and |Ω| stay below 4 rad/s.
     weakest = float(np.linalg.eigvalsh(ball.inertia)[0] + ball.d)
@@ -135,8 +133,8 @@ def ball_of_points(number: int) -> Scene:
     momentum = random_axis(rng) * weakest * rng.uniform(0.5, 2.5)
     if rolling == "rubber":
         momentum[2] = 0.0
+    turning = float(rng.choice([-1, 1]) * rng.uniform(0.3, 2.5))
     return Scene(
-        name=f"ball {number}", title="", source="", ball=ball, rolling=rolling,
-        frame_rate=float(rng.choice([-1, 1]) * rng.uniform(0.3, 2.5)), rotor_rates=spins,
-        start=Start(attitude, momentum), duration=10.0,
+        name=f"ball {number}", title="", source="", duration=10.0, rolling=rolling,
+        ball=ball.with_hinges(command=(turning, *spins)), start=Start(attitude, momentum),
     )  # fmt: skip

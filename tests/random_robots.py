@@ -4,14 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from robotball.ball import Ball, Frame, Hinge, Hung, Link, Pendulum, Rotor, Shell
 from robotball.drives import Sine
 from robotball.equations import Rolling
 from robotball.motors import Actuator, Free, Law, Motor, PositionServo, Servo, Torque
-from robotball.robot import NO_FRAME, Ball, Frame, Link, Pendulum, Rotor, Shell
-from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene, Start
-from robotball.variations import with_angular_velocity
 from tests.random_balls import cloud_inertia, random_axis
+from tests.robots import turning
 
 MODELS: tuple[Rolling, ...] = ("rubber", "classical")
 
@@ -38,7 +37,8 @@ def random_robot(rng: np.random.Generator, rotors: int, pendulums: int) -> Ball:
     for m in weights[1 + rotors :]:
         inertia, centre = cloud_inertia(rng, m, 0.2 * a), 0.4 * a * random_axis(rng)
         hung.append(Pendulum(m, inertia, centre, random_axis(rng), 0.2 * a * random_axis(rng)))
-    return Ball(shell, frame, tuple(discs), tuple(hung))
+    bodies: list[Hung] = [frame, *discs, *hung]
+    return Ball(shell, tuple(map(Hinge, bodies)))
 
 
 def random_motor(rng: np.random.Generator, inertia: float) -> Motor | None:
@@ -57,7 +57,7 @@ def random_motor(rng: np.random.Generator, inertia: float) -> Motor | None:
 def random_scene(rng: np.random.Generator, rolling: Rolling | None = None) -> Scene:
     """A robot of up to three hinges, moved as it comes, in any motion on a plane a bit inclined."""
     ball = random_robot(rng, int(rng.integers(2)), int(rng.integers(2)))
-    hinges = len(ball.named_bodies) - 1
+    hinges = len(ball.hinges)
     inertia = 0.05 * ball.radius**2
     motors = tuple(random_motor(rng, inertia) for _ in range(hinges))
     sizes = [inertia if isinstance(motor, Torque) else 1.0 for motor in motors]
@@ -73,19 +73,14 @@ def random_scene(rng: np.random.Generator, rolling: Rolling | None = None) -> Sc
         name="random",
         title="",
         source="",
-        ball=ball,
+        ball=ball.with_hinges(command=rates, motor=motors),
         rolling=rolling or MODELS[rng.integers(2)],
-        frame_rate=rates[0],
-        rotor_rates=rates[1 : 1 + len(ball.rotors)],
-        pendulum_rates=rates[1 + len(ball.rotors) :],
-        motors=motors,
         gravity_direction=tuple(down / np.linalg.norm(down)),
         start=Start(attitude / np.linalg.norm(attitude), np.zeros(3)),
         duration=10.0,
     )
     angles, given = rng.uniform(-1, 1, hinges), rng.uniform(-1, 1, hinges)
-    start = replace(scene.start, hinge_angles=angles, hinge_rates=given)
-    return without_spin(replace(scene, start=start), rng.normal(size=3))
+    return turning(scene.with_hinges(angle=angles, rate=given), rng.normal(size=3))
 
 
 def random_tree(rng: np.random.Generator, framed: bool) -> Scene:
@@ -120,21 +115,11 @@ def random_tree(rng: np.random.Generator, framed: bool) -> Scene:
         Actuator("geared", (("side", 3.0),), Law(unit, 0.0, unit, limit=0.7 * unit), 1.0),
     )
     angles = rng.uniform(-0.5, 0.5, len(moved)) * [0.05 * a if n == "arm2" else 1 for n in moved]
-    start = Start(scene.start.attitude, np.zeros(3), angles, 0.1 * angles)
-    tree = replace(
-        scene,
-        ball=Ball(shell, ball.frame if framed else NO_FRAME, (), (), links),
-        frame_rate=0.0, rotor_rates=(), pendulum_rates=(), link_rates=(0.0,) * 4,
-        motors=motors, actuators=actuators, start=start,
-    )  # fmt: skip
-    return without_spin(tree, rng.normal(size=3))
-
-
-def without_spin(scene: Scene, omega: Array) -> Scene:
-    """The scene whose frame starts with ω (3,), less the shell's spin where it may not spin."""
-    gamma = rotation_matrix(scene.start.attitude)[2]
-    if scene.rolling == "rubber":
-        turning = scene.hinges[0].rate if scene.ball.has_frame else 0.0
-        shell = omega - turning * scene.ball.shell.axis
-        omega = omega - (shell @ gamma) * gamma
-    return with_angular_velocity(scene, omega)
+    bodies: list[Hung] = [ball.frame, *links] if framed else [*links]
+    hinges = tuple(
+        Hinge(body, motor=motor, angle=angle, rate=0.1 * angle)
+        for body, motor, angle in zip(bodies, motors, angles, strict=True)
+    )
+    start = Start(scene.start.attitude, np.zeros(3))
+    tree = replace(scene, ball=Ball(shell, hinges), actuators=actuators, start=start)
+    return turning(tree, rng.normal(size=3))

@@ -5,17 +5,17 @@ numbers agree to 2e-14: one in momenta, one in maximal coordinates with multipli
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from robotball.ball import Ball, Frame, Hinge, Pendulum, Shell, thin_shell_inertia
 from robotball.drives import Ramp, Rate, Sine
 from robotball.equations import Rolling
-from robotball.mechanics import States, momentum_at
+from robotball.mechanics import States
 from robotball.motion import Motion
 from robotball.motors import Free, Motor, PositionServo, Servo
-from robotball.robot import Ball, Frame, Pendulum, Shell, thin_shell_inertia
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene, Start
 
@@ -84,28 +84,27 @@ def robot(
     what spin it has.
     """
     q = np.array(attitude, dtype=float)
-    q /= np.linalg.norm(q)
-    turning = np.array(omega, dtype=float)
-    rates_now = np.zeros(len(rates)) if hinge_rates is None else np.array(hinge_rates, dtype=float)
-    gamma = rotation_matrix(q)[2]
-    if rolling == "rubber":
-        turning -= (turning - rates_now[0] * ball.shell.axis) @ gamma * gamma
-    momentum = momentum_at(ball, rolling, q, turning, np.zeros(len(rates)), rates_now)
-    rotors = len(ball.rotors)
-    return Scene(
+    still = [0.0] * len(rates) if hinge_rates is None else hinge_rates
+    scene = Scene(
         name=name,
         title=name,
         source="tests/robots.py",
-        ball=ball,
+        ball=ball.with_hinges(command=rates, motor=motors or [None] * len(rates), rate=still),
         rolling=rolling,
-        frame_rate=rates[0] if rates else 0.0,
-        rotor_rates=tuple(rates[1 : 1 + rotors]),
-        pendulum_rates=tuple(rates[1 + rotors :]),
-        start=Start(q, momentum, hinge_rates=rates_now),
+        start=Start(q / np.linalg.norm(q), np.zeros(3)),
         duration=DURATION,
-        motors=motors,
         **more,
     )
+    return turning(scene, np.array(omega, dtype=float))
+
+
+def turning(scene: Scene, omega: Array) -> Scene:
+    """The scene whose frame starts with ω (3,), less the shell's spin where it may not spin."""
+    if scene.rolling == "rubber":
+        gamma = rotation_matrix(scene.start.attitude)[2]
+        rate = scene.hinges[0].rate if scene.ball.has_frame else 0.0
+        omega = omega - (omega - rate * scene.ball.shell.axis) @ gamma * gamma
+    return replace(scene, start=replace(scene.start, momentum=scene.momentum_of(omega)))
 
 
 def worked(name: str) -> Scene:
@@ -117,14 +116,14 @@ def low_weight(mass: float, depth: float) -> Scene:
     """A small frame [kg] that hangs low [m] in a shell of 1 kg and 0.2 m, from rest."""
     inertia = mass * 1.6e-4 * np.eye(3)
     frame = Frame(mass, inertia, np.array([0.0, 0.0, -depth]))
-    ball = Ball(_thin_shell(0.2, 1.0, Y), frame, ())
+    ball = Ball(_thin_shell(0.2, 1.0, Y), (Hinge(frame),))
     return robot("low weight", ball, "classical", [0.0], (np.cos(0.25), np.sin(0.25), 0.0, 0.0))
 
 
 def _w1() -> Scene:
     shell = Shell(0.5, 1.0, 0.16, 0.16, Z, offset=-0.05)
     frame = Frame(2.0, np.diag([0.08, 0.08, 0.05]), np.array([0.0, 0.0, -0.15]))
-    ball = Ball(shell, frame, ())
+    ball = Ball(shell, (Hinge(frame),))
     return robot("W1", ball, "classical", [0.0], (1.0, 0.5, 0.0, 0.0), (1.0, 0.0, 8.0))
 
 
@@ -135,7 +134,7 @@ def _thin_shell(a: float, mass: float, axis: Array) -> Shell:
 
 def _w2() -> Scene:
     frame = Frame(3.0, box_inertia(3.0, 0.16, 0.1, 0.06), np.array([0.0, 0.0, -0.08]))
-    ball = Ball(_thin_shell(0.2, 1.0, Y), frame, ())
+    ball = Ball(_thin_shell(0.2, 1.0, Y), (Hinge(frame),))
     spun_up = Ramp(final=-4.0, end=2.0, shape="quintic")
     return robot("W2", ball, "rubber", [spun_up], (1.0, 0.1, 0.0, 0.0))
 
@@ -150,7 +149,7 @@ def pendulum_ball() -> Ball:
         axis=X,
         pivot=np.array([0.0, 0.0, -0.02]),
     )
-    return Ball(_thin_shell(0.2, 1.0, Y), frame, (), (pendulum,))
+    return Ball(_thin_shell(0.2, 1.0, Y), (Hinge(frame), Hinge(pendulum)))
 
 
 def _w4() -> Scene:
@@ -179,7 +178,7 @@ def _w5() -> Scene:
     hung = Pendulum(0.8, np.diag([0.002, 0.003, 0.0025]), np.array([0.1, 0.02, 0.03]), Z, pivot)
     return robot(
         "W5",
-        Ball(shell, frame, (), (hung,)),
+        Ball(shell, (Hinge(frame), Hinge(hung))),
         "rubber",
         [0.0, 0.0],
         (1.0, 0.2, -0.1, 0.3),

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robotball import Engine, EngineSettings, Fault, Motion, Scene, integrate, load_scene
+from robotball.ball import Value
 from robotball.engine import DEFAULT, Request, request_of, run_request
 from robotball.motion import (
     ContactMotion,
@@ -20,7 +21,6 @@ from robotball.motion import (
     path_errors,
     tolerated,
 )
-from robotball.robot import Value
 from robotball.rotations import Array
 
 if TYPE_CHECKING:

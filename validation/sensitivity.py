@@ -140,7 +140,7 @@ def _defects(run: Runner, right: Motion) -> Array | None:
     """
     defects = []
     for i, length in enumerate(np.diff(right.times)):
-        motion = run(np.array([0.0, length]), _start(right, i))
+        motion = run(np.array([0.0, length]), _started(right, i))
         if len(motion.times) < 2:
             return None
         defects.append(_difference(motion, right, i))
@@ -156,8 +156,8 @@ def _moving(scene: Scene) -> list[int]:
     return [i for i, hinge in enumerate(scene.hinges) if hinge.motor is not None]
 
 
-def _start(right: Motion, i: int, error: Array | None = None) -> Start:
-    """Return the start of stretch i, off by an error (e,) if one is given."""
+def _started(right: Motion, i: int, error: Array | None = None) -> Scene:
+    """Return the scene as it is at the start of stretch i, off by an error (e,) if one is given."""
     scene = right.scene
     attitude, M = right.attitude[i], right.momentum[i]
     angles, rates = right.hinge_angles[i].copy(), right.hinge_rates[i].copy()
@@ -169,7 +169,8 @@ def _start(right: Motion, i: int, error: Array | None = None) -> Start:
         of_angles, of_rates = np.split(error[6:-2], 2)
         angles[_moving(scene)] += of_angles
         rates[_moving(scene)] += of_rates
-    return Start(attitude, M, angles, rates) if scene.not_reduced else Start(attitude, M)
+    at = replace(scene, start=Start(attitude, M))
+    return at.with_hinges(angle=angles, rate=rates) if scene.not_reduced else at
 
 
 def _difference(other: Motion, right: Motion, i: int) -> Array:
@@ -191,8 +192,8 @@ def _transfer(right: Motion, i: int, error: Array) -> Array:
     if not size > 0:
         return error
     stretch = np.array([0.0, right.times[i + 1] - right.times[i]])
-    start = _start(right, i, _NEAR / size * error)
-    grown = _difference(integrate(replace(right.scene, start=start), stretch), right, i)
+    near = _started(right, i, _NEAR / size * error)
+    grown = _difference(integrate(near, stretch), right, i)
     grown *= size / _NEAR
     grown[-2:] += error[-2:]
     return grown

@@ -144,7 +144,7 @@ class _Pinocchio(adapter.Adapter):
         """Return why it cannot roll the scene. Balance and a level plane are not needed."""
         if scene.ball.links:
             return "its adapter knows a shell, a frame, rotors and pendulums, and no links on them"
-        if any(scene.motors):
+        if any(hinge.motor for hinge in scene.hinges):
             return "its adapter turns hinges at given rates, and a hinge has a motor"
         if any(hinge.angle for hinge in scene.hinges):
             return "its adapter begins with all hinges at angle 0"

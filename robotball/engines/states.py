@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from robotball.ball import Link
 from robotball.engines.observe import Readings, Recording, attitudes
 from robotball.loads import Loads
 from robotball.motion import DIVERGED, ContactMotion, EngineSettings, Label
-from robotball.robot import Link
 from robotball.rotations import Array, from_matrix, multiply, rotation_matrix
 from robotball.scene import Scene
 

@@ -28,7 +28,7 @@ from robotball.motion import Motion
 from robotball.motors import DCMotor, Free, PositionServo, Servo
 from robotball.poses import poses
 from robotball.rotations import Array, rotation_matrix
-from robotball.scene import Hinge, Scene
+from robotball.scene import MovedHinge, Scene
 
 _FORMAT = "robotball scene 1"
 _SHAPES = {"linear": "u", "smooth": "3u² - 2u³", "quintic": "10u³ - 15u⁴ + 6u⁵"}
@@ -181,13 +181,13 @@ def _about_centre(mass: float, centre: Array, inertia: Array) -> Array:
     return inertia + mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
 
 
-def _hinge(hinge: Hinge, parent: str) -> dict[str, Any]:
+def _hinge(hinge: MovedHinge, parent: str) -> dict[str, Any]:
     motor: Any = hinge.motor
     unit = next((unit for kind, unit in _COMMANDED.items() if isinstance(motor, kind)), "N m")
     return {
         "parent": parent,
-        "axis": hinge.axis.tolist(),
-        "pivot": hinge.pivot.tolist(),
+        "axis": hinge.body.axis.tolist(),
+        "pivot": hinge.body.pivot.tolist(),
         "angle": hinge.angle,
         "rate": hinge.rate,
         # docs/scene.md says what a motor does with its command.

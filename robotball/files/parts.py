@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 
+from robotball.ball import Solid, axial_tensor, thick_shell_inertia
 from robotball.errors import InputError, check_not_negative, check_positive, check_size, unknown
 from robotball.files import scene_tables as tables
-from robotball.robot import Solid, axial_tensor, thick_shell_inertia
 from robotball.rotations import Array, Z, direction, rotation_matrix, z_along
 from robotball.scene import unit
 from robotball.shapes import Shape, tube

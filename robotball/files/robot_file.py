@@ -25,15 +25,14 @@ import mujoco
 import numpy as np
 
 from robotball.activations import Activation
+from robotball.ball import Ball, Hinge, Link, Shell, Solid, composed
 from robotball.drives import Rate, Samples, key
 from robotball.equations import Rolling
 from robotball.errors import InputError, check_positive, check_size, unknown, warn
 from robotball.files import named
 from robotball.files.scene_tables import Command, Table, rate_of
 from robotball.files.trial_load import COMMENT, check_loads, opened_spec
-from robotball.mechanics import momentum_at
 from robotball.motors import Actuator, Free, Law
-from robotball.robot import NO_FRAME, Ball, Link, Shell, Solid, composed
 from robotball.rotations import Array, Z, from_matrix, rotation_matrix
 from robotball.scene import DOWN, Friction, Scene, Start
 from robotball.shapes import shapes_of_geoms
@@ -212,9 +211,18 @@ def scene_of(
 ) -> Scene:
     """Return the scene of a file's robot, which rolls on the plane from its start."""
     model, contact = robot.model, robot.contact(data)
-    ball, joints = _tree_of(robot)
+    shell, joints = _tree_of(robot)
     gears = gears_of(model)
-    links = dict(zip(joints, (link.name for link in ball.links), strict=True))
+    hinges = tuple(
+        Hinge(
+            link,
+            motor=_passive(model, joint, gears),
+            angle=float(data.qpos[model.jnt_qposadr[joint]]),
+            rate=float(data.qvel[model.jnt_dofadr[joint]]),
+        )
+        for joint, link in joints.items()
+    )
+    links = {joint: link.name for joint, link in joints.items()}
     to_plane = robot.plane_axes(data)
     down = to_plane @ model.opt.gravity
     gravity = float(np.linalg.norm(down))
@@ -222,37 +230,31 @@ def scene_of(
     level = down[2] < -_LEVEL * gravity
     rolling = rolling or rolling_of(contact)
     to_world = to_plane @ data.geom_xmat[robot.sphere].reshape(3, 3)
-    attitude = from_matrix(to_world)
-    angles = np.array([data.qpos[model.jnt_qposadr[joint]] for joint in joints])
-    rates = np.array([data.qvel[model.jnt_dofadr[joint]] for joint in joints])
-    for angle, link in zip(angles.tolist(), ball.links, strict=True):
-        if link.range and not link.range[1] <= angle <= link.range[2]:
+    for hinge, link in zip(hinges, joints.values(), strict=True):
+        if link.range and not link.range[1] <= hinge.angle <= link.range[2]:
             name, low, high = link.range
             raise InputError(
-                f"{name} starts at {angle:g} {'m' if link.slides else 'rad'}, outside its range of "
-                f"{low:g} to {high:g}"
+                f"{name} starts at {hinge.angle:g} {'m' if link.slides else 'rad'}, outside its "
+                f"range of {low:g} to {high:g}"
             )
     turning = to_plane @ _moving(robot, data)[:3]
     if rolling == "rubber":  # whose shell does not spin
         turning = turning * [1.0, 1.0, 0.0]
-    momentum = momentum_at(ball, rolling, attitude, to_world.T @ turning, angles, rates)
-    return Scene(
+    scene = Scene(
         name=robot.path.stem,
         title=f"The robot of {robot.path.name}",
         source=str(robot.path),
-        ball=ball,
+        ball=Ball(shell, hinges),
         rolling=rolling,
-        frame_rate=0.0,
-        rotor_rates=(),
-        link_rates=(0.0,) * len(joints),
-        motors=tuple(_passive(model, joint, gears) for joint in joints),
         actuators=tuple(_actuators(model, links, data, controls, gears)),
         gravity=gravity,
         gravity_direction=DOWN if level else tuple((down / gravity).tolist()),
         friction=Friction(rolling=float(contact.friction[3]) if contact.dim == 6 else 0.0),
-        start=Start(attitude, momentum, angles, rates),
+        start=Start(from_matrix(to_world), np.zeros(3)),
         duration=duration,
     )
+    momentum = scene.momentum_of(to_world.T @ turning)
+    return replace(scene, start=replace(scene.start, momentum=momentum))
 
 
 def open_robot(path: Path, shell: str | None = None) -> RobotFile:
@@ -424,8 +426,8 @@ class _Node:
     joints: list[tuple[int, int, float]] = field(default_factory=list)
 
 
-def _tree_of(robot: RobotFile) -> tuple[Ball, list[int]]:
-    """Return the ball of a file, and the number of the joint of each of its links."""
+def _tree_of(robot: RobotFile) -> tuple[Shell, dict[int, Link]]:
+    """Return the shell of a file, and its links by the numbers of their joints."""
     model, data = robot.model, mujoco.MjData(robot.model)
     for j in range(model.njnt):
         if model.jnt_type[j] in (_SLIDE, _HINGE):
@@ -445,7 +447,7 @@ def _tree_of(robot: RobotFile) -> tuple[Ball, list[int]]:
         )  # fmt: skip
 
     shell = local(nodes[of_shell].solid)
-    links, joints = [], []
+    links = {}
     reached, waiting = {of_shell}, [(of_shell, "shell")]
     while waiting:
         at, parent = waiting.pop()
@@ -455,19 +457,16 @@ def _tree_of(robot: RobotFile) -> tuple[Ball, list[int]]:
             reached.add(other)
             solid, name = local(nodes[other].solid), nodes[other].name
             limits = model.joint(joint).name or f"joint{joint}", *model.jnt_range[joint].tolist()
-            links.append(
-                Link(
-                    name, parent, solid.mass, solid.inertia, solid.centre,
-                    axis=sign * to_shell @ data.xaxis[joint],
-                    pivot=to_shell @ (data.xanchor[joint] - centre),
-                    slides=bool(model.jnt_type[joint] == _SLIDE),
-                    range=limits if model.jnt_limited[joint] else None,
-                    shapes=solid.shapes,
-                )
+            links[joint] = Link(
+                name, parent, solid.mass, solid.inertia, solid.centre,
+                axis=sign * to_shell @ data.xaxis[joint],
+                pivot=to_shell @ (data.xanchor[joint] - centre),
+                slides=bool(model.jnt_type[joint] == _SLIDE),
+                range=limits if model.jnt_limited[joint] else None,
+                shapes=solid.shapes,
             )  # fmt: skip
-            joints.append(joint)
             waiting.append((other, name))
-    return Ball(_shell_of(radius, shell), NO_FRAME, (), (), tuple(links)), joints
+    return _shell_of(radius, shell), links
 
 
 def _shell_of(radius: float, solid: Solid) -> Shell:

@@ -11,20 +11,16 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
 import msgspec
 import numpy as np
 
 from robotball import scene as starts
-from robotball.drives import Rate
-from robotball.errors import InputError, check_positive, check_size, unknown, warn
-from robotball.files import contents, named, readable
-from robotball.files import scene_tables as tables
-from robotball.files.scene_tables import DRIVES, rate_of
-from robotball.robot import (
+from robotball.ball import (
     Ball,
     Frame,
+    Hinge,
     Pendulum,
     Rotor,
     Shell,
@@ -35,11 +31,13 @@ from robotball.robot import (
     thick_shell_inertia,
     thin_shell_inertia,
 )
+from robotball.drives import Rate
+from robotball.errors import InputError, check_positive, check_size, unknown, warn
+from robotball.files import contents, named, readable
+from robotball.files import scene_tables as tables
+from robotball.files.scene_tables import DRIVES, rate_of
 from robotball.rotations import Array, Z, direction, rotation_matrix
 from robotball.scene import Friction, Scene, Start
-
-if TYPE_CHECKING:
-    from robotball.motors import Motor
 
 CATALOG = Path(__file__).parent.parent / "scenes"
 _Body = tables.FrameTable | tables.RotorTable | tables.PendulumTable
@@ -181,47 +179,25 @@ def _check_numbers(key: str, value: object) -> None:
 
 
 def _scene(path: Path, table: tables.SceneTable) -> Scene:
-    ball, hinges = _robot(table, path.parent)
-    rotors = 1 + len(ball.rotors)  # hinges: the frame's, then the rotors', then the pendulums'
-    commands = [hinge.command for hinge in hinges]
+    ball = _robot(table, path.parent)
     scene = Scene(
         name=path.stem.encode(errors="replace").decode(),  # bytes that are no text are shown as ?
         title=table.title,
         source=table.source,
         ball=ball,
         rolling=table.rolling,
-        frame_rate=commands[0],
-        rotor_rates=tuple(commands[1:rotors]),
-        pendulum_rates=tuple(commands[rotors:]),
-        start=replace(_start(table.start, ball), hinge_angles=np.array([h.angle for h in hinges])),
+        start=_start(table.start, ball),
         duration=table.duration,
         gravity=table.gravity,
         gravity_direction=tuple(_axis("gravity_direction", table.gravity_direction).tolist()),
         friction=Friction(*msgspec.structs.astuple(table.friction)),
-        motors=tuple(h.motor for h in hinges) if any(h.motor for h in hinges) else (),
     )
-    if any(hinge.rate is not None for hinge in hinges):
-        # The scene knows the rates that the other hinges start with: those of their commands.
-        rates = [
-            known.rate if given.rate is None else given.rate
-            for known, given in zip(scene.hinges, hinges, strict=True)
-        ]
-        scene = replace(scene, start=replace(scene.start, hinge_rates=np.array(rates)))
     turning = table.start.angular_velocity
     return scene if turning is None else _turning(scene, turning)
 
 
-class _ReadHinge(NamedTuple):
-    """A hinge's command, motor, and angle and rate at the start; None is as the command is."""
-
-    command: Rate
-    motor: "Motor | None" = None
-    angle: float = 0.0
-    rate: float | None = None
-
-
-def _robot(table: tables.SceneTable, folder: Path) -> tuple[Ball, list[_ReadHinge]]:
-    """Return the ball and its hinges, as given or designed for given numbers."""
+def _robot(table: tables.SceneTable, folder: Path) -> Ball:
+    """Return the ball as given, or designed for given numbers."""
     if table.numbers is not None:
         if table.shell or table.frame or table.rotor or table.pendulum:
             raise InputError("a scene takes bodies or numbers, not both")
@@ -229,23 +205,21 @@ def _robot(table: tables.SceneTable, folder: Path) -> tuple[Ball, list[_ReadHing
 
         given = table.numbers
         A = _tensor("numbers.A takes a diagonal of three, or three rows of three", given.A)
-        found = design(A, given.Omega, given.K, given.radius, given.mass)
-        return found.ball, [_ReadHinge(rate) for rate in (found.frame_rate, *found.rotor_rates)]
+        return design(A, given.Omega, given.K, given.radius, given.mass).ball
     if table.shell is None or table.frame is None:
         missing = "frame" if table.shell else "shell"
         raise InputError(f"key {missing!r} is missing; a scene takes shell and frame, or numbers")
     radius = table.shell.outer
-    rotors = [(f"rotor{i}", each) for i, each in enumerate(table.rotor, start=1)]
-    pendulums = [(f"pendulum{i}", each) for i, each in enumerate(table.pendulum, start=1)]
-    shell, frame = _shell(table.shell, folder), _solid("frame", table.frame, radius, folder)
-    ball = Ball(
-        shell=shell,
-        frame=Frame(frame.mass, frame.inertia, frame.centre, shapes=frame.shapes),
-        rotors=tuple(_rotor(*each, radius, folder) for each in rotors),
-        pendulums=tuple(_pendulum(*each, radius, folder) for each in pendulums),
-    )
-    hinged = (("frame", table.frame), *rotors, *pendulums)
-    return ball, [_hinge(name, each, folder) for name, each in hinged]
+    shell, solid = _shell(table.shell, folder), _solid("frame", table.frame, radius, folder)
+    frame = Frame(solid.mass, solid.inertia, solid.centre, shapes=solid.shapes)
+    hinges = [_hinge("frame", table.frame, frame, folder)]
+    for i, rotor in enumerate(table.rotor, start=1):
+        name = f"rotor{i}"
+        hinges.append(_hinge(name, rotor, _rotor(name, rotor, radius, folder), folder))
+    for i, pendulum in enumerate(table.pendulum, start=1):
+        name = f"pendulum{i}"
+        hinges.append(_hinge(name, pendulum, _pendulum(name, pendulum, radius, folder), folder))
+    return Ball(shell, tuple(hinges))
 
 
 def _axis(name: str, v: tables.Triple) -> Array:
@@ -261,8 +235,10 @@ def _tensor(what: str, rows: tables.Rows) -> Array:
     return np.array(rows) if kinds == {True} else np.diag(np.array(rows, dtype=float))
 
 
-def _hinge(name: str, table: tables.HingeTable, folder: Path) -> _ReadHinge:
-    """Read the hinge keys of a body's table. Raises InputError for keys that do not combine."""
+def _hinge(
+    name: str, table: tables.HingeTable, body: Frame | Rotor | Pendulum, folder: Path
+) -> Hinge:
+    """Return a body's hinge. Raises InputError for keys of its table that do not combine."""
     _check_keys(name, table)
     kind = DRIVES[table.drive]
     command = None if kind.command is None else getattr(table, kind.command)
@@ -270,7 +246,7 @@ def _hinge(name: str, table: tables.HingeTable, folder: Path) -> _ReadHinge:
     with named(name):
         rate = rate_of(0.0 if command is None else command, folder)
         motor = None if kind.motor is None else _motor(kind.motor, kind.keys, table)
-    return _ReadHinge(rate, motor, table.initial_angle, table.initial_rate)
+    return Hinge(body, rate, motor, table.initial_angle, table.initial_rate)
 
 
 def _check_keys(name: str, table: tables.HingeTable) -> None:
@@ -338,13 +314,12 @@ def _turning(scene: Scene, omega: tables.Triple) -> Scene:
 
     Raises InputError where the shell would spin on the spot and the rolling model is rubber.
     """
-    from robotball.variations import with_angular_velocity
-
     turned = np.array(omega)
     if scene.rolling == "rubber":
         gamma = rotation_matrix(scene.start.attitude)[2]
         starts.check_no_spin(turned - scene.hinges[0].rate * scene.ball.shell.axis, gamma)
-    return with_angular_velocity(scene, turned)
+    # Hinges turn at the start, so that M follows from ω only when their rates are known.
+    return replace(scene, start=replace(scene.start, momentum=scene.momentum_of(turned)))
 
 
 def _attitude(table: tables.StartTable) -> Array:

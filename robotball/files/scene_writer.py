@@ -7,16 +7,16 @@ for each body. Bodies are written by mass, centre and inertia, however they were
 import json
 from collections.abc import Iterator
 from dataclasses import asdict, astuple
-from typing import Any
+from typing import Any, cast
 
 import msgspec
 import numpy as np
 
+from robotball.ball import Hinge, Pendulum, Rotor, Shell, thin_shell_inertia
 from robotball.drives import Ramp, Rate, Samples, Sine, Sum
 from robotball.errors import InputError
 from robotball.files import scene_tables as tables
 from robotball.files.scene_tables import DRIVES, HingeTable
-from robotball.robot import Frame, Pendulum, Rotor, Shell, thin_shell_inertia
 from robotball.rotations import Array
 from robotball.scene import Scene
 
@@ -29,7 +29,7 @@ def scene_toml(scene: Scene) -> str:
     """Write a scene as the text of a scene file.
 
     `load_scene` reads the same scene from it, to the last bit. The name of the scene is the name of
-    the file, and is not in the text.
+    the file, and is not in the text. Rotors stand before pendulums.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def scene_toml(scene: Scene) -> str:
 
 
 def _scene_table(scene: Scene) -> tables.SceneTable:
-    ball, hinges = scene.ball, _hinges(scene)
+    ball = scene.ball
     if ball.general or scene.actuators:
         raise InputError(
             f"{scene.name}: a scene file holds a symmetric shell, a frame, rotors and pendulums, "
@@ -75,16 +75,18 @@ def _scene_table(scene: Scene) -> tables.SceneTable:
         gravity_direction=scene.gravity_direction,
         friction=tables.FrictionTable(**asdict(scene.friction)),
         shell=_shell(ball.shell),
-        frame=tables.FrameTable(**_body(ball.frame), **next(hinges)),
+        frame=tables.FrameTable(**_hinge(ball.hinges[0])),
         rotor=tuple(
-            tables.RotorTable(axis=_numbers(rotor.axis), **_body(rotor), **next(hinges))
-            for rotor in ball.rotors
+            tables.RotorTable(axis=_numbers(each.body.axis), **_hinge(each))
+            for each in ball.hinges
+            if isinstance(each.body, Rotor)
         ),
         pendulum=tuple(
             tables.PendulumTable(
-                axis=_numbers(each.axis), pivot=_numbers(each.pivot), **_body(each), **next(hinges)
+                axis=_numbers(each.body.axis), pivot=_numbers(each.body.pivot), **_hinge(each)
             )
-            for each in ball.pendulums
+            for each in ball.hinges
+            if isinstance(each.body, Pendulum)
         ),
         start=tables.StartTable(
             attitude=_numbers(scene.start.attitude), momentum_world=_numbers(scene.start.momentum)
@@ -111,45 +113,33 @@ def _numbers(values: Array) -> Any:
     return tuple(values.tolist())
 
 
-def _body(body: Frame | Rotor | Pendulum) -> dict[str, Any]:
-    """Return the keys of a body's mass, inertia and centre."""
+def _hinge(hinge: Hinge) -> dict[str, Any]:
+    """Return the keys of a hinge and of its body, but for their places."""
+    body, motor = hinge.body, hinge.motor
     if isinstance(body, Rotor):
         # Its moments, not its tensor, which would come back rounded.
         inertia: Any = tables.Axial(axial=body.axial_inertia, transverse=body.transverse_inertia)
     else:
         inertia = [_numbers(row) for row in body.inertia]
-    centre = _numbers(body.centre) if np.any(body.centre) else None
-    return {"mass": body.mass, "inertia": inertia, "centre": centre}
-
-
-def _hinges(scene: Scene) -> Iterator[dict[str, Any]]:
-    """Yield the keys of each hinge."""
-    commands = (scene.frame_rate, *scene.rotor_rates, *scene.pendulum_rates)
-    motors, angles = scene.motors or (None,) * len(commands), scene.start.hinge_angles
-    rates = scene.start.hinge_rates
-    for i, (command, motor) in enumerate(zip(commands, motors, strict=True)):
-        keys = _moved(command, motor)
-        if angles is not None:
-            keys["initial_angle"] = angles[i]
-        # Without a motor the rate at the start is the commanded one, and a key would contradict it.
-        if rates is not None and motor is not None:
-            keys["initial_rate"] = rates[i]
-        yield keys
-
-
-def _moved(command: Rate, motor: Any) -> dict[str, Any]:
-    """Return the keys of a hinge's drive, motor and command."""
     of_motor = None if motor is None else type(motor).__name__
     named = (each for each in DRIVES.items() if each[1].motor == of_motor)
     name, kind = next(named, (None, None))
     if kind is None:
         raise InputError(f"a scene file cannot hold the motor {motor}")
-    keys: dict[str, Any] = {"drive": name}
+    keys: dict[str, Any] = {
+        "mass": body.mass,
+        "inertia": inertia,
+        "centre": _numbers(body.centre) if np.any(body.centre) else None,
+        "drive": name,
+        "initial_angle": hinge.angle,
+        "initial_rate": hinge.rate,
+    }
     if kind.command is not None:
-        keys[kind.command] = _command(command)
+        keys[kind.command] = _command(hinge.command)
     if motor is not None:
         # A motor's field that is 0 or None has no effect, and is what the reader takes for no key.
-        keys.update({k: v for k, v in zip(kind.keys, astuple(motor), strict=True) if v})
+        values = astuple(cast(Any, motor))  # each is a dataclass
+        keys.update({k: v for k, v in zip(kind.keys, values, strict=True) if v})
     return keys
 
 

@@ -20,7 +20,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robotball.robot import PARTS, Ball, Body, Frame, Link, Pendulum, Rotor, Shell
+from robotball.ball import PARTS, Ball, Body, Frame, Link, Pendulum, Rotor, Shell
 from robotball.rotations import Array, from_matrix, multiply, rotation_matrix, z_along
 from robotball.shapes import Kind, Shape
 

@@ -26,10 +26,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
+from robotball.ball import PARTS
 from robotball.film import gl
 from robotball.film import looks as palette
 from robotball.film.looks import BLUR, MARKS, Looks, add_materials
-from robotball.robot import PARTS
 from robotball.rotations import Array
 from robotball.shapes import add_geoms
 

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from robotball.ball import Ball
 from robotball.errors import InputError
 from robotball.film import looks as palette
 from robotball.film.looks import MARKS, Looks, colours_of, label_of, looks_of, materials_of
 from robotball.film.tracks import heading_of, track_of
-from robotball.robot import Ball
 from robotball.shapes import Shape
 
 _HERE = Path(__file__).parent

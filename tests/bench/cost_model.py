@@ -57,7 +57,7 @@ def _measure(cell: Cell) -> Mapping[str, Any]:
         return {
             "scene": scene.name,
             "steady": scene.steady,
-            "motors": any(scene.motors),
+            "motors": any(hinge.motor for hinge in scene.hinges),
             "rate": scene_rate(scene),
             "duration": scene.duration,
             "samples": len(theory.times),
@@ -65,7 +65,9 @@ def _measure(cell: Cell) -> Mapping[str, Any]:
             # What timings drift by should not fall between the families and the cases.
             "cases": [_case(scene, theory, target) for target in _TARGETS],
             # A servo's stiffness, not the error, would set the steps.
-            "adaptive": [] if any(scene.motors) else _search(scene, theory, adaptive),
+            "adaptive": []
+            if any(hinge.motor for hinge in scene.hinges)
+            else _search(scene, theory, adaptive),
         }
 
 

@@ -74,12 +74,13 @@ _COLUMNS = (
 
 def split(scene: Scene) -> Scene:
     """Return the scene with every rotor made of three about its axis: inertia and K are equal."""
-    ball = scene.ball
-    rotors = tuple(scaled_body(rotor, 1 / _SPLIT) for rotor in ball.rotors for _ in range(_SPLIT))
-    rates = tuple(rate for rate in scene.rotor_rates for _ in range(_SPLIT))
-    own = [motor and _weaker(motor) for motor in scene.motors[1:] for _ in range(_SPLIT)]
-    motors = (*scene.motors[:1], *own)
-    return replace(scene, ball=replace(ball, rotors=rotors), rotor_rates=rates, motors=motors)
+    frame, *rotors = scene.ball.hinges
+    thirds = [
+        replace(own, body=scaled_body(rotor, 1 / _SPLIT), motor=own.motor and _weaker(own.motor))
+        for own, rotor in zip(rotors, scene.ball.rotors, strict=True)
+        for _ in range(_SPLIT)
+    ]
+    return replace(scene, ball=replace(scene.ball, hinges=(frame, *thirds)))
 
 
 def _weaker(motor: Motor) -> Servo:

@@ -31,10 +31,10 @@ from robotball import (
     load_scene,
     preset,
 )
+from robotball.ball import Frame, Pendulum, Rotor, Shell
 from robotball.engines.mujoco.limits import exceeded, planned
 from robotball.engines.mujoco.settings import ADAPTIVE, OWN, Prescribed, recipe
 from robotball.motors import Servo
-from robotball.robot import Frame, Pendulum, Rotor, Shell
 from robotball.rotations import Array
 from robotball.variations import scaled, scaled_body, with_bodies
 from validation.agreement import compare
@@ -128,13 +128,9 @@ def _faster(scene: Scene, frame: float = 1.0, rotors: float = 1.0) -> Scene:
     def times(rate: Any, factor: float) -> Any:
         return rate * factor if isinstance(rate, float | int) else rate
 
-    rates = tuple(times(rate, rotors) for rate in scene.rotor_rates)
-    return replace(scene, frame_rate=times(scene.frame_rate, frame), rotor_rates=rates)
-
-
-def rescaled(scene: Scene, mass: float = 1.0, length: float = 1.0) -> Scene:
-    """Return the ball with its mass and size multiplied, and M in proportion to it."""
-    return replace(scaled(scene, mass=mass, length=length), gravity=scene.gravity)
+    turning, *rates = (hinge.command for hinge in scene.ball.hinges)
+    rates = [times(rate, rotors) for rate in rates]
+    return scene.with_hinges(command=(times(turning, frame), *rates))
 
 
 def _heavier(scene: Scene, factor: float, kind: type[Shell | Frame | Rotor | Pendulum]) -> Scene:
@@ -151,7 +147,7 @@ def _lower(scene: Scene, factor: float) -> Scene:
     frame, a = scene.ball.frame, scene.ball.radius
     most = 0.95 * a / max(float(np.linalg.norm(frame.centre)), 1e-9 * a)
     lower = replace(frame, centre=frame.centre * min(factor, most))
-    return replace(scene, ball=replace(scene.ball, frame=lower))
+    return scene.with_hinges(body={"frame": lower})
 
 
 _Axis = Callable[[Scene, Settings, np.random.Generator], tuple[Scene, Settings]]
@@ -222,7 +218,7 @@ _OF_ROBOTS: dict[str, Callable[[Scene, float], Scene]] = {
         for kind in (Shell, Frame, Rotor, Pendulum)
     },
     "frame's offset": _lower,
-    "radius": lambda scene, v: rescaled(scene, length=v),
+    "radius": lambda scene, v: scaled(scene, length=v, gravity=1.0),
     "gravity": lambda scene, v: replace(scene, gravity=scene.gravity * v),
     "momentum": _start_times,
     "rates": lambda scene, v: _faster(scene, v, v),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from robotball import Design, design
-from robotball.robot import thick_shell_inertia, thin_shell_inertia
+from robotball.ball import thick_shell_inertia, thin_shell_inertia
 from robotball.rotations import Array
 
 A12, OMEGA12, K12 = np.diag([0.7, 0.6, 0.8]), np.array([0.0, 0.0, 2.0]), np.array([2.0, 2.0, 0.0])
@@ -22,8 +22,8 @@ def fig12(**changes: Any) -> Design:
 def error(made: Design, A: Array, Omega: Array, K: Array) -> float:
     """The largest error of A, Ω and K: of A to A's size, of Ω to its own, of K to |K| + d|Ω|."""
     ball = made.ball
-    got_Omega = made.frame_rate * ball.shell.axis
-    rates = np.array([made.frame_rate, *made.rotor_rates])
+    got_Omega = made.rates[0] * ball.shell.axis
+    rates = np.array(made.rates)
     got_K = ball.gyrostatic_inertia @ rates - ball.d * got_Omega
     turning = float(np.linalg.norm(Omega))
     momentum = float(np.linalg.norm(K)) + ball.d * turning
@@ -50,7 +50,7 @@ def check_bodies(made: Design, mass: float | None) -> None:
     )
     assert limits.shell_mass <= shell.mass * rounding
     assert limits.frame_mass <= ball.frame.mass * rounding
-    for rotor, rate in zip(ball.rotors, made.rotor_rates, strict=True):
+    for rotor, rate in zip(ball.rotors, made.rates[1:], strict=True):
         assert limits.rotor_mass <= rotor.mass * rounding
         assert rotor.axial_inertia <= rotor.mass * rotor_radius**2 * rounding
         assert rotor.transverse_inertia == rotor.axial_inertia / 2

@@ -67,19 +67,19 @@ def test_the_head_of_a_file_is_that_of_its_scene() -> None:
 
 GRID = np.linspace(0, 10, 41)
 UNSTEADY: dict[str, dict[str, Any]] = {
-    "ramp across samples": {"frame_rate": rb.Ramp(initial=2.0, final=4.0, start=1.233, end=3.217)},
+    "ramp across samples": {"frame": rb.Ramp(initial=2.0, final=4.0, start=1.233, end=3.217)},
     "smooth ramps": {
-        "frame_rate": rb.Ramp(initial=2.0, final=4.0, start=1.0, end=3.0, shape="smooth"),
-        "rotor_rates": (rb.Ramp(initial=148.0, final=-148.0, start=0.5, end=8.0),),
+        "frame": rb.Ramp(initial=2.0, final=4.0, start=1.0, end=3.0, shape="smooth"),
+        "rotor1": rb.Ramp(initial=148.0, final=-148.0, start=0.5, end=8.0),
     },
     "sines": {
-        "frame_rate": rb.Sine(mean=2.0, amplitude=1.0, frequency=0.5),
-        "rotor_rates": (rb.Sine(mean=148.0, amplitude=20.0, frequency=0.8),),
+        "frame": rb.Sine(mean=2.0, amplitude=1.0, frequency=0.5),
+        "rotor1": rb.Sine(mean=148.0, amplitude=20.0, frequency=0.8),
     },
-    "a function": {"frame_rate": lambda t: 2 + np.sin(3 * t)},
-    "samples": {"frame_rate": rb.Samples(times=tuple(GRID), values=tuple(2 + np.sin(GRID)))},
+    "a function": {"frame": lambda t: 2 + np.sin(3 * t)},
+    "samples": {"frame": rb.Samples(times=tuple(GRID), values=tuple(2 + np.sin(GRID)))},
     "a sum": {
-        "frame_rate": rb.Sum(
+        "frame": rb.Sum(
             (2.0, rb.Ramp(final=1.0, start=1.1, end=2.0), rb.Sine(amplitude=0.5, frequency=0.6))
         )
     },
@@ -92,7 +92,7 @@ def scene_of(case: Any) -> rb.Scene:
     if isinstance(case, int):
         return ball_of_points(case)
     name, rolling = case
-    return replace(rb.load_scene("fig12"), rolling=rolling, **UNSTEADY[name])
+    return replace(rb.load_scene("fig12").with_hinges(command=UNSTEADY[name]), rolling=rolling)
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)

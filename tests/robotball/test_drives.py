@@ -109,7 +109,7 @@ def only_on(end: float) -> Callable[[float], float]:
 def test_a_function_is_asked_within_the_run_alone(end: float, preset: str) -> None:
     """Whatever the scene's duration: by both engines, breakpoints at and beyond the end."""
     rate = rb.Custom(only_on(end), breakpoints=(0.0, end, 3 * end))
-    scene = replace(FIG12, frame_rate=rate, duration=0.3)
+    scene = replace(FIG12.with_hinges(command={"frame": rate}), duration=0.3)
     assert pair_of(scene, preset, np.linspace(0.0, end, 11)).agrees
 
 
@@ -120,11 +120,12 @@ def test_a_function_that_is_not_smooth_is_warned_of() -> None:
         r"a drive's function is not smooth at t = 0\.4 s: its derivative there follows it to "
         r"\S+ rad/s only; give Custom its breakpoints, or its derivative"
     )
+    cusp = rb.Custom(lambda t: 2 + 1e-3 * abs(t - 0.4) ** 0.25)
     with pytest.warns(rb.SceneWarning, match=words):
-        rb.integrate(replace(FIG12, frame_rate=lambda t: 2 + 1e-3 * abs(t - 0.4) ** 0.25), times)
+        rb.integrate(FIG12.with_hinges(command={"frame": cusp}), times)
     with warnings.catch_warnings(action="error"):
         kink = rb.Custom(lambda t: 2 + abs(t - 0.4), breakpoints=(0.4,))
-        rb.integrate(replace(FIG12, frame_rate=kink), times)
+        rb.integrate(FIG12.with_hinges(command={"frame": kink}), times)
 
 
 def test_steps_err_about_a_sine_by_simpsons_rule() -> None:
@@ -193,7 +194,7 @@ def test_a_pulse_is_followed_by_both_engines(
 
     The equations turn the frame by its area, and MuJoCo follows them in steps of 5 ms elsewhere.
     """
-    scene, times = replace(FIG12, frame_rate=rate), rb.sample_times(1.0)
+    scene, times = FIG12.with_hinges(command={"frame": rate}), rb.sample_times(1.0)
     theory = rb.integrate(scene, times)
     assert theory.hinge_angles[-1, 0] - 2.0 == pytest.approx(turned, rel=1e-2)
     motion = rb.simulate(scene, times, "balanced")

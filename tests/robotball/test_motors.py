@@ -37,11 +37,11 @@ def test_a_dc_motor_starts_at_rest_and_is_written_as_it_is_read() -> None:
     """Also where the law's two factors are equal, as those of a velocity servo."""
     sheet = SHEET.replace("500.0", "20.0") + "supply = 0.5\n"
     scene = scene_of(robot(rest=PENDULUM + BOB + sheet))
-    (motor,) = [each for each in scene.motors if each]
+    (motor,) = [each.motor for each in scene.hinges if each.motor]
     assert motor == rb.DCMotor(0.04, 20.0, 20.0)
     assert motor.law.per_command == motor.law.per_rate
     assert scene.hinges[1].rate == 0.0
-    assert scene_of(rb.scene_toml(scene)).motors == scene.motors
+    assert scene_of(rb.scene_toml(scene)).ball == scene.ball
 
 
 # Activations ----------------------------------------------------------------------------------

@@ -136,7 +136,7 @@ def test_scenes_are_compared_whatever_their_rates_are() -> None:
     times, scenes = np.linspace(0.0, 10.0, 50), []
     for values in (np.sin(times), np.sin(times).tolist(), np.cos(times)):
         samples = rb.Samples(times=times, values=values)  # type: ignore[arg-type]
-        scenes.append(replace(SCENE, frame_rate=samples, rotor_rates=(rb.Sum((samples, 1.0)),)))
+        scenes.append(SCENE.with_hinges(command=(samples, rb.Sum((samples, 1.0)))))
     assert scenes[0] == scenes[1] != scenes[2]
 
     @dataclass(frozen=True)
@@ -146,6 +146,8 @@ def test_scenes_are_compared_whatever_their_rates_are() -> None:
         def __call__(self, t: float) -> float:
             return float(np.interp(t, (0.0, 10.0), self.values))
 
-    one, other = (replace(SCENE, frame_rate=Table(np.array([1.0, 2.0]))) for _ in range(2))
+    one, other = (
+        SCENE.with_hinges(command={"frame": Table(np.array([1.0, 2.0]))}) for _ in range(2)
+    )
     assert replace(one, duration=10.0) == one
     assert one != other

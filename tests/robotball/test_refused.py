@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball import designing, drives, errors, motors, processes, robot, scene
+from robotball import ball, designing, drives, errors, motors, processes, scene
+from robotball.ball import Ball, Frame, Hinge, Link, Rotor, Shell
 from robotball.engines.mujoco.settings import Prescribed
 from robotball.errors import LONGEST_LINE
 from robotball.files import scene_tables
 from robotball.files.parts import solid_of
 from robotball.files.scene_writer import scene_toml
-from robotball.robot import Ball, Frame, Link, Rotor, Shell
 from robotball.rotations import Array
 from tests import random_robots
 from tests.robotball import designs
@@ -39,7 +39,7 @@ class Jumping(OwnDrive):
 
 def run(rate: Any, end: float = 10.0) -> rb.Motion:
     """Return the motion by the equations at a frame's rate."""
-    return rb.integrate(replace(FIG12, frame_rate=rate), np.array([0.0, end]))
+    return rb.integrate(FIG12.with_hinges(command={"frame": rate}), np.array([0.0, end]))
 
 
 def body(name: str, **changes: Any) -> Ball:
@@ -50,7 +50,7 @@ def body(name: str, **changes: Any) -> Ball:
         "rotor": Rotor(0.5, 0.02, 0.01, axis=np.array([0.6, 0.0, 0.8])),
     }
     bodies[name] = replace(bodies[name], **changes)
-    return Ball(bodies["shell"], bodies["frame"], (bodies["rotor"],))
+    return Ball(bodies["shell"], (Hinge(bodies["frame"]), Hinge(bodies["rotor"])))
 
 
 def part(kind: str, **sizes: Any) -> None:
@@ -59,7 +59,8 @@ def part(kind: str, **sizes: Any) -> None:
 
 
 def hung(link: Link) -> Ball:
-    return replace(body("frame"), links=(link,))
+    two = body("frame")
+    return replace(two, hinges=(*two.hinges, Hinge(link)))
 
 
 def start(**changes: Any) -> rb.Scene:
@@ -121,9 +122,11 @@ SCENES = {
     "replace(FIG12, duration=0.0)": r"duration must be positive and finite, not 0 s",
     "replace(FIG12, gravity=-9.81)": r"gravity must be positive and finite, not -9\.81 m/s²",
     "replace(FIG12, gravity_direction=(0.0, 0.6, 0.8))": r"its Z is 0\.8, and must be negative",
-    "replace(FIG12, rotor_rates=())": r"1 rotors need as many rates, not 0",
-    "replace(FIG12, pendulum_rates=(1.0,))": r"0 pendulums need as many rates, not 1",
-    "replace(FIG12, rotor_rates=(NAN,))": r"a drive's rate at t = 0 s must be finite and .*not nan",
+    "FIG12.with_hinges(command=(1.0,))": r"2 hinges need as many commands, not 1",
+    "FIG12.with_hinges(command={'rotor2': 1.0})":
+        r"no hinge is called 'rotor2'; did you mean rotor1\?",
+    "FIG12.with_hinges(command={'rotor1': NAN})":
+        r"rotor1: a drive's rate at t = 0 s must be finite and .*not nan",
     "rb.integrate(replace(FIG12, ball=body('rotor', centre=0.1 * UP)), equations='reduced')":
         r"fig12: the ball is not balanced: its centre of mass is 0\.0142857 m off",
     "replace(FIG12, actuators=(Actuator('a', (('frame', 1.0),), Law(1.0, 0.0, 0.0)),))":
@@ -138,7 +141,10 @@ SCENES = {
         r"root = .frame. needs a ball with a frame; take root = .shell.",
     "replace(FIG12, ball=body('shell', asymmetry=np.diag([0.01, -0.01, 0.0]))).check_reduced()":
         r"fig12: its bodies are a tree of links, or its shell is not symmetric; this needs a scene",
-    "replace(FIG12.ball, frame=NO_FRAME)": r"rotors and pendulums turn on a frame; a ball without",
+    "replace(FIG12.ball, hinges=FIG12.ball.hinges[::-1])":
+        r"the frame carries the others: put it before rotor1",
+    "replace(FIG12.ball, hinges=FIG12.ball.hinges[1:])":
+        r"rotors and pendulums turn on a frame; a ball without",
     "Friction(sliding=0.0)": r"the sliding friction must be positive",
     "Friction(torsional=-1.0)": r"the torsional friction must be positive",
     "Friction(rolling=-1.0)": r"the rolling friction, where it is not 0, must",
@@ -148,8 +154,9 @@ STARTS = {
     "start(attitude=np.array([1.0, 0.0, 0.0, NAN]))":
         r"attitude is not of unit length: .attitude. = nan",
     "start(momentum=NAN * UP)": r"the start's momentum must be finite",
-    "start(hinge_angles=np.zeros(3))": r"2 hinges need as many angles at the start, not an array",
-    "start(hinge_rates=np.array([NAN, 0.0]))": r"a hinge's rate at the start must be finite",
+    "FIG12.with_hinges(angle=np.zeros(3))": r"2 hinges need as many angles, not 3",
+    "FIG12.with_hinges(angle={'frame': INF})": r"a hinge's angle at the start must be finite",
+    "FIG12.with_hinges(rate=(NAN, 0.0))": r"a hinge's rate at the start must be finite",
     "start(momentum=np.array([3.0, 4.0, 0.005]))":
         r"\(3\.1\): \(M, gamma\) = 0\.005 of \|M\| = 5 kg",
     "horizontal(NAN * UP, scale=5.0)": r"M is not horizontal",
@@ -196,12 +203,12 @@ DRIVES = {
         r"a drive's function fails at t = \S+ s: ValueError: ",
     "Sine(amplitude=1.0, frequency=0.0)":
         r"a sine's frequency must be positive and finite, not 0 Hz",
-    "replace(FIG12, frame_rate=Sine(amplitude=1, frequency=1)).parameters":
+    "FIG12.with_hinges(command={'frame': Sine(amplitude=1, frequency=1)}).parameters":
         r"the drives change in time; use parameters_at",
 }  # fmt: skip
 
 MOTORS = {
-    "replace(FIG12, motors=(None,))": r"2 hinges need as many motors, or none, not 1",
+    "FIG12.with_hinges(motor=(None,))": r"2 hinges need as many motors, not 1",
     "Servo(gain=0.0)": r"a servo's gain must be positive and finite, not 0 N m s/rad",
     "PositionServo(gain=1.0, damping=-1.0)": r"a position servo's damping, where it is not 0,",
     "Torque(armature=-1.0)": r"a motor's armature, where it is not 0, must be positive",
@@ -245,7 +252,7 @@ DESIGNS = {
 }  # fmt: skip
 
 
-MODULES = (designing, designs, drives, errors, motors, processes, random_robots, robot, scene)
+MODULES = (ball, designing, designs, drives, errors, motors, processes, random_robots, scene)
 OTHERS = {"Prescribed": Prescribed, "scene_toml": scene_toml}
 NAMES = {name: value for each in MODULES for name, value in vars(each).items()} | OTHERS | globals()
 ALL = BODIES | PARTS | SCENES | STARTS | DRIVES | MOTORS | COUNTS | DESIGNS

@@ -49,9 +49,9 @@ def test_the_scale_of_momentum_is_that_of_what_turns_the_ball() -> None:
     assert at_rest.momentum_scale == pytest.approx(0.3 * (8**0.5 + 0.9 * 2), rel=1e-14)
     shell = replace(SCENE.ball.shell, radius=4.0)
     large = replace(at_rest, ball=replace(SCENE.ball, shell=shell), gravity=9.0)
-    still = replace(large, frame_rate=0.0, rotor_rates=(0.0,))
+    still = large.with_hinges(command=(0.0, 0.0))
     motors = (rb.Servo(gain=1.0), rb.Servo(gain=1.0))
-    for scene in (still, replace(large, motors=motors)):
+    for scene in (still, large.with_hinges(motor=motors)):
         assert scene.momentum_scale == pytest.approx(0.9 * 16 * (9 / 4) ** 0.5, rel=1e-14)
 
 
@@ -64,7 +64,8 @@ def test_the_load_varies_with_what_swings_off_its_pivot() -> None:
         wheels = tuple(
             rb.Pendulum(0.1, 1e-3 * np.eye(3), sign * centre, Z, sign * 0.2 * X) for sign in (1, -1)
         )
-        return replace(SCENE, ball=replace(SCENE.ball, pendulums=wheels), pendulum_rates=(1.0, 2.0))
+        hung = map(rb.Hinge, wheels, (1.0, 2.0))
+        return replace(SCENE, ball=replace(SCENE.ball, hinges=(*SCENE.ball.hinges, *hung)))
 
     assert not with_wheels(0.2 * X).load_varies
     assert with_wheels(-0.2 * X).load_varies

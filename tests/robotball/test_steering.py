@@ -86,10 +86,10 @@ def test_weights_begin_where_they_hang_however_the_shell_lies() -> None:
         steered = steer(replace(robot, start=start), straight(0.1), 2.0)
         assert off(steered) < 2e-3
         first = steered.scene.start
-        assert first.hinge_angles is not None
-        angles.append(first.hinge_angles)
+        at = np.array([hinge.angle for hinge in steered.scene.hinges])
+        angles.append(at)
         attitudes.append(first.attitude)
-        to_world, at, still = rotation_matrix(first.attitude), first.hinge_angles, np.zeros((1, 3))
+        to_world, still = rotation_matrix(first.attitude), np.zeros((1, 3))
         states = robot.robot.states(to_world[2:], at[None], still, still[:, :2])
         centre = to_world @ states.centre_of_mass[0]
         assert np.abs(centre[:2]).max() < 1e-8  # measured 1.2e-9 m, as the angles below
@@ -100,14 +100,16 @@ def test_weights_begin_where_they_hang_however_the_shell_lies() -> None:
 
 
 WEIGHT, BALL = pendulum_robot(), three_rotors().ball
-IN_LINE = replace(BALL, rotors=tuple(replace(r, axis=BALL.shell.axis) for r in BALL.rotors))
+IN_LINE = BALL.with_hinges(
+    body=(BALL.frame, *(replace(r, axis=BALL.shell.axis) for r in BALL.rotors))
+)
 REFUSED: dict[str, Callable[[], object]] = {
     "the line's length must be positive": lambda: straight(-1.0),
     "the circle's turns must not be 0": lambda: circle(0.5, 0.0),
     "waypoint 1 is where the path is already": lambda: through([(0.0, 0.0)]),
     "waypoints are pairs|inhomogeneous": lambda: through([(1.0, 0.0, 2.0)]),
     "1 hinges are driven; to roll anywhere takes two": lambda: steer(
-        replace(WEIGHT, motors=(WEIGHT.motors[0], None)), straight(1.0), 5.0
+        WEIGHT.with_hinges(motor={"pendulum1": None}), straight(1.0), 5.0
     ),
     "the plane resists rolling": lambda: steer(
         replace(WEIGHT, friction=Friction(rolling=0.001)), straight(1.0), 5.0
@@ -134,12 +136,12 @@ def test_what_cannot_be_steered_is_refused(words: str, monkeypatch: pytest.Monke
 def test_what_is_lacking_is_told() -> None:
     """A torque, a rate and friction beyond what there is, a line each."""
     scene, times = pendulum_robot(), np.linspace(0.0, 1.0, 11)
-    hard = replace(scene, motors=(), frame_rate=rb.Ramp(final=-1.0, end=1.0, shape="smooth"))
+    ramp = rb.Ramp(final=-1.0, end=1.0, shape="smooth")
+    hard = scene.with_hinges(motor=(None, None), command={"frame": ramp})
     motion = rb.integrate(hard, times, 1e-9)
     assert shortfalls(scene, motion) == []
     weak = replace(
-        scene,
-        motors=(Servo(0.5, torque_limit=0.01), scene.motors[1]),
+        scene.with_hinges(motor={"frame": Servo(0.5, torque_limit=0.01)}),
         friction=Friction(sliding=0.01, torsional=0.001),
     )
     spun = replace(motion, loads=replace(motion.loads, spin_torque=np.full(11, 0.1)))  # N m

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from robotball.robot import Solid, composed
+from robotball.ball import Solid, composed
 from robotball.rotations import Array, rotation_matrix
 from validation.paper import formulas as f
 from validation.paper.claim import Errors, Residual, Section, by

@@ -12,8 +12,8 @@ import numpy as np
 
 from robotball import equations as eq
 from robotball import sample_times, simulate
+from robotball.ball import Frame
 from robotball.equations import as_vector
-from robotball.robot import Ball, Frame
 from robotball.rotations import Array, from_matrix, multiply
 from robotball.scene import Start
 from validation.paper import formulas as f
@@ -157,9 +157,8 @@ def _poincare_suslov(twist: float = 1.0) -> Errors:
 def _without_gravity(off: float = 0.0) -> Errors:
     """Compare MuJoCo's paths at 9.81 and 3.7 m/s², with the frame's centre of mass off by [m]."""
     scene = paper_scene(RUBBER)
-    ball = scene.ball
-    frame = Frame(ball.frame.mass, ball.frame.inertia, off * f.E[2])
-    scene = replace(scene, ball=Ball(ball.shell, frame, ball.rotors))
+    frame = Frame(scene.ball.frame.mass, scene.ball.frame.inertia, off * f.E[2])
+    scene = scene.with_hinges(body={"frame": frame})
     times = sample_times(5.0)
     paths = [simulate(replace(scene, gravity=g), times).contact_point for g in (9.81, 3.7)]
     yield largest(paths[0] - paths[1])

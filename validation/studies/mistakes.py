@@ -11,13 +11,13 @@ from itertools import permutations, product
 import numpy as np
 
 from robotball import InputError, Motion, Scene, Trajectory
+from robotball.ball import Body, Rotor, Shell
 from robotball.equations import Rolling
 from robotball.files.trajectories import LENGTHS
 from robotball.motors import Servo
 from robotball.poses import poses
-from robotball.robot import Body, Rotor, Shell
 from robotball.rotations import Array, conjugate, from_matrix, multiply, rotation_matrix
-from robotball.variations import scaled_rate, with_angular_velocity, with_bodies
+from robotball.variations import scaled_rate, with_bodies
 
 _FLOOR = 1e-6  # an error below it explains as little as none
 _MOST = 400  # samples that a convention is tried on
@@ -392,15 +392,11 @@ def _has_rate(scene: Scene, hinge: int) -> bool:
 
 def _with_rates(scene: Scene, which: list[int], factor: float) -> tuple[Scene, ...]:
     """Return scenes with some rates times a factor: with the same M, frame's ω, or shell's ω."""
-    given = [scene.frame_rate, *scene.rotor_rates, *scene.pendulum_rates]
-    rates = [scaled_rate(rate, factor) if i in which else rate for i, rate in enumerate(given)]
-    rotors = 1 + len(scene.ball.rotors)
-    changed = replace(
-        scene,
-        frame_rate=rates[0],
-        rotor_rates=tuple(rates[1:rotors]),
-        pendulum_rates=tuple(rates[rotors:]),
-    )
+    given = [hinge.command for hinge in scene.ball.hinges]
+    rates = [
+        scaled_rate(scene.drives[i], factor) if i in which else rate for i, rate in enumerate(given)
+    ]
+    changed = scene.with_hinges(command=rates)
     found = [changed, _kept(changed, scene)]
     if 0 in which:
         more = (factor - 1) * float(scene.drives[0].rate(0.0)) * scene.ball.shell.axis
@@ -487,7 +483,8 @@ def _omega(scene: Scene) -> Array:
 
 def _kept(changed: Scene, scene: Scene, omega: Array | None = None) -> Scene:
     """Return a changed scene that starts with the frame's ω of the other, or with this ω."""
-    return with_angular_velocity(changed, _omega(scene) if omega is None else omega)
+    M = changed.momentum_of(_omega(scene) if omega is None else omega)
+    return replace(changed, start=replace(changed.start, momentum=_level(changed, M)))
 
 
 def _level(scene: Scene, M: Array) -> Array:

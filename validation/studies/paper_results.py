@@ -90,8 +90,7 @@ def _equilibria(quick: bool) -> _Rows:
         if circle := equilibria.fixed_circle(scene.parameters):
             some = circle.at(np.array([np.pi / 4, 3 * np.pi / 4]))
             points |= dict(zip(("Σ_s", "Σ_u"), some, strict=True))
-        frame, *rotors = (sign * drive.rate(0.0) for drive in scene.drives)
-        scene = replace(scene, frame_rate=frame, rotor_rates=tuple(rotors))
+        scene = scene.with_hinges(command=[sign * drive.rate(0.0) for drive in scene.drives])
         for point, gamma in points.items():
             if point[-1] not in "₂₄₆" and not (quick and point != "θ₃"):
                 yield from _equilibrium(scene, point + " reversed" * (sign < 0), gamma, quick)
@@ -226,8 +225,7 @@ def _drift(quick: bool) -> _Rows:
     ball, times = scene.parameters, np.array([0.0, 50.0, 100.0] if quick else [0.0, 400.0, 1200.0])
     for speed in np.linspace(0.5, 4.0, 3 if quick else 15).tolist():
         bodies = design(ball.A, (0.0, 0.0, speed), ball.K, ball.a, scene.ball.mass)
-        own: Any = {each: getattr(bodies, each) for each in ("ball", "frame_rate", "rotor_rates")}
-        other = replace(scene, **own)
+        other = replace(scene, ball=bodies.ball)
         for start in zip(*level_starts(other, 2 if quick else 6, seed=0), strict=True):
             begun = replace(other, start=own_start(other, *start))
             run, duration = by_contact("fast", begun, times), float(times[2] - times[1])

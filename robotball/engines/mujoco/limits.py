@@ -123,7 +123,7 @@ class PlannedRun(Chosen):
         Otherwise the numbers are measured on MuJoCo's own model at its start.
         """
         scene = self.scene
-        kept = all(motor is None or isinstance(motor, Servo) for motor in scene.motors)
+        kept = all(isinstance(hinge.motor, Servo | None) for hinge in scene.hinges)
         return scene.keeps_momentum and kept and not scene.ball.pendulums
 
     @cached_property
@@ -164,7 +164,7 @@ class PlannedRun(Chosen):
         if not self.scene.ball.has_frame:
             return np.zeros(3)
         frame = self.scene.hinges[0]
-        return self.scene.principal_axes.T @ (frame.rate * frame.axis)
+        return self.scene.principal_axes.T @ (frame.rate * self.scene.ball.shell.axis)
 
     @cached_property
     def loads(self) -> Loads:

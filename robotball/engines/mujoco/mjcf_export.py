@@ -14,12 +14,12 @@ from xml.etree.ElementTree import Element, SubElement
 import mujoco
 import numpy as np
 
+from robotball.ball import PARTS
 from robotball.drives import Drive
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import START, Model, build, hinges_of
 from robotball.engines.mujoco.settings import Prescribed, Settings, for_load
 from robotball.film.looks import BLUR, add_materials, looks_of
-from robotball.robot import PARTS
 from robotball.rotations import Array, conjugate, rotation_matrix
 from robotball.scene import Scene
 from robotball.shapes import add_geoms

@@ -16,14 +16,13 @@ import mujoco
 import numpy as np
 from scipy.optimize import root_scalar
 
-import robotball.scene
+from robotball.ball import PARTS, Frame, Link, Pendulum, Rotor, Shell
 from robotball.drives import Drive, turns
 from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings, for_load
 from robotball.errors import InputError
 from robotball.motors import Actuator, Free, Law, Motor, PositionServo, Servo, Torque
-from robotball.robot import PARTS, Frame, Link, Pendulum, Rotor, Shell
 from robotball.rotations import Array, multiply, rotation_matrix, z_along
-from robotball.scene import Scene, Start
+from robotball.scene import MovedHinge, Scene, Start
 
 with warnings.catch_warnings(action="ignore"):
     # Without a screen, dm_control's search for a window system warns; nothing here needs one.
@@ -45,7 +44,7 @@ class ModelHinge:
 
     index: int
     joint: str
-    of: robotball.scene.Hinge
+    of: MovedHinge
     actuation: Motor | Prescribed
     largest_rate: float
 
@@ -158,12 +157,16 @@ class Model:
         limits += [each.law.limit for each in self.scene.actuators]
         return any(limit < np.inf for limit in limits)
 
-    def start_data(self, start: Start | None = None) -> mujoco.MjData:
-        """Return MjData at the scene's start, or at another one of the same ball."""
+    def start_data(self, start: Start | None = None, scene: Scene | None = None) -> mujoco.MjData:
+        """Return MjData at the scene's start, or at another one of the same ball.
+
+        scene: one whose hinges have other angles and rates at that start.
+        """
         data = mujoco.MjData(self.compiled)
         mujoco.mj_resetDataKeyframe(self.compiled, data, 0)
         if start is not None:
-            data.qpos, data.qvel = state_at(self.scene, self.settings.root, start, self.hinges)
+            scene, root = scene or self.scene, self.settings.root
+            data.qpos, data.qvel = state_at(scene, root, start, self.hinges)
         return data
 
 
@@ -257,11 +260,10 @@ def state_at(
     scene: Scene, root: str, start: Start, hinges: tuple[ModelHinge, ...]
 ) -> tuple[Array, Array]:
     """Return qpos and qvel of a start on the constraints, for the body with the free joint."""
-    as_started = scene.hinges_at(start)
-    shell, turning = scene.ball.shell, [as_started[hinge.index] for hinge in hinges]
+    shell, turning = scene.ball.shell, [scene.hinges[hinge.index] for hinge in hinges]
     # The free joint's angular velocity is in the root body's axes, its velocity in the world's.
     attitude, root_turning = start.attitude, scene.angular_velocity_at(start)
-    frame = as_started[0] if scene.ball.has_frame else None
+    frame = scene.hinges[0] if scene.ball.has_frame else None
     shell_turning = root_turning - frame.rate * shell.axis if frame else root_turning
     velocity = np.cross(rotation_matrix(start.attitude) @ shell_turning, [0.0, 0.0, shell.radius])
     if root == "shell":
@@ -332,7 +334,7 @@ def _inertial(body: Any, mass: float, inertia: Array, centre: Array = _ORIGIN) -
 
 def _add_hinge(root: Any, hinge: ModelHinge, body: Any, axis: Array) -> None:
     """Add the joint of `body` with its actuator, which every hinge has that is not free."""
-    kind = "slide" if hinge.of.slides else "hinge"
+    kind = "slide" if hinge.of.body.slides else "hinge"
     joint, motor = body.add("joint", type=kind, axis=axis), hinge.actuation
     if motor.armature:
         # It acts on the hinge alone and adds no angular momentum of its own.
@@ -340,7 +342,7 @@ def _add_hinge(root: Any, hinge: ModelHinge, body: Any, axis: Array) -> None:
     if isinstance(motor, Free):
         joint.damping, joint.stiffness = motor.damping, motor.stiffness
         joint.frictionloss = motor.friction or None
-        joint.springref = motor.rest if hinge.of.slides else np.degrees(motor.rest)
+        joint.springref = motor.rest if hinge.of.body.slides else np.degrees(motor.rest)
         return
     add, names = root.actuator.add, {"name": hinge.body, "joint": joint}
     if isinstance(motor, Servo):
@@ -418,7 +420,7 @@ def _add_sensors(root: Any, scene: Scene, body: str, hinges: tuple[ModelHinge, .
         add("jointvel", name=f"{hinge.body}_rate", joint=hinge.joint)
         moved = any(hinge.body == name for each in scene.actuators for name, _ in each.gears)
         if not hinge.own_motor:
-            kind = "force" if hinge.of.slides else "torque"
+            kind = "force" if hinge.of.body.slides else "torque"
             add(kind, name=f"{hinge.body}_torque", site=f"{hinge.joint}_hinge")
         elif hinge.actuated or moved:
             # What the joint carries is less, by what turns the motor's own armature.

@@ -46,9 +46,9 @@ class MuJoCo(Engine):
         return held(run(build(scene, settings), times, request.progress))
 
     def prepare(self, scene: Scene, settings: EngineSettings) -> Runner:
-        """Return a function that runs one model, built here, from any start of the scene's ball."""
+        """Return a function that runs one model, built here, from any state of the scene's ball."""
         model = build(scene, as_own(settings, Settings, LABEL))
-        return lambda times, start: run(model, times, start=start)
+        return lambda times, started: run(model, times, start=started.start, scene=started)
 
     def run_many(
         self, scenes: Sequence[Scene], times: Array, settings: EngineSettings

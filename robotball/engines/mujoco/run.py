@@ -11,11 +11,15 @@ from robotball.engines.mujoco.stepping import Portion, by_steps, controlled
 from robotball.engines.observe import Recording
 from robotball.motion import ContactMotion
 from robotball.rotations import Array
-from robotball.scene import Start
+from robotball.scene import Scene, Start
 
 
 def run(
-    model: Model, times: Array, progress: Progress | None = None, start: Start | None = None
+    model: Model,
+    times: Array,
+    progress: Progress | None = None,
+    start: Start | None = None,
+    scene: Scene | None = None,
 ) -> ContactMotion:
     """Return the motion of a built model.
 
@@ -29,6 +33,8 @@ def run(
         Called with the simulated fraction.
     start : Start, optional
         Where to begin, if not at the scene's own start.
+    scene : Scene, optional
+        One whose hinges have other angles and rates at that start.
 
     Raises
     ------
@@ -42,7 +48,8 @@ def run(
 
         march = by_forward
     with controlled(model) as control:
-        return observed(model, times, march(control, model.start_data(start), times), progress)
+        data = model.start_data(start, scene)
+        return observed(model, times, march(control, data, times), progress)
 
 
 def observed(

@@ -9,7 +9,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-import robotball.scene
+from robotball.ball import Frame, Rotor
 from robotball.engines.mujoco.control import read_row
 from robotball.engines.mujoco.model import ModelHinge, build
 from robotball.engines.mujoco.readings import readings_of
@@ -18,7 +18,7 @@ from robotball.engines.mujoco.stepping import by_steps, controlled
 from robotball.errors import InputError
 from robotball.loads import Loads
 from robotball.rotations import Array, rotation_matrix
-from robotball.scene import Friction, Scene
+from robotball.scene import Friction, MovedHinge, Scene
 
 # The central differences' half step, a velocity [m/s or rad/s] or an angle [rad]: rounding over it
 # and its own square are both far below the digits that a prediction needs.
@@ -106,9 +106,9 @@ def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
     return worst
 
 
-def _angles(scene: Scene, hinge: robotball.scene.Hinge) -> Array:
+def _angles(scene: Scene, hinge: MovedHinge) -> Array:
     """Return the hinge's angles (_SEEN,) [rad]: as it is commanded, or else a whole turn."""
-    if hinge.name in ("frame", *dict(scene.ball.named_rotors)):
+    if isinstance(dict(scene.ball.named_bodies)[hinge.name], Frame | Rotor):
         return np.full(_SEEN, hinge.angle)
     times = np.linspace(0.0, scene.duration, _SEEN - 1)
     moved = [(1.0, hinge.motor.law, hinge.command)] if hinge.motor else []

@@ -114,7 +114,7 @@ def integrate(
 
 def _check_rates(scene: Scene, duration: float, limit: int) -> None:
     """Raise InputError where the motors settle too fast for so many steps; warn of many."""
-    if not any(scene.motors):
+    if not any(hinge.motor for hinge in scene.hinges):
         return
     rate = _fastest(System(scene))
     steps = rate * duration / _STABLE

@@ -177,7 +177,7 @@ def test_a_cuda_device_is_timed_by_the_clock_and_refused_where_there_is_none() -
 def test_a_drive_that_changes_within_a_step_is_warned_of(frequency: float, warns: bool) -> None:
     """Of an engine that is stepped by 0.1 s; DOP853, which chooses its own steps, sees it all."""
     sine = rb.Sine(mean=2.0, amplitude=0.05, frequency=frequency, phase=np.pi / 2)
-    scene, times = replace(FIG12, frame_rate=sine), rb.sample_times(2.0, 0.1)
+    scene, times = FIG12.with_hinges(command={"frame": sine}), rb.sample_times(2.0, 0.1)
     engine = spoilt({})
     words = "fig12, best: Spoilt: a drive's error over a step of 0.1 s is 0.0"
     for chosen in (StepSettings, PointSettings):
@@ -275,7 +275,7 @@ def test_a_contacts_force_lifts_the_ball() -> None:
 def test_equal_steps_end_on_every_sample_with_the_rates_of_then() -> None:
     """Two steps and a half are refused, in one line, and three are not."""
     sine = rb.Sine(amplitude=1.0, frequency=0.3)
-    world = Repeated(replace(FIG12, frame_rate=sine), {})
+    world = Repeated(FIG12.with_hinges(command={"frame": sine}), {})
     world.any_step = False
     assert len(list(world.march(np.array([0.0, 0.1, 0.2, 0.3]), 0.1))) == 3
     given = [(sine.rate(t), FIG12.hinges[1].rate) for t in (0.1, 0.2, 0.3)]
@@ -324,7 +324,9 @@ def test_our_constraints_roll_ideally_on_the_dynamics_of_another(
     It does not slip, and a rubber ball spins by rounding: measured 4.4e-16 rad/s.
     """
     given = worked(scene) if scene == "W4" else rb.load_scene(scene)
-    theory = rb.integrate(replace(given, motors=()), rb.sample_times(2.0, 0.04))
+    theory = rb.integrate(
+        given.with_hinges(motor=[None] * len(given.hinges)), rb.sample_times(2.0, 0.04)
+    )
     shown: list[float] = []
     engine = replace(PINOCCHIO, packages=("mujoco",), world=Dynamics)
     motion = rb.simulate(theory.scene, theory.times, preset, engine=engine, progress=shown.append)

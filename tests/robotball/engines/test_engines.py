@@ -22,7 +22,9 @@ EXAMPLE = Path(__file__).parents[3] / "examples" / "my_robot.toml"
 
 def test_an_engine_that_prepares_nothing_runs_the_scene_with_another_start() -> None:
     start = rb.load_scene("fig13").start
-    motion = OFF.prepare(FIG12, OFF.presets["as it comes"])(np.array([0.0, 0.1]), start)
+    motion = OFF.prepare(FIG12, OFF.presets["as it comes"])(
+        np.array([0.0, 0.1]), replace(FIG12, start=start)
+    )
     assert motion.momentum[0] == pytest.approx(start.momentum, abs=1e-12)
 
 
@@ -44,17 +46,17 @@ def test_a_request_is_made_of_settings_or_of_an_accuracy() -> None:
         request_of(accuracy=1e-6, keep_going=True)
 
 
-FRAME, ROTOR = (hinge.rate / 1000 for hinge in FIG12.hinges)
+SLOW = [hinge.rate / 1000 for hinge in FIG12.hinges]
 LESS = replace(FIG12.start, momentum=FIG12.start.momentum / 1000)
 # Fig. 12's motion, of 37 radii, a thousand times as slow: rates in mrad/s.
-SLOWED = replace(FIG12, frame_rate=FRAME, rotor_rates=(ROTOR,), start=LESS)
+SLOWED = replace(FIG12.with_hinges(command=SLOW), start=LESS)
 
 
 def with_gain(factor: float) -> rb.Scene:
     """The pendulum robot with another kv: it reaches 4.1 rad/s, and has torque_limit/kv = 3."""
-    (motor,) = PENDULUM.motors
+    motor = PENDULUM.hinges[0].motor
     assert isinstance(motor, Servo)
-    return replace(PENDULUM, motors=(replace(motor, gain=factor * motor.gain),))
+    return PENDULUM.with_hinges(motor=[replace(motor, gain=factor * motor.gain)])
 
 
 TIMES = rb.sample_times(10.0)

@@ -65,7 +65,7 @@ def test_what_cannot_run_there_is_one_line(folder: Path, tmp_path: Path) -> None
     """It is nowhere; or the environment has lost it; or a drive is a function of no module."""
     with pytest.raises(rb.InputError, match=r"^Elsewhere is not installed: robotball engines --i"):
         rb.simulate(FIG12, TIMES, engine=elsewhere(ELSEWHERE, tmp_path / "none"))
-    function = replace(FIG12, frame_rate=lambda t: 1.0 + 0.1 * t)
+    function = FIG12.with_hinges(command={"frame": lambda t: 1.0 + 0.1 * t})
     with pytest.raises(rb.InputError, match=r"stands in a module alone: Can't (pickle|get)"):
         rb.simulate(function, TIMES, engine=elsewhere(ELSEWHERE, folder))
     assert elsewhere(rb.engine_named("mujoco"), folder) is rb.engine_named("mujoco")

@@ -9,13 +9,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import robotball as rb
+from robotball.ball import Ball, Frame, Hinge, Hung, Rotor, Shell
 from robotball.drives import Rate
 from robotball.engines.dop853 import Compensated
 from robotball.engines.ensembles.orbits import Starts, kernel_start
 from robotball.engines.ensembles.steppers import PATH
 from robotball.equations import Rolling
 from robotball.motion import path_error
-from robotball.robot import Ball, Frame, Rotor, Shell
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Start
 from tests.scenes import FOUR
@@ -36,14 +36,14 @@ def scene_of(
 ) -> rb.Scene:
     """A ball of radius 1 m and about 1 kg, with the frame's moments [kg m²] and one rotor."""
     least = min(moments)
+    rotor = Rotor(0.1, 1e-3 * least, 1e-3 * least, np.array([1.0, 0.0, 0.0]))
     ball = Ball(
-        shell=Shell(1.0, 0.1, 1e-3 * least, 1e-3 * least, np.array([0.0, 0.6, 0.8])),
-        frame=Frame(0.8, np.diag(moments)),
-        rotors=(Rotor(0.1, 1e-3 * least, 1e-3 * least, np.array([1.0, 0.0, 0.0])),),
+        Shell(1.0, 0.1, 1e-3 * least, 1e-3 * least, np.array([0.0, 0.6, 0.8])),
+        (Hinge(Frame(0.8, np.diag(moments)), 1.0), Hinge(rotor, rotor_rate)),
     )
     return rb.Scene(
-        name="edge", title="", source="", ball=ball, rolling=rolling, frame_rate=1.0,
-        rotor_rates=(rotor_rate,), start=Start(TILTED, np.array(momentum)), duration=duration,
+        name="edge", title="", source="", ball=ball, rolling=rolling,
+        start=Start(TILTED, np.array(momentum)), duration=duration,
     )  # fmt: skip
 
 
@@ -166,12 +166,13 @@ def turned(scene: rb.Scene, axes: Rotation, heading: Rotation) -> rb.Scene:
     """Return the ball with the frame's own axes turned, v_new = R v, in another heading."""
     R, ball, start = axes.as_matrix(), scene.ball, scene.start
     attitude = heading * Rotation.from_quat(start.attitude, scalar_first=True) * axes.inv()
+    frame = Frame(ball.frame.mass, R @ ball.frame.inertia @ R.T)
+    bodies = (frame, *(replace(rotor, axis=R @ rotor.axis) for rotor in ball.rotors))
     return replace(
         scene,
         ball=Ball(
             shell=replace(ball.shell, axis=R @ ball.shell.axis),
-            frame=Frame(ball.frame.mass, R @ ball.frame.inertia @ R.T),
-            rotors=tuple(replace(rotor, axis=R @ rotor.axis) for rotor in ball.rotors),
+            hinges=ball.with_hinges(body=bodies).hinges,
         ),
         start=Start(attitude.as_quat(scalar_first=True), heading.apply(start.momentum)),
     )
@@ -235,7 +236,7 @@ REFUSED = {
     "at(0.0, 2.0, 1.5)": r"times must increase: 1\.5 follows 2",
     "at(0.0, np.inf)": "times must be finite",
     "rb.integrate(QUICK, max_steps=1000)": OFTEN,
-    "rb.integrate(replace(QUICK, frame_rate=SINE), max_steps=1000)": OFTEN,
+    "rb.integrate(QUICK.with_hinges(command={'frame': SINE}), max_steps=1000)": OFTEN,
     "rb.integrate(scene_of('rubber', EQUAL, (1e60, 0.0, 0.0)))":
         r"the ball may turn at .*e\+59 rad/s, of at",
     "rb.integrate(scene_of('rubber', EQUAL, (0.0, 0.0, 0.0), duration=1e20))":
@@ -282,16 +283,17 @@ def any_scene(rng: np.random.Generator) -> rb.Scene:
     x, y, z = mass * radius**2 * 10 ** rng.uniform(-min(decades, 20.0), 0.0, 3)
     axes = rotation_matrix(rng.choice([STILL, TILTED]))
     inertia = axes @ np.diag([y + z, x + z, x + y]) @ axes.T
-    ball = Ball(
-        Shell(radius, mass, axial[0], axial[0] * 10 ** rng.uniform(-0.3, 3.0), direction()),
-        Frame(mass, (inertia + inertia.T) / 2),
-        tuple(Rotor(m, j, j, direction()) for m, j in zip(parts[1:], axial[1:], strict=True)),
-    )
+    shell = Shell(radius, mass, axial[0], axial[0] * 10 ** rng.uniform(-0.3, 3.0), direction())
+    frame = Frame(mass, (inertia + inertia.T) / 2)
+    rotors = [Rotor(m, j, j, direction()) for m, j in zip(parts[1:], axial[1:], strict=True)]
+    bodies: list[Hung] = [frame, *rotors]
+    ball = Ball(shell, tuple(map(Hinge, bodies)))
     rolling: Rolling = ("rubber", "classical")[rng.integers(2)]
     momentum = direction() * ball.d * signed() * [1.0, 1.0, float(rolling == "classical")]
+    ball = ball.with_hinges(command=[rate() for _ in parts])
     return rb.Scene(
-        name="any", title="", source="", ball=ball, rolling=rolling, frame_rate=rate(),
-        rotor_rates=tuple(rate() for _ in parts[1:]), duration=size(), gravity=size(),
+        name="any", title="", source="", ball=ball, rolling=rolling,
+        duration=size(), gravity=size(),
         start=Start(rng.choice([STILL, TILTED]), momentum),
     )  # fmt: skip
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robotball.robot import Solid, composed
+from robotball.ball import Solid, composed
 from robotball.rotations import rotation_matrix
 
 _Hinges = dict[str, tuple[Any, float]]

@@ -1,7 +1,6 @@
 """An export has the scene's ball, in every format."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -126,11 +125,9 @@ def test_the_keyframe_of_the_mjcf_is_the_start(exported: Exported) -> None:
 
 def test_drives_are_told_by_formula_or_by_samples(tmp_path: Path) -> None:
     """A formula, with its numbers, gives the samples; a function has these alone."""
-    scene = replace(
-        rb.load_scene("fig12"),
-        frame_rate=rb.Ramp(final=3.0, end=0.5, initial=1.0, shape="smooth"),
-        rotor_rates=(rb.Sine(amplitude=2.0, frequency=0.7, mean=0.5, phase=0.1),),
-    )
+    ramp = rb.Ramp(final=3.0, end=0.5, initial=1.0, shape="smooth")
+    sine = rb.Sine(amplitude=2.0, frequency=0.7, mean=0.5, phase=0.1)
+    scene = rb.load_scene("fig12").with_hinges(command=(ramp, sine))
     names = {path.name for path in rb.export_scene(scene, tmp_path, np.linspace(0, 1, 11))}
     hinges = [body["hinge"] for body in read(tmp_path)["bodies"][1:]]
     assert [each["command"]["kind"] for each in hinges] == ["ramp", "sine"]
@@ -140,7 +137,7 @@ def test_drives_are_told_by_formula_or_by_samples(tmp_path: Path) -> None:
     values = [eval(text, {"t": t, "sin": np.sin, "pi": np.pi}) for t in rows["t"]]
     assert rows["rotor1_command"] == pytest.approx(values, rel=1e-15)
     assert formula(scene.drives[0])["formula"].startswith("1.0 + (3.0 - 1.0)*(3u² - 2u³)")
-    scene = replace(scene, frame_rate=lambda t: 2.0 + np.sin(t) ** 3)
+    scene = scene.with_hinges(command={"frame": lambda t: 2.0 + np.sin(t) ** 3})
     others = {path.name for path in rb.export_scene(scene, tmp_path, np.linspace(0, 1, 11))}
     assert names - others == {"scene.toml"}
     assert others > {"scene.json", "model.xml", "model.urdf", "model.sdf", "README.md"}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.robot import Solid
+from robotball.ball import Solid
 from tests.random_robots import random_scene
 from tests.robotball.files.importers import IMPORTERS, plain
 
@@ -39,7 +39,7 @@ def errors_of(scene: rb.Scene, form: str, found: dict[str, Any]) -> dict[str, fl
     """
     bodies = [Solid(each.mass, each.centre, each.inertia) for _, each in scene.ball.named_bodies]
     hinges = {
-        hinge.name: (hinge.axis, hinge.motor.armature if hinge.motor else 0.0)
+        hinge.name: (hinge.body.axis, hinge.motor.armature if hinge.motor else 0.0)
         for hinge in scene.hinges
     }
     own = plain(np.eye(3), np.zeros(3), bodies, hinges, scene.gravity_world, 6 + len(hinges))

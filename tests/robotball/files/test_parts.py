@@ -7,9 +7,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from robotball.ball import Solid
 from robotball.files.parts import DENSITIES, solid_of
 from robotball.files.scene_tables import Box, Cylinder, Disc, Part, Point, Ring, Rod, Sphere
-from robotball.robot import Solid
 from robotball.rotations import z_along
 
 CENTRE = (0.03, -0.02, 0.05)

@@ -88,7 +88,7 @@ def test_a_point_or_a_thin_rod_is_a_pendulum(part: str) -> None:
     scene = scene_of(robot(rest=f"{PENDULUM}{swing}part = [{{ mass = 0.5, {part} }}]\n"))
     (bob,), times = scene.ball.pendulums, rb.sample_times(2.0)
     thin = replace(bob, inertia=bob.inertia - 0.999e-9 * 0.5 * 0.2**2 * np.eye(3))
-    ideal = replace(scene, ball=replace(scene.ball, pendulums=(thin,)))
+    ideal = scene.with_hinges(body={"pendulum1": thin})
     exact = rb.integrate(scene, times)
     # Measured 3e-9 and 4e-9, the moments added; 1.2e-10 and 8e-11, RK4's.
     assert path_error(rb.integrate(ideal, times), exact) < 1e-8

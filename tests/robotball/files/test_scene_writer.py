@@ -30,23 +30,16 @@ texts = st.just('\x00\x7f\t\r\n"""\\🎱') | st.text(st.characters(exclude_categ
 def scenes(draw: st.DrawFn) -> rb.Scene:
     """Any robot, with any rates, plane and texts."""
     scene = random_scene(np.random.default_rng(draw(st.integers(0, 2**32))))
-    motors = scene.motors if any(scene.motors) else ()
     # What a free hinge is commanded is not used, and not written.
-    told = [0.0 if isinstance(motor, Free) else draw(rates) for motor in scene.motors]
-    rotors = 1 + len(scene.ball.rotors)
+    told = [0.0 if isinstance(each.motor, Free) else draw(rates) for each in scene.hinges]
     return replace(
         scene,
         title=draw(texts),
         source=draw(texts),
-        frame_rate=told[0],
-        rotor_rates=tuple(told[1:rotors]),
-        pendulum_rates=tuple(told[rotors:]),
+        ball=scene.ball.with_hinges(command=told),
         duration=draw(positive),
         gravity=draw(positive),
         friction=draw(st.builds(Friction, maybe, maybe, sometimes)),
-        motors=motors,
-        # Without a motor hinges start as they are commanded.
-        start=scene.start if motors else replace(scene.start, hinge_rates=None),
     )
 
 

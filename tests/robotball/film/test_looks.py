@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.ball import PARTS, Ball, Hinge, Pendulum
 from robotball.film.looks import INSIDE, RIM, colours, looks_of
-from robotball.robot import PARTS, Ball, Pendulum
 from robotball.rotations import Array, rotation_matrix
 
 BALL = rb.load_scene("three_rotors").ball
@@ -21,7 +21,7 @@ def with_pendulums(*hung: tuple[float, Array, Array]) -> Ball:
         Pendulum(0.1, 1e-4 * np.eye(3), pivot - [0.0, 0.0, length], axis, pivot)
         for length, axis, pivot in hung
     )
-    return replace(BALL, pendulums=tuple(pendulums))
+    return replace(BALL, hinges=(*BALL.hinges, *map(Hinge, pendulums)))
 
 
 def test_each_part_opens_alone() -> None:
@@ -44,7 +44,7 @@ def test_every_body_has_its_look_and_every_look_its_colour() -> None:
 def test_rotors_with_one_centre_are_rings_within_rings() -> None:
     """Whatever they turn by: each is between two spheres, and the next inside the inner one."""
     reaches = []
-    for name, _ in BALL.named_rotors:
+    for name in ("rotor1", "rotor2", "rotor3"):
         corners = np.concatenate([shape.triangles for shape in looks_of(BALL)[name]])
         distances = np.linalg.norm(corners, axis=2)
         reaches.append((distances.min(), distances.max()))
@@ -57,8 +57,9 @@ def test_a_pendulum_given_by_numbers_is_the_box_of_its_inertia() -> None:
     """A homogeneous box of that mass has the body's centre and moments, turned as they are."""
     turn = rotation_matrix(np.array([0.8, 0.0, 0.6, 0.0]))
     inertia = turn @ np.diag([4e-4, 5e-4, 6e-4]) @ turn.T
-    (pendulum,) = with_pendulums((0.4, X, 0.1 * Y)).pendulums
-    ball = replace(BALL, pendulums=(replace(pendulum, inertia=inertia),))
+    ball = with_pendulums((0.4, X, 0.1 * Y))
+    (pendulum,) = ball.pendulums
+    ball = ball.with_hinges(body={"pendulum1": replace(pendulum, inertia=inertia)})
     box = looks_of(ball)["pendulum1"][0]
     edges, axes = (2 * BALL.radius * box.size) ** 2, rotation_matrix(box.turn)
     moments = 0.1 / 12 * (edges.sum() - edges)
@@ -76,9 +77,11 @@ def test_a_body_of_parts_is_drawn_by_them_at_their_sizes() -> None:
     assert (battery.kind, axle.kind) == ("box", "capsule")
 
 
-def off_balance(centre: list[float], axis: list[float]) -> Ball:
+def off_balance(centre: list[float], axis: list[float], of: Ball = BALL) -> Ball:
     frame = replace(BALL.frame, centre=BALL.radius * np.array(centre))
-    return replace(BALL, frame=frame, shell=replace(BALL.shell, axis=np.array(axis)))
+    return replace(
+        of.with_hinges(body={"frame": frame}), shell=replace(BALL.shell, axis=np.array(axis))
+    )
 
 
 SIDES = [[0.0, 0.0, -0.4], [0.1, -0.2, 0.05], [0.0, 0.9, 0.0]]
@@ -92,8 +95,8 @@ def test_a_frame_off_balance_has_a_weight_on_its_hoop(
     centre: list[float], axis: list[float], swings: bool
 ) -> None:
     """Towards its centre of mass, in the hoop's plane, outside of what turns, inside the shell."""
-    swinging = with_pendulums((0.5, X, 0 * X)).pendulums if swings else ()
-    *hoop, weight = looks_of(replace(off_balance(centre, axis), pendulums=swinging))["frame"]
+    ball = with_pendulums((0.5, X, 0 * X)) if swings else BALL
+    *hoop, weight = looks_of(off_balance(centre, axis, ball))["frame"]
     assert len(hoop) == len(looks_of(BALL)["frame"])
     assert weight.kind == "sphere"
     out = float(np.linalg.norm(weight.pos))

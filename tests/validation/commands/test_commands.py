@@ -180,7 +180,7 @@ def test_a_scene_refused_by_the_equations_does_not_end_the_batch(
     Where there is no other nothing is left, though it is found out after the folder was checked.
     """
     # A weight that turns so fast that it lifts the ball.
-    lifting_off = replace(rb.load_scene("pendulum_robot"), motors=(), frame_rate=25.0)
+    lifting_off = rb.load_scene("pendulum_robot").with_hinges(motor=[None], command=[25.0])
     (tmp_path / "off.toml").write_text(rb.scene_toml(lifting_off))
     arguments = ("off.toml", *others, "--preset", "fast", "--duration", 0.2, "--no-plots")
     status, out, err = robotball("compare", *arguments, "--json", "a.json", "--out", "new/folder")

@@ -13,6 +13,7 @@ from scipy.integrate import cumulative_simpson
 
 from robotball import InputError, sample_times, simulate
 from robotball import equations as eq
+from robotball.ball import beyond_the_shell, check_inertia
 from robotball.designing import masses_allowed
 from robotball.engines.ensembles.orbits import kernel_start
 from robotball.qualitative import straight_motions as lines
@@ -28,7 +29,6 @@ from robotball.qualitative.long_run import (
     level_points,
 )
 from robotball.qualitative.sections import section
-from robotball.robot import beyond_the_shell, check_inertia
 from robotball.rotations import Array
 from robotball.scene import along_momentum
 from validation.paper import formulas as f

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from robotball import ball
 from robotball import equations as eq
-from robotball import robot
 from robotball.qualitative import equilibria, straight_motions
 from tests.validation.paper import ours
 from validation.paper import SECTIONS, section_5
@@ -109,7 +109,7 @@ PLANTED: dict[str, tuple[Any, str, Callable[[Formula], Formula], str, str]] = {
     ),
     "l's sign in (5.5)": (section_5, "section_state", with_argument(1, minus), "(5.5)", "γ² = 1"),
     "Steiner's terms": (
-        robot, "_about", with_argument(0, lambda point: point + 0.1), "E21, (A.3)", "I =",
+        ball, "_about", with_argument(0, lambda point: point + 0.1), "E21, (A.3)", "I =",
     ),
 }  # fmt: skip
 

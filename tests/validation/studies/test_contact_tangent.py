@@ -57,7 +57,7 @@ def test_mujoco_has_the_unstable_limit_cycle_of_fig8() -> None:
     """Closed on its own map from 1e-3 rad beside; a rotor 0.1 % faster has another."""
     scene = rb.load_scene("fig08")
     (cycle,) = limit_cycles(scene.parameters)
-    faster = replace(scene, rotor_rates=(1.001 * scene.hinges[1].rate,))
+    faster = scene.with_hinges(command={"rotor1": 1.001 * scene.hinges[1].rate})
     own, other = (
         contact_cycle(build(each, rb.preset("fast")), cycle, parts=4) for each in (scene, faster)
     )

@@ -11,11 +11,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import robotball as rb
+from robotball.ball import Ball, Frame
 from robotball.drives import Constant, Rate, as_drive
 from robotball.equations import Rolling
-from robotball.mechanics import momentum_at
 from robotball.motion import attitude_error, path_error
-from robotball.robot import Ball, Frame
 from robotball.rotations import Array, conjugate, from_matrix, multiply, rotation_matrix
 from robotball.variations import scaled_rate
 from tests.euler_engine import euler
@@ -217,9 +216,9 @@ def with_rate(hinge: int, factor: float) -> InScene:
     """The rate of the frame (0) or of a rotor times a factor."""
 
     def planted(scene: rb.Scene) -> rb.Scene:
-        rates = [scene.frame_rate, *scene.rotor_rates]
-        rates[hinge] = scaled_rate(rates[hinge], factor)
-        return replace(scene, frame_rate=rates[0], rotor_rates=tuple(rates[1:]))
+        rates = [hinge.command for hinge in scene.ball.hinges]
+        rates[hinge] = scaled_rate(scene.drives[hinge], factor)
+        return scene.with_hinges(command=rates)
 
     return planted
 
@@ -232,10 +231,9 @@ def start_at(change: Callable[[Array], Array]) -> InScene:
 
 
 def started(scene: rb.Scene, attitude: Array, omega: Array) -> rb.Scene:
-    rates = np.array([hinge.rate for hinge in scene.hinges])
-    M = momentum_at(scene.ball, scene.rolling, attitude, omega, 0 * rates, rates)
+    at = replace(scene, start=rb.Start(attitude, np.zeros(3)))
     level = 0.0 if scene.rolling == "rubber" else 1.0
-    return replace(scene, start=rb.Start(attitude, M * [1.0, 1.0, level]))
+    return replace(at, start=rb.Start(attitude, at.momentum_of(omega) * [1.0, 1.0, level]))
 
 
 def other_rolling(scene: rb.Scene) -> rb.Scene:
@@ -259,7 +257,7 @@ RATES: list[Rate] = [
 @pytest.mark.parametrize("rate", RATES)
 def test_a_rate_of_any_kind_is_scaled(rate: Rate) -> None:
     """It is three times as fast at any time."""
-    own, three = (as_drive(each, 1.0) for each in (rate, scaled_rate(rate, 3.0)))
+    own, three = (as_drive(each, 1.0) for each in (rate, scaled_rate(as_drive(rate, 1.0), 3.0)))
     for t in (0.1, 0.4, 0.9):
         assert three.rate(t) == pytest.approx(3 * own.rate(t), rel=1e-12)
 
@@ -274,13 +272,13 @@ def exchanged(body: Any) -> Any:
 
 
 shell_exchanged = with_ball(lambda ball: replace(ball, shell=exchanged(ball.shell)))
-rotors_exchanged = with_ball(lambda b: replace(b, rotors=tuple(map(exchanged, b.rotors))))
+rotors_exchanged = with_ball(lambda b: b.with_hinges(body=(b.frame, *map(exchanged, b.rotors))))
 
 
 def of_frame(change: Callable[[Frame], Array]) -> InScene:
     """The frame's inertia is another."""
-    return with_ball(
-        lambda ball: replace(ball, frame=replace(ball.frame, inertia=change(ball.frame)))
+    return lambda scene: scene.with_hinges(
+        body={"frame": replace(scene.ball.frame, inertia=change(scene.ball.frame))}
     )
 
 
@@ -350,7 +348,7 @@ def test_a_mistake_that_is_not_known_has_no_name(what: str) -> None:
 
 def spinning(rate: float) -> rb.Scene:
     """A frame that spins in a shell that hardly turns at the start."""
-    scene = replace(FIG12, frame_rate=rate, duration=0.25)
+    scene = replace(FIG12.with_hinges(command={"frame": rate}), duration=0.25)
     up, slow = rotation_matrix(scene.start.attitude)[2], np.array([2.0, 1.0, 0.0])
     omega = slow - up * (up @ slow) + rate * scene.ball.shell.axis
     return started(scene, scene.start.attitude, omega)

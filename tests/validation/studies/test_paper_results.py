@@ -1,6 +1,5 @@
 """The paper's results by both engines: each line holds, and with another ball it does not."""
 
-from dataclasses import replace
 from functools import cache, partial
 
 import numpy as np
@@ -39,8 +38,8 @@ def test_another_ball_turns_the_lines(
 
     def other(scene: Scene, settings: Settings) -> Model:
         frame, *rotors = (sign * drive.rate(0.0) for drive in scene.drives)
-        rates = tuple(factor * rate for rate in rotors)
-        return build(replace(scene, frame_rate=frame, rotor_rates=rates), settings)
+        rates = [frame, *(factor * rate for rate in rotors)]
+        return build(scene.with_hinges(command=rates), settings)
 
     monkeypatch.setattr(paper_results, "build", other)
     rates = [row for row in PARTS[part](True) if row["quantity"] in ("λ", "Re λ")]

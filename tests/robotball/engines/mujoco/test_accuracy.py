@@ -75,7 +75,7 @@ def test_the_accuracy_is_reached_of_a_drive_that_coarse_steps_see_as_a_constant(
     In steps of 20 ms the path is off by 1.9e-2 and 7.4e-5.
     """
     sine = rb.Sine(mean=2.0, amplitude=amplitude, frequency=200.0, phase=np.pi / 2)
-    agreement = reached_by(replace(FIG12, frame_rate=sine), target, rb.sample_times(0.2))
+    agreement = reached_by(FIG12.with_hinges(command={"frame": sine}), target, rb.sample_times(0.2))
     assert agreement.agrees
     assert agreement.path_error < most
 
@@ -192,9 +192,9 @@ def test_a_chaotic_motion_is_followed_as_far_as_its_estimate_says() -> None:
 
 def test_the_rate_of_a_scene_is_of_its_numbers() -> None:
     """Twice K, Ω and M is twice the rate; a changing drive counts at its largest."""
-    start, (frame, rotor) = FIG12.start, (2 * hinge.rate for hinge in FIG12.hinges)
+    start, rates = FIG12.start, [2 * hinge.rate for hinge in FIG12.hinges]
     start = replace(start, momentum=2 * start.momentum)
-    twice = replace(FIG12, frame_rate=frame, rotor_rates=(rotor,), start=start)
+    twice = replace(FIG12.with_hinges(command=rates), start=start)
     assert scene_rate(twice) == pytest.approx(2 * scene_rate(FIG12), rel=1e-12)
     assert (
         scene_rate(rb.load_scene("spin_up_from_rest")) > 4.5

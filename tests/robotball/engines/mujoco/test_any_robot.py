@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.ball import Ball, Frame, Hinge, Shell, thin_shell_inertia
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.rolling_resistance import Resistance
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import for_load
-from robotball.robot import NO_FRAME, Ball, Frame, Shell, thin_shell_inertia
 from robotball.scene import Friction
 from tests.motions import Pair, pair_of
 from tests.random_robots import random_scene, random_tree
@@ -27,15 +27,17 @@ def thin_shell(radius: float, mass: float) -> Shell:
 
 def times_mass(factor: float) -> rb.Scene:
     """W2 of another mass."""
-    frame = worked("W2").ball.frame
+    scene = worked("W2")
+    frame = scene.ball.frame
     frame = replace(frame, mass=factor * frame.mass, inertia=factor * frame.inertia)
-    return replace(worked("W2"), ball=Ball(thin_shell(0.2, factor), frame, ()))
+    hinges = scene.ball.with_hinges(body=[frame]).hinges
+    return replace(scene, ball=Ball(thin_shell(0.2, factor), hinges))
 
 
 RESISTING, SLOPE = Friction(rolling=0.01), (np.sin(0.1), 0.0, -np.cos(0.1))
 # A user's file may have a shell and nothing else.
 ALONE = robot(
-    "alone", Ball(thin_shell(0.2, 1.0), NO_FRAME, ()), "classical", [], (1.0, 0.3, 0.2, 0.1),
+    "alone", Ball(thin_shell(0.2, 1.0)), "classical", [], (1.0, 0.3, 0.2, 0.1),
     (1.0, 3.0, 2.0), gravity_direction=SLOPE,
 )  # fmt: skip
 SCENES = {
@@ -144,7 +146,7 @@ def test_a_robot_at_rest_keeps_its_contact() -> None:
 
     def crept(radius: float, mass: float, settings: rb.Settings) -> float:
         frame = Frame(mass, box_inertia(mass, 0.1, 0.1, 0.05), np.array([0.0, 0.0, -radius / 3]))
-        ball = Ball(thin_shell(radius, 1.0), frame, ())
+        ball = Ball(thin_shell(radius, 1.0), (Hinge(frame),))
         model = build(robot("rest", ball, "rubber", [0.0], (1.0, 0.0, 0.0, 0.0)), settings)
         report = run(model, np.linspace(0.0, 0.1, 21)).report
         return float(np.abs(report.depth).max() / model.compiled.pair_margin[0])
@@ -183,7 +185,7 @@ def test_a_ball_held_by_the_plane_stands_still(preset: str, slope: float, omega:
     Measured 9e-16 m and 7e-14 m, rounding; with resistance against rolling alone 1.5e-3 m and
     1.4e-5 m, and adaptive steps without end.
     """
-    ball = Ball(Shell(0.2, 1.5, 0.03, 0.03, Y), Frame(0.5, 0.002 * np.eye(3)), ())
+    ball = Ball(Shell(0.2, 1.5, 0.03, 0.03, Y), (Hinge(Frame(0.5, 0.002 * np.eye(3))),))
     scene = robot(
         "held", ball, "classical", [0.0], (1.0, 0.0, 0.0, 0.0), (0.0, omega, 0.0),
         gravity_direction=(np.sin(slope), 0.0, -np.cos(slope)), friction=Friction(rolling=0.004),

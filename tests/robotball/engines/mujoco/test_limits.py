@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.ball import Ball, Frame, Hinge, Shell
 from robotball.engines.mujoco import limits
 from robotball.engines.mujoco.limits import LAWS, LimitCheck, PlannedRun, exceeded, planned
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.settings import Prescribed, recipe
 from robotball.engines.mujoco.trials import linearised_start, momentum_loss
 from robotball.motors import Actuator, Free, Law, Servo
-from robotball.robot import Ball, Frame, Shell
 from robotball.scene import Friction
 from robotball.variations import scaled
 from tests.motions import Pair, pair_of
@@ -65,8 +65,14 @@ def geared(gain: float) -> rb.Scene:
     """
     law, command = Law(gain / 4, 0.0, gain / 4), swing(1.0, 2.0)
     return replace(
-        robot("geared", pendulum_ball(), "rubber", [swing(2.0, 1.2), 0.0], (1.0, 0.05, 0.0, 0.0)),
-        motors=(Servo(0.5, armature=0.002), Free(armature=0.001)),
+        robot(
+            "geared",
+            pendulum_ball(),
+            "rubber",
+            [swing(2.0, 1.2), 0.0],
+            (1.0, 0.05, 0.0, 0.0),
+            motors=(Servo(0.5, armature=0.002), Free(armature=0.001)),
+        ),
         actuators=(Actuator("geared", (("pendulum1", 2.0),), law, command),),
     )
 
@@ -78,11 +84,11 @@ def heavy(scene: rb.Scene, *masses: float) -> list[rb.Scene]:
 def swung(frequency: float, amplitude: float = 1.0) -> rb.Scene:
     """Fig. 12's with a frame whose rate swings from a crest on."""
     sine = rb.Sine(mean=2.0, amplitude=amplitude, frequency=frequency, phase=np.pi / 2)
-    return replace(FIG12, frame_rate=sine)
+    return FIG12.with_hinges(command={"frame": sine})
 
 
 # Rotors at 30 times their rates turn the ball by 2.2 rad in a step inside, 3.0 beyond.
-ROTORS = replace(FIG12, rotor_rates=(30 * 148.0,))
+ROTORS = FIG12.with_hinges(command={"rotor1": 30 * 148.0})
 TURN = planned(ROTORS, FAST, 1.0).rotation_rate
 STICKY = {"sliding_friction": 1e3, "torsional_friction": 1e3}
 PGS: dict[str, Any] = {"noslip_iterations": 0}
@@ -256,8 +262,7 @@ def test_fast_rotors_are_no_reason_to_warn_of_a_loss() -> None:
     By the fastest rotation alone all of M could be lost.
     """
     ball = ball_of_points(46)
-    rates = tuple(4 * rate for rate in ball.rotor_rates if isinstance(rate, float))
-    scene = replace(ball, rotor_rates=rates)
+    scene = ball.with_hinges(command=[(4 if i else 1) * h.rate for i, h in enumerate(ball.hinges)])
     limit = limit_of(limits.momentum_lost, scene, FAST, 10.0)
     theta = planned(scene, FAST, 10.0).rotation_rate * 0.02
     assert 10.0 / 0.02 * theta**6 / 144 > limit.limit
@@ -413,7 +418,7 @@ def test_a_run_of_too_many_steps_is_refused_with_the_numbers() -> None:
 
 def test_adaptive_steps_of_stiff_servos_are_refused() -> None:
     """By their rate times the duration, before the run."""
-    ball = Ball(Shell(0.2, 1.0, 0.03, 0.03, Y), Frame(0.5, 4e-5 * np.eye(3)), ())
+    ball = Ball(Shell(0.2, 1.0, 0.03, 0.03, Y), (Hinge(Frame(0.5, 4e-5 * np.eye(3))),))
     scene = robot("stiff", ball, "rubber", [1.0], (1.0, 0.2, 0.1, 0.0), motors=(Servo(500.0),))
     words = r"the number of steps that the servos' rate takes is 1\.98\d*e\+07"
     with pytest.warns(rb.SceneWarning), pytest.raises(rb.InputError, match=words):

@@ -27,7 +27,7 @@ def moved(model: Model, steps: int = 0) -> mujoco.MjData:
     return data
 
 
-STILL = replace(REGULAR, ball=replace(REGULAR.ball, rotors=()), frame_rate=0.0, rotor_rates=())
+STILL = replace(REGULAR, ball=rb.Ball(REGULAR.ball.shell, (rb.Hinge(REGULAR.ball.frame),)))
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,7 @@ FAULTS: dict[str, tuple[rb.Scene, rb.Settings, set[str]]] = {
     "no torsional row": (FIG12, replace(FAST, condim=3), {"slipped over 0.0005 of the path"}),
     # No warning of MuJoCo's, and M is off at once.
     "Euler at fast rotors": (
-        replace(FIG12, rotor_rates=(30 * 148.0,)),
+        FIG12.with_hinges(command={"rotor1": 30 * 148.0}),
         replace(FAST, integrator="Euler", timestep=1e-3, sliding_friction=1e4,
                 torsional_friction=1e4),
         {"M off by over 0.0005"},
@@ -74,7 +74,7 @@ def test_a_drive_that_steps_see_as_a_constant_is_a_fault(
     The rates at the steps' ends alone are right, but for one of 199 Hz.
     """
     sine = rb.Sine(mean=2.0, amplitude=0.05, frequency=frequency, phase=np.pi / 2)
-    model = build(replace(FIG12, frame_rate=sine), rb.preset(preset))
+    model = build(FIG12.with_hinges(command={"frame": sine}), rb.preset(preset))
     faults = run(model, np.linspace(0.0, 0.4, 21)).report.faults
     assert [fault.text for fault in faults] == ["hinge rate off by over 0.001"] * off
 

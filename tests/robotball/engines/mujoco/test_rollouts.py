@@ -88,9 +88,9 @@ def test_a_start_that_turns_other_hinges_runs_alone() -> None:
     """The model of the first start has no hinge for a rotor that stands, the second's has."""
     scene, times = rb.load_scene("zero_rotor"), np.linspace(0.0, 0.5, 6)
     angles = np.full(len(scene.hinges), 0.1)
-    starts = [scene.start, replace(scene.start, hinge_angles=angles), *starts_of(scene, 1)]
-    alone = [rb.simulate(replace(scene, start=each), times) for each in starts]
-    check_same([*rb.simulate_many(scene, starts, times)], alone)
+    turned = replace(scene.with_hinges(angle=angles), start=starts_of(scene, 1)[0])
+    scenes = [scene, scene.with_hinges(angle=angles), turned]
+    check_same([*rb.simulate_many(scenes, times=times)], [rb.simulate(s, times) for s in scenes])
 
 
 def test_scenes_may_differ_in_drives_and_bodies() -> None:
@@ -98,7 +98,7 @@ def test_scenes_may_differ_in_drives_and_bodies() -> None:
     times = np.linspace(0.0, 0.5, 6)
     scenes = [
         FIG12,
-        replace(FIG12, frame_rate=lambda t: 1.0 + 0.1 * t),
+        FIG12.with_hinges(command={"frame": lambda t: 1.0 + 0.1 * t}),
         rb.load_scene("classical_regular"),
     ]
     check_same([*rb.simulate_many(scenes, times=times)], [rb.simulate(s, times) for s in scenes])

@@ -1,7 +1,5 @@
 """MuJoCo rolls the ball as the equations do: path, momentum, forces, order in the timestep."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -85,7 +83,7 @@ def test_a_servo_follows_its_law_between_its_limits(preset: str) -> None:
     MuJoCo.
     """
     motors = (rb.Servo(gain=100.0, torque_limit=3.0), None)
-    scene = replace(FIG12, motors=motors)
+    scene = FIG12.with_hinges(motor=motors)
     motion = rb.simulate(scene, rb.sample_times(2.0), preset)
     torque = motion.loads.motor_torques[:, 0]
     rate = scene.hinges[0].command.rate(motion.times)

@@ -121,7 +121,8 @@ def test_any_settings_give_a_finite_motion_or_one_line(
     start = replace(scene.start, momentum=scene.start.momentum * momentum)
     try:
         given = replace(base, max_steps=200, **changes)
-        extreme_scene = replace(scene, gravity=gravity, start=start, frame_rate=2.0 * rate)
+        extreme_scene = replace(scene, gravity=gravity, start=start)
+        extreme_scene = extreme_scene.with_hinges(command={"frame": 2.0 * rate})
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", rb.SceneWarning)
             step = 0.01 if given.timestep is None else given.timestep

@@ -50,7 +50,8 @@ class SecondForm:
         self.scene, self.hinges = scene, scene.hinges
         links, joints = links_of(scene), ["<freejoint/>"]
         joints += [
-            f'<joint type="{"slide" if hinge.slides else "hinge"}" axis="{_numbers(hinge.axis)}" '
+            f'<joint type="{"slide" if hinge.body.slides else "hinge"}" '
+            f'axis="{_numbers(hinge.body.axis)}" '
             f'armature="{float(hinge.motor.armature if hinge.motor else 0.0)!r}"/>'
             for hinge in self.hinges
         ]

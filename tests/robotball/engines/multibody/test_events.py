@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from robotball import InputError, Scene, integrate
+from robotball.ball import Ball, Frame, Hinge, Shell
 from robotball.drives import Sine
 from robotball.motors import Servo
-from robotball.robot import Ball, Frame, Shell
 from robotball.scene import Friction
 from tests.robots import Y, energy, robot, worked
 
@@ -23,7 +23,7 @@ TIMES = np.linspace(0.0, 10.0, 101)
 
 def round_ball(rolling: Any, omega: Any, **more: Any) -> Scene:
     """A ball whose every axis is principal, with the same moment, on a plane that resists."""
-    ball = Ball(Shell(RADIUS, 1.0, 0.05, 0.05, Y), Frame(1.0, 0.04 * np.eye(3)), ())
+    ball = Ball(Shell(RADIUS, 1.0, 0.05, 0.05, Y), (Hinge(Frame(1.0, 0.04 * np.eye(3))),))
     friction = Friction(rolling=RESISTANCE)
     attitude = (1.0, 0.3, 0.2, -0.1)
     return robot("round", ball, rolling, [0.0], attitude, omega, friction=friction, **more)
@@ -87,7 +87,7 @@ def test_a_ball_that_a_growing_load_sets_rolling_is_no_stiff_one() -> None:
     alone, however slow it is, 20000 steps reach 1.162 s.
     """
     swinging = Sine(amplitude=20.0, frequency=0.3)
-    ball = Ball(Shell(0.2, 1.5, 0.03, 0.03, Y), Frame(0.5, 0.002 * np.eye(3)), ())
+    ball = Ball(Shell(0.2, 1.5, 0.03, 0.03, Y), (Hinge(Frame(0.5, 0.002 * np.eye(3))),))
     scene = robot(
         "swinging", ball, "classical", [swinging], (1.0, 0.3, 0.2, 0.1),
         gravity_direction=(np.sin(0.01), 0.0, -np.cos(0.01)), friction=Friction(rolling=0.004),
@@ -103,8 +103,8 @@ def test_what_cannot_be_followed_is_refused() -> None:
     Motors that settle at 1.2e7 1/s are refused before the run; slower ones run.
     """
     with pytest.raises(InputError, match=r"the ball lifts off the plane at t = 0\.\d+ s, where"):
-        integrate(replace(worked("W2"), frame_rate=-40.0))
-    ball = Ball(Shell(0.2, 1.0, 0.03, 0.03, Y), Frame(0.5, 4e-5 * np.eye(3)), ())
+        integrate(worked("W2").with_hinges(command=[-40.0]))
+    ball = Ball(Shell(0.2, 1.0, 0.03, 0.03, Y), (Hinge(Frame(0.5, 4e-5 * np.eye(3))),))
     stiff, soft = (
         robot("stiff", ball, "rubber", [1.0], (1.0, 0.2, 0.1, 0.0), motors=(Servo(gain),))
         for gain in (500.0, 0.5)

@@ -56,7 +56,7 @@ def test_random_robots_move_and_load_the_plane_as_newton_and_euler_say() -> None
         assert end < 1e-11
         if scene.ball.pendulums and not seen_wrong:
             hung = replace(scene.ball.pendulums[0], pivot=-scene.ball.pendulums[0].pivot)
-            wrong = replace(scene, ball=replace(scene.ball, pendulums=(hung,)))
+            wrong = scene.with_hinges(body={"pendulum1": hung})
             seen_wrong = min(off_by(SecondForm(wrong), scene)) > 1e-3
     assert seen_wrong
 
@@ -70,15 +70,15 @@ def test_trees_three_deep_move_and_load_the_plane_as_newton_and_euler_say(framed
     rng = np.random.default_rng(3)
     for _ in range(3):
         scene = random_tree(rng, framed)
-        *others, last = scene.motors
+        last = scene.hinges[-1].motor
         assert isinstance(last, Free)
         dry = replace(last, friction=0.02 * scene.ball.radius**2)
-        scene = replace(scene, motors=(*others, dry))
+        scene = scene.with_hinges(motor={scene.hinges[-1].name: dry})
         start, end = off_by(SecondForm(scene), scene)
         assert start < 5e-15
         assert end < 7e-12
-    links = tuple(replace(link, slides=False) for link in scene.ball.links)
-    turned = replace(scene, ball=replace(scene.ball, links=links))
+    links = {link.name: replace(link, slides=False) for link in scene.ball.links}
+    turned = scene.with_hinges(body=links)
     assert min(off_by(SecondForm(turned), scene)) > 1e-3
 
 

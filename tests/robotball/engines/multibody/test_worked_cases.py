@@ -43,13 +43,10 @@ def test_worked_end_points_are_met(name: str) -> None:
 def test_a_stronger_motor_ends_elsewhere() -> None:
     """The check sees a torque limit that is 1e-6 higher: measured 2e-6."""
     scene = worked("W4")
-    servo = scene.motors[0]
+    servo = scene.hinges[0].motor
     assert isinstance(servo, Servo)
     stronger = replace(servo, torque_limit=0.6 * (1 + 1e-6))
-    assert (
-        off(integrate(replace(scene, motors=(stronger, scene.motors[1])), TIMES[::200]), "W4")
-        > 1e-7
-    )
+    assert off(integrate(scene.with_hinges(motor={"frame": stronger}), TIMES[::200]), "W4") > 1e-7
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -8,11 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robotball.equations import parameters_of
-from robotball.robot import (
+from robotball.ball import (
     Ball,
     Frame,
     Given,
+    Hinge,
+    Hung,
     Link,
     Pendulum,
     Rotor,
@@ -21,6 +22,8 @@ from robotball.robot import (
     axial_tensor,
     thin_shell_inertia,
 )
+from robotball.equations import parameters_of
+from robotball.motors import Servo
 from robotball.rotations import Array
 from robotball.scene import Start
 from tests.random_balls import cloud_inertia
@@ -31,10 +34,10 @@ TILTED = np.array([0.6, 0.0, 0.8])
 SHELL = Shell(radius=0.5, mass=2.0, axial_inertia=0.3, transverse_inertia=0.2, axis=Z)
 FRAME = Frame(mass=1.0, inertia=np.diag([0.1, 0.2, 0.25]))
 ROTOR = Rotor(mass=0.5, axial_inertia=0.02, transverse_inertia=0.01, axis=TILTED)
-BALL = Ball(SHELL, FRAME, (ROTOR,))
+BALL = Ball(SHELL, (Hinge(FRAME), Hinge(ROTOR)))
 PENDULUM = Pendulum(0.5, 0.01 * np.eye(3), 0.1 * Y, TILTED)
 LINK = Link("arm", "shell", 0.5, 0.01 * np.eye(3), 0.1 * Y, TILTED)
-START = Start(np.array([0.6, 0.8, 0.0, 0.0]), Y, hinge_angles=np.zeros(2))
+START = Start(np.array([0.6, 0.8, 0.0, 0.0]), Y)
 
 
 @given(
@@ -87,7 +90,7 @@ def test_principal_axes_give_the_inertia_back() -> None:
     """Axes diag(I) axesᵀ is the inertia, axes are a rotation, and A, K, Ω are turned into them."""
     rng = np.random.default_rng(1)
     for _ in range(30):
-        ball = replace(BALL, frame=Frame(1.0, cloud_inertia(rng, 1.0, 0.4)))
+        ball = BALL.with_hinges(body={"frame": Frame(1.0, cloud_inertia(rng, 1.0, 0.4))})
         moments, axes = ball.principal
         # Rounding: measured 1e-15 of the size, then 1.1e-15, 7.8e-16, 3.6e-15, 3.1e-15, 7.1e-15.
         size = np.trace(ball.inertia)
@@ -105,7 +108,7 @@ def test_principal_axes_give_the_inertia_back() -> None:
 
 def test_axes_that_are_principal_keep_their_order() -> None:
     """A diagonal inertia is taken as it is, not sorted."""
-    ball = Ball(SHELL, Frame(1.0, np.diag([0.3, 0.1, 0.25])), ())
+    ball = Ball(SHELL, (Hinge(Frame(1.0, np.diag([0.3, 0.1, 0.25]))),))
     moments, axes = ball.principal
     np.testing.assert_array_equal(axes, np.eye(3))
     np.testing.assert_array_equal(moments, np.diag(ball.inertia))
@@ -145,3 +148,30 @@ def test_thin_shell_has_the_inertia_of_points_on_the_sphere() -> None:
     places = 0.3 * np.concatenate([np.eye(3), -np.eye(3)])
     inertia = inertia_of(np.full(6, 0.7 / 6), places)
     assert gap(inertia, thin_shell_inertia(0.3, 0.7) * np.eye(3)) < 1e-16
+
+
+def test_hinges_change_by_name_or_each_in_order() -> None:
+    """The others stay as they are; without a motor a hinge has no rate of its own."""
+    servo = Servo(gain=1.0)
+    given: dict[str, Any] = {
+        "command": {"rotor1": 2.0},
+        "motor": {"rotor1": servo},
+        "rate": {"rotor1": 3.0},
+    }
+    by_name = BALL.with_hinges(**given)
+    assert by_name.hinges == (BALL.hinges[0], Hinge(ROTOR, 2.0, servo, rate=3.0))
+    in_order = by_name.with_hinges(angle=np.array([0.1, 0.2]))
+    assert in_order.hinges == (Hinge(FRAME, angle=0.1), Hinge(ROTOR, 2.0, servo, 0.2, 3.0))
+    assert by_name.with_hinges(motor=(None, None)).hinges[1] == Hinge(ROTOR, 2.0)
+    assert by_name != BALL != in_order
+
+
+def test_bodies_hang_in_any_order_on_what_carries_them() -> None:
+    """Rotors and pendulums are numbered, each kind by itself, and keep their places."""
+    pendulum = Pendulum(0.1, 1e-3 * np.eye(3), np.zeros(3), TILTED)
+    bodies: list[Hung] = [FRAME, pendulum, ROTOR, pendulum]
+    ball = Ball(SHELL, tuple(map(Hinge, bodies)))
+    names = ["shell", "frame", "pendulum1", "rotor1", "pendulum2"]
+    assert [link.name for link in ball.tree] == names
+    assert [link.parent for link in ball.tree] == ["", "shell", "frame", "frame", "frame"]
+    assert (ball.rotors, ball.pendulums) == ((ROTOR,), (pendulum, pendulum))

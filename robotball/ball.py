@@ -1,20 +1,26 @@
-"""The ball's bodies, and the few numbers of them that the equations need (Appendix A).
+"""The ball's bodies and hinges, and the few numbers that the equations need of them (Appendix A).
 
 In order: records with arrays, which are equal where their numbers are; inertias of simple bodies
-and of bodies put together; the bodies of a ball; the ball; checks of what a rigid body can be.
+and of bodies put together; the bodies of a ball; its hinges; the ball; checks of what a rigid body
+can be.
 """
 
+import itertools
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, field, fields
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robotball.errors import LARGEST, InputError, check_positive, check_size
+from robotball.errors import LARGEST, InputError, check_positive, check_size, unknown
 from robotball.rotations import Array
+
+if TYPE_CHECKING:
+    from robotball.drives import Rate
+    from robotball.motors import Motor
 
 
 class Value:
@@ -164,12 +170,24 @@ class _Built(Given):
 
 @dataclass(frozen=True)
 class Shell(_Built):
-    """The sphere that rolls, as a rule symmetric about `axis` (3,), about which the frame turns.
+    """Describe the sphere that rolls, about whose axis the frame turns.
 
-    SI units; `axis` is a unit vector in frame axes. offset [m]: σ, the centre of mass along the
-    axis, from the sphere's centre. The moments are about the centre of mass. asymmetry (3, 3)
-    [kg m²] and aside (3,) [m] are added to the inertia and to the centre of mass of a shell that
-    is not symmetric.
+    Parameters
+    ----------
+    radius : float
+        Radius a, m.
+    mass : float
+        kg.
+    axial_inertia, transverse_inertia : float
+        Moments about the axis and across it, through the shell's own centre of mass, kg m².
+    axis : array (3,)
+        Unit vector, frame axes.
+    offset : float, optional
+        σ, how far the centre of mass is along the axis from the sphere's centre, m.
+    asymmetry : array (3, 3), optional
+        What is added to the inertia of a shell that is not symmetric, kg m².
+    aside : array (3,), optional
+        What is added to the centre of mass of such a shell, m.
     """
 
     radius: float
@@ -194,10 +212,18 @@ class Shell(_Built):
 
 @dataclass(frozen=True)
 class Frame(_Built):
-    """The body that turns inside the shell and carries the rotors and pendulums.
+    """Describe the body that turns inside the shell and carries rotors and pendulums.
 
-    mass kg; inertia (3, 3) kg m² about its own centre of mass; centre (3,) m, of mass, from the
-    shell's.
+    Its hinge lies along the shell's axis, through the sphere's centre.
+
+    Parameters
+    ----------
+    mass : float
+        kg.
+    inertia : array (3, 3)
+        About the frame's own centre of mass, frame axes, kg m².
+    centre : array (3,), optional
+        Centre of mass, from the sphere's centre, m.
     """
 
     mass: float
@@ -207,9 +233,18 @@ class Frame(_Built):
 
 @dataclass(frozen=True)
 class Rotor(_Built):
-    """A symmetric body turning on the frame about its own axis (3,), a unit vector.
+    """Describe a symmetric body that turns on the frame about its own axis.
 
-    Its moments are about its own centre of mass; centre (3,) m, of mass, from the shell's.
+    Parameters
+    ----------
+    mass : float
+        kg.
+    axial_inertia, transverse_inertia : float
+        Moments about the axis and across it, through the rotor's own centre of mass, kg m².
+    axis : array (3,)
+        Unit vector, frame axes.
+    centre : array (3,), optional
+        Centre of mass, from the sphere's centre, m.
     """
 
     mass: float
@@ -226,11 +261,20 @@ class Rotor(_Built):
 
 @dataclass(frozen=True)
 class Pendulum(_Built):
-    """Any body on a hinge of the frame, as it is at the hinge's angle 0, frame axes.
+    """Describe any body on a hinge of the frame, as it is at the hinge's angle 0.
 
-    mass kg; inertia (3, 3) kg m² about its own centre of mass; centre (3,) m, that centre from the
-    sphere's; axis (3,) the hinge's, a unit vector; pivot (3,) m, a point of the axis from the
-    sphere's centre.
+    Parameters
+    ----------
+    mass : float
+        kg.
+    inertia : array (3, 3)
+        About the pendulum's own centre of mass, frame axes, kg m².
+    centre : array (3,)
+        Centre of mass, from the sphere's centre, m.
+    axis : array (3,)
+        The hinge's unit vector, frame axes.
+    pivot : array (3,), optional
+        A point of the hinge's axis, from the sphere's centre, m.
     """
 
     mass: float
@@ -242,17 +286,29 @@ class Pendulum(_Built):
 
 @dataclass(frozen=True)
 class Link(_Built):
-    """Any body of the tree with the joint that holds it, as they are where all joints are at 0.
+    """Describe any body of the tree with its joint, as they are where all joints are at 0.
 
-    name    its own; parent: of the body that it is joined to, "" of the shell
-    mass    kg
-    inertia (3, 3) kg m² about its centre of mass, frame axes
-    centre  (3,) m, of mass, from the sphere's centre
-    axis    (3,) of the joint, a unit vector in frame axes
-    pivot   (3,) m, a point of the hinge's axis from the sphere's centre
-    slides  whether the joint moves the body along the axis, and does not turn it
-    range   of the joint, where it has one: its name, the least and the largest angle [rad; m]; the
-            equations end a motion there, while engines let the joint go on
+    Parameters
+    ----------
+    name : str
+        The body's own name.
+    parent : str
+        Name of the body that it is joined to; "" of the shell, which is joined to none.
+    mass : float
+        kg.
+    inertia : array (3, 3)
+        About the link's own centre of mass, frame axes, kg m².
+    centre : array (3,)
+        Centre of mass, from the sphere's centre, m.
+    axis : array (3,)
+        The joint's unit vector, frame axes.
+    pivot : array (3,), optional
+        A point of a hinge's axis, from the sphere's centre, m.
+    slides : bool, optional
+        Whether the joint moves the body along the axis, and does not turn it.
+    range : tuple of (str, float, float), optional
+        Name, least and largest angle of a joint that has limits, rad or m. The equations end a
+        motion there, while engines let the joint go on.
     """
 
     name: str
@@ -271,25 +327,75 @@ class Link(_Built):
         return self.mass == 0 and not self.inertia.any()
 
 
-Body = Shell | Frame | Rotor | Pendulum | Link
-# Of a ball whose links hang on the shell. NaN, so that no frame of a user's is taken for it.
-NO_FRAME = Frame(0.0, np.full((3, 3), np.nan))
+Hung = Frame | Rotor | Pendulum | Link
+Body = Shell | Hung
+
+
+@dataclass(frozen=True)
+class Hinge(Value):
+    """Hang a body in the ball, and say how it is moved and how it starts.
+
+    Parameters
+    ----------
+    body : Frame, Rotor, Pendulum or Link
+        A frame turns relative to the shell, rotors and pendulums relative to the frame, a link
+        relative to its parent.
+    command : float, Drive, Custom or callable, optional
+        What the motor takes, as a function of time: a rate (rad/s), an angle (rad), a torque
+        (N m). Without a motor it is the rate, which the hinge keeps exactly. Of a slide in m and N.
+    motor : Motor, optional
+        What moves the hinge by a torque.
+    angle : float, optional
+        At the start, rad; m of a slide.
+    rate : float, optional
+        At the start, rad/s; m/s of a slide. If None it is the commanded rate, or 0 where the
+        command is none. A hinge without a motor always starts at its commanded rate.
+
+    Raises
+    ------
+    InputError
+        If the angle or the rate is not finite.
+    """
+
+    body: Hung
+    command: "Rate" = 0.0
+    motor: "Motor | None" = None
+    angle: float = 0.0
+    rate: float | None = None
+
+    def __post_init__(self) -> None:
+        check_size("a hinge's angle at the start", self.angle, "rad")
+        if self.rate is not None:
+            check_size("a hinge's rate at the start", self.rate, "rad/s")
+        if self.motor is None:  # equal hinges are equal records
+            object.__setattr__(self, "rate", None)
 
 
 @dataclass(frozen=True)
 class Ball(Value):
-    """Shell, frame, rotors, pendulums and any other links, in the frame's own axes.
+    """Put a ball together: its shell, and the hinges by which other bodies hang in it.
 
-    These are not always principal axes. The reduced equations need the ball balanced, its centre of
-    mass at the centre of the sphere, without pendulums and links. A ball without a frame has
-    NO_FRAME, and its axes are the shell's. Numbers that change with a joint are those at its 0.
+    Vectors have the frame's axes, which are not always principal ones, or the shell's axes in a
+    ball without a frame. The reduced equations need a balanced ball, its centre of mass at the
+    centre of the sphere, with a frame and rotors only. Numbers that change with a joint are those
+    at its angle 0.
+
+    Parameters
+    ----------
+    shell : Shell
+        The sphere that rolls.
+    hinges : tuple of Hinge
+        The frame's first, where there is one, and every link's after its parent's. In this order
+        motions have the hinges' angles and rates.
+
+    Raises
+    ------
+    InputError
+        If the bodies do not make a tree, or a rigid body cannot have the numbers of one of them.
     """
 
     shell: Shell
-    frame: Frame
-    rotors: tuple[Rotor, ...]
-    pendulums: tuple[Pendulum, ...] = ()
-    links: tuple[Link, ...] = ()
+    hinges: tuple[Hinge, ...] = ()
 
     def __post_init__(self) -> None:
         check_positive("the shell's radius", self.shell.radius, "m")
@@ -315,9 +421,77 @@ class Ball(Value):
         # rounding.
         check_inertia("the ball", self.inertia)
 
-    @property
+    def _check_tree(self) -> None:
+        """Raise InputError unless every body hangs on one that comes before it."""
+        names = [name for name, _ in self.named_bodies]
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise InputError(f"two bodies are called {twice[0]!r}")
+        for i, (name, body) in enumerate(self.named_bodies):
+            if isinstance(body, Rotor | Pendulum) and not self.has_frame:
+                raise InputError(
+                    "rotors and pendulums turn on a frame; a ball without one takes links"
+                )
+            if isinstance(body, Frame) and i > 1:
+                raise InputError(f"the frame carries the others: put it before {names[1]}")
+            if isinstance(body, Link) and body.parent not in names[:i]:
+                raise InputError(
+                    f"{name} hangs on {body.parent!r}, which is no body before it; the bodies "
+                    f"before it are {', '.join(names[:i])}"
+                )
+
+    def with_hinges(self, **given: "Mapping[str, Any] | Sequence[Any] | Array") -> "Ball":
+        """Return the ball with other bodies, commands, motors, angles or rates of its hinges.
+
+        Parameters
+        ----------
+        **given
+            By the name of a field of `Hinge`: a mapping from names of bodies to their new values,
+            or a value for each hinge, in order.
+
+        Returns
+        -------
+        Ball
+            Hinges that are not named stay as they are.
+
+        Raises
+        ------
+        InputError
+            If no body has such a name, or there is not a value for each hinge.
+        """
+        changes: dict[str, dict[str, Any]] = {link.name: {} for link in self.tree[1:]}
+        for what, values in given.items():
+            if not isinstance(values, Mapping):
+                count = len(changes)
+                if len(values) != count:
+                    raise InputError(f"{count} hinges need as many {what}s, not {len(values)}")
+                values = dict(zip(changes, values, strict=True))
+            for name, value in values.items():
+                if name not in changes:
+                    raise unknown("hinge", name, changes)
+                changes[name][what] = value
+        hinges = zip(self.hinges, changes.values(), strict=True)
+        return replace(self, hinges=tuple(replace(each, **own) for each, own in hinges))
+
+    @cached_property
     def has_frame(self) -> bool:
-        return self.frame != NO_FRAME
+        return any(isinstance(hinge.body, Frame) for hinge in self.hinges)
+
+    @property
+    def frame(self) -> Frame:
+        """The frame of a ball that has one."""
+        return next(hinge.body for hinge in self.hinges if isinstance(hinge.body, Frame))
+
+    @property
+    def rotors(self) -> tuple[Rotor, ...]:
+        return tuple(hinge.body for hinge in self.hinges if isinstance(hinge.body, Rotor))
+
+    @property
+    def pendulums(self) -> tuple[Pendulum, ...]:
+        return tuple(hinge.body for hinge in self.hinges if isinstance(hinge.body, Pendulum))
+
+    @property
+    def links(self) -> tuple[Link, ...]:
+        return tuple(hinge.body for hinge in self.hinges if isinstance(hinge.body, Link))
 
     @property
     def general(self) -> bool:
@@ -325,27 +499,18 @@ class Ball(Value):
         shell = self.shell
         return bool(self.links or shell.asymmetry.any() or shell.aside.any()) or not self.has_frame
 
-    def _check_tree(self) -> None:
-        """Raise InputError unless every link hangs on a body that comes before it."""
-        names = [name for name, _ in self.named_bodies]
-        if not self.has_frame and (self.rotors or self.pendulums):
-            raise InputError("rotors and pendulums turn on a frame; a ball without one takes links")
-        if twice := [name for name in names if names.count(name) > 1]:
-            raise InputError(f"two bodies are called {twice[0]!r}")
-        for i, link in enumerate(self.links, start=len(names) - len(self.links)):
-            if link.parent not in names[:i]:
-                raise InputError(
-                    f"{link.name} hangs on {link.parent!r}, which is no body before it; the bodies "
-                    f"before it are {', '.join(names[:i])}"
-                )
-
-    @property
+    @cached_property
     def named_bodies(self) -> tuple[tuple[str, Body], ...]:
-        """(name, body) of the shell, frame, rotors, pendulums and links, as engines name them."""
-        frame = (("frame", self.frame),) if self.has_frame else ()
-        hung = ((f"pendulum{i}", each) for i, each in enumerate(self.pendulums, start=1))
-        links = ((each.name, each) for each in self.links)
-        return ("shell", self.shell), *frame, *self.named_rotors, *hung, *links
+        """(name, body) of the shell and of every hinge's body, as engines name them."""
+        counts = {Rotor: itertools.count(1), Pendulum: itertools.count(1)}
+        named: list[tuple[str, Body]] = [("shell", self.shell)]
+        for body in (hinge.body for hinge in self.hinges):
+            if isinstance(body, Rotor | Pendulum):
+                name = f"{type(body).__name__.lower()}{next(counts[type(body)])}"
+            else:
+                name = body.name if isinstance(body, Link) else "frame"
+            named.append((name, body))
+        return tuple(named)
 
     @cached_property
     def tree(self) -> tuple[Link, ...]:
@@ -363,10 +528,6 @@ class Ball(Value):
         if isinstance(body, Rotor | Pendulum):
             axis, pivot = body.axis, body.pivot if isinstance(body, Pendulum) else body.centre
         return Link(name, parent, body.mass, body.inertia, body.centre, axis, pivot)
-
-    @property
-    def named_rotors(self) -> tuple[tuple[str, Rotor], ...]:
-        return tuple((f"rotor{i}", rotor) for i, rotor in enumerate(self.rotors, start=1))
 
     @property
     def radius(self) -> float:

@@ -14,7 +14,6 @@ import robotball as rb
 import robotball.motion
 from robotball.engines.mujoco import stepping
 from robotball.engines.reduced import motion_of
-from robotball.loads import Loads
 from robotball.motion import PIECE, attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array, multiply
 
@@ -47,14 +46,6 @@ def test_each_error_has_its_own_scale(axis: list[float], angle: float, of_gamma:
     assert momentum_error(off, theory) == pytest.approx(2.0 / 5.0, rel=1e-12)
     with pytest.raises(rb.InputError, match=r"t = 0\.1 s of the motion is no time of the ref"):
         path_error(theory, off)
-
-
-def test_friction_needed_is_a_load_over_the_normal_force() -> None:
-    """And none where nothing presses the ball on the plane."""
-    force = np.array([[3.0, 4.0, 10.0], [3.0, 4.0, 0.0], [1.0, 0.0, -2.0]])
-    loads = Loads(force, np.array([-2.0, 1.0, 1.0]), np.zeros((3, 1)))
-    assert loads.sliding_friction.tolist() == [0.5, 0.0, 0.0]
-    assert loads.torsional_friction.tolist() == [0.2, 0.0, 0.0]
 
 
 def arrays(motion: rb.Motion) -> dict[Any, Array]:

@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 import robotball as rb
 from robotball.ball import Ball, Frame, Hinge, Hung, Rotor, Shell
 from robotball.drives import Rate
-from robotball.engines.dop853 import Compensated
 from robotball.engines.ensembles.orbits import Starts, kernel_start
 from robotball.engines.ensembles.steppers import PATH
 from robotball.equations import Rolling
@@ -204,20 +203,6 @@ def test_the_fraction_that_is_known_is_shown(equations: Literal["reduced", "mult
     assert len(shown) > 1
     assert shown == sorted(set(shown))
     assert shown[-1] < 1
-
-
-def test_a_long_sum_rounds_once() -> None:
-    """A path of a thousand steps, a million away from zero, ends within half its last place.
-
-    A plain sum is five places (5.8e-10) off there.
-    """
-    far = np.array([1e6])
-    path = Compensated(
-        lambda t, _: np.array([np.cos(t)]), (0.0, 10.0), far, 1.0, np.ones(1), max_step=0.01
-    )
-    while path.running:
-        path.step()
-    assert abs(path.state[0] - (1e6 + np.sin(10.0))) <= np.spacing(1e6) / 2
 
 
 def at(*times: float) -> rb.Motion:

@@ -1,0 +1,28 @@
+"""The table of the engine study fits the engines."""
+
+import pytest
+
+from robotball import engine_named
+from robotball.engine import OURS
+from robotball.engines.mujoco.settings import OWN
+from validation.studies.engine_rows import row_of
+
+
+@pytest.mark.parametrize("name", OURS)
+def test_a_row_is_of_its_engines_own_presets(name: str) -> None:
+    """A ladder's values are those of a field, and an engine of another package has its source.
+
+    MuJoCo's ports have MuJoCo's own preset in place of an example's.
+    """
+    engine, row = engine_named(name), row_of(name)
+    for preset, (field, values) in row.ladders.items():
+        assert hasattr(engine.presets[preset], field)
+        assert len(values) > 0
+    assert row.ours.keys() <= engine.presets.keys()
+    assert bool(row.source) == (name not in ("mujoco", "multibody", "mjx", "mujoco-warp"))
+
+
+def test_mujocos_integrators_are_all_among_its_knobs() -> None:
+    knobs = row_of("mujoco").knobs
+    assert knobs is not None
+    assert knobs[1]["integrator"] == tuple(OWN)

@@ -78,7 +78,7 @@ class Limits:
     >>> import robotball as rb
     >>> slow = rb.Limits(rotor_speed=50.0)
     >>> found = rb.design(A=[0.7, 0.6, 0.8], Omega=[0, 0, 2], K=[2, 2, 0], radius=1.0, limits=slow)
-    >>> max(found.rotor_rates) <= 50.0
+    >>> max(found.rates[1:]) <= 50.0
     True
     """
 
@@ -211,7 +211,7 @@ def design(
     --------
     >>> import robotball as rb
     >>> found = rb.design(A=[0.7, 0.6, 0.8], Omega=[0, 0, 2], K=[2, 2, 0], radius=1.0)
-    >>> print(f"{len(found.ball.rotors)} rotor at {found.rotor_rates[0]:.1f} rad/s")
+    >>> print(f"{len(found.ball.rotors)} rotor at {found.rates[1]:.1f} rad/s")
     1 rotor at 138.9 rad/s
     """
     limits = Limits() if limits is None else limits

@@ -348,10 +348,9 @@ class Sum:
 
     Examples
     --------
-    >>> from dataclasses import replace
     >>> import robotball as rb
     >>> rate = rb.Sum((2.0, rb.Ramp(final=1.0, end=0.5)))
-    >>> scene = replace(rb.load_scene("fig12"), frame_rate=rate)
+    >>> scene = rb.load_scene("fig12").with_hinges(command={"frame": rate})
     >>> motion = rb.integrate(scene, rb.sample_times(0.5))
     >>> print(f"{motion.hinge_rates[-1, 0]:.3f} rad/s")
     3.000 rad/s
@@ -398,9 +397,9 @@ class Custom:
     Examples
     --------
     >>> import math
-    >>> from dataclasses import replace
     >>> import robotball as rb
-    >>> scene = replace(rb.load_scene("fig12"), frame_rate=rb.Custom(lambda t: 2.0 + math.tanh(t)))
+    >>> rate = rb.Custom(lambda t: 2.0 + math.tanh(t))
+    >>> scene = rb.load_scene("fig12").with_hinges(command={"frame": rate})
     >>> motion = rb.integrate(scene, rb.sample_times(0.5))
     >>> print(f"{motion.hinge_rates[-1, 0]:.3f} rad/s")
     2.462 rad/s

@@ -55,10 +55,9 @@ class SceneWarning(UserWarning):
     Examples
     --------
     >>> import warnings
-    >>> from dataclasses import replace
     >>> import robotball as rb
     >>> rate = rb.Sine(mean=2.0, amplitude=0.05, frequency=200.0)
-    >>> scene = replace(rb.load_scene("fig12"), frame_rate=rate)
+    >>> scene = rb.load_scene("fig12").with_hinges(command={"frame": rate})
     >>> with warnings.catch_warnings(record=True) as caught:
     ...     warnings.simplefilter("always")
     ...     motion = rb.simulate(scene, rb.sample_times(0.1), "fast")

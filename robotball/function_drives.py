@@ -25,8 +25,8 @@ _FOLLOWED = 1e-12  # of the largest rate: a polynomial as near as that costs no 
 _GIVEN = 1e-6  # relative: the largest error of a given derivative or integral
 _FINEST = 1e-3  # s, between two looks at a function whose author names no other
 _LOOKS, _MOST_LOOKS = 100_000, 10_000_000  # over a run: without a `finest`, and with one
-# s: a step may pass over what a panel follows that is shorter than SHORT, so there are breakpoints,
-# as near as RK4 needs them. A panel below SHORTEST is at a kink, which is halved without end.
+# s: a step may pass over what a panel shorter than _SHORT follows, so there are breakpoints, as
+# near as RK4 needs them. A panel below _SHORTEST is at a kink, which is halved without end.
 _SHORT, _SHORTEST, _PARTS = 0.02, 1e-6, 4
 
 

@@ -183,7 +183,7 @@ OTHERS = {
     "x_error",
     "rich.table.Table",
 }
-UNMENDED = {f"{MUJOCO}.limits", f"{MUJOCO}.stepping", "robotball.files.trial_load"}
+UNMENDED: set[str] = set()
 
 
 def test_every_name_that_a_docstring_or_comment_mentions_exists() -> None:
@@ -246,8 +246,8 @@ def strings_of(file: Path) -> Iterator[str]:
     [
         # Measured 29 files and 4591 lines; loads and integrator have a file each.
         ("from validation import compare; compare('fig12')", 29, 4600, {"matplotlib", "mediapy"}),
-        # Measured 16 files and 2525 lines.
-        ("import robotball as rb; rb.integrate(rb.load_scene('fig12'))", 16, 2530, {"mujoco"}),
+        # Measured 16 files and 2551 lines.
+        ("import robotball as rb; rb.integrate(rb.load_scene('fig12'))", 16, 2560, {"mujoco"}),
         # `robotball --help`.
         ("import validation.cli", 8, 800, {"numpy", "msgspec"}),
     ],

@@ -112,7 +112,7 @@ def _main() -> None:
 
 
 def _limit() -> None:
-    """Hold this process to MEMORY and SECONDS, where the system can."""
+    """Hold this process to _MEMORY and _SECONDS, where the system can."""
     with contextlib.suppress(OSError, ValueError):
         pages = int(Path("/proc/self/statm").read_text().split()[0])
         taken = pages * resource.getpagesize()

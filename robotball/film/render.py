@@ -410,8 +410,9 @@ def _arrows(then: Moments, lengths: dict[str, float], radius: float) -> dict[str
     return found
 
 
-# By the file's suffix: the codec, its rate factor, and ffmpeg's own options. As many threads on any
-# machine, as the bytes depend on their number; WebM would have a random mark, but for `bitexact`.
+# By the file's suffix: the codec, its rate factor, and ffmpeg's own options. The bytes depend on
+# the number of threads, so that is the same on any machine. The flag bitexact leaves out WebM's
+# random mark.
 _FORMATS: dict[str, tuple[str, int | None, str]] = {
     ".mp4": ("h264", 20, "-preset veryfast -threads 4"),
     ".webm": ("vp9", 32, "-deadline realtime -cpu-used 7 -row-mt 1 -threads 4 -fflags +bitexact"),

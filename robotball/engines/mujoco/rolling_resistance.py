@@ -14,8 +14,8 @@ import numpy as np
 from robotball.engines.mujoco.control import Control, Steps
 from robotball.rotations import Array, rotation_matrix
 
-# rad/s: a shell that rolls no faster than STANDING stands, if the plane can hold it; one that is
-# below RESTING has nothing left to take away.
+# rad/s: a shell that rolls no faster than _STANDING stands, if the plane can hold it; one that is
+# below _RESTING has nothing left to take away.
 _STANDING, _RESTING = 1e-8, 1e-13
 # Near a standstill a step is at most this part of the time to it, and this over the rate at which
 # the rolling's direction turns over; RK4 is stable up to 2.8.
@@ -86,7 +86,7 @@ class Resistance:
     def _torque(self, data: mujoco.MjData) -> Array:
         """Return the plane's torque (2,) [N m] against rolling, or what holds a standing shell.
 
-        Below STANDING the direction turns over to that of the holding torque, without a jump.
+        Below _STANDING the direction turns over to that of the holding torque, without a jump.
         """
         rolling: Array = data.cvel[self.shell, :2]
         speed = float(np.linalg.norm(rolling))

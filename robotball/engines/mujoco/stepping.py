@@ -76,7 +76,7 @@ class _Stretch:
 
 
 def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> Iterator[_Stretch]:
-    """Yield the stretches of a run over `times` (n,) [s], each of about LOOK steps.
+    """Yield the stretches of a run over `times` (n,) [s], each of about _LOOK steps.
 
     Between two sample times or breakpoints lie the fewest equal steps not longer than `timestep`.
     """
@@ -88,7 +88,7 @@ def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> 
 
 def _stretches(times: Array, ends: Array, lengths: Array, counts: Array) -> Iterator[_Stretch]:
     """Yield the stretches of a piece of the spans."""
-    # A long span is cut into parts of LOOK steps.
+    # A long span is cut into parts of _LOOK steps.
     parts = np.ceil(counts / _LOOK).astype(int)
     first = np.cumsum(parts) - parts
     part = np.arange(parts.sum()) - np.repeat(first, parts)

@@ -53,7 +53,7 @@ class _Switches:
     """The motors of a model that have a torque limit, and the side of each.
 
     A side is 0 between the limits, where the law acts alone, -1 or 1 at a limit, where the torque
-    is constant, or OWN.
+    is constant, or _OWN.
     """
 
     def __init__(self, control: Control, motors: tuple[_Limited, ...]) -> None:

@@ -100,7 +100,7 @@ REFUSED = {
     f"compare {LONG}.toml": "File name too long",
     "judge fig12": "judge needs a file with a trajectory: t,x,y,qw,qx,qy,qz",
     "judge fig12 a.csv": r"a\.csv: the columns y,qw,qx,qy,qz are missing; there are t, x",
-    "judge fig12 late.csv --every": r"late\.csv: t is 1e\+300 in row 2; it must be finite",
+    "judge fig12 late.csv": r"late\.csv: t is 1e\+300 in row 2; it must be finite",
     "judge fig12 huge.csv --json j": r"huge\.csv: x is 1e\+300 in row 2 .*; it must be finite",
     "judge fig12 deep.csv": r"deep\.csv: it is no CSV file that can be read: maximum recursion",
     "compare far.urdf": "far: at the start MuJoCo has no finite accelerations; bring the bodies'",
@@ -158,7 +158,7 @@ def test_bad_input_is_one_line_and_writes_nothing(
     status, out, err = robotball(*shlex.split(arguments))
     err = re.sub(r"^\d+%: .*\n", "", err, flags=re.MULTILINE)  # of progress, on a slow machine
     assert (status, out) == (2, "")
-    warned = "(robotball: warning: (fig06: |Inertia matrix is too close).*\n)*"
+    warned = "(robotball: warning: (fig06|far|far\\.urdf|Inertia matrix)\\b.*\n)*"
     assert re.fullmatch(rf"{warned}robotball: (?!warning).*\n", err)
     assert re.search(words, err, re.MULTILINE)
     assert sorted(tmp_path.rglob("*")) == before

@@ -98,7 +98,8 @@ class Compare:
         found = compare_all(list(scenes.values()), comparing)
         records = [record for each in found for record in each.records]
         refused = [
-            f"{scene.name if file == scene.name else f'{scene.name} ({file})'}: {each.refused}"
+            f"{scene.name if file == scene.name else f'{scene.name} ({file})'}: "
+            + each.refused.removeprefix(f"{scene.name}: ")
             for (file, scene), each in zip(scenes.items(), found, strict=True)
             if each.refused is not None
         ]

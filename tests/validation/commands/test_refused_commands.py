@@ -103,7 +103,7 @@ REFUSED = {
     "judge fig12 late.csv": r"late\.csv: t is 1e\+300 in row 2; it must be finite",
     "judge fig12 huge.csv --json j": r"huge\.csv: x is 1e\+300 in row 2 .*; it must be finite",
     "judge fig12 deep.csv": r"deep\.csv: it is no CSV file that can be read: maximum recursion",
-    "compare far.urdf": "far: at the start MuJoCo has no finite accelerations; bring the bodies'",
+    "compare far.urdf": r"far \(far\.urdf\): at the start MuJoCo has no finite accelerations",
     "report": "report needs a scene, or the JSON file of a study",
     "report a.json fig12": "one study's JSON file at a time",
     "report a.json": r"a\.json: No such file",

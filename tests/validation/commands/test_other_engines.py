@@ -1,7 +1,10 @@
 """An engine of another package goes through everything that ours do."""
 
 import json
+import os
+import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -27,7 +30,6 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         "[robotball.engines]\noff = tests.off_engine:OFF\ntorn = tests.off_engine:NOWHERE\n"
     )
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))  # of the processes that run one engine each
 
 
 def test_an_engine_is_held_against_the_equations() -> None:
@@ -85,15 +87,15 @@ def test_what_an_engine_cannot_do_is_one_line_before_the_run(
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("installed")
-def test_the_study_of_engines_runs_an_engine_that_its_table_lacks(
-    robotball: Robotball, tmp_path: Path
-) -> None:
-    """Each of its presets as it is; there is nothing to tune."""
-    options = ("fig12", "--only", "off", "--duration", "1", "--workers", "1")
-    status, out, _ = robotball("engines", *options)
-    assert (status, "Off 3.1, as it comes" in out) == (0, True)
+def test_the_study_of_engines_runs_an_engine_that_its_table_lacks(tmp_path: Path) -> None:
+    """Each of its presets as it is, in a process of its own; there is nothing to tune."""
+    study = (sys.executable, "-P", "-m", "validation", "engines", "fig12", "--only", "off")
+    options = ("--duration", "1", "--workers", "1")
+    there = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    run = partial(subprocess.run, cwd=tmp_path, env=there, capture_output=True, text=True)
+    assert run([*study, *options]).returncode == 0
     (data,) = tmp_path.glob("out/*.json")
     (row,) = json.loads(data.read_text())["runs"]
     assert row["path_error"] == pytest.approx(ERROR, rel=1e-9)
-    status, _, err = robotball("engines", *options, "--tune")
-    assert (status, "off has no knobs" in err) == (2, True)
+    told = run([*study, *options, "--tune"])
+    assert (told.returncode, "off has no knobs" in told.stderr) == (2, True)

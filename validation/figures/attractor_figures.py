@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from robotball import Motion, Scene, load_scene, preset, sample_times
 from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.settings import resolved
 from robotball.film.looks import INK
 from robotball.qualitative.sections import (
     Crossings,
@@ -66,13 +67,13 @@ _CHAOS_TRANSIENT = 20
 def figure11a() -> Figure:
     """Draw a periodic orbit and a limit torus, with what settles on them, by both engines."""
     scene = load_scene("fig12")
-    ball, balanced = scene.parameters, build(scene, preset("balanced"))
+    ball, balanced = scene.parameters, build(resolved(scene, preset("balanced")))
     cycle = fixed_point(ball, 3.6, 0.6, _F)
     own = section(ball, cycle.attitude[None], cycle.momentum[None], 2)
     ours = contact_cycle(balanced, cycle)
     through = cycle_crossings(balanced, ours)[:2]
     curve = cloud_by_equations(ball, TORUS, seed=0)
-    points = cloud_by_contact(build(scene, preset("fast")), TORUS_BY_CONTACT, seed=0)
+    points = cloud_by_contact(build(resolved(scene, preset("fast"))), TORUS_BY_CONTACT, seed=0)
     off = float(distance_to_curve(points.states, curve.states).max())
     facts = (
         "One periodic orbit, crossing twice, once in",
@@ -93,7 +94,7 @@ def figure11a() -> Figure:
         _caption_of(scene), facts, [["theory", "engine"]], (4.6, 4.6),
     )  # fmt: skip
     crossed = np.stack([through.l, through.L])
-    coarse = cloud_by_contact(build(scene, COARSE), REGULAR_BY_CONTACT, seed=2)
+    coarse = cloud_by_contact(build(resolved(scene, COARSE)), REGULAR_BY_CONTACT, seed=2)
     for each, cloud, count, torus, orbit, colour, name in (
         (axes["theory"], cloud_by_equations(ball, REGULAR, seed=1), REGULAR.count, curve,
          np.stack([own.l[0], own.L[0]]), THEORY, "equations"),
@@ -116,7 +117,7 @@ def figure11b() -> Figure:
     """Draw the strange attractor, by the equations and by the engine side by side."""
     scene = load_scene("fig14")
     theory = cloud_by_equations(scene.parameters, CHAOS, seed=1)
-    engine = cloud_by_contact(build(scene, COARSE), CHAOS_BY_CONTACT, seed=2)
+    engine = cloud_by_contact(build(resolved(scene, COARSE)), CHAOS_BY_CONTACT, seed=2)
     facts = (
         "A strange attractor:",
         "  λ₁ = 0.1160 ± 0.0001, λ₆ = -0.1394 1/s",

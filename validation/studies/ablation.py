@@ -24,7 +24,7 @@ from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.mujoco_engine import MUJOCO
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import NAIVE
+from robotball.engines.mujoco.settings import NAIVE, resolved
 from robotball.errors import unknown
 from robotball.film.looks import INK
 from robotball.rotations import Array
@@ -132,7 +132,7 @@ def _measure_ablation(scene: Scene, times: Array, rounds: int, show: Show) -> St
     theory = integrate(scene, times)
     directions = [(_BUILT_UP, each) for each in built_up()]
     directions += [(_UNDONE, each) for each in each_undone()]
-    models = [build(scene, settings) for _, settings in directions]
+    models = [build(resolved(scene, settings)) for _, settings in directions]
     agreements = []
     total = len(models) * (rounds + 2)
     for i, model in enumerate(models):

@@ -31,6 +31,7 @@ from robotball.designing import redesign
 from robotball.engines.ensembles.orbits import DONE, LONG_RUN_TOLERANCE, Integers, kernel_start
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.settings import resolved
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.equations import Parameters
 from robotball.errors import check_count, check_positive, unknown
@@ -145,7 +146,7 @@ def measure_contact(cell: Cell) -> dict[str, Any]:
     designed = replace(designed, start=replace(scene.start, momentum=momentum))
     ball, attitudes, momenta = kernel_start(designed)
     skipped, kept = (round(cell[name] / _INTERVAL) for name in ("transient", "duration"))
-    model = build(designed, preset(cell["preset"]))
+    model = build(resolved(designed, preset(cell["preset"])))
     turns = partial(rolled, model, _INTERVAL)
     found = growth(turns, _INTERVAL, skipped, kept, 1, (attitudes, momenta))
     alongside = np.array_split(found.by_equations(ball)[0][0, :, 0], 2)[1].mean() / _INTERVAL

@@ -25,6 +25,7 @@ from robotball.engines.ensembles.orbits import LONG_RUN_TOLERANCE, Integers
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run
+from robotball.engines.mujoco.settings import resolved
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.equations import Parameters
 from robotball.errors import check_count, check_seed
@@ -378,7 +379,7 @@ class Section:
             points, engine = _points_of(found, self.skip), None
             if settings is not None:
                 show(1, f"{scene.name}: {LABEL.name}, {settings.name}")
-                model = build(scene, settings)
+                model = build(resolved(scene, settings))
                 motion = sound_run(model, scene.start, each_step(model, found.times[0, -1]))
                 engine = _points_of(crossings_of_motion(motion, scene, self.g), self.skip)
             write_picture(path, _draw_section(scene, points, engine, self.g))

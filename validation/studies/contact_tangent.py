@@ -29,6 +29,7 @@ from robotball.engines.ensembles.orbits import (
 )
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
+from robotball.engines.mujoco.settings import resolved
 from robotball.equations import Parameters
 from robotball.processes import allowed, in_processes
 from robotball.qualitative.cycles import Cycle, Followed, close_map
@@ -266,7 +267,7 @@ def _cycle_rows(name: str) -> Iterator[Row]:
         cycle = fixed_point(scene.parameters, 3.6, 0.6, 25.0)
     else:
         (cycle,) = limit_cycles(scene.parameters)
-    contact = contact_cycle(build(scene, preset(settings)), cycle, parts)
+    contact = contact_cycle(build(resolved(scene, preset(settings))), cycle, parts)
     own, theirs = (float(abs(each.multipliers[0])) for each in (cycle, contact))
     yield compared(*place, "period", "s", cycle.period, contact.period, None, "step")
     yield compared(*place, "|multiplier|", "1", own, theirs, None, "step")
@@ -284,7 +285,7 @@ def _exponent_rows(name: str, quick: bool) -> Iterator[Row]:
     brought = orbits(ball, attitudes, momenta, np.array([0.0, 3000.0]), LONG_RUN_TOLERANCE)
     begin, skipped = (brought.attitudes[:, -1], momenta), round(aligned / _STRETCH)
     taken = _STRETCH, skipped, round(seconds / _STRETCH)
-    contact = contact_growth(build(scene, settings), *taken, begin)
+    contact = contact_growth(build(resolved(scene, settings)), *taken, begin)
     ours = growth(partial(integrated, ball, _STRETCH), *taken, contact.along.shape[-1], begin)
     found, right = contact.ends(zeros.stop), ours.ends(zeros.stop)
     if zeros.start == 1:
@@ -384,8 +385,9 @@ class Lyapunov:
             if settings is not None:
                 count = max(1, round(self.duration / 10 / _STRETCH))
                 skipped = round(min(100.0, self.transient) / _STRETCH)
+                model = build(resolved(scene, settings))
                 contact = contact_growth(
-                    build(scene, settings), _STRETCH, skipped, count, (attitudes, momenta),
+                    model, _STRETCH, skipped, count, (attitudes, momenta),
                     lambda part: progress(self.starts * (1 + part), f"{scene.name}: {LABEL.name}"),
                 )  # fmt: skip
                 for index, each in zip("₁₂₃₄₅₆", contact.spectra.T, strict=True):

@@ -37,7 +37,7 @@ from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import ADAPTIVE, INTEGRATORS, MOST_STEPS, OWN
+from robotball.engines.mujoco.settings import ADAPTIVE, INTEGRATORS, MOST_STEPS, OWN, resolved
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.film.looks import INK
 from robotball.motion import path_error
@@ -145,7 +145,9 @@ def measure_convergence(
     interval = float(theory.times[1])
     finest = _Method("RK4", interval / 2**halvings)
     contact = replace(settings, stop_at_fault=False, max_steps=MOST_STEPS)
-    model = build(scene, replace(contact, integrator="RK4", timestep=finest.step, rtol=None))
+    model = build(
+        resolved(scene, replace(contact, integrator="RK4", timestep=finest.step, rtol=None))
+    )
     methods = _methods(model, interval, halvings)
 
     @cache

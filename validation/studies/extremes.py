@@ -29,7 +29,7 @@ from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.limits import LAWS, PlannedRun, exceeded, planned
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import for_load
+from robotball.engines.mujoco.settings import for_load, resolved
 from robotball.film.looks import ACCENT, INK
 from robotball.rotations import Array
 from validation.agreement import Agreement
@@ -146,7 +146,7 @@ def _measured(this: CellRun) -> dict[str, Any]:
     theory = compiled_motion(scene, times)
     # On a map that does not vary friction, slip would hide what its axes do.
     settings = _ample(this.settings, theory) if this.ample else this.settings
-    motion = run(build(scene, settings), times)
+    motion = run(build(resolved(scene, settings)), times)
     agreement = Agreement(theory, motion)
     names = ("path_error", "momentum_error", "gamma_error")
     errors = {name: known(getattr(agreement, name)) for name in names}

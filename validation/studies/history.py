@@ -149,11 +149,11 @@ def _bare(cell: Cell, python: str, preset: str) -> dict[str, Any]:
     from robotball.engines.mujoco import LABEL
     from robotball.engines.mujoco.model import build
     from robotball.engines.mujoco.ports import shell_state
-    from robotball.engines.mujoco.settings import PRESETS
+    from robotball.engines.mujoco.settings import PRESETS, resolved
 
     scene, times = load_scene(cell["scene"]), sample_times(cell["duration"])
     settings, before = replace(PRESETS[preset], stop_at_fault=False), fixed_work()
-    model = build(scene, settings)
+    model = build(resolved(scene, settings))
     # The sensors do not move the ball, and old versions lack some.
     xml = re.sub("<sensor>.*</sensor>", "", model.xml, flags=re.DOTALL)
     found = _stepped(python, xml, times[1], len(times))

@@ -32,6 +32,7 @@ from robotball.engines.mujoco.settings import (
     NAIVE,
     Prescribed,
     recipe,
+    resolved,
     settings_from,
 )
 from robotball.film.looks import ACCENT, FAINT, INK
@@ -221,7 +222,7 @@ def cells_of(scene: str, settings: Sequence[Settings], duration: float, rounds: 
 def measure(cell: Cell) -> dict[str, Any]:
     """Measure errors against the equations, faults, and the cost of a simulated second."""
     scene, theory = reference(cell["scene"], cell["duration"], _INTERVAL)
-    model = build(scene, settings_with(cell))
+    model = build(resolved(scene, settings_with(cell)))
     logging.getLogger("absl").setLevel(logging.ERROR)  # a process of its own says it again
     agreement = Agreement(theory, run(model, theory.times), MUJOCO)
     part = min(1.0, _TIMED / agreement.report.seconds)

@@ -21,9 +21,9 @@ from robotball.engines.mujoco.settings import (
     ADAPTIVE,
     BY_ERROR,
     PRESETS,
-    Chosen,
     Settings,
     recipe,
+    resolved,
 )
 from robotball.errors import warn
 from robotball.motion import (
@@ -266,7 +266,7 @@ def checked(motion: ContactMotion, run: _Run) -> ContactMotion:
     """
     report, scene = motion.report, motion.scene
     settings = as_own(report.settings, Settings, LABEL)
-    order = Chosen(scene, settings).integrator.order
+    order = resolved(scene, settings).integrator.order
     if order != 4 or settings.accuracy or report.faults:
         return motion
     time, seconds = 0.0, report.total_seconds

@@ -14,7 +14,7 @@ import numpy as np
 from robotball import equations as eq
 from robotball.engines.dop853 import Compensated, Rate
 from robotball.engines.mujoco.control import FREE_QPOS, FREE_QVEL, Control, read_row
-from robotball.engines.mujoco.settings import Chosen
+from robotball.engines.mujoco.settings import Resolved
 from robotball.engines.mujoco.stepping import Portion
 from robotball.motion import Fault, FaultKind
 from robotball.rotations import Array
@@ -135,7 +135,7 @@ def _solver(
         # Newton leaves a rounding that so hard a contact magnifies. If the height's error were held
         # to rtol, a robot at rest would take steps without end. As it is held less, the steps have
         # to be short enough to damp it.
-        chosen = Chosen(scene, settings)
+        chosen = Resolved(scene, settings)
         stiffness, damping = chosen.normal_reference
         give = _OF_DEPTH * chosen.equilibrium_depth / settings.rtol
         for column, rate in ((2, 1.0), (len(data.qpos) + 2, stiffness**0.5)):

@@ -17,7 +17,7 @@ import numpy as np
 
 from robotball import equations as eq
 from robotball.engines.mujoco.model import ModelHinge, hinges_of
-from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings, for_load
+from robotball.engines.mujoco.settings import Prescribed, Resolved, Settings, for_load, resolved
 from robotball.equations import as_vector
 from robotball.errors import InputError, warn
 from robotball.loads import Loads, loads_of
@@ -107,7 +107,7 @@ _DRIVES_SEEN = 9
 
 
 @dataclass(frozen=True)
-class PlannedRun(Chosen):
+class PlannedRun(Resolved):
     """A scene under settings over a duration [s], with the numbers that limits are predicted from.
 
     known_loads: the loads of the whole motion; where they are None, the start's are taken.
@@ -225,7 +225,7 @@ class PlannedRun(Chosen):
 def planned(
     scene: Scene, settings: Settings, duration: float, loads: Loads | None = None
 ) -> PlannedRun:
-    """Return the planned run; values that are BY_LOAD are those of the recipe for the load."""
+    """Return the planned run; open values are those of the recipe for the load."""
     return PlannedRun(scene, for_load(settings, scene), duration, loads)
 
 
@@ -847,7 +847,7 @@ def check_length(scene: Scene, settings: Settings, times: Array) -> None:
     Steps that are chosen by their error are counted as they are taken, but for the least number
     that the servos need.
     """
-    chosen = Chosen(scene, settings)
+    chosen = resolved(scene, settings)
     # Each span between two samples takes less than one step beyond its length over the timestep.
     spans = len(times) + len(scene.breakpoints)
     if not settings.adaptive and times[-1] / chosen.timestep + spans <= settings.max_steps:

@@ -18,7 +18,7 @@ from scipy.optimize import root_scalar
 
 from robotball.ball import PARTS, Frame, Link, Pendulum, Rotor, Shell
 from robotball.drives import Drive, turns
-from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings, for_load
+from robotball.engines.mujoco.settings import Prescribed, Resolved, Settings
 from robotball.errors import InputError
 from robotball.motors import Actuator, Free, Law, Motor, PositionServo, Servo, Torque
 from robotball.rotations import Array, multiply, rotation_matrix, z_along
@@ -128,7 +128,7 @@ _FRICTIONS = {3: 2, 4: 3, 6: 5}  # how many coefficients a contact of each condi
 class Model:
     """A composed model, whose MJCF text is complete and compiles to the same bits anywhere.
 
-    settings: without BY_LOAD, so that a report has the values that ran.
+    settings: with nothing left open, so that a report has the values that ran.
     """
 
     scene: Scene
@@ -170,24 +170,24 @@ class Model:
         return data
 
 
-def build(scene: Scene, settings: Settings) -> Model:
-    """Return the model of `scene` under `settings`, at its start; frames and shapes as in Scene.
+def build(chosen: Resolved) -> Model:
+    """Return the model of a scene under settings, at its start; frames and shapes as in Scene.
 
-    Values that are BY_LOAD are those of the recipe for the scene's load. Raises InputError where
-    MuJoCo refuses the model, or where its contact cannot hold the ball up at the start.
+    Raises InputError where MuJoCo refuses the model, or where its contact cannot hold the ball up
+    at the start.
     """
-    chosen = Chosen(scene, for_load(settings, scene))
-    hinges = hinges_of(scene, chosen.settings)
+    scene, settings = chosen.scene, chosen.settings
+    hinges = hinges_of(scene, settings)
     root, pair = _compose(chosen, hinges)
-    if chosen.settings.start_in_equilibrium:
-        trial = compiled_model(_text_of(root), chosen.settings.softness)
+    if settings.start_in_equilibrium:
+        trial = compiled_model(_text_of(root), settings.softness)
         pair.margin = carrying_depth(chosen, trial)
-    model = Model(scene, chosen.settings, _text_of(root), hinges)
+    model = Model(scene, settings, _text_of(root), hinges)
     assert model.compiled is not None  # an InputError is raised here, if at all
     return model
 
 
-def _compose(chosen: Chosen, hinges: tuple[ModelHinge, ...]) -> tuple[Any, Any]:
+def _compose(chosen: Resolved, hinges: tuple[ModelHinge, ...]) -> tuple[Any, Any]:
     """Return the MJCF tree and its contact pair."""
     scene, settings, ball = chosen.scene, chosen.settings, chosen.scene.ball
     root, values = _bare("floor"), vars(settings)
@@ -442,7 +442,7 @@ def compiled_model(xml: str, softness: float = 1.0) -> Any:
     return model
 
 
-def carrying_depth(chosen: Chosen, model: mujoco.MjModel) -> float:
+def carrying_depth(chosen: Resolved, model: mujoco.MjModel) -> float:
     """Return the depth [m] at which the contact carries the weight, for the pair's margin.
 
     With it the ball starts at rest vertically, its centre at the height of its radius. `model` is

@@ -22,7 +22,7 @@ from mujoco.rollout import Rollout
 from robotball.engines.mujoco.limits import check_length, precheck
 from robotball.engines.mujoco.model import Model, build, carrying_depth, hinges_of, state_at
 from robotball.engines.mujoco.run import held, observed, run
-from robotball.engines.mujoco.settings import Chosen, Settings
+from robotball.engines.mujoco.settings import Resolved, Settings, resolved
 from robotball.engines.mujoco.stepping import Portion, controlled, stretches
 from robotball.many_motions import differ_in_start
 from robotball.motion import ContactMotion, FaultKind
@@ -46,7 +46,7 @@ def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Itera
     by_size = sorted(scenes, key=lambda each: float(np.linalg.norm(each.start.momentum)))
     for each in by_size[:: max(1, len(scenes) - 1)] if alike else scenes:
         precheck(each, settings, times)
-    model, alone = build(scenes[0], settings), partial(_alone, settings, times)
+    model, alone = build(resolved(scenes[0], settings)), partial(_alone, settings, times)
     check_length(model.scene, model.settings, times)
     together = _Together(model, times)
     if not (together.size >= allowed() and together.steps_alone and alike):
@@ -74,7 +74,7 @@ def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Itera
 
 
 def _alone(settings: Settings, times: Array, scene: Scene) -> ContactMotion:
-    return held(run(build(scene, settings), times))
+    return held(run(build(resolved(scene, settings)), times))
 
 
 def _started(model: Model, scene: Scene) -> Model | None:
@@ -90,7 +90,7 @@ def _started(model: Model, scene: Scene) -> Model | None:
     mujoco.mj_normalizeQuat(compiled, qpos)  # as the compiler does
     compiled.key_qpos[0], compiled.key_qvel[0] = qpos, qvel
     if settings.start_in_equilibrium:
-        compiled.pair_margin[0] = carrying_depth(Chosen(scene, settings), copy(compiled))
+        compiled.pair_margin[0] = carrying_depth(Resolved(scene, settings), copy(compiled))
     started = replace(model, scene=scene, hinges=hinges)
     vars(started)["compiled"] = compiled  # the property's own place
     return started

@@ -493,6 +493,11 @@ VARYING: dict[str, Any] = {
 _BY_STEPS, BY_ERROR = (3e-4, 0.01), (1e-4, 0.004)
 
 
+def _left_open(settings: Settings) -> list[str]:
+    """Return the names of the values that are _BY_LOAD."""
+    return [name for name in CONSTANT if getattr(settings, name) == _BY_LOAD]
+
+
 def for_load(settings: Settings, scene: Scene) -> Settings:
     """Return the settings with each value that is _BY_LOAD taken from the recipe for the load.
 
@@ -500,7 +505,7 @@ def for_load(settings: Settings, scene: Scene) -> Settings:
     softness and the time constant for the kind of steps. Settings without _BY_LOAD are returned as
     they are.
     """
-    left = [name for name in CONSTANT if getattr(settings, name) == _BY_LOAD]
+    left = _left_open(settings)
     if not left:
         return settings
     chosen = CONSTANT
@@ -523,14 +528,17 @@ def _mujocos_own() -> tuple[Any, Any]:
 
 
 @dataclass(frozen=True)
-class Chosen:
-    """A scene under settings without _BY_LOAD, and the numbers of its model that follow from both.
+class Resolved:
+    """A scene under settings that leave nothing to its load, with the numbers of its model.
 
-    A number that the settings leave open is MuJoCo's default.
+    `resolved` makes it of any settings. A number that the settings do not have is MuJoCo's default.
     """
 
     scene: Scene
     settings: Settings
+
+    def __post_init__(self) -> None:
+        assert not _left_open(self.settings)
 
     @property
     def integrator(self) -> _Integrator:
@@ -613,3 +621,8 @@ class Chosen:
             return np.inf
         weight = -self.scene.gravity_world[2]
         return self.settings.softness * weight * (1 - d) / (d * d * stiffness)
+
+
+def resolved(scene: Scene, settings: Settings) -> Resolved:
+    """Return a scene under settings whose open values are those of the recipe for its load."""
+    return Resolved(scene, for_load(settings, scene))

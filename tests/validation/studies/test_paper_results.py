@@ -7,6 +7,7 @@ import pytest
 
 from robotball import Scene, Settings
 from robotball.engines.mujoco.model import Model, build
+from robotball.engines.mujoco.settings import resolved
 from tests.imports import PROJECT
 from validation.studies import paper_results
 from validation.studies.paper_results import PARTS, holds, tables
@@ -39,7 +40,7 @@ def test_another_ball_turns_the_lines(
     def other(scene: Scene, settings: Settings) -> Model:
         frame, *rotors = (sign * drive.rate(0.0) for drive in scene.drives)
         rates = [frame, *(factor * rate for rate in rotors)]
-        return build(scene.with_hinges(command=rates), settings)
+        return build(resolved(scene.with_hinges(command=rates), settings))
 
     monkeypatch.setattr(paper_results, "build", other)
     rates = [row for row in PARTS[part](True) if row["quantity"] in ("λ", "Re λ")]

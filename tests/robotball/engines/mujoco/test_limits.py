@@ -13,7 +13,7 @@ from robotball.ball import Ball, Frame, Hinge, Shell
 from robotball.engines.mujoco import limits
 from robotball.engines.mujoco.limits import LAWS, LimitCheck, PlannedRun, exceeded, planned
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.settings import Prescribed, recipe
+from robotball.engines.mujoco.settings import Prescribed, recipe, resolved
 from robotball.engines.mujoco.trials import linearised_start, momentum_loss
 from robotball.motors import Actuator, Free, Law, Servo
 from robotball.scene import Friction
@@ -318,7 +318,7 @@ def test_the_recipe_has_friction_for_a_ball_of_any_size() -> None:
         limit = limit_of(limits.torsional_friction, scene, FAST, 2.0)
         assert limit.value == 20.0 * length * FIG12.ball.radius
         assert limit.nearness == pytest.approx(here.nearness, rel=1e-12)
-        friction = build(scene, FAST).compiled.pair_friction[0]
+        friction = build(resolved(scene, FAST)).compiled.pair_friction[0]
         assert friction[:3].tolist() == [20.0, 20.0, limit.value]
 
 

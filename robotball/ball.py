@@ -188,6 +188,13 @@ class Shell(_Built):
         What is added to the inertia of a shell that is not symmetric, kg m².
     aside : array (3,), optional
         What is added to the centre of mass of such a shell, m.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> shell = rb.Shell(0.2, 0.5, axial_inertia=0.0133, transverse_inertia=0.0133, axis=(0, 0, 1))
+    >>> shell.inertia.shape
+    (3, 3)
     """
 
     radius: float
@@ -224,6 +231,14 @@ class Frame(_Built):
         About the frame's own centre of mass, frame axes, kg m².
     centre : array (3,), optional
         Centre of mass, from the sphere's centre, m.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import robotball as rb
+    >>> frame = rb.Frame(1.0, np.diag([0.004, 0.004, 0.003]), centre=(0.0, 0.0, -0.05))
+    >>> frame.centre.tolist()
+    [0.0, 0.0, -0.05]
     """
 
     mass: float
@@ -245,6 +260,13 @@ class Rotor(_Built):
         Unit vector, frame axes.
     centre : array (3,), optional
         Centre of mass, from the sphere's centre, m.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> rotor = rb.Rotor(0.2, axial_inertia=4e-4, transverse_inertia=2e-4, axis=(1, 0, 0))
+    >>> rotor.inertia.diagonal().tolist()
+    [0.0004, 0.0002, 0.0002]
     """
 
     mass: float
@@ -275,6 +297,14 @@ class Pendulum(_Built):
         The hinge's unit vector, frame axes.
     pivot : array (3,), optional
         A point of the hinge's axis, from the sphere's centre, m.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import robotball as rb
+    >>> bob = rb.Pendulum(0.3, 1e-4 * np.eye(3), centre=(0.0, 0.0, -0.1), axis=(0, 1, 0))
+    >>> bob.pivot.tolist()
+    [0.0, 0.0, 0.0]
     """
 
     mass: float
@@ -309,6 +339,14 @@ class Link(_Built):
     range : tuple of (str, float, float), optional
         Name, least and largest angle of a joint that has limits, rad or m. The equations end a
         motion there, while engines let the joint go on.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import robotball as rb
+    >>> arm = rb.Link("arm", "shell", 0.3, 1e-4 * np.eye(3), (0.0, 0.0, -0.1), axis=(0, 1, 0))
+    >>> arm.massless
+    False
     """
 
     name: str
@@ -355,6 +393,14 @@ class Hinge(Value):
     ------
     InputError
         If the angle or the rate is not finite.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> rotor = rb.Rotor(0.2, axial_inertia=4e-4, transverse_inertia=2e-4, axis=(1, 0, 0))
+    >>> hinge = rb.Hinge(rotor, command=100.0, motor=rb.Servo(gain=0.5), rate=0.0)
+    >>> hinge.motor.torque(hinge.command, 0.0, hinge.rate)
+    np.float64(50.0)
     """
 
     body: Hung
@@ -392,6 +438,16 @@ class Ball(Value):
     ------
     InputError
         If the bodies do not make a tree, or a rigid body cannot have the numbers of one of them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import robotball as rb
+    >>> shell = rb.Shell(0.2, 0.5, 0.0133, 0.0133, axis=(0, 0, 1))
+    >>> frame = rb.Frame(1.0, np.diag([0.004, 0.004, 0.003]))
+    >>> ball = rb.Ball(shell, (rb.Hinge(frame, command=2.0),))
+    >>> ball.mass, ball.rotors
+    (1.5, ())
     """
 
     shell: Shell

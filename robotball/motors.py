@@ -44,6 +44,13 @@ class Law(NamedTuple):
         Largest torque either way, N m.
     friction : float, optional
         Dry friction, N m.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> law = rb.Law(per_command=2.0, per_angle=0.0, per_rate=2.0, limit=1.0)
+    >>> float(law.torque(1.0, 0.0, 0.75)), float(law.torque(1.0, 0.0, 0.0))
+    (0.5, 1.0)
     """
 
     per_command: float
@@ -94,6 +101,12 @@ class Servo(Motor):
     ------
     InputError
         If the gain or the limit is not positive, or the armature negative.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> float(rb.Servo(gain=0.5, torque_limit=1.0).torque(10.0, 0.0, 9.0))
+    0.5
     """
 
     follows_rate: ClassVar[bool] = True
@@ -129,6 +142,12 @@ class PositionServo(Motor):
     ------
     InputError
         If the gain or the limit is not positive, or another number negative.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> float(rb.PositionServo(gain=4.0, damping=0.5).torque(1.0, 0.5, 1.0))
+    1.5
     """
 
     gain: float
@@ -154,7 +173,9 @@ def _check_common(servo: Servo | PositionServo) -> None:
 
 @dataclass(frozen=True)
 class DCMotor(Motor):
-    """Drive a hinge by a direct-current motor; the command is its share of the nominal voltage.
+    """Drive a hinge by a direct-current motor.
+
+    The command is the share of the nominal voltage.
 
     Without a limit the torque falls linearly with the rate, also beyond the no-load speed, and a
     motor that is turned backwards exceeds its stall torque.
@@ -176,6 +197,13 @@ class DCMotor(Motor):
     ------
     InputError
         If a number is not positive; the rotor's inertia may be 0.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> motor = rb.DCMotor(stall_torque=0.25, no_load_speed=100.0, gear=4.0)
+    >>> float(motor.torque(1.0, 0.0, 0.0)), float(motor.torque(1.0, 0.0, 25.0))
+    (1.0, 0.0)
     """
 
     stall_torque: float
@@ -216,6 +244,12 @@ class Torque(Motor):
     ------
     InputError
         If the armature is negative.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> float(rb.Torque().torque(0.3, 1.0, 2.0))
+    0.3
     """
 
     armature: float = 0.0
@@ -230,7 +264,7 @@ class Torque(Motor):
 
 @dataclass(frozen=True)
 class Free(Motor):
-    """Let a hinge turn freely against damping, a spring and dry friction; no command is used.
+    """Let a hinge turn freely against damping, a spring and dry friction, without a command.
 
     Parameters
     ----------
@@ -249,6 +283,12 @@ class Free(Motor):
     ------
     InputError
         If a number other than the rest angle is negative, or one is not finite.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> float(rb.Free(damping=0.5).torque(0.0, 0.0, 2.0))
+    -1.0
     """
 
     damping: float = 0.0
@@ -289,6 +329,13 @@ class Actuator:
         State of the actuator's own between the command and the law.
     within : tuple of 2 floats, optional
         Least and largest command, to which a constant one is clipped.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> pull = rb.Actuator("pull", (("arm", 2.0), ("wrist", -1.0)), rb.Torque().law, command=0.1)
+    >>> pull.control(10.0)
+    0.1
     """
 
     name: str

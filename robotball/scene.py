@@ -48,6 +48,12 @@ def sample_times(duration: float, interval: float | None = None) -> Array:
     ------
     InputError
         If the duration is not positive and finite, or asks for more than ten million times.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> rb.sample_times(1.0, 0.25).tolist()
+    [0.0, 0.25, 0.5, 0.75, 1.0]
     """
     check_positive("duration", duration, "s")
     if interval is None:
@@ -143,6 +149,13 @@ class Start(Given):
         Quaternion (w, x, y, z) of the frame, frame to world.
     momentum : array (3,)
         M in world axes, kg m²/s.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> start = rb.Start(attitude=(1, 0, 0, 0), momentum=(0.0, 0.5, 0.0))
+    >>> start.momentum.tolist()
+    [0.0, 0.5, 0.0]
     """
 
     attitude: Array
@@ -300,6 +313,16 @@ class Scene(Value):
     InputError
         If a number cannot be, the start misses the rolling model, a command is no function of time
         over the duration, or an actuator is on a hinge that it cannot move.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> scene = rb.load_scene("fig12")
+    >>> scene.rolling, [hinge.name for hinge in scene.hinges]
+    ('rubber', ['frame', 'rotor1'])
+    >>> faster = scene.with_hinges(command={"frame": 3.0})
+    >>> faster.hinges[0].rate
+    3.0
     """
 
     name: str

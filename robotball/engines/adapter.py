@@ -29,7 +29,7 @@ from robotball import equations as eq
 from robotball.engine import Engine, Own, Request, as_own, engine_named
 from robotball.engines.dop853 import Compensated, rk4
 from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of
-from robotball.engines.states import State, motion_of_rows, start_state
+from robotball.engines.states import UNKNOWN_FORCE, State, motion_of_rows, start_state
 from robotball.equations import as_vector
 from robotball.errors import InputError, warn
 from robotball.many_motions import differ_in_start
@@ -40,7 +40,6 @@ from robotball.scene import Scene, spans
 # Python's part of a run is measured afterwards, on so many steps or calls without the engine.
 _CALLS = 200
 _ABREAST = 1024  # balls of a world at most; their samples are held until the end
-_UNKNOWN = np.full(3, np.nan)  # a force
 
 
 class World(ABC):
@@ -76,7 +75,7 @@ class World(ABC):
 
         The normal force is last.
         """
-        return _UNKNOWN
+        return UNKNOWN_FORCE
 
     def hinges_at(self, t: float) -> tuple[Array, Array]:
         """Return the hinges' given angles (h,) and rates (h,) at t [s]."""
@@ -339,7 +338,7 @@ class Adapter(Engine):
         # Only the engine's steps are timed, not the reading of its states. A state that is no
         # number ends the run of its ball.
         rows, spent = [np.array([start_state(each).row for each in scenes])], 0.0
-        forces = [_UNKNOWN]
+        forces = [UNKNOWN_FORCE]
         march = world.march(times, settings.timestep)
         while len(rows) < len(times) and np.isfinite(rows[-1]).all(axis=1).any():
             began = world.clock()
@@ -347,7 +346,7 @@ class Adapter(Engine):
             spent += world.clock() - began
             rows.append(np.atleast_2d(read().row))
             # Of balls abreast the forces are not read.
-            forces.append(world.force() if len(scenes) == 1 else _UNKNOWN)
+            forces.append(world.force() if len(scenes) == 1 else UNKNOWN_FORCE)
             if request.progress is not None:
                 request.progress(times[len(rows) - 1] / times[-1])
         share, python = spent / len(scenes), world.python_seconds() / len(scenes)

@@ -103,7 +103,7 @@ def start_state(scene: Scene) -> State:
 
 
 _UP = np.array([0.0, 0.0, 1.0])
-_UNKNOWN = np.full(3, np.nan)  # a force
+UNKNOWN_FORCE = np.full(3, np.nan)  # of an engine that gives none
 _LIFTED = 0.01  # of the radius: a shell this far above the plane has left it
 
 
@@ -176,7 +176,7 @@ def motion_of_rows(
     times: Array,
     rows: Array,
     settings: EngineSettings,
-    forces: Array = _UNKNOWN,
+    forces: Array = UNKNOWN_FORCE,
     friction: float = float("nan"),
     **cost: Any,
 ) -> ContactMotion:

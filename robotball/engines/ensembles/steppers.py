@@ -344,4 +344,5 @@ def stepper(system: System, rolling: Rolling, lanes: int = LANES) -> Any:
     made: dict[str, Any] = {"__name__": __name__, "sqrt": math.sqrt, "wide_vectors": _wide_vectors}
     exec(compile(source, __file__, "exec"), made)
     options = {"nogil": True, "error_model": "numpy", "fastmath": _FREEDOM}
-    return compiled_from(source, "void(f8[::1])", **options)(made[name])
+    # The loops take the compiled function itself, by its address.
+    return compiled_from(source, "void(f8[::1])", **options)(made[name]).code

@@ -7,9 +7,9 @@ by a digest of all that the code is made from.
 """
 
 import hashlib
-import logging
 import os
 import shutil
+import sys
 import tempfile
 import threading
 from collections.abc import Callable
@@ -117,8 +117,7 @@ def _warn_once(line: str) -> None:
 
 @cache
 def _say_once(line: str) -> None:
-    # On standard error, unless the user's program has said where its log goes.
-    logging.getLogger(__name__).warning(line)
+    print(line, file=sys.stderr, flush=True)
 
 
 def cache_folder() -> Path | None:

@@ -4,6 +4,7 @@ Exit status: 0 agreement within the stated bound, 1 not, 2 bad input, or what th
 The module of a command is imported when that command is named.
 """
 
+import ast
 import contextlib
 import io
 import logging
@@ -15,6 +16,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass, make_dataclass
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Annotated, Any, Protocol, Union, get_type_hints
 
 import tyro
@@ -164,7 +166,8 @@ def parse(arguments: Sequence[str]) -> _Command:
         name = arguments[0]
         if name not in COMMANDS:
             raise unknown("command", name, COMMANDS)
-        command = class_of(name)
+        helped = not {"-h", "--help"}.isdisjoint(arguments)
+        command = _options_of(name) if helped else class_of(name)
     if command:
         _check_each_is_given_once(command, arguments)
     refusal = io.StringIO()
@@ -198,6 +201,34 @@ def class_of(name: str) -> type[_Command]:
     return command
 
 
+def _options_of(name: str) -> type[_Command]:
+    """Return the class of a command for its `--help`, without its methods.
+
+    Of its module it takes the statements on which the options depend, and so imports nothing that
+    the command works with.
+    """
+    file, title = _file_of(name), name.capitalize()
+    wanted, kept = {title, "annotations"}, []  # the latter from __future__
+    for each in reversed(ast.parse(file.read_text(encoding="utf-8")).body):
+        if isinstance(each, ast.ClassDef):
+            each.body = [part for part in each.body if not isinstance(part, ast.FunctionDef)]
+        match each:
+            case ast.ClassDef(name=word) | ast.Assign(targets=[ast.Name(id=word)]):
+                made = {word}
+            case _:
+                made = {alias.asname or alias.name for alias in getattr(each, "names", [])}
+        if made & wanted:
+            kept.append(each)
+            names = (node for node in ast.walk(each) if isinstance(node, ast.Name))
+            wanted |= {node.id for node in names if isinstance(node.ctx, ast.Load)}
+    module = ModuleType(f"{COMMANDS[name]}.options")
+    module.__file__ = str(file)  # where tyro reads what stands below an option
+    sys.modules[module.__name__] = module
+    exec(compile(ast.Module(kept[::-1], []), module.__file__, "exec"), vars(module))
+    command: type[_Command] = getattr(module, title)
+    return command
+
+
 def _any_command(whole: bool) -> Any:
     """Return all commands, each with its first line; whole: with their options, which takes longer.
 
@@ -216,10 +247,14 @@ def _any_command(whole: bool) -> Any:
 
 def _summary(name: str) -> str:
     """Return the first line of a command's docstring, read from its source."""
-    place = COMMANDS[name].removeprefix("validation.").replace(".", "/")
-    source = (Path(__file__).parent / f"{place}.py").read_text(encoding="utf-8")
+    source = _file_of(name).read_text(encoding="utf-8")
     _, _, words = source.partition(f'class {name.capitalize()}:\n    """')
     return words.partition("\n")[0]
+
+
+def _file_of(name: str) -> Path:
+    place = COMMANDS[name].removeprefix("validation.").replace(".", "/")
+    return Path(__file__).parent / f"{place}.py"
 
 
 def _words_of(refusal: str) -> str:

@@ -11,7 +11,9 @@ from robotball.drives import as_drive
 from robotball.engines.mujoco.user_model import UserModel
 from robotball.equations import Rolling
 from robotball.errors import check_positive
+from robotball.files import named
 from robotball.files.robot_file import open_robot, starts_off
+from robotball.files.scene_keys import ask
 from validation.options import AGREES, DISAGREES, OUT, Controls, Duration, File, check_files
 from validation.output import progress_bar, versions, writable_folder, write_text
 from validation.report import folded, page, paragraph, plain, table, text
@@ -55,7 +57,10 @@ class Check:
         given = controls_of(self.control)
         controls = {name: as_drive(value, duration) for name, value in given.items()}
         own, moves = moved(UserModel(robot, controls, self.keyframe))
-        notes = [*robot.notes, *starts_off(robot, own.begin()), *moves]
+        start = own.begin()
+        with named(self.file):
+            notes = [*robot.notes, *starts_off(robot, start), *moves]
+        ask(self.file, own.scene(self.rolling or "classical", duration))
         with progress_bar(1) as show:
             checked = check_model(own, self.rolling, duration, self.accuracy, show)
         study = study_of(own, checked, self.accuracy, notes)

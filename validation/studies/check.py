@@ -24,7 +24,7 @@ from robotball.engines.mujoco.user_model import Seen, UserModel, observed
 from robotball.equations import Rolling
 from robotball.errors import SceneWarning
 from robotball.files.mended_file import Change, Editable, compiled, editable
-from robotball.files.robot_file import RobotFile, gears_of, rolling_of
+from robotball.files.robot_file import gears_of, geom_name, rolling_of
 from robotball.motion import ContactMotion, FaultKind, Motion
 from robotball.rotations import Array
 from robotball.scene import GRAVITY
@@ -129,7 +129,7 @@ def _apart(model: Any, seen: Seen) -> Change:
     (a, b), part = seen.inside.most_common(1)[0]
     others = f", and {len(seen.inside) - 1} more pairs" if len(seen.inside) > 1 else ""
     words = (
-        f"{_geom_name(model, a)} touches {_geom_name(model, b)} in {part:.0%} of the steps{others}"
+        f"{geom_name(model, a)} touches {geom_name(model, b)} in {part:.0%} of the steps{others}"
     )
     bodies = {tuple(sorted(int(model.geom_bodyid[each]) for each in pair)) for pair in seen.inside}
     pairs = tuple((_body_name(model, i), _body_name(model, j)) for i, j in sorted(bodies))
@@ -139,10 +139,6 @@ def _apart(model: Any, seen: Seen) -> Change:
 def _body_name(model: Any, body: int) -> str:
     """Return a body's name, or the one that the mended file gives it."""
     return model.body(body).name or f"body{body}"
-
-
-def _geom_name(model: Any, geom: int) -> str:
-    return model.geom(geom).name or f"a geom of {_body_name(model, model.geom_bodyid[geom])}"
 
 
 def _friction(contact: Any, theory: Motion, condim: int) -> Iterator[Change]:
@@ -166,7 +162,7 @@ def _friction(contact: Any, theory: Motion, condim: int) -> Iterator[Change]:
 class Checked:
     """A model as it is beside its reference, and mended.
 
-    ended: the line of a joint whose range ends the reference early; path (n, 2): as it is [m];
+    ended: the line of what ends it early, a joint's range or a meeting; path (n, 2): as it is [m];
     error: its; since: when it passes the accuracy [s]; others: the error by the rolling model that
     is farther; motion, seen: as it is, at every step; needed: changes by their effect, each with
     the error after it and the error where it alone is undone; spared: the others, with the error
@@ -224,7 +220,6 @@ def check_model(
     times, path = theory.times, path[: len(theory.times)]
     scene = own.scene(theory.scene.rolling, float(times[-1]))
     motion, seen = observed(own, scene, accuracy)
-    _check_no_drive_from_outside(robot, seen)
     since = np.flatnonzero(~(_away(path, theory) <= accuracy))
     normal, gap = robot.above_plane(data)
     edit = editable(
@@ -241,6 +236,18 @@ def check_model(
     def changes_at(step: float) -> list[Change]:
         changes = _changes_of(own, motion, seen, theory, step)
         return _carrying(changes, with_changes(changes), theory)
+
+    # Whatever the file says of the contact: without what overlaps, and by all of the recipe.
+    apart = with_changes([_apart(robot.model, seen)]) if seen.inside else own
+    both = (apart, with_changes(changes_at(robot.model.opt.timestep)))
+    meetings = [met for each in both if (met := each.meets(float(times[-1])))]
+    if meetings:
+        time, words = min(meetings)
+        line = f"{words} at t = {time:.3g} s"
+        if time < _LEAST_SAMPLES * interval:
+            raise InputError(f"{robot.path}: {line}, which the equations do not have")
+        checked = check_model(own, rolling, time - 2 * interval, accuracy, show)
+        return replace(checked, ended=checked.ended or f"{line}, before which the comparison ends")
 
     def error_of(changes: Sequence[Change]) -> float:
         names = frozenset(str(each) for each in changes)
@@ -274,6 +281,7 @@ def check_model(
     )  # fmt: skip
 
 
+_LEAST_SAMPLES = 5  # of a comparison that ends early
 _LOOSE = 1.1  # times the least error, where the accuracy is out of reach
 _Measure = Callable[[Sequence[Change]], float]
 
@@ -303,19 +311,6 @@ def _theories(
     if not found:
         raise refused
     return found
-
-
-def _check_no_drive_from_outside(robot: RobotFile, seen: Seen) -> None:
-    """Raise InputError where a body that is no part of the robot touches its sphere."""
-    model = robot.model
-    root = model.body_rootid[model.geom_bodyid]
-    for pair in seen.inside:
-        for i in pair:
-            if robot.sphere in pair and root[i] not in (0, root[robot.sphere]):
-                raise InputError(
-                    f"{robot.path}: {_geom_name(model, i)} touches the sphere, and is no part of "
-                    "its robot: a drive by contact is not supported; hold it by joints"
-                )
 
 
 def _touching(model: Any, seen: Seen) -> set[int]:
@@ -552,7 +547,7 @@ def _symptoms(own: UserModel, checked: Checked) -> Iterator[str]:
             f"reference; the contact delivers {seen.delivered:.0%} of it"
         )
     for (a, b), part in seen.inside.most_common(_MOST_PAIRS):
-        names = [_geom_name(own.robot.model, each) for each in (a, b)]
+        names = [geom_name(own.robot.model, each) for each in (a, b)]
         yield f"inside: {names[0]} touches {names[1]} in {part:.0%} of the steps"
     for name, time in seen.limits.items():
         yield f"limit: {name} reaches its range at t = {time:.3g} s"

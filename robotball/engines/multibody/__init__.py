@@ -96,10 +96,16 @@ def integrate(
         at, (joint, *ends) = first.system.ranges[which - 1]
         slides = scene.ball.tree[1 + at - HINGES].slides
         low, high = ends if slides else np.degrees(ends)
-        reached = f"{joint} reaches its range of {low:g} to {high:g} {'m' if slides else 'deg'}"
+        unit = "m" if slides else "deg"
+        reached = f"{joint} reaches its range of {low:g} to {high:g} {unit}"
         line = f"{scene.name}: {reached} at t = {t:.6g} s"
         if len(times) < 2:
-            raise InputError(f"{line}, before the first sample; sample the motion more often")
+            start = (
+                f"{scene.name}: {joint} starts at its stop, an end of {low:g} to {high:g} {unit}, "
+            )
+            start += "and is pushed against it; widen its range, or start it elsewhere"
+            sooner = f"{line}, before the first sample; widen its range, or sample more often"
+            raise InputError(sooner if t > 0 else start)
         warn(f"{line}, where the motion ends")
     hinges = len(scene.hinges)
     return extended(

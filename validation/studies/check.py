@@ -25,7 +25,7 @@ from robotball.equations import Rolling
 from robotball.errors import SceneWarning
 from robotball.files.mended_file import Change, Editable, compiled, editable
 from robotball.files.robot_file import gears_of, geom_name, rolling_of
-from robotball.motion import ContactMotion, FaultKind, Motion
+from robotball.motion import ContactMotion, FaultKind, Motion, arrays_of, with_arrays
 from robotball.rotations import Array
 from robotball.scene import GRAVITY
 from validation.output import Show, known, scientific, title
@@ -279,6 +279,26 @@ def check_model(
         mended=mended(ranked),
         mended_error=error_of(ranked),
     )  # fmt: skip
+
+
+def beside(own: UserModel, checked: Checked) -> list[Motion]:
+    """Return the motions of a file as it is, of the mended one, and of the equations.
+
+    They are at the same times, as long as each lasts.
+    """
+    theory, found = checked.theory, [checked.motion]
+    if checked.needed:
+        robot = replace(own.robot, model=compiled(checked.text))
+        mended = replace(own, robot=robot)
+        found.append(observed(mended, checked.motion.scene, checked.mended_error, "mended")[0])
+    shown = []
+    for each in filter(lambda each: len(each.times) > 1, found):
+        # A time of the model's own is a sum of steps.
+        times = theory.times[theory.times < each.times[-1] + each.report.timestep / 2]
+        rows = np.abs(each.times - times[:, None]).argmin(axis=1)
+        arrays = {place: array[rows] for place, array in arrays_of(each)}
+        shown.append(with_arrays(each, arrays | {("times",): times}))
+    return [*shown, theory]
 
 
 _LEAST_SAMPLES = 5  # of a comparison that ends early

@@ -356,6 +356,7 @@ def _add_hinge(root: Any, hinge: ModelHinge, body: Any, axis: Array) -> None:
         actuator = add("motor", **names, gear=[gear])
     else:
         actuator = _add_law(root, motor.law, **names)
+        joint.frictionloss = motor.law.friction or None
     if hinge.torque_limit < np.inf:
         actuator.forcerange = [-hinge.torque_limit, hinge.torque_limit]
 

@@ -148,11 +148,13 @@ class Seen:
     lag: dict[str, float] = field(default_factory=dict)
 
 
-def observed(user: UserModel, scene: Scene, tolerance: float) -> tuple[ContactMotion, Seen]:
+def observed(
+    user: UserModel, scene: Scene, tolerance: float, name: str = "as it is"
+) -> tuple[ContactMotion, Seen]:
     """Step a model as it is over the scene's duration; return its motion and what else it shows.
 
     The motion has every step, up to one that diverges, and no momentum.
-    tolerance: the slip over the path beyond which it is a fault.
+    tolerance: the slip over the path beyond which it is a fault; name: of its settings.
     """
     model, data = user.robot.model, user.begin()
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
@@ -164,7 +166,7 @@ def observed(user: UserModel, scene: Scene, tolerance: float) -> tuple[ContactMo
         rows.append(_row(user, data))
         tally.add(data)
         mujoco.mj_step(model, data)
-    settings = EngineSettings(name="as it is", error_tolerance=tolerance, stop_at_fault=False)
+    settings = EngineSettings(name=name, error_tolerance=tolerance, stop_at_fault=False)
     recording = Recording(LABEL, scene, settings, np.array(rows)[:, 0])
     recording.add(_readings_of(user, scene, np.array(rows)))
     seconds = time.process_time() - began

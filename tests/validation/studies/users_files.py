@@ -25,7 +25,7 @@ _GHOST = 'contype="0" conaffinity="0"'
 _NO_PAIR = {"pair": ""}
 _HARD = 'friction="20 .005 .0001" solref=".004 1" solimp=".9999 .9999 .001 .5 1"'
 _PUSHED = {"drive": "", "key": ""}  # a robot without motors is pushed
-_STILL = {"key": '<keyframe><key ctrl="0"/></keyframe>'}
+_ROLLING = '<keyframe><key qpos="0 0 .15 1 0 0 0 0" qvel=".3 0 0 0 2 0 -2" ctrl="0"/></keyframe>'
 
 
 class Case(NamedTuple):
@@ -103,13 +103,13 @@ CASES = {
         {"floor": f'<geom name="floor" type="plane" size="5 5 .1" {_GHOST}/>', **_NO_PAIR}, REFUSED,
         "passes through the plane"),
     # what stands in the way
-    "wall": Case({"world": _fixed("box", ".01 1 .5", ".19 0 .5"), "key":
-                  '<keyframe><key qpos="0 0 .15 1 0 0 0 0" qvel=".3 0 0 0 2 0 -2" ctrl="0"/></keyframe>'},
-                 OFF, "shell touches thing at t = 0.1"),
+    "wall": Case({"world": _fixed("box", ".01 1 .5", ".24 0 .5"), "key":
+                  _ROLLING},
+                 OFF, "shell touches thing at t = 0.2"),
     "wall as a plane": Case(
-        {"world": '<geom name="thing" type="plane" size="1 1 .1" pos=".18 0 0" zaxis="-1 0 0"/>',
-         "key": '<keyframe><key qpos="0 0 .15 1 0 0 0 0" qvel=".3 0 0 0 2 0 -2" ctrl="0"/></keyframe>'},
-        OFF, "shell touches thing at t = 0.1"),
+        {"world": '<geom name="thing" type="plane" size="1 1 .1" pos=".23 0 0" zaxis="-1 0 0"/>',
+         "key": _ROLLING},
+        OFF, "shell touches thing at t = 0.2"),
     "wall far away": Case({"world": _fixed("box", ".01 1 .5", "4 0 .5")}, RIGHT, "stands beside"),
     "wall at the start": Case({"world": _fixed("box", ".01 1 .5", ".155 0 .5")}, REFUSED,
                               "shell touches thing"),

@@ -58,7 +58,7 @@ class Check:
         notes = [*robot.notes, *starts_off(robot, own.begin()), *moves]
         with progress_bar(1) as show:
             checked = check_model(own, self.rolling, duration, self.accuracy, show)
-        study = study_of(own, checked, self.accuracy, notes)
+        study = study_of(own, checked, notes)
         picture, html = (self.out / f"{study.stem()}.{kind}" for kind in ("png", "html"))
         present(study, picture, self.json, None)
         write_text(html, _page_of(study, checked, picture))
@@ -67,7 +67,7 @@ class Check:
             mended = self.out / f"{self.file.stem}-mended.xml"
             write_text(mended, checked.text)
             print(mended, *difference(checked), sep="\n")
-        return AGREES if checked.error <= self.accuracy else DISAGREES
+        return AGREES if checked.agrees else DISAGREES
 
 
 def _page_of(study: Study, checked: Checked, picture: Path) -> str:

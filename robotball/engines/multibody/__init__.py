@@ -90,14 +90,15 @@ def integrate(
 
     first = march(rtol)
     states, readings = first.run(times)
-    times = times[: len(states)]
+    times, ended = times[: len(states)], None
     if first.stopped:
         t, which = first.stopped
         at, (joint, *ends) = first.system.ranges[which - 1]
         slides = scene.ball.tree[1 + at - HINGES].slides
         low, high = ends if slides else np.degrees(ends)
         reached = f"{joint} reaches its range of {low:g} to {high:g} {'m' if slides else 'deg'}"
-        line = f"{scene.name}: {reached} at t = {t:.6g} s"
+        ended = f"{reached} at t = {t:.6g} s"
+        line = f"{scene.name}: {ended}"
         if len(times) < 2:
             raise InputError(f"{line}, before the first sample; sample the motion more often")
         warn(f"{line}, where the motion ends")
@@ -109,6 +110,7 @@ def integrate(
         again=again,
         motor_work=states[:, HINGES + 2 * hinges :],
         rolling_loss=states[:, LOSS],
+        ended=ended,
     )
 
 

@@ -344,6 +344,8 @@ class ReferenceMotion(Motion):
         The work of the motors since the start. None by the reduced equations.
     rolling_loss : (n,), J, or None
         The work lost to rolling resistance. None by the reduced equations.
+    ended : str or None
+        Which joint's range ended the motion early, and when.
 
     Examples
     --------
@@ -356,6 +358,7 @@ class ReferenceMotion(Motion):
     again: Callable[[], Array] = field(compare=False)
     motor_work: Array | None = None
     rolling_loss: Array | None = None
+    ended: str | None = None
 
     @cached_property
     def reference_error(self) -> float:

@@ -81,14 +81,18 @@ class RobotFile:
 
         Raises InputError for a name that no keyframe has.
         """
-        data, keys = mujoco.MjData(self.model), range(self.model.nkey)
-        names = [self.model.key(i).name for i in keys]
-        if key is not None and key not in names:
-            raise InputError(f"{self.path}: {unknown('keyframe', key, filter(None, names))}")
-        if names:
-            mujoco.mj_resetDataKeyframe(self.model, data, names.index(key) if key else 0)
+        data, number = mujoco.MjData(self.model), self.keyframe(key)
+        if number is not None:
+            mujoco.mj_resetDataKeyframe(self.model, data, number)
         mujoco.mj_forward(self.model, data)
         return data
+
+    def keyframe(self, key: str | None) -> int | None:
+        """Return the number of a keyframe, the first one if None; None where the file has none."""
+        names = [self.model.key(i).name for i in range(self.model.nkey)]
+        if key is not None and key not in names:
+            raise InputError(f"{self.path}: {unknown('keyframe', key, filter(None, names))}")
+        return None if not names else names.index(key) if key else 0
 
     @property
     def root(self) -> int:
@@ -106,6 +110,12 @@ class RobotFile:
         normal = data.geom_xmat[self.plane][2::3]
         away = data.geom_xpos[self.sphere] - data.geom_xpos[self.plane]
         return normal, float(away @ normal) - float(self.model.geom_size[self.sphere, 0])
+
+    def slip(self, data: Any) -> Array:
+        """Return the velocity (3,) of the sphere's lowest point [m/s], world."""
+        moving, (normal, _) = _moving(self, data), self.above_plane(data)
+        radius = float(self.model.geom_size[self.sphere, 0])
+        return np.asarray(moving[3:] - radius * np.cross(moving[:3], normal))
 
     def plane_axes(self, data: Any) -> Array:
         """Return the rotation (3, 3) from world axes to the plane's; the same where it is level."""
@@ -653,13 +663,12 @@ def _solid_of(model: Any, data: Any, bodies: Iterable[int]) -> Solid:
 
 def starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
     """Yield how a start misses the plane or the rolling, from which the equations begin."""
-    radius, (normal, gap) = float(robot.model.geom_size[robot.sphere, 0]), robot.above_plane(data)
+    radius, (_, gap) = float(robot.model.geom_size[robot.sphere, 0]), robot.above_plane(data)
     if abs(gap) > _HEIGHT * radius:
         way = "above" if gap > 0 else "in"
         yield f"it starts {abs(gap):.3g} m {way} the plane; the equations start on it"
-    moving = _moving(robot, data)
-    slip = float(np.linalg.norm(moving[3:] - radius * np.cross(moving[:3], normal)))
-    if slip > _HEIGHT * max(1.0, float(np.linalg.norm(moving[3:]))):
+    slip = float(np.linalg.norm(robot.slip(data)))
+    if slip > _HEIGHT * max(1.0, float(np.linalg.norm(_moving(robot, data)[3:]))):
         yield f"its contact point starts at {slip:.3g} m/s; the equations start without slipping"
     if robot.contact(data).dim == 1:
         yield "its contact has no friction (condim 1); the equations roll"

@@ -69,7 +69,7 @@ class Check:
             self.file, self.control, self.duration, self.rolling, self.accuracy, self.shell,
             self.keyframe,
         )  # fmt: skip
-        study = study_of(own, checked, self.accuracy, notes)
+        study = study_of(own, checked, notes)
         picture, html = (self.out / f"{study.stem()}.{kind}" for kind in ("png", "html"))
         present(study, picture, self.json, None)
         write_text(html, _page_of(study, checked, picture, beside(own, checked)))
@@ -78,7 +78,7 @@ class Check:
             mended = self.out / f"{self.file.stem}-mended.xml"
             write_text(mended, checked.text)
             print(mended, *difference(checked), sep="\n")
-        return AGREES if checked.error <= self.accuracy else DISAGREES
+        return AGREES if checked.agrees else DISAGREES
 
 
 def checked_file(

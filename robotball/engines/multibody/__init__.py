@@ -90,7 +90,7 @@ def integrate(
 
     first = march(rtol)
     states, readings = first.run(times)
-    times = times[: len(states)]
+    times, ended = times[: len(states)], None
     if first.stopped:
         t, which = first.stopped
         at, (joint, *ends) = first.system.ranges[which - 1]
@@ -98,7 +98,8 @@ def integrate(
         low, high = ends if slides else np.degrees(ends)
         unit = "m" if slides else "deg"
         reached = f"{joint} reaches its range of {low:g} to {high:g} {unit}"
-        line = f"{scene.name}: {reached} at t = {t:.6g} s"
+        ended = f"{reached} at t = {t:.6g} s"
+        line = f"{scene.name}: {ended}"
         if len(times) < 2:
             start = (
                 f"{scene.name}: {joint} starts at its stop, an end of {low:g} to {high:g} {unit}, "
@@ -115,6 +116,7 @@ def integrate(
         again=again,
         motor_work=states[:, HINGES + 2 * hinges :],
         rolling_loss=states[:, LOSS],
+        ended=ended,
     )
 
 

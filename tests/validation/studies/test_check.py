@@ -77,7 +77,7 @@ def test_a_planted_error_is_the_first_cause(cause: str, tmp_path: Path) -> None:
     own = UserModel(open_robot(path), {}, None)
     found = check_model(own, "classical", 2.0, 5e-4, lambda *_: None)
     assert path.read_text() != GOOD
-    assert causes_of(found, 5e-4)[0].startswith(f"{cause}: ")
+    assert causes_of(found)[0].startswith(f"{cause}: ")
     assert found.mended_error < 5e-4
 
 

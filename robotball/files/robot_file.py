@@ -541,15 +541,20 @@ def _solid_of(model: Any, data: Any, bodies: Iterable[int]) -> Solid:
     return composed(each for each in solids if each.mass > 0)
 
 
-def starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
-    """Yield how a start misses the plane or the rolling, from which the equations begin."""
-    radius, (_, gap) = float(robot.model.geom_size[robot.sphere, 0]), robot.above_plane(data)
+def start_misses(robot: RobotFile, data: Any) -> Iterator[tuple[str, str]]:
+    """Yield how a start misses the plane or the rolling, and what the equations do instead."""
+    radius, gap = float(robot.model.geom_size[robot.sphere, 0]), robot.above_plane(data)[1]
     if abs(gap) > _HEIGHT * radius:
-        way = "above" if gap > 0 else "in"
-        yield f"it starts {abs(gap):.3g} m {way} the plane; the equations start on it"
+        yield f"it starts {abs(gap):.3g} m {'above' if gap > 0 else 'in'} the plane", "on it"
     slip = float(np.linalg.norm(robot.slip(data)))
     if slip > _HEIGHT * max(1.0, float(np.linalg.norm(_moving(robot, data)[3:]))):
-        yield f"its contact point starts at {slip:.3g} m/s; the equations start without slipping"
+        yield f"its contact point starts at {slip:.3g} m/s", "without slipping"
+
+
+def starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
+    """Yield how a start misses the plane or the rolling, from which the equations begin."""
+    for words, instead in start_misses(robot, data):
+        yield f"{words}; the equations start {instead}"
     if robot.contact(data).dim == 1:
         yield "its contact has no friction (condim 1); the equations roll"
     # Parts within the shell may touch it, and bodies beside it; not the world, which is 0.

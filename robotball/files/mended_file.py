@@ -194,9 +194,9 @@ def _written_text(robot: RobotFile, moves: Moves, names: _Names, pair: int | Non
     for key in filter(lambda each: len(each.qpos), spec.keys):
         key.qpos[robot.free] = np.asarray(key.qpos)[robot.free] + moves.shift
     if np.any(moves.kick) and moves.key is not None:
-        first = int(robot.model.body_dofadr[robot.root])
-        key = spec.keys[moves.key]
-        key.qvel[first : first + 3] = np.asarray(key.qvel)[first : first + 3] + moves.kick
+        key, first = spec.keys[moves.key], int(robot.model.body_dofadr[robot.root])
+        if len(key.qvel):
+            key.qvel[first : first + 3] = np.asarray(key.qvel)[first : first + 3] + moves.kick
     spec.compile()
     return str(spec.to_xml())
 
@@ -250,8 +250,10 @@ def _own_text(robot: RobotFile, moves: Moves, names: _Names, pair: int | None) -
                 edits.append((key.at, "qpos", _added(old, shift, robot.free.start)))
     if np.any(moves.kick) and moves.key is not None:
         key = elements[_all_of(elements, "key")[moves.key]]
-        first = int(model.body_dofadr[robot.root])
-        edits.append((key.at, "qvel", _added(key.attributes["qvel"], moves.kick, first)))
+        if old := key.attributes.get("qvel"):
+            edits.append(
+                (key.at, "qvel", _added(old, moves.kick, int(model.body_dofadr[robot.root])))
+            )
     if pair is not None:
         edits.append((elements[_all_of(elements, "pair")[pair]].at, "", ""))
     for at, attribute, new in sorted(edits, key=lambda each: -each[0]):

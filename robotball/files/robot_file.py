@@ -383,6 +383,8 @@ def _sphere(model: Any, shell: str | None) -> int:
             "no sphere can touch the plane; a shell has a geom of type sphere with contype or "
             "conaffinity, where a mesh would roll on its corners"
         )
+    # A marker in the world rolls only where nothing else could.
+    spheres = [i for i in spheres if model.geom_bodyid[i]] or spheres
     called = {i: (model.geom(i).name, model.body(model.geom_bodyid[i]).name) for i in spheres}
     if shell is not None:
         spheres = [i for i, names in called.items() if shell in names]
@@ -661,15 +663,20 @@ def _solid_of(model: Any, data: Any, bodies: Iterable[int]) -> Solid:
     return composed(each for each in solids if each.mass > 0)
 
 
-def starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
-    """Yield how a start misses the plane or the rolling, from which the equations begin."""
-    radius, (_, gap) = float(robot.model.geom_size[robot.sphere, 0]), robot.above_plane(data)
+def start_misses(robot: RobotFile, data: Any) -> Iterator[tuple[str, str]]:
+    """Yield how a start misses the plane or the rolling, and what the equations do instead."""
+    radius, gap = float(robot.model.geom_size[robot.sphere, 0]), robot.above_plane(data)[1]
     if abs(gap) > _HEIGHT * radius:
-        way = "above" if gap > 0 else "in"
-        yield f"it starts {abs(gap):.3g} m {way} the plane; the equations start on it"
+        yield f"it starts {abs(gap):.3g} m {'above' if gap > 0 else 'in'} the plane", "on it"
     slip = float(np.linalg.norm(robot.slip(data)))
     if slip > _HEIGHT * max(1.0, float(np.linalg.norm(_moving(robot, data)[3:]))):
-        yield f"its contact point starts at {slip:.3g} m/s; the equations start without slipping"
+        yield f"its contact point starts at {slip:.3g} m/s", "without slipping"
+
+
+def starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
+    """Yield how a start misses the plane or the rolling, from which the equations begin."""
+    for words, instead in start_misses(robot, data):
+        yield f"{words}; the equations start {instead}"
     if robot.contact(data).dim == 1:
         yield "its contact has no friction (condim 1); the equations roll"
     # Parts within the shell may touch it, and bodies beside it; not the world, which is 0.

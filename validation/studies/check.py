@@ -22,11 +22,11 @@ from scipy.optimize import root_scalar
 from robotball import InputError, Scene, integrate
 from robotball.drives import Constant, Drive, as_drive
 from robotball.engines.mujoco.settings import BY_ERROR, CONSTANT, recipe
-from robotball.engines.mujoco.user_model import Seen, UserModel, observed, silent
+from robotball.engines.mujoco.user_model import Seen, UserModel, observed
 from robotball.equations import Rolling
 from robotball.errors import SceneWarning
 from robotball.files.mended_file import Change, Editable, Moves, compiled, editable
-from robotball.files.robot_file import RobotFile, gears_of, geom_name, rolling_of
+from robotball.files.robot_file import RobotFile, gears_of, geom_name, rolling_of, start_misses
 from robotball.motion import ContactMotion, Motion, ReferenceMotion, arrays_of, with_arrays
 from robotball.rotations import Array
 from robotball.scene import DOWN, GRAVITY
@@ -82,8 +82,23 @@ def _changes_of(
     found = []
     if seen.inside:
         found.append(_apart(model, seen))
-    if wrong := _start(own):
+    if wrong := "; ".join(words for words, _ in start_misses(robot, data)):
         found.append(Change("start", wrong, start=True))
+    solver = {}
+    if option.solver != int(mujoco.mjtSolver.mjSOL_NEWTON):
+        solver["solver"] = "Newton"
+    if option.iterations < 20:
+        solver["iterations"] = "100"
+    if option.ls_iterations < 10:
+        solver["ls_iterations"] = "50"
+    if option.tolerance > 1e-8:
+        solver["tolerance"] = "1e-10"
+    if solver:
+        words = (
+            f"the solver ends early: {option.iterations} iterations, {option.ls_iterations} of a "
+            f"line search, tolerance {option.tolerance:g}"
+        )
+        found.append(Change("solver", words, option=solver))
     resists = scene.friction.rolling
     condim = 6 if resists else 4 if scene.rolling == "rubber" else 3
     if contact.dim != condim:
@@ -115,21 +130,6 @@ def _changes_of(
     if option.noslip_iterations < 1:
         words = "friction is regularized, and creeps; slip is not solved for"
         found.append(Change("noslip", words, option={"noslip_iterations": "3"}))
-    solver = {}
-    if option.solver != int(mujoco.mjtSolver.mjSOL_NEWTON):
-        solver["solver"] = "Newton"
-    if option.iterations < 20:
-        solver["iterations"] = "100"
-    if option.ls_iterations < 10:
-        solver["ls_iterations"] = "50"
-    if option.tolerance > 1e-8:
-        solver["tolerance"] = "1e-10"
-    if solver:
-        words = (
-            f"the solver ends early: {option.iterations} iterations, {option.ls_iterations} of a "
-            f"line search, tolerance {option.tolerance:g}"
-        )
-        found.append(Change("solver", words, option=solver))
     return [_overriding(each) for each in found] if _overrides(model) else found
 
 
@@ -146,21 +146,6 @@ def _overriding(change: Change) -> Change:
 
 
 _OVERRIDDEN = ("margin", "solref", "solimp", "friction")
-
-
-def _start(own: UserModel) -> str:
-    """Return how the start misses the plane or the rolling, in words; empty where it does not."""
-    data = own.begin()
-    gap, slip = own.robot.above_plane(data)[1], float(np.linalg.norm(own.robot.slip(data)))
-    words = []
-    if abs(gap) > _STANDS * own.radius / 100:
-        words.append(f"it starts {1e3 * abs(gap):.3g} mm {'above' if gap > 0 else 'in'} the plane")
-    if slip > _SLIPS:
-        words.append(f"its contact point starts at {slip:.3g} m/s, where rolling has 0")
-    return "; ".join(words)
-
-
-_SLIPS = 1e-6  # m/s: a slower contact point rolls
 
 
 def _apart(model: Any, seen: Seen) -> Change:
@@ -260,13 +245,6 @@ def check_model(
     Less is compared where all would take too long. Raises InputError where the reference has no
     motion.
     """
-    with silent():
-        return _checked(own, rolling, duration, accuracy, show)
-
-
-def _checked(
-    own: UserModel, rolling: Rolling | None, duration: float, accuracy: float, show: Show
-) -> Checked:
     robot, data = own.robot, own.begin()
     default = rolling_of(robot.contact(data))
     every = max(1, round(_INTERVAL / robot.model.opt.timestep))
@@ -285,11 +263,11 @@ def _checked(
     nearest = min(errors, key=lambda name: errors[name] / (1.0 if name == default else _NEARER))
     theory, as_it_is = theories[nearest], errors[nearest]
     times, path = theory.times, path[: len(theory.times)]
+    judged = max(_reach(path), theory.path_length) >= _LEAST_PATH * own.radius
+    fails = seen.fails or _standing(path, theory, judged)
     if seen.fails:
         path[times >= seen.until] = np.nan
     since = np.flatnonzero(~(_away(path, theory) <= accuracy))
-    judged = max(_reach(path), theory.path_length) >= _LEAST_PATH * own.radius
-    fails = seen.fails or _standing(path, theory, judged)
     edit = editable(robot, _moves(own), _pair_of(robot.contact(data)), _touching(robot, seen))
     measured: dict[frozenset[str], float] = {}
 
@@ -388,9 +366,7 @@ def _moves(own: UserModel) -> Moves:
     """Return what sets the robot down on the plane, and lets it roll from its start on."""
     data = own.begin()
     normal, gap = own.robot.above_plane(data)
-    slip = own.robot.slip(data)
-    kick = -slip if np.linalg.norm(slip) > _SLIPS else np.zeros(3)
-    return Moves(-gap * normal, kick, own.robot.keyframe(own.key))
+    return Moves(-gap * normal, -own.robot.slip(data), own.robot.keyframe(own.key))
 
 
 def _affordable(own: UserModel, times: Array, runs: int) -> int:
@@ -542,14 +518,15 @@ def _fewest(
     """Return the fewest changes by which the error keeps to the limit, with the error without each.
 
     The one without which it is largest is the first. Those that are worth least beside all others
-    are left out first.
+    are left out first, and of those that are worth nothing the finer points, which are the last.
     """
 
     def without(change: Change, among: Sequence[Change]) -> float:
         return error_of([each for each in among if each is not change])
 
     needed, before = list(changes), None
-    by_worth = sorted(changes, key=lambda each: without(each, changes))
+    finer_first = list(changes)[::-1]
+    by_worth = sorted(finer_first, key=lambda each: max(without(each, changes), limit))
     while needed != before:  # as one may be needed only as long as another is there
         before = needed
         for each in by_worth:
@@ -693,11 +670,13 @@ def _known(checked: Checked) -> float | None:
 def causes_of(checked: Checked) -> list[str]:
     """Return the causes of an error, the first one first; of a model that is right what is unusual.
 
-    A gear is in both motions, and a cause only where nothing else is.
+    A gear is in both motions, and the first cause only where nothing else is or nothing rolls.
     """
     causes = [f"{change.name}: {change.words}{_worth(error)}" for change, error in checked.needed]
     causes += [checked.short] if checked.short and checked.theory.ended else []
-    helped = checked.needed and checked.mended_error <= checked.asked[1]
+    theory = checked.theory
+    rolls = theory.path_length >= theory.scene.ball.radius
+    helped = rolls and checked.needed and checked.mended_error <= checked.asked[1]
     for line in reversed(checked.unlikely):
         causes.insert(len(causes) if line.startswith("gear") and helped else 0, line)
     if not causes and checked.judged and not checked.agrees and not checked.short:
@@ -765,11 +744,8 @@ def _symptoms(own: UserModel, checked: Checked) -> Iterator[str]:
         commands = as_drive(each.command, scene.duration).rate(theory.times)
         clipped = np.clip(commands, *each.within)
         if (beyond := clipped != commands).any():
-            first = np.argmax(beyond)
-            yield (
-                f"control: {each.name} takes {clipped[first]:.3g}, as {commands[first]:.3g} is beyond "
-                "its ctrlrange"
-            )
+            given, taken = (values[np.argmax(beyond)] for values in (commands, clipped))
+            yield f"control: {each.name} takes {given:.3g} for {taken:.3g}, by its ctrlrange"
     if seen.delivered is not None and not seen.fails:
         yield (
             f"rolling resistance: {scene.friction.rolling:g} m is declared, which is in the "

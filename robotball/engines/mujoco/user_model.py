@@ -6,8 +6,7 @@ geoms that touch inside, joints with a range and servos that lag, is seen in the
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -27,19 +26,8 @@ from robotball.rotations import Array, Mask, from_matrix, rotation_matrix
 from robotball.scene import Scene
 
 _PATIENCE = 15.0  # s of processor time that a run as it is may take
-# Of the time, or of the radius: a sphere that is off the plane so long or so far is aloft.
-_ALOFT = 0.01
-
-
-@contextmanager
-def silent() -> Iterator[None]:
-    """Keep MuJoCo's own warnings from the terminal, where a report says what they are of."""
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda *_: None)
-    try:
-        yield
-    finally:
-        mujoco.set_mju_user_warning(before)
+# Of the time, and of the radius: a sphere that is off the plane so long or so far is aloft.
+_ALOFT, _HIGH = 0.05, 0.01
 
 
 @dataclass(frozen=True)
@@ -237,7 +225,7 @@ def _failure(
     part, top = float(lost.mean()), float(heights[lost].max(initial=0.0))
     if diverged is not None:
         words, until = f"it diverges at t = {diverged:.3g} s", diverged
-    if part > _ALOFT or top > _ALOFT * radius:
+    if part > _ALOFT or top > _HIGH * radius:
         # The longest flight: a sphere that just touches may be off the plane for a step at first.
         ends = np.flatnonzero(np.diff(lost, prepend=False, append=False)).reshape(-1, 2)
         until = float(times[ends[np.argmax(ends[:, 1] - ends[:, 0]), 0]])

@@ -288,7 +288,7 @@ def check_model(
         line = f"{words} at t = {at:.3g} s"
         if at < _LEAST_SAMPLES * interval:
             raise InputError(f"{robot.path}: {line}, which the equations do not have")
-        checked = _checked(own, rolling, at - 2 * interval, accuracy, show)
+        checked = check_model(own, rolling, at - 2 * interval, accuracy, show)
         line = f"meeting: {line}, of {duration:.3g} s"
         return replace(checked, asked=(duration, accuracy), short=checked.short or line)
     least = 2 + int(1.2 * since[0]) if len(since) else 2
@@ -782,7 +782,7 @@ def _check_picture(name: str, checked: Checked) -> Figure:
         drawn.append(("mended", checked.mended, "--"))
     for (label, path, dash), colour in zip(drawn, _COLOURS, strict=False):
         # Its end is marked, as a path may end within another.
-        last = [int(np.flatnonzero(np.isfinite(path[:, 0]))[-1])]
+        last = np.flatnonzero(np.isfinite(path[:, 0]))[-1:].tolist()
         left.plot(*path[:, :2].T, dash, marker="o", markevery=last, color=colour, label=label)
         away = _away(path, theory)
         right.semilogy(theory.times[1:], away[1:], dash, color=colour, label=label)

@@ -350,6 +350,7 @@ def _add_hinge(actuators: Element, hinge: ModelHinge, body: Element, axis: Array
         actuator = _add(actuators, "motor", **on, gear=gear)
     else:
         actuator = _add_law(actuators, motor.law, **on)
+        _set(joint, frictionloss=motor.law.friction or None)
     _limit(actuator, hinge.torque_limit)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import mujoco
 from tyro.conf import DisallowNone, Positional, arg
@@ -32,6 +32,9 @@ from validation.studies.check import (
     study_of,
 )
 from validation.study import Study, present
+
+if TYPE_CHECKING:
+    from robotball.equations import Rolling
 
 ACCURACY = 1e-3  # the path error to reach, over the path's length
 
@@ -88,7 +91,7 @@ def checked_file(
     file: Path,
     control: Sequence[str],
     duration: float | None,
-    rolling: Rolling | None = None,
+    rolling: "Rolling | None" = None,
     accuracy: float = ACCURACY,
     shell: str | None = None,
     key: str | None = None,

@@ -20,6 +20,7 @@ from tests.euler_engine import euler
 from tests.random_balls import ball_of_points
 from tests.random_robots import random_scene as random_robot_scene
 from validation import judge
+from validation.studies import judge_search
 from validation.studies.judge import FileJudgement, lines
 
 NAMES = ("fig12", "classical_regular", "wobbling_drive", "three_rotors", "classical_chaotic")

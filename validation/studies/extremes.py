@@ -26,7 +26,7 @@ from tyro.conf import Positional, arg
 
 from robotball import Fault, FaultKind, InputError, Motion, Scene, Settings
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.limits import LAWS, PlannedRun, exceeded, planned
+from robotball.engines.mujoco.limits import LAWS, exceeded, limit_checks, planned
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import for_load, resolved
@@ -127,7 +127,7 @@ def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
 
     outcome: an Outcome's name; path_error, momentum_error: relative, gamma_error: rad, None where
     the run broke off; faults: of the run; foretold: the limits that the precheck finds exceeded;
-    nearness: to each limit; seconds: CPU time.
+    nearness: how much of each limit is used, None without end; seconds: CPU time.
     """
     began = time.process_time()
     # In a process of its own nothing else keeps MuJoCo and NumPy quiet about what is recorded.
@@ -148,6 +148,7 @@ def _measured(this: CellRun) -> dict[str, Any]:
     settings = _ample(this.settings, theory) if this.ample else this.settings
     motion = run(build(resolved(scene, settings)), times)
     agreement = Agreement(theory, motion)
+    plan = planned(scene, settings, float(times[-1]), theory.loads)
     names = ("path_error", "momentum_error", "gamma_error")
     errors = {name: known(getattr(agreement, name)) for name in names}
     return {
@@ -155,19 +156,10 @@ def _measured(this: CellRun) -> dict[str, Any]:
         **errors,
         "faults": [str(fault) for fault in motion.report.faults],
         # What a user reads before the run, who does not know the motion yet.
-        "foretold": [limit.what for limit in exceeded(scene, settings, times)],
-        "nearness": nearness(planned(scene, settings, float(times[-1]), theory.loads)),
+        "foretold": [*exceeded(scene, settings, times)],
+        "nearness": {name: known(check.nearness) for name, check in limit_checks(plan).items()},
         "steps": motion.report.steps,
     }
-
-
-def nearness(plan: PlannedRun) -> dict[str, float | None]:
-    """Return how much of each predicted limit is used, by the name of its prediction.
-
-    What is used without end is None.
-    """
-    checks = {predict.__name__: predict(plan) for predict in LAWS}
-    return {name: known(check.nearness) for name, check in checks.items() if check is not None}
 
 
 def _speed_scale(scene: Scene) -> float:
@@ -384,7 +376,6 @@ _MARKS = {
     "wrong, noticed only during the run": (".", 7, INK),
     "accurate, yet warned of or reported": ("+", 6, INK),
 }
-_SENTENCES = {predict.__name__: law for predict, law in LAWS.items()}
 
 
 def _map_picture(name: str, results: Sequence[Result]) -> Figure:
@@ -423,7 +414,7 @@ def _exceeded(panels: Iterable[Sequence[Result]]) -> list[str]:
     def drawn(name: str) -> bool:
         return any(len({of[name] > 1 for of in panel if name in of}) == 2 for panel in numbers)
 
-    return list(filter(drawn, _SENTENCES))
+    return list(filter(drawn, LAWS))
 
 
 def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> None:
@@ -519,8 +510,9 @@ def round_ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
 
 
 def _sentence(limit: Row) -> str:
-    """Return the prediction, and what was measured of it."""
-    words = f"{_SENTENCES[limit['name']]}; kept to {limit['kept']:.2g}"
+    """Return the law, and what was measured of it."""
+    law = (LAWS[limit["name"]].__doc__ or "").partition("\n")[0].rstrip(".")
+    words = f"{law}; kept to {limit['kept']:.2g}"
     return words if limit["broken"] is None else f"{words}, broken from {limit['broken']:.2g} of it"
 
 

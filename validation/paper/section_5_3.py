@@ -9,6 +9,7 @@ Chaotic numbers are measured over 1e5 s by 16 starts, to standard errors of 2.3e
 stated.
 """
 
+from dataclasses import replace
 from functools import cache, partial
 
 import numba
@@ -271,7 +272,8 @@ def _strange(name: str = "fig14", count: int = 12) -> Value:
     for _ in range(count):
         beside = from_matrix(rotation_matrix(attitude) @ f.turned_about(turn, apart))
         ends = [
-            run(model, times, start=Start(q, momentum)).attitude[-1] for q in (attitude, beside)
+            run(model, times, scene=replace(scene, start=Start(q, momentum))).attitude[-1]
+            for q in (attitude, beside)
         ]
         first, second = map(rotation_matrix, ends)
         away = first.T @ second - second.T @ first

@@ -55,7 +55,7 @@ def own_start(scene: Scene, attitude: Array, momentum: Array) -> Start:
 
 def sound_run(model: Model, start: Start, times: Array) -> Motion:
     """Return the motion over times (n,) [s]. Raises InputError where it has a fault."""
-    motion = run(model, times, start=start)
+    motion = run(model, times, scene=replace(model.scene, start=start))
     if motion.report.faults:
         raise InputError(f"{LABEL.name}'s run is no result: {motion.report.faults[0]}")
     return motion

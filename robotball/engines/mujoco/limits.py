@@ -137,7 +137,7 @@ class PlannedRun(Resolved):
     @cached_property
     def start_trial(self) -> tuple[Loads, Array]:
         """The start's loads and eigenvalues, measured on MuJoCo's own model."""
-        from robotball.engines.mujoco.trials import linearised_start
+        from robotball.engines.mujoco.linearised import linearised_start
 
         return linearised_start(self.scene, self.settings)
 
@@ -146,7 +146,7 @@ class PlannedRun(Resolved):
         """The largest |λ| [1/s] of the hinges' motors; 0 without a motor that settles."""
         if not any(each.settles for each in self.hinges):
             return 0.0
-        from robotball.engines.mujoco.trials import fastest_rate
+        from robotball.engines.mujoco.linearised import fastest_rate
 
         return fastest_rate(self.scene, self.hinges)
 
@@ -303,7 +303,7 @@ def momentum_lost(plan: PlannedRun) -> _Found:
         value = float(steps * factor * np.float64(theta) ** order)
     # A trial takes some 60 ms, so it is made only where the formula raises an alarm.
     if value > limit and plan.integrator.order == 4 and plan.reduced:
-        from robotball.engines.mujoco.trials import momentum_loss
+        from robotball.engines.mujoco.linearised import momentum_loss
 
         value = min(value, momentum_loss(plan.scene, plan.timestep, plan.duration))
     shorter = plan.timestep * (limit / value) ** (1 / (order - 1)) if value > 0 else np.inf

@@ -20,9 +20,9 @@ from robotball.engines.mujoco.limits import (
     limit_checks,
     planned,
 )
+from robotball.engines.mujoco.linearised import linearised_start, momentum_loss
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.settings import Prescribed, recipe, resolved
-from robotball.engines.mujoco.trials import linearised_start, momentum_loss
 from robotball.motors import Actuator, Free, Law, Servo
 from robotball.scene import Friction
 from robotball.variations import scaled

@@ -1,7 +1,8 @@
-"""Short trials of a planned run, for numbers of `limits` that no formula gives.
+"""A planned run linearised about its start, for numbers of `limits` that no formula gives.
 
-They are the loads and eigenvalues of MuJoCo's own model at its start, the rate at which the motors
-settle with the ball rolling under them, and the momentum that RK4 loses.
+They are the loads and eigenvalues of MuJoCo's own model, the rate at which the motors settle with
+the ball rolling under them, and, where rotations about the start say too little, the momentum that
+RK4 loses in a short run.
 """
 
 from dataclasses import replace
@@ -126,7 +127,7 @@ def _angles(scene: Scene, hinge: MovedHinge) -> Array:
     return hinge.angle + np.linspace(0.0, 2 * np.pi, _SEEN, endpoint=False)
 
 
-_MOST_STEPS = 500  # of a trial; the loss of a longer run is extrapolated in proportion
+_MOST_STEPS = 500  # of the short run; the loss of a longer run is extrapolated in proportion
 
 
 def momentum_loss(scene: Scene, timestep: float, duration: float) -> float:

@@ -299,8 +299,8 @@ class _Place:
     """A place where cells run.
 
     name: for the user; limit: s for a cell; window: how many cells to have handed in at once, which
-    keep every process busy; submit: gives a cell to `Worker.answer` of a process of `_line`; check:
-    raises InputError where no answer can come.
+    keep every process busy; submit: gives a cell to `Worker.answer` of a process of `_result_line`;
+    check: raises InputError where no answer can come.
     """
 
     name: str
@@ -361,7 +361,7 @@ def _death(status: int) -> str:
     return f"ended its process with status {status}"
 
 
-def _line(work: Work, cell: Cell) -> str:
+def _result_line(work: Work, cell: Cell) -> str:
     """Return the result as a line; whatever the work raises is its failure."""
     try:
         record = work(cell)
@@ -375,7 +375,7 @@ def _line(work: Work, cell: Cell) -> str:
 @contextmanager
 def _local_cores(work: Work, limit: float | None, count: int) -> Iterator[_Place]:
     """Give so many processes of this machine, which end with the block, whatever they do."""
-    with pool(partial(_line, work), count) as submit:
+    with pool(partial(_result_line, work), count) as submit:
         yield _Place("the local cores", limit, 2 * count, lambda cell: submit(cell, limit))
 
 
@@ -449,4 +449,4 @@ def _answer(work: Work, cell: Cell, limit: float | None) -> Answer:
 
 @cache
 def _worker_of(work: Work, _thread: int) -> Worker:
-    return Worker(partial(_line, work))
+    return Worker(partial(_result_line, work))

@@ -18,7 +18,7 @@ from validation.output import writable_folder, write_text
 from validation.plots import draw
 from validation.results import changed, file_name
 
-_NEAR = 1e-3  # of the path's length: how near to it a robot that is steered must come
+_NEAR_PATH = 1e-3  # of the path's length: how near to it a robot that is steered must come
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class Steer:
         friction, torsion = theory.loads.sliding_friction, theory.loads.torsional_friction
         print(f"friction: up to {friction.max():.3g}, torsional {torsion.max():.3g} m")
         missing = shortfalls(robot, theory, self.rate_limit)
-        if off > _NEAR * path.length:
+        if off > _NEAR_PATH * path.length:
             missing.append(f"it leaves the path by {off:.2g} m")
         for line in missing:
             print(f"cannot: {line}")

@@ -35,7 +35,7 @@ _SIGNS = {"σ₊": (1, 1), "σ₋": (-1, 1), "δ₊": (1, -1), "δ₋": (-1, -1)
 # The family ----------------------------------------------------------------------------------
 
 
-def _started(gamma: Array, M: Array, duration: float = 5.0) -> Seen:
+def _rolled(gamma: Array, M: Array, duration: float = 5.0) -> Seen:
     """Roll the ball of Fig. 10 by MuJoCo from γ and M, with OX against M."""
     return seen_from(_BALL, gamma, -unit(M), np.array([-np.linalg.norm(M), 0.0, 0.0]), duration)
 
@@ -47,7 +47,7 @@ def equilibria(twist: float = 1.0) -> Errors:
     n = f.numbers(paper_scene(_BALL).parameters)
     for angle in (0.3, 2.0, 4.0):
         gamma = np.array([np.cos(angle), np.sin(angle), 0.0])
-        ball = _started(gamma, twist * cross(gamma, n.K))
+        ball = _rolled(gamma, twist * cross(gamma, n.K))
         alpha, beta, _ = ball.axes[0]
         line = ball.motion.times[:, None] * n.a * np.array([-beta @ n.Omega, alpha @ n.Omega])
         yield largest(ball.omega)
@@ -360,7 +360,7 @@ def _directions(twist: float = 1.0) -> Errors:
     """
     for name in _SIGNS:
         each = line(line_ball(), 2.0, name)
-        end = _started(each.gamma, each.M, duration=1.0).motion.contact_point[-1]
+        end = _rolled(each.gamma, each.M, duration=1.0).motion.contact_point[-1]
         speed = (-1.0 if name.startswith("σ") else 1.0) * each.n.a * np.linalg.norm(each.n.Omega)
         yield np.linalg.norm(end - [0.0, twist * speed])
 

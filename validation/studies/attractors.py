@@ -51,7 +51,7 @@ TORUS_BY_CONTACT = Torus(L=0.0, l=1.96, spread=0.0, f=_F, starts=1, skipped=100,
 _CLOUD = Recipe(f=_F, starts=50, skipped=20, count=40)  # 2000 points
 _PEERS = 199
 _PAIRS = Recipe(f=_F, starts=16, skipped=0, count=0)
-_LONG = 1e5  # s, of the equations' means: of 16 chaotic starts λ₁ is known to 2e-4 1/s
+_LONG_RUN = 1e5  # s, of the equations' means: of 16 chaotic starts λ₁ is known to 2e-4 1/s
 
 
 def _measured(
@@ -109,7 +109,7 @@ def _measure_torus(show: Show) -> Iterator[Row]:
     apart = distance_to_curve(contact.states, curve.states)
     yield _measured("11a: off the torus", apart.max(), 0.0, 5e-6)
     # The mean over 1200 s misses that of all time by a swing of the path, some metres, over that.
-    long = drift(scene.parameters, *TORUS_BY_CONTACT.points(seed=0), _LONG, 3000.0)
+    long = drift(scene.parameters, *TORUS_BY_CONTACT.points(seed=0), _LONG_RUN, 3000.0)
     yield _measured_drift("13", float(contact.velocities[0, 0]), 0.0, long, 5e-3)
 
 
@@ -127,7 +127,7 @@ def _measure_clouds(show: Show) -> Iterator[Row]:
     yield _measured("11b: 1 - p of the cloud", unlikely, 0.5, 0.99, apart=unlikely)
     mean = contact.velocities.mean(axis=0)
     error = contact.velocities.std(axis=0, ddof=1) / np.sqrt(_CLOUD.starts)
-    long = drift(scene.parameters, *_PAIRS.points(seed=0), _LONG)
+    long = drift(scene.parameters, *_PAIRS.points(seed=0), _LONG_RUN)
     yield _measured_drift("14", float(mean[0]), float(error[0]), long, 3 * float(error[0]))
 
 
@@ -139,7 +139,7 @@ def _measure_exponents(show: Show) -> Iterator[Row]:
         lambda part: show(4 + 4 * part, "Fig. 11b: exponent"), deviations=1,
     )  # fmt: skip
     largest, error = contact.ends().mean[0], contact.ends().error[0]
-    reference, _ = exponents(scene.parameters, *_PAIRS.points(seed=0), _LONG).mean
+    reference, _ = exponents(scene.parameters, *_PAIRS.points(seed=0), _LONG_RUN).mean
     yield _measured("11b: λ₁ [1/s]", largest, reference, 0.03 * reference, error)
     alongside = float(contact.by_equations(scene.parameters)[0].mean() / contact.stretch)
     yield _measured("11b: along one motion", largest, alongside, 1e-4)

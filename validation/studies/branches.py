@@ -33,7 +33,7 @@ _MARKERS = {FOLD: "^", BRANCH: "s", HOPF: "o", DOUBLING: "D", _NO_BOUND: "*"}
 _PLACE = ("value", "gamma1", "gamma2", "gamma3")
 _SENSES = ("supercritical", "subcritical")
 _ROUNDING = 1e-9  # 1/s, of l₁
-_MOST = 500  # points of a branch of cycles from its birth on
+_MOST_POINTS = 500  # points of a branch of cycles from its birth on
 _SEARCHED, _STARTS = 100.0, 16  # s, the longest period searched for; random starts where M ≠ 0
 
 
@@ -96,7 +96,7 @@ def _branch_picture(scene: Scene, over: str, rows: Sequence[Row], special: Seque
         if any(row["stable"] == stable for row in rows):
             axes.plot([], [], color=INK, label="stable" if stable else "unstable", **style)
     for _, of in groupby(rows, lambda row: row["branch"]):
-        _draw(axes, [*of], key)
+        _draw_branch(axes, [*of], key)
     for kind in dict.fromkeys(row["kind"] for row in special):
         places = [(row["value"], row[key]) for row in special if row["kind"] == kind]
         mark: Any = {"marker": _MARKERS[kind], "color": ACCENT, "mec": INK, "ms": 8, "ls": ""}
@@ -105,7 +105,7 @@ def _branch_picture(scene: Scene, over: str, rows: Sequence[Row], special: Seque
     return figure
 
 
-def _draw(axes: Axes, rows: Sequence[Row], key: str) -> None:
+def _draw_branch(axes: Axes, rows: Sequence[Row], key: str) -> None:
     """Draw one branch, solid where it is stable, with the names of its parts."""
     x, y = (np.array([row[name] for row in rows]) for name in ("value", key))
     stable = np.array([row["stable"] for row in rows])
@@ -199,7 +199,7 @@ def _born(family: motions.Family, longest: float) -> Iterator[Branch]:
     """Yield the cycles that are born at Hopf points of straight lines."""
     for line in motions.resting(family):
         for point in line.special(HOPF):
-            _, born = motions.born_cycles(family, point, longest, _MOST)
+            _, born = motions.born_cycles(family, point, longest, _MOST_POINTS)
             yield Branch(born.points[1:], born.ends)
 
 

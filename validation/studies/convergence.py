@@ -60,7 +60,7 @@ _REFERENCES = {
 }
 
 _HALVINGS = 8  # of the sample interval, for MuJoCo's shortest step
-_LONGEST, _SHORTEST = 0.24, 0.005  # s, steps of DOP853, in ratios of √2
+_LONGEST_STEP, _SHORTEST_STEP = 0.24, 0.005  # s, steps of DOP853, in ratios of √2
 _TOLERANCES = tuple(10.0**-n for n in range(4, 15))  # of DOP853 with steps of its own
 # Its tolerances for the limit, of which the first counts that comes to its end.
 _LIMITS = (LEAST_RTOL, 1e-13, 1e-11, 1e-9)
@@ -170,10 +170,10 @@ def _methods(model: Model, interval: float, halvings: int) -> list[_Method]:
     guarded = timeconst / 2 if timeconst > 0 else np.inf
     steps = [interval / 2**n for n in range(halvings)]
     allowed = [step for step in steps if step <= guarded * (1 + 1e-9)]
-    count = int(np.log2(_LONGEST / _SHORTEST) * 2) + 1
+    count = int(np.log2(_LONGEST_STEP / _SHORTEST_STEP) * 2) + 1
     return [
         *(_Method(name, step) for name in OWN for step in allowed),
-        *(_Method(ADAPTIVE, _LONGEST / 2 ** (n / 2), _ANY) for n in range(count)),
+        *(_Method(ADAPTIVE, _LONGEST_STEP / 2 ** (n / 2), _ANY) for n in range(count)),
         *(_Method(ADAPTIVE, None, rtol) for rtol in _TOLERANCES),
     ]
 
@@ -252,7 +252,7 @@ _NOTE = (
     "DOP853 alone chooses its steps: the order is its power of rtol."
 )
 _INCHES = (11.0, 6.6)
-_NEAR = 1.5  # in ln(step) and ln(error): slopes as near as that get one label
+_NEAR_SLOPES = 1.5  # in ln(step) and ln(error): slopes as near as that get one label
 
 
 def _convergence_study(study: Runs) -> Study:
@@ -318,7 +318,7 @@ def _convergence_picture(study: Runs) -> Figure:
     for axes, level, (against, (_, heading, words)) in zip(
         panels, levels, _REFERENCES.items(), strict=True
     ):
-        _draw(axes, study, against)
+        _draw_orders(axes, study, against)
         axes.axhline(level, color=EQUATIONS.colour, linestyle=":", linewidth=2, label=words)
         axes.set_title(heading, loc="left", fontsize=11)
         axes.set(xscale="log", yscale="log", xlabel="step, or its mean [ms]")
@@ -331,7 +331,7 @@ def _convergence_picture(study: Runs) -> Figure:
     return figure
 
 
-def _draw(axes: Axes, study: Runs, against: str) -> None:
+def _draw_orders(axes: Axes, study: Runs, against: str) -> None:
     labelled: list[Order] = []
     for name, rows in study.by_name.items():
         order, _ = study.order(name, against)
@@ -363,7 +363,7 @@ def _mark(name: str) -> dict[str, Any]:
 
 def _near(order: Order, other: Order) -> bool:
     apart = (order.ln_step - other.ln_step, order.ln_error - other.ln_error)
-    return max(map(abs, apart)) < _NEAR
+    return max(map(abs, apart)) < _NEAR_SLOPES
 
 
 def _record(study: Runs) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from itertools import compress, groupby
+from itertools import compress, cycle, groupby
 from typing import Annotated, Any
 
 import numpy as np
@@ -117,12 +117,12 @@ def classify(faults: Sequence[Fault], error: float | None) -> Outcome:
 
 
 _TURNING = 200.0  # rad: no cell that turns fast needs more to show its error
-_STEPS = 50  # at least, for an instability to grow in
-_SAMPLES = 100  # at most, at which the two motions are compared
+_LEAST_STEPS = 50  # at least, for an instability to grow in
+_MOST_SAMPLES = 100  # at most, at which the two motions are compared
 _AMPLE = 3.0  # times the motion's demand
 
 
-def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
+def measure_cell(cell: Mapping[str, Any]) -> dict[str, Any]:
     """Return the record of a cell {map, rolling, integrator, x, y}; no input makes it raise.
 
     outcome: an Outcome's name; path_error, momentum_error: relative, gamma_error: rad, None where
@@ -178,10 +178,10 @@ def _sample_times(this: CellRun) -> Array:
     step = this.settings.timestep or TIMESTEP
     duration = this.duration or min(DURATION, _TURNING / _speed_scale(this.scene))
     if not this.settings.adaptive and this.duration is None:
-        duration = max(duration, _STEPS * step)
-    interval = step * max(1.0, np.ceil(duration / step / _SAMPLES))
+        duration = max(duration, _LEAST_STEPS * step)
+    interval = step * max(1.0, np.ceil(duration / step / _MOST_SAMPLES))
     if this.settings.adaptive:
-        interval = duration / _SAMPLES
+        interval = duration / _MOST_SAMPLES
     return interval * np.arange(max(2, round(duration / interval) + 1))
 
 
@@ -340,7 +340,7 @@ def _count(kind: Outcome) -> Column:
     return Column(kind.word[:3], lambda row: str(row["outcomes"][kind.name] or ""))
 
 
-def _part(header: str, key: str) -> Column:
+def _part_column(header: str, key: str) -> Column:
     return Column(header, lambda row: f"{row[key]:.2g}" if row[key] else "-")
 
 
@@ -353,8 +353,8 @@ _OUTCOME_COLUMNS = (
 _LIMIT_COLUMNS = (
     *_PLACE,
     Column("predicted limit", "name", words=True),
-    _part("kept up to", "kept"),
-    _part("broken from", "broken"),
+    _part_column("kept up to", "kept"),
+    _part_column("broken from", "broken"),
     Column("beyond", "cells", form="d"),
 )
 
@@ -362,7 +362,7 @@ _LIMIT_COLUMNS = (
 _WIDE, _PANEL, _LINE = 9.0, 3.5, 0.19  # inches: the picture; a panel's height; a legend's line
 _TICKS = 4  # at most, on an axis
 _ACROSS = 3  # panels side by side: their letters are read at a page's width
-_LINES = [
+_LIMIT_LINES = [
     (colour, dashes)
     for dashes in ("-", (0, (5, 2)), (0, (1.2, 1.2)), (0, (5, 1.5, 1, 1.5)))
     for colour in (ACCENT, LABEL.colour, INK)
@@ -386,7 +386,8 @@ def _map_picture(name: str, results: Sequence[Result]) -> Figure:
         panels.setdefault((each.cell["rolling"], each.cell["integrator"]), []).append(each)
     rollings, integrators = (list(dict.fromkeys(names)) for names in zip(*panels, strict=True))
     exceeded = _exceeded(panels.values())
-    styles = dict(zip(exceeded, _LINES * (1 + len(exceeded) // len(_LINES)), strict=False))
+    # A map may have more limits than there are lines, which then begin again.
+    styles = dict(zip(exceeded, cycle(_LIMIT_LINES), strict=False))
     across = min(_ACROSS, len(integrators))
     rows = -(-len(integrators) // across)
     height = _PANEL * len(rollings) * rows + _LINE * (len(exceeded) + len(Outcome))
@@ -554,7 +555,7 @@ class Extremes:
     def run(self) -> int:
         maps = chosen("map", self.maps, MAPS)
         cut = QUICK if self.sweep.quick else WHOLE
-        study = MapStudy("extremes", measure, self.sweep)
+        study = MapStudy("extremes", measure_cell, self.sweep)
         found = study.results({each.name: (cells_of(each, cut), each.limit) for each in maps})
         records = summary(found)
         all_maps = totals([each for results in found.values() for each in results])

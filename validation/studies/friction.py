@@ -135,7 +135,7 @@ def _lever(scene: Scene, motion: Motion) -> Array:
 
 
 _INCHES = (11.5, 5.6)
-_LEAST = 1e-10  # of the right panel: what is below is rounding
+_FLOOR = 1e-10  # of the right panel: what is below is rounding
 
 
 def _friction_picture(scene: Scene, results: Sequence[Result], needed: float) -> Figure:
@@ -186,7 +186,7 @@ def _torsional(axes: Axes, results: Sequence[Result], needed: float | None) -> N
         ("path_error", "o", LABEL.colour, "-", "path error"),
         ("relative_spin", "s", "none", "--", "spin at the contact / |ω|"),
     ):
-        values = [row[key] and max(row[key], _LEAST) for row in rows]
+        values = [row[key] and max(row[key], _FLOOR) for row in rows]
         axes.plot(lengths, values, f"{marker}{line}", color=LABEL.colour, mfc=fill, label=label)
     if needed is not None:
         axes.axvline(needed, color=ACCENT, linewidth=1.4, linestyle=":")

@@ -126,7 +126,7 @@ def _environment(engine: str, version: str, folder: Path) -> tuple[str, str | No
     return str(interpreter_of(home)), f"{year}-{month:02}-{day:02}" if year > 1980 else None
 
 
-def measure(cell: Cell) -> dict[str, Any]:
+def measure_version(cell: Cell) -> dict[str, Any]:
     """Measure a version, installed if need be; our own where the cell has no environments."""
     name, python, date = cell["engine"], sys.executable, None
     engine, ours = engine_named(name), name == DEFAULT
@@ -327,7 +327,7 @@ class History:
         home = None if quick else str(_HOME)
         shared = {**cell, "engine": self.engine, "environments": home}
         cells = [{**shared, "version": each} for each in versions]
-        return rows_of(self.sweep.results(measure, cells, f"{self.engine}-history", _LIMIT))
+        return rows_of(self.sweep.results(measure_version, cells, f"{self.engine}-history", _LIMIT))
 
     def _table(self, versions: Sequence[str]) -> int:
         rows, label = self._rows(versions), engine_named(self.engine).label

@@ -15,7 +15,7 @@ from robotball.rotations import Array
 
 LEAST = 3  # points that make an order
 _STALLED = 0.5  # a fall with less than this power of the step is none
-_CLEAR = 5.0  # times the error at which they stall, from where on errors are taken for the line
+_SOUND = 5.0  # times the error at which they stall, from where on errors are taken for the line
 _STRAIGHT = 0.04  # distance from a line that passes for one, in ln(step), root mean square
 
 
@@ -49,12 +49,12 @@ def fit_order(
     errors are known to, at least. Among parts of one length the one at shorter steps is taken.
     """
     h, e = _sound(steps, errors)
-    clear = e > max(floor, _CLEAR * (stalled_at(steps, errors) or 0.0))
+    clear = e > max(floor, _SOUND * (stalled_at(steps, errors) or 0.0))
     x, y = np.log(h[clear]), np.log(e[clear])
     for length in range(len(x), LEAST - 1, -1):
         for begin in range(len(x) - length, -1, -1):
             part = slice(begin, begin + length)
-            if (found := _line(x[part], y[part])) is not None:
+            if (found := _fitted_line(x[part], y[part])) is not None:
                 return found
     return None
 
@@ -77,7 +77,7 @@ def _sound(steps: Sequence[float], errors: Sequence[float | None]) -> tuple[Arra
     return h, e
 
 
-def _line(x: Array, y: Array) -> Order | None:
+def _fitted_line(x: Array, y: Array) -> Order | None:
     """Return the least-squares line, if the points are near it and it rises."""
     if x[0] == x[-1]:  # one step alone has no order
         return None

@@ -275,7 +275,7 @@ _COLUMNS = (
 )
 
 
-def measure(cell: Cell) -> dict[str, Any]:
+def measure_part(cell: Cell) -> dict[str, Any]:
     """Return the rows of a part."""
     return {"rows": [*PARTS[cell["part"]](cell["quick"])]}
 
@@ -313,7 +313,7 @@ class Results:
         chosen("part", names, PARTS)
         shared = {"quick": quick, "balls": [scene_cell(name, 0)["digest"] for name in _SCENES]}
         cells = [{"part": name, **shared} for name in PARTS if not names or name in names]
-        results = self.sweep.results(measure, cells, "results", _LIMIT)
+        results = self.sweep.results(measure_part, cells, "results", _LIMIT)
         failed = [f"{each.cell['part']}: {each.failure}" for each in results if each.failure]
         parts = {each.cell["part"]: each.record["rows"] for each in results if each.record}
         rows = [row for some in parts.values() for row in some]

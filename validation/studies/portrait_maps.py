@@ -86,7 +86,7 @@ def cells_of(plane: _Plane, count: int) -> list[Cell]:
     return grid_cells(("K3", across), ("y", up), map=plane.name)
 
 
-def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
+def measure_portrait(cell: Mapping[str, Any]) -> dict[str, Any]:
     """Return the phase portrait of a cell {map, K3, y}.
 
     points: the type of each fixed point by its name; cycles: period s and multiplier of each, and
@@ -282,7 +282,7 @@ class Portraits:
     def run(self) -> int:
         planes = chosen("map", self.maps, PLANES)
         count = _QUICK_COUNT if self.sweep.quick else _COUNT
-        study = MapStudy("portraits", measure, self.sweep)
+        study = MapStudy("portraits", measure_portrait, self.sweep)
         found = study.results({each.name: (cells_of(each, count), _LIMIT) for each in planes})
         records = [summary(each, found[each.name]) for each in planes]
         study.present(found, _portrait_picture, shown(records), self.json, {"summary": records})

@@ -219,7 +219,7 @@ def cells_of(scene: str, settings: Sequence[Settings], duration: float, rounds: 
     return [{**shared, **options_of(each)} for each in settings]
 
 
-def measure(cell: Cell) -> dict[str, Any]:
+def measure_settings(cell: Cell) -> dict[str, Any]:
     """Measure errors against the equations, faults, and the cost of a simulated second."""
     scene, theory = reference(cell["scene"], cell["duration"], _INTERVAL)
     model = build(resolved(scene, settings_with(cell)))
@@ -311,7 +311,7 @@ def first_order_lines(configurations: Sequence[Row]) -> list[dict[str, Any]]:
 
 
 def tradeoff_of(scene: Scene, results: Sequence[Result]) -> dict[str, Any]:
-    """Return the comparison that the results of `measure` make, as plain data.
+    """Return the comparison that the results of `measure_settings` make, as plain data.
 
     baseline: processor time of the bare loop's simulated second [s], by which costs are seconds;
     best: the front's cheapest that reaches the target; first_order: the cheapest line there;
@@ -346,7 +346,7 @@ _ABOVE = ("adaptive",)  # its place is the left end of the front
 
 
 def _tradeoff_study(scene: Scene, results: Sequence[Result]) -> Study:
-    """Return the study of the results of `measure`: the front, the presets, and the ratio."""
+    """Return the study of the results: the front, the presets, and the ratio."""
     study = tradeoff_of(scene, results)
     every = study["configurations"]
     failed = sum(not each["sound"] for each in every)
@@ -496,7 +496,7 @@ class Tradeoff:
     def _front(self, scene: Scene, seconds: float) -> Study:
         quick = self.sweep.quick
         cells = cells_of(self.scene, configurations(quick), seconds, 2 if quick else _ROUNDS)
-        results = self.sweep.results(measure, cells, f"{scene.name}-tradeoff", _LIMIT)
+        results = self.sweep.results(measure_settings, cells, f"{scene.name}-tradeoff", _LIMIT)
         return _tradeoff_study(scene, results)
 
     def _friction(self, scene: Scene, seconds: float) -> Study:

@@ -38,6 +38,7 @@ def near_sigma_plus(level: float) -> _Caption:
     n = line_ball()
     square = n.K @ n.K
     gamma = sqrt(square - level) / square * n.K + sqrt(level) / square * cross(n.K, n.Omega)
+    # The caption starts beside σ₊, which is unstable; on it the ball would roll straight on.
     gamma = f.unit(gamma + 0.01 * f.E[2])
     M = f.level(f.E[2], gamma)
     M = M * sqrt(level / (M @ M))
@@ -105,6 +106,7 @@ def _as_captioned(name: str, sampled: tuple[float, ...], twist: float = 1.0) -> 
     caption, ball = CAPTIONS[name], seen(name, *sampled)
     caption = replace(caption, n=replace(caption.n, Omega=twist * caption.n.Omega))
     gamma, path = motion(caption, ball.motion.times)
+    # A caption's γ is in the frame's axes; the ball's principal axes may have another order.
     in_frame = ball.gamma @ paper_scene(name).principal_axes.T
     yield largest(ball.motion.contact_point - path) / max(ball.motion.path_length, caption.n.a)
     yield largest(in_frame - gamma)

@@ -84,6 +84,7 @@ def axes_of(text: str, count: int) -> dict[str, Array]:
             low, high = map(float, span.split(":"))
         except ValueError:
             low = high = math.nan
+        # Either order of the two numbers: --follow goes along them.
         if not 0 < abs(high - low) < math.inf:
             raise InputError(f"--over takes NAME=FROM:TO, two different numbers, not {part!r}")
         axes[name] = np.linspace(low, high, count)
@@ -99,9 +100,11 @@ def measure(cell: Cell) -> dict[str, Any]:
     """
     begin, n = time.process_time(), len(cell["points"])
     balls, attitudes, momenta = _motions(cell)
+    # Before the exponents, for with --follow they begin where the crossings ended.
     crossed = _crossings(balls, attitudes, momenta, cell) if "follow" in cell else [[]] * n
     found = exponents(balls, attitudes, momenta, cell["duration"], cell["transient"])
     spent = (time.process_time() - begin) / n
+    # A growth over half of the motion, as its logarithm decides, whatever the duration.
     growths = (found.halves * cell["duration"] / 2).tolist()
     rows = [
         _later("largest", halves)
@@ -124,6 +127,7 @@ def _crossings(
 ) -> list[list[list[float]]]:
     """Return the last crossings of each motion, and leave where it ended in `attitudes`."""
     crossed, n, skipped = [], len(balls), cell["skipped"]
+    # One after the other where each begins at the end of the one before.
     for part in [slice(i, i + 1) for i in range(n)] if cell["follow"] else [slice(n)]:
         found = section(
             balls[part], attitudes[part], momenta[part], skipped + _KEPT, direction=1,
@@ -142,8 +146,10 @@ def _crossings(
 def measure_contact(cell: Cell) -> dict[str, Any]:
     """Return in `rows` λ₁ of a cell's only motion by the engine, and by the equations alongside."""
     scene, ((ball,), _, (momentum,)) = load_scene(cell["scene"]), _motions(cell)
+    # MuJoCo needs bodies, and a point of the chart is only A, Ω and K.
     designed = redesign(scene, None, Limits(), ball)[1]
     designed = replace(designed, start=replace(scene.start, momentum=momentum))
+    # A designed ball has its own principal axes, in which the equations have to start.
     ball, attitudes, momenta = kernel_start(designed)
     skipped, kept = (round(cell[name] / _REJOINED) for name in ("transient", "duration"))
     model = build(resolved(designed, preset(cell["preset"])))
@@ -197,6 +203,7 @@ def word_of(growths: Sequence[float], crossings: Sequence[Sequence[float]]) -> s
     if not crossings:
         return "regular"
     L, l = np.array(crossings).T
+    # l = 0 and 2π are one point of the section.
     points = np.stack([L, np.cos(l), np.sin(l)])
     gaps = (np.abs(points[:, n:] - points[:, :-n]).max() for n in range(1, len(l) // 2 + 1))
     periods = [n for n, gap in enumerate(gaps, start=1) if gap < _SAME_CROSSING]
@@ -206,6 +213,7 @@ def word_of(growths: Sequence[float], crossings: Sequence[Sequence[float]]) -> s
 def _dozen(rows: Sequence[Row]) -> list[Row]:
     """Return some of the rows, from the least λ₁ to the largest in even steps."""
     left = sorted(rows, key=lambda row: row["largest"])
+    # Even in λ₁, not in rank: most points of a chart are regular, and a dozen of them says little.
     steps = np.linspace(left[0]["largest"], left[-1]["largest"], min(_DOZEN, len(left)))
     return [left.pop(np.argmin([abs(row["largest"] - at) for row in left])) for at in steps]
 

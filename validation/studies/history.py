@@ -86,9 +86,11 @@ def bisect(row: Callable[[int], Row], number: str, low: int, high: int) -> list[
     Found by halving: where it is the same at both ends of a part, none is looked for between them.
     Versions without the number are passed over, so that some may lie between two that are returned.
     """
+    # By halving, for a version costs an installation and a run, and most change nothing.
     before, after = row(low).get(number), row(high).get(number)
     if before is None or after is None or not differ(before, after):
         return []
+    # From the middle outwards, as the middle one may lack the number.
     inner = sorted(range(low + 1, high), key=lambda i: abs(2 * i - low - high))
     middle = next((i for i in inner if row(i).get(number) is not None), None)
     if middle is None:
@@ -139,6 +141,8 @@ def measure_version(cell: Cell) -> dict[str, Any]:
                 found = (_bare if ours else _adapted)(cell, python, preset)
             except InputError as error:  # an old version may know the other preset's names
                 why = str(error).removeprefix(f"{python}: ")
+                # It is a result that a version cannot run it; a failure would say nothing about
+                # which number is missing.
                 found = {"error": None, "fault": re.sub(r"^\w+Error: ", "", why)}
             record |= {number: found.pop("error"), **{f"{number}_{x}": found[x] for x in found}}
     return record
@@ -152,6 +156,7 @@ def _bare(cell: Cell, python: str, preset: str) -> dict[str, Any]:
     from robotball.engines.mujoco.settings import PRESETS, resolved
 
     scene, times = load_scene(cell["scene"]), sample_times(cell["duration"])
+    # Of this machine, on both sides of the run: versions are timed hours apart.
     settings, before = replace(PRESETS[preset], stop_at_fault=False), fixed_work()
     model = build(resolved(scene, settings))
     # The sensors do not move the ball, and old versions lack some.
@@ -176,6 +181,7 @@ def _stepped(python: str, xml: str, interval: float, samples: int) -> dict[str, 
 def _free_body(python: str) -> float | None:
     """Return the relative change of a free body's |M| in 10 s; None where that cannot run."""
     try:
+        # Without a contact the angular momentum stays, so its change is an integrator's own.
         turning = [row[3:] for row in _stepped(python, _FREE_BODY, 10.0, 2)["qvel"]]
     except InputError:
         return None

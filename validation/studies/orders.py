@@ -49,9 +49,12 @@ def fit_order(
     errors are known to, at least. Among parts of one length the one at shorter steps is taken.
     """
     h, e = _sound(steps, errors)
+    # Near the error at which they stall the fall is already slower than its power.
     clear = e > max(floor, _SOUND * (stalled_at(steps, errors) or 0.0))
     x, y = np.log(h[clear]), np.log(e[clear])
+    # The longest straight part, not the straightest: any two points are straight.
     for length in range(len(x), LEAST - 1, -1):
+        # Among parts of one length the shortest steps come first, where the leading term rules.
         for begin in range(len(x) - length, -1, -1):
             part = slice(begin, begin + length)
             if (found := _fitted_line(x[part], y[part])) is not None:
@@ -85,8 +88,11 @@ def _fitted_line(x: Array, y: Array) -> Order | None:
     spread = float((deviation**2).sum())
     slope = float((deviation * y).sum()) / spread
     residual = y - y.mean() - slope * deviation
+    # The deviation is that in ln(error) over the slope, so that a bound in ln(step) holds for any
+    # order.
     if slope < _STALLED or np.sqrt(np.mean(residual**2)) > _STRAIGHT * slope:
         return None
+    # A line has two parameters.
     stderr = np.sqrt((residual**2).sum() / (len(x) - 2) / spread)
     ends = float(np.exp(x.min())), float(np.exp(x.max()))
     return Order(slope, float(stderr), float(x.mean()), float(y.mean()), *ends, len(x))

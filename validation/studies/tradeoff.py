@@ -69,6 +69,7 @@ _INTERVAL = 0.1  # s, between samples; no step is longer
 _LINE = tuple(_INTERVAL / 2**k for k in range(10))
 STEPS = (20e-3, 5e-3, 1e-3)
 _FINE_STEPS = (5e-3, 1e-3, 0.2e-3)  # where first order has its slope
+# From 1e-4 on the contact may be lost, which `limits.errors_added` says.
 _RTOLS = tuple(10.0**-k for k in range(4, 14))
 _SAMPLE = 120  # random combinations
 _SEED = 4
@@ -122,12 +123,15 @@ def configurations(quick: bool = False) -> list[Settings]:
             *_lines((_RECIPE, NAIVE), _LINE, _ALL),
             *_adaptive(_RTOLS),
             *_star(_RECIPE, STEPS, ("RK4",)),
+            # First-order integrators of long steps are wrong whatever the contact, which would hide
+            # what a choice is worth.
             *_star(_RECIPE, _FINE_STEPS, FIRST_ORDER),
             *_star(NAIVE, STEPS[1:], _ALL),
             *_sample(),
         ]
     distinct: dict[str, Settings] = {}
     for settings in every:
+        # A star meets the lines, and the sample may meet both: a cell must be one configuration.
         distinct.setdefault(repr(options_of(settings)), settings)
     return list(distinct.values())
 
@@ -225,6 +229,7 @@ def measure_settings(cell: Cell) -> dict[str, Any]:
     model = build(resolved(scene, settings_with(cell)))
     logging.getLogger("absl").setLevel(logging.ERROR)  # a process of its own says it again
     agreement = Agreement(theory, run(model, theory.times), MUJOCO)
+    # A slow configuration needs less of its motion for the same processor time.
     part = min(1.0, _TIMED / agreement.report.seconds)
     timed = theory.times[: max(2, math.ceil(len(theory.times) * part))]
     (cost,) = measure_costs([simulated_second(model, timed)], cell["rounds"])
@@ -267,6 +272,7 @@ def _configuration(result: Result, baseline: float) -> Row:
         for name in ("path_error", "momentum_error", "ratio", "ratio_least", "ratio_most")
     )
     trouble = "; ".join(record["faults"]) if record else result.failure or ""
+    # Errors of a path can cancel, M's cannot: a path far better than M is good by accident.
     honest = error is not None and off is not None and off <= CANCELLED * error
     return {
         "title": preset or f"{integrator} {steps}, {describe(options)}",
@@ -291,6 +297,7 @@ def first_order_lines(configurations: Sequence[Row]) -> list[dict[str, Any]]:
     groups: dict[str, list[Row]] = {}
     for each in configurations:
         if each["sound"] and each["integrator"] in FIRST_ORDER:
+            # A line is what differs in its timestep alone.
             rest = {k: v for k, v in each["options"].items() if k != "timestep"}
             groups.setdefault(repr(sorted(rest.items())), []).append(each)
     lines = []
@@ -298,6 +305,7 @@ def first_order_lines(configurations: Sequence[Row]) -> list[dict[str, Any]]:
         group.sort(key=itemgetter("timestep"))
         fit = fit_order([p["timestep"] for p in group], [p["error"] for p in group])
         if fit is not None and fit.order <= _ORDER:
+            # From the nearest, so that an extrapolation is as short as there is data for.
             nearest = min(group, key=lambda p: abs(math.log(p["error"] / TARGET)))
             cost = nearest["cost"] * (nearest["error"] / TARGET) ** (1 / fit.order)
             extrapolated = all(p["error"] > TARGET for p in group)
@@ -318,6 +326,8 @@ def tradeoff_of(scene: Scene, results: Sequence[Result]) -> dict[str, Any]:
     ratio: its cost at the target over that of the best, None where one of them is not there.
     """
     baselines = [result.record["baseline"] for result in results if result.record is not None]
+    # One machine's speed wanders over the hours of a sweep, so seconds are ratios times one number
+    # for all.
     baseline = float(np.median(baselines)) if baselines else math.nan
     configurations = [_configuration(result, baseline) for result in results]
     sound = [each for each in configurations if each["sound"]]

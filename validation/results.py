@@ -66,6 +66,7 @@ def scenes_of(names: Sequence[str], controls: Sequence[str] = ()) -> dict[str, S
     controls: texts as `controls_of` takes them. Those of files with the same name in two folders
     are named after the folder as well. Raises InputError where one cannot be loaded.
     """
+    # A path by its absolute form, as two texts may name one file.
     distinct = {name if name in catalog() else Path(name).absolute(): name for name in names}
     scenes = [controlled(name, controls) for name in distinct.values()]
     often = Counter(scene.name for scene in scenes)

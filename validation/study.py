@@ -37,6 +37,7 @@ def scene_cell(scene: str, duration: float) -> dict[str, Any]:
 
     The ball is in it by a digest, so that no result outlives a change of the file.
     """
+    # Of the scene as it was read, not of the file: a comment in it changes no motion.
     text = scene_toml(load_scene(scene)).encode()
     digest = hashlib.sha256(text).hexdigest()[:12]
     return {"scene": scene, "digest": digest, "duration": duration}

@@ -252,6 +252,7 @@ class Cut:
         if self.count is None or self.count >= len(values):
             return values
         if "duration" in axis.label:
+            # A day's motion would be most of the quick form's time.
             values = tuple(v for v in values if v <= _QUICK_DURATION)
         kept = np.linspace(0, len(values) - 1, self.count).round().astype(int)
         return tuple(values[i] for i in np.unique(kept))

@@ -109,6 +109,7 @@ def classify(faults: Sequence[Fault], error: float | None) -> Outcome:
         return Outcome.UNFINISHED
     grave = [kind for kind in kinds if kind not in _BY_ERROR]
     if error > WRONG:
+        # Silently wrong is what has no other name: a run that slipped or lost a rate says so.
         first = [kind for kind in kinds if kind is not Outcome.WRONG]
         return first[0] if first else Outcome.WRONG
     if grave:
@@ -148,6 +149,7 @@ def _measured(this: CellRun) -> dict[str, Any]:
     settings = _ample(this.settings, theory) if this.ample else this.settings
     motion = run(build(resolved(scene, settings)), times)
     agreement = Agreement(theory, motion)
+    # By the loads of the whole motion, so that a law is judged and not the loads it was given.
     plan = planned(scene, settings, float(times[-1]), theory.loads)
     names = ("path_error", "momentum_error", "gamma_error")
     errors = {name: known(getattr(agreement, name)) for name in names}

@@ -315,12 +315,14 @@ class History:
     def run(self) -> int:
         package = _package(self.engine)
         writable_folder(self.sweep.out)
+        # Without pip, so that it works where there is no network.
         if self.sweep.quick:
             return self._table([engine_named(self.engine).label.version])
         failure = f"the versions of {package} cannot be listed"
         versions = released(_pip(_HOME, failure, "index", "versions", package))
         first, last = self.bisect or (self.since, self.to)
         end = places_of(versions, last)[-1] if last else len(versions) - 1
+        # 3.10 to search from is its last patch, but to list from its first one.
         start = places_of(versions, first)[-1 if self.bisect else 0] if first else 0
         versions = versions[min(start, end) : max(start, end) + 1]
         if self.bisect:

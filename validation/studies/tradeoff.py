@@ -333,6 +333,7 @@ def tradeoff_of(scene: Scene, results: Sequence[Result]) -> dict[str, Any]:
     sound = [each for each in configurations if each["sound"]]
     errors = [each["error"] for each in sound]
     front = [sound[i] for i in pareto_front(errors, [each["cost"] for each in sound])]
+    # The front is in the order of cost, so the first that reaches the target is the cheapest.
     best = next((each for each in front if each["error"] <= TARGET), None)
     line = min(first_order_lines(sound), key=itemgetter("cost_at_target"), default=None)
     return {

@@ -167,6 +167,7 @@ def present(study: Study, picture: Path, json: Path | None, csv: Path | None) ->
     No data is written where its path is None.
     """
     written = []
+    # Files before tables: what a terminal cannot show is written all the same.
     if study.picture is not None:
         written.append(write_picture(picture, study.picture))
     if json is not None and study.record is not None:

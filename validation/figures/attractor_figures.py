@@ -354,6 +354,7 @@ def _levelled(motion: Motion) -> Motion:
     """Return the motion with ℓ in the place of M, which is as constant in space."""
     if motion.scene.rolling == "classical":
         return motion
+    # M×γ with γ upright in the world: the rubber ball's momentum, turned back by a right angle.
     return replace(motion, momentum=np.cross(motion.momentum, [0.0, 0.0, 1.0]))
 
 
@@ -377,6 +378,7 @@ def kept(balls: dict[str, Scene]) -> float:
     changes = []
     for scene in balls.values():
         motion = _levelled(followed(started(scene, LEVELS[2]), SHOWN))
+        # In principal axes, as the integral that both balls share is written in them.
         axes = rotation_matrix(motion.attitude) @ scene.principal_axes
         level = np.einsum("nji,nj->ni", axes, motion.momentum)
         J = shared_integral(balls["rubber"].parameters, axes[:, 2], level)

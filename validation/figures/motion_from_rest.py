@@ -192,5 +192,6 @@ def _on_cycle(scene: Scene, cycle: Cycle) -> ContactMotion:
 
 def _both(scene: Scene) -> tuple[Motion, ContactMotion]:
     """Return the motion by the equations and the engine's."""
+    # Sampled by the duration, as a picture's width has so many points however long the motion.
     times = sample_times(scene.duration, scene.duration / 3000)  # enough for a smooth line
     return compiled_motion(scene, times), engine_motion(scene, times)

@@ -132,6 +132,7 @@ class Involute:
     def name(self, gamma: Array, text: str, **style: Any) -> None:
         """Draw a name beside γ (3,)."""
         x, y = self.places(gamma).tolist()
+        # Near a pole the name would stand on the edge of the picture.
         away = (0, 12 * y) if abs(y) > 0.9 else (12, 9)
         self.axes.annotate(text, (x, y), **{**_NAME, "xytext": away, **style})
 
@@ -233,6 +234,7 @@ def draw_separatrices(
     for each in contour:
         chart.line(each.path, label=_once(chart, "closed contour"), **_CYCLE)
     rest = [each for each in found if not any(each is other for other in contour)]
+    # Stable ones first, so that the legends of all figures have one order.
     for each in sorted(rest, key=lambda each: not each.stable):
         word, dashes = ("stable", (0, (4, 1.5))) if each.stable else ("unstable", "-")
         label = _once(chart, f"{word} manifolds of the saddles")

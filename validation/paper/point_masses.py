@@ -132,6 +132,7 @@ def rolled(ball: Ball, omega: Array, gamma: Array, rubber: bool) -> tuple[Array,
         balance = ball.rates(v, omega, v_rate, omega_rate)
         balance[:3] -= force
         balance[3:] -= -ball.a * cross(gamma, force) + torque * gamma
+        # The constraints are differentiated once, as the unknowns are accelerations.
         slip = v_rate + ball.a * cross(gamma_rate, relative)
         slip = slip + ball.a * cross(gamma, omega_rate - n.Omega_rate)
         spin = (omega_rate - n.Omega_rate) @ gamma + relative @ gamma_rate

@@ -422,6 +422,7 @@ def _exceeded(panels: Iterable[Sequence[Result]]) -> list[str]:
 
 def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> None:
     xs, ys = (sorted({each.cell[key] for each in results}) for key in ("x", "y"))
+    # Where a law does not apply, and where a cell has no result, there is no line.
     grids = {name: np.full((len(ys), len(xs)), np.nan) for name in styles}
     # Even steps for values that are decades apart, so that each cell is seen.
     looks = [_outcome_of(each).look for each in results]

@@ -427,6 +427,7 @@ def _tradeoff_picture(study: Row) -> Figure:
     for each in every:
         if each["preset"] and each["error"] is not None:
             _name(axes, each["preset"], (each["error"], each["cost"]))
+    # Room for the names of the presets, which stand at the ends of the front.
     low, high = axes.get_xlim()
     axes.set_xlim(low / 3, high * 3)
     axes.set_ylim(axes.get_ylim()[0] / 2.5)

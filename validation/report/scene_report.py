@@ -63,7 +63,7 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
     if film:
         source = embedded(film.read_bytes(), "video/mp4")
         shown = f'<video controls muted playsinline src="{source}"></video>'
-    # `scene_toml` writes the paper's balls alone.
+    # A scene file holds no links, and no shell that is not symmetric.
     file = "" if scene.ball.general else f"<pre>{escape(scene_toml(scene))}</pre>"
     return [
         f"<h2>{escape(scene.name)}</h2>",

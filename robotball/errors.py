@@ -9,7 +9,7 @@ from numbers import Real
 
 # In SI units, far beyond any ball, and small enough that products of a few do not overflow.
 LARGEST = 1e50
-_MOST = 10_000_000  # of anything that is counted: more fill the memory
+_MOST_COUNTED = 10_000_000  # of anything that is counted: more fill the memory
 END_ROUNDING = 1e-9  # relative: a time so little beyond the end of a run is taken as the end
 _LONGEST_WORD, LONGEST_LINE = 200, 500  # characters of a message
 _FEW = 12  # names that a message lists, so that it stays a line
@@ -133,7 +133,7 @@ def check_size(what: str, value: float, unit: str = "", largest: float = LARGEST
         raise InputError(line.rstrip())
 
 
-def check_count(name: str, value: int, least: int, most: int = _MOST) -> int:
+def check_count(name: str, value: int, least: int, most: int = _MOST_COUNTED) -> int:
     """Return `value`. Raises InputError where it is below `least` or above `most`."""
     _check_number(name, value)
     if value < least:

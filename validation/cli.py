@@ -36,6 +36,7 @@ def _standard_output_of(command: object) -> Iterator[None]:
     count = sum(path == STANDARD_OUTPUT for path in _paths(command))
     if count > 1:
         raise InputError("standard output takes one result: give `-` to one option alone")
+    # Else the tables would stand in the middle of the JSON that is piped on.
     with contextlib.redirect_stdout(sys.stderr) if count else contextlib.nullcontext():
         yield
 
@@ -104,6 +105,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its status."""
     # A run's monitor reports what the engine would only log.
     logging.getLogger("absl").setLevel(logging.ERROR)
+    # Once, as many runs of one scene would tell the same.
     warnings.simplefilter("once", SceneWarning)
     warnings.filterwarnings("ignore", module="matplotlib")  # a picture is right, or a test fails
     warnings.showwarning = _show_warning
@@ -180,6 +182,7 @@ def parse(arguments: Sequence[str]) -> _Command:
         _check_each_is_given_once(command, arguments)
     refusal = io.StringIO()
     try:
+        # tyro draws a box of many lines, and a refusal is one line here.
         with contextlib.redirect_stderr(refusal):
             if command:
                 return tyro.cli(command, args=arguments[1:], prog=f"robotball {name}")

@@ -85,6 +85,7 @@ def scenes_of(names: Sequence[str], controls: Sequence[str] = ()) -> dict[str, S
     controls: texts as `controls_of` takes them. Those of files with the same name in two folders
     are named after the folder as well. Raises InputError where one cannot be loaded.
     """
+    # A path by its absolute form, as two texts may name one file.
     distinct = {name if name in catalog() else Path(name).absolute(): name for name in names}
     scenes = [controlled(name, controls) for name in distinct.values()]
     often = Counter(scene.name for scene in scenes)
@@ -92,6 +93,7 @@ def scenes_of(names: Sequence[str], controls: Sequence[str] = ()) -> dict[str, S
     taken: set[str] = set()
     for (path, given), scene in zip(distinct.items(), scenes, strict=True):
         name = scene.name
+        # Their files would overwrite each other; the catalog's scene keeps its name.
         if often[name] > 1 and isinstance(path, Path):
             name = f"{path.parent.name}-{name}"
         others = (f"{name}-{number}" for number in count(2))
@@ -109,6 +111,7 @@ def file_stem(agreements: Sequence[Agreement]) -> str:
     first, names = agreements[0], [each.settings.name for each in agreements]
     if first.engine is not None and len(names) > 1 and names == list(first.engine.presets):
         names = [ALL]
+    # Another duration is another run, whose files are not the same.
     end = float(first.theory.times[-1])
     time = [] if end == first.scene.duration else [f"{end:g}s"]
     return file_name(first.scene.name, first.motion.engine, [*names, *time])

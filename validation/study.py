@@ -38,6 +38,7 @@ def scene_cell(scene: str, duration: float) -> dict[str, Any]:
 
     The ball is in it by a digest, so that no result outlives a change of the file.
     """
+    # Of the scene as it was read, not of the file: a comment in it changes no motion.
     loaded = load_scene(scene)
     # A scene file cannot hold a robot of a file of its own.
     general = loaded.ball.general
@@ -170,6 +171,7 @@ def present(study: Study, picture: Path, json: Path | None, csv: Path | None) ->
     No data is written where its path is None.
     """
     written = []
+    # Files before tables: what a terminal cannot show is written all the same.
     if study.picture is not None:
         written.append(write_picture(picture, study.picture))
     if json is not None and study.record is not None:

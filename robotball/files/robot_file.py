@@ -1,6 +1,6 @@
 """Read a user's whole robot from an MJCF or URDF file, as it is: tree, actuators, plane and start.
 
-MuJoCo reads and compiles the file, at first in a process of its own (`trial_load`). The tree begins
+MuJoCo reads and compiles the file, at first in a process of its own (`sandbox`). The tree begins
 at the shell, the body with the sphere that touches the plane, wherever the file has it: a joint
 above the shell is seen from its other side, by an axis of the opposite sign. Bodies are taken where
 all joints are at 0, in the axes of the shell and from the centre of its sphere; all that is welded
@@ -30,8 +30,8 @@ from robotball.drives import Rate, Samples, key
 from robotball.equations import Rolling
 from robotball.errors import InputError, check_positive, check_size, unknown, warn
 from robotball.files import check_format, named
+from robotball.files.sandbox import COMMENT, check_loads, opened_spec
 from robotball.files.scene_tables import Command, Table, rate_of
-from robotball.files.trial_load import COMMENT, check_loads, opened_spec
 from robotball.motors import Actuator, Free, Law
 from robotball.rotations import Array, Z, from_matrix, rotation_matrix
 from robotball.scene import DOWN, Friction, Scene, Start

@@ -116,6 +116,7 @@ class View(_Shown):
         from validation.results import file_stem
 
         if not self.web:
+            # Before the runs, which take longest: without a display nothing could be shown of them.
             check_display()
         agreements = self._agreements()
         motions = motions_of(agreements, "view")

@@ -60,8 +60,10 @@ class Report:
         scenes = list(scenes_of(self.scenes, self.control).values())
         out = writable_folder(self.run_options.out)
         agreements = self.run_options.agreements(scenes, listed(self.preset))
+        # The first scene's agreements stand first, as many as each scene has.
         stem = file_stem(agreements[: len(agreements) // len(scenes)])
         others = "".join(f"-{scene.name}" for scene in scenes[1:])
+        # Cut, as a file system takes no name of a whole catalog.
         path = out / f"{(stem + others)[:_MOST_NAMES]}-report.html"
         command = f"{program()} {shlex.join(sys.argv[1:])}"
         with tempfile.TemporaryDirectory() as folder:

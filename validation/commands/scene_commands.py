@@ -72,7 +72,9 @@ class Model:
         if out:
             write_text(out, files.xml)
         else:
+            # As it is, for a pipe: no line of ours may stand in the XML.
             print(files.xml, end="")
+        # MJCF has neither controls that change nor the hard contact, so a script has them.
         if files.needs is not None:
             print(f"robotball: {files.needs}", file=sys.stderr)
             if file:

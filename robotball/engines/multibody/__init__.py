@@ -52,7 +52,7 @@ _LABEL = Label("multibody equations", version("robotball"), "#D55E00")  # the eq
 
 _MAX_STEPS = 1_000_000  # hours, where motors settle so fast that they set the step
 _MANY_STEPS = 5_000  # a minute
-_STEP = 0.012  # s that such a step takes
+_SECONDS = 0.012  # s that such a step takes
 _STABLE = 6.3  # over the rate at which anything settles: the longest step of DOP853
 _DIFFERENCE = 1e-6  # of a state's scale, by which its Jacobian is taken
 # Times the error of a step, of the motion by which its own error is estimated: its steps are longer
@@ -129,7 +129,7 @@ def _check_rates(scene: Scene, duration: float, limit: int) -> None:
     if steps > _MANY_STEPS:
         line = (
             f"{scene.name}: its motors settle at {rate:.3g} 1/s, so {duration:g} s take at least "
-            f"{steps:.2g} steps, some {steps * _STEP / 60:.2g} min; lower the gains, raise the "
+            f"{steps:.2g} steps, some {steps * _SECONDS / 60:.2g} min; lower the gains, raise the "
             "armatures, or prescribe the rates"
         )
         if steps > limit:

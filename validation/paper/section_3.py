@@ -56,10 +56,10 @@ def _driven(classical: bool) -> Seen:
     if not classical:
         return seen(DRIVEN)
     # (M, γ) = 3, as 0 would hide the terms that the classical model has more than rubber.
-    return seen_of(_started(paper_scene(DRIVEN), "classical", 3.6, c=3.0), 10.0)
+    return seen_of(_from_section(paper_scene(DRIVEN), "classical", 3.6, c=3.0), 10.0)
 
 
-def _started(scene: Scene, rolling: Rolling, L: float, c: float = 0.0) -> Scene:
+def _from_section(scene: Scene, rolling: Rolling, L: float, c: float = 0.0) -> Scene:
     """Return the ball of a model, from (L, l) = (L, 0.6) at g = 0 with f = 25 and (M, γ) = c."""
     gamma, M = section_state(L, 0.6, 0.0, 25.0, c)
     axes = scene.principal_axes
@@ -223,7 +223,7 @@ def _no_energy(symmetric: bool = False) -> AtLeast:
 
 def _rubber_routh() -> Scene:
     """Return Routh's sphere without spinning."""
-    return _started(paper_scene(_ROUTH_SPHERE), "rubber", 3.0)
+    return _from_section(paper_scene(_ROUTH_SPHERE), "rubber", 3.0)
 
 
 @cache

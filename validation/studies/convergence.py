@@ -65,7 +65,7 @@ _TOLERANCES = tuple(10.0**-n for n in range(4, 15))  # of DOP853 with steps of i
 # Its tolerances for the limit, of which the first counts that comes to its end.
 _LIMITS = (LEAST_RTOL, 1e-13, 1e-11, 1e-9)
 _ANY = 1.0  # a tolerance that lets every step pass
-_PATIENCE, _LEAST_PATIENCE = 600, 64  # steps a second, and besides, before DOP853 is given up
+_STEPS_ALLOWED, _LEAST_ALLOWED = 600, 64  # steps a second, and besides, before DOP853 is given up
 
 
 @dataclass(frozen=True)
@@ -198,7 +198,7 @@ def _stepped(model: Model, method: _Method, duration: float) -> Model:
     )
     if settings.adaptive:
         # Where rounding keeps it from its tolerance, DOP853 would take ever smaller steps.
-        patience = _LEAST_PATIENCE + int(_PATIENCE * duration)
+        patience = _LEAST_ALLOWED + int(_STEPS_ALLOWED * duration)
         return replace(model, settings=replace(settings, max_steps=patience))
     assert method.step is not None
     same = replace(model, settings=settings)

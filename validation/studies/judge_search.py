@@ -113,7 +113,7 @@ _LESSENS = np.log(5.0)  # by how much a mistake must lessen one of the errors
 _MOST = (2.0, 1.1)
 # Of path, attitude or ω, the part of the typical error and of its mean square that may be left:
 # 0.09 and 0.30 at most where a planted mistake is undone, of which the rest is the engine's.
-_LEFT = ((0.1,), (1 / 3,))
+_REMAINING = ((0.1,), (1 / 3,))
 _SPOILS = np.log(3.0)  # by how much it may worsen another one, which is wrong anyway
 _AS_GOOD = np.log(1.5)  # two mistakes so near explain as much as each other
 _SOUND = 1e-3  # errors of path and attitude, below which no other scene is tried
@@ -328,7 +328,7 @@ def _sizes(errors: tuple[Array, ...], truth: Truth) -> Array:
 def _explain(after: Array, before: Array) -> bool:
     """Return whether sizes are most of those before in all together, and nearly all in one."""
     all_together = np.linalg.norm(after, axis=1) * _MOST < np.linalg.norm(before, axis=1)
-    return bool(all_together.all() and (after < _LEFT * before).all(axis=0).any())
+    return bool(all_together.all() and (after < _REMAINING * before).all(axis=0).any())
 
 
 def _from_zero(times: Array) -> Array:

@@ -27,7 +27,7 @@ from robotball.scene import Scene
 
 _PATIENCE = 15.0  # s of processor time that a run as it is may take
 # Of the time, and of the radius: a sphere that is off the plane so long or so far is aloft.
-_ALOFT, _HIGH = 0.05, 0.01
+_ALOFT_TIME, _ALOFT_HEIGHT = 0.05, 0.01
 
 
 @dataclass(frozen=True)
@@ -225,7 +225,7 @@ def _failure(
     part, top = float(lost.mean()), float(heights[lost].max(initial=0.0))
     if diverged is not None:
         words, until = f"it diverges at t = {diverged:.3g} s", diverged
-    if part > _ALOFT or top > _HIGH * radius:
+    if part > _ALOFT_TIME or top > _ALOFT_HEIGHT * radius:
         # The longest flight: a sphere that just touches may be off the plane for a step at first.
         ends = np.flatnonzero(np.diff(lost, prepend=False, append=False)).reshape(-1, 2)
         until = float(times[ends[np.argmax(ends[:, 1] - ends[:, 0]), 0]])

@@ -22,7 +22,7 @@ from typing import Annotated, Any, Protocol, Union, get_type_hints
 import tyro
 from tyro.conf import subcommand
 
-from robotball.errors import InputError, SceneWarning, unknown
+from robotball.errors import InputError, SceneWarning, UnitWarning, unknown
 from robotball.files.replacing import STANDARD_OUTPUT
 from validation.options import BAD_INPUT, Controls, Names
 
@@ -58,6 +58,7 @@ class _Command(Protocol):
 
 
 _INTERRUPTED = 130
+_AS_GIVEN = "--as-given"  # of every command: numbers that seem to be in another unit are meant
 # The module with the class of each command, loaded when the command runs.
 COMMANDS = {
     "scenes": "validation.commands.scene_commands",
@@ -95,7 +96,8 @@ _WHAT = """Run a rolling ball by a physics engine and by the equations, and comp
 Example: robotball compare fig12
 
 `robotball COMMAND --help` has an example of each command. `robotball --version` names the versions.
-`robotball --tyro-print-completion bash` (or zsh) prints what completes commands and options."""
+`robotball --tyro-print-completion bash` (or zsh) prints what completes commands and options.
+With --as-given any command takes a number that seems to be in another unit as it is written."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -106,6 +108,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     warnings.filterwarnings("ignore", module="matplotlib")  # a picture is right, or a test fails
     warnings.showwarning = _show_warning
     arguments = list(sys.argv[1:] if arguments is None else arguments)
+    if _AS_GIVEN in arguments:
+        arguments.remove(_AS_GIVEN)
+    else:
+        warnings.simplefilter("error", UnitWarning)
     if arguments[:1] == ["ladder"]:
         print("robotball: `ladder` is called `ablation` now", file=sys.stderr)
         arguments[0] = "ablation"
@@ -133,6 +139,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _refusal(error: Exception) -> str | None:
     """Return one line on what the input or the system refuses; None for an error of our own."""
     match error:
+        case UnitWarning():
+            return f"{error} ({_AS_GIVEN} takes it as it is written)"
         case InputError():
             return str(error)
         case OSError():

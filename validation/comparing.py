@@ -98,12 +98,11 @@ def agreements_of(
     return [agreement(i, request) for i, request in enumerate(requests)]
 
 
-def film(path: Path, agreements: Sequence[Agreement], how: "Film | None" = None) -> None:
-    """Film the motions of a scene's agreements at `path`, by default as `Film()` says.
+def film(path: Path, motions: Sequence[Motion], how: "Film | None" = None) -> None:
+    """Film motions of a scene at `path`, by default as `Film()` says; the last is the equations'.
 
-    Raises InputError as `motions_of` does, and as `write_video` does.
+    Raises InputError as `write_video` does.
     """
-    motions = motions_of(agreements, "video")
     from robotball.film.render import write_video  # an encoder and a GL, which only a film needs
 
     with refused(path):

@@ -185,7 +185,7 @@ class Demo:
         from robotball.engine import request_of
         from robotball.film.render import Film
         from validation import results
-        from validation.comparing import agreements_of, film
+        from validation.comparing import agreements_of, film, motions_of
         from validation.output import progress_bar, writable_folder, write_text
         from validation.plots import draw
         from validation.report.study_report import study_report
@@ -210,7 +210,7 @@ class Demo:
         written += [out / f"demo.{suffix}" for suffix in ("html", "json", "csv", "md")]
         path = out / f"{results.file_stem(filmed)}.mp4"
         try:
-            film(path, filmed, Film(fps=24, ghost=True))
+            film(path, motions_of(filmed, "video"), Film(fps=24, ghost=True))
             written.append(path)
         except InputError as error:
             console.print(escape(f"no video: {error}"), style="yellow")

@@ -30,7 +30,6 @@ from robotball import (
     Scene,
     Settings,
     integrate,
-    load_scene,
     preset,
 )
 from robotball.engines.dop853 import LEAST_RTOL
@@ -42,9 +41,10 @@ from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.film.looks import INK
 from robotball.motion import path_error
 from robotball.rotations import Array
-from validation.options import PRESET, Names, Once, OnceOptions, SceneName, listed
+from validation.options import PRESET, Controls, Names, Once, OnceOptions, SceneName, listed
 from validation.output import Show, in_picture, progress_bar, scientific
 from validation.plots import note
+from validation.results import controlled
 from validation.studies.ablation import without
 from validation.studies.orders import Order, fit_order, stalled_at
 from validation.study import Column, Row, Study, table_of
@@ -394,6 +394,7 @@ class Convergence:
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
+    control: Controls = ()
     preset: Annotated[str, arg(metavar=PRESET)] = "accurate"
     """The settings whose contact model it is; integrator and step are swept."""
     without: Names = ()
@@ -402,7 +403,7 @@ class Convergence:
     study: OnceOptions = field(default_factory=Once)
 
     def run(self) -> int:
-        scene = load_scene(self.scene)
+        scene = controlled(self.scene, self.control)
         settings = without(preset(self.preset), listed(self.without))
         times, halvings = self.study.times(scene), _HALVINGS - 2 * self.study.quick
         with progress_bar(1) as show:

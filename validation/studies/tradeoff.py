@@ -38,10 +38,10 @@ from robotball.engines.mujoco.settings import (
 from robotball.film.looks import ACCENT, FAINT, INK
 from robotball.motors import Servo
 from validation.agreement import Agreement
-from validation.options import Duration, SceneName, Sweep, SweepOptions, seconds_of
+from validation.options import Controls, Duration, SceneName, Sweep, SweepOptions, seconds_of
 from validation.output import in_picture, known, scientific, writable_folder
 from validation.plots import note
-from validation.results import changed
+from validation.results import changed, with_controls
 from validation.studies.friction import friction_cells, friction_run, friction_study
 from validation.studies.orders import fit_order
 from validation.studies.timing import measure_costs, simulated_second
@@ -480,6 +480,7 @@ class Tradeoff:
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
+    control: Controls = ()
     friction: bool = False
     """Study instead what rolling and torsional friction do to the ball."""
     duration: Duration = None
@@ -487,19 +488,20 @@ class Tradeoff:
     sweep: SweepOptions = field(default_factory=Sweep)
 
     def run(self) -> int:
-        scene = load_scene(self.scene)
+        # Other processes load the scene, from a file that has the controls too.
+        name = with_controls(self.scene, self.control, writable_folder(self.sweep.out))
+        scene = load_scene(name)
         seconds = seconds_of(self.duration, self.sweep.quick, scene)
-        writable_folder(self.sweep.out)
         measured = self._friction if self.friction else self._front
-        return self.sweep.present(measured(scene, seconds), *changed(self, "duration"))
+        return self.sweep.present(measured(name, scene, seconds), *changed(self, "duration"))
 
-    def _front(self, scene: Scene, seconds: float) -> Study:
+    def _front(self, name: str, scene: Scene, seconds: float) -> Study:
         quick = self.sweep.quick
-        cells = cells_of(self.scene, configurations(quick), seconds, 2 if quick else _ROUNDS)
+        cells = cells_of(name, configurations(quick), seconds, 2 if quick else _ROUNDS)
         results = self.sweep.results(measure, cells, f"{scene.name}-tradeoff", _LIMIT)
         return _tradeoff_study(scene, results)
 
-    def _friction(self, scene: Scene, seconds: float) -> Study:
-        cells = friction_cells(self.scene, seconds, self.sweep.quick)
+    def _friction(self, name: str, scene: Scene, seconds: float) -> Study:
+        cells = friction_cells(name, seconds, self.sweep.quick)
         results = self.sweep.results(friction_run, cells, f"{scene.name}-friction", _LIMIT)
         return friction_study(scene, results)

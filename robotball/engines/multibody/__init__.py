@@ -90,16 +90,23 @@ def integrate(
 
     first = march(rtol)
     states, readings = first.run(times)
-    times = times[: len(states)]
+    times, ended = times[: len(states)], None
     if first.stopped:
         t, which = first.stopped
         at, (joint, *ends) = first.system.ranges[which - 1]
         slides = scene.ball.tree[1 + at - HINGES].slides
         low, high = ends if slides else np.degrees(ends)
-        reached = f"{joint} reaches its range of {low:g} to {high:g} {'m' if slides else 'deg'}"
-        line = f"{scene.name}: {reached} at t = {t:.6g} s"
+        unit = "m" if slides else "deg"
+        reached = f"{joint} reaches its range of {low:g} to {high:g} {unit}"
+        ended = f"{reached} at t = {t:.6g} s"
+        line = f"{scene.name}: {ended}"
         if len(times) < 2:
-            raise InputError(f"{line}, before the first sample; sample the motion more often")
+            start = (
+                f"{scene.name}: {joint} starts at its stop, an end of {low:g} to {high:g} {unit}, "
+            )
+            start += "and is pushed against it; widen its range, or start it elsewhere"
+            sooner = f"{line}, before the first sample; widen its range, or sample more often"
+            raise InputError(sooner if t > 0 else start)
         warn(f"{line}, where the motion ends")
     hinges = len(scene.hinges)
     return extended(
@@ -109,6 +116,7 @@ def integrate(
         again=again,
         motor_work=states[:, HINGES + 2 * hinges :],
         rolling_loss=states[:, LOSS],
+        ended=ended,
     )
 
 

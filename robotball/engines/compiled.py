@@ -13,6 +13,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -134,7 +135,8 @@ def _warn_once(line: str) -> None:
 
 @cache
 def _say_once(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)
+    with suppress(OSError):  # the file that takes it may be on a full disk
+        print(line, file=sys.stderr, flush=True)
 
 
 def cache_folder() -> Path | None:

@@ -96,13 +96,18 @@ cost-model: setup
 setup: .venv/.stamp
 
 # The exact versions and hashes of requirements.lock, then this checkout itself; compiled, so that
-# the first start is as quick as any other, and any where Python may not write.
+# the first start is as quick as any other, and any where Python may not write; then the machine
+# code, into the user's cache. Each step says what it does, as the packages take most of a minute.
 .venv/.stamp: pyproject.toml requirements.lock Makefile | $(UV)
-	$(UV) venv --quiet --allow-existing --python '$(PYTHON_RANGE)' .venv
-	$(UV) pip sync --quiet --python $(BIN)/python --require-hashes requirements.lock
-	$(UV) pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation --editable .
-	.venv/bin/python -m compileall -q robotball validation
-	touch $@
+	@echo "set-up, once: Python's environment in .venv"
+	@$(UV) venv --quiet --allow-existing --python '$(PYTHON_RANGE)' .venv
+	@echo "set-up: the packages of requirements.lock, up to a minute"
+	@$(UV) pip sync --quiet --python $(BIN)/python --require-hashes requirements.lock
+	@echo "set-up: robotball itself"
+	@$(UV) pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation --editable .
+	@.venv/bin/python -m compileall -q robotball validation
+	@.venv/bin/python -c 'from robotball.engines.compiled import compile_all; compile_all()'
+	@touch $@
 
 # A machine without uv gets a pinned one in a tool environment of its own.
 .tools/bin/uv:

@@ -13,6 +13,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -21,6 +22,7 @@ import numba
 from llvmlite.binding import get_host_cpu_name
 from numba.extending import register_jitable
 
+from robotball.equations import ROLLING_MODELS
 from robotball.errors import warn
 from robotball.files.replacing import is_own
 
@@ -97,6 +99,22 @@ def compiled_from(source: str, signature: str, **options: Any) -> Callable[[Func
     return lambda function: Compiled(function, source, signature, options)
 
 
+def compile_all() -> None:
+    """Compile all that is compiled, or load it, as set-up does for the first commands."""
+    # Here, as their modules import this one.
+    from robotball.engines.ensembles import crossings, flatten, orbits, steppers
+    from robotball.engines.multibody import system
+
+    for module in (system, orbits, crossings):
+        for each in vars(module).values():
+            if isinstance(each, Compiled):
+                each.code  # noqa: B018
+    for rolling in ROLLING_MODELS:
+        steppers.stepper(steppers.PATH, rolling, flatten.FEW)
+        for one in (steppers.PATH, steppers.RETURN, steppers.ARC, steppers.DEVIATION):
+            steppers.stepper(one, rolling)
+
+
 def _folder_for(source: str, options: dict[str, Any]) -> Path | None:
     """Return the folder of one function: the same in every process that would compile the same."""
     home = cache_folder()
@@ -117,7 +135,8 @@ def _warn_once(line: str) -> None:
 
 @cache
 def _say_once(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)
+    with suppress(OSError):  # the file that takes it may be on a full disk
+        print(line, file=sys.stderr, flush=True)
 
 
 def cache_folder() -> Path | None:

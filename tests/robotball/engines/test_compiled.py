@@ -24,6 +24,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "tmp"))
     kept._warn_once.cache_clear()
+    kept._say_once.cache_clear()
     return tmp_path / "cache" / "robotball"
 
 
@@ -44,6 +45,20 @@ def test_what_is_kept_is_loaded(home: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert len([*home.rglob("*.nbc")]) == 3
     monkeypatch.setattr(numba.config, "CPU_NAME", "another")
     assert kept._folder_for("2 x", {}) not in set(home.iterdir())
+
+
+def test_a_line_says_that_something_is_compiled(
+    home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """On standard error, once in a process, and not where what is kept is loaded or only named."""
+    kept.compiled_from("never called", "f8(f8)")(lambda x: x)
+    assert (*capsys.readouterr(), home.exists()) == ("", "", False)
+    compiled()
+    compiled("x + x")
+    assert capsys.readouterr() == ("", "robotball: compiling, once, about 10 s\n")
+    kept._say_once.cache_clear()
+    compiled()
+    assert capsys.readouterr() == ("", "")
 
 
 CUT = [("nbi", 0), ("nbc", 0), ("nbi", 40), ("nbc", 400)]

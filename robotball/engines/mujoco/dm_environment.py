@@ -100,7 +100,7 @@ def dm_environment(
         path = integrate(scene, times * control_timestep).contact_point
     path = np.asarray(path, dtype=float)
     if path.ndim != 2 or path.shape[1] != 2 or len(path) < 2 or not np.isfinite(path).all():
-        raise InputError(f"path must be (n, 2) finite numbers, n > 1, not of shape {path.shape}")
+        raise InputError(f"path must be finite numbers (n, 2), n > 1; its shape is {path.shape}")
     model = build(resolved(scene, chosen))
     option = model.compiled.opt
     _, (option.timestep,), (count,) = spans(np.array([0, control_timestep]), (), option.timestep)

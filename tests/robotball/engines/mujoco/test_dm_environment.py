@@ -111,7 +111,7 @@ def test_actions_that_no_model_bears_end_in_an_error_of_dm_control() -> None:
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"scene": "fig2"}, "unknown scene 'fig2'|no scene"),
+        ({"scene": "fig2"}, "no scene is called 'fig2'"),
         ({"path": STRAIGHT[:, 0]}, r"path must be finite numbers \(n, 2\), n > 1; its shape is"),
         ({"path": STRAIGHT[:1]}, r"n > 1; its shape is \(1, 2\)"),
         ({"path": STRAIGHT + np.inf}, "finite numbers"),

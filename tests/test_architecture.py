@@ -175,6 +175,7 @@ def unknown_names(text: str, known: set[str]) -> Iterator[str]:
 
 # Packages' own words, and columns of a user's file.
 OTHERS = {
+    "MjSpec.attach",
     "README",
     "TAMSI",
     "skip_file_prefixes",

@@ -23,13 +23,15 @@ def test_every_python_from_3_11_to_3_14_is_taken() -> None:
 
 
 def test_labmaze_is_left_out() -> None:
-    """dm-control asks for it, has no use for it here, and no newer Python has a wheel of it."""
+    """dm-control asks for it. No newer Python has a wheel of it, nor so dm-control."""
     lock = (PROJECT / "requirements.lock").read_text()
     assert re.findall(r"^labmaze.*(?=\\)", lock, re.M) == [
-        "labmaze==1.0.6 ; sys_platform == 'never' "
+        "labmaze==1.0.6 ; python_full_version < '3.13' and sys_platform == 'never' "
     ]
+    (asked,) = (each for each in PYPROJECT["project"]["dependencies"] if "dm-control" in each)
+    assert asked.endswith("; python_version < '3.13'")
     assert find_spec("labmaze") is None
-    assert find_spec("dm_control.mjcf") is not None
+    assert (find_spec("dm_control") is not None) == (sys.version_info < (3, 13))
 
 
 def test_continuous_integration_knows_nothing_of_its_machine(tmp_path: Path) -> None:

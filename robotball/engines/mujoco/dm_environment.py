@@ -1,7 +1,7 @@
 """The ball as an environment of dm-control, in which an agent drives it along a path.
 
 In order: the environment, its physics, which is the model of a run stepped by MuJoCo, and its task.
-dm-control is imported here alone: pip cannot install it on Python 3.13 and later.
+dm-control is imported here alone: with all that it asks for, pip cannot install it on Python 3.13.
 """
 
 from pathlib import Path
@@ -84,8 +84,8 @@ def dm_environment(
     """
     if Environment is None:
         raise InputError(
-            'dm_environment needs dm-control: pip install "dm-control==1.0.*", on Python 3.11 or '
-            "3.12, as one of its requirements has no wheel for a later Python"
+            "dm_environment needs dm-control: pip install dm-env, then pip install --no-deps "
+            "'dm-control==1.0.*', as labmaze, which it asks for, has no wheel for Python 3.13"
         )
     scene = scene_of(scene)
     check_positive("control_timestep", control_timestep, "s")
@@ -100,7 +100,7 @@ def dm_environment(
         path = integrate(scene, times * control_timestep).contact_point
     path = np.asarray(path, dtype=float)
     if path.ndim != 2 or path.shape[1] != 2 or len(path) < 2 or not np.isfinite(path).all():
-        raise InputError(f"path must be (n, 2) finite numbers, n > 1, not of shape {path.shape}")
+        raise InputError(f"path must be finite numbers (n, 2), n > 1; its shape is {path.shape}")
     model = build(resolved(scene, chosen))
     option = model.compiled.opt
     _, (option.timestep,), (count,) = spans(np.array([0, control_timestep]), (), option.timestep)
@@ -114,6 +114,8 @@ class _Physics(Physics):  # type: ignore[misc]
 
     def __init__(self, model: Model) -> None:
         self.model = model
+        self.reset()
+        self.after_reset()
 
     def reset(self) -> None:
         self.data = self.model.start_data()
@@ -127,8 +129,13 @@ class _Physics(Physics):  # type: ignore[misc]
 
     def step(self, n_sub_steps: int = 1) -> None:
         mujoco.mj_step(self.model.compiled, self.data, n_sub_steps)
-        if not max(np.abs(self.data.qpos).max(), np.abs(self.data.qvel).max()) < DIVERGED:
-            raise PhysicsError(f"the motion diverged before {self.time():g} s: act less")
+        # Of a control that is not finite or is larger, MuJoCo would make 0, with a warning.
+        state = np.concatenate([self.data.qpos, self.data.qvel, self.data.ctrl])
+        if not np.abs(state).max() < DIVERGED:
+            raise PhysicsError(
+                f"at {self.time():g} s a coordinate, a rate or a control is over {DIVERGED:g} or "
+                "no number; take smaller actions"
+            )
         self.after_reset()
 
     def time(self) -> float:
@@ -149,6 +156,8 @@ class _FollowPath(Task):  # type: ignore[misc]
         if largest is None:
             sizes = [np.abs(each.rate(model.scene.times)).max() for each in self.commands]
             largest = np.array([2.0 * size or 1.0 for size in sizes])
+        if np.ndim(largest) and np.shape(largest) != (len(self.commands),):
+            raise InputError(f"largest_action must be one number, or {len(self.commands)}")
         self.largest = np.broadcast_to(largest, len(self.commands))
         self.prescribed = np.zeros(len(self.commands), dtype=bool)
         self.prescribed[: len(hinges)] = [isinstance(h.actuation, Prescribed) for h in hinges]

@@ -4,7 +4,8 @@ The room is read in this order: `settings` (the recipes), `model` (scene and set
 `control` and `stepping` (MuJoCo's integrators) with `torque_limits` and `rolling_resistance`,
 `adaptive` (DOP853), `readings` (sensors → readings, MuJoCo's own faults), `run`, `rollouts` (many
 at once), `limits` with `linearised` (faults predicted), `accuracy` (an error in place of settings,
-and that of settings), `user_model`, `mjcf_export`, `ports` (MJX and MuJoCo Warp).
+and that of settings), `user_model`, `mjcf_export`, `ports` (MJX and MuJoCo Warp),
+`dm_environment` (an agent drives).
 """
 
 from collections.abc import Iterator, Mapping, Sequence

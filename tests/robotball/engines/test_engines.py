@@ -28,6 +28,18 @@ def test_an_engine_that_prepares_nothing_runs_the_scene_with_another_start() -> 
     assert motion.momentum[0] == pytest.approx(start.momentum, abs=1e-12)
 
 
+@pytest.mark.parametrize("run", [rb.integrate, rb.simulate])
+def test_a_scene_is_given_by_its_name_or_its_file(run: Any) -> None:
+    """A Scene, a name of the catalog, a path as text or Path: all give one motion."""
+    times = rb.sample_times(0.1)
+    assert run("fig12", times).attitude.tolist() == run(FIG12, times).attitude.tolist()
+    from_file = rb.load_scene(EXAMPLE)
+    for given in (EXAMPLE, str(EXAMPLE), from_file):
+        assert run(given, times).scene.name == from_file.name
+    with pytest.raises(rb.InputError, match="no scene is called 'fig120'"):
+        run("fig120", times)
+
+
 def test_a_request_is_made_of_settings_or_of_an_accuracy() -> None:
     """It is named by either; an engine's own settings are not another's."""
     assert request_of(settings="fast").name == "fast"

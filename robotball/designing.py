@@ -42,7 +42,7 @@ _MOST_ROTORS = 2  # a third one is of no use, as the head of this file shows
 # A share that keeps its bounds by less, of the trace of A⁻¹, is refused: rounding would decide.
 _LEAST_MARGIN = 1e-9
 ROTOR_SHARE = 0.5  # of the margin, spent on a slower rotor
-_STILL = 1e-14  # of the size of K, below which K + sΩ is zero
+_NO_MOMENTUM = 1e-14  # of the size of K, below which K + sΩ is zero
 _ROTOR_RADIUS = 0.6  # of the frame's radius, where no other is given
 # A frame that cannot lie within its radius may reach this much farther than it must.
 WIDER = 1.1  # the least radius itself leaves the other bounds no margin
@@ -427,7 +427,7 @@ class _DesignRequest:
             return None if np.any(self.K) else (self.smallest_s, self.largest_s)
         s = float(-self.K @ self.Omega / (self.Omega @ self.Omega))
         size = float(np.linalg.norm(self.K)) + s * float(np.linalg.norm(self.Omega))
-        still = np.linalg.norm(self.momentum(np.array(s))) <= _STILL * size
+        still = np.linalg.norm(self.momentum(np.array(s))) <= _NO_MOMENTUM * size
         return (s, s) if still and self.smallest_s <= s <= self.largest_s else None
 
 

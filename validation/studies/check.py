@@ -26,8 +26,8 @@ from robotball.engines.mujoco.user_model import Seen, UserModel, observed
 from robotball.equations import Rolling
 from robotball.errors import SceneWarning
 from robotball.files.mended_file import Change, Editable, Moves, compiled, editable
-from robotball.files.robot_file import RobotFile, gears_of, rolling_of, start_misses
-from robotball.motion import ContactMotion, ReferenceMotion
+from robotball.files.robot_file import RobotFile, gears_of, geom_name, rolling_of, start_misses
+from robotball.motion import ContactMotion, Motion, ReferenceMotion, arrays_of, with_arrays
 from robotball.rotations import Array
 from robotball.scene import DOWN, GRAVITY
 from validation.output import Show, known, scientific, title
@@ -154,7 +154,7 @@ def _apart(model: Any, seen: Seen) -> Change:
     (a, b), part = seen.inside.most_common(1)[0]
     others = f", and {len(seen.inside) - 1} more pairs" if len(seen.inside) > 1 else ""
     words = (
-        f"{_geom_name(model, a)} touches {_geom_name(model, b)} in {part:.0%} of the steps{others}"
+        f"{geom_name(model, a)} touches {geom_name(model, b)} in {part:.0%} of the steps{others}"
     )
     bodies = {tuple(sorted(int(model.geom_bodyid[each]) for each in pair)) for pair in seen.inside}
     pairs = tuple((_body_name(model, i), _body_name(model, j)) for i, j in sorted(bodies))
@@ -164,10 +164,6 @@ def _apart(model: Any, seen: Seen) -> Change:
 def _body_name(model: Any, body: int) -> str:
     """Return a body's name, or the one that the mended file gives it."""
     return model.body(body).name or f"body{body}"
-
-
-def _geom_name(model: Any, geom: int) -> str:
-    return model.geom(geom).name or f"a geom of {_body_name(model, model.geom_bodyid[geom])}"
 
 
 def _friction(contact: Any, theory: ReferenceMotion, condim: int) -> Iterator[Change]:
@@ -252,14 +248,13 @@ def check_model(
     """
     robot, data = own.robot, own.begin()
     default = rolling_of(robot.contact(data))
-    steps = max(1, round(_LOOK / robot.model.opt.timestep))
+    steps = _steps(own)
     every = max(1, round(_INTERVAL / (steps * robot.model.opt.timestep)))
     interval = every * steps * robot.model.opt.timestep
     times = interval * np.arange(max(2, round(duration / interval) + 1))
     duration = float(times[-1])
     scene = own.scene(default, duration)
     motion, seen = observed(own, scene, accuracy, steps, lambda part: show(0.2 * part, "as it is"))
-    _check_no_drive_from_outside(robot, seen)
     if not seen.fails:  # as far as it was stepped
         times = times[: max(2, 1 + (len(seen.path) - 1) // every)]
     theories = _theories(own, rolling, default, times, show)
@@ -288,6 +283,17 @@ def check_model(
 
     # All changes cost the most; each is tried twice or so.
     full = changes_at(robot.model.opt.timestep)
+    # Whatever the file says of the contact: without what overlaps, and by all of the recipe.
+    apart = with_changes([_apart(robot.model, seen)]) if seen.inside else own
+    both = (apart, with_changes(full))
+    if meetings := [met for each in both if (met := each.meets(float(times[-1])))]:
+        at, words = min(meetings)
+        line = f"{words} at t = {at:.3g} s"
+        if at < _LEAST_SAMPLES * interval:
+            raise InputError(f"{robot.path}: {line}, which the equations do not have")
+        checked = check_model(own, rolling, at - 2 * interval, accuracy, show)
+        line = f"meeting: {line}, of {duration:.3g} s"
+        return replace(checked, asked=(duration, accuracy), short=checked.short or line)
     least = 2 + int(1.2 * since[0]) if len(since) else 2
     tried = times[: max(least, _affordable(with_changes(full), times, 2 * len(full) + 4))]
 
@@ -326,6 +332,11 @@ def check_model(
         mended=mended,
         mended_error=_error(mended, theory),
     )
+
+
+def _steps(own: UserModel) -> int:
+    """Return the number of steps from one state that is looked at to the next."""
+    return max(1, round(_LOOK / own.robot.model.opt.timestep))
 
 
 def _reach(path: Array) -> float:
@@ -375,6 +386,28 @@ def _affordable(own: UserModel, times: Array, runs: int) -> int:
     return int(min(len(times), _PATIENCE / (runs * cost)))
 
 
+def beside(own: UserModel, checked: Checked) -> list[Motion]:
+    """Return the motions of a file as it is, of the mended one, and of the equations.
+
+    They are at the same times, as long as each lasts.
+    """
+    theory, found = checked.theory, [checked.motion]
+    if checked.needed:
+        robot = replace(own.robot, model=compiled(checked.text))
+        mended = replace(own, robot=robot)
+        scene, error = checked.motion.scene, checked.mended_error
+        found.append(observed(mended, scene, error, _steps(mended), name="mended")[0])
+    shown = []
+    for each in filter(lambda each: len(each.times) > 1, found):
+        # A time of the model's own is a sum of steps.
+        times = theory.times[theory.times < each.times[-1] + each.report.timestep / 2]
+        rows = np.abs(each.times - times[:, None]).argmin(axis=1)
+        arrays = {place: array[rows] for place, array in arrays_of(each)}
+        shown.append(with_arrays(each, arrays | {("times",): times}))
+    return [*shown, theory]
+
+
+_LEAST_SAMPLES = 5  # of a comparison that ends early
 _LOOSE = 1.1  # times the least error, where the accuracy is out of reach
 _Measure = Callable[[Sequence[Change]], float]
 
@@ -431,19 +464,6 @@ def _in_time(scene: Scene, times: Array, show: Show) -> ReferenceMotion:
             "body, or very many bodies, may be the cause"
         )
     return integrate(scene, times[:count])
-
-
-def _check_no_drive_from_outside(robot: RobotFile, seen: Seen) -> None:
-    """Raise InputError where a body that is no part of the robot touches its sphere."""
-    model = robot.model
-    root = model.body_rootid[model.geom_bodyid]
-    for pair in seen.inside:
-        for i in pair:
-            if robot.sphere in pair and root[i] not in (0, root[robot.sphere]):
-                raise InputError(
-                    f"{robot.path}: {_geom_name(model, i)} touches the sphere, and is no part of "
-                    "its robot: a drive by contact is not supported; hold it by joints"
-                )
 
 
 def _touching(robot: RobotFile, seen: Seen) -> set[int]:
@@ -742,7 +762,7 @@ def _symptoms(own: UserModel, checked: Checked) -> Iterator[str]:
             f"reference; the contact delivers {seen.delivered:.0%} of it"
         )
     for (a, b), part in seen.inside.most_common(_MOST_PAIRS):
-        names = [_geom_name(own.robot.model, each) for each in (a, b)]
+        names = [geom_name(own.robot.model, each) for each in (a, b)]
         yield f"inside: {names[0]} touches {names[1]} in {part:.0%} of the steps"
     for name, time_reached in seen.limits.items():
         if time_reached <= seen.until:
@@ -772,7 +792,7 @@ def _check_picture(name: str, checked: Checked) -> Figure:
         drawn.append(("mended", checked.mended, "--"))
     for (label, path, dash), colour in zip(drawn, _COLOURS, strict=False):
         # Its end is marked, as a path may end within another.
-        last = [int(np.flatnonzero(np.isfinite(path[:, 0]))[-1])]
+        last = np.flatnonzero(np.isfinite(path[:, 0]))[-1:].tolist()
         left.plot(*path[:, :2].T, dash, marker="o", markevery=last, color=colour, label=label)
         away = _away(path, theory)
         right.semilogy(theory.times[1:], away[1:], dash, color=colour, label=label)

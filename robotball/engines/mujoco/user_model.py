@@ -19,7 +19,7 @@ from robotball.engines.observe import Readings, Recording
 from robotball.engines.states import lifting
 from robotball.equations import Rolling
 from robotball.errors import InputError, unknown
-from robotball.files.robot_file import RobotFile, gears_of, scene_of
+from robotball.files.robot_file import RobotFile, gears_of, hinged, scene_of
 from robotball.loads import Loads
 from robotball.motion import DIVERGED, ContactMotion, EngineSettings
 from robotball.rotations import Array, Mask, from_matrix, rotation_matrix
@@ -27,7 +27,7 @@ from robotball.scene import Scene
 
 _PATIENCE = 15.0  # s of processor time that a run as it is may take
 # Of the time, and of the radius: a sphere that is off the plane so long or so far is aloft.
-_ALOFT, _HIGH = 0.05, 0.01
+_ALOFT_TIME, _ALOFT_HEIGHT = 0.05, 0.01
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,14 @@ class UserModel:
     def actuators(self) -> dict[str, int]:
         """The numbers of the actuators by name."""
         return {name: i for i, name in enumerate(gears_of(self.robot.model))}
+
+    @cached_property
+    def hinges(self) -> tuple[list[int], list[int]]:
+        """The places of the scene's hinges among qpos and among qvel."""
+        model, joints = self.robot.model, hinged(self.robot)
+        return [int(model.jnt_qposadr[j]) for j in joints], [
+            int(model.jnt_dofadr[j]) for j in joints
+        ]
 
     @property
     def steady(self) -> bool:
@@ -88,6 +96,24 @@ class UserModel:
             return scene_of(self.robot, self.begin(), self.controls, rolling, duration)
         except InputError as error:
             raise InputError(f"{self.robot.path}: {error}") from None
+
+    def meets(self, duration: float) -> tuple[float, str] | None:
+        """Return when [s] a part first touches another or a fixed body, if any does, and which.
+
+        The model is stepped as its file says, up to a duration [s].
+        """
+        robot, data, began = self.robot, self.begin(), time.process_time()
+        if np.sum(robot.model.geom_contype | robot.model.geom_conaffinity > 0) <= 2:
+            return None  # sphere and plane
+        while data.time < duration and _sound(data):
+            if time.process_time() - began > _PATIENCE:
+                return float(data.time), "it takes too long to step it further"
+            self.control(data)
+            mujoco.mj_step(robot.model, data)
+            for contact in data.contact:
+                if words := robot.meeting(data, contact, late=True):
+                    return float(data.time), words
+        return None
 
     def path(self, times: Array) -> Array:
         """Return the contact points and heights above the plane (n, 3) [m] at equal times (n,) [s].
@@ -129,8 +155,8 @@ class Seen:
     """What only a user's model shows, over all steps of a run.
 
     path (n, 3): contact point and height above the plane at every row [m]; fails: what ends its
-    rolling, in words; until: when it does, or the end [s]; inside: by two geoms that are not sphere
-    and plane, the part of the steps in which they touch; limits: joints that reach their range, and
+    rolling, in words; until: when it does, or the end [s]; inside: by two geoms that overlap from
+    the start, the part of the steps in which they do; limits: joints that reach their range, and
     when [s]; delivered: the part of the declared resistance to rolling; lag: of servos by name,
     root mean square over the command's.
     """
@@ -146,13 +172,18 @@ class Seen:
 
 
 def observed(
-    user: UserModel, scene: Scene, tolerance: float, every: int, show: Callable[[float], None]
+    user: UserModel,
+    scene: Scene,
+    tolerance: float,
+    every: int = 1,
+    show: Callable[[float], None] = lambda _: None,
+    name: str = "as it is",
 ) -> tuple[ContactMotion, Seen]:
     """Step a model as it is over the scene's duration; return its motion and what else it shows.
 
     The motion has each step of so many, up to one that diverges or as far as patience goes, and no
-    momentum and hinges' angles. tolerance: the slip over the path beyond which it is a fault; show:
-    called with the part that is done.
+    momentum. tolerance: the slip over the path beyond which it is a fault; show: called with the
+    part that is done; name: of the motion's settings.
     """
     model, data = user.robot.model, user.begin()
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
@@ -180,13 +211,13 @@ def observed(
                 break
     diverged = float(data.time) if not _sound(data) else None
     seconds = time.process_time() - began
-    settings = EngineSettings(name="as it is", error_tolerance=tolerance, stop_at_fault=False)
+    settings = EngineSettings(name=name, error_tolerance=tolerance, stop_at_fault=False)
     table = np.array(rows)
     recording = Recording(LABEL, scene, settings, table[:, 0])
     recording.add(_readings_of(user, scene, table))
     motion = recording.motion(model.opt.timestep, len(rows), seconds)
     path = user.points(table[:, 1:4])
-    lost = np.isnan(table[:, -1])
+    lost = np.isnan(table[:, _CONTACT])
     return motion, tally.seen(path, *_failure(table[:, 0], lost, path[:, 2], user.radius, diverged))
 
 
@@ -198,7 +229,7 @@ def _failure(
     part, top = float(lost.mean()), float(heights[lost].max(initial=0.0))
     if diverged is not None:
         words, until = f"it diverges at t = {diverged:.3g} s", diverged
-    if part > _ALOFT or top > _HIGH * radius:
+    if part > _ALOFT_TIME or top > _ALOFT_HEIGHT * radius:
         # The longest flight: a sphere that just touches may be off the plane for a step at first.
         ends = np.flatnonzero(np.diff(lost, prepend=False, append=False)).reshape(-1, 2)
         until = float(times[ends[np.argmax(ends[:, 1] - ends[:, 0]), 0]])
@@ -216,14 +247,15 @@ _LOOK = 100  # rows from one look at the clock to the next
 
 def _row(user: UserModel, data: mujoco.MjData) -> Array:
     """Return the numbers of a state: time, place and velocity of the sphere's centre, attitude,
-    turning, and the contact's force, depth and coefficient of friction; NaN without a contact.
+    turning, the contact's force, depth and coefficient of friction (NaN without a contact), and
+    the hinges' angles and rates.
     """
     robot, moving = user.robot, np.zeros(6)
     kind = mujoco.mjtObj.mjOBJ_GEOM
     mujoco.mj_objectVelocity(robot.model, data, kind, robot.sphere, moving, 0)
     to_plane, force, depth, friction = robot.plane_axes(data), np.full(3, np.nan), np.nan, np.nan
     for i, contact in enumerate(data.contact):
-        if {int(contact.geom1), int(contact.geom2)} == {robot.sphere, robot.plane}:
+        if robot.rolls(contact):
             wrench = np.zeros(6)
             mujoco.mj_contactForce(robot.model, data, i, wrench)
             force = lifting([to_plane @ (wrench[:3] @ contact.frame.reshape(3, 3))])
@@ -231,27 +263,29 @@ def _row(user: UserModel, data: mujoco.MjData) -> Array:
     place = to_plane @ (data.geom_xpos[robot.sphere] - data.geom_xpos[robot.plane])
     attitude = from_matrix(to_plane @ data.geom_xmat[robot.sphere].reshape(3, 3))
     velocity, turning = to_plane @ moving[3:], to_plane @ moving[:3]
-    return np.array([data.time, *place, *velocity, *attitude, *turning, *force, depth, friction])
+    hinges = [*data.qpos[user.hinges[0]], *data.qvel[user.hinges[1]]]
+    loads = [*force, depth, friction]
+    return np.array([data.time, *place, *velocity, *attitude, *turning, *loads, *hinges])
 
 
 def _readings_of(user: UserModel, scene: Scene, rows: Array) -> Readings:
     """Return the readings of rows."""
-    times, place, velocity, attitude, turning, force, depth, friction = np.split(
-        rows, np.cumsum([1, 3, 3, 4, 3, 3, 1]), axis=1
+    count = len(scene.hinges)
+    times, place, velocity, attitude, turning, force, depth, friction, angles, rates = np.split(
+        rows, np.cumsum([1, 3, 3, 4, 3, 3, 1, 1, count]), axis=1
     )
     sound = np.asarray((np.abs(rows[:, :_CONTACT]) < DIVERGED).all(axis=1))
     slip = velocity - user.radius * np.cross(turning, [0.0, 0.0, 1.0])
-    unknown_loads = Loads.unknown(len(rows), len(scene.hinges))
+    unknown_loads = Loads.unknown(len(rows), count)
     loads = replace(unknown_loads, contact_force=np.nan_to_num(force))
-    hinges = np.full((len(rows), len(scene.hinges)), np.nan)
     return Readings(
         time=times[:, 0],
         centre=np.column_stack([place[:, :2] - place[0, :2], user.radius - depth]),
         attitude=attitude,
         angular_velocity=np.einsum("nji,nj->ni", rotation_matrix(attitude), turning),
         momentum=np.full_like(place, np.nan),
-        hinge_angles=hinges,
-        hinge_rates=hinges,
+        hinge_angles=angles,
+        hinge_rates=rates,
         loads=loads,
         slip=np.linalg.norm(slip[:, :2], axis=1),
         spin=turning[:, 2],
@@ -283,8 +317,10 @@ class _Tally:
         others = set()
         for i, contact in enumerate(data.contact):
             pair = int(contact.geom1), int(contact.geom2)
-            if {*pair} != {robot.sphere, robot.plane}:
-                others.add(pair)
+            late = self.steps > 1
+            if not robot.rolls(contact):
+                if pair in self.inside or not robot.meeting(data, contact, late):
+                    others.add(pair)
             elif contact.dim == 6:
                 mujoco.mj_contactForce(model, data, i, force)
                 self.resistance += np.linalg.norm(force[4:]), force[0] * contact.friction[3]

@@ -149,8 +149,17 @@ class Agreement(Value):
         """Whether there is no fault, and path and momentum are both within the tolerance.
 
         The path alone is not enough, as errors of two kinds can cancel in it, unless an accuracy of
-        the path was requested.
+        the path was requested. A reference that ended early says nothing of the time after.
         """
+        return self._near and self.ended is None
+
+    @property
+    def ended(self) -> str | None:
+        """Which joint's range ended the reference early, and when."""
+        return self.theory.ended if isinstance(self.theory, ReferenceMotion) else None
+
+    @property
+    def _near(self) -> bool:
         error = self.path_error
         # Not `error > tolerance`, by which an error that is no number would agree.
         if self.faults or error is None or not error <= self.tolerance:
@@ -184,7 +193,7 @@ class Agreement(Value):
         It is None too where it is not known. A few short runs are needed to find it.
         """
         # Short runs by the same engine are needed, so a motion from a file has none.
-        if self.engine is None or self.faults or self.agrees or not self.finished:
+        if self.engine is None or self.faults or self._near or not self.finished:
             return None
         if self.scene.keeps_momentum and not self.keeps_momentum:
             return None  # M is constant however sensitive the motion is: the engine lost it
@@ -204,6 +213,8 @@ class Agreement(Value):
             return "; ".join(str(fault) for fault in self.faults)
         if self.sensitive:
             return str(self.sensitivity)
+        if self._near and self.ended:
+            return f"no verdict after it ends: {self.ended}"
         if self.agrees:
             return "agrees, limited by the reference" if self.limited_by_reference else "agrees"
         return f"off by more than {self.tolerance:g}"

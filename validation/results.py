@@ -175,6 +175,8 @@ def record(agreement: Agreement) -> Record:
         "steps": report.steps,
         "realtime_factor": agreement.realtime_factor,
         "agrees": agreement.agrees,
+        "tolerance": agreement.tolerance,
+        "ended": agreement.ended,
         "faults": [
             {"kind": each.kind.name, "time": each.time, "cause": each.text, "fatal": each.fatal}
             for each in agreement.faults
@@ -242,6 +244,8 @@ def show(records: Sequence[Record], console: Console) -> None:
             below.append((f"{each['scene']}, {each['preset']}: {each['verdict']}", style))
     print_whole(table, console)
     console.print(SYMBOLS, style="dim", highlight=False)
+    asked = {each["preset"]: f"{each['tolerance']:g} ({each['preset']})" for each in records}
+    console.print(escape(f"asked for: {', '.join(asked.values())}"), style="dim", highlight=False)
     for line, style in below:
         console.print(escape(line), style=style)
 
@@ -258,5 +262,7 @@ def _word(record: Record) -> str:
         return "agrees"
     if record["faults"]:
         return "faulty"
+    if record["ended"]:
+        return "ended"
     sensitivity = record["sensitivity"]
     return "sensitive" if sensitivity and sensitivity["explains"] else "off"

@@ -11,7 +11,7 @@ import pytest
 
 import robotball as rb
 from robotball.drives import Sine
-from robotball.engines.mujoco.user_model import UserModel
+from robotball.engines.mujoco.user_model import UserModel, observed
 from robotball.files.robot_file import open_robot
 from robotball.rotations import Array
 from tests.conftest import Robotball
@@ -164,6 +164,61 @@ def own_loop(path: Path, times: Array) -> Array:
         mujoco.mj_kinematics(model, data)
         points.append(data.geom_xpos[shell, :2].copy())
     return np.array(points) - points[0]
+
+
+WILD = """<mujoco><option timestep=".02"/><worldbody><geom type="plane" size="5 5 .1"/>
+<body pos="0 0 .1"><freejoint/><geom type="sphere" size=".1" mass="1"/><body>
+<joint name="j" axis="0 1 0"/><geom type="box" size=".02 .02 .02" pos="0 0 -.03" mass=".5"
+contype="0" conaffinity="0"/></body></body></worldbody><actuator><velocity name="v" joint="j"
+kv="3"/></actuator><keyframe><key ctrl="2"/></keyframe></mujoco>"""
+STANDS = GOOD.replace(_KEY, '<key ctrl="0 0 0"')
+NOT_RIGHT = {
+    "it stands still: it gets 0.0": (GOOD.replace(*PLANTED["contacts"]), 2.0),
+    "it leaves the plane at t = 0.001 s": (GOOD.replace(*PLANTED["start 5"]), 0.3),
+    "no verdict: neither it nor the equations": (STANDS, 0.3),
+    "limit: axle reaches its range of -30": (
+        GOOD.replace('name="axle"', 'name="axle" range="-30 30"'),
+        1.5,
+    ),
+}
+
+
+@pytest.mark.parametrize("words", NOT_RIGHT)
+def test_what_is_not_right_all_the_time_does_not_agree(words: str, tmp_path: Path) -> None:
+    """The accuracy is so coarse that none is off by it; of the right model each would agree."""
+    path = tmp_path / "robot.xml"
+    text, duration = NOT_RIGHT[words]
+    found = {}
+    for name, each in (("it", text), ("right", GOOD)):
+        path.write_text(each)
+        own = UserModel(open_robot(path), {}, None)
+        found[name] = check_model(own, "classical", duration, 1e3, lambda *_: None)
+    it, right = found["it"], found["right"]
+    assert (it.fails or it.short or "").startswith(words)
+    assert it.error < 1e3
+    assert not it.agrees
+    assert right.agrees == (duration > 0.5)  # in less it moves too little for a verdict
+
+
+def test_a_model_that_diverges_is_measured_until_then(tmp_path: Path) -> None:
+    """Measured: it leaves the plane at 0.06 s and diverges at 0.1 s, by numbers up to 1e130."""
+    path = tmp_path / "wild.xml"
+    path.write_text(WILD)
+    own = UserModel(open_robot(path), {}, None)
+    motion, seen = observed(own, own.scene("classical", 1.0), 1e-3, 1, lambda _: None)
+    assert seen.fails is not None
+    assert seen.fails.endswith("it diverges at t = 0.1 s")
+    assert motion.times[-1] < 0.1
+    assert np.isfinite(seen.path).all()
+
+
+def test_a_model_is_watched_as_plain_steps_have_it(tmp_path: Path) -> None:
+    """Equal to the last bit, with a solver whose first guess matters; 0.29 m are rolled."""
+    own = planted(tmp_path, "solver")
+    seen = observed(own, own.scene("classical", 1.0), 1e-3, 1, lambda _: None)[1]
+    times = np.linspace(0.0, 1.0, 101)
+    assert np.array_equal(seen.path[::10][:, :2], own.path(times)[:, :2])
+    assert np.array_equal(own_loop(own.robot.path, times), own.path(times)[:, :2])
 
 
 def test_a_model_on_a_tilted_plane_is_compared_along_it(tmp_path: Path) -> None:

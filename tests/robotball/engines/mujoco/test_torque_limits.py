@@ -20,7 +20,7 @@ SCENE = worked("W4")
 def test_parts_of_a_step_add_up_and_meet_at_the_switch() -> None:
     """No time is lost, and the law is a billionth beyond the limit there, as it is sought.
 
-    To 1e-12 of it; a search that ends sooner is a thousand times as far off. The law is within its
+    To 1e-12 of it; a search that ends sooner is 60 times as far off. The law is within its
     limit at every step before, and beyond it after.
     """
     model = build(resolved(SCENE, rb.preset("balanced")))

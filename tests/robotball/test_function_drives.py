@@ -1,5 +1,8 @@
 """Users' functions of time, followed by polynomials: values, slopes and integrals, jumps."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.special import erf
@@ -11,8 +14,20 @@ END = 3.0
 TIMES = np.linspace(0.0, END, 1001)
 
 
-def followed(function: object, *named: float, finest: float | None = None) -> Followed:
-    return Followed(END, function, named, None, None, finest)  # type: ignore[arg-type]
+Function = Callable[[Any], Any]
+CASES: list[tuple[Function, Function, Function]] = [
+    (lambda t: np.sin(7 * t), lambda t: 7 * np.cos(7 * t), lambda t: (1 - np.cos(7 * t)) / 7),
+    (
+        lambda t: np.exp(-((t - 1) ** 2)),
+        lambda t: -2 * (t - 1) * np.exp(-((t - 1) ** 2)),
+        lambda t: np.sqrt(np.pi) / 2 * (erf(t - 1) + erf(1)),
+    ),
+    (lambda t: t**3 - t, lambda t: 3 * t**2 - 1, lambda t: t**4 / 4 - t**2 / 2),
+]
+
+
+def followed(function: Function, *named: float, finest: float | None = None) -> Followed:
+    return Followed(END, function, named, None, None, finest)
 
 
 def test_slope_and_integral_are_those_of_the_function() -> None:
@@ -20,15 +35,7 @@ def test_slope_and_integral_are_those_of_the_function() -> None:
 
     Measured of their sizes 1.6e-13 and 4e-16 at most; a panel of twice the length follows alike.
     """
-    for function, slope, area in (
-        (lambda t: np.sin(7 * t), lambda t: 7 * np.cos(7 * t), lambda t: (1 - np.cos(7 * t)) / 7),
-        (
-            lambda t: np.exp(-((t - 1) ** 2)),
-            lambda t: -2 * (t - 1) * np.exp(-((t - 1) ** 2)),
-            lambda t: np.sqrt(np.pi) / 2 * (erf(t - 1) + erf(1)),
-        ),
-        (lambda t: t**3 - t, lambda t: 3 * t**2 - 1, lambda t: t**4 / 4 - t**2 / 2),
-    ):
+    for function, slope, area in CASES:
         drive = followed(function)
         assert drive.rate(TIMES) == pytest.approx(function(TIMES), rel=1e-14)
         assert np.abs(drive.acceleration(TIMES) - slope(TIMES)).max() < 3e-12

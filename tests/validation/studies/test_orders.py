@@ -15,7 +15,8 @@ def test_a_power_law_has_its_order(order: float) -> None:
     found = fit_order(STEPS[::-1].tolist(), errors[::-1])
     assert found is not None
     assert found.order == pytest.approx(order, rel=1e-12)
-    assert (found.points, found.stderr) == (8, pytest.approx(0.0, abs=1e-10))
+    assert found.points == 8
+    assert found.stderr < 1e-10
     assert (found.shortest, found.longest) == pytest.approx((STEPS[-1], STEPS[0]))
     assert found.error_at(np.array([0.02, 0.5])) == pytest.approx(
         3.0 * np.array([0.02, 0.5]) ** order
@@ -42,7 +43,8 @@ def test_a_floor_takes_away_what_is_not_known() -> None:
     errors = (3.0 * STEPS**2).tolist()
     found = fit_order(STEPS.tolist(), errors, floor=errors[4])
     assert found is not None
-    assert (found.points, found.shortest) == (4, pytest.approx(STEPS[3]))
+    assert found.points == 4
+    assert found.shortest == pytest.approx(STEPS[3])
     assert fit_order(STEPS.tolist(), errors, floor=errors[2]) is None
 
 

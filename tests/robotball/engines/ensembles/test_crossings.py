@@ -8,6 +8,7 @@ from robotball.engines.ensembles.flatten import LANES
 from robotball.engines.ensembles.orbits import (
     DONE,
     TOO_MANY_STEPS,
+    Integers,
     Starts,
     orbits,
 )
@@ -25,7 +26,7 @@ ORBITS, COUNT = LANES + 1, 4  # more than the lanes, so that one takes another w
 
 def found(
     ball: Parameters, attitudes: Array, momenta: Array, direction: int = 0
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, Integers, Array]:
     """Times, directions (n, COUNT) and γ (n, COUNT, 3) where γ crosses half of a great circle."""
     starts = Starts(ball, attitudes, momenta)
     numbers = np.tile([*NORMAL, *MIDDLE], (len(attitudes), 1))

@@ -143,9 +143,11 @@ def test_any_settings_give_a_finite_motion_or_one_line(
 def test_a_limit_of_stability_is_where_the_integrator_keeps_a_size() -> None:
     """RK4's, on the axes of z = λ dt: |1 + z + z²/2 + z³/6 + z⁴/24| is 1, and larger beyond."""
     rk4 = INTEGRATORS["RK4"]
-    assert rk4.rotation_limit is not None
-    assert rk4.friction_limit == rk4.servo_limit is not None
-    for z in (1j * rk4.rotation_limit, -rk4.friction_limit):
+    turning, slowing = rk4.rotation_limit, rk4.friction_limit
+    assert turning is not None
+    assert slowing is not None
+    assert slowing == rk4.servo_limit
+    for z in (1j * turning, -slowing):
         inside, at, beyond = (abs(np.polyval([1 / 24, 1 / 6, 1 / 2, 1, 1], f * z)) for f in FACTORS)
         assert at == pytest.approx(1, abs=2e-3)  # of four digits; measured 1.2e-3 and 4.8e-4
         assert inside < 1 < beyond

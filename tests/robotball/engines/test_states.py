@@ -27,7 +27,7 @@ TREES = [random_tree(RNG, framed) for framed in (False, True)]
 def test_a_start_rolls_and_has_the_scenes_momentum(name: str) -> None:
     """Its readings as of any other state: no slip, M, ω and attitude; rubber does not spin.
 
-    Measured 2e-15 of all: roundings.
+    Measured 6e-15 kg m²/s and less: roundings.
     """
     scene = rb.load_scene(name)
     rows = start_state(scene).row[None]

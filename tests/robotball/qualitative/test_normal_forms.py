@@ -26,7 +26,7 @@ def rates_of(ball: Parameters, momentum: Array, gamma: Array) -> Array:
 def test_the_flow_from_rest_moves_a_point_as_the_motion_does(x: tuple[float, float]) -> None:
     """Well off the fixed point: the step of γ, seen in the plane, by central differences.
 
-    A coordinate is where the ray through γ meets the plane. Measured 2e-11, the difference's error.
+    A coordinate is where the ray through γ meets the plane. Measured 1e-11, the difference's error.
     """
     ball, basis = from_rest(0.3), tangents(POINT)
     gamma = POINT + np.array(x) @ basis
@@ -51,7 +51,7 @@ def test_the_flow_of_turns_moves_gamma_and_momentum_as_the_motion_does(ball: Par
     rate = flow_near(ball, gamma, M)(x)
     moved = (turned(x + 1e-5 * rate) - turned(x - 1e-5 * rate)) / 2e-5
     expected = rates_of(ball, turned(x)[1], turned(x)[0])
-    assert np.abs(moved - expected).max() < 1e-8  # measured 6e-10
+    assert np.abs(moved - expected).max() < 3e-8  # measured 8e-9
     assert np.abs(rate).max() > 0.1
 
 

@@ -39,4 +39,4 @@ def test_a_level_line_lies_where_the_function_has_it() -> None:
     (line,) = axes.collections
     points = np.concatenate([np.asarray(path.vertices) for path in line.get_paths()])
     assert len(points) > 100
-    assert np.abs(np.hypot(*points.T) - np.sqrt(2)).max() < 1e-3  # measured 7e-4
+    assert np.abs(np.hypot(*points.T) - np.sqrt(2)).max() < 1e-3  # measured 3e-4

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from robotball.ball import (
     Ball,
@@ -20,6 +21,7 @@ from robotball.ball import (
     Shell,
     Value,
     axial_tensor,
+    beyond_the_shell,
     thin_shell_inertia,
 )
 from robotball.equations import parameters_of
@@ -135,6 +137,21 @@ def test_mass_centre_and_inertia_are_those_of_points_in_place_of_the_bodies() ->
         assert gap(ball.inertia, inertia_of(m, r)) < 1e-15
     names = [name for name, _ in ball.named_bodies]
     assert names == ["shell", "frame", "rotor1", "pendulum1"]
+
+
+def test_mass_that_gets_out_of_the_shell_is_found_at_any_angle() -> None:
+    """A pendulum with its pivot and its centre anywhere: the largest distance of a whole turn."""
+    rng = np.random.default_rng(6)
+    for _ in range(5):
+        pivot, centre = rng.uniform(-0.3, 0.3, 3), rng.uniform(-0.3, 0.3, 3)
+        pendulum = Pendulum(0.1, 1e-3 * np.eye(3), centre, TILTED, pivot)
+        turns = Rotation.from_rotvec(np.outer(np.linspace(0, 2 * np.pi, 20_001), TILTED))
+        reach = np.linalg.norm(pivot + turns.apply(centre - pivot), axis=1).max()
+        # Of its own mass the mean square distance from its centre is half the trace over the mass.
+        whole = np.hypot(reach, np.sqrt(1.5e-3 / 0.1))
+        shell = replace(SHELL, radius=0.1)
+        (*_, told) = beyond_the_shell(Ball(shell, (Hinge(FRAME), Hinge(pendulum))))
+        assert f"pendulum1 has mass outside the shell: at {whole:.4g} m, of 0.1" in told
 
 
 def test_axial_tensor_has_its_moments() -> None:

@@ -287,6 +287,10 @@ def test_what_a_file_does_in_silence_is_warned_of(
 
 
 # A line of a refusal, and what is put in place of what in PLATE for it.
+TWO_JOINTS = (
+    '<tendon><fixed name="two"><joint joint="axle" coef="1"/><joint joint="spin" coef="1"/>'
+    "</fixed></tendon><actuator>"
+)
 REFUSED = {
     "no sphere can touch the plane":
         ('type="sphere" size=".15"', 'type="box" size=".1 .1 .1"'),
@@ -317,6 +321,10 @@ REFUSED = {
     "an actuatorfrcrange or armature of a tendon":
         ("<actuator>",
          '<tendon><fixed armature="1"><joint joint="spin" coef="1"/></fixed></tendon><actuator>'),
+    "both: armature or damping of its own takes a single joint":
+        ("<actuator>", f'{TWO_JOINTS}<motor name="both" tendon="two" armature=".001"/>'),
+    "two: armature or damping of its own takes a single joint":
+        ("<actuator>", f'{TWO_JOINTS}<motor name="two" tendon="two" damping=".001"/>'),
     "damping, armature or friction of a free joint":
         ("<freejoint/>", '<joint type="free" damping=".1"/>'),
     "hull touches a geom of cart: a robot that stands on more than its sphere":

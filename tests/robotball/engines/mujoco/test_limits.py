@@ -401,6 +401,16 @@ def test_the_timestep_that_is_advised_sees_the_drive(frequency: float, preset: s
     assert limits.drive_seen(planned(scene, rb.preset("adaptive"), 0.5)) is None
 
 
+def test_a_step_that_sees_a_drive_is_found_in_a_few_tries() -> None:
+    """A tenth shorter at least at each, so that a limit just below the error needs one."""
+    scene = swung(7.0, 0.05)
+    error = scene.sampling_error(0.5, 5e-3)
+    assert limits.seeing_step(scene, 0.5, 5e-3, error) == 5e-3
+    assert limits.seeing_step(scene, 0.5, 5e-3, 0.99 * error) == pytest.approx(4.5e-3, rel=1e-12)
+    found = limits.seeing_step(scene, 0.5, 5e-3, 1e-2 * error)
+    assert scene.sampling_error(0.5, found) <= 1e-2 * error < scene.sampling_error(0.5, 2 * found)
+
+
 def test_an_edge_knows_how_near_it_is() -> None:
     """Limits from above and from below, none at all and numbers that are none."""
     most, least = (partial(LimitCheck, "", "RK4", each) for each in (False, True))

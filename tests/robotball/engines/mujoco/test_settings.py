@@ -14,6 +14,7 @@ import robotball as rb
 from robotball.engines.mujoco.settings import (
     ADAPTIVE,
     CONSTANT,
+    INTEGRATORS,
     OWN,
     VARYING,
     Prescribed,
@@ -27,6 +28,7 @@ from tests.robots import worked
 
 FIG12, FAST, BALANCED = rb.load_scene("fig12"), rb.preset("fast"), rb.preset("balanced")
 
+FACTORS = (0.98, 1.0, 1.02)  # of a limit
 BAD = {
     "integrator must be one of Euler, implicit, .*, not 'rk5'": {"integrator": "rk5"},
     r"timestep must be positive and finite, from 1e-50 to 1e\+50, not 0": {"timestep": 0.0},
@@ -136,3 +138,16 @@ def test_any_settings_give_a_finite_motion_or_one_line(
         assert np.isfinite(array).all()
     assert len(motion.times) == 3 or motion.report.faults
     assert all(np.isfinite(fault.time) for fault in motion.report.faults)
+
+
+def test_a_limit_of_stability_is_where_the_integrator_keeps_a_size() -> None:
+    """RK4's, on the axes of z = λ dt: |1 + z + z²/2 + z³/6 + z⁴/24| is 1, and larger beyond."""
+    rk4 = INTEGRATORS["RK4"]
+    turning, slowing = rk4.rotation_limit, rk4.friction_limit
+    assert turning is not None
+    assert slowing is not None
+    assert slowing == rk4.servo_limit
+    for z in (1j * turning, -slowing):
+        inside, at, beyond = (abs(np.polyval([1 / 24, 1 / 6, 1 / 2, 1, 1], f * z)) for f in FACTORS)
+        assert at == pytest.approx(1, abs=2e-3)  # of four digits; measured 1.1e-3 and 4.4e-4
+        assert inside < 1 < beyond

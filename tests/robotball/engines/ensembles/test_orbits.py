@@ -1,18 +1,14 @@
-"""The compiled stepper: its order, its agreement with others, its invariants, its safety."""
+"""Compiled motions: their agreement with others, their invariants, their safety."""
 
 import subprocess
 import sys
 from dataclasses import replace
-from fractions import Fraction
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engines.ensembles import steppers
-from robotball.engines.ensembles.flatten import LANES, Dual, Tape, lane_function
 from robotball.engines.ensembles.orbits import (
     COLLAPSED,
     TOO_MANY_STEPS,
@@ -21,7 +17,7 @@ from robotball.engines.ensembles.orbits import (
     orbit,
     orbits,
 )
-from robotball.engines.ensembles.steppers import EIGHTH, NINTH, PATH, STAGES, Level, State
+from robotball.engines.ensembles.steppers import PATH
 from robotball.equations import Parameters, speed_bound
 from robotball.errors import InputError
 from robotball.rotations import Array, rotation_matrix
@@ -31,82 +27,6 @@ from tests.scenes import FOUR
 pytestmark = pytest.mark.core
 
 some_starts = partial(spread_starts, 7, g=1.0)
-
-# The step ----------------------------------------------------------------------------------
-
-
-def sample(x: Any, y: Any) -> tuple[Any, Any]:
-    """Every operation that functions of symbols and of dual numbers may use."""
-    z = (x - 2) * y / (1 + x * y) - x * y / 2 + 0 * x
-    return -z + (3 - x) * (2 / y - x), 1 * y + 0
-
-
-def test_traced_code_and_dual_numbers_are_the_function_and_its_derivative() -> None:
-    """A function, the code traced from it, and its slope by central differences.
-
-    The products of the code are commuted. Measured 4.5e-11 of the slope, the difference's rounding.
-    """
-    tape = Tape(LANES)
-    results = sample(tape.read(0), tape.read(1))
-    names: dict[str, Any] = {"wide_vectors": lambda: None}
-    exec(lane_function("compute", tape, dict(enumerate(results, start=2))), names)
-    w = np.linspace(0.5, 3.0, 4 * LANES)
-    names["compute"](w)
-    x, y, *found = w.reshape(4, LANES)
-    expected = sample(x, y)
-    assert np.abs(found[0] - expected[0]).max() < 1e-15
-    assert np.array_equal(found[1], expected[1])
-    moving = sample(Dual(x, 0.6), Dual(y, -0.8))
-    for i in range(2):
-        ahead, behind = (sample(x + h * 0.6, y - h * 0.8)[i] for h in (1e-5, -1e-5))
-        assert np.abs(moving[i].value - expected[i]).max() < 1e-15
-        assert np.abs(moving[i].slope - (ahead - behind) / 2e-5).max() < 2e-10
-
-
-def test_the_step_and_its_estimate_are_of_order_9() -> None:
-    """The error of fixed steps falls as their ninth power: measured 9.3, the estimated one 9.0."""
-    attitudes, momenta = some_starts(1)
-    level = Level(m=float(np.linalg.norm(momenta)), c=0.0)
-    begin = [*Starts(REGULAR, attitudes, momenta).attitudes[0], 0.0, 0.0]
-
-    def rate(state: State) -> State:
-        return PATH.rate(state, REGULAR, level)
-
-    def end(steps: int) -> tuple[Array, float]:
-        state, per_squared = begin, []
-        for _ in range(steps):
-            state, each = steppers.runge_kutta(rate, state, rate(state), 2.0 / steps, PATH.allowed)
-            per_squared.append(each)
-        return np.array(state), float(max(per_squared)) ** -0.5
-
-    def order(errors: list[float]) -> float:
-        return float(-np.polyfit(np.log(steps), np.log(errors), 1)[0])
-
-    steps, right = np.array([20, 28, 40]), end(120)[0]
-    assert order([np.abs(end(n)[0] - right).max() for n in steps]) == pytest.approx(9, abs=0.4)
-    assert order([end(n)[1] for n in steps]) == pytest.approx(9, abs=0.2)
-
-
-@pytest.mark.parametrize(("weights", "order"), [(NINTH, 9), (EIGHTH, 8)])
-def test_verners_numbers_satisfy_the_conditions_of_their_order(
-    weights: tuple[float, ...], order: int
-) -> None:
-    """Quadrature of every power below the order, and no other; and the stages' own: to rounding.
-
-    In fractions, so that what is left is the rounding of the numbers, and of no sum.
-    """
-    rows = [(*row, *[0.0] * (16 - len(row))) for row in ((), *STAGES)]
-    A = np.array([[Fraction(each) for each in row] for row in rows])
-    c, b = A.sum(axis=1), np.array([Fraction(each) for each in weights])
-    gaps = np.array([b @ c**k - Fraction(1, k + 1) for k in range(order + 1)])
-    assert np.abs(gaps[:-1]).max() < 2e-15  # 1.3e-15
-    assert abs(gaps[-1]) > 1e-6
-    # Stages: order 2 from the third on, order 3 from the fourth; those of less have no weight.
-    assert np.abs((A @ c - c**2 / 2)[2:]).max() < 5e-15  # 3.3e-15
-    assert np.abs((A @ c**2 - c**3 / 3)[3:]).max() < 6e-15  # 4.8e-15
-    assert np.abs(b[1:3]).max() == 0
-    assert np.abs(b @ A - b * (1 - c)).max() < 1e-15  # 4.9e-16
-
 
 # Agreement ---------------------------------------------------------------------------------
 
@@ -189,6 +109,15 @@ def test_unusable_starts_are_refused(
     """Each with a line that says what is wrong."""
     with pytest.raises(InputError, match=message):
         orbits(REGULAR, attitudes, momenta, np.array(times))
+
+
+def test_a_momentum_counts_as_horizontal_up_to_a_billionth_of_it() -> None:
+    """Less is rounding and is let pass; twice as much is refused, of either sign."""
+    attitudes, times = np.eye(4)[:1], np.array([0.0, 1e-3])
+    for sign in (2.0, -2.0):
+        orbits(REGULAR, attitudes, np.array([[2.0, 0.0, 0.5e-9 * sign]]), times)
+        with pytest.raises(InputError, match="must be horizontal in the rubber model"):
+            orbits(REGULAR, attitudes, np.array([[2.0, 0.0, 2e-9 * sign]]), times)
 
 
 def test_a_ball_at_rest_stays() -> None:

@@ -1,0 +1,64 @@
+"""The order of convergence of errors whose law is known, and where there is none."""
+
+import numpy as np
+import pytest
+
+from validation.studies.orders import fit_order, stalled_at
+
+STEPS = 0.1 * 0.5 ** np.arange(8)
+
+
+@pytest.mark.parametrize("order", [1, 2, 4, 8.5])
+def test_a_power_law_has_its_order(order: float) -> None:
+    """In any order of the runs, with those left out that broke off or were exact."""
+    errors = [*3.0 * STEPS**order]
+    found = fit_order(STEPS[::-1].tolist(), errors[::-1])
+    assert found is not None
+    assert found.order == pytest.approx(order, rel=1e-12)
+    assert found.points == 8
+    assert found.stderr < 1e-10
+    assert (found.shortest, found.longest) == pytest.approx((STEPS[-1], STEPS[0]))
+    assert found.error_at(np.array([0.02, 0.5])) == pytest.approx(
+        3.0 * np.array([0.02, 0.5]) ** order
+    )
+    gaps = fit_order([*STEPS, 1.0, 2.0, 3.0], [*errors, None, np.inf, 0.0])
+    assert gaps == found
+
+
+def test_both_ends_are_left_out() -> None:
+    """Long steps where another term rules, and short ones where the error stalls."""
+    errors = 3.0 * STEPS**2 + 1e4 * STEPS**5 + 2e-5
+    assert stalled_at(STEPS.tolist(), errors.tolist()) == errors.min()
+    found = fit_order(STEPS.tolist(), errors.tolist())
+    assert found is not None
+    assert found.order == pytest.approx(2, abs=0.1)
+    assert found.longest < 0.9 * STEPS[0]
+    assert found.shortest > 1.1 * STEPS[-1]
+    # The slope over all of them is another.
+    assert abs(np.polyfit(np.log(STEPS), np.log(errors), 1)[0] - 2) > 0.2
+
+
+def test_a_floor_takes_away_what_is_not_known() -> None:
+    """Errors at or below it do not count."""
+    errors = (3.0 * STEPS**2).tolist()
+    found = fit_order(STEPS.tolist(), errors, floor=errors[4])
+    assert found is not None
+    assert found.points == 4
+    assert found.shortest == pytest.approx(STEPS[3])
+    assert fit_order(STEPS.tolist(), errors, floor=errors[2]) is None
+
+
+@pytest.mark.parametrize(
+    ("steps", "errors"),
+    [
+        (STEPS[:2].tolist(), [1e-2, 1e-3]),
+        ([0.1] * 4, [1e-2, 2e-2, 3e-2, 4e-2]),
+        (STEPS.tolist(), [1e-2] * 8),
+        (STEPS.tolist(), STEPS[::-1].tolist()),
+        ([], []),
+    ],
+    ids=["two", "of one step", "that do not fall", "that rise", "none"],
+)
+def test_errors_without_a_law_have_no_order(steps: list[float], errors: list[float]) -> None:
+    """Neither by an exception nor by a number."""
+    assert fit_order(steps, errors) is None

@@ -11,8 +11,8 @@ from importlib.metadata import version
 import numpy as np
 
 try:
-    from pydrake.multibody import plant as mp
     from pydrake.multibody import cenic  # noqa: F401, which makes the scheme known
+    from pydrake.multibody import plant as mp
     from pydrake.multibody.tree import (
         PdControllerGains,
         RevoluteJoint,

@@ -49,6 +49,8 @@ def slip(approximation: str, reflected: float) -> float:
 
 
 for approximation in ("kTamsi", "kSap", "kLagged"):
+    if not hasattr(mp.DiscreteContactApproximation, approximation):
+        continue  # TAMSI is no longer in Drake 1.58
     for reflected in (1e2, 1e12):
         print(f"{approximation}, {reflected:g} kg m²:", slip(approximation, reflected))
 print("expected: slips near 0 in each line, as by kTamsi")

@@ -32,4 +32,4 @@ for impratio in (1, 10, 100):
 print("noslip:", velocity(1, 1))
 print("expected: 1 by the law, 0 by noslip")
 print("version: MuJoCo", version("mujoco"))
-print("verdict: documented; mujoco #3328")
+print("verdict: documented; mujoco #3328, documented by #3526")

@@ -57,6 +57,7 @@ EXPECTED = {
         "alone, base: 0.1 0.1; alone, link: 0.3 0.3",
     "pybullet_first_order": FIRST_ORDER,
     "drake_first_order": FIRST_ORDER,
+    "drake_cenic": "SAP: 1.999 2.001; RK3: 1.999 2.001; CENIC: -2.001 -1.999",
     "drake_frozen":
         "kTamsi, 100 kg m²: 7e-6 8.5e-6; kTamsi, 1e+12 kg m²: 7e-6 8.5e-6; "
         "kSap, 100 kg m²: 3.4e-5 3.9e-5; kSap, 1e+12 kg m²: 1.0 1.0; "

@@ -34,6 +34,7 @@ from validation.output import Show, known, scientific, title
 from validation.study import Column, Study, table_of
 
 _INTERVAL = 0.01  # s between the points that are compared, or the model's own step
+_LOOK = 1e-3  # s between the states whose contacts are looked at, or the model's own step
 _LEAST_STEP = 1e-4  # s, the shortest that is tried
 _STANDS = 1e-3  # of the radius: a robot that rolls less in all is moved
 _LEAST_PATH = 0.1  # of the radius: less is no verdict
@@ -247,12 +248,13 @@ def check_model(
     """
     robot, data = own.robot, own.begin()
     default = rolling_of(robot.contact(data))
-    every = max(1, round(_INTERVAL / robot.model.opt.timestep))
-    interval = every * robot.model.opt.timestep
+    steps = max(1, round(_LOOK / robot.model.opt.timestep))
+    every = max(1, round(_INTERVAL / (steps * robot.model.opt.timestep)))
+    interval = every * steps * robot.model.opt.timestep
     times = interval * np.arange(max(2, round(duration / interval) + 1))
     duration = float(times[-1])
     scene = own.scene(default, duration)
-    motion, seen = observed(own, scene, accuracy, lambda part: show(0.2 * part, "as it is"))
+    motion, seen = observed(own, scene, accuracy, steps, lambda part: show(0.2 * part, "as it is"))
     if not seen.fails:  # as far as it was stepped
         times = times[: max(2, 1 + (len(seen.path) - 1) // every)]
     theories = _theories(own, rolling, default, times, show)
@@ -263,7 +265,8 @@ def check_model(
     nearest = min(errors, key=lambda name: errors[name] / (1.0 if name == default else _NEARER))
     theory, as_it_is = theories[nearest], errors[nearest]
     times, path = theory.times, path[: len(theory.times)]
-    judged = max(_reach(path), theory.path_length) >= _LEAST_PATH * own.radius
+    moved_by = max(_reach(path), theory.path_length)
+    judged = seen.fails is not None or moved_by >= _LEAST_PATH * own.radius
     fails = seen.fails or _standing(path, theory, judged)
     if seen.fails:
         path[times >= seen.until] = np.nan
@@ -474,7 +477,8 @@ def _enough(
     while error_of(found[-1]) > accuracy and step / 2 >= _LEAST_STEP and helps:
         step /= 2
         found.append(changes_at(step))
-        helps = error_of(found[-1]) < error_of(found[-2]) / 2
+        before, after = (error_of(each) for each in found[-2:])
+        helps = after < before / 2 or not np.isfinite(after)
     return min(found, key=lambda each: max(error_of(each), accuracy))
 
 
@@ -735,10 +739,10 @@ def _symptoms(own: UserModel, checked: Checked) -> Iterator[str]:
     points = motion.contact_point[rolls]
     length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
     if length > _LEAST_PATH * radius:
-        rolled = length / report.timestep
-        yield f"slip: {scientific(report.slip[rolls].sum() / rolled)} of its path"
+        rolled = length / motion.times[rolls][-1]
+        yield f"slip: {scientific(report.slip[rolls].mean() / rolled)} of its path"
         if scene.rolling == "rubber":
-            spin = radius * np.abs(report.spin[rolls]).sum() / rolled
+            spin = radius * np.abs(report.spin[rolls]).mean() / rolled
             yield f"spin: {scientific(spin)} of its path"
     for each in scene.actuators:
         commands = as_drive(each.command, scene.duration).rate(theory.times)

@@ -154,7 +154,7 @@ def _sound(data: mujoco.MjData) -> bool:
 class Seen:
     """What only a user's model shows, over all steps of a run.
 
-    path (n, 3): contact point and height above the plane at every step [m]; fails: what ends its
+    path (n, 3): contact point and height above the plane at every row [m]; fails: what ends its
     rolling, in words; until: when it does, or the end [s]; inside: by two geoms that overlap from
     the start, the part of the steps in which they do; limits: joints that reach their range, and
     when [s]; delivered: the part of the declared resistance to rolling; lag: of servos by name,
@@ -175,19 +175,20 @@ def observed(
     user: UserModel,
     scene: Scene,
     tolerance: float,
+    every: int = 1,
     show: Callable[[float], None] = lambda _: None,
     name: str = "as it is",
 ) -> tuple[ContactMotion, Seen]:
     """Step a model as it is over the scene's duration; return its motion and what else it shows.
 
-    The motion has every step, up to one that diverges or as far as patience goes, and no momentum.
-    tolerance: the slip over the path beyond which it is a fault; show: called with the part that is
-    done; name: of the motion's settings.
+    The motion has each step of so many, up to one that diverges or as far as patience goes, and no
+    momentum. tolerance: the slip over the path beyond which it is a fault; show: called with the
+    part that is done; name: of the motion's settings.
     """
     model, data = user.robot.model, user.begin()
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     tally, rows, began = _Tally(user), list[Array](), time.process_time()
-    count = round(scene.duration / model.opt.timestep)
+    count = round(scene.duration / model.opt.timestep / every)
     for i in range(count + 1):
         user.control(data)
         # A step by RK4 leaves the contacts of its last stage, so those of the state are made first,
@@ -200,7 +201,10 @@ def observed(
             rows.pop()
             break
         tally.add(data)
-        mujoco.mj_step(model, data)
+        mujoco.mj_step(model, data, every if user.steady else 1)
+        for _ in range(0 if user.steady else every - 1):
+            user.control(data)
+            mujoco.mj_step(model, data)
         if i % _LOOK == 0:
             show(i / count)
             if time.process_time() - began > _PATIENCE:
@@ -238,7 +242,7 @@ def _failure(
 
 
 _CONTACT = 14  # numbers of a row before those of the contact
-_LOOK = 100  # steps from one look at the clock to the next
+_LOOK = 100  # rows from one look at the clock to the next
 
 
 def _row(user: UserModel, data: mujoco.MjData) -> Array:

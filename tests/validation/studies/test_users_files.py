@@ -1,10 +1,13 @@
 """Robot files as different users write them: none is falsely right, refused or mended away."""
 
+import re
 from collections import Counter
 from pathlib import Path
 
 import pytest
 
+import robotball as rb
+from robotball.errors import UnitWarning
 from robotball.files import robot_file
 from tests.conftest import Robotball
 from tests.validation.studies.users_files import CASES, REFUSED, Case
@@ -45,3 +48,25 @@ def test_there_are_sixty_files_with_each_answer() -> None:
     """Of 70 files: 34 right, 11 not, 25 that cannot be answered, or so."""
     assert len(CASES) >= 60
     assert min(Counter(case.status for case in CASES.values()).values()) >= 10
+
+
+BIG = """<mujoco><worldbody><geom type="plane" size="1 1 1"/><body><freejoint/>
+<geom size="150" mass="1"/>
+</body></worldbody></mujoco>"""
+
+
+def test_a_question_is_a_warning_of_the_library_and_a_refusal_of_the_command(
+    robotball: Robotball,
+) -> None:
+    """Status 2, before anything runs; `--as-given` insists. The library takes any number."""
+    Path("big.xml").write_text(BIG)
+    words = "big.xml: the shell's radius is 150 m; did you mean 0.15 (150 mm)?"
+    with pytest.warns(UnitWarning, match=re.escape(words)):
+        rb.load_scene("big.xml")
+    for command in ("check", "compare"):
+        status, out, complaint = robotball(command, "big.xml")
+        assert (status, out) == (2, "")
+        assert complaint.endswith(f"robotball: {words} (--as-given takes it as it is written)\n")
+    status, _, complaint = robotball("model", "big.xml", "--as-given")
+    assert status == 0
+    assert f"warning: {words}" in complaint

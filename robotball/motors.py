@@ -221,7 +221,7 @@ class DCMotor(Motor):
     torque_limit: float | None = None
     efficiency: float = 1.0
     no_load_current: float = 0.0
-    stall_current: float = math.inf
+    stall_current: float | None = None
 
     def __post_init__(self) -> None:
         check_positive("a motor's stall torque", self.stall_torque, "N m")
@@ -232,13 +232,14 @@ class DCMotor(Motor):
             check_positive("a motor's torque limit", self.torque_limit, "N m")
         if not 0 < self.efficiency <= 1:
             raise InputError(f"a gear's efficiency must be in (0, 1], not {self.efficiency:g}")
-        if not 0 <= self.no_load_current < self.stall_current:
+        check_not_negative("a motor's no-load current", self.no_load_current, "A")
+        if self.no_load_current and (self.torque_limit or not self.stall_current):
+            raise InputError("a motor's no-load current takes a stall current and no torque limit")
+        if self.stall_current is not None and not self.no_load_current < self.stall_current:
             raise InputError(
-                f"a motor's no-load current must be at least 0 and below its stall current of "
+                f"a motor's no-load current must be below its stall current of "
                 f"{self.stall_current:g} A, not {self.no_load_current:g} A"
             )
-        if self.no_load_current and (self.torque_limit or math.isinf(self.stall_current)):
-            raise InputError("a motor's no-load current takes a stall current and no torque limit")
 
     @property
     def armature(self) -> float:
@@ -249,9 +250,8 @@ class DCMotor(Motor):
         stall = self.efficiency * self.gear * self.stall_torque
         slope = self.gear * stall / self.no_load_speed
         # The sheet's torque is less this friction already, also at rest.
-        friction = (
-            stall / (self.stall_current / self.no_load_current - 1) if self.no_load_current else 0.0
-        )
+        idle = self.no_load_current
+        friction = stall * idle / (self.stall_current - idle) if self.stall_current else 0.0
         limit = self.torque_limit or math.inf
         return Law(stall + friction, 0.0, slope, limit=limit, friction=friction)
 

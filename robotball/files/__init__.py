@@ -26,21 +26,6 @@ _READERS = ("_lzma", "msgspec", "pyarrow.lib", "tokenize", "zipfile", "zlib")
 
 
 MODEL_FILES = (".xml", ".mjcf", ".urdf")
-_INSTEAD = {
-    ".sdf": "; convert an SDF file to URDF or MJCF",
-    ".xacro": "; expand it first: xacro {0} > robot.urdf",
-    ".toml": "; `robotball compare {0}` runs a scene; `check` takes its robot's own file",
-}
-
-
-def check_format(path: Path) -> None:
-    """Raise InputError unless the name of a robot's file ends as MJCF and URDF files do."""
-    if path.suffix not in MODEL_FILES:
-        instead = _INSTEAD.get(path.suffix, "")
-        raise InputError(
-            f"{path}: a scene is a TOML file, and a robot as it is an MJCF or URDF file, with a "
-            f"name that ends in {' or '.join(MODEL_FILES)}{instead.format(path)}"
-        )
 
 
 def contents(path: Path, longest: int = _MOST_CHARACTERS) -> bytes:

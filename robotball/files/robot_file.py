@@ -29,8 +29,8 @@ from robotball.ball import Ball, Hinge, Link, Shell, Solid, composed
 from robotball.drives import Rate, Samples, key
 from robotball.equations import Rolling
 from robotball.errors import InputError, check_positive, check_size, unknown, warn
-from robotball.files import check_format, named
-from robotball.files.sandbox import COMMENT, check_loads, opened_spec
+from robotball.files import named
+from robotball.files.sandbox import COMMENT, check_format, check_loads, opened_spec
 from robotball.files.scene_tables import Command, Table, rate_of
 from robotball.motors import Actuator, Free, Law
 from robotball.rotations import Array, Z, from_matrix, rotation_matrix

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from robotball.errors import InputError
-from robotball.files import contents
+from robotball.files import MODEL_FILES, contents
 
 _WAIT = 20.0  # s, of a process that may be starved of its few seconds
 _MEMORY = 500_000_000  # bytes, beyond what MuJoCo itself takes
@@ -27,6 +27,23 @@ _NO_MEMORY = ("Could not allocate memory", "unknown exception")
 COMMENT = re.compile("<!--.*?-->", re.DOTALL)
 _ATTRIBUTE = re.compile(r"""([\w.:-]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)
 _INCLUDED = re.compile(r"""<include\s+file\s*=\s*["'](.*?)["']""")
+
+
+_INSTEAD = {
+    ".sdf": "; convert an SDF file to URDF or MJCF",
+    ".xacro": "; expand it first: xacro {0} > robot.urdf",
+    ".toml": "; `robotball compare {0}` runs a scene; `check` takes its robot's own file",
+}
+
+
+def check_format(path: Path) -> None:
+    """Raise InputError unless the name of a robot's file ends as MJCF and URDF files do."""
+    if path.suffix not in MODEL_FILES:
+        instead = _INSTEAD.get(path.suffix, "")
+        raise InputError(
+            f"{path}: a scene is a TOML file, and a robot as it is an MJCF or URDF file, with a "
+            f"name that ends in {' or '.join(MODEL_FILES)}{instead.format(path)}"
+        )
 
 
 def check_loads(path: Path, how: str = "compiled") -> None:

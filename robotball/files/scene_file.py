@@ -33,7 +33,7 @@ from robotball.ball import (
 )
 from robotball.drives import Rate
 from robotball.errors import InputError, check_positive, check_size, unknown, warn
-from robotball.files import MODEL_FILES, check_format, contents, named, readable
+from robotball.files import MODEL_FILES, contents, named, readable
 from robotball.files import scene_tables as tables
 from robotball.files.scene_tables import DRIVES, rate_of
 from robotball.rotations import Array, Z, direction, rotation_matrix
@@ -129,6 +129,8 @@ def load_scene(name: str | Path, controls: Mapping[str, Rate] | None = None) -> 
     else:
         with suppress(OSError):  # of a name that no file can have
             if path.exists():
+                from robotball.files.sandbox import check_format
+
                 check_format(path)
         raise unknown("scene", name, catalog())
     for line in beyond_the_shell(scene.ball):

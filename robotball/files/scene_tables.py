@@ -106,8 +106,7 @@ DRIVES: dict[_DriveName, _DriveKind] = {
         needed=("kp", "angle"),
     ),
     "dc_motor": _DriveKind(
-        "Torque = efficiency · gear · stall_torque (supply - gear · hinge's rate / no_load_speed), "
-        "likewise.",
+        "Torque = efficiency · gear · stall_torque (supply - gear · rate/no_load_speed), likewise.",
         "supply", "DCMotor", needed=("stall_torque", "no_load_speed", "supply"),
         keys=(
             "stall_torque", "no_load_speed", "gear", "rotor_inertia", "torque_limit", "efficiency",

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import mujoco
 from tyro.conf import DisallowNone, Positional, arg
@@ -33,11 +33,6 @@ from validation.studies.check import (
 )
 from validation.study import Study, present
 
-if TYPE_CHECKING:
-    from robotball.equations import Rolling
-
-ACCURACY = 1e-3  # the path error to reach, over the path's length
-
 
 @dataclass(frozen=True)
 class Check:
@@ -58,7 +53,7 @@ class Check:
     keyframe: DisallowNone[Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")]] = None
     """The keyframe to start at; the first one if not given."""
     control: Controls = ()
-    accuracy: float = ACCURACY
+    accuracy: float = 1e-3
     """The path error to reach, over the path's length."""
     duration: Duration = None
     """Simulated time; 10 s if not given."""
@@ -71,10 +66,7 @@ class Check:
         check_positive("accuracy", self.accuracy, "")
         check_files(self.json)
         writable_folder(self.out)
-        own, checked, notes = checked_file(
-            self.file, self.control, self.duration, self.rolling, self.accuracy, self.shell,
-            self.keyframe,
-        )  # fmt: skip
+        own, checked, notes = self.checked()
         study = study_of(own, checked, notes)
         picture, html = (self.out / f"{study.stem()}.{kind}" for kind in ("png", "html"))
         present(study, picture, self.json, None)
@@ -86,32 +78,21 @@ class Check:
             print(mended, *difference(checked), sep="\n")
         return AGREES if checked.agrees else DISAGREES
 
-
-def checked_file(
-    file: Path,
-    control: Sequence[str],
-    duration: float | None,
-    rolling: "Rolling | None" = None,
-    accuracy: float = ACCURACY,
-    shell: str | None = None,
-    key: str | None = None,
-) -> tuple[UserModel, Checked, list[str]]:
-    """Return the model of a file, what `check_model` finds of it, and words known before.
-
-    control: texts as `controls_of` takes them. The others are options of the command.
-    """
-    robot = open_robot(file, shell)
-    seconds = 10.0 if duration is None else duration
-    controls = {name: as_drive(value, seconds) for name, value in controls_of(control).items()}
-    own, moves = moved(UserModel(robot, controls, key))
-    start = own.begin()
-    with named(file):
-        notes = [*robot.notes, *starts_off(robot, start), *moves]
-    ask(file, own.scene(rolling or "classical", seconds))
-    # A state that diverges is said in words, not by MuJoCo's own lines before them.
-    mujoco.set_mju_user_warning(lambda *_: None)
-    with progress_bar(1) as show:
-        return own, check_model(own, rolling, seconds, accuracy, show), notes
+    def checked(self) -> tuple[UserModel, Checked, list[str]]:
+        """Return the file's model, what is found of it, and words known before."""
+        robot = open_robot(self.file, self.shell)
+        seconds = 10.0 if self.duration is None else self.duration
+        given = controls_of(self.control)
+        controls = {name: as_drive(value, seconds) for name, value in given.items()}
+        own, moves = moved(UserModel(robot, controls, self.keyframe))
+        start = own.begin()
+        with named(self.file):
+            notes = [*robot.notes, *starts_off(robot, start), *moves]
+        ask(self.file, own.scene(self.rolling or "classical", seconds))
+        # A state that diverges is said in words, not by MuJoCo's own lines before them.
+        mujoco.set_mju_user_warning(lambda *_: None)
+        with progress_bar(1) as show:
+            return own, check_model(own, self.rolling, seconds, self.accuracy, show), notes
 
 
 def _page_of(study: Study, checked: Checked, picture: Path, motions: Sequence[Motion]) -> str:

@@ -81,13 +81,13 @@ class Video(_Shown):
         how = Film(self.fps, _size(self.size), self.slow, self.camera, self.ghost, self.arrows)
         words = changed(self, "fps", "size", "slow", "camera", "ghost", "arrows", "as_is")
         if self.as_is:
-            from validation.commands.checking import ACCURACY, checked_file
+            from validation.commands.checking import Check
             from validation.studies.check import beside
 
             duration = self.run_options.duration
-            own, checked, _ = checked_file(Path(self.scene), self.control, duration)
-            stem, motions = own.robot.path.stem, beside(own, checked)
-            agrees = checked.error <= ACCURACY
+            check = Check(Path(self.scene), control=self.control, duration=duration)
+            own, checked, _ = check.checked()
+            stem, motions, agrees = own.robot.path.stem, beside(own, checked), checked.agrees
         else:
             agreements = self._agreements()
             stem, motions = file_stem(agreements), motions_of(agreements, "video")

@@ -29,6 +29,10 @@ _ROLLING = {
     "rubber": "the ball neither slips nor spins about the vertical",
     "classical": "the ball does not slip, and may spin about the vertical",
 }
+_OWN_FILE = (
+    "The engine has the contact of robotball's settings here. How the file rolls by its own is "
+    "said by robotball check {0}, and filmed by robotball video {0} --as-is."
+)
 _Columns = tuple[Array, Array, Array | None]  # x, y, and the times where x is something else
 
 
@@ -81,6 +85,7 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
         _ball_numbers(group),
         "<h3>To be looked at</h3>",
         shown,
+        paragraph(_OWN_FILE.format(scene.source), "faint") if scene.ball.general else "",
         "<h3>Errors</h3>",
         f'<div class="charts">{_errors(group)}</div>',
         "<h3>Friction and motors</h3>",

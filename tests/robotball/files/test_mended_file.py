@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from robotball.errors import InputError
-from robotball.files.mended_file import Change, Editable, compiled, editable
+from robotball.files.mended_file import Change, Editable, Moves, compiled, editable
 from robotball.files.robot_file import open_robot
 from robotball.rotations import Array
 
@@ -24,7 +24,7 @@ START = Change("start", "it hangs in the air", start=True)
 
 def editable_of(path: Path, shift: Array = STILL) -> Editable:
     robot = open_robot(path)
-    return editable(robot, shift, PAIR, range(1, robot.model.nbody))
+    return editable(robot, Moves(shift, STILL, None), PAIR, range(1, robot.model.nbody))
 
 
 @pytest.mark.parametrize("end", ["</mujoco>\n", "  </mujoco>", "<!-- -->\n</mujoco>"])

@@ -12,7 +12,6 @@ import robotball as rb
 from robotball.errors import UnitWarning
 from robotball.files.scene_file import CATALOG, read_scene
 from robotball.files.scene_keys import ask
-from tests.conftest import Robotball
 from tests.imports import PROJECT
 from tests.robotball.files.scene_texts import (
     BOB,
@@ -279,28 +278,6 @@ def test_no_number_of_ours_is_asked_about(recwarn: pytest.WarningsRecorder) -> N
     for path in (PROJECT / "examples" / "my_robot.toml", *CATALOG.glob("*.toml")):
         ask(path, rb.load_scene(path))
     assert [str(each.message) for each in recwarn if each.category is UnitWarning] == []
-
-
-BIG = """<mujoco><worldbody><geom type="plane" size="1 1 1"/><body><freejoint/>
-<geom size="150" mass="1"/>
-</body></worldbody></mujoco>"""
-
-
-def test_a_question_is_a_warning_of_the_library_and_a_refusal_of_the_command(
-    robotball: Robotball,
-) -> None:
-    """Status 2, before anything runs; `--as-given` insists. The library takes any number."""
-    Path("big.xml").write_text(BIG)
-    words = "big.xml: the shell's radius is 150 m; did you mean 0.15 (150 mm)?"
-    with pytest.warns(UnitWarning, match=re.escape(words)):
-        rb.load_scene("big.xml")
-    for command in ("check", "compare"):
-        status, out, complaint = robotball(command, "big.xml")
-        assert (status, out) == (2, "")
-        assert complaint.endswith(f"robotball: {words} (--as-given takes it as it is written)\n")
-    status, _, complaint = robotball("model", "big.xml", "--as-given")
-    assert status == 0
-    assert f"warning: {words}" in complaint
 
 
 # Scenes of many kinds of tables, without the texts about them.

@@ -13,10 +13,12 @@ import robotball as rb
 from robotball.drives import Sine
 from robotball.engines.mujoco.user_model import UserModel, observed
 from robotball.files.robot_file import open_robot
+from robotball.film.looks import label_of
+from robotball.film.web import view_fragment
 from robotball.rotations import Array
 from tests.conftest import Robotball
 from tests.robotball.files.test_robot_file import GIMBAL, HULL
-from validation.studies.check import causes_of, check_model
+from validation.studies.check import beside, causes_of, check_model
 
 FIRST = Path("examples/first_robot.xml").absolute()
 # The first robot by the recipe, in which each planted error is the only one.
@@ -280,6 +282,24 @@ def test_a_newcomers_model_is_explained_and_mended(robotball: Robotball) -> None
     page = Path("out/first-check.html").read_text()
     assert "cause: contacts" in page
     assert "data:image/png" in page
+
+
+def test_a_file_as_it_is_is_shown_beside_the_mended_one(tmp_path: Path) -> None:
+    """At the same times: hinges turn as the equations' in the mended file, measured 3e-7 rad.
+
+    As it is they are 0.3 rad off after a second.
+    """
+    path = tmp_path / "first.xml"
+    path.write_text(FIRST.read_text())
+    own = UserModel(open_robot(path), {}, None)
+    checked = check_model(own, "classical", 1.0, 1e-3, lambda *_: None)
+    as_it_is, mended, theory = beside(own, checked)
+    assert [label_of(each) for each in (as_it_is, mended)] == ["MuJoCo, as it is", "MuJoCo, mended"]
+    off = [np.abs(each.hinge_angles - theory.hinge_angles).max() for each in (as_it_is, mended)]
+    assert off[0] > 0.05
+    assert off[1] < 1e-5
+    assert np.array_equal(as_it_is.times, theory.times)
+    assert view_fragment([as_it_is, mended, theory]).count("as it is") == 1
 
 
 RESISTING = """<mujoco><option{}/><worldbody><geom type="plane" size="5 5 .1"/>

@@ -160,8 +160,8 @@ CASES = {
     "radians in degrees": Case({"axle": 'range="-.0157 .0157"'}, REFUSED, "axle reaches its range"),
     "stop of geoms": Case(
         {"plate": _PENDULUM.format(joint="", geom=""), "solid": 'contype="2" conaffinity="2"',
-         "shell": '<geom name="pin" type="box" size=".01 .01 .01" pos="0 .022 -.06" mass=".01"/>',
-         "key": '<keyframe><key qvel="0 0 0 0 0 0 0 .4" ctrl="0"/></keyframe>'}, OFF,
+         "shell": '<geom name="pin" type="box" size=".01 .01 .01" pos="0 .034 -.06" mass=".01"/>',
+         "key": '<keyframe><key qvel=".3 0 0 0 2 0 -2 7" ctrl="0"/></keyframe>'}, OFF,
         "touches"),
     # units
     "millimetres": Case({"radius": "150", "at": "0 0 150"}, REFUSED, "did you mean 0.15 (150 mm)?"),
@@ -201,7 +201,7 @@ CASES = {
     "tendon with a spring": Case(
         {"tendon": '<tendon><fixed name="t" stiffness="1"><joint joint="axle" coef="1"/></fixed>'
          "</tendon>"}, REFUSED, "a tendon with a spring"),
-    "muscle": Case({"drive": '<muscle name="drive" joint="axle"/>'}, REFUSED, "muscle"),
+    "muscle": Case({"drive": '<muscle name="drive" joint="axle"/>'}, REFUSED, "Lengthrange"),
     "equality": Case({"plate": _PENDULUM.format(joint="", geom=_GHOST), "tendon":
                       '<equality><joint joint1="axle" joint2="tilt"/></equality>'}, REFUSED,
                      "an equality constraint"),

@@ -23,7 +23,8 @@ from robotball.errors import InputError, check_positive
 from robotball.files.replacing import replacing
 from robotball.film import gl
 from robotball.film import looks as palette
-from robotball.film.looks import GHOST, MARKS, Looks, colours_of, label_of, looks_of
+from robotball.film.lines import colours_of, label_of
+from robotball.film.looks import GHOST, MARKS, Looks, looks_of
 from robotball.film.stage import LENS, Arrow, Camera, Pixels, Seen, Stage
 from robotball.film.tracks import Moments, Track, heading_of, track_of
 from robotball.motion import Motion

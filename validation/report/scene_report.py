@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from robotball import Motion, scene_toml
-from robotball.film.looks import label_of
+from robotball.film.lines import label_of, line_looks
 from robotball.film.web import view_fragment, view_head
 from robotball.notebook import counted
 from robotball.rotations import Array
 from validation.agreement import Agreement
 from validation.output import known, scientific, versions
-from validation.plots import framed, line_looks
+from validation.plots import framed
 from validation.report import VERDICTS, embedded, folded, page, paragraph, plain, plot, table, text
 from validation.report.chart import Line
 from validation.results import needs
@@ -185,7 +185,7 @@ def _lines(group: Sequence[Agreement], columns: Sequence[_Columns]) -> list[Line
     finished = (True, *(each.finished for each in group))
     return [
         Line(look, *each, width=1.8 if look.marker else 5.0, broken=not whole)
-        for look, each, whole in zip(line_looks(group), columns, finished, strict=True)
+        for look, each, whole in zip(line_looks(_motions(group)), columns, finished, strict=True)
         if np.isfinite(each[1]).any()
     ]
 

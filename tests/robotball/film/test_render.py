@@ -15,7 +15,8 @@ from PIL import Image, ImageFont
 import robotball as rb
 from robotball.engines.mujoco import LABEL
 from robotball.film import gl, render
-from robotball.film.looks import colours_of, rgb
+from robotball.film.lines import colours_of
+from robotball.film.looks import rgb
 from robotball.film.render import Film, frames, write_video
 from robotball.film.stage import Pixels
 from robotball.processes import at_most, cores

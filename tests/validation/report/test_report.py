@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.film.lines import Look
 from tests.browser import needs_browser, opened
 from tests.conftest import Robotball
 from tests.robotball.files.test_files import check_length
 from validation import Agreement, compare
 from validation.output import program
-from validation.plots import LEAST, Look
+from validation.plots import LEAST
 from validation.report.chart import Line, chart, legend, ticks
 from validation.report.scene_report import friction_needed, report, sentence
 from validation.report.study_report import study_report

@@ -19,7 +19,7 @@ from validation.report.study_report import study_report
 from validation.results import file_stem, record, scenes_of
 from validation.results import show as show_table
 
-_FILM = (360, 640)  # px, height and width: the page stays below six megabytes
+FILM = (360, 640)  # px, height and width: the page stays below six megabytes
 _MOST_NAMES = 80  # characters of a file's name that scenes may take
 
 
@@ -38,7 +38,7 @@ class Report:
     preset: Names = ()
     """The engine's settings to run each scene with, its default if none. Several: naive,fast."""
     film: bool = False
-    """Have a film of the first scene in the page, in place of the 3-D views."""
+    """Have a film of the first scene in the page, above its 3-D views."""
     run_options: RunOptions = field(default_factory=Run)
 
     def run(self) -> int:
@@ -59,7 +59,8 @@ class Report:
         scenes = list(scenes_of(self.scenes).values())
         out = writable_folder(self.run_options.out)
         agreements = self.run_options.agreements(scenes, listed(self.preset))
-        stem = file_stem(agreements[: len(agreements) // len(scenes)])
+        first = agreements[: len(agreements) // len(scenes)]
+        stem = file_stem(first)
         others = "".join(f"-{scene.name}" for scene in scenes[1:])
         path = out / f"{(stem + others)[:_MOST_NAMES]}-report.html"
         command = f"{program()} {shlex.join(sys.argv[1:])}"
@@ -69,7 +70,7 @@ class Report:
                 # Off-screen drawing is prepared at import, which a report else has no need of.
                 from robotball.film.render import Film
 
-                film(filmed, agreements[:1], Film(size=_FILM))
+                film(filmed, first, Film(size=FILM, ghost=len(first) > 1))
             write_text(path, report(agreements, command, filmed))
         show_table(list(map(record, agreements)), Console())
         print(path)

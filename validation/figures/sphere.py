@@ -86,7 +86,7 @@ class Globe:
     def name(self, gamma: Array, text: str, **style: Any) -> None:
         """Draw a name beside γ (3,); grey if behind."""
         pale = {"color": "#777C82", "fontsize": 9} if self.view.depth(gamma) < 0 else {}
-        _name(self.axes, self.view.places(gamma), text, **style, **pale)
+        _name(self.axes, self.view.places(gamma), text, **{**style, **pale})
 
     def arrow(self, gamma: Array, colour: str) -> None:
         """Draw an arrow head halfway along a line γ (n, 3), if that is in front."""

@@ -232,13 +232,13 @@ def _draw_chart(
     """Draw λ₁ (across, up) in colours, with the borders of chaos and what the engine repeated."""
     figure, (across, up), own = _blank(scene, axes)
     panel, (x, y) = figure.subplots(), axes
-    colours = colormaps["viridis"].with_extremes(under=FAINT)
+    # Colour is for chaos alone: what is regular is pale, so that it does not fill the picture.
+    colours = colormaps["viridis_r"].with_extremes(under="#E9ECEF")
     # A chart without any chaos has a scale of colours all the same.
     most = max(2 * least, float(np.nanmax(largest)))
-    image = panel.pcolormesh(*axes.values(), largest.T, cmap=colours, vmin=-least, vmax=most)
-    bar = figure.colorbar(image, extend="min", label="λ₁ [1/s]; white line: 0")
-    bar.ax.axhline(0.0, color="white")
-    draw_level(panel, axes[x], axes[y], largest.T, "white", level=least, width=0.6)
+    image = panel.pcolormesh(*axes.values(), largest.T, cmap=colours, vmin=least, vmax=most)
+    figure.colorbar(image, extend="min", label="λ₁ [1/s]; pale: no chaos")
+    draw_level(panel, axes[x], axes[y], largest.T, INK, level=least, width=0.5)
     resting = np.where(largest < -least, 1.0, 0.0).T
     panel.contourf(*axes.values(), resting, levels=[0.5, 1.5], colors="none", hatches=["///"])
     marks: dict[str, Row] = {_PAPERS.get(scene.name, scene.name): own}
@@ -249,7 +249,7 @@ def _draw_chart(
         by = (5, -12 if place[1] > axes[y].mean() else 4)  # within the picture
         note(panel, words, place, by, fontsize=9, path_effects=halo(), annotation_clip=True)
     panel.set(xlabel=across, ylabel=up)
-    words = "white lines: borders of chaos; hatched: settles on a straight line; blank: no start"
+    words = "lines: borders of chaos; hatched: settles on a straight line; white: no start"
     panel.set_title(words, fontsize=9)
     return figure
 

@@ -19,12 +19,14 @@ from scipy.optimize import root_scalar
 
 from robotball import InputError, Scene, integrate
 from robotball.drives import Constant, Drive, as_drive
+from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.settings import BY_ERROR, CONSTANT, recipe
 from robotball.engines.mujoco.user_model import Seen, UserModel, observed
 from robotball.equations import Rolling
 from robotball.errors import SceneWarning
 from robotball.files.mended_file import Change, Editable, compiled, editable
 from robotball.files.robot_file import RobotFile, gears_of, rolling_of
+from robotball.film.lines import PRESET_LOOKS
 from robotball.motion import ContactMotion, FaultKind, Motion
 from robotball.rotations import Array
 from robotball.scene import GRAVITY
@@ -574,18 +576,23 @@ def _check_picture(name: str, checked: Checked, accuracy: float) -> Figure:
     theory = checked.theory
     figure = Figure(figsize=(11.0, 5.4), layout="constrained")
     left, right = figure.subplots(1, 2)
-    left.plot(*theory.contact_point.T, color=theory.engine.colour, lw=3, label="equations")
+    left.plot(
+        *theory.contact_point.T, color=theory.engine.colour, lw=5, alpha=0.6, label="equations"
+    )
     found = []
-    drawn = [("as it is", checked.path, "-")]
+    drawn = [("as it is", checked.path, LABEL.colour, "-")]
     if checked.needed:
-        drawn.append(("mended", checked.mended, "--"))
-    for (label, path, dash), colour in zip(drawn, _COLOURS, strict=False):
+        colour, dash, _ = PRESET_LOOKS["mended"]
+        drawn.append(("mended", checked.mended, colour, (0, dash)))
+    for label, path, colour, dash in drawn:
         # Its end is marked, as a path may end within another.
-        left.plot(*path.T, dash, marker="o", markevery=[-1], color=colour, label=label)
+        left.plot(*path.T, ls=dash, marker="o", markevery=[-1], ms=8, color=colour, label=label)
         away = _away(path, theory)
-        right.semilogy(theory.times[1:], away[1:], dash, color=colour, label=label)
-        found.append(f"{label} {scientific(known(away.max()))}")
-    title(figure, f"{name}, {theory.scene.rolling}: path error {', '.join(found)}")
+        right.semilogy(theory.times[1:], away[1:], ls=dash, color=colour, label=label)
+        rolled = np.linalg.norm(path - path[0], axis=1).max() > _STILL * theory.path_length
+        off = f"{scientific(known(away.max()))} of the path off"
+        found.append(f"{label} {off if rolled else 'it stands still'}")
+    title(figure, f"{name}: {', '.join(found)}")
     left.set(xlabel="X [m]", ylabel="Y [m]", aspect="equal", title="contact point")
     left.set_adjustable("datalim")
     if not np.any(theory.contact_point) or not np.any(path):
@@ -600,4 +607,4 @@ def _check_picture(name: str, checked: Checked, accuracy: float) -> Figure:
 
 _MOST_PAIRS, _LAGS = 5, 0.1
 _MOST_LINES = 60  # of a diff
-_COLOURS = ("#0072B2", "#009E73")
+_STILL = 0.01  # part of the path below which a ball stands still

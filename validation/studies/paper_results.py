@@ -251,7 +251,8 @@ def _results_picture(drifts: Array) -> Figure:
         style: Any = {"color": of.colour, "mfc": "none", "ms": 10 - 2 * i, "label": of.name}
         axes.plot(drifts[:, 0], drifts[:, i], mark, **style)
     axes.set(xlabel="|Ω| [rad/s]", ylabel="mean drift along OX [m/s]")
-    axes.set_title("The same drift by both: A = diag(.7, .6, .8), K = (2, 2, 0), M² = 25 (SI)")
+    figure.suptitle("The same drift by both; two values where a start decides between attractors")
+    axes.set_title("A = diag(.7, .6, .8), K = (2, 2, 0), M² = 25 (SI), several starts", fontsize=10)
     axes.grid(alpha=0.3)
     axes.legend(frameon=False)
     return figure

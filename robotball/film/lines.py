@@ -1,7 +1,7 @@
 """The looks of lines: an engine and a preset have one colour, dash and marker in all pictures.
 
-The colours are Okabe and Ito's and Tol's, which colour-blind readers distinguish; an engine's is in
-its label. Nothing heavy is imported here, as processes that only draw need these names.
+The colours are Okabe and Ito's and Tol's, which colour-blind readers distinguish. An engine's own
+and its marker are in its label. Nothing heavy is imported, as processes that only draw need this.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,13 +17,6 @@ class Look(NamedTuple):
     marker: str = ""
 
 
-# The markers of engines, by their names; the colour is in the engine's label.
-MARKERS = {
-    "MuJoCo": "o", "multibody equations": "P", "Drake": "s", "Pinocchio": "D", "DART": "v",
-    "Exudyn": "X", "Newton": "*", "MJX": "<", "MuJoCo Warp": ">", "PyBullet": "h",
-    "Genesis": "p", "PhysX 5 (SAPIEN)": "8",
-}  # fmt: skip
-_UNKNOWN = "H"  # the marker of any other engine
 # The looks of presets: colour, dash and marker. An engine as it comes has the engine's own.
 _MORE = (("#882255", (6, 2), "d"), ("#332288", (2, 2), "^"), ("#999933", (7, 2, 2, 2), ">"))
 PRESET_LOOKS: Mapping[str, tuple[str, Sequence[float], str]] = {
@@ -47,11 +40,6 @@ def label_of(motion: Any) -> str:
     return f"{motion.engine.name}, {report.settings.name}"
 
 
-def marker_of(engine: str) -> str:
-    """Return the marker of an engine, by its name."""
-    return MARKERS.get(engine, _UNKNOWN)
-
-
 def line_looks(motions: Sequence[Any]) -> list[Look]:
     """Return the look of each `Motion`: its preset's, else its engine's.
 
@@ -61,7 +49,7 @@ def line_looks(motions: Sequence[Any]) -> list[Look]:
     looks = list[Look]()
     for motion in motions:
         settings, engine = getattr(motion, "report", None), motion.engine
-        own = (engine.colour, (), marker_of(engine.name) if settings else "")
+        own = (engine.colour, (), engine.marker if settings else "")
         named = PRESET_LOOKS.get(settings.settings.name, own) if settings else own
         taken = {look.colour for look in looks}
         free = [row for row in (named, *_MORE, *PRESET_LOOKS.values()) if row[0] not in taken]

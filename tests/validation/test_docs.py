@@ -108,14 +108,14 @@ def test_the_docs_have_the_demos_table(
     status, said, warned = robotball("demo", "--out", "demo")
     assert (status, "warning" in warned) == (0, False)
     assert said.index("Predicted before the runs:") > said.index("adaptive")
-    (off, near) = re.findall(
+    ((off, near),) = re.findall(
         r"as it comes leaves the path: (\d+) m off after 10 s; robotball's settings: (\S+) m\."
         r"  open demo/demo\.html\n$", said,
-    )[0]  # fmt: skip
-    assert (float(off), float(near)) == (24, pytest.approx(6e-8, rel=0.2))
-    shown = (tmp_path / "demo" / "demo.html").read_text(encoding="utf-8")
-    assert (shown.count("<video"), shown.count('class="views"')) == (1, 2)
-    assert {*re.findall("<option>(.*?)</option>", shown)} == {"naive", "balanced"}
+    )  # fmt: skip
+    assert [float(off), float(near)] == pytest.approx([24, 6e-8], rel=0.2)
+    html = (tmp_path / "demo" / "demo.html").read_text(encoding="utf-8")
+    assert (html.count("<video"), html.count('class="views"')) == (1, 2)
+    assert {*re.findall("<option>(.*?)</option>", html)} == {"naive", "balanced"}
     assert len([*(tmp_path / "demo").glob("*.png")]) == 4
     page = (tmp_path / "demo" / "demo.md").read_text(encoding="utf-8")
     row = r"^\| (\w+ \| \w+) \| (\S+) ms \| (\S+) \| (\S+) \| (\S+) \| \d+ \| (.*) \|$"

@@ -20,7 +20,7 @@ from robotball.engine import engine_named, engine_names
 from robotball.engines.mujoco import LABEL
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.files.replacing import replacing
-from robotball.film.lines import MARKERS, PRESET_LOOKS, line_looks
+from robotball.film.lines import PRESET_LOOKS, line_looks
 from validation import Agreement, compare
 from validation.cli import parse
 from validation.output import progress_bar, writable_file, write_rows, write_text
@@ -226,12 +226,11 @@ def test_runs_are_told_apart_without_colour_and_a_cross_is_where_one_breaks_off(
 def test_an_engine_and_its_presets_have_one_look_each() -> None:
     """No two engines share a marker, and no two presets of one a colour, a dash or a marker."""
     engines = [engine_named(name) for name in engine_names()]
-    assert {*MARKERS} == {each.label.name for each in engines}
-    assert len({*MARKERS.values()}) == len(MARKERS)
+    assert len({each.label.marker for each in engines}) == len(engines)
     for engine in engines:
         unlisted = {*engine.presets} - {*PRESET_LOOKS}
         assert unlisted <= {"naive", "as-it-comes"}, engine.label.name
-        own = (engine.label.colour, (), MARKERS[engine.label.name])
+        own = (engine.label.colour, (), engine.label.marker)
         looks = [own, *(PRESET_LOOKS[name] for name in engine.presets if name in PRESET_LOOKS)]
         for part in zip(*looks, strict=True):
             assert len({*part}) == len(looks), engine.label.name

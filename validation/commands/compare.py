@@ -186,6 +186,7 @@ class Demo:
 
         from robotball import PRESETS, InputError, load_scene
         from robotball.engine import request_of
+        from robotball.film.lines import label_of
         from robotball.film.render import Film
         from validation import results
         from validation.commands.report import FILM
@@ -226,8 +227,9 @@ class Demo:
         except InputError as error:
             console.print(escape(f"no video: {error}"), style="yellow")
         naive, balanced = (float(each.path_errors.max()) for each in filmed)
+        as_it_comes, end = label_of(filmed[0].motion), filmed[0].end
         console.print(
-            f"MuJoCo as it comes leaves the path: {naive:.2g} m off after {filmed[0].end:g} s; "
+            f"{as_it_comes} leaves the path: {naive:.2g} m off after {end:g} s; "
             f"robotball's settings: {balanced:.0e} m.  open {page}", style="bold", markup=False,
         )  # fmt: skip
         return AGREES

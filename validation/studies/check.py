@@ -580,10 +580,10 @@ def _check_picture(name: str, checked: Checked, accuracy: float) -> Figure:
         *theory.contact_point.T, color=theory.engine.colour, lw=5, alpha=0.6, label="equations"
     )
     found = []
-    drawn = [("as it is", checked.path, LABEL.colour, "-")]
+    drawn: list[tuple[str, Array, str, Any]] = [("as it is", checked.path, LABEL.colour, "-")]
     if checked.needed:
-        colour, dash, _ = PRESET_LOOKS["mended"]
-        drawn.append(("mended", checked.mended, colour, (0, dash)))
+        own, dashes, _ = PRESET_LOOKS["mended"]
+        drawn.append(("mended", checked.mended, own, (0, dashes)))
     for label, path, colour, dash in drawn:
         # Its end is marked, as a path may end within another.
         left.plot(*path.T, ls=dash, marker="o", markevery=[-1], ms=8, color=colour, label=label)

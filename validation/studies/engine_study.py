@@ -24,7 +24,6 @@ from robotball import InputError, Scene, engine_named, engine_names, load_scene
 from robotball.engine import DEFAULT
 from robotball.engines.environments import ENVIRONMENTS, call, versions_in
 from robotball.errors import check_count, check_positive
-from robotball.film.lines import marker_of
 from robotball.film.looks import INK
 from robotball.rotations import Array
 from validation.options import (
@@ -231,14 +230,15 @@ def _engines_picture(title: str, runs: Sequence[Row]) -> Figure:
     within = [run for run in runs if run["usable"] and run["error"] <= _SAID]
     within.sort(key=itemgetter("cost"), reverse=True)
     costs = {run["label"]: run["cost"] for run in within}  # the least of each
-    cheapest = [f"{costs[label] * 1e3:.2g} by {label}" for label in [*costs][:-4:-1]]
-    found = f"\nms for a second right to {_SAID:g}: {', '.join(cheapest)}" if cheapest else ""
+    cheapest = sorted(costs.items(), key=itemgetter(1))[:3]
+    words = ", ".join(f"{cost * 1e3:.2g} ms by {label}" for label, cost in cheapest)
+    found = f"\nright to {_SAID:g}, a simulated second takes {words}" if words else ""
     figure, axes = cost_axes(in_picture(title + found), "error, relative to the path's length")
     drawn = set[str]()
     for name in names:
         first = next(run for run in runs if run["contestant"] == name)
         label, colour = in_picture(f"{first['label']} {first['version']}"), first["colour"]
-        mark, pale = marker_of(first["label"]), 0.4 if first["label"] in drawn else 1.0
+        mark, pale = first["marker"], 0.4 if first["label"] in drawn else 1.0
         drawn.add(first["label"])
         axes.plot([], [], f"{mark}-", color=colour, linewidth=1, alpha=pale, label=label)
         for _, some in groupby([run for run in runs if run["contestant"] == name], _key):

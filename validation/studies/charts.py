@@ -232,6 +232,11 @@ def _draw_chart(
     """Draw λ₁ (across, up) in colours, with the borders of chaos and what the engine repeated."""
     figure, (across, up), own = _blank(scene, axes)
     panel, (x, y) = figure.subplots(), axes
+    part, names = (
+        (largest[np.isfinite(largest)] > least).mean(),
+        [NUMBERS[name][0] for name in axes],
+    )
+    title(figure, f"{scene.name}: {part:.0%} is chaotic over {' and '.join(names)}")
     # Colour is for chaos alone: what is regular is pale, so that it does not fill the picture.
     colours = colormaps["viridis_r"].with_extremes(under="#E9ECEF")
     # A chart without any chaos has a scale of colours all the same.

@@ -3,7 +3,6 @@
 Imports stand within the functions: drawing begins in other processes before the slow ones.
 """
 
-import shlex
 import sys
 from collections.abc import Collection
 from dataclasses import dataclass, field
@@ -170,7 +169,7 @@ class Compare:
 
 @dataclass(frozen=True)
 class Demo:
-    """Compare fig12 and classical_regular at every preset: table, plots, a page and a film.
+    """Compare fig12 and classical_regular at every preset: a table, a page and a film.
 
     Example: robotball demo --out demo
     """
@@ -192,7 +191,6 @@ class Demo:
         from validation.commands.report import FILM
         from validation.comparing import agreements_of, film
         from validation.output import program, progress_bar, writable_folder, write_text
-        from validation.plots import draw
         from validation.report.scene_report import report
 
         out, console = writable_folder(self.out), Console(soft_wrap=True)
@@ -207,23 +205,21 @@ class Demo:
             for i, name in enumerate(_DEMO_SCENES):
                 progress(i, name)
                 agreements = agreements_of(load_scene(name), requests)
-                draw(agreements, out)
                 records += map(results.record, agreements)
                 shown += [each for each in agreements if each.settings.name in _SHOWN]
         results.show(records, console)
         console.print("Predicted before the runs:", *(f"  {each.message}" for each in said),
                       sep="\n", markup=False, highlight=False)  # fmt: skip
-        results.write_json(out / "demo.json", records)
-        results.write_csv(out / "demo.csv", records)
         results.write_markdown(out / "demo.md", records)
-        command = shlex.join(["report", *_DEMO_SCENES, "--preset", ",".join(_SHOWN), "--film"])
+        scenes, presets = " ".join(_DEMO_SCENES), ",".join(_SHOWN)
+        command = f"{program()} report {scenes} --preset {presets} --film"
         page, filmed = out / "demo.html", shown[: len(_SHOWN)]
-        write_text(page, report(shown, f"{program()} {command}"))
+        write_text(page, report(shown, command))
         path = out / f"{results.file_stem(filmed)}.mp4"
         console.print(f"{page} can be opened; a film of a minute's work is added to it.")
         try:
             film(path, filmed, Film(size=FILM, fps=24, ghost=True))
-            write_text(page, report(shown, f"{program()} {command}", path))
+            write_text(page, report(shown, command, path))
         except InputError as error:
             console.print(escape(f"no video: {error}"), style="yellow")
         naive, balanced = (float(each.path_errors.max()) for each in filmed)

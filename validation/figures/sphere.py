@@ -151,9 +151,8 @@ def _name(axes: Axes, place: Array, text: str, **style: Any) -> None:
 
 def both_charts(left: Axes, right: Axes) -> tuple[_Chart, _Chart]:
     """Return the sphere on both its charts."""
-    return Globe(left, _VIEW, "vertical γ on the Poisson sphere"), Involute(
-        right, "the same sphere unrolled"
-    )
+    globe = Globe(left, _VIEW, "vertical γ on the Poisson sphere")
+    return globe, Involute(right, "the same sphere unrolled")
 
 
 def draw_gamma(chart: _Chart, theory: Motion, engine: Motion) -> None:

@@ -218,10 +218,10 @@ def _columns(axes: _Axes) -> list[Column]:
     return [*columns, Column("equations alongside", "alongside", "1/s", form=".4f")]
 
 
-def _blank(scene: Scene, axes: _Axes) -> tuple[Figure, list[str], dict[str, float]]:
+def _blank(scene: Scene, axes: _Axes, found: str) -> tuple[Figure, list[str], dict[str, float]]:
     """Return a figure with its title only, the labels of its axes, and the scene's own numbers."""
     figure = Figure(figsize=(9.0, 7.4), layout="constrained")
-    title(figure, f"{scene.name}: chaos over {' and '.join(NUMBERS[name][0] for name in axes)}")
+    title(figure, f"{scene.name}: {found} over {' and '.join(NUMBERS[name][0] for name in axes)}")
     labels = ["{} [{}]".format(*NUMBERS[name]) for name in axes]
     return figure, labels, numbers_of(scene.parameters, scene.start.momentum)
 
@@ -230,13 +230,9 @@ def _draw_chart(
     scene: Scene, axes: _Axes, largest: Array, least: float, repeated: Sequence[Row]
 ) -> Figure:
     """Draw λ₁ (across, up) in colours, with the borders of chaos and what the engine repeated."""
-    figure, (across, up), own = _blank(scene, axes)
+    part = (largest[np.isfinite(largest)] > least).mean()
+    figure, (across, up), own = _blank(scene, axes, f"{part:.0%} is chaotic")
     panel, (x, y) = figure.subplots(), axes
-    part, names = (
-        (largest[np.isfinite(largest)] > least).mean(),
-        [NUMBERS[name][0] for name in axes],
-    )
-    title(figure, f"{scene.name}: {part:.0%} is chaotic over {' and '.join(names)}")
     # Colour is for chaos alone: what is regular is pale, so that it does not fill the picture.
     colours = colormaps["viridis_r"].with_extremes(under="#E9ECEF")
     # A chart without any chaos has a scale of colours all the same.
@@ -261,7 +257,7 @@ def _draw_chart(
 
 def _draw_diagram(scene: Scene, axes: _Axes, rows: Sequence[Row]) -> Figure:
     """Draw the crossings' L/√f and l over what is varied, and λ₁ below."""
-    figure, (across,), own = _blank(scene, axes)
+    figure, (across,), own = _blank(scene, axes, "chaos")
     (name,) = axes
     dots = np.array([(row[name], *at) for row in rows for at in row["crossings"]]).reshape(-1, 3)
     above, middle, below = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 2))

@@ -576,9 +576,8 @@ def _check_picture(name: str, checked: Checked, accuracy: float) -> Figure:
     theory = checked.theory
     figure = Figure(figsize=(11.0, 5.4), layout="constrained")
     left, right = figure.subplots(1, 2)
-    left.plot(
-        *theory.contact_point.T, color=theory.engine.colour, lw=5, alpha=0.6, label="equations"
-    )
+    wide = {"color": theory.engine.colour, "lw": 5, "alpha": 0.6}
+    left.plot(*theory.contact_point.T, **wide, label="equations")
     found = []
     drawn: list[tuple[str, Array, str, Any]] = [("as it is", checked.path, LABEL.colour, "-")]
     if checked.needed:

@@ -4,6 +4,7 @@ Exit status: 0 agreement within the stated bound, 1 not, 2 bad input, or what th
 The module of a command is imported when that command is named.
 """
 
+import ast
 import contextlib
 import io
 import logging
@@ -15,12 +16,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass, make_dataclass
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Annotated, Any, Protocol, Union, get_type_hints
 
 import tyro
 from tyro.conf import subcommand
 
-from robotball.errors import InputError, SceneWarning, unknown
+from robotball.errors import InputError, SceneWarning, UnitWarning, unknown
 from robotball.files.replacing import STANDARD_OUTPUT
 from validation.options import BAD_INPUT, Controls, Names
 
@@ -34,6 +36,7 @@ def _standard_output_of(command: object) -> Iterator[None]:
     count = sum(path == STANDARD_OUTPUT for path in _paths(command))
     if count > 1:
         raise InputError("standard output takes one result: give `-` to one option alone")
+    # Else the tables would stand in the middle of the JSON that is piped on.
     with contextlib.redirect_stdout(sys.stderr) if count else contextlib.nullcontext():
         yield
 
@@ -56,6 +59,7 @@ class _Command(Protocol):
 
 
 _INTERRUPTED = 130
+_AS_GIVEN = "--as-given"  # of every command: numbers that seem to be in another unit are meant
 # The module with the class of each command, loaded when the command runs.
 COMMANDS = {
     "scenes": "validation.commands.scene_commands",
@@ -93,17 +97,23 @@ _WHAT = """Run a rolling ball by a physics engine and by the equations, and comp
 Example: robotball compare fig12
 
 `robotball COMMAND --help` has an example of each command. `robotball --version` names the versions.
-`robotball --tyro-print-completion bash` (or zsh) prints what completes commands and options."""
+`robotball --tyro-print-completion bash` (or zsh) prints what completes commands and options.
+With --as-given any command takes a number that seems to be in another unit as it is written."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its status."""
     # A run's monitor reports what the engine would only log.
     logging.getLogger("absl").setLevel(logging.ERROR)
+    # Once, as many runs of one scene would tell the same.
     warnings.simplefilter("once", SceneWarning)
     warnings.filterwarnings("ignore", module="matplotlib")  # a picture is right, or a test fails
     warnings.showwarning = _show_warning
     arguments = list(sys.argv[1:] if arguments is None else arguments)
+    if _AS_GIVEN in arguments:
+        arguments.remove(_AS_GIVEN)
+    else:
+        warnings.simplefilter("error", UnitWarning)
     if arguments[:1] == ["ladder"]:
         print("robotball: `ladder` is called `ablation` now", file=sys.stderr)
         arguments[0] = "ablation"
@@ -131,6 +141,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _refusal(error: Exception) -> str | None:
     """Return one line on what the input or the system refuses; None for an error of our own."""
     match error:
+        case UnitWarning():
+            return f"{error} ({_AS_GIVEN} takes it as it is written)"
         case InputError():
             return str(error)
         case OSError():
@@ -164,11 +176,13 @@ def parse(arguments: Sequence[str]) -> _Command:
         name = arguments[0]
         if name not in COMMANDS:
             raise unknown("command", name, COMMANDS)
-        command = class_of(name)
+        helped = not {"-h", "--help"}.isdisjoint(arguments)
+        command = _options_of(name) if helped else class_of(name)
     if command:
         _check_each_is_given_once(command, arguments)
     refusal = io.StringIO()
     try:
+        # tyro draws a box of many lines, and a refusal is one line here.
         with contextlib.redirect_stderr(refusal):
             if command:
                 return tyro.cli(command, args=arguments[1:], prog=f"robotball {name}")
@@ -198,6 +212,34 @@ def class_of(name: str) -> type[_Command]:
     return command
 
 
+def _options_of(name: str) -> type[_Command]:
+    """Return the class of a command for its `--help`, without its methods.
+
+    Of its module it takes the statements on which the options depend, and so imports nothing that
+    the command works with.
+    """
+    file, title = _file_of(name), name.capitalize()
+    wanted, kept = {title, "annotations"}, []  # the latter from __future__
+    for each in reversed(ast.parse(file.read_text(encoding="utf-8")).body):
+        if isinstance(each, ast.ClassDef):
+            each.body = [part for part in each.body if not isinstance(part, ast.FunctionDef)]
+        match each:
+            case ast.ClassDef(name=word) | ast.Assign(targets=[ast.Name(id=word)]):
+                made = {word}
+            case _:
+                made = {alias.asname or alias.name for alias in getattr(each, "names", [])}
+        if made & wanted:
+            kept.append(each)
+            names = (node for node in ast.walk(each) if isinstance(node, ast.Name))
+            wanted |= {node.id for node in names if isinstance(node.ctx, ast.Load)}
+    module = ModuleType(f"{COMMANDS[name]}.options")
+    module.__file__ = str(file)  # where tyro reads what stands below an option
+    sys.modules[module.__name__] = module
+    exec(compile(ast.Module(kept[::-1], []), module.__file__, "exec"), vars(module))
+    command: type[_Command] = getattr(module, title)
+    return command
+
+
 def _any_command(whole: bool) -> Any:
     """Return all commands, each with its first line; whole: with their options, which takes longer.
 
@@ -216,10 +258,14 @@ def _any_command(whole: bool) -> Any:
 
 def _summary(name: str) -> str:
     """Return the first line of a command's docstring, read from its source."""
-    place = COMMANDS[name].removeprefix("validation.").replace(".", "/")
-    source = (Path(__file__).parent / f"{place}.py").read_text(encoding="utf-8")
+    source = _file_of(name).read_text(encoding="utf-8")
     _, _, words = source.partition(f'class {name.capitalize()}:\n    """')
     return words.partition("\n")[0]
+
+
+def _file_of(name: str) -> Path:
+    place = COMMANDS[name].removeprefix("validation.").replace(".", "/")
+    return Path(__file__).parent / f"{place}.py"
 
 
 def _words_of(refusal: str) -> str:

@@ -32,7 +32,7 @@ from validation.options import (
 )
 
 _DEMO_SCENES = ("fig12", "classical_regular")
-_SHOWN = ("naive", "balanced")  # on the page and in the film
+_SHOWN = ("naive", "balanced")  # on the page and in the film: what a wrong setting looks like
 
 
 @dataclass(frozen=True)
@@ -82,6 +82,7 @@ class Compare:
         from validation.output import writable_folder
         from validation.results import scenes_of, show, write_csv, write_json
 
+        # An option without an effect is refused, lest its user rely on it.
         if self.seed or self.cluster or self.device:
             raise InputError("--seed, --cluster and --device are of random starts: give --starts")
         if not self.scenes:
@@ -103,6 +104,7 @@ class Compare:
             for (file, scene), each in zip(scenes.items(), found, strict=True)
             if each.refused is not None
         ]
+        # With some results the refused scenes are told after them, and the status says so.
         if not records:
             raise InputError("; ".join(refused))
         for path, write in ((self.json, write_json), (self.csv, write_csv)):
@@ -189,7 +191,7 @@ class Demo:
         from robotball.film.render import Film
         from validation import results
         from validation.commands.report import FILM
-        from validation.comparing import agreements_of, film
+        from validation.comparing import agreements_of, film, motions_of
         from validation.output import program, progress_bar, writable_folder, write_text
         from validation.report.scene_report import report
 
@@ -218,8 +220,9 @@ class Demo:
         path = out / f"{results.file_stem(filmed)}.mp4"
         console.print(f"{page} can be opened; a film of a minute's work is added to it.")
         try:
-            film(path, filmed, Film(size=FILM, fps=24, ghost=True))
+            film(path, motions_of(filmed, "video"), Film(size=FILM, fps=24, ghost=True))
             write_text(page, report(shown, command, path))
+        # A film needs a GL and an encoder, without which the rest of the demo is as good.
         except InputError as error:
             console.print(escape(f"no video: {error}"), style="yellow")
         naive, balanced = (float(each.path_errors.max()) for each in filmed)

@@ -66,6 +66,7 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
     if film:
         source = embedded(film.read_bytes(), "video/mp4")
         shown = f'<video controls muted playsinline src="{source}"></video>{shown}'
+    # A scene file holds no links, and no shell that is not symmetric.
     file = "" if scene.ball.general else f"<pre>{escape(scene_toml(scene))}</pre>"
     return [
         f"<h2>{escape(scene.name)}</h2>",
@@ -131,6 +132,7 @@ def _ball_numbers(group: Sequence[Agreement]) -> str:
 
 def _views(group: Sequence[Agreement]) -> str:
     """Return 3-D views of the runs beside the equations, one at a time as the reader chooses."""
+    # A run that broke off in its first step has nothing to show.
     moving = [each for each in group if len(each.motion.times) > 1]
     options = "".join(f"<option>{text(each.settings.name)}</option>" for each in moving)
     views = [f"<template>{view_fragment([each.motion, each.theory])}</template>" for each in moving]
@@ -167,6 +169,7 @@ def _loads(group: Sequence[Agreement]) -> str:
     """
     motions = _motions(group)
     series = [("Friction", "coefficient", "", [each.loads.sliding_friction for each in motions])]
+    # A hinge that nothing drives has no torque to plot.
     for i in np.flatnonzero(motions[0].loads.motor_torques.any(axis=0)):
         name = group[0].scene.hinges[i].name
         torques = [each.loads.motor_torques[:, i] for each in motions]

@@ -1,7 +1,6 @@
 """Judge names the mistake that is planted, in a file or in the scene, and plants none itself."""
 
-import pickle
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,22 +28,6 @@ SCENES = (*map(rb.load_scene, NAMES), *map(ball_of_points, range(1, 6)))
 FIG12 = SCENES[0]
 STEPS = (0.02, 0.005)  # s: first-order errors of the attitude of up to 1, and of 0.3 rad
 END, INTERVAL = 2.0, 0.04  # s
-
-
-@pytest.fixture(autouse=True, scope="module")
-def integrated_once() -> Iterator[None]:
-    """The search integrates each scene that may have been simulated once for all of these tests."""
-    known: dict[bytes, rb.Motion] = {}
-
-    def integrate(scene: rb.Scene, times: Array, **options: Any) -> rb.Motion:
-        key = pickle.dumps((scene.ball, scene.rolling, scene.start, scene.drives, times, options))
-        if key not in known:
-            known[key] = rb.integrate(scene, times, **options)
-        return known[key]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(judge_search, "integrate", integrate)
-        yield
 
 
 def judged(scene: rb.Scene, trajectory: rb.Trajectory | Path) -> FileJudgement:
@@ -441,7 +424,7 @@ def test_a_file_says_how_much_of_the_scene_it_covers(end: float, words: str) -> 
     """Less than a tenth agrees with nothing."""
     found = judged(FIG12, exact(FIG12, end, round(end / 0.02)))
     assert found.agrees == (end == 1.0)
-    bound = "within 0.01 in path and momentum, and 0.01 rad in attitude"
+    bound = "within 0.01 in path, height and momentum, and 0.01 rad in attitude"
     assert lines(found)[-1] == f"verdict: {words} {bound}, over {end:g} s of the scene's 10 s"
 
 
@@ -500,3 +483,37 @@ def test_a_file_that_starts_late_is_judged_from_there() -> None:
     found = judged(FIG12, bare(motion, 1.0, slice(25, None)))
     assert found.mistakes == ()
     assert found.plain.path_error < 1e-12  # measured 4e-15
+
+
+@pytest.mark.parametrize(("start", "rise", "agrees"), [
+    (1.0, 0.0, True), (0.0, 0.0, True), (0.995, 0.0, True), (1.1, 0.0, False),
+    (1.0, 0.5, False), (0.0, 0.04, False),
+])  # fmt: skip
+def test_a_height_is_judged(start: float, rise: float, agrees: bool) -> None:
+    """The centre's or the contact point's; that of a ball that rises or hovers does not agree."""
+    motion = rb.integrate(FIG12, rb.sample_times(END))
+    file = bare(motion)
+    file.position[:, 2] = start + rise * motion.times / END
+    found = judged(FIG12, file)
+    # Half a hundredth of the radius is how deep a soft contact may be.
+    error = abs(start + rise - round(start))
+    assert found.plain.height_error == pytest.approx(error, abs=1e-15)
+    assert (found.agrees, found.mistakes) == (agrees, ())
+    assert any("off by up to" in line for line in lines(found)) == (error > 0)
+
+
+def test_what_leaves_more_than_a_tenth_is_not_said_to_be_wrong(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A slope's sign is named; where it is not known, the axes that come nearest may be wrong."""
+    scene = rb.load_scene("inclined_plane")
+    x, y, z = scene.gravity_direction
+    file = exact(replace(scene, gravity_direction=(-x, -y, z)), 6.0, 150)
+    found = judged(scene, file)
+    assert [each.name for each in found.mistakes] == ["the plane slopes the other way"]
+    assert any(line.startswith("WRONG") for line in lines(found))
+    monkeypatch.setattr(judge_search, "mistaken_scenes", lambda *_: ())
+    found = judged(scene, file)
+    assert found.mistakes[0].left > 0.1  # measured 0.149, of the attitude
+    assert not any(line.startswith("WRONG") for line in lines(found))
+    assert "a convention is perhaps wrong" in lines(found)[-1]

@@ -790,9 +790,10 @@ def _check_picture(name: str, checked: Checked) -> Figure:
         left.plot(*path[:, :2].T, ls=dash, marker="o", markevery=last, color=colour, label=label)
         away = _away(path, theory)
         right.semilogy(theory.times[1:], away[1:], ls=dash, color=colour, label=label)
-        found.append(f"{label} {scientific(known(away.max()))}")
-    heading = f"{name}: path error {', '.join(found)}"
-    title(figure, f"{heading}; as it is, {checked.fails}" if checked.fails else heading)
+        found.append(f"{label} off by {scientific(known(away.max()))}")
+    if checked.fails:
+        found[0] = f"as it is, {checked.fails}"
+    title(figure, f"{name}: {'; '.join(found)}")
     left.set(xlabel="X [m]", ylabel="Y [m]", aspect="equal", title="contact point")
     left.set_adjustable("datalim")
     if not np.any(theory.contact_point) or not np.nansum(np.abs(path)):

@@ -150,11 +150,12 @@ def preset_named(presets: Mapping[str, _Preset], name: str) -> _Preset:
 
 @dataclass(frozen=True)
 class Label:
-    """The name, version and colour of an engine in tables, plots and films."""
+    """The name, version, colour and matplotlib's marker of an engine in tables, plots and films."""
 
     name: str
     version: str
     colour: str
+    marker: str = "H"
 
 
 @dataclass(frozen=True)

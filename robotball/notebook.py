@@ -7,7 +7,6 @@ import io
 from base64 import b64encode
 from collections.abc import Iterator, Sequence
 from html import escape
-from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +25,6 @@ _SHARP = 2  # pixels of the file for one on the page: screens of high resolution
 _SHOWN, _STEPS = 10.0, 4000  # s of a scene's path at most, and steps: a cell must not take long
 # Else the class's name.
 _MOVED = {"Servo": "velocity servo", "PositionServo": "position servo", "DCMotor": "DC motor"}
-_STYLES = ("-", "--", ":", "-.")  # lines differ without colour, too
 
 
 def counted(count: int, what: str) -> str:
@@ -165,10 +163,11 @@ def picture(motions: Sequence[Any]) -> "Figure":
 
 def _styled(motions: Sequence[Any]) -> Iterator[tuple[Any, dict[str, Any]]]:
     """Yield each motion with the label, the colour and the style of its line."""
-    from robotball.film.looks import colours_of, label_of
+    from robotball.film.lines import line_looks
 
-    for each, colour, style in zip(motions, colours_of(motions), cycle(_STYLES), strict=False):
-        yield each, {"label": label_of(each), "color": colour, "linestyle": style}
+    for each, look in zip(motions, line_looks(motions), strict=True):
+        dash = (0, look.dash) if look.dash else "-"
+        yield each, {"label": look.label, "color": look.colour, "linestyle": dash}
 
 
 def by_value(momentum: Array) -> dict[float, str]:

@@ -9,9 +9,8 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from robotball.film.lines import Look
     from validation.agreement import Agreement
 
 # The type of robotball.rotations, whose import would bring scipy to a process that only draws.
@@ -65,29 +65,6 @@ _MOST = 50_000  # points of a line: a dozen for each column of pixels
 LEAST = 1e-17
 
 
-class Look(NamedTuple):
-    """The label, colour, dash (in widths of the line) and marker by which a line is known."""
-
-    label: str
-    colour: str
-    dash: Sequence[float] = ()
-    marker: str = ""
-
-
-_DASHES = ((), (6, 2), (2, 2), (7, 2, 2, 2), (1, 3))
-_MARKERS = "os^Dv*"
-
-
-def line_looks(agreements: Sequence["Agreement"]) -> list[Look]:
-    """Return the looks of the equations' motion and of each run, on all plots of a scene."""
-    from robotball.film.looks import colours_of, label_of
-
-    theory, motions = agreements[0].theory.engine, [each.motion for each in agreements]
-    labels = map(label_of, motions)
-    looks = map(Look, labels, colours_of(motions), cycle(_DASHES), cycle(_MARKERS))
-    return [Look(theory.name, theory.colour), *looks]
-
-
 def in_view(own: _Array, every: _Array, reach: float) -> tuple[float, float]:
     """Return the ends of an axis: all of `own` (n,), and of `every` (m,) what is within reach.
 
@@ -122,7 +99,7 @@ class _Line:
     without the zero that they start from; finished: whether it is as long as it should be.
     """
 
-    look: Look
+    look: "Look"
     contact_point: _Array
     errors: Sequence[tuple[_Array, _Array]] = ()
     finished: bool = True
@@ -146,8 +123,11 @@ class Sheet:
 
 def sheet_of(agreements: Sequence["Agreement"]) -> Sheet:
     """Return the sheet of one scene's agreements by one engine."""
+    from robotball.film.lines import line_looks
+
     theory = agreements[0].theory
-    scene, (own, *looks) = theory.scene, line_looks(agreements)
+    scene = theory.scene
+    own, *looks = line_looks([theory, *(each.motion for each in agreements)])
     vector = ", ".join(f"{each:.3g}" for each in theory.momentum[0].round(12) + 0.0)
     return Sheet(
         title=f"{scene.name}: {scene.title}",
@@ -159,7 +139,7 @@ def sheet_of(agreements: Sequence["Agreement"]) -> Sheet:
     )
 
 
-def _line(look: Look, agreement: "Agreement") -> _Line:
+def _line(look: "Look", agreement: "Agreement") -> _Line:
     times, errors = agreement.motion.times, []
     for values in (agreement.path_errors, agreement.momentum_errors):
         which = 1 + extremes(values[1:])
@@ -190,8 +170,8 @@ def path_picture(sheet: Sheet) -> "Figure":
     """Draw the contact points' paths of both motions, and their distance over time below."""
     across, up = np.ptp(sheet.frame, axis=1)
     figure, (paths, errors) = _panels(sheet, (_RIGHT - _LEFT) * up / across, _HIGH)
-    for line in sheet.lines:
-        _draw(paths, line, *line.contact_point.T)
+    for i, line in enumerate(sheet.lines):
+        _draw(paths, line, i, *line.contact_point.T)
     paths.plot(*sheet.lines[0].contact_point[0], "ko", markersize=8, zorder=4, label="start")
     if not all(line.finished for line in sheet.lines):
         paths.plot([], [], "kX", markersize=9, label="a run breaks off")
@@ -238,10 +218,13 @@ def _panels(sheet: Sheet, *heights: float) -> "tuple[Figure, list[Axes]]":
     return figure, panels
 
 
-def _draw(axes: "Axes", line: _Line, x: _Array, y: _Array) -> None:
-    """Draw a line, with a cross where its run breaks off; that of the equations is wide."""
+def _draw(axes: "Axes", line: _Line, place: int, x: _Array, y: _Array) -> None:
+    """Draw a line, with a cross where its run breaks off; that of the equations is wide.
+
+    place: among the lines of the picture, by which no line's markers hide another's on one path.
+    """
     look, every = line.look, 1 + len(x) // 8
-    first = _MARKERS.find(look.marker) * every // len(_MARKERS)  # on one path none hides another
+    first = place % 6 * every // 6
     style: dict[str, Any] = {"linewidth": 1.5, "linestyle": (0, look.dash) if look.dash else "-"}
     if not line.errors:
         style = {"linewidth": 5, "alpha": 0.6}
@@ -257,8 +240,8 @@ def _draw_errors(figure: "Figure", sheet: Sheet, kind: int, scale: float = 1.0) 
     found = [line.errors[kind] for line in sheet.lines[1:]]
     low = any((values < least).any() for _, values in found)
     axes.set_xlabel("time [s]" + f"; an error below {least:.0e} is drawn there" * low)
-    for line, (times, values) in zip(sheet.lines[1:], found, strict=True):
-        _draw(axes, line, times, np.maximum(values, least))
+    for i, (line, (times, values)) in enumerate(zip(sheet.lines[1:], found, strict=True)):
+        _draw(axes, line, i + 1, times, np.maximum(values, least))
     named = figure.axes[0].get_legend_handles_labels()
     place = (0.5, 1 - 0.5 / figure.get_figheight())
     figure.legend(*named, loc="upper center", bbox_to_anchor=place, ncols=3, frameon=False)

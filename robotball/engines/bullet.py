@@ -134,7 +134,7 @@ _BEST = _BulletSettings(
 )  # fmt: skip
 
 BULLET = adapter.Adapter(
-    label=Label("PyBullet", adapter.version_of("pybullet"), "#E69F00"),
+    label=Label("PyBullet", adapter.version_of("pybullet"), "#E69F00", "h"),
     packages=("pybullet",),
     extra="bullet",
     presets=adapter.by_name(_AS_IT_COMES, _BEST),

@@ -138,7 +138,7 @@ def _world(scene: Scene, settings: _DartSettings, step: float) -> adapter.World:
 
 
 DART = adapter.Adapter(
-    label=Label("DART", adapter.version_of("dartpy"), "#8C564B"),
+    label=Label("DART", adapter.version_of("dartpy"), "#8C564B", "v"),
     packages=("dartpy",),
     extra="dart",
     presets=adapter.by_name(

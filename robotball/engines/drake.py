@@ -274,7 +274,7 @@ def _world(scene: Scene, settings: _DrakeSettings, step: float) -> adapter.World
 
 
 DRAKE = adapter.Adapter(
-    label=Label("Drake", adapter.version_of("drake"), "#009E73"),
+    label=Label("Drake", adapter.version_of("drake"), "#009E73", "s"),
     packages=("pydrake",),
     extra="drake",
     presets=adapter.by_name(_AS_IT_COMES, _TAMSI, _BEST, _IDEAL),

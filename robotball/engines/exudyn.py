@@ -298,7 +298,7 @@ def _world(scene: Scene, settings: _ExudynSettings, step: float) -> adapter.Worl
 
 
 EXUDYN = adapter.Adapter(
-    label=Label("Exudyn", adapter.version_of("exudyn"), "#CC79A7"),
+    label=Label("Exudyn", adapter.version_of("exudyn"), "#CC79A7", "X"),
     packages=("exudyn",),
     extra="exudyn",
     presets=adapter.by_name(_AS_IT_COMES, _BEST, _CONTACT),

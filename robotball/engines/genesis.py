@@ -167,7 +167,7 @@ def _lacks(scene: Scene, settings: _GenesisSettings) -> str | None:
 
 
 GENESIS = adapter.Adapter(
-    label=Label("Genesis", adapter.version_of("genesis-world"), "#AA4499"),
+    label=Label("Genesis", adapter.version_of("genesis-world"), "#AA4499", "p"),
     packages=("genesis",),
     extra="genesis",
     presets=adapter.by_name(_AS_IT_COMES, _BEST),

@@ -214,7 +214,7 @@ def _lacks(scene: Scene, settings: _NewtonSettings) -> str | None:
 
 
 NEWTON = adapter.Adapter(
-    label=Label("Newton", adapter.version_of("newton"), "#117733"),
+    label=Label("Newton", adapter.version_of("newton"), "#117733", "*"),
     packages=("newton",),
     extra="newton",
     presets=adapter.by_name(_AS_IT_COMES, _BEST, replace(_BEST, name="kept", kept=True)),

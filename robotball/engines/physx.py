@@ -139,7 +139,7 @@ _BEST = _PhysxSettings(
 
 
 PHYSX = adapter.Adapter(
-    label=Label("PhysX 5 (SAPIEN)", adapter.version_of("sapien"), "#7F7F7F"),
+    label=Label("PhysX 5 (SAPIEN)", adapter.version_of("sapien"), "#7F7F7F", "8"),
     packages=("sapien",),
     extra="physx",
     presets=adapter.by_name(_AS_IT_COMES, _BEST),

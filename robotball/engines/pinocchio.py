@@ -169,7 +169,7 @@ def _world(scene: Scene, settings: _PinocchioSettings, step: float) -> adapter.W
 
 
 PINOCCHIO = _Pinocchio(
-    label=Label("Pinocchio", adapter.version_of("pin"), "#56B4E9"),
+    label=Label("Pinocchio", adapter.version_of("pin"), "#56B4E9", "D"),
     packages=("pinocchio",),
     extra="pinocchio",
     presets=adapter.by_name(

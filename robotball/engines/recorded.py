@@ -313,6 +313,6 @@ def _label(header: dict[str, str] | object, name: str) -> Label:
     """Return the engine's label in the file, or one by the file's name where it has none."""
     given = header.get("engine", "") if isinstance(header, dict) else ""
     with contextlib.suppress(InputError), readable(name):
-        known = json.loads(given)
+        known = {"marker": "H", **json.loads(given)}  # files of earlier releases have no marker
         return Label(**{each.name: str(known[each.name]) for each in fields(Label)})
     return Label(given or name, "", _COLOUR)

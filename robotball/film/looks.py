@@ -1,9 +1,8 @@
 """Colours, and the shapes of each body as films, models and pages show it.
 
-The colours are Okabe and Ito's, which colour-blind readers distinguish, also in grey; each engine
-has its own in its label. A body that has shapes, from parts or from a user's own model, is drawn as
-it is built. One that is given by numbers alone has a symbol: shell, frame and rotor are the
-hand-written parts in mjcf/, a pendulum or link is the box of its inertia on an arm.
+A body that has shapes, from parts or from a user's own model, is drawn as it is built. One that is
+given by numbers alone has a symbol: shell, frame and rotor are the hand-written parts in mjcf/, a
+pendulum or link is the box of its inertia on an arm.
 Sizes of symbols are chosen so that no two touch: the frame's hoop is near the shell, what turns
 inside it stays inside, and rotors with one centre are rings within rings. A frame off balance has a
 weight on the side of its centre of mass. The shell is always glass, with bands that show it roll.
@@ -12,8 +11,7 @@ weight on the side of its centre of mass. The shell is always glass, with bands 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
-from itertools import cycle
-from typing import Any, cast
+from typing import cast
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -28,30 +26,12 @@ INK = "#22262B"  # text
 ACCENT = "#D55E00"  # what the rest is held against
 FAINT = "#B4B9BF"  # what stands behind
 GHOST = 0.35  # opacity of a ball that is drawn over others
-_MORE = ("#009E73", "#CC79A7", "#56B4E9", "#B08900", "#7F7F7F")  # of further motions by an engine
 
 
 def rgb(colour: str) -> tuple[float, float, float]:
     """Return (red, green, blue), each 0 to 1, for a colour "#rrggbb"."""
     red, green, blue = bytes.fromhex(colour.removeprefix("#"))
     return red / 255, green / 255, blue / 255
-
-
-def label_of(motion: Any) -> str:
-    """Return the engine's name with that of its settings: "MuJoCo, fast", "MuJoCo as it comes"."""
-    report = getattr(motion, "report", None)
-    if report is None:
-        return str(motion.engine.name)
-    if report.settings.name in ("naive", "as-it-comes"):
-        return f"{motion.engine.name} as it comes"
-    return f"{motion.engine.name}, {report.settings.name}"
-
-
-def colours_of(motions: Sequence[Any]) -> list[str]:
-    """Return a colour for each `Motion`: its engine's, or one of its own for a further one."""
-    own = [motion.engine.colour for motion in motions]
-    more = cycle(each for each in _MORE if each not in own)
-    return [next(more) if each in own[:i] else each for i, each in enumerate(own)]
 
 
 # The materials that show a rotor's angle, and its disc when it turns too fast to be seen.

@@ -23,7 +23,8 @@ from robotball.errors import InputError, check_positive
 from robotball.files.replacing import replacing
 from robotball.film import gl
 from robotball.film import looks as palette
-from robotball.film.looks import GHOST, MARKS, Looks, colours_of, label_of, looks_of
+from robotball.film.lines import colours_of, label_of
+from robotball.film.looks import GHOST, MARKS, Looks, looks_of
 from robotball.film.stage import LENS, Arrow, Camera, Pixels, Seen, Stage
 from robotball.film.tracks import Moments, Track, heading_of, track_of
 from robotball.motion import Motion
@@ -34,9 +35,10 @@ _FONTS = Path(matplotlib.get_data_path(), "fonts", "ttf")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PAPER = "#FFFFFF"
 _LINES, _COLUMNS = 26, 25  # lines of text in the picture's height, and their heights in its width
-_HEADER, _FOOTER = 2.5, 5.6  # heights in lines
-_EDGE, _LEFT, _LOW, _HIGH = 0.6, 4.6, 1.5, 3.7  # in lines: of text and of curves, from their edges
+_HEADER, _FOOTER = 2.5, 7.4  # heights in lines
+_EDGE, _LEFT, _LOW, _HIGH = 0.6, 4.6, 1.5, 5.5  # in lines: of text and of curves, from their edges
 _PLAIN = 0.68  # lines, the size of letters that are not bold
+_TICKS = 6  # decades with a line and a number, at most, of the curves
 _DPI = 64  # a power of two, by which a number of pixels is a number of inches without rounding
 _LEAST_DISTANCE = 1e-17  # m; smaller ones are drawn there, as a logarithm has no zero
 _Word = tuple[str, str, tuple[float, float]]  # a text, its colour, and the pixel of its middle
@@ -76,13 +78,16 @@ class _Sheet:
         # The first errors are often rounding alone.
         least = np.floor(np.log10(max(np.percentile(apart[:, 1:], 1), _LEAST_DISTANCE)))
         most = np.ceil(np.log10(max(apart.max(), _LEAST_DISTANCE)))
-        ends = 10.0 ** np.array([least, max(least + 1, most)])
+        most = max(least + 1, most)
+        ends = 10.0 ** np.array([least, most])
+        # Every other decade, or fewer of many, so that the numbers have room.
+        ticks = 10.0 ** np.arange(most, least - 1, -2 * np.ceil((most - least) / 2 / _TICKS))
         known = np.maximum(apart, ends[0])
         figure, points = Figure((width / _DPI, height / _DPI), _DPI), 72 / _DPI * line
         axes = figure.add_axes(
             (left / width, 1 - low / height, (right - left) / width, (low - high) / height),
             xlim=(0, end), xticks=(0, end), xticklabels=("0 s", f"{end:g} s"), yscale="log",
-            ylim=ends, yticks=ends, yticklabels=map(_metres, ends), frame_on=False,
+            ylim=ends, yticks=ticks, yticklabels=map(_metres, ticks), frame_on=False,
         )  # fmt: skip
         axes.minorticks_off()
         axes.tick_params(length=0, pad=0.4 * points, labelsize=_PLAIN * points)
@@ -166,6 +171,7 @@ _OTHER = 0.4  # opacity of the other balls' paths
 _ARROWS = {"M": ("#93387A", 1.8), "ω": ("#00734F", 1.4), "contact force": ("#22262B", 1.0)}
 _SHORTEST_ARROW = 1e-3  # an arrow shorter than that part of the largest is left out
 _ROOM = 1.3  # the camera has so many times the room with arrows
+_SAME = 0.02  # radii within which one ball hides another
 _CLEAR = 1.06  # from the centre: outside the shell
 
 
@@ -260,6 +266,9 @@ class _Painter:
         points = np.array([track.points[:: self.finer] for track in self.tracks])
         self.apart = np.linalg.norm(points[:-1] - points[-1], axis=2) * scene.ball.radius
         self.looks = looks_of(scene.ball)
+        corners = [each.triangles for shapes in self.looks.values() for each in shapes]
+        # How far a ball reaches, in radii: a head stands above its shell.
+        self.reach = max(float(np.linalg.norm(each, axis=-1).max()) for each in corners)
         self.lengths = _lengths(self.tracks[-1], scene.momentum_scale) if film.arrows else {}
         note = "; ".join(_notes(motions, film, self.looks))
         self.sheet = _Sheet(motions, film, note, self.times, self.apart)
@@ -299,12 +308,18 @@ class _Painter:
         """Yield the name of each ball of a picture, and how far it is off.
 
         It stands above the ball; below it where arrows are above. The other way round for the
-        equations' ball, as another one may be at its place.
+        equations' ball, as another one may be at its place, which is then said.
         """
         for i, (x, y, radius) in seen.items():
-            off = f"\n{_metres(self.apart[i, k])} off" if i < len(self.apart) else ""
-            below = bool(self.lengths) != (not off and len(seen) > 1)
-            away = (radius + 1.1 * self.sheet.line) * (1 if below else -1)
+            if exact := i == len(self.apart):
+                hidden = (
+                    len(seen) > 1 and self.apart[:, k].min() < _SAME * self.tracks[i].robot.radius
+                )
+                off = "\nat the same place" if hidden else ""
+            else:
+                off = f"\n{_metres(self.apart[i, k])} off"
+            below = bool(self.lengths) != (exact and len(seen) > 1)
+            away = (self.reach * radius + 1.1 * self.sheet.line) * (1 if below else -1)
             yield self.sheet.names[i] + off, self.sheet.colours[i], (x, y + away)
 
     def _pointed(self, ball: Seen, arrows: dict[str, Arrow], camera: Camera) -> Iterator[_Word]:

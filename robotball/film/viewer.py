@@ -10,7 +10,8 @@ import mujoco
 import numpy as np
 
 from robotball.errors import InputError
-from robotball.film.looks import GHOST, colours_of, looks_of
+from robotball.film.lines import colours_of
+from robotball.film.looks import GHOST, looks_of
 from robotball.film.stage import build_stage, pose
 from robotball.film.tracks import track_of
 from robotball.motion import Motion

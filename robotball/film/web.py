@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from robotball.ball import Ball
 from robotball.errors import InputError
 from robotball.film import looks as palette
-from robotball.film.looks import MARKS, Looks, colours_of, label_of, looks_of, materials_of
+from robotball.film.lines import colours_of, label_of
+from robotball.film.looks import MARKS, Looks, looks_of, materials_of
 from robotball.film.tracks import heading_of, track_of
 from robotball.shapes import Shape
 

@@ -16,8 +16,11 @@ import pytest
 from matplotlib.figure import Figure
 
 import robotball as rb
+from robotball.engine import engine_named, engine_names
 from robotball.engines.mujoco import LABEL
+from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.files.replacing import replacing
+from robotball.film.lines import PRESET_LOOKS, line_looks
 from validation import Agreement, compare
 from validation.cli import parse
 from validation.output import progress_bar, writable_file, write_rows, write_text
@@ -25,7 +28,6 @@ from validation.plots import (
     extremes,
     framed,
     in_view,
-    line_looks,
     momentum_picture,
     path_picture,
     sheet_of,
@@ -202,18 +204,38 @@ def test_a_straight_paths_errors_end_at_rounding_and_its_panel_is_flat() -> None
 
 
 def test_runs_are_told_apart_without_colour_and_a_cross_is_where_one_breaks_off() -> None:
-    """Each has a colour, a dash and a marker of its own; the first colour is its engine's."""
+    """Each has a colour, a dash and a marker of its own; MuJoCo as it comes has MuJoCo's."""
     agreements = [compare("fig12", name, TIMES) for name in rb.PRESETS]
-    own, *looks = line_looks(agreements)
+    motions = [agreements[0].theory, *(each.motion for each in agreements)]
+    own, *looks = line_looks(motions)
     for part in ("colour", "dash", "marker"):
         assert len({getattr(each, part) for each in (own, *looks)}) >= len(looks)
     assert looks[0].colour == LABEL.colour
+    # Whatever else is in a picture, and in whichever order, a preset has its look.
+    assert [line_looks([each])[0] for each in motions] == [own, *looks]
+    assert line_looks(motions[::-1]) == [own, *looks][::-1]
+    assert len({each.colour for each in line_looks([motions[1], *motions])}) == len(motions) + 1
     mine = replace(rb.preset("naive"), name="mine", stop_at_fault=True)
     broken = Agreement(agreements[0].theory, rb.simulate(rb.load_scene("fig12"), TIMES, mine))
     for agreement, crosses in ((agreements[1], 0), (broken, 1)):
         lines = path_picture(sheet_of([agreement])).axes[0].get_lines()
         ends = [line for line in lines if line.get_marker() == "X" and np.size(line.get_xdata())]
         assert len(ends) == crosses
+
+
+def test_an_engine_and_its_presets_have_one_look_each() -> None:
+    """No two engines share a marker, and no two presets of one a colour, a dash or a marker."""
+    engines = [engine_named(name) for name in engine_names()]
+    assert len({each.label.marker for each in engines}) == len(engines)
+    for engine in engines:
+        unlisted = {*engine.presets} - {*PRESET_LOOKS}
+        assert unlisted <= {"naive", "as-it-comes"}, engine.label.name
+        own = (engine.label.colour, (), engine.label.marker)
+        looks = [own, *(PRESET_LOOKS[name] for name in engine.presets if name in PRESET_LOOKS)]
+        for part in zip(*looks, strict=True):
+            assert len({*part}) == len(looks), engine.label.name
+        if engine.label.name != "multibody equations":
+            assert EQUATIONS.colour not in {colour for colour, _, _ in looks}
 
 
 def test_a_run_that_flies_away_leaves_the_view() -> None:

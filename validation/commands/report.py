@@ -19,7 +19,7 @@ from validation.report.study_report import study_report
 from validation.results import file_stem, record, scenes_of
 from validation.results import show as show_table
 
-_FILM = (360, 640)  # px, height and width: the page stays below six megabytes
+FILM = (360, 640)  # px, height and width: the page stays below six megabytes
 _MOST_NAMES = 80  # characters of a file's name that scenes may take
 
 
@@ -39,7 +39,7 @@ class Report:
     """The engine's settings to run each scene with, its default if none. Several: naive,fast."""
     control: Controls = ()
     film: bool = False
-    """Have a film of the first scene in the page, in place of the 3-D views."""
+    """Have a film of the first scene in the page, above its 3-D views."""
     run_options: RunOptions = field(default_factory=Run)
 
     def run(self) -> int:
@@ -61,7 +61,8 @@ class Report:
         out = writable_folder(self.run_options.out)
         agreements = self.run_options.agreements(scenes, listed(self.preset))
         # The first scene's agreements stand first, as many as each scene has.
-        stem = file_stem(agreements[: len(agreements) // len(scenes)])
+        first = agreements[: len(agreements) // len(scenes)]
+        stem = file_stem(first)
         others = "".join(f"-{scene.name}" for scene in scenes[1:])
         # Cut, as a file system takes no name of a whole catalog.
         path = out / f"{(stem + others)[:_MOST_NAMES]}-report.html"
@@ -72,7 +73,7 @@ class Report:
                 # Off-screen drawing is prepared at import, which a report else has no need of.
                 from robotball.film.render import Film
 
-                film(filmed, motions_of(agreements[:1], "video"), Film(size=_FILM))
+                film(filmed, motions_of(first, "video"), Film(size=FILM, ghost=len(first) > 1))
             write_text(path, report(agreements, command, filmed))
         show_table(list(map(record, agreements)), Console())
         print(path)

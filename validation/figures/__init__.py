@@ -26,6 +26,8 @@ from robotball.rotations import Array
 ENGINE_NAME, ENGINE_COLOUR, THEORY = LABEL.name, LABEL.colour, EQUATIONS.colour
 THEORY_LINE: dict[str, Any] = {"color": THEORY, "linewidth": 4.5, "alpha": 0.55}
 ENGINE_LINE: dict[str, Any] = {"color": ENGINE_COLOUR, "linewidth": 1.1}
+# Over the same line of the equations, which shows between the dashes.
+ENGINE_OVER: dict[str, Any] = {"color": ENGINE_COLOUR, "linewidth": 1.7, "linestyle": (0, (3, 3))}
 FAINT = "#9AA0A6"  # what is neither engine's: fields, boundaries
 _TEXT_WIDE, _LINE_HIGH = 3.7, 0.21  # inches
 UNBUILDABLE = "Mass outside the shell: not to be built."
@@ -75,7 +77,7 @@ def engine_motion(scene: Scene, times: Array, settings: str = "balanced") -> Con
 def draw_paths(axes: Axes, theory: Motion, engine: Motion, title: str) -> None:
     """Draw both contact points' paths over the plane, to one scale."""
     axes.plot(*theory.contact_point.T, **THEORY_LINE, label="equations")
-    axes.plot(*engine.contact_point.T, **ENGINE_LINE, label=ENGINE_NAME)
+    axes.plot(*engine.contact_point.T, **ENGINE_OVER, label=ENGINE_NAME)
     axes.plot(*theory.contact_point[0], "o", color=INK, markersize=5, label="start")
     axes.set(xlabel="X [m]", ylabel="Y [m]", title=title)
     # A path is a shape: its circles must be round. The limits give way, as the panel's size is set

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from robotball import Motion, Scene, load_scene, preset, sample_times
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.settings import resolved
+from robotball.film.lines import line_looks
 from robotball.film.looks import INK
 from robotball.qualitative.sections import (
     Crossings,
@@ -221,7 +222,7 @@ def _sphere_and_path(number: int, start: str, where: str, facts: tuple[str, ...]
     scene, duration = load_scene(f"fig{number}"), 40.0
     caption = (*_caption_of(scene), f"start: {start}", f"Duration chosen: {duration:g} s.")
     figure, axes = sheet(
-        f"Fig. {number}: motion {where}",
+        f"Fig. {number}: {where} {ENGINE_NAME} keeps to the equations' path for {duration:g} s",
         caption, facts, [["sphere", "apart"], ["plane", "plane"]], (4.3, 4.3), (4.0, 3.0),
     )  # fmt: skip
     theory = _draw_long_paths(axes, scene, duration)
@@ -265,10 +266,11 @@ def _draw_long_paths(panels: Mapping[str, Axes], scene: Scene, duration: float) 
     axes.margins(y=0.25)
     axes.legend(loc="upper center", ncols=3)
     axes, times = panels["apart"], theory.times
-    for style, name in (("-.", "fast"), ("--", "balanced"), ("-", "accurate")):
-        points = engine_motion(scene, times, name).contact_point
-        distance = np.linalg.norm(points - theory.contact_point, axis=1)
-        axes.semilogy(times[1:], distance[1:], style, color=ENGINE_COLOUR, linewidth=1, label=name)
+    for motion in (engine_motion(scene, times, name) for name in ("fast", "balanced", "accurate")):
+        (look,) = line_looks([motion])
+        distance = np.linalg.norm(motion.contact_point - theory.contact_point, axis=1)
+        axes.semilogy(times[1:], distance[1:], linestyle=(0, look.dash), color=look.colour,
+                      linewidth=1.2, label=motion.report.settings.name)  # fmt: skip
     title = f"contact points: {ENGINE_NAME} from the equations"
     axes.set(xlabel="time [s]", ylabel="distance [m]", title=title)
     axes.legend(loc="lower right", ncols=3, fontsize=9)

@@ -111,7 +111,7 @@ def figure6() -> Figure:
         "|κ₂| = 1 at 2.08207: θ₁ … θ₄ vanish.",
     )
     start = ("γ(0) = (0, 49/50, 3√11/50), α(0) = (1, 0, 0)",)
-    return _portrait_figure(6, "0.3", start, facts)
+    return _portrait_figure(6, "0.3", "from rest γ winds into a stable focus", start, facts)
 
 
 def figure7() -> Figure:
@@ -122,17 +122,19 @@ def figure7() -> Figure:
         "The contour of Fig. 6 gave way to a cycle;",
         "  δ₁ … δ₄ are gone.",
     )
-    return _portrait_figure(7, "0.52", _STARTS78, facts)
+    return _portrait_figure(7, "0.52", "a slow limit cycle repels", _STARTS78, facts)
 
 
 def figure8() -> Figure:
     """Draw the motion with K₃ = 3: a fast, unstable limit cycle."""
     facts = (f"{ENGINE_NAME}, started on it, follows it once.", "θ₁ … θ₄ are gone as well.")
-    return _portrait_figure(8, "3", _STARTS78, facts)
+    return _portrait_figure(8, "3", "a fast limit cycle repels", _STARTS78, facts)
 
 
-def _portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence[str]) -> Figure:
-    """Draw the portrait on the sphere and on its involute, with one motion by both engines."""
+def _portrait_figure(
+    number: int, K3: str, finding: str, start: Sequence[str], facts: Sequence[str]
+) -> Figure:
+    """Draw the portrait on the sphere, also unrolled, with one motion by both engines."""
     scene = replace(paper_scene(f"fig{number:02}"), duration=DURATIONS[number])
     ball = scene.parameters
     points, cycles = fixed_points(ball), limit_cycles(ball)
@@ -147,7 +149,7 @@ def _portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence
             f"  multiplier {cycle.multipliers[0].real:.3g}: unstable.",
         ]
     figure, axes = sheet(
-        f"Fig. {number}: K₃ = {K3}, {len(points)} fixed points, limit cycles: {len(cycles)}",
+        f"Fig. {number}: {finding}, among {len(points)} fixed points (K₃ = {K3})",
         caption, [*found, *facts], [["sphere", "plane"], ["involute", "involute"]],
         (4.2, 4.2), (4.0, 3.5),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The Poisson sphere of γ, drawn twice: as a ball seen from afar, and unrolled (the involute).
+"""The Poisson sphere of γ, drawn twice: as a ball seen from afar, and unrolled (an "involute").
 
 On either chart stands the phase portrait of motion from rest, (4.1).
 """
@@ -30,16 +30,17 @@ from robotball.qualitative.portraits import (
     spread_points,
 )
 from robotball.rotations import Array, rotation_matrix
-from validation.figures import ENGINE_LINE, FAINT, THEORY_LINE, View
+from validation.figures import ENGINE_OVER, FAINT, THEORY_LINE, View
 from validation.output import halo
 
+_BESIDE = 0.17  # from a point to the middle of its name, of which a radius is one
 _POLES = 0.62 * np.pi  # φ, where a pole's mark stands on the involute
 _BACK_ALPHA, _BACK_WIDTH = 0.3, 0.7  # of what lies on the far side of the ball
 
 _TRIAD: dict[str, Any] = {"arrowstyle": "-|>", "color": INK, "lw": 1.0, "shrinkA": 0, "shrinkB": 0}
 _NAME: dict[str, Any] = {
     "color": INK, "fontsize": 12, "ha": "center", "va": "center",
-    "textcoords": "offset points", "path_effects": halo(), "zorder": 8,
+    "path_effects": halo(), "zorder": 8,
 }  # fmt: skip
 
 
@@ -83,13 +84,9 @@ class Globe:
                 self.axes.plot(*places[side].T, mark, linestyle="none", alpha=alpha, **own)
 
     def name(self, gamma: Array, text: str, **style: Any) -> None:
-        """Draw a name farther out than γ (3,), near the rim beyond it; grey if behind."""
-        off = self.view.places(gamma)
-        far = max(float(np.linalg.norm(off)), 0.1)
-        out = off * (max(far + 0.15, 1.12) if far > 0.8 else far + 0.15) / far
+        """Draw a name beside γ (3,); grey if behind."""
         pale = {"color": "#777C82", "fontsize": 9} if self.view.depth(gamma) < 0 else {}
-        beside: dict[str, Any] = {**_NAME, "xytext": out, "textcoords": "data", **style, **pale}
-        self.axes.annotate(text, self.view.place(gamma), **beside)
+        _name(self.axes, self.view.places(gamma), text, **{**style, **pale})
 
     def arrow(self, gamma: Array, colour: str) -> None:
         """Draw an arrow head halfway along a line γ (n, 3), if that is in front."""
@@ -131,10 +128,7 @@ class Involute:
 
     def name(self, gamma: Array, text: str, **style: Any) -> None:
         """Draw a name beside γ (3,)."""
-        x, y = self.places(gamma).tolist()
-        # Near a pole the name would stand on the edge of the picture.
-        away = (0, 12 * y) if abs(y) > 0.9 else (12, 9)
-        self.axes.annotate(text, (x, y), **{**_NAME, "xytext": away, **style})
+        _name(self.axes, self.places(gamma), text, **style)
 
     def arrow(self, gamma: Array, colour: str) -> None:
         """Draw an arrow head halfway along a line γ (n, 3)."""
@@ -144,16 +138,30 @@ class Involute:
 _Chart = Globe | Involute
 
 
+def _name(axes: Axes, place: Array, text: str, **style: Any) -> None:
+    """Draw a name beside a place (2,), on the side where lines and other names are farthest."""
+    turns = np.pi / 8 * np.arange(16)
+    sides = place + _BESIDE * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    others = [each.get_xydata() for each in axes.get_lines()]
+    others += [np.array([each.get_position()]) for each in axes.texts]
+    points = np.concatenate(others)
+    points = points[np.linalg.norm(points - place, axis=1) < 3 * _BESIDE]
+    away = np.linalg.norm(sides[:, None] - points, axis=2).min(axis=1, initial=_BESIDE)
+    own = {**_NAME, "xytext": sides[away.argmax()], "textcoords": "data", **style}
+    axes.annotate(text, place.tolist(), **own)
+
+
 def both_charts(left: Axes, right: Axes) -> tuple[_Chart, _Chart]:
     """Return the sphere on both its charts."""
-    return Globe(left, _VIEW, "vertical γ on the Poisson sphere"), Involute(right, "its involute")
+    globe = Globe(left, _VIEW, "vertical γ on the Poisson sphere")
+    return globe, Involute(right, "the same sphere unrolled")
 
 
 def draw_gamma(chart: _Chart, theory: Motion, engine: Motion) -> None:
     """Draw γ of both motions, in principal axes."""
     gamma, ours = (each.gamma @ each.scene.principal_axes for each in (theory, engine))
     chart.line(gamma, **THEORY_LINE, zorder=4)
-    chart.line(ours, **ENGINE_LINE, zorder=5)
+    chart.line(ours, **ENGINE_OVER, zorder=5)
     chart.marks(gamma[:1], "o", color=INK, markersize=5, zorder=5)
 
 
@@ -273,7 +281,8 @@ def portrait(
 ) -> Figure:
     """Draw all that stands still or repeats on the sphere and on its involute, without a motion."""
     figure = Figure(figsize=(13.0, 5.8), layout="constrained")
-    figure.suptitle(f"{title}: fixed points and limit cycles from rest", color=INK)
+    found = f"{len(points)} fixed points, limit cycles: {len(cycles) or 'none'}"
+    figure.suptitle(f"{title}: {found}", color=INK)
     left, right = figure.subplots(1, 2, width_ratios=[4.6, 8.4])
     manifolds = separatrices(parameters, points, FOLLOWED)
     for chart in both_charts(left, right):

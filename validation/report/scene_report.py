@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from robotball import Motion, scene_toml
-from robotball.film.looks import label_of
+from robotball.film.lines import label_of, line_looks
 from robotball.film.web import view_fragment, view_head
 from robotball.notebook import counted
 from robotball.rotations import Array
 from validation.agreement import Agreement
 from validation.output import known, scientific, versions
-from validation.plots import framed, line_looks
+from validation.plots import framed
 from validation.report import VERDICTS, embedded, folded, page, paragraph, plain, plot, table, text
 from validation.report.chart import Line
 from validation.results import needs
@@ -34,12 +34,15 @@ _OWN_FILE = (
     "said by robotball check {0}, and filmed by robotball video {0} --as-is."
 )
 _Columns = tuple[Array, Array, Array | None]  # x, y, and the times where x is something else
+_NONE: _Columns = (np.empty(0), np.empty(0), None)  # of the equations, where errors are drawn
+_CONSTANT = 1e-9  # part of its size by which a constant may vary
+_HIDDEN = 0.01  # part of a curve's range within which another one is not seen beside it
 
 
 def report(agreements: Sequence[Agreement], command: str, film: Path | None = None) -> str:
     """Return the whole page; agreements of one scene stand together.
 
-    command: what makes it again; film: the mp4 of the first agreement, in place of its 3-D view.
+    command: what makes it again; film: the mp4 of the first scene, above its 3-D views.
     """
     groups = [list(group) for _, group in groupby(agreements, key=lambda each: each.scene.name)]
     names = ", ".join(group[0].scene.name for group in groups)
@@ -57,7 +60,7 @@ def report(agreements: Sequence[Agreement], command: str, film: Path | None = No
         f"<pre>{escape(command)}</pre>",
         folded("Versions", plain(versions() | engines), short=True),
     ]
-    return page(f"robotball: {names}", body, "" if film else view_head())
+    return page(f"robotball: {names}", body, view_head())
 
 
 def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
@@ -66,7 +69,7 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
     shown = _views(group)
     if film:
         source = embedded(film.read_bytes(), "video/mp4")
-        shown = f'<video controls muted playsinline src="{source}"></video>'
+        shown = f'<video controls muted playsinline src="{source}"></video>{shown}'
     # A scene file holds no links, and no shell that is not symmetric.
     file = "" if scene.ball.general else f"<pre>{escape(scene_toml(scene))}</pre>"
     return [
@@ -90,7 +93,7 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
         f'<div class="charts">{_errors(group)}</div>',
         "<h3>Friction and motors</h3>",
         paragraph(friction_needed(theory)),
-        f'<div class="charts">{_loads(group)}</div>',
+        _loads(group),
         "<h3>What was run</h3>",
         *(
             folded(f"Settings of {each.settings.name}", plain(each.settings.plain()), short=True)
@@ -123,7 +126,8 @@ def _ball_numbers(group: Sequence[Agreement]) -> str:
         rows.append((*before, *map(scientific, errors), given, used))
     headings = ("preset", "step [ms]", "tolerance", *_ERRORS, "friction", "used")
     words = "; ".join(f"{name}: {meaning}" for name, meaning in _ERRORS.items())
-    words += "; friction: the plane's coefficient, and the part of its limit used at most"
+    words += "; friction: the plane's coefficient (one far above 1 is no material's: it keeps the "
+    words += "model from slipping), and the part of its limit used at most"
     words += "; naive: the engine as it comes" * any(e.settings.name == "naive" for e in group)
     own = group[0].reference_error
     if own is not None:
@@ -138,7 +142,8 @@ def _views(group: Sequence[Agreement]) -> str:
     options = "".join(f"<option>{text(each.settings.name)}</option>" for each in moving)
     views = [f"<template>{view_fragment([each.motion, each.theory])}</template>" for each in moving]
     choice = f"<label>Settings <select>{options}</select></label>{''.join(views)}<div></div>"
-    return f'<div class="views">{choice}</div>' if moving else ""
+    words = "Two balls of one start are drawn side by side here; a film has each at its own place."
+    return f'<div class="views">{choice}</div>{paragraph(words, "faint")}' if moving else ""
 
 
 def _paths(group: Sequence[Agreement]) -> str:
@@ -154,35 +159,49 @@ def _errors(group: Sequence[Agreement]) -> str:
         ("Distance of the two contact points", "distance [m]", [e.path_errors for e in group]),
         ("Error of the momentum M", "error of M, relative", [e.momentum_errors for e in group]),
     )
-    drawn, none = "", (np.empty(0), np.empty(0), None)
+    drawn = ""
     for caption, label, values in series:
         times = (each.motion.times[1:] for each in group)
-        lines = _lines(group, [none, *zip(times, (each[1:] for each in values), repeat(None))])
+        lines = _lines(group, [_NONE, *zip(times, (each[1:] for each in values), repeat(None))])
         drawn += plot(caption, lines, "time [s]", label, log=True) if lines else ""
     return drawn
 
 
 def _loads(group: Sequence[Agreement]) -> str:
-    """Return plots of the friction needed, and of the torque, rate and power of each motor."""
+    """Return the friction needed, and the torque, rate and power of each motor.
+
+    A constant is a number. Of curves that hide one another their difference is drawn.
+    """
     motions = _motions(group)
-    series = [("Friction", "coefficient", [each.loads.sliding_friction for each in motions])]
+    series = [("Friction", "coefficient", "", [each.loads.sliding_friction for each in motions])]
     # A hinge that nothing drives has no torque to plot.
     for i in np.flatnonzero(motions[0].loads.motor_torques.any(axis=0)):
         name = group[0].scene.hinges[i].name
         torques = [each.loads.motor_torques[:, i] for each in motions]
         series += [
-            (f"Torque of {name}", "torque [N m]", torques),
-            (f"Rate of {name}", "rate [rad/s]", [each.hinge_rates[:, i] for each in motions]),
-            (f"Power of {name}", "power [W]", [each.motor_powers[:, i] for each in motions]),
+            (f"Torque of {name}", "torque", "N m", torques),
+            (f"Rate of {name}", "rate", "rad/s", [each.hinge_rates[:, i] for each in motions]),
+            (f"Power of {name}", "power", "W", [each.motor_powers[:, i] for each in motions]),
         ]
-    drawn = ""
-    for caption, label, values in series:
-        # By the equations' values, which a run that breaks cannot blow up.
-        most = float(np.abs(values[0]).max())
-        over_time = zip((each.times for each in motions), values, repeat(None))
-        lines = _lines(group, [*over_time])
-        drawn += plot(f"{caption}: at most {most:.3g}", lines, "time [s]", label, reach=most)
-    return drawn
+    said, drawn = "", ""
+    for caption, quantity, unit, values in series:
+        exact, times = values[0], [each.times for each in motions]
+        low, high, most = float(exact.min()), float(exact.max()), float(np.abs(exact).max())
+        off = [np.abs(each - exact[: len(each)]) for each in values[1:]]
+        worst, label = max(map(np.max, off)), f"{quantity} [{unit}]" if unit else quantity
+        if high - low <= _CONSTANT * most and worst <= _HIDDEN * most:
+            own = f"{exact[0]:.4g} {unit}".rstrip()
+            said += paragraph(
+                f"{caption}: {own} throughout; the runs differ by at most {worst:.1g}."
+            )
+        elif worst <= _HIDDEN * (high - low):  # a run's curve would hide in that of the equations
+            lines = _lines(group, [_NONE, *zip(times[1:], off, repeat(None))])
+            caption += f": from {low:.3g} to {high:.3g}; how far the runs are off"
+            drawn += plot(caption, lines, "time [s]", f"difference of {label}", log=True)
+        else:
+            lines = _lines(group, [*zip(times, values, repeat(None))])
+            drawn += plot(f"{caption}: at most {most:.3g}", lines, "time [s]", label, reach=most)
+    return f'{said}<div class="charts">{drawn}</div>'
 
 
 def _motions(group: Sequence[Agreement]) -> list[Motion]:
@@ -194,7 +213,7 @@ def _lines(group: Sequence[Agreement], columns: Sequence[_Columns]) -> list[Line
     finished = (True, *(each.finished for each in group))
     return [
         Line(look, *each, width=1.8 if look.marker else 5.0, broken=not whole)
-        for look, each, whole in zip(line_looks(group), columns, finished, strict=True)
+        for look, each, whole in zip(line_looks(_motions(group)), columns, finished, strict=True)
         if np.isfinite(each[1]).any()
     ]
 

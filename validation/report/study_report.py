@@ -3,20 +3,15 @@
 import json
 from collections.abc import Mapping, Sequence
 from glob import escape
-from itertools import groupby, product
-from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 from robotball import InputError
 from robotball.files import contents, readable
-from validation.plots import PICTURES
-from validation.report import VERDICTS, folded, page, paragraph, picture, plain, table, text
-from validation.results import ALL, file_name
+from validation.report import folded, page, paragraph, picture, plain, table, text
 
 _LONGEST = 60  # rows of a table; the file has the others
 _WIDEST = 60  # characters of a cell
-_COMPARED = ("scene", "engine", "preset", "timestep", "path_error", "gamma_error", "momentum_error")
 
 
 def study_report(source: Path) -> str:
@@ -36,46 +31,11 @@ def study_report(source: Path) -> str:
     body = [f"<h1>{text(source.stem)}</h1>", paragraph(f"A study's record, {source.name}.")]
     own = source.with_suffix(".png")
     # One picture of its own name, or one for each map.
-    pictures = [picture(own)] if own.exists() else _pictures(source, source.stem)
-    if all({"verdict", "agrees", *_COMPARED} <= part.keys() for part in parts):
-        words = "".join(
-            paragraph(
-                "{scene}, {preset}: {verdict}.".format(**part), VERDICTS[part["agrees"] is True]
-            )
-            for part in parts
-        )
-        pictures += _compared(source, parts)
-        body.append(f'<div class="charts"><div>{words}</div>{"".join(pictures)}</div>')
-        body += _tables("runs", [{name: part[name] for name in _COMPARED} for part in parts])
-    else:
-        body += [
-            *pictures,
-            *(_tables("runs", parts) if record is parts else _sections(record)),
-        ]
+    beside = source.parent.glob(f"{escape(source.stem)}*.png")
+    pictures = map(picture, [own] if own.exists() else sorted(beside))
+    body += [*pictures, *(_tables("runs", parts) if record is parts else _sections(record))]
     body.append(folded("Versions", plain(parts[0]["versions"]), short=True))
     return page(f"robotball: {source.stem}", body)
-
-
-def _pictures(source: Path, stem: str) -> list[str]:
-    """Return the pictures beside a file whose names begin with a stem."""
-    return [picture(each) for each in sorted(source.parent.glob(f"{escape(stem)}*.png"))]
-
-
-def _compared(source: Path, runs: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return the pictures beside a file that `compare` drew of its runs, each scene's path first.
-
-    They are named after the scene, the engine, the presets or `all`, and perhaps the time.
-    """
-    pictures: list[str] = []
-    for (scene, engine), some in groupby(runs, itemgetter("scene", "engine")):
-        names = [str(run["preset"]) for run in some]
-        first = str(engine).lower()
-        stems = [file_name(str(scene), None, [first, *words]) for words in (names, [ALL])]
-        for kind, stem in product(PICTURES, stems[: len(names)]):
-            for time in ("", "-[0-9]*s"):
-                found = source.parent.glob(f"{escape(stem)}{time}-{kind}.png")
-                pictures += map(picture, sorted(found))
-    return pictures
 
 
 def _sections(record: Mapping[str, Any]) -> list[str]:

@@ -15,7 +15,6 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from rich.markup import escape
 from rich.table import Table
 
@@ -119,7 +118,8 @@ _NOTE = (
 _INCHES = (11.0, 6.2)
 _ERROR_AT, _COST_AT = 6, 58  # points right of a panel, where its numbers stand
 _SMALL: dict[str, Any] = {"fontsize": 9, "annotation_clip": False}
-_SOUND, _FAULTY, _HATCH = LABEL.colour, "white", "////"
+_DOT: dict[str, Any] = {"marker": "o", "color": LABEL.colour, "ls": "", "ms": 9}
+_FAULTY: dict[str, Any] = {**_DOT, "mfc": "w", "mew": 2}
 _DIAMOND: dict[str, Any] = {"marker": "D", "color": INK, "mfc": "w", "ls": "", "ms": 5}
 
 
@@ -223,7 +223,7 @@ _COLUMNS = (
 
 
 def _ablation_picture(name: str, rows: Sequence[Row]) -> Figure:
-    """Draw path error (bars) and momentum error (diamonds) of every variant, its cost beside."""
+    """Draw path error (dots) and momentum error (diamonds) of every variant, its cost beside."""
     figure = Figure(figsize=_INCHES, layout="constrained")
     first, best = _of(rows, _BUILT_UP)[0]["path_error"], _of(rows, _UNDONE)[0]["path_error"]
     words = f"the recipe takes the path error from {scientific(first)} to {scientific(best)}"
@@ -237,10 +237,10 @@ def _ablation_picture(name: str, rows: Sequence[Row]) -> Figure:
     left.set_title("from the naive model: one choice more", loc="left", fontsize=10.5)
     right.set_title("the recipe with one choice undone", loc="left", fontsize=10.5)
     drawn = [row[error] for row in rows for error in ("path_error", "momentum_error") if row[error]]
-    left.set_xlim(min(drawn) / 20, max(drawn) * 20)  # with room beyond all; bars begin at the left
+    left.set_xlim(min(drawn) / 20, max(drawn) * 20)  # with room beyond all
     handles: list[Artist] = [
-        Patch(facecolor=_SOUND, edgecolor=INK, label="path error"),
-        Patch(facecolor=_FAULTY, edgecolor=INK, hatch=_HATCH, label="path error, faulty run"),
+        Line2D([], [], **_DOT, label="path error"),
+        Line2D([], [], **_FAULTY, label="path error, faulty run"),
         Line2D([], [], **_DIAMOND, label="momentum error"),
         Line2D([], [], color=INK, linestyle=":", label="path error of the recipe"),
     ]
@@ -253,15 +253,12 @@ def _panel(axes: Axes, rows: Sequence[Row]) -> None:
     axes.set(xscale="log", xlabel="path error and momentum error, relative")
     # The first variant stands at the top, as in the table.
     axes.set_ylim(len(rows) - 0.4, -0.6)
-    axes.grid(axis="x", alpha=0.3)
+    axes.grid(alpha=0.3)
     axes.set_axisbelow(True)
     for i, row in enumerate(rows):
         error, off, faulty = row["path_error"], row["momentum_error"], bool(row["faults"])
         if error is not None:
-            axes.barh(
-                i, error, height=0.62, edgecolor=INK,
-                color=_FAULTY if faulty else _SOUND, hatch=_HATCH if faulty else None,
-            )  # fmt: skip
+            axes.plot([error], [i], **(_FAULTY if faulty else _DOT))
         if off is not None:
             axes.plot([off], [i], **_DIAMOND)
         beside(axes, "broke off" if error is None else scientific(error), i, _ERROR_AT, **_SMALL)

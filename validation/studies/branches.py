@@ -89,16 +89,22 @@ def _branch_picture(scene: Scene, over: str, rows: Sequence[Row], special: Seque
     if rows[0]["period"] is not None:
         key, label = "period", "period [s]"
     figure = Figure(figsize=(9.0, 6.0), layout="constrained")
-    title(figure, f"{scene.title}, over {NUMBERS[over][0]}")
+    values = {kind: [row["value"] for row in special if row["kind"] == kind] for kind in _MARKERS}
+    found = ", ".join(
+        f"{kind} at {some[0]:.4g}" if len(some) == 1 else f"{len(some)} × {kind}"
+        for kind, some in values.items() if some
+    )  # fmt: skip
+    title(figure, f"{scene.name}, over {NUMBERS[over][0]}: {found or 'no special point'}")
     axes = figure.subplots()
     axes.set(xlabel="{} [{}]".format(*NUMBERS[over]), ylabel=label)
     axes.set_yscale("log" if key == "period" else "linear")
     axes.grid(alpha=0.3)
-    for stable, style in ((True, {"lw": 2.2}), (False, {"lw": 1.1, "ls": "--"})):
+    for stable, style in ((True, {"lw": 2.2}), (False, {"lw": 1.6, "ls": "--"})):
         if any(row["stable"] == stable for row in rows):
             axes.plot([], [], color=INK, label="stable" if stable else "unstable", **style)
-    for _, of in groupby(rows, lambda row: row["branch"]):
-        _draw_branch(axes, [*of], key)
+    branches = [[*of] for _, of in groupby(rows, lambda row: row["branch"])]
+    for each in branches:
+        _draw_branch(axes, each, key, named=len(branches) > 1)
     for kind in dict.fromkeys(row["kind"] for row in special):
         places = [(row["value"], row[key]) for row in special if row["kind"] == kind]
         mark: Any = {"marker": _MARKERS[kind], "color": ACCENT, "mec": INK, "ms": 8, "ls": ""}
@@ -107,16 +113,17 @@ def _branch_picture(scene: Scene, over: str, rows: Sequence[Row], special: Seque
     return figure
 
 
-def _draw_branch(axes: Axes, rows: Sequence[Row], key: str) -> None:
-    """Draw one branch, solid where it is stable, with the names of its parts."""
+def _draw_branch(axes: Axes, rows: Sequence[Row], key: str, named: bool) -> None:
+    """Draw one branch, solid where it is stable, with the names of its parts if it is named."""
     x, y = (np.array([row[name] for row in rows]) for name in ("value", key))
     stable = np.array([row["stable"] for row in rows])
     # A piece of the line is stable if both its ends are.
     both = stable[1:] & stable[:-1]
     for run in np.split(np.arange(len(both)), np.flatnonzero(np.diff(both)) + 1):
         part, style = slice(run[0], run[-1] + 2), "-" if both[run[0]] else "--"
-        axes.plot(x[part], y[part], style, color=INK, lw=2.2 if style == "-" else 1.1)
-    for i in {rows[i]["name"]: i for i in (3 * len(rows) // 4, len(rows) // 4)}.values():
+        axes.plot(x[part], y[part], style, color=INK, lw=2.2 if style == "-" else 1.6)
+    places = (3 * len(rows) // 4, len(rows) // 4) if named else ()
+    for i in {rows[i]["name"]: i for i in places}.values():
         note(axes, rows[i]["name"], (x[i], y[i]), (4, 5), color=INK, path_effects=halo())
 
 

@@ -226,10 +226,10 @@ def _columns(axes: _Axes) -> list[Column]:
     return [*columns, Column("equations alongside", "alongside", "1/s", form=".4f")]
 
 
-def _blank(scene: Scene, axes: _Axes) -> tuple[Figure, list[str], dict[str, float]]:
+def _blank(scene: Scene, axes: _Axes, found: str) -> tuple[Figure, list[str], dict[str, float]]:
     """Return a figure with its title only, the labels of its axes, and the scene's own numbers."""
     figure = Figure(figsize=(9.0, 7.4), layout="constrained")
-    title(figure, f"{scene.name}: chaos over {' and '.join(NUMBERS[name][0] for name in axes)}")
+    title(figure, f"{scene.name}: {found} over {' and '.join(NUMBERS[name][0] for name in axes)}")
     labels = ["{} [{}]".format(*NUMBERS[name]) for name in axes]
     return figure, labels, numbers_of(scene.parameters, scene.start.momentum)
 
@@ -238,15 +238,16 @@ def _draw_chart(
     scene: Scene, axes: _Axes, largest: Array, least: float, repeated: Sequence[Row]
 ) -> Figure:
     """Draw λ₁ (across, up) in colours, with the borders of chaos and what the engine repeated."""
-    figure, (across, up), own = _blank(scene, axes)
+    part = (largest[np.isfinite(largest)] > least).mean()
+    figure, (across, up), own = _blank(scene, axes, f"{part:.0%} is chaotic")
     panel, (x, y) = figure.subplots(), axes
-    colours = colormaps["viridis"].with_extremes(under=FAINT)
+    # Colour is for chaos alone: what is regular is pale, so that it does not fill the picture.
+    colours = colormaps["viridis_r"].with_extremes(under="#E9ECEF")
     # A chart without any chaos has a scale of colours all the same.
     most = max(2 * least, float(np.nanmax(largest)))
-    image = panel.pcolormesh(*axes.values(), largest.T, cmap=colours, vmin=-least, vmax=most)
-    bar = figure.colorbar(image, extend="min", label="λ₁ [1/s]; white line: 0")
-    bar.ax.axhline(0.0, color="white")
-    draw_level(panel, axes[x], axes[y], largest.T, "white", level=least, width=0.6)
+    image = panel.pcolormesh(*axes.values(), largest.T, cmap=colours, vmin=least, vmax=most)
+    figure.colorbar(image, extend="min", label="λ₁ [1/s]; pale: no chaos")
+    draw_level(panel, axes[x], axes[y], largest.T, INK, level=least, width=0.5)
     resting = np.where(largest < -least, 1.0, 0.0).T
     panel.contourf(*axes.values(), resting, levels=[0.5, 1.5], colors="none", hatches=["///"])
     marks: dict[str, Row] = {_PAPERS.get(scene.name, scene.name): own}
@@ -257,14 +258,14 @@ def _draw_chart(
         by = (5, -12 if place[1] > axes[y].mean() else 4)  # within the picture
         note(panel, words, place, by, fontsize=9, path_effects=halo(), annotation_clip=True)
     panel.set(xlabel=across, ylabel=up)
-    words = "white lines: borders of chaos; hatched: settles on a straight line; blank: no start"
+    words = "lines: borders of chaos; hatched: settles on a straight line; white: no start"
     panel.set_title(words, fontsize=9)
     return figure
 
 
 def _draw_diagram(scene: Scene, axes: _Axes, rows: Sequence[Row]) -> Figure:
     """Draw the crossings' L/√f and l over what is varied, and λ₁ below."""
-    figure, (across,), own = _blank(scene, axes)
+    figure, (across,), own = _blank(scene, axes, "chaos")
     (name,) = axes
     dots = np.array([(row[name], *at) for row in rows for at in row["crossings"]]).reshape(-1, 3)
     above, middle, below = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 2))

@@ -21,12 +21,14 @@ from scipy.optimize import root_scalar
 
 from robotball import InputError, Scene, integrate
 from robotball.drives import Constant, Drive, as_drive
+from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.settings import BY_ERROR, CONSTANT, recipe
 from robotball.engines.mujoco.user_model import Seen, UserModel, observed
 from robotball.equations import Rolling
 from robotball.errors import SceneWarning
 from robotball.files.mended_file import Change, Editable, Moves, compiled, editable
 from robotball.files.robot_file import RobotFile, gears_of, geom_name, rolling_of, start_misses
+from robotball.film.lines import PRESET_LOOKS
 from robotball.motion import ContactMotion, Motion, ReferenceMotion, arrays_of, with_arrays
 from robotball.rotations import Array
 from robotball.scene import DOWN, GRAVITY
@@ -785,20 +787,23 @@ def _check_picture(name: str, checked: Checked) -> Figure:
     theory = checked.theory
     figure = Figure(figsize=(11.0, 5.4), layout="constrained")
     left, right = figure.subplots(1, 2)
-    left.plot(*theory.contact_point.T, color=theory.engine.colour, lw=3, label="equations")
+    wide = {"color": theory.engine.colour, "lw": 5, "alpha": 0.6}
+    left.plot(*theory.contact_point.T, **wide, label="equations")
     found = []
-    drawn = [("as it is", checked.path, "-")]
+    drawn: list[tuple[str, Array, str, Any]] = [("as it is", checked.path, LABEL.colour, "-")]
     if checked.needed:
-        drawn.append(("mended", checked.mended, "--"))
-    for (label, path, dash), colour in zip(drawn, _COLOURS, strict=False):
+        own, dashes, _ = PRESET_LOOKS["mended"]
+        drawn.append(("mended", checked.mended, own, (0, dashes)))
+    for label, path, colour, dash in drawn:
         # Its end is marked, as a path may end within another.
         last = np.flatnonzero(np.isfinite(path[:, 0]))[-1:].tolist()
-        left.plot(*path[:, :2].T, dash, marker="o", markevery=last, color=colour, label=label)
+        left.plot(*path[:, :2].T, ls=dash, marker="o", markevery=last, color=colour, label=label)
         away = _away(path, theory)
-        right.semilogy(theory.times[1:], away[1:], dash, color=colour, label=label)
-        found.append(f"{label} {scientific(known(away.max()))}")
-    heading = f"{name}, {theory.scene.rolling}: path error {', '.join(found)}"
-    title(figure, f"{heading}; as it is, {checked.fails}" if checked.fails else heading)
+        right.semilogy(theory.times[1:], away[1:], ls=dash, color=colour, label=label)
+        found.append(f"{label} off by {scientific(known(away.max()))}")
+    if checked.fails:
+        found[0] = f"as it is, {checked.fails}"
+    title(figure, f"{name}: {'; '.join(found)}")
     left.set(xlabel="X [m]", ylabel="Y [m]", aspect="equal", title="contact point")
     left.set_adjustable("datalim")
     if not np.any(theory.contact_point) or not np.nansum(np.abs(path)):
@@ -813,4 +818,3 @@ def _check_picture(name: str, checked: Checked) -> Figure:
 
 _MOST_PAIRS, _LAGS = 5, 0.1
 _MOST_LINES = 60  # of a diff
-_COLOURS = ("#0072B2", "#009E73")

@@ -119,6 +119,7 @@ def run(cell: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "label": engine.label.name,
         "colour": engine.label.colour,
+        "marker": engine.label.marker,
         "version": engine.label.version,
         "path_error": known(path_error(motion, theory)) if finished else None,
         "momentum_error": known(momentum_error(motion, theory)) if finished else None,

@@ -176,7 +176,7 @@ def _usable(run: Row) -> bool:
     )
 
 
-_MARKERS = "osD^vPX*<>hp"
+_SAID = 1e-6  # error of which the picture's title says what it costs
 _IDEAL = ":"  # where the engine gives its dynamics alone
 _LEAST = 1e-15  # below it errors cannot be distinguished
 _NOTE = (
@@ -225,21 +225,29 @@ _TUNED = (COLUMNS[2], *COLUMNS[4:7], Column("settings", _changes, words=True))
 
 
 def _engines_picture(title: str, runs: Sequence[Row]) -> Figure:
-    """Draw engines' errors against their costs: as many as there are markers, of least errors."""
+    """Draw engines' errors against their costs; of one in two versions the second is pale."""
     names = list(dict.fromkeys(run["contestant"] for run in sorted(runs, key=itemgetter("error"))))
-    left = f"; not drawn: {', '.join(names[len(_MARKERS) :])}" if names[len(_MARKERS) :] else ""
-    figure, axes = cost_axes(in_picture(title + left), "error, relative to the path's length")
-    for name, mark in zip(names, _MARKERS, strict=False):
+    within = [run for run in runs if run["usable"] and run["error"] <= _SAID]
+    within.sort(key=itemgetter("cost"), reverse=True)
+    costs = {run["label"]: run["cost"] for run in within}  # the least of each
+    cheapest = sorted(costs.items(), key=itemgetter(1))[:3]
+    words = ", ".join(f"{cost * 1e3:.2g} ms by {label}" for label, cost in cheapest)
+    found = f"\nright to {_SAID:g}, a simulated second takes {words}" if words else ""
+    figure, axes = cost_axes(in_picture(title + found), "error, relative to the path's length")
+    drawn = set[str]()
+    for name in names:
         first = next(run for run in runs if run["contestant"] == name)
         label, colour = in_picture(f"{first['label']} {first['version']}"), first["colour"]
-        axes.plot([], [], f"{mark}-", color=colour, linewidth=1, label=label)
+        mark, pale = first["marker"], 0.4 if first["label"] in drawn else 1.0
+        drawn.add(first["label"])
+        axes.plot([], [], f"{mark}-", color=colour, linewidth=1, alpha=pale, label=label)
         for _, some in groupby([run for run in runs if run["contestant"] == name], _key):
             mine = [*some]
             style = _IDEAL if {"all", "constraints"} & {*mine[0]["ours"].split(", ")} else "-"
             axes.plot(
                 [min(max(run["error"], _LEAST), 10.0) for run in mine],
                 [run["cost"] for run in mine], f"{mark}{style}", color=colour, markersize=6,
-                mfc="none" if mine[0]["newcomer"] else colour, linewidth=1, zorder=2,
+                mfc="none" if mine[0]["newcomer"] else colour, linewidth=1, alpha=pale, zorder=2,
             )  # fmt: skip
     best = sorted(
         (max(run["error"], _LEAST), run["cost"]) for run in runs if run["on_the_pareto_front"]

@@ -361,7 +361,7 @@ _LIMIT_COLUMNS = (
 )
 
 
-_WIDE, _PANEL, _LINE = 9.0, 3.5, 0.19  # inches: the picture; a panel's height; a legend's line
+_WIDE, _PANEL, _LINE = 7.6, 3.0, 0.19  # inches: the picture; a panel's height; a legend's line
 _TICKS = 4  # at most, on an axis
 _ACROSS = 3  # panels side by side: their letters are read at a page's width
 _LIMIT_LINES = [
@@ -523,13 +523,15 @@ def _sentence(limit: Row) -> str:
 def _legends(figure: Figure, of: Map, styles: Mapping[str, Any], results: Sequence[Result]) -> None:
     """Write the title and the meaning of the lines above, that of cells and dots below."""
     measured = {each["name"]: each for each in measured_limits(results)}
-    found = set(map(_outcome_of, results))
     limits = [
         Line2D([], [], color=colour, linestyle=dashes, label=_sentence(measured[name]))
         for name, (colour, dashes) in styles.items()
     ]
+    found = [*map(_outcome_of, results)]
     outcomes = [Patch(label=each.sentence, **each.look) for each in Outcome if each in found]
-    heading = f"{of.title}\nheld: {of.held}"
+    good = found.count(Outcome.ACCURATE)
+    heading = f"{of.title}: {good} of {len(results)} runs are accurate, and "
+    heading += f"{sum(map(missed, results))} wrong ones go unnoticed\nheld: {of.held}"
     if limits:
         heading += f"\nlines: limits predicted for an error of {ERROR_TOLERANCE:g}, and as measured"
     shared: dict[str, Any] = {"frameon": False, "fontsize": 8}

@@ -257,11 +257,14 @@ def _results_picture(drifts: Array) -> Figure:
     """Draw the drifts over |Ω| by both: rows of |Ω|, the equations', the engine's."""
     figure = Figure(figsize=(8.0, 5.0), layout="constrained")
     axes = figure.subplots()
-    for i, of, mark in ((1, EQUATIONS, "o"), (2, LABEL, "x")):
-        style: Any = {"color": of.colour, "mfc": "none", "ms": 10 - 2 * i, "label": of.name}
-        axes.plot(drifts[:, 0], drifts[:, i], mark, **style)
+    for i, of, size, alpha in ((1, EQUATIONS, 13, 0.5), (2, LABEL, 5, 1.0)):
+        style: Any = {"color": of.colour, "ms": size, "alpha": alpha, "mew": 0, "label": of.name}
+        axes.plot(drifts[:, 0], drifts[:, i], "o", **style)
     axes.set(xlabel="|Ω| [rad/s]", ylabel="mean drift along OX [m/s]")
-    axes.set_title("The same drift by both: A = diag(.7, .6, .8), K = (2, 2, 0), M² = 25 (SI)")
+    figure.suptitle("The same drift by both; two values where a start decides between attractors")
+    axes.set_title(
+        "A = diag(.7, .6, .8), K = (2, 2, 0), M² = 25 (SI); darker: more starts", fontsize=10
+    )
     axes.grid(alpha=0.3)
     axes.legend(frameon=False)
     return figure

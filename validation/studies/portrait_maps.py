@@ -159,6 +159,11 @@ def _largest_basin(record: Mapping[str, Any]) -> str:
 
 # By the record of a cell. Fixed points of index 1 are counted with the saddles; Γ₅ and Γ₆ have the
 # same type.
+_BORDERS = {  # the curves that bound what a panel shows; all in any other
+    "how many fixed points": ("|κ₁| = 1", "|κ₂| = 1"),
+    "the type of Γ₅ and Γ₆": ("A₁A₂ = 0", "B = 0"),
+    "limit cycles": ("|κ₁| = 1", "A₁A₂ = 0", "B = 0"),
+}
 _PANELS: dict[str, Callable[[Mapping[str, Any]], str]] = {
     "how many fixed points": lambda record: f"{len(record['points'])} fixed points",
     "the type of Γ₅ and Γ₆": lambda record: f"Γ₅,₆: {record['points'].get('Γ₅', 'none')}",
@@ -171,15 +176,19 @@ def _portrait_picture(name: str, results: Sequence[Result]) -> Figure:
     """Draw four panels of a map's cells, each by one property, with the curves over them."""
     plane = PLANES[name]
     figure = Figure(figsize=(12.5, 11.5), layout="constrained")
+    found = summary(plane, results)
     figure.suptitle(
-        f"Phase portraits of motion from rest: A = diag{A}, K = (0, 0, K₃), {plane.held}",
+        f"From rest: the corrected formulas are the borders of points and their types; "
+        f"{found['against_the_formulas']} of {found['cells']} cells differ\n"
+        f"A = diag{A}, K = (0, 0, K₃), {plane.held}",
         color=INK,
     )
     panels, curves = figure.subplots(2, 2), _curves_of(plane)
     for axes, (title, property_of) in zip(panels.flat, _PANELS.items(), strict=True):
         _draw_property(axes, results, property_of)
-        for levels, (_, colour, dashes) in zip(curves, _CURVES.values(), strict=True):
-            draw_level(axes, *levels, colour, dashes=dashes)
+        for levels, (curve, (_, colour, dashes)) in zip(curves, _CURVES.items(), strict=True):
+            if curve in _BORDERS.get(title, _CURVES):
+                draw_level(axes, *levels, colour, dashes=dashes)
         axes.set(xlabel="K₃ [kg m²/s]", ylabel=plane.label, title=title)
         for K3, number, side in ((0.3, "6", "right"), (0.52, "7", "left"), (3.0, "8", "right")):
             # Where the paper's own Figs 6 to 8 lie on either map: Ω₃ = 1, or (Ω₁, Ω₂) = (4, 2).

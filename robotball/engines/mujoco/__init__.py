@@ -4,4 +4,4 @@ from importlib.metadata import version
 
 from robotball.motion import Label
 
-LABEL = Label("MuJoCo", version("mujoco"), "#0072B2")  # blue of Okabe and Ito's set
+LABEL = Label("MuJoCo", version("mujoco"), "#0072B2", "o")  # blue of Okabe and Ito's set

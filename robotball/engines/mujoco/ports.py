@@ -169,7 +169,7 @@ _BEST = _MjxSettings(
 
 MJX = adapter.Adapter(
     label=Label(
-        "MJX", f"{adapter.version_of('mujoco-mjx')} on {LABEL.name} {LABEL.version}", "#DDAA33"
+        "MJX", f"{adapter.version_of('mujoco-mjx')} on {LABEL.name} {LABEL.version}", "#DDAA33", "<"
     ),
     packages=("mujoco.mjx", "jax"),  # MJX is a part of MuJoCo's package, and needs JAX
     extra="mjx",
@@ -247,7 +247,7 @@ _SINGLE = replace(
 
 
 WARP = adapter.Adapter(
-    label=Label("MuJoCo Warp", adapter.version_of("mujoco-warp"), "#76B900"),
+    label=Label("MuJoCo Warp", adapter.version_of("mujoco-warp"), "#76B900", ">"),
     packages=("mujoco_warp",),
     extra="mujoco-warp",
     presets=adapter.by_name(

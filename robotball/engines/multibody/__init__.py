@@ -48,7 +48,8 @@ from robotball.motion import (
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 
-_LABEL = Label("multibody equations", version("robotball"), "#D55E00")  # the equations' vermillion
+# The equations' vermillion.
+_LABEL = Label("multibody equations", version("robotball"), "#D55E00", "P")
 
 _MAX_STEPS = 1_000_000  # hours, where motors settle so fast that they set the step
 _MANY_STEPS = 5_000  # a minute

@@ -15,7 +15,8 @@ from PIL import Image, ImageFont
 import robotball as rb
 from robotball.engines.mujoco import LABEL
 from robotball.film import gl, render
-from robotball.film.looks import colours_of, rgb
+from robotball.film.lines import colours_of
+from robotball.film.looks import rgb
 from robotball.film.render import Film, frames, write_video
 from robotball.film.stage import Pixels
 from robotball.processes import at_most, cores
@@ -60,14 +61,14 @@ def test_motions_by_one_engine_have_a_ball_a_colour_and_a_curve_each() -> None:
     """Three in one picture, one of them elsewhere, and in one each; measured 0.006 at least."""
     engine = dataclasses.replace(THEORY, engine=LABEL)
     away = dataclasses.replace(engine, contact_point=THEORY.contact_point + np.array([5.0, 0.0]))
-    motions, film = [engine, away, THEORY], Film(size=(240, 480))
+    motions, film = [engine, away, THEORY], Film(size=(264, 480))
     colours = colours_of(motions)
     assert (len(set(colours)), colours[0], colours[2]) == (3, LABEL.colour, THEORY.engine.colour)
     each = next(frames(motions, film))
-    for third, colour in zip(np.hsplit(each[24:186], 3), colours, strict=True):
+    for third, colour in zip(np.hsplit(each[26:186], 3), colours, strict=True):
         assert share(third, colour) > 0.02
     one = next(frames(motions, dataclasses.replace(film, ghost=True)))
-    assert min(share(one[24:186], colour) for colour in colours[:2]) > 0.003
+    assert min(share(one[26:186], colour) for colour in colours[:2]) > 0.003
     assert min(share(each[186:], colour) for colour in colours[:2]) > 0.002
 
 
@@ -188,7 +189,7 @@ def test_a_rotor_too_fast_for_the_film_shows_no_marks() -> None:
     )
     still = dataclasses.replace(THEORY)  # another motion than the reference, to the film
     for slow, least, most in ((1.0, 0.0, 5e-4), (60.0, 2e-3, 1.0)):
-        film = dataclasses.replace(SMALL, slow=slow)
+        film = dataclasses.replace(SMALL, size=(160, 240), slow=slow)
         with at_most(1):  # a slow film has so many frames that processes would draw them
             first, second = (next(frames([each, THEORY], film)) for each in (still, turned))
         assert least <= np.any(first != second, axis=2).mean() <= most

@@ -174,15 +174,18 @@ def test_the_far_side_of_the_ball_is_pale() -> None:
         assert far.get_alpha() < near.get_alpha()  # type: ignore[operator]
 
 
-def test_a_name_near_the_rim_stands_beyond_it_and_one_behind_is_grey() -> None:
-    """So that none lies on a curve of the rim, and none is taken for a point in front."""
-    globe = Globe(Figure().subplots(), View(azimuth=0.0, elevation=0.0), "")
-    for gamma, radius in (
-        ([0.3, 0.0, 0.954], 1.12),
-        ([-0.3, 0.0, 0.954], 1.12),
-        ([0.8, 0.6, 0.0], 0.75),
-    ):
-        globe.name(np.array(gamma), "Γ")
-        name = globe.axes.texts[-1]
-        assert np.hypot(*name.get_position()) == pytest.approx(radius, abs=1e-3)
+def test_a_name_keeps_clear_of_lines_and_names_and_one_behind_is_grey() -> None:
+    """Of three beside one point on a line each is off the line and off the other names."""
+    axes, turn = Figure().subplots(), np.linspace(-0.3, 0.3)
+    globe, names = Globe(axes, View(azimuth=0.0, elevation=0.0), ""), list[np.ndarray]()
+    point = np.array([0.8, 0.36, 0.48])
+    globe.line(np.stack([0.8 + 0 * turn, 0.36 + turn, 0.48 + turn], axis=1))
+    for gamma in (point, point, point * [-1, 1, 1]):
+        globe.name(gamma, "Γ")
+        name = axes.texts[-1]
+        off = np.array(name.get_position()) - point[1:]
+        assert np.hypot(*off) == pytest.approx(0.17, abs=1e-3)
+        assert abs(off[0] - off[1]) / np.sqrt(2) > 0.08  # measured 0.12 at least
+        assert all(np.hypot(*(off - other)) > 0.12 for other in names)  # measured 0.17 at least
         assert (name.get_color() == INK) == (gamma[0] > 0)
+        names.append(off)

@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.film.lines import Look
 from tests.browser import Browser, needs_browser, opened
 from tests.conftest import Robotball
 from tests.robotball.files.test_files import check_length
 from validation import Agreement, compare
 from validation.output import program
-from validation.plots import LEAST, Look
+from validation.plots import LEAST
 from validation.report.chart import Line, chart, legend, ticks
 from validation.report.scene_report import friction_needed, report, sentence
 from validation.report.study_report import study_report
-from validation.results import record, write_json
 
 TIMES = rb.sample_times(1.0)
 COMMAND = "robotball report fig12 --preset naive,fast"
@@ -207,27 +207,6 @@ def test_a_studys_record_is_tables_and_pictures(robotball: Robotball, tmp_path: 
     for words in ("<td>fig12</td>", "half ?", "a &lt;b&gt;", "1.235e-07", "data:image/png;base64,"):
         assert words in made
     assert "deep" not in made
-
-
-def test_a_record_of_comparisons_begins_with_verdicts_and_its_scenes_pictures(
-    tmp_path: Path, agreements: list[Agreement]
-) -> None:
-    """As of the demo: a mark and a line each, then the paths; no picture of another command."""
-    write_json(tmp_path / "demo.json", [record(each) for each in agreements])
-    own = ("fig12-mujoco-all-momentum", "fig12-mujoco-all-path", "fig12-mujoco-naive-fast-2s-path")
-    others = ("fig13-mujoco-all-path", "fig12-mujoco-exact-path", "fig12-mujoco-all-extremes")
-    for name in (*own, *others):
-        (tmp_path / f"{name}.png").write_bytes(b"\x89PNG")
-    made = study_report(tmp_path / "demo.json")
-    parts = (
-        '<p class="verdict bad">fig12, naive: ',
-        'good">fig12, fast: agrees.',
-        "-path",
-        "<table",
-    )
-    places = [made.index(each) for each in parts]
-    assert places == sorted(places)
-    assert set(re.findall('<img alt="([^"]*)"', made)) == set(own)
 
 
 def test_a_scene_that_rolls_by_motors_has_their_loads(page: str) -> None:

@@ -37,7 +37,7 @@ CELL = {
 def result(value: float, error: float, seconds: float, **changes: Any) -> Result:
     """A run of the recipe, as the journal has it."""
     record = {
-        "label": "MuJoCo", "version": "4", "colour": "#000000", "path_error": error,
+        "label": "MuJoCo", "version": "4", "colour": "#000000", "marker": "o", "path_error": error,
         "momentum_error": error, "defect": None, "reached": 0.2, "slip": 0.0, "spin": 0.0,
         "longest_step": value, "seconds": seconds, "python_seconds": None, "fixed_work": 1.0,
         "faults": [], "normal_force_error": 0.0, "cone_violation": 0.0, "slip_work": 0.0,

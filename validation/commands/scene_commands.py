@@ -12,7 +12,7 @@ from validation.options import AGREES, OUT, PRESET, Duration, File, SceneName, t
 
 @dataclass(frozen=True)
 class Scenes:
-    """The catalog: every scene that comes with robotball.
+    """List the scenes that come with robotball.
 
     Example: robotball scenes
     """

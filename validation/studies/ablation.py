@@ -268,7 +268,7 @@ def _panel(axes: Axes, rows: Sequence[Row]) -> None:
 
 @dataclass(frozen=True)
 class Ablation:
-    """The error budget: from the naive model to the recipe choice by choice, and each undone.
+    """Measure what each choice of settings is worth: from naive to the recipe, and each undone.
 
     Example: robotball ablation fig12 --quick
     """

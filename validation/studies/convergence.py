@@ -387,7 +387,7 @@ def _record(study: Runs) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Convergence:
-    """Orders of convergence of every integrator, against the contact model's limit and theory.
+    """Measure each integrator's order of convergence, and the contact model's own error.
 
     Example: robotball convergence fig12 --quick --without softness,noslip
     """

@@ -285,7 +285,7 @@ def _at(span: tuple[Any, ...] | slice, part: float) -> Any:
 
 @dataclass(frozen=True)
 class Engines:
-    """List the engines and their presets; of scenes, each engine's error against its cost.
+    """List the engines and their presets; given scenes, compare their errors and costs.
 
     Example: robotball engines fig12 --only mujoco --quick
     """

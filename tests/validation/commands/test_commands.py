@@ -17,7 +17,7 @@ import pytest
 import robotball as rb
 from tests.conftest import Robotball
 from tests.robotball.files.scene_texts import PLATE
-from validation.cli import COMMANDS, main
+from validation.cli import COMMANDS, GROUPS, main
 from validation.studies import engine_study
 from validation.studies.ablation import CHOICES
 from validation.studies.extreme_maps import MAPS
@@ -309,16 +309,21 @@ def test_a_mistake_is_named_beside_the_plain_errors(robotball: Robotball, tmp_pa
 
 
 def test_the_help_lists_the_commands_and_the_values_of_options(robotball: Robotball) -> None:
-    """Each command with a sentence; all values beside an option; on one line the versions.
+    """Each command with a sentence that begins with a verb, in groups; all values of an option.
 
-    A shell completes them by what `--tyro-print-completion` prints.
+    The versions are one line. A shell completes by what `--tyro-print-completion` prints.
     """
     versions = rf"robotball {version('robotball')} \(.*mujoco {version('mujoco')}.*\n"
     helped, named, completed = (
         robotball(*each.split()) for each in ("--help", "--version", "--tyro-print-completion bash")
     )
     assert (helped[0], named[0], completed[0]) == (0, 0, 0)
-    assert all(f"• {name}" in helped[1] for name in COMMANDS)
+    listed = re.findall(r"^  (\w+) +([A-Z][a-z]+) .*(?:\n {14}.*)?\.$", helped[1], re.MULTILINE)
+    assert [name for name, _ in listed] == [*COMMANDS]
+    assert not {verb for _, verb in listed} & {"The", "An", "Orders"}  # each does something
+    assert re.findall(r"^(\w.*):$", helped[1], re.MULTILINE) == [*GROUPS]
+    assert robotball("help") == helped
+    assert robotball("help", "judge") == robotball("judge", "--help")
     assert re.fullmatch(versions, named[1])
     assert all(word in completed[1] for word in (*COMMANDS, "--preset", "--accuracy"))
     for option, values in {

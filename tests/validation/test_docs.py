@@ -19,6 +19,7 @@ from tests.imports import PROJECT
 from tests.random_balls import ball_of_points
 from tests.random_robots import random_scene as random_robot
 from tests.validation.examples import example
+from tests.validation.json_keys import misfits
 from validation import compare
 from validation.cli import COMMANDS, parse
 from validation.studies.extreme_maps import MAPS, cells_of
@@ -220,6 +221,18 @@ def test_the_data_sheet_s_robot_does_what_its_page_says() -> None:
     assert f"needs no torque: {0.15 * abs(theory.hinge_rates[-1, 0]):.2f} m/s" in page
     assert turned.gamma[:, 2].min() < -0.9
     assert f"must give {turned.loads.sliding_friction.max():.2f}. Make" in page
+
+
+def test_a_key_that_docs_json_lacks_or_has_in_excess_is_named() -> None:
+    """Of a record and of the objects in its lists; nothing lies below null."""
+    record = {
+        "file": "a.xml",
+        "changes": [{"change": "", "error": None, "undone": 0.1, "word": ""}],
+    }
+    absent = {"rolling", "duration", "accuracy", "path_error", "since", "other_rolling.NAME"}
+    absent |= {"causes", "lines", "mended_error", "changes[].words"}
+    assert misfits("check", record) == {*absent, "changes[].word"}
+    assert misfits("check", {**record, "changes": []}) == absent - {"changes[].words"}
 
 
 # The README -----------------------------------------------------------------------------------

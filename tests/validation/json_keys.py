@@ -1,7 +1,7 @@
 """The keys of a command's JSON, as docs/json.md lists them, held to what the command writes."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from tests.imports import PROJECT
@@ -19,17 +19,27 @@ def misfits(section: str, record: Any) -> set[str]:
     rows = [(key, said) for keys, said in ROW.findall(table) for key in re.findall("`(.+?)`", keys)]
     paths = dict(_paths(record))
     empty = [path for path, value in paths.items() if value in (None, [], {})]
-    found = {key: {path for path in paths if re.fullmatch(_pattern(key), path)} for key, _ in rows}
+    found = {key: _matching(key, paths) for key, _ in rows}
+    above = {
+        key: {path for part in _above(key) for path in _matching(part, empty)} for key in found
+    }
     lost = {
         key
         for key, said in rows
-        if not found[key]
-        and not re.search(r"\b(if|where)\b", said)
-        and not any(re.match(_pattern(path), key) for path in empty)
+        if not found[key] and not above[key] and not re.search(r"\b(if|where)\b", said)
     }
-    listed = {path for path in empty if any(key.startswith(path) for key, _ in rows)}
-    listed |= {path for path in paths if path.startswith("versions.")}
-    return {*paths}.difference(listed, *found.values()) | lost
+    versions = {path for path in paths if path.startswith("versions.")}
+    return {*paths}.difference(versions, *found.values(), *above.values()) | lost
+
+
+def _above(key: str) -> Iterator[str]:
+    """Yield the keys of the objects and lists that a key lies in."""
+    return (key[: cut.start()] for cut in re.finditer(r"\.|\[", key))
+
+
+def _matching(key: str, paths: Iterable[str]) -> set[str]:
+    """Return the paths that a listed key stands for."""
+    return {path for path in paths if re.fullmatch(_pattern(key), path)}
 
 
 def _pattern(key: str) -> str:

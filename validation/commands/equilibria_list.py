@@ -200,7 +200,7 @@ class Equilibria:
             shown.append(f"Straight-line motions are those with the scene's M² = {f:g} (kg m²/s)².")
         indices = f"The indices of the points add up to {index_sum(points)}"
         if circle is not None:
-            indices += f", with the {circle.index} of the circle (Ω, γ) = 0 to 2"
+            indices += f"; with that of the circle (Ω, γ) = 0, which is {circle.index}, to 2"
         below = [f"{indices}, as they must on a sphere."]
         if limit := stability_limit(ball):
             below.append(f"Two straight-line motions are stable where M² < {limit:.6g} (kg m²/s)².")

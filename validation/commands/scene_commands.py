@@ -92,7 +92,7 @@ class Export:
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
-    to: Annotated[Path | None, arg(metavar="DIR")] = None
+    to: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="")] = None
     """The folder for the files; out/SCENE-export if not given."""
     duration: Duration = None
     """Simulated time; the scene's own if not given."""

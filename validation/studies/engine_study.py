@@ -290,7 +290,9 @@ class Engines:
     Example: robotball engines fig12 --only mujoco --quick
     """
 
-    scenes: Positional[Annotated[tuple[str, ...], arg(metavar="[SCENE…]")]] = ()
+    scenes: Positional[
+        Annotated[tuple[str, ...], arg(metavar="[SCENE…]", help_behavior_hint="")]
+    ] = ()
     """Names from the catalog, or paths to TOML files; without any the engines are listed."""
     only: Names = ()
     """Engines to run; all that are there if not given. Several: drake,bullet."""

@@ -434,7 +434,9 @@ def _contact(beside: _Beside) -> list[str]:
         f"spin up to {spin:.1e} rad/s{sure}{allowed}",
     ]
     if np.isfinite(radius):
-        parts.append(f"rolls as at a radius of {radius:.6g} m (the scene's: {scene.ball.radius:g})")
+        parts.append(
+            f"rolls like a ball of radius {radius:.6g} m (the scene's: {scene.ball.radius:g})"
+        )
     return ["; ".join(parts)]
 
 

@@ -24,6 +24,7 @@ from .engine import engine_named as engine_named
 from .engine import engine_names as engine_names
 from .engine import integrate as integrate
 from .engine import simulate as simulate
+from .engines.mujoco.dm_environment import dm_environment as dm_environment
 from .engines.mujoco.settings import PRESETS as PRESETS
 from .engines.mujoco.settings import Settings as Settings
 from .engines.mujoco.settings import preset as preset

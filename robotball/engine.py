@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import Any, Literal, Protocol, TypeVar
 
 import numpy as np
@@ -215,8 +216,17 @@ def _loaded(where: str) -> Any:
     return getattr(import_module(module), attribute)
 
 
+def scene_of(scene: Scene | str | Path) -> Scene:
+    """Return a scene, which `load_scene` loads where its name or path is given."""
+    if isinstance(scene, Scene):
+        return scene
+    from robotball.files.scene_file import load_scene
+
+    return load_scene(scene)
+
+
 def simulate(
-    scene: Scene,
+    scene: Scene | str | Path,
     times: Array | None = None,
     settings: EngineSettings | str | None = None,
     *,
@@ -232,8 +242,8 @@ def simulate(
 
     Parameters
     ----------
-    scene : Scene
-        The scene to run.
+    scene : Scene, str or Path
+        The scene, a name of the catalog, or the path of a TOML, MJCF or URDF file.
     times : (n,), s, optional
         Sample times, increasing from 0. The default is `scene.times`.
     settings : EngineSettings or str, optional
@@ -257,25 +267,25 @@ def simulate(
     ------
     InputError
         If times are unusable, the engine or the preset is unknown, the engine cannot express the
-        scene, rounding forbids the accuracy, or the run needs more steps than the settings allow.
+        scene, rounding forbids the accuracy, the run needs more steps than the settings allow, or
+        `load_scene` raises it.
 
     Warns
     -----
     SceneWarning
-        If the accuracy is not reached, if settings are predicted to fail, or if the ball or its
-        motion can hardly be intended.
+        If the accuracy is not reached, if settings are predicted to fail, if the ball or its motion
+        can hardly be intended, or if `load_scene` warns.
 
     Examples
     --------
     >>> import robotball as rb
-    >>> scene = rb.load_scene("fig12")
-    >>> motion = rb.simulate(scene, rb.sample_times(0.5), "fast")
+    >>> motion = rb.simulate("fig12", rb.sample_times(0.5), "fast")
     >>> print(f"{motion.path_length:.3f} m in {motion.report.steps} steps")
     1.857 m in 25 steps
     """
     request = request_of(engine, settings, accuracy)
     whole = replace(request, strict=strict, progress=progress)
-    return run_request(scene, times, whole)
+    return run_request(scene_of(scene), times, whole)
 
 
 def request_of(
@@ -376,7 +386,7 @@ _EQUATIONS: dict[_Equations, str] = {
 
 
 def integrate(
-    scene: Scene,
+    scene: Scene | str | Path,
     times: Array | None = None,
     rtol: float = LEAST_RTOL,
     max_steps: int | None = None,
@@ -390,8 +400,8 @@ def integrate(
 
     Parameters
     ----------
-    scene : Scene
-        The scene to run.
+    scene : Scene, str or Path
+        The scene, a name of the catalog, or the path of a TOML, MJCF or URDF file.
     times : (n,), s, optional
         Sample times, increasing from 0. The default is `scene.times`.
     rtol : float, default 1e-15
@@ -414,17 +424,24 @@ def integrate(
     ------
     InputError
         If times are unusable, the requested equations do not describe the scene, the ball lifts
-        off, the limit of steps is met, a step shrinks to nothing, or a number overflows.
+        off, the limit of steps is met, a step shrinks to nothing, a number overflows, or
+        `load_scene` raises it.
+
+    Warns
+    -----
+    SceneWarning
+        If `load_scene` warns.
 
     Examples
     --------
     >>> import robotball as rb
-    >>> motion = rb.integrate(rb.load_scene("fig12"), rb.sample_times(0.5))
+    >>> motion = rb.integrate("fig12", rb.sample_times(0.5))
     >>> motion.contact_point.shape
     (26, 2)
     >>> print(f"{motion.path_length:.3f} m")
     1.857 m
     """
+    scene = scene_of(scene)
     times = scene.times if times is None else check_times(times)
     if not LEAST_RTOL <= rtol < 1:
         raise InputError(f"rtol must be at least {LEAST_RTOL:g} and less than 1, not {rtol:g}")

@@ -1,15 +1,56 @@
 """Many motions at once, by a contact engine: from many starts, or of many scenes."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
-from typing import Any
+import ctypes
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, TypeVar, overload
 
 from robotball.engine import DEFAULT, Engine, Request, as_of, request_of, runnable
 from robotball.engines import Progress
 from robotball.errors import InputError
 from robotball.motion import ContactMotion, EngineSettings
+from robotball.processes import in_processes
 from robotball.rotations import Array
 from robotball.scene import Scene, Start
+
+_Result = TypeVar("_Result")
+
+
+@dataclass(frozen=True, eq=False)
+class FromStarts(Sequence[Scene]):
+    """A scene from many starts. Each is made when it is asked for, as making it takes 0.2 ms."""
+
+    scene: Scene
+    starts: Sequence[Start]
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    @overload
+    def __getitem__(self, at: int) -> Scene: ...
+    @overload
+    def __getitem__(self, at: slice) -> "FromStarts": ...
+    def __getitem__(self, at: int | slice) -> "Scene | FromStarts":
+        if isinstance(at, slice):
+            return FromStarts(self.scene, self.starts[at])
+        return _started(self.scene, self.starts[at])
+
+
+def _started(scene: Scene, start: Start) -> Scene:
+    return replace(scene, start=start)
+
+
+def of_each(work: Callable[[Scene], _Result], scenes: Sequence[Scene]) -> Iterator[_Result]:
+    """Yield what `work` returns of each scene, by processes; here where it cannot be pickled."""
+    if isinstance(scenes, FromStarts):
+        of_start = partial(_of_start, work, scenes.scene)
+        return in_processes(of_start, scenes.starts, or_here=True)
+    return in_processes(work, scenes, or_here=True)
+
+
+def _of_start(work: Callable[[Scene], _Result], scene: Scene, start: Start) -> _Result:
+    return work(_started(scene, start))
 
 
 def simulate_many(
@@ -55,8 +96,9 @@ def simulate_many(
     Raises
     ------
     InputError
-        If `starts` is given with several scenes or missing with one, if the engine has no choice of
-        a device, and wherever `simulate` raises it.
+        If `starts` is given with several scenes or missing with one, if one of them is no Start, if
+        the engine has no choice of a device, and wherever `simulate` raises it. What is wrong with
+        a start is found when its motion is made.
 
     Warns
     -----
@@ -80,14 +122,37 @@ def simulate_many(
         own: Any = request.settings
         if not hasattr(own, "device"):
             raise InputError(f"{request.engine.label.name} has no choice of a device: leave it out")
+        _check_device(device)
         request = replace(request, settings=replace(own, device=device))
     if (starts is None) == isinstance(scene, Scene):
         raise InputError("give starts with one scene, and none with several")
     if isinstance(scene, Scene):
-        scene = [replace(scene, start=each) for each in starts or ()]
-    for each in scene:
+        scene = _from_starts(scene, starts)
+    for each in scene[:1] if isinstance(scene, FromStarts) else scene:
         times = runnable(each, times, request)
     return iter(()) if times is None else _each(scene, times, request, progress)
+
+
+def _check_device(device: str) -> None:
+    """Raise InputError for a device that is none, before an engine takes seconds to find it out."""
+    if device not in ("cpu", "cuda"):
+        raise InputError(f"there is no device {device!r}: give cpu or cuda")
+    if device == "cuda":
+        try:
+            ctypes.CDLL("libcuda.so.1")
+        except OSError:
+            raise InputError(
+                "there is no device 'cuda': give cpu, as no driver for CUDA is found"
+            ) from None
+
+
+def _from_starts(scene: Scene, starts: Any) -> FromStarts:
+    for i, each in enumerate([starts] if not isinstance(starts, Sequence) else starts):
+        if not isinstance(each, Start):
+            raise InputError(
+                f"starts must be Start(attitude, momentum), one or more; number {i} is {each!r}"
+            )
+    return FromStarts(scene, starts)
 
 
 def _each(
@@ -95,7 +160,12 @@ def _each(
 ) -> Iterator[ContactMotion]:
     """Yield the motions of `simulate_many`."""
     assert request.settings is not None  # as no accuracy is requested
-    whole = [each.until(float(times[-1])) for each in scenes]
+    end = float(times[-1])
+    whole: Sequence[Scene]
+    if isinstance(scenes, FromStarts):
+        whole = FromStarts(scenes.scene.until(end), scenes.starts)
+    else:
+        whole = [each.until(end) for each in scenes]
     motions = request.engine.run_many(whole, times, request.settings) if whole else ()
     for done, (scene, motion) in enumerate(zip(scenes, motions, strict=True), start=1):
         yield as_of(scene, motion)
@@ -105,6 +175,8 @@ def _each(
 
 def differ_in_start(scenes: Sequence[Scene]) -> bool:
     """Return whether scenes differ in nothing but how the ball and its hinges start."""
+    if isinstance(scenes, FromStarts):
+        return True
     first = scenes[0]
     angles = [each.angle for each in first.ball.hinges]
     rates = [each.rate for each in first.ball.hinges]

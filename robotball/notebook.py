@@ -98,7 +98,10 @@ def report_lines(report: Any) -> str:
         "share of the friction cone used": report.friction_used,
         "relative error of a hinge's rate": report.hinge_rate_error,
     }
-    readings = [f"largest {name}: {np.max(np.abs(row)):.2g}" for name, row in largest.items()]
+    # A run that broke off in its first step has none.
+    readings = [
+        f"largest {name}: {np.max(np.abs(row)):.2g}" for name, row in largest.items() if row.size
+    ]
     faults = [f"fault: {each}" for each in report.faults] or ["no fault"]
     notes = [f"note: {each}" for each in report.notes]
     cost = f"{steps}, {report.seconds:.2g} s of processor time"

@@ -116,11 +116,11 @@ def in_processes(
     work: a module's function, `partial` of one, or an object that can be called; like jobs and
     results it can be pickled. With one process, or fewer jobs than `least`, it is called here: a
     process takes a second to start. Its warnings and errors are the caller's. The processes end
-    with the iterator. or_here: jobs that cannot be pickled, as with a user's functions in them, are
-    done here. Raises ChildProcessError where one of them dies.
+    with the iterator. or_here: work and jobs that cannot be pickled, as with a user's functions in
+    them, are done here. Raises ChildProcessError where one of them dies.
     """
     count = min(allowed(), len(jobs))
-    pickled = _pickled(jobs) if or_here and count > 1 else None
+    pickled = _pickled(work, jobs) if or_here and count > 1 else None
     if count < 2 or len(jobs) < least or (or_here and pickled is None):
         yield from map(work, jobs)
         return
@@ -141,9 +141,10 @@ def in_processes(
                 yield _answer(in_order.popleft())[0]
 
 
-def _pickled(jobs: Iterable[object]) -> list[bytes] | None:
-    """Return the jobs as other processes are given them, None where one cannot be."""
+def _pickled(work: object, jobs: Iterable[object]) -> list[bytes] | None:
+    """Return the jobs as other processes are given them, None where they or the work cannot be."""
     try:
+        pickle.dumps(work)
         return [pickle.dumps(job) for job in jobs]
     except (pickle.PicklingError, AttributeError, TypeError):
         return None

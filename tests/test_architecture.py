@@ -177,7 +177,6 @@ def unknown_names(text: str, known: set[str]) -> Iterator[str]:
 OTHERS = {
     "README",
     "TAMSI",
-    "dm_control.mjcf",
     "skip_file_prefixes",
     "x_mm",
     "x_error",

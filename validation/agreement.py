@@ -6,9 +6,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robotball import Engine, EngineSettings, Fault, Motion, Scene, integrate, load_scene
+from robotball import Engine, EngineSettings, Fault, Motion, Scene, integrate
 from robotball.ball import Value
-from robotball.engine import DEFAULT, Request, request_of, run_request
+from robotball.engine import DEFAULT, Request, request_of, run_request, scene_of
 from robotball.motion import (
     ContactMotion,
     ContactReport,
@@ -257,8 +257,7 @@ def compare(
     >>> compare("fig12", "fast", rb.sample_times(0.5)).verdict
     'agrees'
     """
-    if isinstance(scene, str | Path):
-        scene = load_scene(scene)
+    scene = scene_of(scene)
     request = request_of(engine, settings, accuracy)
     return compare_with(
         integrate(scene, times) if theory is None else theory,

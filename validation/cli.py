@@ -4,6 +4,7 @@ Exit status: 0 agreement within the stated bound, 1 not, 2 bad input, or what th
 The module of a command is imported when that command is named.
 """
 
+import ast
 import contextlib
 import io
 import logging
@@ -17,6 +18,7 @@ from importlib import import_module
 from pathlib import Path
 from shutil import get_terminal_size
 from textwrap import fill
+from types import ModuleType
 from typing import Annotated, Any, Protocol, Union, get_type_hints
 
 import tyro
@@ -190,7 +192,8 @@ def parse(arguments: Sequence[str]) -> _Command:
         raise InputError("which command? 'robotball --help' lists them")
     if name not in COMMANDS:
         raise unknown("command", name, [*COMMANDS, "help", "--help", "--version"])
-    command, refusal = class_of(name), io.StringIO()
+    helped = not {"-h", "--help"}.isdisjoint(arguments)
+    command, refusal = _options_of(name) if helped else class_of(name), io.StringIO()
     _check_each_is_given_once(command, arguments)
     try:
         with contextlib.redirect_stderr(refusal):
@@ -231,6 +234,34 @@ def class_of(name: str) -> type[_Command]:
     return command
 
 
+def _options_of(name: str) -> type[_Command]:
+    """Return the class of a command for its `--help`, without its methods.
+
+    Of its module it takes the statements on which the options depend, and so imports nothing that
+    the command works with.
+    """
+    file, title = _file_of(name), name.capitalize()
+    wanted, kept = {title, "annotations"}, []  # the latter from __future__
+    for each in reversed(ast.parse(file.read_text(encoding="utf-8")).body):
+        if isinstance(each, ast.ClassDef):
+            each.body = [part for part in each.body if not isinstance(part, ast.FunctionDef)]
+        match each:
+            case ast.ClassDef(name=word) | ast.Assign(targets=[ast.Name(id=word)]):
+                made = {word}
+            case _:
+                made = {alias.asname or alias.name for alias in getattr(each, "names", [])}
+        if made & wanted:
+            kept.append(each)
+            names = (node for node in ast.walk(each) if isinstance(node, ast.Name))
+            wanted |= {node.id for node in names if isinstance(node.ctx, ast.Load)}
+    module = ModuleType(f"{COMMANDS[name]}.options")
+    module.__file__ = str(file)  # where tyro reads what stands below an option
+    sys.modules[module.__name__] = module
+    exec(compile(ast.Module(kept[::-1], []), module.__file__, "exec"), vars(module))
+    command: type[_Command] = getattr(module, title)
+    return command
+
+
 def _any_command() -> Any:
     """Return all commands with their options, for the completion of a shell."""
     return Union[  # noqa: UP007
@@ -258,10 +289,14 @@ def _overview() -> str:
 
 def _summary(name: str) -> str:
     """Return the first line of a command's docstring, read from its source."""
-    place = COMMANDS[name].removeprefix("validation.").replace(".", "/")
-    source = (Path(__file__).parent / f"{place}.py").read_text(encoding="utf-8")
+    source = _file_of(name).read_text(encoding="utf-8")
     (words,) = re.findall(rf'class {name.capitalize()}\b.*:\n    """(.*)', source)
     return str(words)
+
+
+def _file_of(name: str) -> Path:
+    place = COMMANDS[name].removeprefix("validation.").replace(".", "/")
+    return Path(__file__).parent / f"{place}.py"
 
 
 def _words_of(refusal: str) -> str:

@@ -35,7 +35,7 @@ _DPI = 120
 _CHARACTERS = 10  # of 12 points, in an inch
 _WIDEST = 10_000  # characters, more than a table has
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")  # beginnings of one, for a spreadsheet
-_PACKAGES = ("robotball", "mujoco", "numpy", "scipy", "dm-control")
+_PACKAGES = ("robotball", "mujoco", "numpy", "scipy")
 
 
 def versions() -> dict[str, str]:

@@ -14,8 +14,8 @@ from robotball.engine import DEFAULT
 from robotball.engines import Progress
 from robotball.engines.reduced import motion_of
 from robotball.errors import InputError, check_count
+from robotball.many_motions import FromStarts, of_each
 from robotball.motion import Motion, extended
-from robotball.processes import in_processes
 from robotball.rotations import Array
 from validation.agreement import Agreement
 from validation.options import Run
@@ -134,7 +134,7 @@ def compare_many(
     """
     check_count("the number of starts", len(starts), 1)
     times = scene.times if times is None else times
-    scenes = [replace(scene, start=each) for each in starts]
+    scenes = FromStarts(scene, starts)
     more: Any = {"engine": engine, "device": device, "progress": progress}
     motions = simulate_many(scenes, None, times, settings, **more)
     return ManyRuns(tuple(map(_start_row, map(Agreement, _references(scenes, times), motions))))
@@ -149,7 +149,7 @@ def _start_row(agreement: Agreement) -> Row:
 def _references(scenes: Sequence[Scene], times: Array) -> Iterator[Motion]:
     """Yield the equations' motions of scenes that differ in their start, at times (n,) [s]."""
     if not all(each.steady and each.not_reduced is None for each in scenes[:1]):
-        yield from in_processes(partial(_reference, times), scenes, or_here=True)
+        yield from of_each(partial(_reference, times), scenes)
         return
     from robotball.engines.ensembles.orbits import kernel_start, orbits
 

@@ -9,6 +9,7 @@ by a digest of all that the code is made from.
 import hashlib
 import os
 import shutil
+import sys
 import tempfile
 import threading
 from collections.abc import Callable
@@ -34,18 +35,34 @@ def inlined(function: Function) -> Function:
     return register_jitable(no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
 
 
-def compiled_from(source: str, signature: str, **options: Any) -> Callable[[Function], Any]:
-    """Return a decorator that compiles for one signature, or loads what is kept on disk.
+class Compiled:
+    """A function that is compiled for its one signature, or loaded, when it is first needed.
 
-    source: the text of everything that the function is compiled from, its own and that of all it
-    calls; options: of numba.njit. With another source or other options it is compiled anew. Where
-    nothing can be kept, a warning says so, and the function is compiled in memory.
+    source, options: as `compiled_from` takes them.
     """
 
-    def decorate(function: Function) -> Any:
-        folder = _folder_for(source, options)
+    def __init__(self, function: Any, source: str, signature: str, options: dict[str, Any]) -> None:
+        self._function, self._source = function, source
+        self._signature, self._options = signature, options
+        self._code: Any = None
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.code(*arguments)
+
+    @property
+    def code(self) -> Any:
+        """What numba makes of the function: compiled, or loaded, once in a process."""
+        with _one_at_a_time:
+            if self._code is None:
+                self._code = self._compiled_or_loaded()
+        return self._code
+
+    def _compiled_or_loaded(self) -> Any:
+        folder = _folder_for(self._source, self._options)
+        if folder is None or not folder.exists():
+            _say_once("robotball: compiling, once, about 10 s")
         try:
-            return _compiled(function, signature, options, folder)
+            return self._compiled(folder)
         except OSError as error:
             _warn_once(f"compiled code is not kept, and compiled anew every time: {error}")
             folder = None
@@ -54,24 +71,30 @@ def compiled_from(source: str, signature: str, **options: Any) -> Callable[[Func
             if folder is None:
                 raise
             shutil.rmtree(folder, ignore_errors=True)
-        return _compiled(function, signature, options, folder)
+        return self._compiled(folder)
 
-    return decorate
-
-
-def _compiled(function: Any, signature: str, options: dict[str, Any], folder: Path | None) -> Any:
-    with _one_at_a_time:
+    def _compiled(self, folder: Path | None) -> Any:
         before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder or "")
         try:
-            dispatcher = numba.njit(cache=folder is not None, **options)(function)
+            dispatcher = numba.njit(cache=folder is not None, **self._options)(self._function)
         finally:
             numba.config.CACHE_DIR = before
-    # Where numba cannot write it goes on to folders of its own, which are not checked.
-    if folder is not None and folder not in Path(dispatcher.stats.cache_path).parents:
-        raise OSError(f"nothing can be written to {folder}")
-    dispatcher.compile(signature)
-    dispatcher.disable_compile()
-    return dispatcher
+        # Where numba cannot write it goes on to folders of its own, which are not checked.
+        if folder is not None and folder not in Path(dispatcher.stats.cache_path).parents:
+            raise OSError(f"nothing can be written to {folder}")
+        dispatcher.compile(self._signature)
+        dispatcher.disable_compile()
+        return dispatcher
+
+
+def compiled_from(source: str, signature: str, **options: Any) -> Callable[[Function], Any]:
+    """Return a decorator that makes a function a `Compiled` one, kept on disk.
+
+    source: the text of everything that the function is compiled from, its own and that of all it
+    calls; options: of numba.njit. With another source or other options it is compiled anew. Where
+    nothing can be kept, a warning says so, and the function is compiled in memory.
+    """
+    return lambda function: Compiled(function, source, signature, options)
 
 
 def _folder_for(source: str, options: dict[str, Any]) -> Path | None:
@@ -90,6 +113,11 @@ def _folder_for(source: str, options: dict[str, Any]) -> Path | None:
 @cache
 def _warn_once(line: str) -> None:
     warn(line)
+
+
+@cache
+def _say_once(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
 
 
 def cache_folder() -> Path | None:

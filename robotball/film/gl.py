@@ -15,8 +15,6 @@ from typing import Any
 _PATIENCE = 60.0  # s, for one candidate: several times what a loaded machine needs
 _OFF = ("disable", "disabled", "off", "false", "0")
 _ANY = ("", "enable", "enabled", "on", "true", "1")
-# Modules whose import loads the OpenGL that MUJOCO_GL names.
-_LOADING = {"mujoco", "dm_control._render"}
 _FIX = {"Linux": "sudo apt-get install libosmesa6", "Darwin": "a session with a window server"}
 
 # MuJoCo takes its backend from MUJOCO_GL when it is first imported, as it is in the child.
@@ -61,9 +59,9 @@ def advice() -> str:
 
 
 def ended_import(error: Exception) -> bool:
-    """Return whether the error was raised in an import that loads MUJOCO_GL's OpenGL."""
+    """Return whether the error was raised in MuJoCo's import, which loads MUJOCO_GL's OpenGL."""
     modules = {frame.f_globals.get("__name__") for frame, _ in walk_tb(error.__traceback__)}
-    return bool(os.environ.get("MUJOCO_GL")) and bool(modules & _LOADING)
+    return bool(os.environ.get("MUJOCO_GL")) and "mujoco" in modules
 
 
 def _candidates() -> tuple[str, ...]:

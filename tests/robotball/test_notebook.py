@@ -34,6 +34,9 @@ def test_a_report_is_a_few_lines_with_its_faults_by_name() -> None:
     assert repr(MOTION.report).count("\n") == 6
     assert repr(MOTION.report).endswith("\n  no fault>")
     assert f"largest slip [m/s]: {MOTION.report.slip.max():.2g}\n" in str(MOTION.report)
+    nothing = np.empty(0)
+    broken = replace(MOTION.report, slip=nothing, spin=nothing, depth=nothing)
+    assert repr(broken).count("\n") == 3  # of a run that broke off in its first step
     naive = rb.simulate(SCENE, TIMES, "naive").report
     assert repr(naive).endswith(
         "\n  ".join(["", *(f"fault: {each}" for each in naive.faults)]) + ">"

@@ -189,7 +189,7 @@ def test_a_locale_without_greek_letters_shows_something_else(tmp_path: Path) -> 
     ("arguments", "platform", "words"),
     [
         ("validation compare fig12", "", "no off-screen GL with MUJOCO_GL=osmesa; unset it, or"),
-        ("validation engines", "egl", "MUJOCO_GL=osmesa and PYOPENGL_PLATFORM=egl; unset both"),
+        ("validation video fig12", "egl", "MUJOCO_GL=osmesa and PYOPENGL_PLATFORM=egl; unset both"),
     ],
 )
 def test_an_opengl_that_cannot_be_loaded_is_one_line(
@@ -197,7 +197,7 @@ def test_an_opengl_that_cannot_be_loaded_is_one_line(
 ) -> None:
     """MuJoCo's import ends in an AttributeError of PyOpenGL's where OSMesa's library is missing.
 
-    Where two are named it ends in an ImportError of its own, as dm-control's does.
+    Where two are named MuJoCo takes neither, and only what draws ends so.
     """
     (tmp_path / "OpenGL").mkdir()
     (tmp_path / "OpenGL" / "__init__.py").write_text("raise AttributeError('glGetError')")

@@ -3,13 +3,12 @@
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from tyro.conf import DisallowNone, Positional, arg
 
 from robotball.drives import as_drive
 from robotball.engines.mujoco.user_model import UserModel
-from robotball.equations import Rolling
 from robotball.errors import check_positive
 from robotball.files.robot_file import open_robot, starts_off
 from validation.options import AGREES, DISAGREES, OUT, Controls, Duration, File, check_files
@@ -32,7 +31,10 @@ class Check:
     """The MJCF or URDF file of the robot, of which nothing is overwritten."""
     shell: DisallowNone[Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")]] = None
     """The body or geom that rolls; the largest sphere if not given."""
-    rolling: DisallowNone[Annotated[Rolling | None, arg(help_behavior_hint="")]] = None
+    # Spelled out, as `--help` would load NumPy for the type that equations.py has.
+    rolling: DisallowNone[
+        Annotated[Literal["rubber", "classical"] | None, arg(help_behavior_hint="")]
+    ] = None
     """The rolling model; the nearer one if not given."""
     keyframe: DisallowNone[Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")]] = None
     """The keyframe to start at; the first one if not given."""

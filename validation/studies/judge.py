@@ -45,8 +45,11 @@ from validation.studies.judge_search import Lag, Mistake, Search, lag_of, refere
 from validation.studies.mistakes import numbers_of, some_of
 from validation.studies.orders import LEAST, fit_order
 
-_TOLERANCE = 1e-2  # of path, momentum and the hinges' rates, relative; of the attitude in rad
+_TOLERANCE = (
+    1e-2  # relative, of path, height, momentum and the hinges' rates; of the attitude in rad
+)
 _ENOUGH = 0.1  # of the scene's duration; a file that covers less says too little to agree
+_ON_THE_PLANE = 0.05  # of the radius: a height so near 0 is the contact point's
 _ROWS = 20_000  # that are judged, at most, where the frame turns little between them
 _TURN = 0.1  # rad
 _LONGEST = 100  # times the scene's duration; a longer file is in another unit
@@ -81,6 +84,18 @@ class _Beside:
         M is from the file's attitude and ω, or the file's own.
         """
         return known(momentum_error(self.motion, self.theory))
+
+    @property
+    def level(self) -> float:
+        """Return where the file's z should stay [m]: 0 where it is the contact point's."""
+        radius = self.theory.scene.ball.radius
+        return 0.0 if np.abs(self.motion.height).max() < _ON_THE_PLANE * radius else radius
+
+    @property
+    def height_error(self) -> float | None:
+        """Return the largest error of z, over the radius; None where the file has none."""
+        apart = np.abs(self.motion.height - self.level).max()
+        return known(float(apart) / self.theory.scene.ball.radius)
 
     @property
     def momentum_known_to(self) -> float:
@@ -177,7 +192,10 @@ class FileJudgement:
         """Return whether all that is known is within the tolerance, and no mistake was found."""
         of_momentum = (self.plain.momentum_error or 0.0) - self.plain.momentum_known_to
         of_hinges = (error for error, _ in self.plain.hinge_rates.values())
-        errors = (self.plain.path_error, self.plain.attitude_error, of_momentum, *of_hinges)
+        errors = (
+            self.plain.path_error, self.plain.attitude_error, self.plain.height_error or 0.0,
+            of_momentum, *of_hinges,
+        )  # fmt: skip
         return not self.mistakes and max(errors) <= self.tolerance
 
     @property
@@ -247,7 +265,8 @@ def judge(
         The step of the engine in each file. The default is the step in the file's header, or the
         interval of its samples.
     tolerance : float, default 0.01
-        The largest error of path, momentum and hinge rates, relative, and of the attitude in rad.
+        The largest error of path, height over the radius, momentum and hinge rates, relative, and
+        of the attitude in rad.
     progress : callable, optional
         Called with the fraction that is done, from 0 to 1.
 
@@ -347,8 +366,7 @@ def _orders(judged: Sequence[FileJudgement]) -> Iterator[Order]:
         yield Order(name, *((found.order, found.stderr) if found else (None, None)))
 
 
-_ON_THE_PLANE = 0.05  # of the radius: a height so near 0 is the contact point's
-_OFF_HEIGHT = 0.01  # of the radius, by which a centre may be off without a line
+_SURE = 0.1  # the part of an error that a mistake may leave if it is said to be made
 _EXACT = 1e-9  # of the radius
 
 
@@ -397,7 +415,9 @@ def lines(judged: FileJudgement) -> list[str]:
     found += _height(judged)
     for mistake in judged.mistakes:
         as_well = f", or {' or '.join(mistake.as_well)}" if mistake.as_well else ""
-        found.append(f"WRONG: {mistake.name}{as_well}")
+        sure = mistake.left <= _SURE
+        rest = "" if sure else f", which leaves {mistake.left:.0%} of the error"
+        found.append(f"{'WRONG' if sure else 'PERHAPS'}: {mistake.name}{as_well}{rest}")
     if judged.corrected is not None:
         found.append(
             f"without that: path error {best.path_error:.1e}, attitude error "
@@ -441,29 +461,29 @@ def _contact(beside: _Beside) -> list[str]:
 
 
 def _height(judged: FileJudgement) -> list[str]:
-    height, radius = judged.best.motion.height, judged.plain.theory.scene.ball.radius
-    if not np.isfinite(height).all():
+    best, error = judged.best, judged.best.height_error
+    if error is None:
         return []
-    if np.abs(height).max() < _ON_THE_PLANE * radius:
+    if error > judged.tolerance:
+        z, what = best.motion.height, "contact point" if best.level == 0 else "sphere's centre"
+        return [
+            f"z is {z.min():.4g} to {z.max():.4g} m, and the {what} at {best.level:g} m: off by "
+            f"up to {error:.1e} of the radius"
+        ]
+    if best.level == 0:
         return ["z is the contact point's, and says nothing of the contact"]
-    depth = radius - height
-    if np.abs(depth).max() < _OFF_HEIGHT * radius:
-        least, most = -depth.max() / radius, -depth.min() / radius
-        if np.abs(depth).max() < _EXACT * radius:
-            return []
-        return [f"z is off the radius by {least:.0e} to {most:.0e} of it"]
-    return [
-        f"z is {height.min():.4g} to {height.max():.4g} m, and the sphere's centre at {radius:g} m"
-    ]
+    return [] if error < _EXACT else [f"z is off by up to {error:.0e} of the radius"]
 
 
 def _verdict(judged: FileJudgement) -> str:
     duration = judged.plain.theory.scene.duration
     part = f"over {judged.covers:.4g} s of the scene's {duration:g} s"
     if judged.mistakes:
-        return f"verdict: a convention is wrong, or the scene, {part}"
+        sure = all(each.left <= _SURE for each in judged.mistakes)
+        return f"verdict: a convention is {'' if sure else 'perhaps '}wrong, or the scene, {part}"
     limit = f"{judged.tolerance:g}"
-    bound = f"within {limit} in path and momentum, and {limit} rad in attitude,"
+    height = "" if judged.plain.height_error is None else ", height"
+    bound = f"within {limit} in path{height} and momentum, and {limit} rad in attitude,"
     if judged.within and judged.too_short:
         return f"verdict: too short to judge, with less than {_ENOUGH:.0%}; {bound} {part}"
     return f"verdict: {'agrees' if judged.within else 'off; it is not'} {bound} {part}"
@@ -506,7 +526,7 @@ def _file(judged: FileJudgement) -> dict[str, Any]:
     }
 
 
-_ERRORS = ("path_error", "attitude_error", "gamma_error", "momentum_error")
+_ERRORS = ("path_error", "attitude_error", "gamma_error", "momentum_error", "height_error")
 
 
 def _measures(beside: _Beside) -> dict[str, Any]:
@@ -540,7 +560,8 @@ class Judge:
     """The engine's step in each file; else the one in its header, or the interval of its
     samples."""
     tolerance: Annotated[float, arg(metavar="ERROR")] = _TOLERANCE
-    """The errors that agree: of path, momentum and hinges' rates, relative; of attitude [rad]."""
+    """The errors that agree: of path, height, momentum and hinges' rates, relative; of attitude
+    [rad]."""
     json: File = None
     """Also write the judgement."""
 

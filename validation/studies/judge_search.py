@@ -7,7 +7,7 @@ try, and another scene has to be integrated. A shift in time is reported, and un
 
 import contextlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -111,10 +111,13 @@ _LESSENS = np.log(5.0)  # by how much a mistake must lessen one of the errors
 # Times less of all errors together, typical and mean square, that is most of them: 1.008 by chance,
 # and at least 2.9 and 1.28 where a planted mistake is undone.
 _MOST = (2.0, 1.1)
+# Of path, attitude or ω, the part of the typical error and of its mean square that may be left:
+# 0.09 and 0.30 at most where a planted mistake is undone, of which the rest is the engine's.
+_LEFT = ((0.1,), (1 / 3,))
 _SPOILS = np.log(3.0)  # by how much it may worsen another one, which is wrong anyway
 _AS_GOOD = np.log(1.5)  # two mistakes so near explain as much as each other
 _SOUND = 1e-3  # errors of path and attitude, below which no other scene is tried
-_CLEAR = np.log(1e-2)  # typical errors, below which a convention is the whole explanation
+_CLEAR = np.log(1e-2), 0.1  # errors, typical and largest, below which a convention is all
 _MOST_MISTAKES = 4  # that are looked for in one file
 _TRIED = 1e-9  # of a step, of a mistaken scene's motion: far below what explains anything
 _SCENE, _TIME, _RATE = "scene", "time", "angular velocity"
@@ -132,6 +135,12 @@ class Mistake:
     before: Errors
     after: Errors
     as_well: tuple[str, ...] = ()
+
+    @property
+    def left(self) -> float:
+        """Return the least part that is left of the largest error of path, attitude or ω."""
+        pairs = zip(astuple(self.after), astuple(self.before), strict=True)
+        return min(after / before for after, before in pairs if before)
 
 
 def reference_of(scene: Scene, times: Array) -> Motion:
@@ -191,16 +200,16 @@ class Search:
     def _mistakes(self) -> list[Mistake]:
         """Return the mistakes that explain the errors.
 
-        Each, with those after it, removes most of the error that it met. Where the mistake is one
-        that is not known, another may undo one of its errors by chance, or make one small at the
-        beginning and large later: it is dropped.
+        Each, with those after it, removes most of the error that it met, and of path, attitude or ω
+        nearly all. Where the mistake is one that is not known, another may undo one of its errors
+        by chance, or make one small at the beginning and large later: it is dropped.
         """
-        meant, left = self.scene, [_total(errors_at(self.numbers, self.truth), self.truth)]
+        meant, left = self.scene, [_sizes(errors_at(self.numbers, self.truth), self.truth)]
         tried = []
         for mistake in self._lessening():
             tried.append(mistake)
-            left.append(_total(self.found[-1].errors, self.truth))
-        explain = [np.all(left[k] * _MOST < left[:k]) for k in range(1, len(left))]
+            left.append(_sizes(self.found[-1].errors, self.truth))
+        explain = [all(_explain(left[k], each) for each in left[:k]) for k in range(1, len(left))]
         count = max((k for k, each in enumerate(explain, start=1) if each), default=0)
         self.found = self.found[:count]
         self.scene = self.found[-1].scene if self.found else meant
@@ -310,10 +319,16 @@ def _with_own_rate(times: Array, numbers: Numbers) -> Numbers:
     return replace(numbers, rate=derivative.angular_velocity(times, numbers.attitude)[0])
 
 
-def _total(errors: tuple[Array, ...], truth: Truth) -> Array:
-    """Return all errors together (2,): the typical ones and their root mean square."""
-    typically = np.linalg.norm(np.exp(typical(errors, truth.times)))
-    return np.array([typically, np.sqrt(np.mean(np.square(errors), axis=1).sum())])
+def _sizes(errors: tuple[Array, ...], truth: Truth) -> Array:
+    """Return each error's typical size and its root mean square (2, 2 or 3)."""
+    mean_square = np.sqrt(np.mean(np.square(errors), axis=1))
+    return np.array([np.exp(typical(errors, truth.times)), mean_square])
+
+
+def _explain(after: Array, before: Array) -> bool:
+    """Return whether sizes are most of those before in all together, and nearly all in one."""
+    all_together = np.linalg.norm(after, axis=1) * _MOST < np.linalg.norm(before, axis=1)
+    return bool(all_together.all() and (after < _LEFT * before).all(axis=0).any())
 
 
 def _from_zero(times: Array) -> Array:
@@ -326,7 +341,8 @@ def _is_closer(own: _Option, best: _Option) -> bool:
 
 
 def _is_clear(option: _Option) -> bool:
-    return bool(np.all(option.typical[:2] < _CLEAR))
+    typically, at_most = _CLEAR
+    return bool(np.all(option.typical[:2] < typically) and np.max(option.errors[:2]) < at_most)
 
 
 def _best(

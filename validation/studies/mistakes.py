@@ -378,6 +378,9 @@ def mistaken_scenes(scene: Scene, rolling_radius: float) -> Iterator[_MistakenSc
     shell = omega - scene.hinges[0].rate * scene.ball.shell.axis
     still = [_kept(level, scene, omega - up * (up @ shell))] if other == "rubber" else []
     yield (f"the ball {spin}", (_kept(level, scene), *still, level))
+    if any(slope := scene.gravity_direction[:2]):
+        other_way = (-slope[0], -slope[1], scene.gravity_direction[2])
+        yield ("the plane slopes the other way", (replace(scene, gravity_direction=other_way),))
     yield from _inertias(scene)
     yield from _starts(scene)
 

@@ -186,7 +186,7 @@ def text(operand: "Symbol | float") -> str:
 def lane_function(name: str, tape: Tape, results: Mapping[int, "Symbol | float"]) -> str:
     """Return the source of a function of a workspace (rows·lanes,) that runs a tape in every lane.
 
-    It needs `sqrt` and `wide_vectors`, of no arguments, in its module.
+    It needs `wide_vectors`, of no arguments, and `sqrt` in its module, where Python runs it.
     results: the value to write to each row, after all is computed.
     """
     # The compiler can see that lanes are independent because the workspace is flat, with rows that

@@ -14,7 +14,8 @@ compiled once a rolling model; a ball is data. Only unit vectors are judged for 
 no tolerance has a unit.
 """
 
-import math
+import ast
+import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -335,13 +336,77 @@ def row_of(parameters: Parameters) -> list[float]:
     return [*p.I, p.d, p.a, *p.Omega, *p.K]
 
 
+_ARITHMETIC = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
+_COMPARED = {ast.LtE: "<=", ast.GtE: ">=", ast.Lt: "<"}
+
+
+def _lane_of(assignments: Sequence[Any]) -> Any:
+    """Return a function (w, i) for compiled code that runs the body of a `lane_function`.
+
+    Its operations are handed to LLVM one by one: numba would look for the types of thousands of
+    names, all floats, for seconds.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        workspace = context.make_array(signature.args[0])(context, builder, arguments[0])
+        names: dict[str, Any] = {}
+
+        def at(element: Any) -> Any:  # w[row + i]
+            row = context.get_constant(types.int64, element.slice.left.value)
+            return builder.gep(workspace.data, [builder.add(row, arguments[1])])
+
+        def value(node: Any) -> Any:
+            match node:
+                case ast.Name():
+                    return names[node.id]
+                case ast.Constant():
+                    return context.get_constant(types.float64, node.value)
+                case ast.Subscript():
+                    return builder.load(at(node))
+                case ast.UnaryOp():
+                    # As numba negates: LLVM would add up sums with fneg in another order.
+                    minus_zero = context.get_constant(types.float64, -0.0)
+                    return builder.fsub(minus_zero, value(node.operand))
+                case ast.BinOp(op=ast.BitAnd()):
+                    return builder.and_(value(node.left), value(node.right))
+                case ast.BinOp():
+                    operation = getattr(builder, _ARITHMETIC[type(node.op)])
+                    return operation(value(node.left), value(node.right))
+                case ast.Compare(left=left, ops=[operator], comparators=[right]):
+                    return builder.fcmp_ordered(
+                        _COMPARED[type(operator)], value(left), value(right)
+                    )
+                case ast.IfExp():
+                    return builder.select(*map(value, (node.test, node.body, node.orelse)))
+                case ast.Call(args=[x]):
+                    number = value(x)
+                    root = builder.module.declare_intrinsic("llvm.sqrt", [number.type])
+                    return builder.call(root, [number])
+
+        for each in assignments:
+            (target,) = each.targets
+            if isinstance(target, ast.Name):
+                names[target.id] = value(each.value)
+            else:
+                builder.store(value(each.value), at(target))
+        return context.get_dummy_value()
+
+    return intrinsic(lambda _, w, i: (types.void(w, i), generate))
+
+
 @cache
 def stepper(system: System, rolling: Rolling, lanes: int = LANES) -> Any:
     """Return the compiled step (workspace) -> None of a system, kept from process to process."""
     name = f"{system.name}_{rolling}_{lanes}"
     source = _flat_step(name, system, rolling, lanes)
+    function: Any = ast.parse(source).body[0]
+    loop = function.body[-1]
     # numba keeps only what has a file and is a module's: the text passes for a part of this one.
-    made: dict[str, Any] = {"__name__": __name__, "sqrt": math.sqrt, "wide_vectors": _wide_vectors}
-    exec(compile(source, __file__, "exec"), made)
+    made: dict[str, Any] = {"__name__": __name__, "wide_vectors": _wide_vectors}
+    made["lane"] = _lane_of(loop.body)
+    loop.body = ast.parse("lane(w, i)").body
+    exec(compile(ast.Module([function], []), __file__, "exec"), made)
     options = {"nogil": True, "error_model": "numpy", "fastmath": _FREEDOM}
-    return compiled_from(source, "void(f8[::1])", **options)(made[name])
+    made_from = source + inspect.getsource(_lane_of)
+    # The loops take the compiled function itself, by its address.
+    return compiled_from(made_from, "void(f8[::1])", **options)(made[name]).code

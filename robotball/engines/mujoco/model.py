@@ -1,16 +1,18 @@
 """Composition of a scene's MuJoCo model from the parts in mjcf/, with only what the scene needs.
 
-In order: the hinges that a model needs, the model, its composition by `dm_control.mjcf` with its
-state at the start, and the depth at which its contact carries the weight.
+In order: the hinges that a model needs, the model, its composition with its state at the start, and
+the depth at which its contact carries the weight. The model is composed as text, which brings every
+double back: `MjSpec.attach` composes too, but `MjSpec.to_xml` writes six digits.
 """
 
 import contextlib
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
 
 import mujoco
 import numpy as np
@@ -23,12 +25,6 @@ from robotball.errors import InputError
 from robotball.motors import Actuator, Free, Law, Motor, PositionServo, Servo, Torque
 from robotball.rotations import Array, multiply, rotation_matrix, z_along
 from robotball.scene import MovedHinge, Scene, Start
-
-with warnings.catch_warnings(action="ignore"):
-    # Without a screen, dm_control's search for a window system warns; nothing here needs one.
-    from dm_control import mjcf
-
-_PRECISION = 17  # digits that bring every double back
 
 
 @dataclass(frozen=True)
@@ -120,7 +116,7 @@ START = "start"  # the keyframe that a run begins from
 
 _PARTS = {Shell: "shell", Frame: "frame", Rotor: "rotor", Pendulum: "pendulum", Link: "pendulum"}
 _LEAST = 1e-14  # kg and kg m², ten times the least that MuJoCo takes
-_PICTURE_ONLY = ("light", "material", "texture", "mesh")
+_SECTIONS = ("option", "worldbody", "contact", "tendon", "actuator", "sensor", "keyframe")
 _FRICTIONS = {3: 2, 4: 3, 6: 5}  # how many coefficients a contact of each condim has
 
 
@@ -181,22 +177,27 @@ def build(chosen: Resolved) -> Model:
     root, pair = _compose(chosen, hinges)
     if settings.start_in_equilibrium:
         trial = compiled_model(_text_of(root), settings.softness)
-        pair.margin = carrying_depth(chosen, trial)
+        pair.set("margin", _word(carrying_depth(chosen, trial)))
     model = Model(scene, settings, _text_of(root), hinges)
     assert model.compiled is not None  # an InputError is raised here, if at all
     return model
 
 
-def _compose(chosen: Resolved, hinges: tuple[ModelHinge, ...]) -> tuple[Any, Any]:
+def _compose(chosen: Resolved, hinges: tuple[ModelHinge, ...]) -> tuple[Element, Element]:
     """Return the MJCF tree and its contact pair."""
     scene, settings, ball = chosen.scene, chosen.settings, chosen.scene.ball
-    root, values = _bare("floor"), vars(settings)
-    # DOP853 is not MuJoCo's; RK4 comes nearest for whoever steps the MJCF without it.
-    _fill(root.option, values | ({"integrator": "RK4"} if settings.adaptive else {}))
-    _fill(root.option.flag, values)
-    root.option.gravity = scene.gravity_world
+    root = Element("mujoco", model="robotball")
+    sections = (SubElement(root, tag) for tag in _SECTIONS)
+    option, world, contact, tendons, actuators, sensors, keyframe = sections
+    world.extend(_bare("floor"))
+    own = {name: value for name, value in vars(settings).items() if hasattr(mujoco.MjOption, name)}
+    _set(option, gravity=scene.gravity_world, **own)
+    if settings.adaptive:
+        # DOP853 is not MuJoCo's; RK4 comes nearest for whoever steps the MJCF without it.
+        _set(option, integrator="RK4")
+    flag = _add(option, "flag", warmstart=settings.warmstart, island=settings.island)
     # A diverged state would otherwise be reset to time 0 with one warning, and the run go on.
-    root.option.flag.autoreset = "disable"
+    _set(flag, autoreset="disable")
 
     # MuJoCo leaves the J̇v term out of its contact rows. With the shell as root it is zero; with the
     # frame as root a slip of |a (ω×Ω)×γ|/b stays, 5e-4 to 1e-1 of the path.
@@ -205,54 +206,54 @@ def _compose(chosen: Resolved, hinges: tuple[ModelHinge, ...]) -> tuple[Any, Any
         if not ball.has_frame:
             raise InputError('root = "frame" needs a ball with a frame; take root = "shell"')
         above |= {"frame": "", "shell": "frame"}
-    bodies = dict(ball.named_bodies)
+    given_bodies = dict(ball.named_bodies)
     pivots = {link.name: link.pivot for link in ball.tree}
-    parts: dict[str, Any] = {}
+    bodies: dict[str, Element] = {}
     turning = {}
     for link in sorted(ball.tree, key=lambda each: above[each.name] != ""):  # the root first
-        name, given, parent = link.name, bodies[link.name], above[link.name]
-        part = parts[name] = _bare(_PARTS[type(given)])
-        part.model = name
+        name, given, parent = link.name, given_bodies[link.name], above[link.name]
+        body = bodies[name] = _add(bodies.get(parent, world), "body", name=name)
+        part = {each.tag: each for each in _bare(_PARTS[type(given)], f"{name}_")}
+        body.extend(part.values())
         if name == "shell":
-            part.find("geom", "sphere").size = [ball.radius]
+            _set(part["geom"], size=ball.radius)
         if not parent:
-            body = root.attach(part)
-            body.add("freejoint")
-            part.find("site", "hinge").remove()
+            _add(body, "freejoint", name=name)
+            body.remove(part["site"])
             _inertial(body, link.mass, link.inertia, link.centre)
             continue
-        body = parts[parent].attach(part)
-        body.pos = link.pivot - pivots[parent]
+        _set(body, pos=link.pivot - pivots[parent])
         if isinstance(given, Rotor):  # in axes of its own, along which its inertia is diagonal
-            body.quat, axis = z_along(link.axis), _Z
+            quat, axis = z_along(link.axis), _Z
+            _set(body, quat=quat)
             across, along = given.transverse_inertia, given.axial_inertia
             _inertial(body, link.mass, np.diag([across, across, along]))
         else:
             # A shell on the frame turns the other way than the frame in the shell.
             axis = -link.axis if name == "shell" else link.axis
-            part.find("site", "hinge").quat = z_along(axis)
+            _set(part["site"], quat=z_along(axis))
             # MuJoCo takes no moving body without mass, as is between two joints of one.
             least = _LEAST if link.massless else 0.0
             inertia = link.inertia + least * np.eye(3)
             _inertial(body, link.mass + least, inertia, link.centre - link.pivot)
         turning["frame" if name == "shell" else name] = (body, axis)
     for hinge in hinges:
-        _add_hinge(root, hinge, *turning[hinge.of.name])
+        _add_hinge(actuators, hinge, *turning[hinge.of.name])
 
+    joints = {hinge.body: hinge.joint for hinge in hinges}
     for actuator in scene.actuators:
-        _add_actuator(root, actuator, {hinge.body: hinge.joint for hinge in hinges})
+        _add_actuator(tendons, actuators, actuator, joints)
 
     # An explicit pair alone is tested for contact, and its parameters are not mixed of two geoms'.
     slide, spin, roll = chosen.friction
     friction = [slide, slide, spin, roll, roll][: _FRICTIONS[chosen.condim]]
-    own = {"name": "contact", "condim": chosen.condim, "friction": friction}
-    pair = root.contact.add("pair", geom1="floor", geom2=_SPHERE)
-    _fill(pair, values | own)
-    _add_sensors(root, scene, settings.root, hinges)
+    pair = _add(contact, "pair", name="contact", geom1="floor", geom2=_SPHERE, friction=friction)
+    _set(pair, condim=chosen.condim, solref=settings.solref, solimp=settings.solimp)
+    _set(pair, solreffriction=settings.solreffriction)
+    _add_sensors(sensors, scene, settings.root, hinges)
+    key = _add(keyframe, "key", name=START, ctrl=controls_at(scene, hinges, 0.0) or None)
     qpos, qvel = state_at(scene, settings.root, scene.start, hinges)
-    ctrl = np.array(controls_at(scene, hinges, 0.0))
-    actuated = {"ctrl": ctrl} if len(ctrl) else {}  # no empty attribute
-    root.keyframe.add("key", name=START, qpos=qpos, qvel=qvel, **actuated)
+    _set(key, qpos=qpos, qvel=qvel)
     return root, pair
 
 
@@ -283,92 +284,86 @@ def _turn(axis: Array, angle: float) -> Array:
     return np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])
 
 
-def _text_of(root: Any) -> str:
-    """Return the MJCF text of a composed tree of parts, without classes and with one-word names.
-
-    dm_control scopes names by `/`, as in shell/frame/rotor1/hinge, and itself reads no file that
-    has them. Parts have different names, so the last of them and the element's own say enough:
-    rotor1, rotor1_hinge.
-    """
-    tree = ElementTree.fromstring(root.to_xml_string(precision=_PRECISION))
-    for element in tree.iter():
-        element.attrib.pop("class", None)
-        for attribute, value in element.items():
-            if "/" in value:
-                element.set(attribute, "_".join(filter(None, value.split("/")[-2:])))
-    for empty in tree.findall("default"):
-        tree.remove(empty)
-    ElementTree.indent(tree)
-    return ElementTree.tostring(tree, encoding="unicode") + "\n"
+def _text_of(root: Element) -> str:
+    """Return the MJCF text of a composed tree, without empty sections."""
+    for empty in [each for each in root if not (len(each) or each.attrib)]:
+        root.remove(empty)
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _bare(name: str) -> Any:
-    """Return a part without its visual elements (lights, materials, meshes).
-
-    They would slow every step.
-    """
-    tree = mjcf.from_path(str(PARTS / f"{name}.xml"))
-    for kind in _PICTURE_ONLY:
-        for element in tree.find_all(kind, exclude_attachments=True):
-            element.remove()
-    for geom in tree.find_all("geom"):
-        if geom.dclass is not None and geom.dclass.dclass == "visual":
-            geom.remove()
-    for element in (tree.visual, tree.statistic, *tree.default.default):
-        element.remove()
-    return tree
+def _bare(part: str, prefix: str = "") -> Iterator[Element]:
+    """Yield the elements of a part without those for pictures, which would slow every step."""
+    for each in ElementTree.parse(PARTS / f"{part}.xml").iterfind("worldbody/*"):
+        if each.tag != "light" and each.get("class") != "visual":
+            each.attrib.pop("material", None)
+            _set(each, name=prefix + each.attrib["name"])
+            yield each
 
 
-def _fill(element: Any, values: Mapping[str, Any]) -> None:
-    """Set those attributes of an MJCF element that have a value under their name."""
-    for name in element.spec.attributes:
-        if values.get(name) is not None:
-            setattr(element, name, values[name])
+def _add(parent: Element, tag: str, **values: Any) -> Element:
+    """Add and return an MJCF element with those attributes that have a value."""
+    element = SubElement(parent, tag)
+    _set(element, **values)
+    return element
 
 
-def _inertial(body: Any, mass: float, inertia: Array, centre: Array = _ORIGIN) -> None:
+def _set(element: Element, **values: Any) -> None:
+    """Set those attributes of an MJCF element that have a value."""
+    given = {name: _word(value) for name, value in values.items() if value is not None}
+    element.attrib.update(given)
+
+
+def _word(value: Any) -> str:
+    """Return a value as MJCF has it, with the digits that bring every double back."""
+    if isinstance(value, str):
+        return value
+    return " ".join(repr(number).removesuffix(".0") for number in np.ravel(value).tolist())
+
+
+def _inertial(body: Element, mass: float, inertia: Array, centre: Array = _ORIGIN) -> None:
     """Add a body's mass [kg], inertia (3, 3) [kg m²] about its centre of mass, and that [m]."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia
-    body.add("inertial", pos=centre, mass=mass, fullinertia=[xx, yy, zz, xy, xz, yz])
+    _add(body, "inertial", pos=centre, mass=mass, fullinertia=[xx, yy, zz, xy, xz, yz])
 
 
-def _add_hinge(root: Any, hinge: ModelHinge, body: Any, axis: Array) -> None:
+def _add_hinge(actuators: Element, hinge: ModelHinge, body: Element, axis: Array) -> None:
     """Add the joint of `body` with its actuator, which every hinge has that is not free."""
-    kind = "slide" if hinge.of.body.slides else "hinge"
-    joint, motor = body.add("joint", type=kind, axis=axis), hinge.actuation
-    if motor.armature:
-        # It acts on the hinge alone and adds no angular momentum of its own.
-        joint.armature = motor.armature
+    slides, motor = hinge.of.body.slides, hinge.actuation
+    # The armature acts on the hinge alone and adds no angular momentum of its own.
+    kind, armature = "slide" if slides else "hinge", motor.armature or None
+    joint = _add(body, "joint", name=hinge.joint, type=kind, axis=axis, armature=armature)
     if isinstance(motor, Free):
-        joint.damping, joint.stiffness = motor.damping, motor.stiffness
-        joint.frictionloss = motor.friction or None
-        joint.springref = motor.rest if hinge.of.body.slides else np.degrees(motor.rest)
+        rest = motor.rest if slides else np.degrees(motor.rest)
+        _set(joint, damping=motor.damping, stiffness=motor.stiffness, springref=rest)
+        _set(joint, frictionloss=motor.friction or None)
         return
-    add, names = root.actuator.add, {"name": hinge.body, "joint": joint}
+    on = {"name": hinge.body, "joint": hinge.joint}
     if isinstance(motor, Servo):
-        actuator = add("velocity", **names, kv=motor.gain)
+        actuator = _add(actuators, "velocity", **on, kv=motor.gain)
     elif isinstance(motor, PositionServo):
-        actuator = add("position", **names, kp=motor.gain, kv=motor.damping)
+        actuator = _add(actuators, "position", **on, kp=motor.gain, kv=motor.damping)
     elif isinstance(motor, Torque | Prescribed):
         # With the gear as scale, the control of a prescribed rate is its acceleration. MuJoCo sets
         # controls over 1e10 to zero, which torques on such an armature would be.
         gear = motor.armature if isinstance(motor, Prescribed) else 1.0
-        actuator = add("motor", **names, gear=[gear])
+        actuator = _add(actuators, "motor", **on, gear=gear)
     else:
-        actuator = _add_law(root, motor.law, **names)
-    if hinge.torque_limit < np.inf:
-        actuator.forcerange = [-hinge.torque_limit, hinge.torque_limit]
+        actuator = _add_law(actuators, motor.law, **on)
+    _limit(actuator, hinge.torque_limit)
 
 
-def _add_law(root: Any, law: Law, **on: Any) -> Any:
+def _add_law(actuators: Element, law: Law, **on: Any) -> Element:
     """Add and return an actuator that has a motor's law but for its limit."""
-    return root.actuator.add(
-        "general",
-        biastype="affine",
-        gainprm=[law.per_command],
-        biasprm=[law.at_rest, -law.per_angle, -law.per_rate],
-        **on,
-    )
+    bias = [law.at_rest, -law.per_angle, -law.per_rate]
+    gain = law.per_command
+    return _add(actuators, "general", biastype="affine", gainprm=gain, biasprm=bias, **on)
+
+
+def _limit(actuator: Element, limit: float) -> None:
+    """Give an actuator the torque limit of its motor [N m], if that has one."""
+    if limit < np.inf:
+        _set(actuator, forcerange=[-limit, limit])
 
 
 def controls_at(scene: Scene, hinges: tuple[ModelHinge, ...], t: float) -> list[float]:
@@ -377,28 +372,28 @@ def controls_at(scene: Scene, hinges: tuple[ModelHinge, ...], t: float) -> list[
     return own + [float(command.rate(t)) for command in scene.controls]
 
 
-def _add_actuator(root: Any, actuator: Actuator, joints: Mapping[str, str]) -> None:
+def _add_actuator(
+    tendons: Element, actuators: Element, actuator: Actuator, joints: Mapping[str, str]
+) -> None:
     """Add an actuator of the scene, on a joint or on a tendon that adds several up."""
-    law, (first, *others) = actuator.law, actuator.gears
+    (first, *others), name = actuator.gears, actuator.name
     if others:
-        tendon = root.tendon.add("fixed", name=actuator.name)
-        for name, ratio in actuator.gears:
-            tendon.add("joint", joint=joints[name], coef=ratio)
-        on = {"tendon": tendon}
+        tendon = _add(tendons, "fixed", name=name)
+        for each, ratio in actuator.gears:
+            _add(tendon, "joint", joint=joints[each], coef=ratio)
+        on: dict[str, Any] = {"tendon": name}
     else:
-        on = {"joint": joints[first[0]], "gear": [first[1]]}
-    added = _add_law(root, law, name=actuator.name, **on)
-    if law.limit < np.inf:
-        added.forcerange = [-law.limit, law.limit]
+        on = {"joint": joints[first[0]], "gear": first[1]}
+    _limit(_add_law(actuators, actuator.law, name=name, **on), actuator.law.limit)
 
 
-def _add_sensors(root: Any, scene: Scene, body: str, hinges: tuple[ModelHinge, ...]) -> None:
+def _add_sensors(sensors: Element, scene: Scene, body: str, hinges: tuple[ModelHinge, ...]) -> None:
     """Add the sensors that a Motion needs, of the whole ball at `body`, its root.
 
     readings.py knows them by name. They are evaluated in compiled code: 250 µs of Python a sample
     would be several steps' time.
     """
-    add = root.sensor.add
+    add = partial(_add, sensors)
     add("clock", name="time")
     add("framepos", name="centre", objtype="xbody", objname="shell")
     carrier = "frame" if scene.ball.has_frame else "shell"
@@ -408,13 +403,8 @@ def _add_sensors(root: Any, scene: Scene, body: str, hinges: tuple[ModelHinge, .
     add("subtreeangmom", name="angular_momentum", body=body)
     if scene.load_varies:  # elsewhere it is the sphere's centre
         add("subtreecom", name="centre_of_mass", body=body)
-    add(
-        "contact",
-        name="contact",
-        geom1="floor",
-        geom2=_SPHERE,
-        data="found force torque normal tangent linvel angvel",
-    )
+    data = "found force torque normal tangent linvel angvel"
+    add("contact", name="contact", geom1="floor", geom2=_SPHERE, data=data)
     for hinge in hinges:
         add("jointpos", name=f"{hinge.body}_angle", joint=hinge.joint)
         add("jointvel", name=f"{hinge.body}_rate", joint=hinge.joint)

@@ -24,13 +24,14 @@ from robotball.engines.mujoco.model import Model, build, carrying_depth, hinges_
 from robotball.engines.mujoco.run import held, observed, run
 from robotball.engines.mujoco.settings import Resolved, Settings, resolved
 from robotball.engines.mujoco.stepping import Portion, controlled, stretches
-from robotball.many_motions import differ_in_start
+from robotball.many_motions import FromStarts, differ_in_start, of_each
 from robotball.motion import ContactMotion, FaultKind
-from robotball.processes import allowed, in_processes
+from robotball.processes import allowed
 from robotball.rotations import Array
 from robotball.scene import Scene
 
 _BYTES = 2e7  # of the rows that threads write at once, twice: a dozen runs of 2000 steps
+_ABREAST = 128  # runs at most, as each takes a millisecond to prepare before any can begin
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 # MuJoCo's threads stop a run that is warned of, without a word: its rows repeat the last one.
 _STOPPED = {FaultKind.DIVERGED, FaultKind.RESET, FaultKind.ENGINE_WARNED}
@@ -43,14 +44,15 @@ def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Itera
     least and the largest momentum are checked. Raises InputError as `build` and `run` do.
     """
     alike = differ_in_start(scenes)
-    by_size = sorted(scenes, key=lambda each: float(np.linalg.norm(each.start.momentum)))
-    for each in by_size[:: max(1, len(scenes) - 1)] if alike else scenes:
-        precheck(each, settings, times)
+    starts = scenes.starts if isinstance(scenes, FromStarts) else [each.start for each in scenes]
+    by_size = np.argsort([np.linalg.norm(each.momentum) for each in starts], kind="stable")
+    for i in by_size[:: max(1, len(scenes) - 1)] if alike else range(len(scenes)):
+        precheck(scenes[int(i)], settings, times)
     model, alone = build(resolved(scenes[0], settings)), partial(_alone, settings, times)
     check_length(model.scene, model.settings, times)
     together = _Together(model, times)
     if not (together.size >= allowed() and together.steps_alone and alike):
-        yield from in_processes(alone, scenes, or_here=True)
+        yield from of_each(alone, scenes)
         return
     data = [mujoco.MjData(model.compiled) for _ in range(allowed())]
     ahead = deque[tuple[Sequence[Scene], list[Model | None], Future[tuple[Array, float]]]]()
@@ -112,7 +114,7 @@ class _Together:
         grouped = groupby([*spans, (spans[-1][0], 1)], key=lambda span: span[0])
         self.groups = [(length, sum(n for _, n in some)) for length, some in grouped]
         steps = sum(count for _, count in self.groups)
-        self.size = int(_BYTES / (8 * steps * compiled.nsensordata))
+        self.size = min(int(_BYTES / (8 * steps * compiled.nsensordata)), _ABREAST)
         # The guess from which a solver starts is no part of the state between two groups.
         guesses = settings.warmstart != "disable" and len(self.groups) > 1
         with controlled(model) as control:

@@ -8,6 +8,7 @@ with readings of the state, the forces and rates that it takes: see `Readings`.
 """
 
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from types import FunctionType
 from typing import Any, NamedTuple
@@ -355,9 +356,11 @@ def readings_of(numbers: Array, count: int) -> Readings:
     return Readings(numbers, *threes, *of_hinges)
 
 
-# By the entry of its only signature: to look at the types of its records again and again would take
-# longer than the derivative of a ball.
-_call = next(iter(_differentiate.overloads.values())).entry_point
+@cache
+def _entry() -> Any:
+    # By the entry of its only signature: to look at the types of its records again and again would
+    # take longer than the derivative of a ball.
+    return next(iter(_differentiate.code.overloads.values())).entry_point
 
 
 class System:
@@ -458,5 +461,5 @@ class System:
             self._inputs.commands[i] = command.rate(t)
         rate, readings = np.empty(self.size), np.empty(self.readings_size)
         row = np.ascontiguousarray(state, dtype=float)  # as the entry takes without a look
-        _call(row, self.machine, self._inputs, self.modes, rate, readings)
+        _entry()(row, self.machine, self._inputs, self.modes, rate, readings)
         return rate, readings

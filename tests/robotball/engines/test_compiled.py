@@ -30,7 +30,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def compiled(source: str = "2 x", **options: Any) -> tuple[float, int]:
     """Return a compiled function's value at 3, and how often it was compiled and not loaded."""
     double: Any = kept.compiled_from(source, "f8(f8)", **options)(lambda x: 2.0 * x)
-    return double(3.0), double.stats.cache_misses.total()
+    return double(3.0), double.code.stats.cache_misses.total()
 
 
 def test_what_is_kept_is_loaded(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -91,7 +91,7 @@ def test_processes_that_compile_at_once_do_not_disturb_each_other(home: Path) ->
     script.write_text(
         "from robotball.engines.compiled import compiled_from\n"
         "double = compiled_from('2 x', 'f8(f8)')(lambda x: 2.0 * x)\n"
-        "print(double(3.0), double.stats.cache_misses.total())\n"
+        "print(double(3.0), double.code.stats.cache_misses.total())\n"
     )
     command = [sys.executable, str(script)]
     both = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(2)]

@@ -341,6 +341,34 @@ def test_the_help_lists_the_commands_and_the_values_of_options(robotball: Robotb
         assert all(re.search(rf"\b{value}\b", beside) for value in values), option
 
 
+HELPED = """
+import contextlib, io, sys
+from validation.cli import COMMANDS, class_of, main, parse, tyro
+
+def printed(show):
+    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.suppress(SystemExit):
+        show()
+    return out.getvalue()
+
+quick = [printed(lambda: main([name, "--help"])) for name in COMMANDS]
+heavy = {"numpy", "scipy", "mujoco", "numba", "matplotlib", "msgspec"}
+print(*sorted(heavy & sys.modules.keys()))
+whole = [
+    printed(lambda: tyro.cli(class_of(name), args=["--help"], prog=f"robotball {name}"))
+    for name in COMMANDS
+]
+print(*(name for name, a, b in zip(COMMANDS, quick, whole) if a != b or "--help" not in a))
+print(*sorted(heavy & sys.modules.keys()))
+"""
+
+
+@pytest.mark.slow
+def test_the_help_of_a_command_loads_nothing_that_computes() -> None:
+    """Nor does it compile; it says what the command's whole class says, which loads all of it."""
+    told = subprocess.check_output([sys.executable, "-c", HELPED], text=True).splitlines()
+    assert told == ["", "", "matplotlib msgspec mujoco numba numpy scipy"]
+
+
 PLANTED = ("mujoco", "ctypes", "numpy", "json", "multiprocessing", "tempfile", "robotball", "os")
 ROBOT = (
     '<mujoco><worldbody><body name="ball" pos="0 0 .15"><freejoint/>'

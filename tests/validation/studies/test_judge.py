@@ -441,7 +441,7 @@ def test_a_file_says_how_much_of_the_scene_it_covers(end: float, words: str) -> 
     """Less than a tenth agrees with nothing."""
     found = judged(FIG12, exact(FIG12, end, round(end / 0.02)))
     assert found.agrees == (end == 1.0)
-    bound = "within 0.01 in path and momentum, and 0.01 rad in attitude"
+    bound = "within 0.01 in path, height and momentum, and 0.01 rad in attitude"
     assert lines(found)[-1] == f"verdict: {words} {bound}, over {end:g} s of the scene's 10 s"
 
 
@@ -500,3 +500,37 @@ def test_a_file_that_starts_late_is_judged_from_there() -> None:
     found = judged(FIG12, bare(motion, 1.0, slice(25, None)))
     assert found.mistakes == ()
     assert found.plain.path_error < 1e-12  # measured 4e-15
+
+
+@pytest.mark.parametrize(("start", "rise", "agrees"), [
+    (1.0, 0.0, True), (0.0, 0.0, True), (0.995, 0.0, True), (1.1, 0.0, False),
+    (1.0, 0.5, False), (0.0, 0.04, False),
+])  # fmt: skip
+def test_a_height_is_judged(start: float, rise: float, agrees: bool) -> None:
+    """The centre's or the contact point's; that of a ball that rises or hovers does not agree."""
+    motion = rb.integrate(FIG12, rb.sample_times(END))
+    file = bare(motion)
+    file.position[:, 2] = start + rise * motion.times / END
+    found = judged(FIG12, file)
+    # Half a hundredth of the radius is how deep a soft contact may be.
+    error = abs(start + rise - round(start))
+    assert found.plain.height_error == pytest.approx(error, abs=1e-15)
+    assert (found.agrees, found.mistakes) == (agrees, ())
+    assert any("off by up to" in line for line in lines(found)) == (error > 0)
+
+
+def test_what_leaves_more_than_a_tenth_is_not_said_to_be_wrong(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A slope's sign is named; where it is not known, the axes that come nearest may be wrong."""
+    scene = rb.load_scene("inclined_plane")
+    x, y, z = scene.gravity_direction
+    file = exact(replace(scene, gravity_direction=(-x, -y, z)), 6.0, 150)
+    found = judged(scene, file)
+    assert [each.name for each in found.mistakes] == ["the plane slopes the other way"]
+    assert any(line.startswith("WRONG") for line in lines(found))
+    monkeypatch.setattr(judge_search, "mistaken_scenes", lambda *_: ())
+    found = judged(scene, file)
+    assert found.mistakes[0].left > 0.1  # measured 0.149, of the attitude
+    assert not any(line.startswith("WRONG") for line in lines(found))
+    assert "a convention is perhaps wrong" in lines(found)[-1]

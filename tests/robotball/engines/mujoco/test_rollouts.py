@@ -1,13 +1,16 @@
 """Many runs at once are the runs one by one, to the last bit."""
 
+import ctypes
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 import robotball as rb
+from robotball import many_motions
 from robotball.engines.mujoco import rollouts
 from robotball.motion import arrays_of
 from robotball.processes import at_most
@@ -133,14 +136,33 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"engine": "none"}, "no engine is called 'none'"),
     ({"times": np.array([0.0, 0.0])}, "times"),
     ({"device": "cuda"}, "MuJoCo has no choice of a device"),
+    ({"engine": "newton", "device": "tpu"}, "no device 'tpu': give cpu or cuda"),
+    ({"engine": "newton", "device": "cuda"}, "no device 'cuda': give cpu, as no driver for CUDA"),
+    ({"starts": 42}, r"starts must be Start\(attitude, momentum\), one or more; number 0 is 42"),
+    ({"starts": [FIG12.start, "x"]}, "number 1 is 'x'"),
     ({"starts": None}, "give starts with one scene, and none with several"),
     ({"scene": [FIG12]}, "give starts with one scene, and none with several"),
 ]
 
 
 @pytest.mark.parametrize(("asked", "message"), REFUSED)
-def test_what_cannot_run_is_refused_at_once(asked: dict[str, Any], message: str) -> None:
-    """Before the first motion is asked for."""
+def test_what_cannot_run_is_refused_at_once(
+    asked: dict[str, Any], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before the first motion is asked for; here on a machine without a driver for CUDA."""
+    monkeypatch.setattr(ctypes, "CDLL", Mock(side_effect=OSError))
     whole: dict[str, Any] = {"scene": FIG12, "starts": starts_of(FIG12, 1)} | asked
     with pytest.raises(rb.InputError, match=message):
         rb.simulate_many(**whole)
+
+
+@pytest.mark.parametrize("scene", [FIG12, rb.load_scene("wobbling_drive")])
+def test_no_scene_is_made_before_its_turn(scene: rb.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 2000 starts, the last of which the scene refuses, the first motion needs a few scenes."""
+    starts = [*starts_of(scene, 3)] * 700
+    made = Mock(side_effect=replace)
+    monkeypatch.setattr(many_motions, "replace", made)
+    with at_most(1):
+        motion = next(rb.simulate_many(scene, starts, np.linspace(0.0, 0.1, 6), "fast"))
+    assert motion.scene.start == replace(scene, start=starts[0]).start
+    assert made.call_count < 300  # measured 132 (two of them for the precheck) and 4

@@ -1,0 +1,180 @@
+"""The ball as an environment of dm-control, in which an agent drives it along a path.
+
+In order: the environment, its physics, which is the model of a run stepped by MuJoCo, and its task.
+dm-control is imported here alone: pip cannot install it on Python 3.13 and later.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from robotball.engine import as_own, integrate, request_of, scene_of
+from robotball.engines.mujoco import LABEL
+from robotball.engines.mujoco.model import Model, build
+from robotball.engines.mujoco.settings import Prescribed, Settings, resolved
+from robotball.errors import InputError, check_positive
+from robotball.motion import DIVERGED
+from robotball.rotations import Array
+from robotball.scene import SAMPLE_INTERVAL, Scene, spans
+
+try:
+    from dm_control.rl.control import Environment, Physics, PhysicsError, Task
+    from dm_control.utils.rewards import tolerance
+    from dm_env.specs import BoundedArray
+except ImportError:
+    Environment, Physics, Task = None, object, object
+
+
+def dm_environment(
+    scene: Scene | str | Path,
+    path: Array | None = None,
+    settings: Settings | str | None = None,
+    *,
+    control_timestep: float = SAMPLE_INTERVAL,
+    largest_action: float | Array | None = None,
+) -> Any:
+    """Make a scene an environment of dm-control, whose task is to follow a path.
+
+    An episode begins at the scene's start and ends with the path. The reward is 1 on the path and
+    falls to 0.1 at the distance of a radius. The ball moves as in `simulate`, by the same model; an
+    action is held over its step, and a motor that meets its torque limit does so inside a step.
+
+    Parameters
+    ----------
+    scene : Scene, str or Path
+        The scene, a name of the catalog, or the path of a TOML, MJCF or URDF file.
+    path : (n, 2), m, optional
+        Where the contact point is to be at the start and after each action, in world axes. The
+        default is the scene's own path by the equations, over its duration.
+    settings : Settings or str, optional
+        MuJoCo's settings, or the name of a preset. The default is "balanced".
+    control_timestep : float, default 0.02, s
+        How long an action is held.
+    largest_action : float or (k,), optional
+        The largest size of each action. The default is twice that of the scene's own commands, and
+        1 for an actuator that the scene does not command.
+
+    Returns
+    -------
+    dm_control.rl.control.Environment
+        The environment. An action has a number for each actuator, in the order of the MJCF: the
+        command of its motor, in the motor's unit, or the rate [rad/s] that a hinge of a given rate
+        has at the end of the step. An observation has the sensors of the MJCF by their names, and
+        "target", which points from the contact point to the path's next point, m.
+
+    Raises
+    ------
+    InputError
+        If dm-control is not installed, if the path, the timestep or the largest action is unusable,
+        if the settings or the plane's resistance to rolling need more than MuJoCo's own steps, or
+        if `load_scene` or `integrate` raises it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import robotball as rb
+    >>> environment = rb.dm_environment("fig12", control_timestep=0.05)
+    >>> environment.reset().observation["frame_rate"]
+    array([2.])
+    >>> rates = np.array([2.0, 148.0])  # rad/s, of frame and rotor
+    >>> round(environment.step(rates).reward, 3)
+    1.0
+    """
+    if Environment is None:
+        raise InputError(
+            'dm_environment needs dm-control: pip install "dm-control==1.0.*", on Python 3.11 or '
+            "3.12, as one of its requirements has no wheel for a later Python"
+        )
+    scene = scene_of(scene)
+    check_positive("control_timestep", control_timestep, "s")
+    chosen = as_own(request_of("mujoco", settings).settings, Settings, LABEL)
+    if chosen.adaptive or scene.friction.rolling:
+        raise InputError(
+            f"{scene.name}, {chosen.name}: an environment takes MuJoCo's own steps, without DOP853 "
+            "and without resistance to rolling; take another preset, or a scene without resistance"
+        )
+    if path is None:
+        times = np.arange(round(scene.duration / control_timestep) + 1, dtype=float)
+        path = integrate(scene, times * control_timestep).contact_point
+    path = np.asarray(path, dtype=float)
+    if path.ndim != 2 or path.shape[1] != 2 or len(path) < 2 or not np.isfinite(path).all():
+        raise InputError(f"path must be (n, 2) finite numbers, n > 1, not of shape {path.shape}")
+    model = build(resolved(scene, chosen))
+    option = model.compiled.opt
+    _, (option.timestep,), (count,) = spans(np.array([0, control_timestep]), (), option.timestep)
+    task = _FollowPath(model, path, control_timestep, largest_action)
+    limit = (len(path) - 1.5) * control_timestep  # between two steps, where rounding adds none
+    return Environment(_Physics(model), task, limit, n_sub_steps=int(count))
+
+
+class _Physics(Physics):  # type: ignore[misc]
+    """A model stepped by MuJoCo, whose sensors are those of its state."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+
+    def reset(self) -> None:
+        self.data = self.model.start_data()
+
+    def after_reset(self) -> None:
+        # After a step the sensors are those of the state before it. The solver's first guess is put
+        # back, so that the next step is that of a run.
+        guess = self.data.qacc_warmstart.copy()
+        mujoco.mj_forward(self.model.compiled, self.data)
+        self.data.qacc_warmstart[:] = guess
+
+    def step(self, n_sub_steps: int = 1) -> None:
+        mujoco.mj_step(self.model.compiled, self.data, n_sub_steps)
+        if not max(np.abs(self.data.qpos).max(), np.abs(self.data.qvel).max()) < DIVERGED:
+            raise PhysicsError(f"the motion diverged before {self.time():g} s: act less")
+        self.after_reset()
+
+    def time(self) -> float:
+        return float(self.data.time)
+
+    def timestep(self) -> float:
+        return float(self.model.compiled.opt.timestep)
+
+
+class _FollowPath(Task):  # type: ignore[misc]
+    """Follow a path (n, 2), whose next point is to be reached by each action."""
+
+    def __init__(
+        self, model: Model, path: Array, interval: float, largest: float | Array | None
+    ) -> None:
+        hinges = [hinge for hinge in model.hinges if hinge.actuated]
+        self.commands = [hinge.drive for hinge in hinges] + list(model.scene.controls)
+        if largest is None:
+            sizes = [np.abs(each.rate(model.scene.times)).max() for each in self.commands]
+            largest = np.array([2.0 * size or 1.0 for size in sizes])
+        self.largest = np.broadcast_to(largest, len(self.commands))
+        self.prescribed = np.zeros(len(self.commands), dtype=bool)
+        self.prescribed[: len(hinges)] = [isinstance(h.actuation, Prescribed) for h in hinges]
+        self.model, self.path, self.interval = model, path, interval
+
+    def action_spec(self, physics: _Physics) -> Any:
+        return BoundedArray((len(self.largest),), float, -self.largest, self.largest, "command")
+
+    def initialize_episode(self, physics: _Physics) -> None:
+        self.before = np.array([each.rate(0.0) for each in self.commands])
+
+    def before_step(self, action: Array, physics: _Physics) -> None:
+        # The control of a prescribed rate is its slope. That of the actions, unlike one to the rate
+        # as it is, is nothing where an action is repeated, as in a run.
+        action = np.array(action, dtype=float)
+        slope = (action - self.before) / self.interval
+        physics.data.ctrl[:] = np.where(self.prescribed, slope, action)
+        self.before = action
+
+    def get_observation(self, physics: _Physics) -> dict[str, Array]:
+        columns, sensors = self.model.sensor_columns, physics.data.sensordata
+        read = {name: sensors[which].copy() for name, which in columns.items()}
+        following = min(round(physics.time() / self.interval) + 1, len(self.path) - 1)
+        return read | {"target": self.path[following] - read["centre"][:2]}
+
+    def get_reward(self, physics: _Physics) -> float:
+        reached = self.path[round(physics.time() / self.interval)]
+        off = physics.data.body("shell").xpos[:2] - reached
+        return float(tolerance(np.linalg.norm(off), margin=self.model.scene.ball.radius))

@@ -18,7 +18,7 @@ from robotball.errors import InputError
 from robotball.function_drives import polynomials_of
 
 _LAGS = 5.0  # of a settling time, over which an integral is taken in one piece
-_MOST = 1e5  # settling times of a run, for a command that changes: half a minute's work
+_MOST_SETTLINGS = 1e5  # settling times of a run, for a command that changes: half a minute's work
 _LOOKS = 1001  # at a function of time, for where it leaves a range
 _ROOT = 1e-14  # s, and how near to its time a limit is found
 _ROUNDING = 1e-9  # of a range's larger end: what leaves it by less is within it
@@ -57,7 +57,7 @@ class Activation:
         if isinstance(u, Constant):
             to = u.value
             return lambda t: to + (w - to) * math.exp(-t / settling)
-        if end > _MOST * settling:
+        if end > _MOST_SETTLINGS * settling:
             raise InputError(
                 f"a filter of {settling:g} s is too short to be followed over {end:g} s; leave it "
                 "out, or give a constant control"

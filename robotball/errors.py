@@ -9,7 +9,7 @@ from numbers import Real
 
 # In SI units, far beyond any ball, and small enough that products of a few do not overflow.
 LARGEST = 1e50
-_MOST = 10_000_000  # of anything that is counted: more fill the memory
+_MOST_COUNTED = 10_000_000  # of anything that is counted: more fill the memory
 END_ROUNDING = 1e-9  # relative: a time so little beyond the end of a run is taken as the end
 _LONGEST_WORD, LONGEST_LINE = 200, 500  # characters of a message
 _FEW = 12  # names that a message lists, so that it stays a line
@@ -66,14 +66,21 @@ class SceneWarning(UserWarning):
     """
 
 
-def warn(line: str) -> None:
-    """Issue a SceneWarning at the line outside these packages that asked for the work."""
+class UnitWarning(InputError, SceneWarning):  # noqa: N818
+    """Ask whether a number of a user's file is in another unit than it takes.
+
+    It is a warning of the library, and the command raises it, unless one insists by `--as-given`.
+    """
+
+
+def warn(line: str, kind: type[SceneWarning] = SceneWarning) -> None:
+    """Issue a warning at the line outside these packages that asked for the work."""
     # Python's default filter shows a warning once a line: at a line of ours, a script of many
     # scenes would see the first alone. `skip_file_prefixes` is not in Python 3.11.
     frame, level = sys._getframe(1), 2
     while frame.f_back and frame.f_globals.get("__name__", "").split(".")[0] in _PACKAGES:
         frame, level = frame.f_back, level + 1
-    warnings.warn(line, SceneWarning, stacklevel=level - 1)
+    warnings.warn(line, kind, stacklevel=level - 1)
 
 
 def unknown(kind: str, name: object, known: Iterable[str]) -> InputError:
@@ -126,7 +133,7 @@ def check_size(what: str, value: float, unit: str = "", largest: float = LARGEST
         raise InputError(line.rstrip())
 
 
-def check_count(name: str, value: int, least: int, most: int = _MOST) -> int:
+def check_count(name: str, value: int, least: int, most: int = _MOST_COUNTED) -> int:
     """Return `value`. Raises InputError where it is below `least` or above `most`."""
     _check_number(name, value)
     if value < least:

@@ -20,7 +20,7 @@ from robotball.rotations import Array, uneven
 
 _Function = Callable[[float], float]
 
-_LONGEST = 1e5  # s, of a followed function: half a minute's work for a cheap one
+_LONGEST_FUNCTION = 1e5  # s, of a followed function: half a minute's work for a cheap one
 _FOLLOWED = 1e-12  # of the largest rate: a polynomial as near as that costs no accuracy
 _GIVEN = 1e-6  # relative: the largest error of a given derivative or integral
 _FINEST = 1e-3  # s, between two looks at a function whose author names no other
@@ -69,7 +69,7 @@ class Followed:
         is not its own; warns where it is not smooth and no derivative is given.
         """
         finest = self.finest or max(_FINEST, self.end / _LOOKS)
-        longest = min(_LONGEST, _MOST_LOOKS * finest)
+        longest = min(_LONGEST_FUNCTION, _MOST_LOOKS * finest)
         if not self.end <= longest:
             raise InputError(
                 f"a drive's function can be followed to t = {longest:g} s at most, not to "

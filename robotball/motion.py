@@ -348,6 +348,8 @@ class ReferenceMotion(Motion):
         The work of the motors since the start. None by the reduced equations.
     rolling_loss : (n,), J, or None
         The work lost to rolling resistance. None by the reduced equations.
+    ended : str or None
+        Which joint's range ended the motion early, and when.
 
     Examples
     --------
@@ -360,6 +362,7 @@ class ReferenceMotion(Motion):
     again: Callable[[], Array] = field(compare=False)
     motor_work: Array | None = None
     rolling_loss: Array | None = None
+    ended: str | None = None
 
     @cached_property
     def reference_error(self) -> float:
@@ -555,7 +558,7 @@ class Joined(Generic[_AnyMotion]):
         """The motion of the parts so far, which are one at least."""
         assert self._last is not None
         whole = {place: array[: self._done] for place, array in self._whole.items()}
-        motion: _AnyMotion = _with_arrays(self._last, whole)
+        motion: _AnyMotion = with_arrays(self._last, whole)
         return motion
 
 
@@ -567,10 +570,10 @@ def joined(parts: Iterable[_AnyMotion], count: int) -> _AnyMotion:
     return whole.motion
 
 
-def _with_arrays(record: Any, arrays: Mapping[_Place, NDArray[Any]]) -> Any:
+def with_arrays(record: Any, arrays: Mapping[_Place, NDArray[Any]]) -> Any:
     """Return the record with these arrays in the place of its own: `arrays_of`, the other way."""
     own: dict[str, Any] = {place[0]: array for place, array in arrays.items() if len(place) == 1}
     for name in {place[0] for place in arrays} - set(own):
         inner = {place[1:]: array for place, array in arrays.items() if place[0] == name}
-        own[name] = _with_arrays(getattr(record, name), inner)
+        own[name] = with_arrays(getattr(record, name), inner)
     return replace(record, **own)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 import numpy as np
 
 from robotball.drives import Rate
-from robotball.errors import check_not_negative, check_positive, check_size
+from robotball.errors import InputError, check_not_negative, check_positive, check_size
 
 if TYPE_CHECKING:
     from robotball.activations import Activation
@@ -192,11 +192,19 @@ class DCMotor(Motor):
         Before the gear, kg m².
     torque_limit : float, optional
         Of the hinge, as electronics or the gear set it, N m; if None there is none.
+    efficiency : float, optional
+        Of the gear: the part of the motor's torque that reaches the hinge, either way.
+    no_load_current : float, optional
+        At the no-load speed, A. The motor's dry friction is that part of the stall torque which
+        this current is of the rest of the stall current.
+    stall_current : float, optional
+        At rest and the nominal voltage, A.
 
     Raises
     ------
     InputError
-        If a number is not positive; the rotor's inertia may be 0.
+        If a number is not positive, but the rotor's inertia and the no-load current may be 0; for
+        a no-load current of at least the stall current, or with a torque limit.
 
     Examples
     --------
@@ -211,6 +219,9 @@ class DCMotor(Motor):
     gear: float = 1.0
     rotor_inertia: float = 0.0
     torque_limit: float | None = None
+    efficiency: float = 1.0
+    no_load_current: float = 0.0
+    stall_current: float = math.inf
 
     def __post_init__(self) -> None:
         check_positive("a motor's stall torque", self.stall_torque, "N m")
@@ -219,6 +230,15 @@ class DCMotor(Motor):
         check_not_negative("a motor's rotor inertia", self.rotor_inertia, "kg m²")
         if self.torque_limit is not None:
             check_positive("a motor's torque limit", self.torque_limit, "N m")
+        if not 0 < self.efficiency <= 1:
+            raise InputError(f"a gear's efficiency must be in (0, 1], not {self.efficiency:g}")
+        if not 0 <= self.no_load_current < self.stall_current:
+            raise InputError(
+                f"a motor's no-load current must be at least 0 and below its stall current of "
+                f"{self.stall_current:g} A, not {self.no_load_current:g} A"
+            )
+        if self.no_load_current and (self.torque_limit or math.isinf(self.stall_current)):
+            raise InputError("a motor's no-load current takes a stall current and no torque limit")
 
     @property
     def armature(self) -> float:
@@ -226,9 +246,14 @@ class DCMotor(Motor):
 
     @property
     def law(self) -> Law:
-        stall = self.gear * self.stall_torque
+        stall = self.efficiency * self.gear * self.stall_torque
         slope = self.gear * stall / self.no_load_speed
-        return Law(stall, 0.0, slope, limit=self.torque_limit or math.inf)
+        # The sheet's torque is less this friction already, also at rest.
+        friction = (
+            stall / (self.stall_current / self.no_load_current - 1) if self.no_load_current else 0.0
+        )
+        limit = self.torque_limit or math.inf
+        return Law(stall + friction, 0.0, slope, limit=limit, friction=friction)
 
 
 @dataclass(frozen=True)

@@ -55,6 +55,8 @@ def _open_closed() -> None:
 
 def _make_lasting() -> None:
     for name in ("stdout", "stderr"):
+        # The stream's own text layer is replaced, as its error of a closed pipe would come at exit,
+        # where nobody can catch it.
         former = getattr(sys, name)
         lines = former.line_buffering
         lasting = _Lasting(former.buffer, former.encoding, "replace", line_buffering=lines)
@@ -128,6 +130,7 @@ def _ended_by_signals() -> Iterator[list[int]]:
             raise
     finally:
         left.set()
+        # Before the pipe is closed, lest a late signal write to another file of that number.
         signal.set_wakeup_fd(-1)
         os.close(write)
         for number, handler in former.items():

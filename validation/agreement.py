@@ -58,6 +58,7 @@ class Agreement(Value):
     engine: Engine | None = None
 
     def __repr__(self) -> str:
+        # Here, as a library's user who prints no agreement need not load the terminal's tables.
         from validation.output import scientific
 
         errors = f"path error {scientific(self.path_error)}, "
@@ -89,6 +90,7 @@ class Agreement(Value):
     @property
     def end(self) -> float:
         """The time [s] of the engine's last sample; 0 where it broke off before its first one."""
+        # A slice, as a run that broke off in its first step has no sample.
         return float(self.motion.times[-1:].sum())
 
     @property
@@ -126,11 +128,14 @@ class Agreement(Value):
         return self._measured(momentum_error)
 
     def _measured(self, measure: Callable[[Motion, Motion], float]) -> float | None:
+        # The error of a part would be smaller than that of the whole, and would look like a better
+        # run.
         return measure(self.motion, self.theory) if self.finished else None
 
     @property
     def realtime_factor(self) -> float:
         """Simulated seconds per second of stepping the engine, set-up excluded."""
+        # Set-up is left out: it is the same for a second and for an hour.
         return self.end / self.report.seconds
 
     @property
@@ -147,6 +152,7 @@ class Agreement(Value):
         the path was requested.
         """
         error = self.path_error
+        # Not `error > tolerance`, by which an error that is no number would agree.
         if self.faults or error is None or not error <= self.tolerance:
             return False
         return self.settings.accuracy is not None or self.keeps_momentum
@@ -154,6 +160,8 @@ class Agreement(Value):
     @property
     def keeps_momentum(self) -> bool:
         """Whether the error of M is at every time what `tolerated` allows by then."""
+        # By the one law that the monitor has, so that a run cannot agree with a fault in it, nor be
+        # off without one.
         allowed = tolerated(self.settings.error_tolerance, self.motion.times)
         return bool((self.momentum_errors <= allowed).all())
 
@@ -175,6 +183,7 @@ class Agreement(Value):
 
         It is None too where it is not known. A few short runs are needed to find it.
         """
+        # Short runs by the same engine are needed, so a motion from a file has none.
         if self.engine is None or self.faults or self.agrees or not self.finished:
             return None
         if self.scene.keeps_momentum and not self.keeps_momentum:
@@ -267,5 +276,7 @@ def compare(
 
 def compare_with(theory: Motion, request: Request) -> Agreement:
     """Compare as `compare` does, by a request, where the reference motion is known already."""
+    # The equations know the loads of the whole motion; the precheck would else have those of the
+    # start.
     motion = run_request(theory.scene, theory.times, replace(request, loads=theory.loads))
     return Agreement(theory, motion, request.engine)

@@ -24,7 +24,7 @@ from typing import Annotated, Any, Protocol, Union, get_type_hints
 import tyro
 from tyro.conf import subcommand
 
-from robotball.errors import InputError, SceneWarning, unknown
+from robotball.errors import InputError, SceneWarning, UnitWarning, unknown
 from robotball.files.replacing import STANDARD_OUTPUT
 from validation.options import BAD_INPUT, Controls, Names
 
@@ -38,6 +38,7 @@ def _standard_output_of(command: object) -> Iterator[None]:
     count = sum(path == STANDARD_OUTPUT for path in _paths(command))
     if count > 1:
         raise InputError("standard output takes one result: give `-` to one option alone")
+    # Else the tables would stand in the middle of the JSON that is piped on.
     with contextlib.redirect_stdout(sys.stderr) if count else contextlib.nullcontext():
         yield
 
@@ -60,6 +61,7 @@ class _Command(Protocol):
 
 
 _INTERRUPTED = 130
+_AS_GIVEN = "--as-given"  # of every command: numbers that seem to be in another unit are meant
 # What one wants and its commands, each with the module of its class, loaded when the command runs.
 GROUPS = {
     "Roll and compare": {
@@ -114,17 +116,23 @@ Example: robotball compare fig12
 _MORE = """
 `robotball help COMMAND` has the options of a command and an example.
 `robotball --version` names the versions.
-`robotball --tyro-print-completion bash` (or zsh) prints what completes commands and options."""
+`robotball --tyro-print-completion bash` (or zsh) prints what completes commands and options.
+With --as-given any command takes a number that seems to be in another unit as it is written."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its status."""
     # A run's monitor reports what the engine would only log.
     logging.getLogger("absl").setLevel(logging.ERROR)
+    # Once, as many runs of one scene would tell the same.
     warnings.simplefilter("once", SceneWarning)
     warnings.filterwarnings("ignore", module="matplotlib")  # a picture is right, or a test fails
     warnings.showwarning = _show_warning
     arguments = list(sys.argv[1:] if arguments is None else arguments)
+    if _AS_GIVEN in arguments:
+        arguments.remove(_AS_GIVEN)
+    else:
+        warnings.simplefilter("error", UnitWarning)
     if arguments[:1] == ["ladder"]:
         print("robotball: `ladder` is called `ablation` now", file=sys.stderr)
         arguments[0] = "ablation"
@@ -152,6 +160,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _refusal(error: Exception) -> str | None:
     """Return one line on what the input or the system refuses; None for an error of our own."""
     match error:
+        case UnitWarning():
+            return f"{error} ({_AS_GIVEN} takes it as it is written)"
         case InputError():
             return str(error)
         case OSError():
@@ -196,6 +206,7 @@ def parse(arguments: Sequence[str]) -> _Command:
     command, refusal = _options_of(name) if helped else class_of(name), io.StringIO()
     _check_each_is_given_once(command, arguments)
     try:
+        # tyro draws a box of many lines, and a refusal is one line here.
         with contextlib.redirect_stderr(refusal):
             return tyro.cli(command, args=arguments[1:], prog=f"robotball {name}")
     except SystemExit as leaving:
@@ -225,7 +236,7 @@ def _check_each_is_known(name: str, arguments: Sequence[str]) -> None:
     for each in arguments:
         option = each.partition("=")[0].replace("_", "-")
         if option.startswith("--") and option not in known:
-            raise unknown(f"option of {name}", option, known)
+            raise unknown(f"option of {name}", option, [*known, _AS_GIVEN])
 
 
 def class_of(name: str) -> type[_Command]:

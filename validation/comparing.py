@@ -22,6 +22,7 @@ def compare_all(scenes: Sequence[Scene], comparing: "Comparing") -> list["_Compa
     """Return what is kept of every scene, in their order; many scenes on all cores."""
     each = len(comparing.requests)
     with progress_bar(len(scenes) * each) as show:
+        # A few scenes are done before as many processes have started.
         if len(scenes) < MANY or allowed() == 1:
             return [comparing(scene, shifted(show, i * each)) for i, scene in enumerate(scenes)]
         found = []
@@ -54,6 +55,7 @@ class Comparing:
         try:
             agreements = agreements_of(scene, requests, self.times, strict=self.strict, show=show)
         except InputError as error:
+            # One scene that cannot be run must not take the results of the others with it.
             return _Compared([], refused=str(error))
         pictures = draw(agreements, self.out) if self.plots else ()
         return _Compared([record(each) for each in agreements], pictures)
@@ -98,12 +100,11 @@ def agreements_of(
     return [agreement(i, request) for i, request in enumerate(requests)]
 
 
-def film(path: Path, agreements: Sequence[Agreement], how: "Film | None" = None) -> None:
-    """Film the motions of a scene's agreements at `path`, by default as `Film()` says.
+def film(path: Path, motions: Sequence[Motion], how: "Film | None" = None) -> None:
+    """Film motions of a scene at `path`, by default as `Film()` says; the last is the equations'.
 
-    Raises InputError as `motions_of` does, and as `write_video` does.
+    Raises InputError as `write_video` does.
     """
-    motions = motions_of(agreements, "video")
     from robotball.film.render import write_video  # an encoder and a GL, which only a film needs
 
     with refused(path):
@@ -122,4 +123,5 @@ def motions_of(agreements: Sequence[Agreement], kind: str) -> list[Motion]:
         if len(each.motion.times) < 2:
             why = f"its motion ended at t = {each.end:g} s: {each.verdict}"
             raise InputError(f"{each.scene.name} has no {kind}, as {why}")
+    # The equations' last: a film's ghost, and the ball that a picture draws on top.
     return [*(each.motion for each in agreements), agreements[0].theory]

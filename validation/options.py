@@ -93,6 +93,7 @@ class Sweep:
         from validation.results import changed
         from validation.study import present
 
+        # A quick form's files must not take the place of the whole study's.
         stem = study.stem(*words, *changed(self, "quick"))
         picture, json, csv = (self.out / f"{stem}.{end}" for end in ("png", "json", "csv"))
         print(*present(study, picture, json, csv), sep="\n")
@@ -132,6 +133,7 @@ class Run:
         request = request_of(self.engine, preset, self.accuracy, keep_going=self.keep_going)
         if self.environments is None:
             return request
+        # Only where an environment is asked for, as most commands need no adapter.
         from robotball.engines.adapter import elsewhere
 
         return replace(request, engine=elsewhere(request.engine, self.environments))
@@ -215,6 +217,7 @@ def seconds_of(duration: float | None, quick: bool, scene: Scene) -> float:
     from robotball.errors import check_positive
 
     if duration is None:
+        # A duration that is given stands in the quick form, too.
         return _QUICK if quick else scene.duration
     check_positive("duration", duration, "s")
     return duration

@@ -58,6 +58,7 @@ def program() -> str:
 def write_record(path: Path | None, record: Mapping[str, Any]) -> None:
     """Write a record with the versions that it depends on as JSON, if a path is given."""
     if path is not None:
+        # NaN and infinity are no JSON, which other programs' readers refuse.
         text = json.dumps({**record, "versions": versions()}, indent=1, allow_nan=False)
         write_text(writable_file(path), text + "\n")
 
@@ -145,6 +146,7 @@ def print_whole(table: "Table", console: Console) -> None:
     In a terminal words are folded where that makes it fit. Else it is as wide as it is: a narrower
     terminal breaks its lines.
     """
+    # Rich measures a table against the console's width, and would cut cells to it.
     terminal, console.width = console.width, _WIDEST
     if console.is_terminal and console.measure(table).minimum <= terminal:
         console.width = terminal
@@ -161,6 +163,7 @@ def writable_folder(path: Path) -> Path:
     if path == STANDARD_OUTPUT:
         raise InputError("`-` is standard output, and the output folder must be a folder")
     try:
+        # Whether a folder can be made shows only when it is made: permissions are not all.
         made = [folder for folder in (path, *path.parents) if not folder.exists()]
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -212,6 +215,7 @@ def _lines_now_and_then(console: Console, total: float) -> Show:
 
     def show(done: float, what: str) -> None:
         nonlocal last
+        # In a log file every line stays, so there are few.
         if time.monotonic() - last >= _LINE_EVERY:
             last = time.monotonic()
             line = f"{done / total:.0%}: {what}"

@@ -105,6 +105,7 @@ def framed(agreements: Sequence["Agreement"]) -> _Array:
     """
     own, radius = agreements[0].theory.contact_point, agreements[0].scene.ball.radius
     every = np.concatenate([own, *(each.motion.contact_point for each in agreements)])
+    # As far as the equations' path is long, so that a run off by that much is still seen.
     reach = max(float(np.ptp(own, axis=0).max()), radius)
     ends = np.array([in_view(own[:, i], every[:, i], reach) for i in (0, 1)])
     across, up = 1.1 * np.ptp(ends, axis=1)
@@ -175,6 +176,7 @@ def extremes(values: _Array) -> NDArray[np.int64]:
     if len(values) <= _MOST:
         return np.arange(len(values))
     bins = np.array_split(np.arange(len(values)), _MOST // 2)
+    # Both extremes of each bin, as a thinned line would lose a short peak.
     ends = [sorted((b[values[b].argmin()], b[values[b].argmax()])) for b in bins]
     return np.array(ends).ravel()
 

@@ -33,6 +33,8 @@ _CELL = 64  # starts that a process of a cluster takes
 def random_start(scene: Scene, random: np.random.Generator) -> Start:
     """Return the scene's start with any attitude, and M times a factor of 0.3 to 1.5."""
     attitude = Rotation.random(random_state=random).as_quat(scalar_first=True)
+    # Its direction stays: with any attitude all directions in the frame come up, and a rubber
+    # ball's M has to be horizontal.
     momentum = scene.start.momentum * random.uniform(0.3, 1.5)
     return replace(scene.start, attitude=attitude, momentum=momentum)
 
@@ -66,6 +68,7 @@ class ManyRuns:
         The summary has also the number of runs, the number of runs with a fault, and the runs per
         second of stepping.
         """
+        # A run that broke off has no error, and is counted as faulty instead of being a percentile.
         values = [each[error] for each in self.rows if each[error] is not None] or [np.nan]
         found = zip(PERCENTILES, np.percentile(values, [*PERCENTILES.values()]), strict=True)
         faulty = sum(each["fault"] is not None for each in self.rows)
@@ -148,11 +151,13 @@ def _start_row(agreement: Agreement) -> Row:
 
 def _references(scenes: Sequence[Scene], times: Array) -> Iterator[Motion]:
     """Yield the equations' motions of scenes that differ in their start, at times (n,) [s]."""
+    # The first stands for all, as they differ in their start only.
     if not all(each.steady and each.not_reduced is None for each in scenes[:1]):
         yield from of_each(partial(_reference, times), scenes)
         return
     from robotball.engines.ensembles.orbits import kernel_start, orbits
 
+    # So many at once, so that memory does not grow with the number of starts.
     for i in range(0, len(scenes), _ABREAST):
         some = scenes[i : i + _ABREAST]
         _, attitudes, momenta = map(list, zip(*map(kernel_start, some), strict=True))
@@ -171,6 +176,7 @@ def _reference(times: Array, scene: Scene) -> Motion:
 def of_cell(cell: Cell, progress: Progress | None = None) -> Mapping[str, Any]:
     """Return the rows of a cell of `many_runs`."""
     scene, first = controlled(cell["scene"], cell["control"]), cell["first"]
+    # A seed for each start by its own number: the same starts, however they are shared among cells.
     seeds = ([cell["seed"], i] for i in range(first, first + cell["count"]))
     starts = [random_start(scene, np.random.default_rng(each)) for each in seeds]
     options = Run(**{name: cell[name] for name in ("engine", "keep_going", "environments")})
@@ -186,6 +192,7 @@ def many_runs(whole: Cell, count: int, cluster: str | None, out: Path) -> ManyRu
     whole: a cell of `of_cell` without `first` and `count`, which are its part of the starts; out:
     the folder for the journal of a cluster's cells, with which they go on after a break.
     """
+    # Here the engine itself has a start on every core, and one call takes them all.
     size = _CELL if cluster else count
     cells = [{**whole, "first": i, "count": min(size, count - i)} for i in range(0, count, size)]
     with progress_bar(len(cells)) as show:

@@ -60,12 +60,32 @@ def controlled(name: str, texts: Sequence[str]) -> Scene:
     return replace(scene, name=file_name(scene.name, None, words)) if texts else scene
 
 
+def with_controls(name: str, texts: Sequence[str], folder: Path) -> str:
+    """Return the path of a scene file, written to a folder, that has the controls of `texts` too.
+
+    Without controls it is the name itself.
+    """
+    if not texts:
+        return name
+    if Path(name).suffix == ".toml":
+        raise InputError(f"{name}: write the controls into it, in its table [controls]")
+    lines = [f"robot = {json.dumps(str(Path(name).absolute()))}", "[controls]"]
+    for key, value in controls_of(texts).items():
+        file = next(text for text in texts if text.startswith(f"{key}=")).partition("=")[2]
+        samples = f'{{ kind = "samples", file = {json.dumps(str(Path(file).absolute()))} }}'
+        lines.append(f"{json.dumps(key)} = {value if isinstance(value, float) else samples}")
+    path = folder / f"{controlled(name, texts).name}.toml"
+    write_text(path, "\n".join([*lines, ""]))
+    return str(path)
+
+
 def scenes_of(names: Sequence[str], controls: Sequence[str] = ()) -> dict[str, Scene]:
     """Return the scenes of catalog names and paths, by these; each once, and none named alike.
 
     controls: texts as `controls_of` takes them. Those of files with the same name in two folders
     are named after the folder as well. Raises InputError where one cannot be loaded.
     """
+    # A path by its absolute form, as two texts may name one file.
     distinct = {name if name in catalog() else Path(name).absolute(): name for name in names}
     scenes = [controlled(name, controls) for name in distinct.values()]
     often = Counter(scene.name for scene in scenes)
@@ -73,6 +93,7 @@ def scenes_of(names: Sequence[str], controls: Sequence[str] = ()) -> dict[str, S
     taken: set[str] = set()
     for (path, given), scene in zip(distinct.items(), scenes, strict=True):
         name = scene.name
+        # Their files would overwrite each other; the catalog's scene keeps its name.
         if often[name] > 1 and isinstance(path, Path):
             name = f"{path.parent.name}-{name}"
         others = (f"{name}-{number}" for number in count(2))
@@ -90,6 +111,7 @@ def file_stem(agreements: Sequence[Agreement]) -> str:
     first, names = agreements[0], [each.settings.name for each in agreements]
     if first.engine is not None and len(names) > 1 and names == list(first.engine.presets):
         names = [ALL]
+    # Another duration is another run, whose files are not the same.
     end = float(first.theory.times[-1])
     time = [] if end == first.scene.duration else [f"{end:g}s"]
     return file_name(first.scene.name, first.motion.engine, [*names, *time])

@@ -19,7 +19,7 @@ from robotball.scene import Start
 
 # Short beside the time in which a chaotic motion of the catalog doubles a difference, 2 to 6 s.
 _STRETCH = 2.5  # s
-_FEWEST, _MOST = 8, 400  # stretches
+_FEWEST_STRETCHES, _MOST_STRETCHES = 8, 400  # stretches
 _LONG = 100.0  # s, in which chaos shows itself
 # The difference of two neighbouring motions, in rad: its square and rounding are far below it.
 _NEAR = 1e-6
@@ -105,7 +105,7 @@ def sensitivity(engine: Engine, motion: ContactMotion, theory: Motion) -> Sensit
 def _stretches_of(theory: Motion) -> Motion:
     """Return the equations' motion at the ends of equal stretches of a longer one."""
     duration = float(theory.times[-1])
-    count = int(np.clip(duration / _STRETCH, _FEWEST, _MOST))
+    count = int(np.clip(duration / _STRETCH, _FEWEST_STRETCHES, _MOST_STRETCHES))
     return integrate(theory.scene, np.linspace(0.0, duration, count + 1))
 
 

@@ -96,6 +96,7 @@ def sweep(
     count = cores() if workers is None else check_count("workers", workers, 1)
     with _journal(file, work) as kept:
         missing = [cell for key, cell in distinct.items() if key not in kept.results]
+        # Of the asked cells alone: other sweeps of the same work may have results in the file.
         there = [kept.results[key] for key in distinct if key in kept.results]
         report = _reporter(show, there, len(cells))
         if missing:
@@ -138,6 +139,7 @@ def _reporter(show: Show, before: Sequence[Result], total: int) -> Callable[[Res
         words = [f"{done} of {total} cells"]
         if failed:
             words.append(f"{failed} failed")
+        # Before the first result of this run nothing is known of the speed.
         if len(before) < done < total:
             each = (time.monotonic() - start) / (done - len(before))
             words.append(f"{duration(each * (total - done))} left")
@@ -174,6 +176,8 @@ def _as_cell(value: Any) -> Any:
 
 def _identity(cell: Cell) -> str:
     """Return the same text for equal cells. Raises ValueError or TypeError for no plain data."""
+    # Keys sorted, as two equal cells may be written in another order; NaN is refused, as it equals
+    # nothing.
     return json.dumps(cell, sort_keys=True, allow_nan=False)
 
 
@@ -222,6 +226,7 @@ def _journal(path: Path, work: Work) -> Iterator[_Journal]:
         writable_file(path).parent.mkdir(parents=True, exist_ok=True)
         if no_regular_file(path):
             raise InputError(f"{path} is no regular file, as a sweep's record is: {_ELSEWHERE}")
+        # Without a buffer, which a kill would take along.
         file = path.open("ab+", buffering=0)
     with file:
         with _refusals(path):
@@ -251,6 +256,7 @@ def _continued(file: BinaryIO, path: Path, work: Work) -> dict[str, Result]:
     # Of a line that a killed sweep was writing there is only a part, without its end.
     whole = text[: text.rfind(b"\n") + 1]
     first, *lines = whole.splitlines() or [b""]
+    # A sweep that was killed at once may have written a part of its own header.
     if text and not f"{json.dumps(header)}\n".encode().startswith(text):
         _check_header(first, header, path)
     file.truncate(len(whole))
@@ -299,8 +305,8 @@ class _Place:
     """A place where cells run.
 
     name: for the user; limit: s for a cell; window: how many cells to have handed in at once, which
-    keep every process busy; submit: gives a cell to `Worker.answer` of a process of `_line`; check:
-    raises InputError where no answer can come.
+    keep every process busy; submit: gives a cell to `Worker.answer` of a process of `_result_line`;
+    check: raises InputError where no answer can come.
     """
 
     name: str
@@ -361,13 +367,14 @@ def _death(status: int) -> str:
     return f"ended its process with status {status}"
 
 
-def _line(work: Work, cell: Cell) -> str:
+def _result_line(work: Work, cell: Cell) -> str:
     """Return the result as a line; whatever the work raises is its failure."""
     try:
         record = work(cell)
         if not isinstance(record, Mapping):
             raise TypeError(f"a record must be a mapping, not {type(record).__name__}")
         return _to_line(cell, record, None)
+    # A cell may also exit, by a library's own wish; only Ctrl-C must end the sweep.
     except (Exception, SystemExit) as error:
         return _to_line(cell, None, _reason(error))
 
@@ -375,7 +382,7 @@ def _line(work: Work, cell: Cell) -> str:
 @contextmanager
 def _local_cores(work: Work, limit: float | None, count: int) -> Iterator[_Place]:
     """Give so many processes of this machine, which end with the block, whatever they do."""
-    with pool(partial(_line, work), count) as submit:
+    with pool(partial(_result_line, work), count) as submit:
         yield _Place("the local cores", limit, 2 * count, lambda cell: submit(cell, limit))
 
 
@@ -412,6 +419,7 @@ def _cluster(work: Work, limit: float | None, address: str) -> Iterator[_Place]:
 
     with client:
         _check_workers(client, address, work)
+        # dask takes a call that it has seen for done; a cell that died is to be run again.
         executor = client.get_executor(pure=False)
         submit = partial(executor.submit, _answer, work, limit=limit)
         yield _Place(address, limit, _WINDOW, submit, check)
@@ -449,4 +457,4 @@ def _answer(work: Work, cell: Cell, limit: float | None) -> Answer:
 
 @cache
 def _worker_of(work: Work, _thread: int) -> Worker:
-    return Worker(partial(_line, work))
+    return Worker(partial(_result_line, work))

@@ -14,7 +14,7 @@ from typing import BinaryIO
 from robotball.errors import InputError
 
 # Bytes of a scene, a robot or a record; those of the catalog have 1.4 kB at most.
-_LONGEST = 10_000_000
+_MOST_CHARACTERS = 10_000_000
 MB = 1e6
 # What readers raise for bytes that are no file of theirs, damaged or too deep; and the modules, not
 # all of them loaded, of readers' own errors.
@@ -25,7 +25,25 @@ _UNREADABLE = (
 _READERS = ("_lzma", "msgspec", "pyarrow.lib", "tokenize", "zipfile", "zlib")
 
 
-def contents(path: Path, longest: int = _LONGEST) -> bytes:
+MODEL_FILES = (".xml", ".mjcf", ".urdf")
+_INSTEAD = {
+    ".sdf": "; convert an SDF file to URDF or MJCF",
+    ".xacro": "; expand it first: xacro {0} > robot.urdf",
+    ".toml": "; `robotball compare {0}` runs a scene; `check` takes its robot's own file",
+}
+
+
+def check_format(path: Path) -> None:
+    """Raise InputError unless the name of a robot's file ends as MJCF and URDF files do."""
+    if path.suffix not in MODEL_FILES:
+        instead = _INSTEAD.get(path.suffix, "")
+        raise InputError(
+            f"{path}: a scene is a TOML file, and a robot as it is an MJCF or URDF file, with a "
+            f"name that ends in {' or '.join(MODEL_FILES)}{instead.format(path)}"
+        )
+
+
+def contents(path: Path, longest: int = _MOST_CHARACTERS) -> bytes:
     """Return the bytes of a regular file. Raises InputError as `opened` does."""
     with opened(path, longest) as file:
         return file.read()
@@ -54,7 +72,7 @@ def named(what: object) -> Iterator[None]:
 
 
 @contextmanager
-def opened(path: Path, longest: int = _LONGEST) -> Iterator[BinaryIO]:
+def opened(path: Path, longest: int = _MOST_CHARACTERS) -> Iterator[BinaryIO]:
     """Open a regular file of at most `longest` bytes for reading, links followed.
 
     Raises InputError, with the path, for a file that cannot be read or is longer, and for a device

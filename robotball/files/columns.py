@@ -32,7 +32,7 @@ _MARKS = {
 }
 _LINES = 20_000  # that are read at once, so that a file's text never stands whole in memory
 LONGEST = 4_000_000_000  # bytes: a motion of a day, every 20 ms, takes 2.5e9 as CSV
-_MOST = 1_000_000_000  # bytes in memory, of all numbers: the same takes 0.9e9
+_MOST_BYTES = 1_000_000_000  # bytes in memory, of all numbers: the same takes 0.9e9
 _WORD = 8  # bytes of a number
 # Of an NPZ's own members and a Parquet's metadata, as JSON; units are a line of a CSV's header.
 _HEADER, _UNITS = "header", "units"
@@ -139,7 +139,7 @@ def _read_csv(file: BinaryIO) -> Table:
 def _table(lines: Iterator[_Line]) -> Table:
     # One pass, in pieces: comments are collected on the way, as units and names may be in them.
     comments: list[str] = []
-    rows = _rows(lines, comments)
+    rows = _data_lines(lines, comments)
     begun = [*islice(rows, 1)]
     if not begun:
         raise InputError("the file holds no numbers")
@@ -169,7 +169,7 @@ def _table(lines: Iterator[_Line]) -> Table:
     return Table(dict(zip(names, np.concatenate(parts).T, strict=True)), units, header)
 
 
-def _rows(lines: Iterable[_Line], comments: list[str]) -> Iterator[_Line]:
+def _data_lines(lines: Iterable[_Line], comments: list[str]) -> Iterator[_Line]:
     """Yield the lines that are neither empty nor a comment. Comments are added to the others."""
     for number, line in lines:
         stripped = line.strip()
@@ -228,7 +228,7 @@ def _numbers(
             numbers = np.loadtxt(texts, delimiter=delimiter, comments=None, ndmin=2)
             if numbers.shape[1] == len(names):
                 return numbers
-    checked = list(_checked(names, _rows(lines, comments), delimiter))
+    checked = list(_checked(names, _data_lines(lines, comments), delimiter))
     return np.array(checked).reshape(-1, len(names))
 
 
@@ -274,9 +274,9 @@ def _read_npz(file: BinaryIO) -> Table:
 
 def _check_size(size: int) -> None:
     """Raise InputError where a table would take so many bytes of memory."""
-    if size > _MOST:
+    if size > _MOST_BYTES:
         raise InputError(
-            f"it takes {size / MB:.4g} MB of memory, and may take {_MOST / MB:g}; shorten it"
+            f"it takes {size / MB:.4g} MB of memory, and may take {_MOST_BYTES / MB:g}; shorten it"
         )
 
 

@@ -109,12 +109,28 @@ def compiled(text: str) -> mujoco.MjModel:
         raise InputError(f"the changed file does not compile: {error}") from None
 
 
+@dataclass(frozen=True)
+class Moves:
+    """How the start of a file is changed.
+
+    shift (3,): m, world, of the robot in all starts; kick (3,): m/s, world, of the robot at the
+    keyframe of a number.
+    """
+
+    shift: Array
+    kick: Array
+    key: int | None
+
+
+_STILL = Moves(np.zeros(3), np.zeros(3), None)
+
+
 def editable(
-    robot: RobotFile, shift: Array, pair: Mapping[str, str], bodies: Iterable[int]
+    robot: RobotFile, moves: Moves, pair: Mapping[str, str], bodies: Iterable[int]
 ) -> Editable:
     """Return the text of a robot's file, ready for changes.
 
-    shift (3,): m, world, by which the robot is set down on the plane; pair: the attributes of the
+    moves: by which the robot is set down on the plane, and rolls; pair: the attributes of the
     contact of sphere and plane as the file has it; bodies: those that changes name. Raises
     InputError where no text has the same robot.
     """
@@ -128,28 +144,31 @@ def editable(
     pairs = zip(model.pair_geom1, model.pair_geom2, strict=True)
     own_pair = next((i for i, each in enumerate(pairs) if {*map(int, each)} == ours), None)
     sphere, plane = (named["geom", i] for i in (robot.sphere, robot.plane))
-    still = np.zeros(3)
     for write in (_own_text, _written_text):
         try:
-            text, moved = (write(robot, by, new, own_pair) for by in (still, shift))
-            if _is_same(robot, named, text, still) and _is_same(robot, named, moved, shift):
-                source = write(robot, still, {}, None)
+            text, moved = (write(robot, by, new, own_pair) for by in (_STILL, moves))
+            if _is_same(robot, named, text, _STILL) and _is_same(robot, named, moved, moves):
+                source = write(robot, _STILL, {}, None)
                 return Editable(source, text, moved, sphere, plane, pair, own_pair is not None)
         except (InputError, ExpatError, IndexError, UnicodeDecodeError):
             continue
     raise InputError(f"{robot.path} cannot be mended: written again, it is another robot")
 
 
-def _is_same(robot: RobotFile, names: _Names, text: str, shift: Array) -> bool:
-    """Return whether a text is the robot's model, moved by a shift (3,), with such names."""
+def _is_same(robot: RobotFile, names: _Names, text: str, moves: Moves) -> bool:
+    """Return whether a text is the robot's model, moved, with such names."""
     model, other, at = robot.model, compiled(text), robot.free
+    first, kicks = int(model.body_dofadr[robot.root]), np.zeros_like(model.key_qvel)
+    if moves.key is not None:
+        kicks[moves.key, first : first + 3] = moves.kick
     starts = [(model.qpos0, other.qpos0), *zip(model.key_qpos, other.key_qpos, strict=False)]
     return (
         (model.nbody, model.ngeom, model.nq, model.nkey)
         == (other.nbody, other.ngeom, other.nq, other.nkey)
         and all(getattr(other, kind)(i).name == name for (kind, i), name in names.items())
         and np.allclose(model.body_mass, other.body_mass, rtol=1e-6)
-        and all(np.allclose(old[at] + shift, new[at], atol=1e-6) for old, new in starts)
+        and all(np.allclose(old[at] + moves.shift, new[at], atol=1e-6) for old, new in starts)
+        and np.allclose(model.key_qvel + kicks, other.key_qvel, atol=1e-6)
     )
 
 
@@ -161,8 +180,8 @@ def _folders(robot: RobotFile) -> dict[str, str]:
     return {"meshdir": str(here / spec.meshdir), "texturedir": str(here / spec.texturedir)}
 
 
-def _written_text(robot: RobotFile, shift: Array, names: _Names, pair: int | None) -> str:
-    """Return the file as MuJoCo writes it, with names and without a pair, moved by a shift (3,)."""
+def _written_text(robot: RobotFile, moves: Moves, names: _Names, pair: int | None) -> str:
+    """Return the file as MuJoCo writes it, with names and without a pair, moved."""
     spec = robot.spec.copy()
     if pair is not None:
         spec.delete(spec.pairs[pair])
@@ -171,9 +190,13 @@ def _written_text(robot: RobotFile, shift: Array, names: _Names, pair: int | Non
     for name, folder in _folders(robot).items():
         setattr(spec, name, folder)
     root = spec.bodies[robot.root]
-    root.pos = root.pos + shift
+    root.pos = root.pos + moves.shift
     for key in filter(lambda each: len(each.qpos), spec.keys):
-        key.qpos[robot.free] = np.asarray(key.qpos)[robot.free] + shift
+        key.qpos[robot.free] = np.asarray(key.qpos)[robot.free] + moves.shift
+    if np.any(moves.kick) and moves.key is not None:
+        key, first = spec.keys[moves.key], int(robot.model.body_dofadr[robot.root])
+        if len(key.qvel):
+            key.qvel[first : first + 3] = np.asarray(key.qvel)[first : first + 3] + moves.kick
     spec.compile()
     return str(spec.to_xml())
 
@@ -202,8 +225,8 @@ def _elements(data: bytes) -> list[_Element]:
     return found
 
 
-def _own_text(robot: RobotFile, shift: Array, names: _Names, pair: int | None) -> str:
-    """Return the author's own text, with names and without a pair, moved by a shift (3,)."""
+def _own_text(robot: RobotFile, moves: Moves, names: _Names, pair: int | None) -> str:
+    """Return the author's own text, with names and without a pair, moved."""
     data, model = robot.path.read_bytes(), robot.model
     elements = _elements(data)
     bodies = [i for i, each in enumerate(elements) if each.tag == "body" and each.owner >= 0]
@@ -218,13 +241,19 @@ def _own_text(robot: RobotFile, shift: Array, names: _Names, pair: int | None) -
 
     # Each with the place of its element; without an attribute the whole element goes.
     edits = [(element(kind, i).at, "name", name) for (kind, i), name in names.items()]
-    if np.any(shift):
-        root = element("body", robot.root)
+    if np.any(moves.shift):
+        root, shift = element("body", robot.root), moves.shift
         edits.append((root.at, "pos", _added(root.attributes.get("pos", "0 0 0"), shift, 0)))
         # A key without qpos has that of the bodies.
         for key in (elements[i] for i in _all_of(elements, "key")):
             if old := key.attributes.get("qpos"):
                 edits.append((key.at, "qpos", _added(old, shift, robot.free.start)))
+    if np.any(moves.kick) and moves.key is not None:
+        key = elements[_all_of(elements, "key")[moves.key]]
+        if old := key.attributes.get("qvel"):
+            edits.append(
+                (key.at, "qvel", _added(old, moves.kick, int(model.body_dofadr[robot.root])))
+            )
     if pair is not None:
         edits.append((elements[_all_of(elements, "pair")[pair]].at, "", ""))
     for at, attribute, new in sorted(edits, key=lambda each: -each[0]):

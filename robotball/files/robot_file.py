@@ -1,6 +1,6 @@
 """Read a user's whole robot from an MJCF or URDF file, as it is: tree, actuators, plane and start.
 
-MuJoCo reads and compiles the file, at first in a process of its own (`trial_load`). The tree begins
+MuJoCo reads and compiles the file, at first in a process of its own (`sandbox`). The tree begins
 at the shell, the body with the sphere that touches the plane, wherever the file has it: a joint
 above the shell is seen from its other side, by an axis of the opposite sign. Bodies are taken where
 all joints are at 0, in the axes of the shell and from the centre of its sphere; all that is welded
@@ -29,9 +29,9 @@ from robotball.ball import Ball, Hinge, Link, Shell, Solid, composed
 from robotball.drives import Rate, Samples, key
 from robotball.equations import Rolling
 from robotball.errors import InputError, check_positive, check_size, unknown, warn
-from robotball.files import named
+from robotball.files import check_format, named
+from robotball.files.sandbox import COMMENT, check_loads, opened_spec
 from robotball.files.scene_tables import Command, Table, rate_of
-from robotball.files.trial_load import COMMENT, check_loads, opened_spec
 from robotball.motors import Actuator, Free, Law
 from robotball.rotations import Array, Z, from_matrix, rotation_matrix
 from robotball.scene import DOWN, Friction, Scene, Start
@@ -45,14 +45,20 @@ _FREE, _BALL, _SLIDE, _HINGE = map(int, mujoco.mjtJoint.__members__.values())
 _STATELESS, _INTEGRATOR = int(mujoco.mjtDyn.mjDYN_NONE), int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
 _AFFINE = (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE))
 _FILTERS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))
-_SPHERE, _PLANE = int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_PLANE)
+_GEOMS = mujoco.mjtGeom
+_PLANE, _SPHERE = int(_GEOMS.mjGEOM_PLANE), int(_GEOMS.mjGEOM_SPHERE)
+_MESH = int(_GEOMS.mjGEOM_MESH)
 # What the scene's own model calls its parts; a user's body of such a name gets another.
 _OURS = ("shell", "frame", "floor")
 _NO_LIMITS = (-np.inf, np.inf)
+_FACES = 0.1  # cosine: a plane that is steeper against gravity is a wall
 _LEVEL = 1 - 1e-12  # cosine: a plane or a gravity that is tilted by less is level
 _DURATION = 10.0  # s, the longest of a scene from a file, which has none
 _HEIGHT = 1e-6  # of the radius, and of a velocity: a start that misses by less is on the plane
-_TOUCH = 1e-3  # of the radius: how deep the sphere is put to see its contact
+_TOUCH = 1e-6  # of the radius: how deep the sphere is put to see its contact
+_STRETCHES = 50  # of the way of a robot to its plane, at most
+_WITHIN = 1.02  # of the radius: what reaches no farther is within the shell
+_RIM = 0.95  # of the radius: a wheel that reaches so far stands on the shell's wall
 
 
 @dataclass(frozen=True)
@@ -75,14 +81,18 @@ class RobotFile:
 
         Raises InputError for a name that no keyframe has.
         """
-        data, keys = mujoco.MjData(self.model), range(self.model.nkey)
-        names = [self.model.key(i).name for i in keys]
-        if key is not None and key not in names:
-            raise InputError(f"{self.path}: {unknown('keyframe', key, filter(None, names))}")
-        if names:
-            mujoco.mj_resetDataKeyframe(self.model, data, names.index(key) if key else 0)
+        data, number = mujoco.MjData(self.model), self.keyframe(key)
+        if number is not None:
+            mujoco.mj_resetDataKeyframe(self.model, data, number)
         mujoco.mj_forward(self.model, data)
         return data
+
+    def keyframe(self, key: str | None) -> int | None:
+        """Return the number of a keyframe, the first one if None; None where the file has none."""
+        names = [self.model.key(i).name for i in range(self.model.nkey)]
+        if key is not None and key not in names:
+            raise InputError(f"{self.path}: {unknown('keyframe', key, filter(None, names))}")
+        return None if not names else names.index(key) if key else 0
 
     @property
     def root(self) -> int:
@@ -101,6 +111,12 @@ class RobotFile:
         away = data.geom_xpos[self.sphere] - data.geom_xpos[self.plane]
         return normal, float(away @ normal) - float(self.model.geom_size[self.sphere, 0])
 
+    def slip(self, data: Any) -> Array:
+        """Return the velocity (3,) of the sphere's lowest point [m/s], world."""
+        moving, (normal, _) = _moving(self, data), self.above_plane(data)
+        radius = float(self.model.geom_size[self.sphere, 0])
+        return np.asarray(moving[3:] - radius * np.cross(moving[:3], normal))
+
     def plane_axes(self, data: Any) -> Array:
         """Return the rotation (3, 3) from world axes to the plane's; the same where it is level."""
         plane = data.geom_xmat[self.plane].reshape(3, 3)
@@ -108,31 +124,97 @@ class RobotFile:
 
     def contact(self, start: Any) -> Any:
         """Return MuJoCo's contact of the sphere with the plane, as it mixes their parameters."""
-        # There may be none at the start, so the robot is moved until the sphere is in the plane.
-        model, plane, data = self.model, self.plane, copy(start)
-        depth = _TOUCH * model.geom_size[self.sphere, 0]
+        # There may be none at the start, so the robot is moved until the sphere is in the plane, by
+        # stretches shorter than the sphere, lest it pass through a ledge.
+        model, data, found = self.model, copy(start), None
+        radius = float(model.geom_size[self.sphere, 0])
         normal, gap = self.above_plane(data)
-        data.qpos[self.free] -= (gap + depth) * normal
-        mujoco.mj_forward(model, data)
-        found = None
-        for contact in data.contact:
-            geoms = {int(contact.geom1), int(contact.geom2)}
-            if geoms == {plane, self.sphere}:
-                found = contact
-            bodies = model.geom_bodyid[[*geoms]]
-            apart = bodies[~np.isin(model.body_rootid[bodies], (0, self.root))]
-            if len(apart) and self.sphere in geoms:
-                raise InputError(
-                    f"{_name(model, apart[0])} touches the shell: a drive by contacts is not "
-                    "supported; hold the body by joints, or give its geoms contype and "
-                    "conaffinity 0"
-                )
+        count = min(_STRETCHES, 1 + int(max(gap, 0.0) / radius))
+        for part in range(count + 1):
+            data.qpos[self.free] = start.qpos[self.free]
+            data.qpos[self.free] -= part / count * (gap + _TOUCH * radius) * normal
+            mujoco.mj_forward(model, data)
+            for contact in data.contact:
+                # Above or in the plane it is not yet where it stands.
+                if part < count and self.plane in (contact.geom1, contact.geom2):
+                    continue
+                if self.rolls(contact):
+                    found = contact
+                if words := self.meeting(data, contact):
+                    raise InputError(
+                        f"{words}: a robot that stands on more than its sphere, or is driven by "
+                        "contacts, is not supported; hold bodies by joints, roll on a plane alone, "
+                        "or give geoms that are only drawn contype and conaffinity 0"
+                    )
         if found is None:
             raise InputError(
                 "the sphere passes through the plane: their contype and conaffinity exclude each "
                 "other"
             )
         return found
+
+    def rolls(self, contact: Any) -> bool:
+        """Return whether a contact of MuJoCo's is that of the sphere with the plane."""
+        return {int(contact.geom1), int(contact.geom2)} == {self.sphere, self.plane}
+
+    def meeting(self, data: Any, contact: Any, late: bool = False) -> str:
+        """Return what touches in a contact, where it is meant; "" where solids only overlap.
+
+        What lies within the shell overlaps the sphere, which MuJoCo takes for solid; late: parts
+        that overlap do so from the start, and what touches later is meant to.
+        """
+        model, geoms = self.model, (int(contact.geom1), int(contact.geom2))
+        bodies, mine = model.geom_bodyid[[*geoms]], np.array([*map(self._is_own, geoms)])
+        if self.rolls(contact) or contact.exclude:
+            return ""
+        if mine.all():
+            meant = late or any(self._is_wheel(data, i) for i in geoms)
+            return self.touching(contact) if meant else ""
+        own = geoms[int(mine[1])]
+        welded = model.body_weldid[bodies[int(mine[1])]]
+        shell = model.body_weldid[model.geom_bodyid[self.sphere]]
+        inside = own != self.sphere and welded == shell and self._reach(data, own) < _WITHIN
+        return "" if not mine.any() or inside else self.touching(contact)
+
+    def touching(self, contact: Any) -> str:
+        """Return which geoms touch in a contact, those of the robot first."""
+        both = sorted((int(contact.geom1), int(contact.geom2)), key=self._is_own, reverse=True)
+        return " touches ".join(geom_name(self.model, i) for i in both)
+
+    def _is_own(self, geom: int) -> bool:
+        return bool(self.model.body_rootid[self.model.geom_bodyid[geom]] == self.root)
+
+    def _reach(self, data: Any, geom: int) -> float:
+        """Return how far a geom reaches from the sphere's centre at most, in radii."""
+        model, place = self.model, data.geom_xpos[geom] - data.geom_xpos[self.sphere]
+        reach = np.linalg.norm(place) + model.geom_rbound[geom]
+        if model.geom_type[geom] == _MESH:  # whose bound is that of the box around it
+            first, mesh = model.mesh_vertadr, model.geom_dataid[geom]
+            corners = model.mesh_vert[first[mesh] :][: model.mesh_vertnum[mesh]]
+            turned = corners @ data.geom_xmat[geom].reshape(3, 3).T
+            reach = np.linalg.norm(place + turned, axis=1).max()
+        return float(reach / model.geom_size[self.sphere, 0])
+
+    def _is_wheel(self, data: Any, geom: int) -> bool:
+        """Return whether a round geom turns about its own middle and stands on the shell's wall."""
+        model, body = self.model, int(self.model.geom_bodyid[geom])
+        joint, size = int(model.body_jntadr[body]), float(model.geom_size[geom, 0])
+        if geom == self.sphere or joint < 0 or model.jnt_type[joint] != _HINGE:
+            return False
+        middle, axis = data.geom_xpos[geom], data.xaxis[joint]
+        off = float(np.linalg.norm(np.cross(middle - data.xanchor[joint], axis)))
+        out = middle - data.geom_xpos[self.sphere]
+        # A wheel's rim is across its axis; a flywheel turns about an axis through the centre.
+        out = out - (out @ axis) * axis
+        reach = np.hypot(np.linalg.norm(out) + size, (middle - data.geom_xpos[self.sphere]) @ axis)
+        radius = float(model.geom_size[self.sphere, 0])
+        return off < 0.1 * size < 0.1 * float(np.linalg.norm(out)) and reach > _RIM * radius
+
+
+def geom_name(model: Any, geom: int) -> str:
+    """Return a geom's name, or that of its body."""
+    body = int(model.geom_bodyid[geom])
+    return model.geom(geom).name or f"a geom of {model.body(body).name or f'body{body}'}"
 
 
 def robot_scene(
@@ -263,25 +345,30 @@ def open_robot(path: Path, shell: str | None = None) -> RobotFile:
     shell: the body or geom that rolls, where several could. Raises InputError where MuJoCo refuses
     the file or takes too long or too much memory, or nothing in it can roll.
     """
+    check_format(path)
     check_loads(path)
     try:
         spec, missing = opened_spec(path)
         model = spec.compile()
-        notes = [*_plane_added(spec, model), *_free_joint_added(spec, model, _sphere(model, shell))]
+        notes = [
+            *_plane_added(spec, model, shell),
+            *_free_joint_added(spec, model, _sphere(model, shell)),
+        ]
         if notes:
             model = spec.compile()
         notes += [f"there is no {file}, which is only drawn; it is left out" for file in missing]
         _check_supported(model)
-        planes = np.flatnonzero(model.geom_type == _PLANE).tolist()
-        if len(planes) > 1:
-            raise InputError(
-                f"the file has {len(planes)} planes, of which the ball can roll on one"
-            )
         sphere = _sphere(model, shell)
+        plane = _floor(model, sphere)
     except (ValueError, mujoco.FatalError) as error:
         raise InputError(f"{path}: {error}") from None
-    notes += [*_inferred(spec), *_by_default(spec), *_balanced(spec), *_ignored(model, sphere)]
-    return RobotFile(path, spec, model, sphere, planes[0], tuple(notes))
+    notes += [
+        *_inferred(spec),
+        *_by_default(spec),
+        *_balanced(spec),
+        *_ignored(model, sphere, plane),
+    ]
+    return RobotFile(path, spec, model, sphere, plane, tuple(notes))
 
 
 def _sphere(model: Any, shell: str | None) -> int:
@@ -296,6 +383,8 @@ def _sphere(model: Any, shell: str | None) -> int:
             "no sphere can touch the plane; a shell has a geom of type sphere with contype or "
             "conaffinity, where a mesh would roll on its corners"
         )
+    # A marker in the world rolls only where nothing else could.
+    spheres = [i for i in spheres if model.geom_bodyid[i]] or spheres
     called = {i: (model.geom(i).name, model.body(model.geom_bodyid[i]).name) for i in spheres}
     if shell is not None:
         spheres = [i for i, names in called.items() if shell in names]
@@ -307,16 +396,48 @@ def _sphere(model: Any, shell: str | None) -> int:
     if len(outermost) > 1:
         names = ", ".join(" of ".join(filter(None, called[i])) for i in outermost)
         raise InputError(
-            f"several spheres of {largest:g} m could roll: {names}; name one as `shell` in a scene "
-            "file, or give the others contype and conaffinity 0"
+            f"several spheres of {largest:g} m could roll: {names}; name one by `--shell`, or as "
+            "`shell` in a scene file, or give the others contype and conaffinity 0"
         )
     return outermost[0]
 
 
-def _plane_added(spec: Any, model: Any) -> Iterator[str]:
-    if not np.any(model.geom_type == _PLANE):
-        spec.worldbody.add_geom(type=_PLANE, size=[0, 0, 1])
-        yield "the file has no plane; one is added at height 0"
+def _solid(model: Any, geom: Any) -> bool:
+    return bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
+
+
+def _plane_added(spec: Any, model: Any, shell: str | None) -> Iterator[str]:
+    if np.any(model.geom_type == _PLANE):
+        return
+    fixed = [i for i in range(model.ngeom) if _solid(model, i) and not _moves(model, i)]
+    if others := [i for i in fixed if i != _sphere(model, shell)]:
+        kind = _GEOMS(model.geom_type[others[0]]).name.removeprefix("mjGEOM_").lower()
+        raise InputError(
+            f"the file has no plane, and {geom_name(model, others[0])} is a {kind}, where the "
+            'equations roll on an endless plane; add <geom type="plane" size="1 1 .1"/> in its '
+            "place"
+        )
+    spec.worldbody.add_geom(type=_PLANE, size=[0, 0, 1])
+    yield "the file has no plane; one is added at height 0"
+
+
+def _moves(model: Any, geom: int) -> bool:
+    return bool(model.body_weldid[model.geom_bodyid[geom]])
+
+
+def _floor(model: Any, sphere: int) -> int:
+    """Return the plane that the sphere rolls on: of those that face gravity, the nearest one."""
+    data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_kinematics(model, data)
+    planes = np.flatnonzero(model.geom_type == _PLANE)
+    normals = data.geom_xmat[planes][:, 2::3]
+    away = np.einsum("ij,ij->i", data.geom_xpos[sphere] - data.geom_xpos[planes], normals)
+    faces = normals @ model.opt.gravity < -_FACES * np.linalg.norm(model.opt.gravity)
+    unlikely = np.where([_solid(model, i) for i in planes], 0.0, 2.0) + ~faces
+    order = np.lexsort([np.abs(away - model.geom_size[sphere, 0]), unlikely])
+    return int(planes[order[0]])
 
 
 def _free_joint_added(spec: Any, model: Any, sphere: int) -> Iterator[str]:
@@ -406,12 +527,18 @@ def _tensor(body: Any) -> Array:
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-def _ignored(model: Any, sphere: int) -> Iterator[str]:
-    """Yield the moving bodies that are no part of the robot."""
+def _ignored(model: Any, sphere: int, plane: int) -> Iterator[str]:
+    """Yield what the robot may meet and is no part of it: other bodies, and what stands fixed."""
     root = model.body_rootid[model.geom_bodyid[sphere]]
     for i in range(1, model.nbody):
         if model.body_dofnum[i] and model.body_rootid[i] != root and model.body_rootid[i] == i:
             yield f"{_name(model, i)} moves apart from the robot; the equations leave it out"
+    for i in range(model.ngeom):
+        if i not in (sphere, plane) and _solid(model, i) and not _moves(model, i):
+            yield (
+                f"{geom_name(model, i)} stands beside the plane; the equations leave it out, and "
+                "hold until the robot meets it, which `robotball check` tells"
+            )
 
 
 @dataclass
@@ -467,6 +594,11 @@ def _tree_of(robot: RobotFile) -> tuple[Shell, dict[int, Link]]:
             )  # fmt: skip
             waiting.append((other, name))
     return _shell_of(radius, shell), links
+
+
+def hinged(robot: RobotFile) -> list[int]:
+    """Return the numbers of the joints that are a scene's hinges, in their order."""
+    return [*_tree_of(robot)[1]]
 
 
 def _shell_of(radius: float, solid: Solid) -> Shell:
@@ -531,16 +663,20 @@ def _solid_of(model: Any, data: Any, bodies: Iterable[int]) -> Solid:
     return composed(each for each in solids if each.mass > 0)
 
 
+def start_misses(robot: RobotFile, data: Any) -> Iterator[tuple[str, str]]:
+    """Yield how a start misses the plane or the rolling, and what the equations do instead."""
+    radius, gap = float(robot.model.geom_size[robot.sphere, 0]), robot.above_plane(data)[1]
+    if abs(gap) > _HEIGHT * radius:
+        yield f"it starts {abs(gap):.3g} m {'above' if gap > 0 else 'in'} the plane", "on it"
+    slip = float(np.linalg.norm(robot.slip(data)))
+    if slip > _HEIGHT * max(1.0, float(np.linalg.norm(_moving(robot, data)[3:]))):
+        yield f"its contact point starts at {slip:.3g} m/s", "without slipping"
+
+
 def starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
     """Yield how a start misses the plane or the rolling, from which the equations begin."""
-    radius, (normal, gap) = float(robot.model.geom_size[robot.sphere, 0]), robot.above_plane(data)
-    if abs(gap) > _HEIGHT * radius:
-        way = "above" if gap > 0 else "in"
-        yield f"it starts {abs(gap):.3g} m {way} the plane; the equations start on it"
-    moving = _moving(robot, data)
-    slip = float(np.linalg.norm(moving[3:] - radius * np.cross(moving[:3], normal)))
-    if slip > _HEIGHT * max(1.0, float(np.linalg.norm(moving[3:]))):
-        yield f"its contact point starts at {slip:.3g} m/s; the equations start without slipping"
+    for words, instead in start_misses(robot, data):
+        yield f"{words}; the equations start {instead}"
     if robot.contact(data).dim == 1:
         yield "its contact has no friction (condim 1); the equations roll"
     # Parts within the shell may touch it, and bodies beside it; not the world, which is 0.

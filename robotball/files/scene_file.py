@@ -33,7 +33,7 @@ from robotball.ball import (
 )
 from robotball.drives import Rate
 from robotball.errors import InputError, check_positive, check_size, unknown, warn
-from robotball.files import contents, named, readable
+from robotball.files import MODEL_FILES, check_format, contents, named, readable
 from robotball.files import scene_tables as tables
 from robotball.files.scene_tables import DRIVES, rate_of
 from robotball.rotations import Array, Z, direction, rotation_matrix
@@ -41,7 +41,6 @@ from robotball.scene import Friction, Scene, Start
 
 CATALOG = Path(__file__).parent.parent / "scenes"
 _Body = tables.FrameTable | tables.RotorTable | tables.PendulumTable
-_MODEL_FILES = (".xml", ".mjcf", ".urdf")
 # Relative: as far as a composed body may miss its symmetry by the rounding of its parts' sums.
 _SYMMETRIC = 1e-9
 _THIN = 1e-9  # of m a²: moments of a body whose matter lies on a line
@@ -121,7 +120,7 @@ def load_scene(name: str | Path, controls: Mapping[str, Rate] | None = None) -> 
     path = CATALOG / f"{name}.toml"
     if str(name) not in catalog():
         path = Path(name)
-    if path.suffix in _MODEL_FILES:
+    if path.suffix in MODEL_FILES:
         from robotball.files.robot_file import robot_scene
 
         scene = robot_scene(path, controls or {})
@@ -130,18 +129,14 @@ def load_scene(name: str | Path, controls: Mapping[str, Rate] | None = None) -> 
     else:
         with suppress(OSError):  # of a name that no file can have
             if path.exists():
-                raise InputError(
-                    f"{path}: a scene is a TOML file, and a robot as it is an MJCF or URDF file, "
-                    f"with a name that ends in {' or '.join(_MODEL_FILES)}; convert an SDF"
-                )
+                check_format(path)
         raise unknown("scene", name, catalog())
-    lines = beyond_the_shell(scene.ball)
-    if path.parent != CATALOG:
-        from robotball.files.scene_keys import asked_back
-
-        lines += asked_back(path, scene.ball.radius)
-    for line in lines:
+    for line in beyond_the_shell(scene.ball):
         warn(f"{scene.name}: {line}")
+    if path.parent != CATALOG:
+        from robotball.files.scene_keys import ask
+
+        ask(path, scene)
     return scene
 
 

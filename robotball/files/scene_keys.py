@@ -15,8 +15,10 @@ import msgspec
 from msgspec import inspect
 
 from robotball.drives import COMMAND
+from robotball.errors import UnitWarning, warn
 from robotball.files import contents
 from robotball.files.scene_tables import SceneTable, Table
+from robotball.scene import Scene
 
 _WORDS = {  # msgspec's names of types, in the words of TOML's users
     "float": "a number",
@@ -28,17 +30,24 @@ _WORDS = {  # msgspec's names of types, in the words of TOML's users
 }
 # Other formats' words for a key. By their letters alone another key would be the nearest.
 _MEANT = dict.fromkeys(("max_torque", "torque_max", "effort", "forcerange"), "torque_limit")
-# By key or unit: the largest number that a robot has there, beyond which it is rather of another
-# unit, and that in the key's. Balls that people ride in have 1.5 m; few motors turn at 19 000 rpm.
-_LARGEST = {
-    "m": (10.0, "mm", 1e-3),
-    "kg": (1e3, "g", 1e-3),
-    "rad": (2 * math.pi, "°", math.pi / 180),
-    "rad/s": (2e3, "rpm", math.pi / 30),
-    "m/s²": (100.0, "mm/s²", 1e-3),
-    "1": (1.0, "%", 1e-2),
-    "stall_torque": (100.0, "mN m", 1e-3),
-    "rotor_inertia": (0.1, "g cm²", 1e-7),
+# By key or unit: the largest number that a robot has there. Balls that people ride in have 1.5 m;
+# few motors turn at 19 000 rpm. `_limits_of` adds what depends on the ball.
+_LARGEST = {"m": 10.0, "rad": 2 * math.pi, "rad/s": 2e3, "m/s²": 100.0, "1": 1.0}
+_LARGEST["rotor_inertia"] = 0.1
+_STEEL = 7850.0  # kg/m³: a ball of solid steel is heavier than any robot in a shell of its size
+_OVERSIZED = 4.0  # times the ball's weight at its radius: the torque of a motor far too strong
+_FASTEST = 20.0  # m/s, at which a ball rolls
+# Other units that a number beyond may be in, and what they are in the key's.
+_OTHERS = {
+    "m": {"mm": 1e-3},
+    "kg": {"g": 1e-3},
+    "rad": {"°": math.pi / 180},
+    "rad/s": {"rpm": math.pi / 30},
+    "m/s²": {"mm/s²": 1e-3},
+    "1": {"%": 1e-2},
+    "N m": {"kg cm": 0.0980665, "mN m": 1e-3},
+    "rotor_inertia": {"g cm²": 1e-7},
+    "kg/m³": {"g/cm³": 1e3},
 }
 _LIGHTEST = 25.0  # kg/m³, of a foam; the densest metal has 22.6 g/cm³
 _MANY = ("rotor", "pendulum", "part")
@@ -147,35 +156,82 @@ def meaning_of(field: inspect.Field) -> tuple[str, str]:
     return (meant.extra_json_schema or {})["description"], (meant.extra or {})["unit"]
 
 
-def asked_back(path: Path, radius: float) -> list[str]:
-    """Return a line about the numbers of a file that seem to be in another unit, if there are any.
+def ask(path: Path, scene: Scene) -> None:
+    """Issue a UnitWarning where numbers of a scene's file seem to be in another unit.
 
-    radius: the shell's [m], of which alone a file is asked that has no bodies of its own.
+    Of a robot's own file they are those of the scene that was made of it.
     """
     given = msgspec.toml.decode(contents(path)) if path.suffix == ".toml" else {}
+    limits = _limits_of(scene)
     if "start" in given:
-        found = [*_doubts("", "", msgspec.convert(given, SceneTable))]
+        found = [*_doubts("", "", msgspec.convert(given, SceneTable), limits)]
     else:
-        found = [*_doubts("the shell's radius", "m", radius)]
+        numbers = _numbers_of(scene)
+        found = [line for each in numbers for line in _question(*each, limits.get(each[1]))]
     more = f" More such numbers: {len(found) - 1}" if found[1:] else ""
-    return [f"{counted(line)}{more}" for line in found[:1]]
+    for line in found[:1]:
+        warn(f"{path}: {counted(line)}{more}", UnitWarning)
 
 
-def _doubts(path: str, unit: str, value: object) -> Iterator[str]:
-    """Yield a question for each number at a path that is unlikely in the unit."""
+def _limits_of(scene: Scene) -> dict[str, float]:
+    """Return the largest likely numbers by key or unit, of a ball of this size and weight."""
+    radius, ball = scene.ball.radius, scene.ball
+    steel = _STEEL * 4 / 3 * math.pi * radius**3
+    torque = _OVERSIZED * ball.mass * scene.gravity * radius
+    return {**_LARGEST, "kg": min(1e3, steel), "N m": torque, "frame rad/s": _FASTEST / radius}
+
+
+def _numbers_of(scene: Scene) -> Iterator[tuple[str, str, float]]:
+    """Yield what a robot's own file gives, with its unit."""
+    yield "the shell's radius", "m", scene.ball.radius
+    yield "gravity", "m/s²", scene.gravity
+    slides = {link.name: link.slides for link in scene.ball.tree}
+    for link in scene.ball.tree:
+        yield f"the mass of {link.name}", "kg", link.mass
+    for hinge in scene.hinges:
+        yield f"the start of {hinge.name}", "m" if slides[hinge.name] else "rad", hinge.angle
+    for each in scene.actuators:
+        (name, gear), law, command = each.gears[0], each.law, each.command
+        angle = bool(law.per_angle)
+        if isinstance(command, float) and not slides[name] and (angle or not law.per_rate):
+            value = command if angle else gear * float(law.torque(command, 0.0, 0.0))
+            yield f"the command of {each.name}", "rad" if angle else "N m", value
+
+
+def _doubts(
+    path: str, unit: str, value: object, limits: dict[str, float], times: float = 1.0
+) -> Iterator[str]:
+    """Yield a question for each number at a path that is unlikely in the unit.
+
+    times: what the hinge has of a motor's number, behind the gear.
+    """
     if isinstance(value, msgspec.Struct):
+        gear = getattr(value, "gear", None) or 1.0
+        behind = {"stall_torque": gear, "no_load_speed": 1 / gear}
         for field in struct_of(type(value)).fields:
             own = meaning_of(field)[1]
             inner = getattr(value, field.name)
             at = f"{path}.{field.name}" if path else field.name
-            yield from _doubts(at, unit if own == COMMAND else own, inner)
+            its = unit if own == COMMAND else own
+            yield from _doubts(at, its, inner, limits, behind.get(field.name, times))
     elif isinstance(value, list | tuple):
         for i, inner in enumerate(value):
-            yield from _doubts(f"{path}[{i}]", unit, inner)
+            yield from _doubts(f"{path}[{i}]", unit, inner, limits, times)
     elif isinstance(value, float):
-        most, other, factor = _LARGEST.get(path.rpartition(".")[2]) or _LARGEST.get(
-            unit, (math.inf, "g/cm³", 1e3)
-        )
-        if abs(value) > most or (unit == "kg/m³" and 0 < value < _LIGHTEST):
-            shown = f"{value:g} {unit}".removesuffix(" 1")
-            yield f"{path} is {shown}; did you mean {value * factor:.4g} ({value:g} {other})?"
+        body, key = path.partition(".")[0], path.rpartition(".")[2]
+        known = [limits[each] for each in (key, f"{body} {unit}", unit) if each in limits]
+        most = known[0] if known else None
+        yield from _question(path, key if key in _OTHERS else unit, value, most, times, unit)
+
+
+def _question(
+    what: str, kind: str, value: float, most: float | None, times: float = 1.0, unit: str = ""
+) -> Iterator[str]:
+    """Yield a question where a number is unlikely; kind: a key or a unit of `_OTHERS`."""
+    light = kind == "kg/m³" and 0 < value < _LIGHTEST
+    if light or (most is not None and abs(value) * times > most):
+        others = _OTHERS[kind].items()
+        fits = [each for each in others if abs(value) * times * each[1] <= (most or math.inf)]
+        other, factor = (fits or [*others])[0]
+        shown = f"{value:g} {unit or kind}".removesuffix(" 1")
+        yield f"{what} is {shown}; did you mean {value * factor:.4g} ({value:g} {other})?"

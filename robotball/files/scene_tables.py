@@ -106,9 +106,13 @@ DRIVES: dict[_DriveName, _DriveKind] = {
         needed=("kp", "angle"),
     ),
     "dc_motor": _DriveKind(
-        "Torque = gear · stall_torque (supply - gear · hinge's rate / no_load_speed), likewise.",
+        "Torque = efficiency · gear · stall_torque (supply - gear · hinge's rate / no_load_speed), "
+        "likewise.",
         "supply", "DCMotor", needed=("stall_torque", "no_load_speed", "supply"),
-        keys=("stall_torque", "no_load_speed", "gear", "rotor_inertia", "torque_limit"),
+        keys=(
+            "stall_torque", "no_load_speed", "gear", "rotor_inertia", "torque_limit", "efficiency",
+            "no_load_current", "stall_current",
+        ),
     ),
     "torque": _DriveKind(
         "The motor gives the torque, whatever the hinge does.",
@@ -144,6 +148,13 @@ class HingeTable(Table, frozen=True):
     gear: Annotated[float | None, key("the motor's turns in one of the hinge's; else 1")] = None
     rotor_inertia: Annotated[float | None, key("of the motor's own rotor", "kg m²")] = None
     torque_limit: Annotated[float | None, key("the motor's largest torque", "N m")] = None
+    efficiency: Annotated[
+        float | None, key("of the gear: the part of the torque that reaches the hinge; else 1")
+    ] = None
+    no_load_current: Annotated[
+        float | None, key("at the no-load speed; with it the motor has dry friction", "A")
+    ] = None
+    stall_current: Annotated[float | None, key("at rest, which no_load_current needs", "A")] = None
     damping: Annotated[float | None, key("torque against the rate", "N m s/rad")] = None
     stiffness: Annotated[float | None, key("of a spring", "N m/rad")] = None
     rest: Annotated[float | None, key("the angle at which the spring rests", "rad")] = None

@@ -20,7 +20,7 @@ from robotball.files.scene_tables import DRIVES, HingeTable
 from robotball.rotations import Array
 from robotball.scene import Scene
 
-_AT_REST = "M = 0; ω is not, where frame or rotors turn"
+_REST_COMMENT = "M = 0; ω is not, where frame or rotors turn"
 # Written even where they have their default: a reader would look for a direction and its place.
 _ALWAYS = ("axis", "pivot")
 
@@ -56,7 +56,7 @@ def scene_toml(scene: Scene) -> str:
     # The start comes last, and its momentum last in it: the remark is on that line. From rest means
     # M = 0 in the paper, where a robot's builder would expect ω = 0.
     text = "\n".join(_lines(_scene_table(scene)))
-    return f"{text}\n" if np.any(scene.start.momentum) else f"{text}  # {_AT_REST}\n"
+    return f"{text}\n" if np.any(scene.start.momentum) else f"{text}  # {_REST_COMMENT}\n"
 
 
 def _scene_table(scene: Scene) -> tables.SceneTable:

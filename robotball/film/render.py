@@ -164,7 +164,7 @@ _ASIDE = 0.6  # rad from straight ahead, from where the camera sees a ball come
 _OTHER = 0.4  # opacity of the other balls' paths
 # Arrows: colour, length in radii of the largest.
 _ARROWS = {"M": ("#93387A", 1.8), "ω": ("#00734F", 1.4), "contact force": ("#22262B", 1.0)}
-_LEAST = 1e-3  # an arrow shorter than that part of the largest is left out
+_SHORTEST_ARROW = 1e-3  # an arrow shorter than that part of the largest is left out
 _ROOM = 1.3  # the camera has so many times the room with arrows
 _CLEAR = 1.06  # from the centre: outside the shell
 
@@ -389,7 +389,7 @@ def _lengths(track: Track, scale: float) -> dict[str, float]:
         for name, vectors in _vectors(track.sampled).items()
     }
     # A ball at M = 0 has rounding alone.
-    most["M"] = max(most["M"], _LEAST * scale)
+    most["M"] = max(most["M"], _SHORTEST_ARROW * scale)
     return {name: size / _ARROWS[name][1] for name, size in most.items()}
 
 
@@ -401,7 +401,7 @@ def _arrows(then: Moments, lengths: dict[str, float], radius: float) -> dict[str
     for name, length in lengths.items():
         vector = vectors[name][0]
         size = float(np.linalg.norm(vector))
-        if size > _LEAST * length:
+        if size > _SHORTEST_ARROW * length:
             along = vector / size
             begin = place + _CLEAR * along + Z
             if name == "contact force":

@@ -83,9 +83,11 @@ class Track:
 
 def track_of(motion: Any) -> Track:
     """Return the track of a `Motion` of at least two times."""
-    own = {each.name for each in fields(Moments)} - {"contact_force"}
+    own = {each.name for each in fields(Moments)} - {"contact_force", "momentum"}
     sampled = Moments(
-        **{name: getattr(motion, name) for name in own}, contact_force=motion.loads.contact_force
+        **{name: getattr(motion, name) for name in own},
+        contact_force=motion.loads.contact_force,
+        momentum=np.nan_to_num(motion.momentum),  # where it is unknown it has no arrow
     )
     names = tuple(link.name for link in motion.scene.ball.tree)
     return Track(motion.times, sampled, names, motion.scene.robot)

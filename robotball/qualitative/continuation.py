@@ -28,8 +28,8 @@ from robotball.rotations import Array
 FOLD, BRANCH, DOUBLING, HOPF = "fold", "branch point", "period doubling", "Hopf point"
 CLOSES = "closes"
 _KINDS = (FOLD, BRANCH, DOUBLING, HOPF)  # by the test functions, in their order
-_FIRST, _LEAST, _LONGEST = 0.01, 1e-7, 0.03  # lengths of a step in (u, s)
-_TURN = 0.95  # least cosine between neighbours: of tangents, and of ways to a start between them
+_FIRST_STEP, _LEAST_STEP, _LONGEST_STEP = 0.01, 1e-7, 0.03  # lengths of a step in (u, s)
+_BENT = 0.95  # least cosine between neighbours: of tangents, and of ways to a start between them
 _MOST_POINTS, _MOST_BRANCHES = 1000, 40
 _ALIKE = 0.3  # exponents of neighbours, where a branch comes back to its start
 _ITERATIONS = 10
@@ -169,7 +169,7 @@ def trace(problem: Problem, start: Point) -> Branch:
 
 def half(problem: Problem, start: Point, most: int = _MOST_POINTS) -> tuple[list[Point], str]:
     """Return the points from a start on along its tangent, and why there are no more."""
-    points, step = [start], _FIRST
+    points, step = [start], _FIRST_STEP
     while len(points) < most:
         last = points[-1]
         if (last.x[-1], np.sign(last.tangent[-1])) in ((0, -1), (1, 1)):
@@ -183,13 +183,13 @@ def half(problem: Problem, start: Point, most: int = _MOST_POINTS) -> tuple[list
                 new.x[-1] = bound  # to the last bit, by which it is known to be the end
                 new = replace(new, tangent=new.tangent * np.sign(new.tangent @ last.tangent))
             # Where two branches cross, the other one is not quite across.
-            bent = new.tangent @ last.tangent < _TURN and (len(points) > 1 or not start.kind)
+            bent = new.tangent @ last.tangent < _BENT and (len(points) > 1 or not start.kind)
             special = _between(problem, last, new)
         except ValueError:
             bent = True
         if bent:
             step /= 2
-            if step < _LEAST:
+            if step < _LEAST_STEP:
                 return points, "Newton's method converges no further"
             continue
         # A cycle that has shrunk to a point comes out of it half a period later.
@@ -199,10 +199,10 @@ def half(problem: Problem, start: Point, most: int = _MOST_POINTS) -> tuple[list
         if end := problem.end(new.x[:-1]):
             return points, end
         one, other = ((point.x - start.x)[problem.identity :] for point in (last, new))
-        between = one @ other < -_TURN * np.linalg.norm(one) * np.linalg.norm(other)
+        between = one @ other < -_BENT * np.linalg.norm(one) * np.linalg.norm(other)
         if between and np.abs(new.exponents - start.exponents).max() < _ALIKE:
             return points, CLOSES
-        step = min(1.5 * step, _LONGEST)
+        step = min(1.5 * step, _LONGEST_STEP)
     return points, "most points"
 
 

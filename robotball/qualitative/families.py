@@ -67,11 +67,11 @@ def varied(
             raise InputError(f"{name} is zero and has no direction to keep: vary {name}1, 2 or 3")
     K, Omega = map(as_vector, vectors.values())
     if level.keys() & changes.keys():  # else it may be zero
-        momentum = _momentum(parameters, momentum, **level)
+        momentum = _momentum_across(parameters, momentum, **level)
     return replace(parameters, K=K, Omega=Omega), momentum
 
 
-def _momentum(parameters: Parameters, momentum: Array, f: float, c: float) -> Array:
+def _momentum_across(parameters: Parameters, momentum: Array, f: float, c: float) -> Array:
     """Return M (3,) of this f and c, across the vertical along the momentum's own direction."""
     if parameters.rolling == "rubber" and c != 0:
         raise InputError(f"c is 0 in the rubber model, by (3.1), not {c:g}: vary f")

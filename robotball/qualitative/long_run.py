@@ -175,7 +175,7 @@ def standard_error(values: Array) -> float:
 
 TORUS, CHAOS, LOST, LINE = -1, -2, -3, -4
 _CROSSINGS = 64  # looked at after the transient; cycles that cross half as often are recognised
-_NEAR = 1e-3  # of unit vectors: a point that near to a cycle has reached it
+_REACHED = 1e-3  # of unit vectors: a point that near to a cycle has reached it
 _AT_REST = 1e-4  # of the speed that |M| allows: a frame that slow has settled on a straight line
 # Over _CHAOS_TIME a neighbour on a torus departs as the time does, by e^7; in chaos past e^30.
 _CHAOS_TIME, _CHAOTIC_GROWTH = 1000.0, 30.0
@@ -235,7 +235,7 @@ def basins(
         # All starts that have reached this cycle are labelled at once, so that it is closed once.
         own = section(parameters, cycle.attitude[None], cycle.momentum[None], _CROSSINGS)
         through = level_points(own.attitudes, cycle.momentum[None])[0]
-        reached: Mask = nearest(points[:, -1], through) < _NEAR
+        reached: Mask = nearest(points[:, -1], through) < _REACHED
         if reached[i]:
             labels[followed[reached & (labels[followed] == TORUS)]] = len(cycles)
             cycles.append(cycle)
@@ -264,7 +264,7 @@ def _repeats(points: Array, times: Array) -> float | None:
     """Return the time since crossings (m, 6) at times (m,) last were where the last is [s]."""
     # The latest repetition, and so the shortest period: a cycle may cross the section often.
     gaps = np.linalg.norm(points[:-1] - points[-1], axis=1)
-    again = np.flatnonzero(gaps < _NEAR)
+    again = np.flatnonzero(gaps < _REACHED)
     return float(times[-1] - times[again[-1]]) if len(again) else None
 
 

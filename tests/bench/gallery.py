@@ -21,6 +21,7 @@ from typing import Any
 from PIL import Image
 
 from robotball import sample_times
+from robotball.engines.mujoco.limits import LAWS
 from robotball.engines.mujoco.settings import FIRST_ORDER
 from robotball.files.replacing import replacing
 from robotball.film.render import Film, frames
@@ -59,6 +60,7 @@ or a sampling error may leave something.
 ENGINES = r"\| engine, preset \| step or rtol \|.*?(?=\n\n)"
 _TABLE = r"\| scene \| preset \| step \|.*?(?=\n\n)"
 _RESULTS = r"\n### Equilibria\n.*(?=\n## Open)"
+_LAWS = r"\* `rotation`: .*?(?=\n\n)"
 OUTCOMES = r"\| of [0-9]+ runs each \|.*?(?=\n\n)"
 
 
@@ -74,6 +76,7 @@ def _main(*only: str) -> None:
         outcomes = _outcomes_of(record["summary"])
         _write_numbers("extremes", {**record["totals"], "outcomes": outcomes})
         _replace(_DOCS / "extremes.md", OUTCOMES, outcomes_table(outcomes))
+        _replace(_DOCS / "extremes.md", _LAWS, law_list())
     for command, rows in groupby(PICTURES, itemgetter("command")):
         some = [row for row in rows if "made" in row and wanted(command, row.get("named", False))]
         if some:
@@ -172,6 +175,12 @@ def outcomes_table(outcomes: Mapping[str, Mapping[str, int]]) -> str:
             words = kind.sentence.partition(":")[0]
             lines.append(f"| {words} | {' | '.join(map(str, counts))} |")
     return "\n".join(lines)
+
+
+def law_list() -> str:
+    """Return the laws of the predicted limits as a Markdown list, with their names."""
+    laws = {name: str(law.__doc__).partition("\n")[0] for name, law in LAWS.items()}
+    return "\n".join(f"* `{name}`: {words}" for name, words in laws.items())
 
 
 def engines_table(records: Sequence[Mapping[str, Any]]) -> str:

@@ -29,7 +29,7 @@ from robotball.processes import Answer, allowed, at_most, cores, pool
 from robotball.qualitative.long_run import basins, exponents
 from robotball.qualitative.sections import section, section_starts
 from validation.output import plain_table
-from validation.studies.portrait_maps import PLANES, cells_of, measure
+from validation.studies.portrait_maps import PLANES, cells_of, measure_portrait
 from validation.studies.timing import Cost, measure_costs, one_step, simulated_second
 from validation.sweeps import sweep
 
@@ -127,9 +127,9 @@ def _work(plain: bool = False) -> dict[str, Callable[[], _Digits]]:
 
     def portraits() -> _Digits:
         if plain:
-            return np.array([measure(cell) for cell in _CELLS[::10]])
+            return np.array([measure_portrait(cell) for cell in _CELLS[::10]])
         with tempfile.TemporaryDirectory() as folder:
-            found = sweep(measure, _CELLS, Path(folder, "cells.jsonl"), workers=allowed())
+            found = sweep(measure_portrait, _CELLS, Path(folder, "cells.jsonl"), workers=allowed())
         return np.array([each.record for each in found])
 
     return {

@@ -13,7 +13,7 @@ import pytest
 import robotball as rb
 from robotball.files.scene_file import read_scene
 from robotball.qualitative.straight_motions import stability_limit
-from tests.bench.gallery import NUMBERS, OUTCOMES, outcomes_table
+from tests.bench.gallery import NUMBERS, OUTCOMES, law_list, outcomes_table
 from tests.conftest import Robotball
 from tests.imports import PROJECT
 from tests.random_balls import ball_of_points
@@ -76,6 +76,11 @@ SAID = {
 def test_a_study_s_number_is_the_one_that_is_printed(page: str) -> None:
     """To the last digit."""
     assert [words for words in SAID[page] if words not in PAGES[page]] == []
+
+
+def test_the_page_has_the_law_of_each_limit() -> None:
+    """As its function says it."""
+    assert f"\n\n{law_list()}\n\n" in DOCS["extremes.md"]
 
 
 def test_the_studies_are_those_of_today() -> None:

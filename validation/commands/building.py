@@ -18,7 +18,7 @@ from validation.output import writable_folder, write_text
 from validation.plots import draw
 from validation.results import changed, file_name
 
-_NEAR = 1e-3  # of the path's length: how near to it a robot that is steered must come
+_NEAR_PATH = 1e-3  # of the path's length: how near to it a robot that is steered must come
 
 
 @dataclass(frozen=True)
@@ -89,6 +89,7 @@ class Steer:
         steered = steer(robot, path, self.duration)
         out = writable_folder(self.out)
         words = changed(self, "size", "turns", "through", "duration")
+        # The scene carries the name of its file, by which both pictures are called too.
         scene = replace(steered.scene, name=file_name(steered.scene.name, None, words))
         file = out / f"{scene.name}.toml"
         write_text(file, scene_toml(scene))
@@ -105,8 +106,9 @@ class Steer:
             print(f"{hinge.name}: up to {rate:.3g} rad/s and {torque:.3g} N m")
         friction, torsion = theory.loads.sliding_friction, theory.loads.torsional_friction
         print(f"friction: up to {friction.max():.3g}, torsional {torsion.max():.3g} m")
+        # What a path needs is known only from its motion: loads follow from accelerations.
         missing = shortfalls(robot, theory, self.rate_limit)
-        if off > _NEAR * path.length:
+        if off > _NEAR_PATH * path.length:
             missing.append(f"it leaves the path by {off:.2g} m")
         for line in missing:
             print(f"cannot: {line}")

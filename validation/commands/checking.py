@@ -1,23 +1,42 @@
 """The command `robotball check`: a user's own model as it is, with a page and the file mended."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
+import mujoco
 from tyro.conf import DisallowNone, Positional, arg
 
 from robotball.drives import as_drive
 from robotball.engines.mujoco.user_model import UserModel
 from robotball.errors import check_positive
+from robotball.files import named
 from robotball.files.robot_file import open_robot, starts_off
+from robotball.files.scene_keys import ask
+from robotball.film.web import view_fragment, view_head
+from robotball.motion import Motion
 from validation.options import AGREES, DISAGREES, OUT, Controls, Duration, File, check_files
 from validation.output import progress_bar, versions, writable_folder, write_text
 from validation.report import folded, page, paragraph, plain, table, text
 from validation.report import picture as figure
 from validation.results import controls_of
-from validation.studies.check import COLUMNS, Checked, check_model, difference, moved, study_of
+from validation.studies.check import (
+    COLUMNS,
+    Checked,
+    beside,
+    check_model,
+    difference,
+    moved,
+    study_of,
+)
 from validation.study import Study, present
+
+if TYPE_CHECKING:
+    from robotball.equations import Rolling
+
+ACCURACY = 1e-3  # the path error to reach, over the path's length
 
 
 @dataclass(frozen=True)
@@ -39,7 +58,7 @@ class Check:
     keyframe: DisallowNone[Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")]] = None
     """The keyframe to start at; the first one if not given."""
     control: Controls = ()
-    accuracy: float = 1e-3
+    accuracy: float = ACCURACY
     """The path error to reach, over the path's length."""
     duration: Duration = None
     """Simulated time; 10 s if not given."""
@@ -52,38 +71,63 @@ class Check:
         check_positive("accuracy", self.accuracy, "")
         check_files(self.json)
         writable_folder(self.out)
-        robot = open_robot(self.file, self.shell)
-        duration = 10.0 if self.duration is None else self.duration
-        given = controls_of(self.control)
-        controls = {name: as_drive(value, duration) for name, value in given.items()}
-        own, moves = moved(UserModel(robot, controls, self.keyframe))
-        notes = [*robot.notes, *starts_off(robot, own.begin()), *moves]
-        with progress_bar(1) as show:
-            checked = check_model(own, self.rolling, duration, self.accuracy, show)
-        study = study_of(own, checked, self.accuracy, notes)
+        own, checked, notes = checked_file(
+            self.file, self.control, self.duration, self.rolling, self.accuracy, self.shell,
+            self.keyframe,
+        )  # fmt: skip
+        study = study_of(own, checked, notes)
         picture, html = (self.out / f"{study.stem()}.{kind}" for kind in ("png", "html"))
         present(study, picture, self.json, None)
-        write_text(html, _page_of(study, checked, picture))
+        write_text(html, _page_of(study, checked, picture, beside(own, checked)))
         print(picture, html, sep="\n")
         if checked.needed:
             mended = self.out / f"{self.file.stem}-mended.xml"
             write_text(mended, checked.text)
             print(mended, *difference(checked), sep="\n")
-        return AGREES if checked.error <= self.accuracy else DISAGREES
+        return AGREES if checked.agrees else DISAGREES
 
 
-def _page_of(study: Study, checked: Checked, picture: Path) -> str:
-    """Return the HTML page of a check, with its picture."""
+def checked_file(
+    file: Path,
+    control: Sequence[str],
+    duration: float | None,
+    rolling: "Rolling | None" = None,
+    accuracy: float = ACCURACY,
+    shell: str | None = None,
+    key: str | None = None,
+) -> tuple[UserModel, Checked, list[str]]:
+    """Return the model of a file, what `check_model` finds of it, and words known before.
+
+    control: texts as `controls_of` takes them. The others are options of the command.
+    """
+    robot = open_robot(file, shell)
+    seconds = 10.0 if duration is None else duration
+    controls = {name: as_drive(value, seconds) for name, value in controls_of(control).items()}
+    own, moves = moved(UserModel(robot, controls, key))
+    start = own.begin()
+    with named(file):
+        notes = [*robot.notes, *starts_off(robot, start), *moves]
+    ask(file, own.scene(rolling or "classical", seconds))
+    # A state that diverges is said in words, not by MuJoCo's own lines before them.
+    mujoco.set_mju_user_warning(lambda *_: None)
+    with progress_bar(1) as show:
+        return own, check_model(own, rolling, seconds, accuracy, show), notes
+
+
+def _page_of(study: Study, checked: Checked, picture: Path, motions: Sequence[Motion]) -> str:
+    """Return the HTML page of a check, with its picture and a view of the motions."""
     lines = study.record["lines"] if study.record else [""]
     cells = [[column.text(row) for column in COLUMNS] for row in study.rows]
     body = [
         f"<h1>{text(study.scene)}</h1>",
         *map(paragraph, lines),
         figure(picture),
+        "<h2>To be looked at</h2>",
+        view_fragment(motions),
         "<h2>What each change is worth</h2>",
         table([column.header for column in COLUMNS], cells, "words"),
         "<h2>The changes</h2>",
         f'<pre class="wide">{escape(chr(10).join(difference(checked)))}</pre>',
         folded("Versions", plain(versions()), short=True),
     ]
-    return page(f"robotball: check of {study.scene}", body)
+    return page(f"robotball: check of {study.scene}", body, view_head())

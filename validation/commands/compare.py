@@ -32,6 +32,7 @@ from validation.options import (
 )
 
 _DEMO_SCENES = ("fig12", "classical_regular")
+# The newcomer's model beside the recipe: the film is to show what a wrong setting looks like.
 _FILMED = (("fig12", "naive"), ("fig12", "balanced"))
 
 
@@ -82,6 +83,7 @@ class Compare:
         from validation.output import writable_folder
         from validation.results import scenes_of, show, write_csv, write_json
 
+        # An option without an effect is refused, lest its user rely on it.
         if self.seed or self.cluster or self.device:
             raise InputError("--seed, --cluster and --device are of random starts: give --starts")
         if not self.scenes:
@@ -103,6 +105,7 @@ class Compare:
             for (file, scene), each in zip(scenes.items(), found, strict=True)
             if each.refused is not None
         ]
+        # With some results the refused scenes are told after them, and the status says so.
         if not records:
             raise InputError("; ".join(refused))
         for path, write in ((self.json, write_json), (self.csv, write_csv)):
@@ -185,7 +188,7 @@ class Demo:
         from robotball.engine import request_of
         from robotball.film.render import Film
         from validation import results
-        from validation.comparing import agreements_of, film
+        from validation.comparing import agreements_of, film, motions_of
         from validation.output import progress_bar, writable_folder, write_text
         from validation.plots import draw
         from validation.report.study_report import study_report
@@ -210,8 +213,9 @@ class Demo:
         written += [out / f"demo.{suffix}" for suffix in ("html", "json", "csv", "md")]
         path = out / f"{results.file_stem(filmed)}.mp4"
         try:
-            film(path, filmed, Film(fps=24, ghost=True))
+            film(path, motions_of(filmed, "video"), Film(fps=24, ghost=True))
             written.append(path)
+        # A film needs a GL and an encoder, without which the rest of the demo is as good.
         except InputError as error:
             console.print(escape(f"no video: {error}"), style="yellow")
         console.print("Written:", *(escape(f"  {path}") for path in written), sep="\n")

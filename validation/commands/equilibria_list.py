@@ -62,6 +62,7 @@ def _half_circle_cells(circle: FixedCircle, name: str, first: float, word: str) 
     """Return half of the circle of fixed points, from an angle [rad] on, as a row of the table."""
     last = first + np.pi / 2
     ends = circle.at(np.array([first, last]))
+    # The eigenvalue across varies along the circle, and is 0 at its ends, where the halves meet.
     rates = circle.rate(circle.at(np.linspace(first, last, 400)))
     fastest = rates[np.argmax(np.abs(rates))]
     span = f"± from {_join(ends[0])}\nto {_join(ends[1])}"
@@ -89,9 +90,11 @@ def _straight_cells(line: StraightMotion, name: str) -> _Cells:
 
 def _join(values: Array) -> str:
     """Return numbers side by side, without rounding errors; conjugate ones as a ± bi."""
+    # Adding 0.0 makes a zero of -0.0.
     values = np.round(values, 12) + 0.0
     if np.isrealobj(values) or not np.any(values.imag):
         return ", ".join(f"{x:.5g}" for x in values.real)
+    # Complex eigenvalues of a real matrix come in pairs: one of each with its ± says both.
     above = [z for z in values if z.imag >= 0]
     return ", ".join(f"{z.real:.4g} ± {z.imag:.4g}i" if z.imag else f"{z.real:.4g}" for z in above)
 
@@ -153,6 +156,7 @@ class Equilibria:
         scene = steady_scene(self.scene, "an equilibrium")
         if scene.rolling == "classical":
             return self._classical(scene)
+        # Then (4.1) is zero everywhere, and a list of fixed points would be the whole sphere.
         if not np.any([scene.parameters.Omega, scene.parameters.K]):
             raise InputError(
                 f"{scene.name}: nothing turns inside (Ω = 0, K = 0), so from rest the ball rests "
@@ -180,6 +184,8 @@ class Equilibria:
             progress(0, f"{scene.name}: fixed points")
             points, circle = fixed_points(ball), fixed_circle(ball)
             points.sort(key=lambda point: name_of(ball, point.gamma))
+            # From rest with M = 0 a straight line is a fixed point already; with Ω = 0 the ball
+            # does not move on it.
             motions = straight_motions(ball, f) if f > 0 and np.any(ball.Omega) else []
             lines = [(line, name_of_line(ball, line.gamma)) for line in motions]
             progress(1, f"{scene.name}: limit cycles")
@@ -198,6 +204,7 @@ class Equilibria:
         shown = ["Fixed points and cycles of the motion from rest (M = 0); γ in principal axes."]
         if lines:
             shown.append(f"Straight-line motions are those with the scene's M² = {f:g} (kg m²/s)².")
+        # By the theorem of Poincaré and Hopf: a check that no point is missing.
         indices = f"The indices of the points add up to {index_sum(points)}"
         if circle is not None:
             indices += f"; with that of the circle (Ω, γ) = 0, which is {circle.index}, to 2"

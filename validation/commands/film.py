@@ -6,6 +6,7 @@ Imports stand within the functions, so that `robotball video --help` needs no GL
 import re
 import sys
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import arg
@@ -68,21 +69,33 @@ class Video(_Shown):
     """Show M, the angular velocity and the contact force."""
     format: Literal["mp4", "webm", "gif"] = "mp4"
     """The file's format."""
+    as_is: bool = False
+    """Film a robot's own file as it is, by its own contact, beside the file that `check` mends."""
     threads: Threads = None
 
     def run(self) -> int:
         from robotball.film.render import Film
-        from validation.comparing import film
+        from validation.comparing import film, motions_of
         from validation.results import changed, file_name, file_stem
 
         how = Film(self.fps, _size(self.size), self.slow, self.camera, self.ghost, self.arrows)
-        agreements = self._agreements()
-        words = changed(self, "fps", "size", "slow", "camera", "ghost", "arrows")
-        stem = file_name(file_stem(agreements), None, words)
-        path = self.run_options.out / f"{stem}.{self.format}"
-        film(path, agreements, how)
+        words = changed(self, "fps", "size", "slow", "camera", "ghost", "arrows", "as_is")
+        if self.as_is:
+            from validation.commands.checking import ACCURACY, checked_file
+            from validation.studies.check import beside
+
+            duration = self.run_options.duration
+            own, checked, _ = checked_file(Path(self.scene), self.control, duration)
+            stem, motions = own.robot.path.stem, beside(own, checked)
+            agrees = checked.error <= ACCURACY
+        else:
+            agreements = self._agreements()
+            stem, motions = file_stem(agreements), motions_of(agreements, "video")
+            agrees = all(each.agrees for each in agreements)
+        path = self.run_options.out / f"{file_name(stem, None, words)}.{self.format}"
+        film(path, motions, how)
         print(path)
-        return AGREES if all(each.agrees for each in agreements) else DISAGREES
+        return AGREES if agrees else DISAGREES
 
 
 @dataclass(frozen=True)
@@ -103,6 +116,7 @@ class View(_Shown):
         from validation.results import file_stem
 
         if not self.web:
+            # Before the runs, which take longest: without a display nothing could be shown of them.
             check_display()
         agreements = self._agreements()
         motions = motions_of(agreements, "view")

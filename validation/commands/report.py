@@ -11,8 +11,8 @@ from rich.console import Console
 from tyro.conf import Positional, arg
 
 from robotball import InputError
-from validation.comparing import film
-from validation.options import AGREES, DISAGREES, Names, Run, RunOptions, listed
+from validation.comparing import film, motions_of
+from validation.options import AGREES, DISAGREES, Controls, Names, Run, RunOptions, listed
 from validation.output import program, writable_folder, write_text
 from validation.report.scene_report import report
 from validation.report.study_report import study_report
@@ -37,6 +37,7 @@ class Report:
     """Names from the catalog, or paths to TOML files; or the JSON file that a study wrote."""
     preset: Names = ()
     """The engine's settings to run each scene with, its default if none. Several: naive,fast."""
+    control: Controls = ()
     film: bool = False
     """Have a film of the first scene in the page, in place of the 3-D views."""
     run_options: RunOptions = field(default_factory=Run)
@@ -56,11 +57,13 @@ class Report:
         return AGREES
 
     def _compared(self) -> int:
-        scenes = list(scenes_of(self.scenes).values())
+        scenes = list(scenes_of(self.scenes, self.control).values())
         out = writable_folder(self.run_options.out)
         agreements = self.run_options.agreements(scenes, listed(self.preset))
+        # The first scene's agreements stand first, as many as each scene has.
         stem = file_stem(agreements[: len(agreements) // len(scenes)])
         others = "".join(f"-{scene.name}" for scene in scenes[1:])
+        # Cut, as a file system takes no name of a whole catalog.
         path = out / f"{(stem + others)[:_MOST_NAMES]}-report.html"
         command = f"{program()} {shlex.join(sys.argv[1:])}"
         with tempfile.TemporaryDirectory() as folder:
@@ -69,7 +72,7 @@ class Report:
                 # Off-screen drawing is prepared at import, which a report else has no need of.
                 from robotball.film.render import Film
 
-                film(filmed, agreements[:1], Film(size=_FILM))
+                film(filmed, motions_of(agreements[:1], "video"), Film(size=_FILM))
             write_text(path, report(agreements, command, filmed))
         show_table(list(map(record, agreements)), Console())
         print(path)

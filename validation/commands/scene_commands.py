@@ -7,7 +7,7 @@ from typing import Annotated
 
 from tyro.conf import arg
 
-from validation.options import AGREES, OUT, PRESET, Duration, File, SceneName, times_of
+from validation.options import AGREES, OUT, PRESET, Controls, Duration, File, SceneName, times_of
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,7 @@ class Model:
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
+    control: Controls = ()
     preset: Annotated[str, arg(metavar=PRESET)] = "balanced"
     """The settings to write into it."""
     out: File = None
@@ -53,12 +54,13 @@ class Model:
     """Say instead what a run's model leaves out, and why."""
 
     def run(self) -> int:
-        from robotball import load_scene, preset
+        from robotball import preset
         from robotball.engines.mujoco.mjcf_export import left_out, write_model
         from robotball.files.replacing import STANDARD_OUTPUT
         from validation.output import writable_file, write_text
+        from validation.results import controlled
 
-        scene, settings = load_scene(self.scene), preset(self.preset)
+        scene, settings = controlled(self.scene, self.control), preset(self.preset)
         if self.explain:
             print(f"{scene.name}, {settings.name}: not in the model:")
             print(*(f"  {line}" for line in left_out(scene, settings)), sep="\n")
@@ -70,7 +72,9 @@ class Model:
         if out:
             write_text(out, files.xml)
         else:
+            # As it is, for a pipe: no line of ours may stand in the XML.
             print(files.xml, end="")
+        # MJCF has neither controls that change nor the hard contact, so a script has them.
         if files.needs is not None:
             print(f"robotball: {files.needs}", file=sys.stderr)
             if file:
@@ -92,17 +96,18 @@ class Export:
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
+    control: Controls = ()
     to: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="")] = None
     """The folder for the files; out/SCENE-export if not given."""
     duration: Duration = None
     """Simulated time; the scene's own if not given."""
 
     def run(self) -> int:
-        from robotball import export_scene, load_scene
+        from robotball import export_scene
         from validation.output import writable_folder
-        from validation.results import changed, file_name
+        from validation.results import changed, controlled, file_name
 
-        scene = load_scene(self.scene)
+        scene = controlled(self.scene, self.control)
         times = times_of(self.duration)
         name = file_name(scene.name, None, ["export", *changed(self, "duration")])
         folder = writable_folder(self.to or OUT / name)

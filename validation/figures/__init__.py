@@ -45,6 +45,7 @@ def sheet(
     widths, heights: of the columns and the rows [inches]. A name that stands in several places is
     one panel over all of them.
     """
+    # The text has a panel of its own, as a caption of a dozen lines fits below no picture.
     size = (sum(widths) + _TEXT_WIDE, sum(heights) + 0.4)
     figure = Figure(figsize=size, layout=ConstrainedLayoutEngine(h_pad=0.1))
     figure.suptitle(title, color=INK, fontsize=14)
@@ -77,6 +78,8 @@ def draw_paths(axes: Axes, theory: Motion, engine: Motion, title: str) -> None:
     axes.plot(*engine.contact_point.T, **ENGINE_LINE, label=ENGINE_NAME)
     axes.plot(*theory.contact_point[0], "o", color=INK, markersize=5, label="start")
     axes.set(xlabel="X [m]", ylabel="Y [m]", title=title)
+    # A path is a shape: its circles must be round. The limits give way, as the panel's size is set
+    # by the sheet.
     axes.set_aspect("equal", adjustable="datalim")
 
 

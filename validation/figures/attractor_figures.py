@@ -57,9 +57,11 @@ _ROOT_F = float(np.sqrt(_F))
 REGULAR = Recipe(f=_F, starts=64, skipped=0, count=600, direction=0)
 _REGULAR_TRANSIENT = 300
 REGULAR_BY_CONTACT = Recipe(f=_F, starts=16, skipped=0, count=100, direction=0)
+# Many starts around Fig. 13's, so that a dense curve comes from short runs.
 TORUS = Torus(L=0.0, l=1.96, spread=0.2, f=_F, starts=64, skipped=400, count=1000, direction=0)
 TORUS_BY_CONTACT = replace(TORUS, spread=0.0, starts=1, skipped=200, count=1200)
 CHAOS = Recipe(f=_F, starts=40, skipped=0, count=520, direction=0)
+# A crossing by the engine takes longer, and fewer show the same cloud.
 CHAOS_BY_CONTACT = replace(CHAOS, count=150)
 _CHAOS_TRANSIENT = 20
 
@@ -69,6 +71,8 @@ def figure11a() -> Figure:
     scene = load_scene("fig12")
     ball, balanced = scene.parameters, build(resolved(scene, preset("balanced")))
     cycle = fixed_point(ball, 3.6, 0.6, _F)
+    # Two crossings of one orbit, one in each direction of g: which the paper's figure shows as two
+    # concentrations (E23).
     own = section(ball, cycle.attitude[None], cycle.momentum[None], 2)
     ours = contact_cycle(balanced, cycle)
     through = cycle_crossings(balanced, ours)[:2]
@@ -94,6 +98,8 @@ def figure11a() -> Figure:
         _caption_of(scene), facts, [["theory", "engine"]], (4.6, 4.6),
     )  # fmt: skip
     crossed = np.stack([through.l, through.L])
+    # On the way to an attractor errors do not add up, as the attractor takes them back, so long
+    # steps will do.
     coarse = cloud_by_contact(build(resolved(scene, COARSE)), REGULAR_BY_CONTACT, seed=2)
     for each, cloud, count, torus, orbit, colour, name in (
         (axes["theory"], cloud_by_equations(ball, REGULAR, seed=1), REGULAR.count, curve,
@@ -101,6 +107,7 @@ def figure11a() -> Figure:
         (axes["engine"], coarse, REGULAR_BY_CONTACT.count, points, crossed, ENGINE_COLOUR,
          ENGINE_NAME),
     ):  # fmt: skip
+        # The points of a cloud stand start by start.
         early = np.arange(len(cloud.L)) % count < _REGULAR_TRANSIENT
         _dots(each, cloud.l[early], cloud.L[early], color=FAINT, markersize=2.2, label="on the way")
         _dots(each, torus.l, torus.L, color=colour, markersize=3.5, label="limit torus")
@@ -241,6 +248,7 @@ def figure14() -> Figure:
         caption, facts, [["plane"], ["apart"]], (8.6,), (3.6, 3.0),
     )  # fmt: skip
     times = _draw_long_paths(axes, scene, duration).times
+    # By λ₁ alone; the height is chosen, so that the line lies beside the curves.
     axes["apart"].semilogy(times, 3e-8 * np.exp(exponent * times), ":", color=INK, linewidth=1.5,
                            label=f"exp({exponent:g} t)")  # fmt: skip
     axes["apart"].legend(loc="lower right", ncols=4, fontsize=9)
@@ -327,6 +335,7 @@ def figure_tori() -> Figure:
 def started(scene: Scene, l: float) -> Scene:
     """Start the ball at the level (0, l) of ℓ, where (ℓ×γ)₃ = 0."""
     gamma, level = section_state(0.0, l, 0.0, _F)
+    # (γ×ℓ)×γ = ℓ for ℓ across γ, so both balls start with the same γ and the same ℓ.
     M = np.cross(gamma, level) if scene.rolling == "rubber" else level
     return replace(scene, start=along_momentum(gamma, M))
 
@@ -345,6 +354,7 @@ def _levelled(motion: Motion) -> Motion:
     """Return the motion with ℓ in the place of M, which is as constant in space."""
     if motion.scene.rolling == "classical":
         return motion
+    # M×γ with γ upright in the world: the rubber ball's momentum, turned back by a right angle.
     return replace(motion, momentum=np.cross(motion.momentum, [0.0, 0.0, 1.0]))
 
 
@@ -368,6 +378,7 @@ def kept(balls: dict[str, Scene]) -> float:
     changes = []
     for scene in balls.values():
         motion = _levelled(followed(started(scene, LEVELS[2]), SHOWN))
+        # In principal axes, as the integral that both balls share is written in them.
         axes = rotation_matrix(motion.attitude) @ scene.principal_axes
         level = np.einsum("nji,nj->ni", axes, motion.momentum)
         J = shared_integral(balls["rubber"].parameters, axes[:, 2], level)

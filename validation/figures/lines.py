@@ -46,6 +46,7 @@ def growth_rate(ball: Parameters, K: Vector, f: float) -> float:
     The ball has K = (K₁, K₂, 0) instead of its own, and Ω along e₃. NaN where K² < f, and there is
     no straight-line motion.
     """
+    # M = γ×K is no longer than K.
     if f > K[0] ** 2 + K[1] ** 2:
         return np.nan
     motion = straight_motion(replace(ball, K=K), line_verticals(f, K)["σ₋"])
@@ -58,6 +59,7 @@ def line_verticals(f: float, K: Vector) -> dict[str, Array]:
     Ω is along e₃. There γ is across Ω and M = γ×K, whose square is f: (K,γ)² = K² - f.
     """
     angle, off = np.arctan2(K[1], K[0]), np.arcsin(np.sqrt(f) / np.hypot(K[0], K[1]))
+    # Prop. 3's four: two signs of (K, γ), two of M along e₃.
     turns = {"σ₊": -off, "σ₋": off + np.pi, "δ₊": off, "δ₋": np.pi - off}
     return {
         name: np.array([np.cos(angle + turn), np.sin(angle + turn), 0.0])
@@ -89,6 +91,7 @@ def figure9() -> Figure:
     )
     ball, side = paper_scene("fig10").parameters, np.linspace(-_SIDE, _SIDE, FINENESS)
     for axes, f in zip(panels.values(), LEVELS, strict=True):
+        # The largest real part changes its sign where stability ends, so its zero is the border.
         rates = np.array([[growth_rate(ball, (K1, K2, 0.0), f) for K1 in side] for K2 in side])
         # Grey, as the caption says.
         axes.contourf(side, side, rates, levels=[-1e9, 0.0], colors=[FAINT], alpha=0.6)
@@ -172,6 +175,7 @@ def _draw_speed(axes: Axes, scene: Scene, dashes: str | tuple[int, tuple[float, 
 
     Where it oscillates its turns would be a block: drawn are the least and the most in each period.
     """
+    # Eight in each period of the oscillation, of which the least and the most are drawn.
     times = sample_times(LONG, _PERIOD / 8)
     theory, engine = compiled_motion(scene, times), engine_motion(scene, times)
     for motion, style in ((theory, THEORY_LINE), (engine, ENGINE_LINE)):

@@ -137,6 +137,7 @@ def _portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence
     ball = scene.parameters
     points, cycles = fixed_points(ball), limit_cycles(ball)
     manifolds = separatrices(ball, points, FOLLOWED)
+    # Where there is a limit cycle the contour has given way to it.
     contour = [] if cycles else closed_contour(scene, manifolds)
     caption = (*_BALL_LINES, f"K = (0, 0, {K3}) kg m²/s", *start, "Duration chosen.")
     found = [f"{len(points)} fixed points:", *counted(points)]
@@ -151,6 +152,7 @@ def _portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence
         (4.2, 4.2), (4.0, 3.5),
     )  # fmt: skip
     theory, engine = _both(scene)
+    # What the engine makes of a start on the cycle, which an unstable one leaves as errors grow.
     followed = [_on_cycle(scene, cycle).gamma for cycle in cycles]
     for chart in both_charts(axes["sphere"], axes["involute"]):
         draw_field(chart, ball, 6.0)
@@ -183,11 +185,13 @@ def closed_contour(scene: Scene, manifolds: Sequence[Separatrix]) -> list[Separa
 def _on_cycle(scene: Scene, cycle: Cycle) -> ContactMotion:
     """Run the engine from a point of a limit cycle, for a period."""
     start = own_start(scene, cycle.attitude, cycle.momentum)
+    # For one period alone: over several an unstable cycle is left by the multiplier's growth.
     times = sample_times(cycle.period, cycle.period / 1000)
     return engine_motion(replace(scene, start=start), times)
 
 
 def _both(scene: Scene) -> tuple[Motion, ContactMotion]:
     """Return the motion by the equations and the engine's."""
+    # Sampled by the duration, as a picture's width has so many points however long the motion.
     times = sample_times(scene.duration, scene.duration / 3000)  # enough for a smooth line
     return compiled_motion(scene, times), engine_motion(scene, times)

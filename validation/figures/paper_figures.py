@@ -41,6 +41,7 @@ def draw_figures(
     """
     pictures = chosen(names)
     written = []
+    # By name, as a picture is made where it is written: a Figure need not pass between processes.
     for i, path in enumerate(in_processes(partial(_draw, out), [*pictures.items()])):
         report(i + 1, path.stem)
         written.append(path)

@@ -114,12 +114,14 @@ class Involute:
         A pole is a whole edge: it is shown at _POLES.
         """
         phi = (np.pi / 4 + np.arctan2(gamma[..., 0], gamma[..., 1])) % (2 * np.pi)
+        # At a pole φ has no value, and rounding would choose one.
         polar = np.hypot(gamma[..., 0], gamma[..., 1]) < 1e-9
         return np.stack([np.where(polar, _POLES, phi), gamma[..., 2]], axis=-1)
 
     def line(self, gamma: Array, **style: Any) -> None:
         """Draw a line through γ (n, 3), broken where it is cut open."""
         places = self.places(gamma)
+        # Else a line would run across the whole picture where φ starts anew.
         jumps = np.flatnonzero(np.abs(np.diff(places[:, 0])) > np.pi) + 1
         self.axes.plot(*np.insert(places, jumps, np.nan, axis=0).T, **style)
 
@@ -130,6 +132,7 @@ class Involute:
     def name(self, gamma: Array, text: str, **style: Any) -> None:
         """Draw a name beside γ (3,)."""
         x, y = self.places(gamma).tolist()
+        # Near a pole the name would stand on the edge of the picture.
         away = (0, 12 * y) if abs(y) > 0.9 else (12, 9)
         self.axes.annotate(text, (x, y), **{**_NAME, "xytext": away, **style})
 
@@ -231,6 +234,7 @@ def draw_separatrices(
     for each in contour:
         chart.line(each.path, label=_once(chart, "closed contour"), **_CYCLE)
     rest = [each for each in found if not any(each is other for other in contour)]
+    # Stable ones first, so that the legends of all figures have one order.
     for each in sorted(rest, key=lambda each: not each.stable):
         word, dashes = ("stable", (0, (4, 1.5))) if each.stable else ("unstable", "-")
         label = _once(chart, f"{word} manifolds of the saddles")
@@ -254,6 +258,7 @@ def draw_cycles(chart: _Chart, parameters: Parameters, cycles: Sequence[Cycle]) 
     for cycle in cycles:
         curve = curve_of(parameters, cycle.gamma, cycle.period)
         word, dashes = ("stable", "-") if abs(cycle.multipliers[0]) < 1 else ("unstable", "--")
+        # A cycle that is not its own opposite has one, as γ → -γ is a symmetry (Remark 6).
         for each in (curve,) if lies_on(-cycle.gamma, curve) else (curve, -curve):
             label = _once(chart, f"{word} limit cycle")
             chart.line(each, linestyle=dashes, alpha=0.7, label=label, **_CYCLE)

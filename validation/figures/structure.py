@@ -131,6 +131,7 @@ def _draw_ball(
 
     Raises InputError if there is no off-screen GL.
     """
+    # Asked first, as MuJoCo's own error where there is no GL says nothing of what to install.
     backend, track = gl.find_backend(), track_of(motion)
     if backend is None:
         raise InputError(gl.advice())
@@ -142,6 +143,7 @@ def _draw_ball(
     finally:
         stage.close()
     axes.set_axis_off()
+    # Lines over the picture are in its pixels, and must not rescale it.
     axes.autoscale(enable=False)
 
 
@@ -154,6 +156,7 @@ def _draw_sense(axes: Axes, camera: Camera, middle: Array, axis: Array, colour: 
     """Draw a curved arrow about an axis (3,), in the sense of a turn about it."""
     side = np.cross(axis, camera.eye)
     side /= np.linalg.norm(side)
+    # An open ring, whose gap shows where the arrow ends.
     turn = np.linspace(0.15, 0.85, 60)[:, None] * 2 * np.pi
     ring = 0.2 * (np.cos(turn) * np.cross(axis, side) - np.sin(turn) * side)
     points = _seen(camera, middle + ring)

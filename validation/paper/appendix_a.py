@@ -64,6 +64,7 @@ def _turned_angular_velocity(twist: float = 1.0) -> Residual:
         return float(np.abs(omega_hat @ frame - frame_rate).max())
 
     corrected = P @ w @ P.T + twist * P_rate @ P.T
+    # The misprint could be one of P's definition; (A.2) fails for either.
     printed = min(off(P.T @ w @ P + P.T @ P_rate), off(P @ w @ P.T + P @ P_rate.T))
     return Residual(off(corrected), bound=2e-15, printed=printed, unit="1/s")
 
@@ -75,6 +76,7 @@ def _without(ball: Ball, *kept: str) -> Ball:
     """Return the ball with the mass of all bodies but those kept taken away."""
 
     def light(body: Body, name: str) -> Body:
+        # Its mass goes and the body stays, as its axis and rate are asked for all the same.
         return body if name in kept else replace(body, masses=0 * body.masses)
 
     rotors = tuple(light(rotor, "rotors") for rotor in ball.rotors)

@@ -38,6 +38,7 @@ def near_sigma_plus(level: float) -> _Caption:
     n = line_ball()
     square = n.K @ n.K
     gamma = sqrt(square - level) / square * n.K + sqrt(level) / square * cross(n.K, n.Omega)
+    # The caption starts beside σ₊, which is unstable; on it the ball would roll straight on.
     gamma = f.unit(gamma + 0.01 * f.E[2])
     M = f.level(f.E[2], gamma)
     M = M * sqrt(level / (M @ M))
@@ -54,6 +55,7 @@ def _on_the_section(
     A: tuple[float, float, float], K: tuple[float, ...], L: float, l: float
 ) -> _Caption:
     """Return the start of one of Figs 12 to 14: f = 25 and (L, l) at g = 0, by (5.5)."""
+    # Typed here once more, not by section_state, whose numbers it is to check.
     n, root = f.with_A(A, np.array([0.0, 0.0, 2.0]), np.array(K)), sqrt(25 - L**2)
     M = np.array([root * np.sin(l), root * np.cos(l), L])
     gamma = np.array([L / 5 * np.sin(l), L / 5 * np.cos(l), -root / 5])
@@ -105,7 +107,9 @@ def _as_captioned(name: str, sampled: tuple[float, ...], twist: float = 1.0) -> 
     caption, ball = CAPTIONS[name], seen(name, *sampled)
     caption = replace(caption, n=replace(caption.n, Omega=twist * caption.n.Omega))
     gamma, path = motion(caption, ball.motion.times)
+    # A caption's γ is in the frame's axes; the ball's principal axes may have another order.
     in_frame = ball.gamma @ paper_scene(name).principal_axes.T
+    # Relative to the path, or to the radius where the path is shorter, as everywhere.
     yield largest(ball.motion.contact_point - path) / max(ball.motion.path_length, caption.n.a)
     yield largest(in_frame - gamma)
 

@@ -146,6 +146,7 @@ def by(
             if bound is None:
                 evidence: Evidence = function(**arguments)
                 return evidence
+            # The printed form is computed as well: an erratum is a claim that it fails.
             refuted = None if printed is None else worst(**{**given, **printed})
             return Residual(worst(**arguments), bound, refuted, unit)
 
@@ -213,6 +214,7 @@ def verdict_on(evidence: Evidence) -> _Verdict:
         return "does not reproduce"
     if evidence.printed is None:
         return "holds"
+    # By the same bound: else a printed value within the scatter would count as wrong.
     refuted = abs(measured - evidence.printed) > evidence.bound
     return "holds as corrected" if refuted else "does not reproduce"
 
@@ -268,6 +270,7 @@ def _table_of(part: Part) -> Table:
             lines.append(f"printed: {each.claim.printed}")
         means = f"{each.claim.means}: " if each.claim.means else ""
         lines.append(f"[dim]{means}{escape(str(each.evidence))}[/]")
+        # The erratum's number on a line of its own, as the column is narrow.
         place = re.sub(r"^(E\d+), ", r"\1\n", each.claim.place)
         style = _STYLES.get(each.verdict, "")
         table.add_row(place, "\n".join(lines), each.verdict, style=style)

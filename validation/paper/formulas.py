@@ -37,6 +37,8 @@ class Numbers:
     A: Array = field(init=False)
 
     def __post_init__(self) -> None:
+        # By a matrix inverse, where robotball takes 1/(I + d) by components: two ways to one
+        # number.
         object.__setattr__(self, "A", np.linalg.inv(self.I + self.d * E))
 
     @property
@@ -107,12 +109,14 @@ def drive_torque(n: Numbers, omega: Array, gamma: Array) -> Array:
 
 def gyroscopic_torque(n: Numbers, omega: Array, gamma: Array) -> Array:
     """Return (Ĩω + k)×ω + ma²(ω - Ω, γ)γ×ω of (2.4)."""
+    # (2.4) is printed with Ĩ; E4 says what it stands for.
     carried = cross(contact_inertia(n, gamma) @ omega + n.k, omega)
     return carried + n.d * ((omega - n.Omega) @ gamma) * cross(gamma, omega)
 
 
 def spin_torque(n: Numbers, omega: Array, gamma: Array) -> float:
     """Return λ₀ of (2.5)."""
+    # (2.5) is right as printed: E3 is a sign in the line before it alone.
     per_gamma = np.linalg.solve(contact_inertia(n, gamma), gamma)
     torque = gyroscopic_torque(n, omega, gamma) + drive_torque(n, omega, gamma)
     drive = n.Omega @ cross(gamma, omega) + n.Omega_rate @ gamma
@@ -218,6 +222,7 @@ def returns(field: Field, start: Array, normal: Array, duration: float, rtol: fl
     def ahead(_: float, x: Array) -> float:
         return float((x - start) @ normal)
 
+    # Upwards alone: half a turn later the motion passes the plane in the other direction.
     ahead.direction = 1.0  # type: ignore[attr-defined]
     span = (0.0, duration)
     found = solve_ivp(
@@ -255,6 +260,7 @@ def sigma(n: Numbers, angle: Array | float) -> Array:
 def eigenvalues(field: Field, gamma: Array) -> Array:
     """Return the eigenvalues (2,) of a field on the sphere at its zero γ, by real part."""
     basis = across(gamma)
+    # The third eigenvalue belongs to the length of γ, which the field keeps, and says nothing.
     values = np.linalg.eigvals(basis @ jacobian(field, gamma) @ basis.T).astype(complex)
     return values[np.argsort(values.real)]
 
@@ -265,6 +271,8 @@ def zeros(field: Field, starts: int = 400) -> list[Array]:
     Where the zeros fill a curve, some of its points come along.
     """
     found: list[Array] = []
+    # A start leads to one zero, so starts are spread over the sphere. The search knows no formula
+    # of the paper for the points, which this search is to confirm.
     for gamma in spread_points(starts):
         for _ in range(30):
             basis = across(gamma)
@@ -272,10 +280,12 @@ def zeros(field: Field, starts: int = 400) -> list[Array]:
             # On a curve of zeros `linear` is singular; the shortest step goes across the curve.
             step = np.linalg.lstsq(linear, basis @ field(gamma), rcond=1e-13)[0]
             length = float(np.linalg.norm(step))
+            # A long step leaves the neighbourhood in which the linear part is right.
             gamma = unit(gamma - basis.T @ step * min(1.0, 0.3 / max(length, 1e-300)))
             if length < 1e-13:
                 break
         at_rest = np.linalg.norm(field(gamma)) < 1e-12
+        # Newton converges quadratically, so one zero comes within rounding of itself each time.
         if at_rest and all(np.linalg.norm(gamma - other) > 1e-6 for other in found):
             found.append(gamma)
     return found

@@ -132,11 +132,13 @@ def rolled(ball: Ball, omega: Array, gamma: Array, rubber: bool) -> tuple[Array,
         balance = ball.rates(v, omega, v_rate, omega_rate)
         balance[:3] -= force
         balance[3:] -= -ball.a * cross(gamma, force) + torque * gamma
+        # The constraints are differentiated once, as the unknowns are accelerations.
         slip = v_rate + ball.a * cross(gamma_rate, relative)
         slip = slip + ball.a * cross(gamma, omega_rate - n.Omega_rate)
         spin = (omega_rate - n.Omega_rate) @ gamma + relative @ gamma_rate
         return np.concatenate([balance, slip, [spin if rubber else torque]])
 
+    # The equations are linear in the ten unknowns, so their columns are differences.
     at_zero = equations(np.zeros(10))
     columns = np.stack([equations(column) - at_zero for column in np.eye(10)], axis=1)
     x: Array = np.linalg.solve(columns, -at_zero).astype(float)
@@ -169,6 +171,7 @@ def _some_ball(random: np.random.Generator, rotors: int, off_centre: float) -> B
         for _ in range(rotors)
     ]
     shell = ring(random, 1.0, np.zeros(3), random.normal(size=2))
+    # A ring alone has J = 2I, as a plane body; two poles on the axis give a shell any ratio.
     poles = random.uniform(0.3, 1.0) * np.stack([shell.axis, -shell.axis])
     shell = replace(
         shell,
@@ -176,6 +179,7 @@ def _some_ball(random: np.random.Generator, rotors: int, off_centre: float) -> B
         points=np.concatenate([shell.points, poles]),
     )
     points, masses = random.normal(size=(5, 3)) * 0.4, random.uniform(0.05, 0.2, 5)
+    # A last point balances the rest, as the paper's centre of mass is the centre of the sphere.
     off = masses @ points + sum((each.mass * each.centre for each in turning), np.zeros(3))
     masses, points = np.append(masses, 0.3), np.concatenate([points, [-off / 0.3]])
     frame = Body(masses, points, np.zeros(3), np.array([0.0, 0.0, 1.0]))

@@ -18,6 +18,7 @@ SECTION.unchecked("Figs 1-2", "S. A. Chaplygin; a beaver ball", "photographs: no
 claim = SECTION.claim
 
 _TIMES = np.linspace(0.0, 20.0, 201)
+# A unit vector in decimal numbers, along no axis, so that no term vanishes by symmetry.
 _GAMMA, _OMEGA = np.array([0.6, 0.48, 0.64]), np.array([3.0, -2.0, 1.0])
 
 
@@ -53,6 +54,7 @@ def _kept_energy(twist: float = 1.0) -> Errors:
 def _invariant_measure(twist: float = 1.0) -> Errors:
     """Compute the divergence of ρ times (3.3) for Ω = K = 0, where ρ = (1/d - (Aγ,γ))^(-1/2)."""
     for state in f.states(11):
+        # Chaplygin's ball has no drives: the paper's introduction is about Ω = K = 0.
         n = replace(f.still(state.n), Omega=np.zeros(3), K=np.zeros(3))
         yield f.divergence(n, state.M, state.gamma, True, -0.5 * twist)
 
@@ -91,6 +93,7 @@ def _same_tori(twist: float = 1.0) -> Errors:
     L = np.array(
         [f.level(f.contact_inertia(other, v) @ w, v) for w, v in zip(omega, gamma, strict=True)]
     )
+    # Where nothing turns inside, the classical energy is (M, ω)/2.
     E = [each @ f.classical_velocity(n, each, v) / 2 for each, v in zip(L, gamma, strict=True)]
     for kept in (np.array(E), shared_integral(f.ball(other), gamma, L)):
         yield np.ptp(kept) / abs(kept[0])
@@ -107,6 +110,7 @@ def _autonomous(name: str = RUBBER) -> Errors:
     scene = paper_scene(name)
     whole = seen(scene.name)
     i = int(np.searchsorted(whole.motion.times, 3.0 - 1e-9))
+    # A rubber ball's M is horizontal by (3.1), and a start is held to that.
     start = Start(whole.motion.attitude[i], whole.motion.momentum[i] * [1.0, 1.0, 0.0])
     again = seen_of(replace(scene, start=start), 5.0)
     off = again.gamma - whole.gamma[i : i + len(again.gamma)]

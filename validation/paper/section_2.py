@@ -61,6 +61,7 @@ def _mass_distribution(time: float = 0.0) -> Errors:
 @by("scipy", "the sign of dβ/dt", bound=1e-11)
 def _orthonormal(twist: float = 1.0) -> Errors:
     """Compare SSᵀ with E after 10 s of (2.6) and dγ/dt = γ×ω, integrated one by one, ω(t) any."""
+    # An ω(t) that belongs to no ball: (2.6) holds for any, and no conserved quantity may help.
     swing = np.array([3.0, -2.0, 1.0])
 
     def turning(x: Array) -> Array:
@@ -113,6 +114,7 @@ def _kinetic_energy(twist: float = 1.0) -> Errors:
     """Compare Σ mu²/2 with mv²/2 + (ω, Iω)/2 + (k, ω), less its value where v = ω = 0."""
     for moment in moments(22):
         ball, n, w, v = moment.ball, moment.ball.numbers, moment.omega, moment.v
+        # The paper's T leaves out the energy of the turning inside, which neither v nor ω changes.
         T = ball.momenta(v, w)[2] - ball.momenta(0 * v, 0 * w)[2]
         formula = ball.mass * v @ v / 2 + w @ n.I @ w / 2 + twist * n.k @ w
         yield T - formula
@@ -144,6 +146,7 @@ def _poincare_suslov(twist: float = 1.0) -> Errors:
         n, force = ball.numbers[0], _plane_force(ball)
         mass, a = n.d / n.a**2, n.a
         v, turning = mass * ball.centre_velocity, ball.of(lambda n, w, _: n.I @ w + n.k)
+        # v is known by differences already, so that its rate loses samples at both ends again.
         push = rate(v) + np.cross(ball.omega[INNER][INNER], v[INNER]) - force[INNER][INNER]
         twisting = ball.motion.loads.spin_torque[:, None] * ball.gamma
         torque = -twist * a * np.cross(ball.gamma, force) + twisting
@@ -157,6 +160,7 @@ def _poincare_suslov(twist: float = 1.0) -> Errors:
 def _without_gravity(off: float = 0.0) -> Errors:
     """Compare MuJoCo's paths at 9.81 and 3.7 m/s², with the frame's centre of mass off by [m]."""
     scene = paper_scene(RUBBER)
+    # Two gravities roll the same path only if the centre of mass is the centre: 10 µm show.
     frame = Frame(scene.ball.frame.mass, scene.ball.frame.inertia, off * f.E[2])
     scene = scene.with_hinges(body={"frame": frame})
     times = sample_times(5.0)
@@ -184,6 +188,8 @@ def _by_masses(seed: int, rubber: bool) -> Iterator[tuple[Moment, Numbers, Array
     for moment in moments(seed):
         n, omega = moment.ball.numbers, moment.omega
         if rubber:
+            # The acceleration follows from a state that satisfies (2.2); any other has no rubber
+            # motion.
             omega = f.level(omega, moment.gamma) + (n.Omega @ moment.gamma) * moment.gamma
         yield moment, n, omega, *rolled(moment.ball, omega, moment.gamma, rubber)
 
@@ -302,6 +308,7 @@ def _plane_symmetry(axis: int = 2, names: Sequence[str] = (RUBBER, CLASSICAL)) -
     """Compare ω, γ and the path of MuJoCo's ball with those turned 0.7 rad about an axis."""
     for name in names:
         scene, ball = paper_scene(name), seen(name)
+        # An angle that is no part of a turn, so that no symmetry of the ball maps it on itself.
         turn = f.turned_about(f.E[axis], 0.7)
         turned = Start(
             multiply(from_matrix(turn), scene.start.attitude), turn @ scene.start.momentum

@@ -55,6 +55,7 @@ def _driven(classical: bool) -> Seen:
     """Roll the ball of Fig. 12 while its rates swing; in the classical model with (M, γ) = 3."""
     if not classical:
         return seen(DRIVEN)
+    # (M, γ) = 3, as 0 would hide the terms that the classical model has more than rubber.
     return seen_of(_started(paper_scene(DRIVEN), "classical", 3.6, c=3.0), 10.0)
 
 
@@ -124,6 +125,8 @@ def _rubber_inverse(twist: float = 1.0) -> Errors:
         n, gamma, M = state.n, state.gamma, state.momentum(classical=False)
         linear = np.vstack([f.hat(gamma).T @ f.contact_inertia(n, gamma), gamma])
         given = np.append(M - cross(gamma, n.K), n.Omega @ gamma)
+        # Four equations for three unknowns: γ×(…) has no part along γ, so they are consistent, and
+        # least squares need no choice of three.
         omega = np.linalg.lstsq(linear, given, rcond=None)[0]
         found = f.rubber_velocity(replace(n, Omega=twist * n.Omega), M, gamma)
         yield found - omega
@@ -170,6 +173,7 @@ def _kept_integrals(name: str, twist: float = 1.0) -> Errors:
     sense, start = np.repeat([twist, 1.0], 3), np.concatenate([M, gamma])
     found = f.followed(lambda x: sense * rate(x), start, np.linspace(0.0, 20.0, 101))
     M_t, gamma_t = found[:, :3], found[:, 3:]
+    # γ² is 1 and M² is 25: relative to its own size each integral has the same bound.
     size = float(M @ M)
     kept = [(gamma_t**2).sum(1), (M_t * gamma_t).sum(1) / np.sqrt(size), (M_t**2).sum(1) / size]
     yield np.ptp(kept, axis=1)
@@ -211,6 +215,7 @@ def energies(ball: Seen, classical: bool, twist: float = 1.0) -> Array:
 @by(MOTION, "A, Ω, K on one axis", {"symmetric": True})
 def _no_energy(symmetric: bool = False) -> AtLeast:
     """Compute the change of E of Fig. 12's ball; symmetric: of Routh's sphere."""
+    # The control is a ball that has the integral, so that it is found where there is one.
     ball = _routh(classical=False) if symmetric else seen(RUBBER)
     E = energies(ball, classical=False)
     return AtLeast(float(np.ptp(E)), bound=1.0, unit="J")
@@ -247,6 +252,8 @@ def _measure(classical: bool, twist: float = 1.0) -> Errors:
     """
     for state in f.states(33):
         n, M, gamma = f.still(state.n), state.momentum(classical), state.gamma
+        # The divergence of ρ times the field is zero where ρ is the density of an invariant
+        # measure.
         yield f.divergence(_symmetric(n), M, gamma, classical, -0.5 * twist)
         # Any other ball keeps no measure, and robotball has what this density grows by.
         yield f.divergence(n, M, gamma, classical, -0.5) - f.ball(n, classical).divergence(gamma)
@@ -265,6 +272,8 @@ def _no_measure(symmetric: bool = False) -> AtLeast:
 
     With a continuous density it would. symmetric: near a motion of Routh's sphere, which has one.
     """
+    # Around a closed orbit a continuous density comes back, so volume must, too. The cycle
+    # attracts, and so it does not: an exponent that is no zero excludes every such density at once.
     scene = _rubber_routh() if symmetric else paper_scene(RUBBER)
     n, period = f.numbers(scene.parameters), 8.74326
     # Fig. 12's motion is on the cycle after 600 s, to 1e-9.
@@ -326,6 +335,7 @@ def _bounded(name: str, twist: float = 1.0) -> Errors:
     """
     scene, ball = paper_scene(name), seen(name, 150.0, 0.05)
     n, velocity = f.numbers(scene.parameters), f.velocity_of(scene.rolling == "classical")
+    # The shell's speed at a tenth of M has a lower bound, which the motion passes.
     kept = twist * scene.start.momentum
     size = float(np.linalg.norm(kept))
 

@@ -91,6 +91,8 @@ def _integral_without_turning(twist: float = 1.0) -> Errors:
     """Compute the change of (AK,γ)²/(Aγ,γ) over 20 s by (2.4)-(2.5), which do not use (4.1)."""
     for n, gamma in _gyrostats(41):
         start = np.append(f.rubber_velocity(n, np.zeros(3), gamma), gamma)
+        # By (2.4), not by (4.1) from which the paper derives the integral: else a wrong (4.1) and
+        # its own integral would agree.
         field, times = f.unreduced(n, rubber=True), np.linspace(0.0, 20.0, 41)
         path = f.followed(field, start, times, rtol=1e-10)[:, 3:]
         kept = (path @ n.A @ n.K) ** 2 / ((path @ n.A * path).sum(axis=1)) ** twist
@@ -105,6 +107,7 @@ def closed(turning: float = 0.0) -> Errors:
         n = replace(n, Omega=turning * other.n.Omega)
         field = f.from_rest(n)
         passed = f.returns(field, gamma, field(gamma), 60.0, rtol=1e-11)
+        # Without a return it counts as the sphere's diameter, the farthest that γ can be.
         yield np.linalg.norm(passed - gamma, axis=1).min() if len(passed) else 2.0
 
 
@@ -151,6 +154,7 @@ def _euler_case(twist: float = 1.0) -> Errors:
     γ' = γ×Aγ with a₁ > a₂ > a₃ and γ closer to the first axis.
     """
     ball = seen("fig05c")
+    # (4.3) is (4.1) in the time whose rate is (Ω,γ)/(Aγ,γ); the samples give it by quadrature.
     pace = ball.of(lambda n, _, g: (n.Omega @ g / (n.A @ g @ g)) ** twist)
     time = cumulative_simpson(pace, x=ball.motion.times, initial=0)
     a1, a2, a3 = _FIG5.moments
@@ -171,6 +175,7 @@ def balls(seed: int, count: int = 200) -> list[Numbers]:
     random = np.random.default_rng(seed)
     found = []
     for _ in range(count):
+        # Prop. 1 numbers the axes by a₁ < a₂ < a₃, and excludes an Ωᵢ of zero.
         A = np.sort(random.uniform(0.2, 1.0, 3))
         Omega = random.uniform(0.2, 3.0, 3) * random.choice([-1, 1], 3)
         found.append(f.with_A(tuple(A), Omega, np.zeros(3)))
@@ -184,6 +189,7 @@ def _six_points(K3: float = 0.0) -> Errors:
     axes = np.concatenate([f.E, -f.E])
     for n in balls(46, 5):
         n = replace(n, K=K3 * f.E[2])
+        # The circle Σ¹ is full of zeros as well, of which the search brings some.
         found = [g for g in f.zeros(f.from_rest(n), 100) if abs(n.Omega @ g) > 1e-6]
         near = sum(bool(np.linalg.norm(axes - g, axis=1).min() < 1e-9) for g in found)
         yield len(found) - near + abs(6 - near)
@@ -202,6 +208,7 @@ def _stability(saddle: int = 1) -> Errors:
             values = f.eigenvalues(f.from_rest(n), gamma)
             middle = i == saddle
             extreme = n.moments[i] in (n.moments.min(), n.moments.max())
+            # Eigenvalues scale with the rates of a ball, which differ among random ones.
             size = abs(values).max()
             turning = abs(values.real).max() < 1e-9 * size and extreme
             yield 2 * int((values[1].real > 1e-3 * size) != middle or turning == middle)
@@ -245,6 +252,8 @@ def circle(index: int, twist: float = 1.0) -> Errors:
     ball = _on_circle(index)
     path, (one, other) = ball.motion.contact_point, np.delete(_FIG5.Omega, index)
     radius = sqrt(one**2 + twist * other**2) / abs(_FIG5.Omega[index])
+    # A circle by least squares, |x|² = 2(x, centre) + const: linear, and it knows nothing of the
+    # paper's centre.
     table = np.column_stack([2 * path, np.ones(len(path))])
     centre = np.linalg.lstsq(table, (path**2).sum(axis=1), rcond=None)[0][:2]
     yield np.linalg.norm(path - centre, axis=1) - radius
@@ -289,6 +298,7 @@ def _straight(off: float = 0.0) -> Errors:
 
     And how far its frame turns; off: rad, of γ.
     """
+    # Any point of the stable half will do that is not near one of its ends.
     angle = next(x for x in np.linspace(0, 6, 13) if _side(_FIG5, f.sigma(_FIG5, x)) > 0.1)
     gamma = f.sigma(_FIG5, angle)
     gamma = f.turned_about(f.across(gamma)[0], off) @ gamma
@@ -307,6 +317,7 @@ def _periodic(name: str = "fig05c") -> Errors:
     ball = seen(name, 60.0)
     away = ball.gamma - ball.gamma[0]
     distance = np.linalg.norm(away, axis=1)
+    # The motion has left its start once before it can come back to it.
     later = int(np.argmax(distance > 0.1))
     i = later + int(np.argmin(distance[later:]))
     direction = (ball.gamma[1] - ball.gamma[0]) / distance[1]
@@ -334,6 +345,7 @@ def ends(twist: float = 1.0) -> Residual:
     angles = np.linspace(0.0, 2 * np.pi, 201)
     crossings = [(x, y) for x, y in pairwise(angles) if off_curve(x) * off_curve(y) < 0]
     meeting = [f.sigma(_FIG5, brentq(off_curve, x, y, xtol=1e-14)) for x, y in crossings]
+    # (Aγ,γ) is the same at γ and -γ, but γ cannot pass the plane between them without changing it.
     stable = [g for g in meeting if twist * _side(_FIG5, g) > 0 and g[2] * start[2] > 0]
     all_over = [gamma for x in angles if _side(_FIG5, gamma := f.sigma(_FIG5, x)) > 0]
     corrected, printed = (
@@ -355,6 +367,7 @@ def _separatrices(twist: float = 1.0, on_sigma: bool = False) -> Errors:
     # Two great circles through Γ₃,₄, each of which meets Σ¹ in a γ and -γ.
     others = [f.unit(np.array([sqrt(a2 - a3), 0.0, s * sqrt(a1 - a2)])) for s in (1, -1)]
     meeting = [f.unit(cross(_FIG5.Omega, cross(f.E[1], each))) for each in others]
+    # (Aγ, γ×Ω) is the same at γ and -γ, so one of the circles meets Σ_u in both, the other Σ_s.
     unstable, stable = sorted(meeting, key=lambda gamma: twist * _side(_FIG5, gamma))
     for side in (0.1, -0.1):
         start = f.unit(unstable + side * f.E[1])

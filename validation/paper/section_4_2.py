@@ -31,6 +31,8 @@ def balls() -> tuple[Numbers, ...]:
     random = np.random.default_rng(51)
     found = []
     for _ in range(200):
+        # Of either sign: with K₃ > 0 alone, as in the figures, the factor K₃ of E7 would change
+        # nothing.
         A, K3 = random.uniform(0.2, 1.0, 3), random.uniform(-3.0, 3.0)
         Omega = random.uniform(-1.0, 1.0, 3) * [4.0, 4.0, 1.0]
         found.append(f.with_A(tuple(A), Omega, np.array([0.0, 0.0, K3])))
@@ -71,6 +73,7 @@ def kinds(twist: float = 1.0) -> Errors:
         values = f.eigenvalues(f.from_rest(n), f.E[2])
         A1, A2 = _A1_A2(n)
         saddle = values[0].real < 0 < values[1].real and abs(values.imag).max() == 0
+        # Linear terms leave a focus undecided: the real parts are zero but for rounding.
         centre = abs(values.real).max() < 1e-12 * abs(values.imag).max()
         yield not (saddle if twist * A1 * A2 < 0 else centre)
 
@@ -95,6 +98,8 @@ def _foci() -> tuple[tuple[Numbers, float], ...]:
     found = []
     for n in balls()[:100]:
         A1, A2 = _A1_A2(n)
+        # Near A₁A₂ = 0 a turn takes for ever; and where r changes by less than 1e-10, the
+        # integration's error could decide the sign.
         growth = _growth_in_a_turn(n, 0.01) if A1 * A2 > 0.01 else 0.0
         if abs(growth) > 1e-10:
             found.append((n, growth))
@@ -108,6 +113,7 @@ def _growth_in_a_turn(n: Numbers, r: float) -> float:
     # In a little more than the period of the linear part.
     A1, A2 = _A1_A2(n)
     duration = 1.1 * 2 * np.pi * n.moments[2] / sqrt(A1 * A2)
+    # On the far side γ₂ passes zero the other way.
     side = np.sign(field(start)[1]) * f.E[1]
     passed = f.returns(field, start, side, duration, rtol=1e-13)
     return float(passed[0][0] - r) if len(passed) else 0.0
@@ -148,6 +154,7 @@ def _taylor(n: Numbers, top: float) -> Array:
     field = f.from_rest(n)
     places = [(x, y, top * sqrt(1 - x * x - y * y)) for x in circle for y in circle]
     values = np.array([field(np.array(each))[:2] for each in places]).reshape(count, count, 2)
+    # A coefficient of order m is the mean of the values by the circle's phase, over radius^m.
     powers = radius ** np.add.outer(np.arange(3), np.arange(3))
     return np.moveaxis(np.fft.fft2(values, axes=(0, 1))[:3, :3] / count**2, 2, 0).real / powers
 
@@ -314,6 +321,7 @@ def _number(K3: float, starts: int = 150) -> int:
 def _existence(twist: float = 1.0) -> Errors:
     """Count the K₃ with another number of fixed points than 2 + 4[|κ₁| < 1] + 4[|κ₂| < 1]."""
     for K3 in (-3.0, -1.2, -0.5, -0.1, 0.2, 0.5, 1.0, 2.5):
+        # A search, as the formulas for φ are the claim: the count must come from elsewhere.
         kappas = [_kappa(_with_K3(K3), j, twist) for j in (_DELTA, _THETA)]
         yield _number(K3) != 2 + 4 * sum(abs(kappa) < 1 for kappa in kappas)
 
@@ -395,6 +403,7 @@ def _branches_off(sense: float) -> int:
         values, vectors = np.linalg.eig(basis @ f.jacobian(field, saddle) @ basis.T)
         leaving = basis.T @ vectors[:, np.argmax(sense * values.real)].real
         for side in (1e-5, -1e-5):
+            # Near enough for the linear direction to hold to 1e-10, and far enough to leave soon.
             start = saddle + side * leaving
             times = np.array([0.0, 300.0])
             end = f.followed(lambda x: sense * field(x), start, times, rtol=1e-9)[-1]
@@ -420,7 +429,9 @@ def _unstable_cycle(name: str) -> AtLeast:
     if found is None:
         return AtLeast(float("nan"), bound=1.01)
     field = f.from_rest(CAPTIONS[name].n)
+    # Forward in time any error would leave an unstable cycle by the growth that is measured.
     path = f.followed(lambda x: -field(x), found.gamma, np.linspace(0.0, found.period, 4001))
+    # The divergence on the sphere is the trace less the part along γ.
     rates = [np.trace(J) - x @ J @ x for x in path[1:] for J in [f.jacobian(field, x)]]
     growth = float(np.exp(found.period * np.mean(rates)))
     same = np.linalg.norm(path[-1] - found.gamma) < 1e-8
@@ -430,6 +441,7 @@ def _unstable_cycle(name: str) -> AtLeast:
 
 def _vanishing(j: int, K3: float, more: int, twist: float = 1.0) -> Errors:
     """Count how far the numbers of fixed points beside the K₃ where |κⱼ| = 1 are off."""
+    # The formula says where; the search on both sides says whether points vanish there.
     at = brentq(lambda x: abs(_kappa(_with_K3(x), j, twist)) - 1, K3 / 2, 2 * K3)
     yield from four_fewer(at, 0.01, more, 150)
 

@@ -35,8 +35,9 @@ _SIGNS = {"σ₊": (1, 1), "σ₋": (-1, 1), "δ₊": (1, -1), "δ₋": (-1, -1)
 # The family ----------------------------------------------------------------------------------
 
 
-def _started(gamma: Array, M: Array, duration: float = 5.0) -> Seen:
+def _rolled(gamma: Array, M: Array, duration: float = 5.0) -> Seen:
     """Roll the ball of Fig. 10 by MuJoCo from γ and M, with OX against M."""
+    # (3.1) lets M point anywhere across γ; section 3.3 lays OX against it, and so do the captions.
     return seen_from(_BALL, gamma, -unit(M), np.array([-np.linalg.norm(M), 0.0, 0.0]), duration)
 
 
@@ -47,7 +48,7 @@ def equilibria(twist: float = 1.0) -> Errors:
     n = f.numbers(paper_scene(_BALL).parameters)
     for angle in (0.3, 2.0, 4.0):
         gamma = np.array([np.cos(angle), np.sin(angle), 0.0])
-        ball = _started(gamma, twist * cross(gamma, n.K))
+        ball = _rolled(gamma, twist * cross(gamma, n.K))
         alpha, beta, _ = ball.axes[0]
         line = ball.motion.times[:, None] * n.a * np.array([-beta @ n.Omega, alpha @ n.Omega])
         yield largest(ball.omega)
@@ -63,6 +64,8 @@ def _random_lines(seed: int, count: int, kind: str = "any") -> list[tuple[Number
     found = []
     for _ in range(count):
         Omega, K, v = random.normal(size=(3, 3))
+        # Three families of which the paper says different things: (5.2) of any K, P₂ of K along Ω,
+        # Props 3 and 4 of K across it.
         choices = {"any": K, "along": K[0] * Omega, "across": f.level(K, unit(Omega))}
         K = 3 * choices[kind]
         gamma = unit(f.level(v, unit(Omega)))
@@ -106,6 +109,8 @@ def _characteristic(
     for n, gamma in _random_lines(seed, 200, kind):
         J, expected = linear(n, gamma), polynomial(n, gamma, twist)
         # Both are monic of degree 6, so that six values determine them.
+        # Determinants, as the six eigenvalues cannot be used: three or four of them are 0, and a
+        # zero of order m is found to the m-th root of rounding only.
         for x in (0.5, -1.0, 2.0, 1j, 2j, 1 + 1j):
             determinant = np.linalg.det(x * np.eye(6) - J)
             formula = x**power * np.polyval(expected, x)
@@ -133,6 +138,7 @@ def _transverse(twist: float = 1.0) -> Errors:
     for n, gamma in _random_lines(64, 100):
         along = unit(cross(gamma, n.Omega))
 
+        # Along Σ¹ γ turns about Ω, so that (Ω, γ) = 0 all the while.
         def level_of(s: float, n: Numbers = n, at: Array = gamma, side: Array = along) -> float:
             M = cross(np.cos(s) * at + np.sin(s) * side, n.K)
             return float(M @ M)
@@ -167,6 +173,8 @@ class _Line:
     @property
     def rates(self) -> Array:
         """The eigenvalues (3,) of (3.2) on the level of F₀, F₁, F₂."""
+        # Off the level the eigenvalues of the integrals are 0, and would hide whether the others
+        # are stable.
         inside = np.linalg.svd(f.integral_gradients(self.M, self.gamma))[2][3:]
         return np.linalg.eigvals(inside @ linear(self.n, self.gamma) @ inside.T).astype(complex)
 
@@ -232,6 +240,7 @@ def _number_of_lines(along: float = 0.0, at_zero: int = 2) -> Errors:
     Or of which robotball's motions are not Prop. 3's of their names. As printed, f = 0 four times,
     which is less than K², too. along: the part of K along Ω, over that across it.
     """
+    # Off by a thousandth, lest a point lie on a crossing itself.
     angles = np.linspace(0.0, 2 * np.pi, 2000, endpoint=False) + 0.001
     for n, level in balls(50):
         off = False
@@ -242,6 +251,7 @@ def _number_of_lines(along: float = 0.0, at_zero: int = 2) -> Errors:
         n = replace(n, K=n.K + along * np.linalg.norm(n.K) * unit(n.Omega))
         levels, K2 = (np.cross(f.sigma(n, angles), n.K) ** 2).sum(axis=1), float(n.K @ n.K)
         over = [levels > x for x in (level, 1.001 * K2)]
+        # M² = (γ×K)² along the circle says where lines of that f are, without Prop. 3's formula.
         meets = [int(np.count_nonzero(each != np.roll(each, 1))) for each in over]
         tops = (levels > np.roll(levels, 1)) & (levels >= np.roll(levels, -1))
         touches = int(np.count_nonzero(tops & (levels > K2 * (1 - 1e-5))))
@@ -274,6 +284,8 @@ def _conditions(each: _Line, bracket: float = 1.0, square: bool = True) -> bool:
     n, c1, c2 = each.n, each.c1, each.c2
     K2, Omega2 = n.K @ n.K, n.Omega @ n.Omega
     A_gamma = c1 * n.A @ n.K + c2 * n.A @ cross(n.K, n.Omega)
+    # By the Routh-Hurwitz criterion of the cubic P₃, whose free term is positive at σ₋ and δ₊:
+    # (5.4) are the two conditions left.
     first = A_gamma @ (bracket * (c1 * cross(n.K, n.Omega) - c2 * Omega2 * n.K))
     third = (c1**2 if square else c1) * K2**2 - n.K @ np.linalg.inv(n.A) @ n.Omega
     second = first * third + c1 * c2 * K2 * (A_gamma @ each.gamma) * K2 * Omega2
@@ -322,6 +334,7 @@ def limit(twist: float = 1.0) -> Value:
     n = line_ball()
     n = replace(n, K=n.K * [twist, 1.0, 1.0])
 
+    # Stability ends where the first of the two lines loses it.
     def growth(level: float) -> float:
         return max(float(line(n, level, name).rates.real.max()) for name in ("σ₋", "δ₊"))
 
@@ -347,6 +360,7 @@ def _arrives(
     """Measure how far MuJoCo's γ, from near σ₊, is from δ₊ at the end, and Ẏ from a|Ω|."""
     n, ball = line_ball(), seen(name, *sampled)
     yield ball.gamma[-1] - line(n, level, to).gamma
+    # At the end the ball rolls straight on, so that a difference of two samples is its velocity.
     last = np.diff(ball.motion.contact_point[-2:, 1]) / sampled[1]
     yield last - sense * n.a * np.linalg.norm(n.Omega)
 
@@ -360,7 +374,7 @@ def _directions(twist: float = 1.0) -> Errors:
     """
     for name in _SIGNS:
         each = line(line_ball(), 2.0, name)
-        end = _started(each.gamma, each.M, duration=1.0).motion.contact_point[-1]
+        end = _rolled(each.gamma, each.M, duration=1.0).motion.contact_point[-1]
         speed = (-1.0 if name.startswith("σ") else 1.0) * each.n.a * np.linalg.norm(each.n.Omega)
         yield np.linalg.norm(end - [0.0, twist * speed])
 
@@ -427,6 +441,7 @@ def _crossings(g: float = 0.0) -> Errors:
     times = ball.motion.times
     M, gamma = CubicSpline(times, ball.momentum), CubicSpline(times, ball.gamma)
     angles = np.array([_angle_g(*each) for each in zip(ball.momentum, ball.gamma, strict=True)])
+    # Shifted so that the section is at 0, and the jump of the angle half a turn from it.
     angles = np.mod(angles + g + np.pi, 2 * np.pi) - np.pi
     passing = np.flatnonzero((angles[1:] * angles[:-1] < 0) & (np.abs(np.diff(angles)) < 1.0))
     found = []

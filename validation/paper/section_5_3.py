@@ -9,6 +9,7 @@ Chaotic numbers are measured over 1e5 s by 16 starts, to standard errors of 2.3e
 stated.
 """
 
+from dataclasses import replace
 from functools import cache, partial
 
 import numba
@@ -66,6 +67,8 @@ def rate(x: Array, a: Array, Omega: Array, K: Array) -> Array:
 def _growths(start: Array, a: Array, Omega: Array, K: Array, rounds: int) -> Array:
     """Return Σ ln of the six neighbours' growths (6,) over rounds of _STEPS_PER_QR steps."""
     tiny = 1e-30  # the complex step; it subtracts nothing, and so loses no digits
+    # A complex step for each of six neighbours: the derivative by RK4 itself, so that the growth is
+    # that of the map which moves the state.
     bundle = np.eye(6)
     state, total = start.copy(), np.zeros(6)
     for _ in range(rounds):
@@ -82,6 +85,8 @@ def _growths(start: Array, a: Array, Omega: Array, K: Array, rounds: int) -> Arr
                 moved[:, i] = new.imag / tiny
                 end = new.real
             bundle, state = moved, end
+        # Left alone, all six would come to point along the fastest, and their differences drown in
+        # it.
         bundle, R = np.linalg.qr(bundle)
         for i in range(6):
             total[i] += np.log(abs(R[i, i]))
@@ -93,6 +98,7 @@ def _six_exponents(n: Numbers, M: Array, gamma: Array, duration: float) -> Array
     rounds = int(duration / (_STEP * _STEPS_PER_QR))
     a, start = np.ascontiguousarray(n.moments), np.concatenate([M, gamma])
     # In the first tenth the neighbours turn into their directions.
+    # Compiled here, when it is needed, as an import must cost no compilation.
     growths = numba.njit(cache=True)(_growths)
     early, whole = (growths(start, a, n.Omega, n.K, rounds // 10 + k * rounds) for k in (0, 1))
     return np.sort((whole - early) / (rounds * _STEP * _STEPS_PER_QR))[::-1]
@@ -113,6 +119,7 @@ def chaotic() -> Parameters:
 
 def starts(n: int, c: float = 0.0) -> tuple[Array, Array]:
     """Return attitudes (n, 4) and momenta (n, 3) over the section g = 0."""
+    # |L| stays below √f = 5, at which the annulus has its edge.
     random = np.random.default_rng(2)
     return section_starts(random.uniform(-4.5, 4.5, n), random.uniform(0, 2 * np.pi, n), F, c=c)
 
@@ -126,6 +133,7 @@ def settled() -> tuple[Cycle, Array]:
 
     A crossing is M and γ.
     """
+    # 200 crossings take the start near the cycle; Newton's method does the rest.
     runs = section(regular(), *section_starts(3.6, 0.6, F), count=200)
     cycle = fixed_point(regular(), runs.L[0, -1], runs.l[0, -1], F)
     through = section(regular(), cycle.attitude[None], cycle.momentum[None], count=3)
@@ -197,6 +205,8 @@ def _parts_of_the_curve(cut: float = 0.0) -> Value:
     cut: where l is 0 and 2π; 1.05 is the middle of a piece.
     """
     points = _torus_points(0.0, 1.96).copy()
+    # Pieces are counted on the involute as the paper's figure has it, whose edges cut a curve that
+    # runs round the annulus.
     points[:, 0] = (points[:, 0] - cut) % (2 * np.pi)
     tree = cKDTree(points)
     pieces, _ = connected_components(tree.sparse_distance_matrix(tree, 0.2))
@@ -271,12 +281,15 @@ def _strange(name: str = "fig14", count: int = 12) -> Value:
     for _ in range(count):
         beside = from_matrix(rotation_matrix(attitude) @ f.turned_about(turn, apart))
         ends = [
-            run(model, times, start=Start(q, momentum)).attitude[-1] for q in (attitude, beside)
+            run(model, times, scene=replace(scene, start=Start(q, momentum))).attitude[-1]
+            for q in (attitude, beside)
         ]
         first, second = map(rotation_matrix, ends)
         away = first.T @ second - second.T @ first
         vector = np.array([away[2, 1], away[0, 2], away[1, 0]])
         total += np.log(np.linalg.norm(vector) / 2 / apart)
+        # The neighbour is set back to its first distance along the direction in which it left, as
+        # Benettin's method has it; the distance must stay small beside 1.
         attitude, turn = ends[0], f.unit(vector)
     # Over 240 s the exponent scatters by 0.02.
     return Value(total / (count * piece), corrected=0.116, bound=0.08, printed=0.0, unit="1/s")

@@ -63,6 +63,7 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
     if film:
         source = embedded(film.read_bytes(), "video/mp4")
         shown = f'<video controls muted playsinline src="{source}"></video>'
+    # A scene file holds no links, and no shell that is not symmetric.
     file = "" if scene.ball.general else f"<pre>{escape(scene_toml(scene))}</pre>"
     return [
         f"<h2>{escape(scene.name)}</h2>",
@@ -127,6 +128,7 @@ def _ball_numbers(group: Sequence[Agreement]) -> str:
 
 def _views(group: Sequence[Agreement]) -> str:
     """Return 3-D views of the runs beside the equations, one at a time as the reader chooses."""
+    # A run that broke off in its first step has nothing to show.
     moving = [each for each in group if len(each.motion.times) > 1]
     options = "".join(f"<option>{text(each.settings.name)}</option>" for each in moving)
     views = [f"<template>{view_fragment([each.motion, each.theory])}</template>" for each in moving]
@@ -159,6 +161,7 @@ def _loads(group: Sequence[Agreement]) -> str:
     """Return plots of the friction needed, and of the torque, rate and power of each motor."""
     motions = _motions(group)
     series = [("Friction", "coefficient", [each.loads.sliding_friction for each in motions])]
+    # A hinge that nothing drives has no torque to plot.
     for i in np.flatnonzero(motions[0].loads.motor_torques.any(axis=0)):
         name = group[0].scene.hinges[i].name
         torques = [each.loads.motor_torques[:, i] for each in motions]
@@ -169,6 +172,7 @@ def _loads(group: Sequence[Agreement]) -> str:
         ]
     drawn = ""
     for caption, label, values in series:
+        # By the equations' values, which a run that breaks cannot blow up.
         most = float(np.abs(values[0]).max())
         over_time = zip((each.times for each in motions), values, repeat(None))
         lines = _lines(group, [*over_time])

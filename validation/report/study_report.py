@@ -28,12 +28,14 @@ def study_report(source: Path) -> str:
     with readable(f"{source} is no JSON"):
         record = json.loads(data)
     parts = record if isinstance(record, list) else [record]
+    # Every record that a study writes names its versions, and hardly any other JSON does.
     if not parts or not all(
         isinstance(part, dict) and isinstance(part.get("versions"), dict) for part in parts
     ):
         raise InputError(f"{source} is no record of a study: it names no versions")
     body = [f"<h1>{text(source.stem)}</h1>", paragraph(f"A study's record, {source.name}.")]
     own = source.with_suffix(".png")
+    # One picture of its own name, or one for each map.
     pictures = [picture(own)] if own.exists() else _pictures(source, source.stem)
     if all({"verdict", "agrees", *_COMPARED} <= part.keys() for part in parts):
         words = "".join(

@@ -130,6 +130,7 @@ def _measure_ablation(scene: Scene, times: Array, rounds: int, show: Show) -> St
     rounds: of timing, all variants in turn. show: called with the part that is done, 0 to 1, and
     with what is done next.
     """
+    # Once for all variants, as the equations do not know them.
     theory = integrate(scene, times)
     directions = [(_BUILT_UP, each) for each in built_up()]
     directions += [(_UNDONE, each) for each in each_undone()]
@@ -138,6 +139,8 @@ def _measure_ablation(scene: Scene, times: Array, rounds: int, show: Show) -> St
     total = len(models) * (rounds + 2)
     for i, model in enumerate(models):
         show(i / total, f"{scene.name}: {model.settings.name}")
+        # Errors over the whole time, costs over a part: timing takes rounds, and cost hardly
+        # changes.
         agreements.append(Agreement(theory, run(model, theory.times), MUJOCO))
     timed = theory.times[: max(2, int(np.searchsorted(theory.times, _TIMED)))]
     costs = measure_costs(
@@ -249,6 +252,7 @@ def _ablation_picture(name: str, rows: Sequence[Row]) -> Figure:
 def _panel(axes: Axes, rows: Sequence[Row]) -> None:
     axes.set_yticks(range(len(rows)), [_name(row).replace("- ", "− ") for row in rows])
     axes.set(xscale="log", xlabel="path error and momentum error, relative")
+    # The first variant stands at the top, as in the table.
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.grid(axis="x", alpha=0.3)
     axes.set_axisbelow(True)

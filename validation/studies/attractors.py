@@ -5,7 +5,7 @@ scene that reach each of its attractors.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -49,9 +49,10 @@ _F = 25.0  # of Figs 11 to 14, (kg m²/s)²
 TORUS = Torus(L=0.0, l=1.96, spread=0.2, f=_F, starts=64, skipped=250, count=3000)
 TORUS_BY_CONTACT = Torus(L=0.0, l=1.96, spread=0.0, f=_F, starts=1, skipped=100, count=50)
 _CLOUD = Recipe(f=_F, starts=50, skipped=20, count=40)  # 2000 points
+# With 199 clouds beside it the least probability of a rank is 1/200.
 _PEERS = 199
 _PAIRS = Recipe(f=_F, starts=16, skipped=0, count=0)
-_LONG = 1e5  # s, of the equations' means: of 16 chaotic starts λ₁ is known to 2e-4 1/s
+_LONG_RUN = 1e5  # s, of the equations' means: of 16 chaotic starts λ₁ is known to 2e-4 1/s
 
 
 def _measured(
@@ -83,6 +84,8 @@ def _measure_cycle(show: Show) -> Iterator[Row]:
     crossing = section(scene.parameters, attitudes, momenta, 1, direction=-1)
     L, l = float(crossing.L[0, 0]), float(crossing.l[0, 0])
     model = build(resolved(scene, preset("balanced")))
+    # Newton's method on the engine's own map, so that its cycle is known to rounding and not to how
+    # long a run settles.
     contact = contact_cycle(model, cycle)
     through = cycle_crossings(model, contact).only(-1)
     for claim, a, b in (
@@ -93,8 +96,10 @@ def _measure_cycle(show: Show) -> Iterator[Row]:
     ):
         yield _measured(claim, a, b, 1e-6)
     start = own_start(scene, cycle.attitude, cycle.momentum)
-    moved = run(model, sample_times(cycle.period, 5e-3), start=start).contact_point[-1]
+    once = sample_times(cycle.period, 5e-3)
+    moved = run(model, once, scene=replace(scene, start=start)).contact_point[-1]
     periods = drift(scene.parameters, attitudes, momenta, 100 * cycle.period, cycle.period)
+    # OX is against M by (3.3), and |M| is 5.
     along = -float(moved @ cycle.momentum[:2]) / 5 / cycle.period
     yield _measured_drift("12", along, 0.0, periods, 1e-5)
 
@@ -108,7 +113,7 @@ def _measure_torus(show: Show) -> Iterator[Row]:
     apart = distance_to_curve(contact.states, curve.states)
     yield _measured("11a: off the torus", apart.max(), 0.0, 5e-6)
     # The mean over 1200 s misses that of all time by a swing of the path, some metres, over that.
-    long = drift(scene.parameters, *TORUS_BY_CONTACT.points(seed=0), _LONG, 3000.0)
+    long = drift(scene.parameters, *TORUS_BY_CONTACT.points(seed=0), _LONG_RUN, 3000.0)
     yield _measured_drift("13", float(contact.velocities[0, 0]), 0.0, long, 5e-3)
 
 
@@ -121,12 +126,15 @@ def _measure_clouds(show: Show) -> Iterator[Row]:
     reference, *peers = (
         cloud_by_equations(scene.parameters, _CLOUD, seed).states for seed in range(1, _PEERS + 2)
     )
+    # A test by rank, as no bound on a distance between two random clouds is known beforehand.
     unlikely = 1 - rank_probability(contact.states, peers, reference)
     # Of right clouds 1 - p is even between 0 and 1, 0.5 in the mean; over 0.99 is refused.
     yield _measured("11b: 1 - p of the cloud", unlikely, 0.5, 0.99, apart=unlikely)
     mean = contact.velocities.mean(axis=0)
+    # The starts are independent, the points of one start are not: so starts are counted, not
+    # points.
     error = contact.velocities.std(axis=0, ddof=1) / np.sqrt(_CLOUD.starts)
-    long = drift(scene.parameters, *_PAIRS.points(seed=0), _LONG)
+    long = drift(scene.parameters, *_PAIRS.points(seed=0), _LONG_RUN)
     yield _measured_drift("14", float(mean[0]), float(error[0]), long, 3 * float(error[0]))
 
 
@@ -138,8 +146,10 @@ def _measure_exponents(show: Show) -> Iterator[Row]:
         lambda part: show(4 + 4 * part, "Fig. 11b: exponent"), deviations=1,
     )  # fmt: skip
     largest, error = contact.ends().mean[0], contact.ends().error[0]
-    reference, _ = exponents(scene.parameters, *_PAIRS.points(seed=0), _LONG).mean
+    reference, _ = exponents(scene.parameters, *_PAIRS.points(seed=0), _LONG_RUN).mean
     yield _measured("11b: λ₁ [1/s]", largest, reference, 0.03 * reference, error)
+    # Along one motion there is no chance in it: the equations take the very states of the engine,
+    # stretch by stretch.
     alongside = float(contact.by_equations(scene.parameters)[0].mean() / contact.stretch)
     yield _measured("11b: along one motion", largest, alongside, 1e-4)
 

@@ -33,7 +33,7 @@ _MARKERS = {FOLD: "^", BRANCH: "s", HOPF: "o", DOUBLING: "D", _NO_BOUND: "*"}
 _PLACE = ("value", "gamma1", "gamma2", "gamma3")
 _SENSES = ("supercritical", "subcritical")
 _ROUNDING = 1e-9  # 1/s, of l₁
-_MOST = 500  # points of a branch of cycles from its birth on
+_MOST_POINTS = 500  # points of a branch of cycles from its birth on
 _SEARCHED, _STARTS = 100.0, 16  # s, the longest period searched for; random starts where M ≠ 0
 
 
@@ -48,6 +48,7 @@ def _row_of(family: motions.Family, branch: int, point: Point) -> dict[str, Any]
     vectors = {"gamma": gamma, "M": M, "real": exponents.real, "imaginary": exponents.imag}
     return {
         "branch": branch,
+        # Three unknowns are a γ of the motion from rest, whose points the paper names.
         "name": name_of(ball, gamma) if len(u) == 3 else str(branch),
         "value": family.value(s),
         "kind": point.kind,
@@ -82,6 +83,7 @@ def _special(family: motions.Family, branches: Sequence[Branch]) -> Iterator[Row
 
 def _branch_picture(scene: Scene, over: str, rows: Sequence[Row], special: Sequence[Row]) -> Figure:
     """Draw the branches over the number: of cycles the period, else the γᵢ that varies most."""
+    # A branch of points moves along some axis more than along others; a cycle has no one γ.
     key = max(("gamma3", "gamma2", "gamma1"), key=lambda each: np.ptp([row[each] for row in rows]))
     label = "γ" + "₁₂₃"[int(key[-1]) - 1]
     if rows[0]["period"] is not None:
@@ -96,7 +98,7 @@ def _branch_picture(scene: Scene, over: str, rows: Sequence[Row], special: Seque
         if any(row["stable"] == stable for row in rows):
             axes.plot([], [], color=INK, label="stable" if stable else "unstable", **style)
     for _, of in groupby(rows, lambda row: row["branch"]):
-        _draw(axes, [*of], key)
+        _draw_branch(axes, [*of], key)
     for kind in dict.fromkeys(row["kind"] for row in special):
         places = [(row["value"], row[key]) for row in special if row["kind"] == kind]
         mark: Any = {"marker": _MARKERS[kind], "color": ACCENT, "mec": INK, "ms": 8, "ls": ""}
@@ -105,10 +107,11 @@ def _branch_picture(scene: Scene, over: str, rows: Sequence[Row], special: Seque
     return figure
 
 
-def _draw(axes: Axes, rows: Sequence[Row], key: str) -> None:
+def _draw_branch(axes: Axes, rows: Sequence[Row], key: str) -> None:
     """Draw one branch, solid where it is stable, with the names of its parts."""
     x, y = (np.array([row[name] for row in rows]) for name in ("value", key))
     stable = np.array([row["stable"] for row in rows])
+    # A piece of the line is stable if both its ends are.
     both = stable[1:] & stable[:-1]
     for run in np.split(np.arange(len(both)), np.flatnonzero(np.diff(both)) + 1):
         part, style = slice(run[0], run[-1] + 2), "-" if both[run[0]] else "--"
@@ -151,6 +154,7 @@ class Continue:
             raise unknown("number", self.over, NUMBERS)
         if not self.low < self.high:
             raise InputError(f"--from {self.low:g} must be below --to {self.high:g}")
+        # Fixed points are those of the motion from rest, whatever M the scene starts with.
         momentum = scene.start.momentum * (self.of != "equilibrium")
         if self.of == "line" and not momentum.any():
             raise InputError(f"{scene.name} starts from rest: its lines are --of equilibrium")
@@ -197,9 +201,10 @@ class Continue:
 
 def _born(family: motions.Family, longest: float) -> Iterator[Branch]:
     """Yield the cycles that are born at Hopf points of straight lines."""
+    # Besides those that starts reach: an unstable cycle is reached by none, but is born somewhere.
     for line in motions.resting(family):
         for point in line.special(HOPF):
-            _, born = motions.born_cycles(family, point, longest, _MOST)
+            _, born = motions.born_cycles(family, point, longest, _MOST_POINTS)
             yield Branch(born.points[1:], born.ends)
 
 
@@ -210,6 +215,8 @@ def _cycles(scene: Scene, family: motions.Family) -> Iterator[tuple[Cycle, float
         if size:
             attitudes, _ = level_starts(scene, _STARTS, 0)
             M = size * np.array([np.sqrt(1 - c * c), 0.0, c])
+            # With M ≠ 0 the level of the integrals has three dimensions, too many to search
+            # everywhere; random starts find the cycles that attract.
             found = basins(ball, attitudes, np.tile(M, (_STARTS, 1))).cycles
         else:
             found = tuple(limit_cycles(ball, _SEARCHED))

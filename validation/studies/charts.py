@@ -57,10 +57,10 @@ _CHAOTIC, _TRANSIENT = "chaotic", "transient chaos"
 _CHUNK = 128  # motions of a cell, some seconds of a core
 _LIMIT = 600.0  # s of a cell
 _DOZEN = 12  # points that the engine repeats
-_INTERVAL = 10.0  # s after which two neighbours by the engine are brought together again
+_REJOINED = 10.0  # s after which two neighbours by the engine are brought together again
 _SKIPPED, _FOLLOWED = 3000, 300  # crossings on the way to those of a diagram; with --follow
 _KEPT = 100  # crossings of each motion of a diagram
-_NEAR = 1e-3  # of L/√f and of a radian: crossings as near as that are one
+_SAME_CROSSING = 1e-3  # of L/√f and of a radian: crossings as near as that are one
 _QUICK = 10  # times fewer points and shorter motions in the quick form
 _SAID = (
     "{points} motions, {minutes:.1f} minutes of processor time. Of the chart {chaotic:.1%} is "
@@ -84,6 +84,7 @@ def axes_of(text: str, count: int) -> dict[str, Array]:
             low, high = map(float, span.split(":"))
         except ValueError:
             low = high = math.nan
+        # Either order of the two numbers: --follow goes along them.
         if not 0 < abs(high - low) < math.inf:
             raise InputError(f"--over takes NAME=FROM:TO, two different numbers, not {part!r}")
         axes[name] = np.linspace(low, high, count)
@@ -99,9 +100,11 @@ def measure(cell: Cell) -> dict[str, Any]:
     """
     begin, n = time.process_time(), len(cell["points"])
     balls, attitudes, momenta = _motions(cell)
+    # Before the exponents, for with --follow they begin where the crossings ended.
     crossed = _crossings(balls, attitudes, momenta, cell) if "follow" in cell else [[]] * n
     found = exponents(balls, attitudes, momenta, cell["duration"], cell["transient"])
     spent = (time.process_time() - begin) / n
+    # A growth over half of the motion, as its logarithm decides, whatever the duration.
     growths = (found.halves * cell["duration"] / 2).tolist()
     rows = [
         _later("largest", halves)
@@ -124,6 +127,7 @@ def _crossings(
 ) -> list[list[list[float]]]:
     """Return the last crossings of each motion, and leave where it ended in `attitudes`."""
     crossed, n, skipped = [], len(balls), cell["skipped"]
+    # One after the other where each begins at the end of the one before.
     for part in [slice(i, i + 1) for i in range(n)] if cell["follow"] else [slice(n)]:
         found = section(
             balls[part], attitudes[part], momenta[part], skipped + _KEPT, direction=1,
@@ -142,14 +146,16 @@ def _crossings(
 def measure_contact(cell: Cell) -> dict[str, Any]:
     """Return in `rows` λ₁ of a cell's only motion by the engine, and by the equations alongside."""
     scene, ((ball,), _, (momentum,)) = load_scene(cell["scene"]), _motions(cell)
+    # MuJoCo needs bodies, and a point of the chart is only A, Ω and K.
     designed = redesign(scene, None, Limits(), ball)[1]
     designed = replace(designed, start=replace(scene.start, momentum=momentum))
+    # A designed ball has its own principal axes, in which the equations have to start.
     ball, attitudes, momenta = kernel_start(designed)
-    skipped, kept = (round(cell[name] / _INTERVAL) for name in ("transient", "duration"))
+    skipped, kept = (round(cell[name] / _REJOINED) for name in ("transient", "duration"))
     model = build(resolved(designed, preset(cell["preset"])))
-    turns = partial(rolled, model, _INTERVAL)
-    found = growth(turns, _INTERVAL, skipped, kept, 1, (attitudes, momenta))
-    alongside = np.array_split(found.by_equations(ball)[0][0, :, 0], 2)[1].mean() / _INTERVAL
+    turns = partial(rolled, model, _REJOINED)
+    found = growth(turns, _REJOINED, skipped, kept, 1, (attitudes, momenta))
+    alongside = np.array_split(found.by_equations(ball)[0][0, :, 0], 2)[1].mean() / _REJOINED
     return {"rows": [_later("contact", found.ends().halves[0]) | {"alongside": float(alongside)}]}
 
 
@@ -197,15 +203,17 @@ def word_of(growths: Sequence[float], crossings: Sequence[Sequence[float]]) -> s
     if not crossings:
         return "regular"
     L, l = np.array(crossings).T
+    # l = 0 and 2π are one point of the section.
     points = np.stack([L, np.cos(l), np.sin(l)])
     gaps = (np.abs(points[:, n:] - points[:, :-n]).max() for n in range(1, len(l) // 2 + 1))
-    periods = [n for n, gap in enumerate(gaps, start=1) if gap < _NEAR]
+    periods = [n for n, gap in enumerate(gaps, start=1) if gap < _SAME_CROSSING]
     return f"cycle of {periods[0]}" if periods else "torus"
 
 
 def _dozen(rows: Sequence[Row]) -> list[Row]:
     """Return some of the rows, from the least λ₁ to the largest in even steps."""
     left = sorted(rows, key=lambda row: row["largest"])
+    # Even in λ₁, not in rank: most points of a chart are regular, and a dozen of them says little.
     steps = np.linspace(left[0]["largest"], left[-1]["largest"], min(_DOZEN, len(left)))
     return [left.pop(np.argmin([abs(row["largest"] - at) for row in left])) for at in steps]
 
@@ -335,7 +343,7 @@ class Chart:
                 varied(ball, momentum, dict(zip(axes, points[-1], strict=True)))
             # Followed motions need each other's ends, in order, so they are one cell.
             size = len(points) if self.follow else _CHUNK
-            rows.update(self._rows(measure, shared, points[some].tolist(), size))
+            rows.update(self._rows_at(measure, shared, points[some].tolist(), size))
             there = [rows.get((*point,)) for point in points]
             return np.array([row["largest"] if row else math.nan for row in there])
 
@@ -358,7 +366,7 @@ class Chart:
         repeated: list[Row] = []
         if settings is not None:
             dozen = {tuple(row[name] for name in axes): row for row in _dozen(found)}
-            engine = self._rows(measure_contact, shared | {"preset": settings}, [*dozen], 1)
+            engine = self._rows_at(measure_contact, shared | {"preset": settings}, [*dozen], 1)
             repeated = [{**dozen[point], **row} for point, row in engine.items()]
             shown.append(table_of(_columns(axes), repeated))
         if len(axes) == 1:
@@ -373,7 +381,7 @@ class Chart:
         options = "over", "count", "refine", "follow", "duration", "transient", "preset"
         return self.sweep.present(study, *changed(self, *options))
 
-    def _rows(
+    def _rows_at(
         self, work: Work, shared: Cell, points: Sequence[Sequence[float]], size: int
     ) -> dict[tuple[float, ...], dict[str, Any]]:
         """Return the rows that work makes of points (n, k), so many in a cell, by their points."""

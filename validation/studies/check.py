@@ -1,11 +1,13 @@
 """Check a user's own model: does it roll right as it is, and if not, which line of it is wrong?
 
 Its model is stepped by plain `mj_step`, as the file says, beside ideal rolling of the same tree.
-Then the choices of the recipe are made in it: the fewest that reach the accuracy are found by
-leaving out one after the other, and are put in the order of their effect. The first is the cause.
+It is right if it rolls all the time in contact, moves, and keeps to the accuracy. Else the choices
+of the recipe are made in it, and the fewest that reach the accuracy are found by leaving out one
+after the other. The cause is the one without which the error is largest.
 """
 
 import difflib
+import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -23,17 +25,21 @@ from robotball.engines.mujoco.settings import BY_ERROR, CONSTANT, recipe
 from robotball.engines.mujoco.user_model import Seen, UserModel, observed
 from robotball.equations import Rolling
 from robotball.errors import SceneWarning
-from robotball.files.mended_file import Change, Editable, compiled, editable
-from robotball.files.robot_file import RobotFile, gears_of, rolling_of
-from robotball.motion import ContactMotion, FaultKind, Motion
+from robotball.files.mended_file import Change, Editable, Moves, compiled, editable
+from robotball.files.robot_file import RobotFile, gears_of, geom_name, rolling_of, start_misses
+from robotball.motion import ContactMotion, Motion, ReferenceMotion, arrays_of, with_arrays
 from robotball.rotations import Array
-from robotball.scene import GRAVITY
+from robotball.scene import DOWN, GRAVITY
 from validation.output import Show, known, scientific, title
 from validation.study import Column, Study, table_of
 
 _INTERVAL = 0.01  # s between the points that are compared, or the model's own step
 _LEAST_STEP = 1e-4  # s, the shortest that is tried
 _STANDS = 1e-3  # of the radius: a robot that rolls less in all is moved
+_LEAST_PATH = 0.1  # of the radius: less is no verdict
+_STILL = 0.05  # of the equations' reach: a robot that gets no farther stands still
+_PATIENCE = 20.0  # s of processor time for the equations, and for all that is tried
+_SLOW = 2.0  # s, after which the equations' time is estimated
 # Controls of a robot that would not move: rad, rad/s, and of the weight at the radius.
 _ANGLE, _RATE, _TORQUE = 0.3, 2.0, 0.03
 _NEARER = 0.5  # times the other's error: a rolling model so near is the one that the file has
@@ -64,7 +70,7 @@ def _pair_of(contact: Any) -> dict[str, str]:
 
 
 def _changes_of(
-    own: UserModel, motion: ContactMotion, seen: Seen, theory: Motion, step: float
+    own: UserModel, motion: ContactMotion, seen: Seen, theory: ReferenceMotion, step: float
 ) -> list[Change]:
     """Return what the recipe has otherwise than the file, at steps of a length [s].
 
@@ -76,12 +82,23 @@ def _changes_of(
     found = []
     if seen.inside:
         found.append(_apart(model, seen))
-    gap = robot.above_plane(data)[1]
-    if abs(gap) > _STANDS * scene.ball.radius / 100:
-        way = "above" if gap > 0 else "in"
-        found.append(
-            Change("start", f"it starts {1e3 * abs(gap):.3g} mm {way} the plane", start=True)
+    if wrong := "; ".join(words for words, _ in start_misses(robot, data)):
+        found.append(Change("start", wrong, start=True))
+    solver = {}
+    if option.solver != int(mujoco.mjtSolver.mjSOL_NEWTON):
+        solver["solver"] = "Newton"
+    if option.iterations < 20:
+        solver["iterations"] = "100"
+    if option.ls_iterations < 10:
+        solver["ls_iterations"] = "50"
+    if option.tolerance > 1e-8:
+        solver["tolerance"] = "1e-10"
+    if solver:
+        words = (
+            f"the solver ends early: {option.iterations} iterations, {option.ls_iterations} of a "
+            f"line search, tolerance {option.tolerance:g}"
         )
+        found.append(Change("solver", words, option=solver))
     resists = scene.friction.rolling
     condim = 6 if resists else 4 if scene.rolling == "rubber" else 3
     if contact.dim != condim:
@@ -102,26 +119,33 @@ def _changes_of(
     if step < option.timestep:
         words = f"steps of {1e3 * option.timestep:g} ms are too long"
         found.append(Change("timestep", words, option={"timestep": _digits(step)}))
-    depth = f"{1e3 * np.nanmean(motion.report.depth):.2g} mm"
-    words = f"the contact is soft: the sphere sinks {depth}, and bears no load at first"
+    depth = motion.report.depth[(motion.times < seen.until) & np.isfinite(motion.report.depth)]
+    sinks = 1e3 * float(depth.mean()) if len(depth) else 0.0
+    name, words = "softness", f"the contact is soft: the sphere sinks {sinks:.2g} mm"
+    words += ", and bears no load at first"
+    if sinks < 0:
+        name, words = "margin", f"its margin holds the sphere {-sinks:.2g} mm above the plane"
     hard = {"solref": _digits(_SOFTEST, 1.0), "solimp": _digits(*_SOLIMP)}
-    found.append(Change("softness", words, pair=hard))
+    found.append(Change(name, words, pair=hard))
     if option.noslip_iterations < 1:
         words = "friction is regularized, and creeps; slip is not solved for"
         found.append(Change("noslip", words, option={"noslip_iterations": "3"}))
-    solver = {}
-    if option.solver != int(mujoco.mjtSolver.mjSOL_NEWTON):
-        solver["solver"] = "Newton"
-    if option.iterations < 20:
-        solver["iterations"] = "100"
-    if option.tolerance > 1e-8:
-        solver["tolerance"] = "1e-10"
-    if solver:
-        words = (
-            f"the solver ends early: {option.iterations} iterations, tolerance {option.tolerance:g}"
-        )
-        found.append(Change("solver", words, option=solver))
-    return found
+    return [_overriding(each) for each in found] if _overrides(model) else found
+
+
+def _overrides(model: Any) -> bool:
+    """Return whether the option's own numbers take the place of every contact's."""
+    return bool(model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE))
+
+
+def _overriding(change: Change) -> Change:
+    """Return a change whose numbers of the contact are the option's as well."""
+    over = {f"o_{name}": change.pair[name] for name in _OVERRIDDEN if name in change.pair}
+    words = f"{change.words}; the option's flag override sets this" if over else change.words
+    return replace(change, words=words, option={**change.option, **over})
+
+
+_OVERRIDDEN = ("margin", "solref", "solimp", "friction")
 
 
 def _apart(model: Any, seen: Seen) -> Change:
@@ -129,7 +153,7 @@ def _apart(model: Any, seen: Seen) -> Change:
     (a, b), part = seen.inside.most_common(1)[0]
     others = f", and {len(seen.inside) - 1} more pairs" if len(seen.inside) > 1 else ""
     words = (
-        f"{_geom_name(model, a)} touches {_geom_name(model, b)} in {part:.0%} of the steps{others}"
+        f"{geom_name(model, a)} touches {geom_name(model, b)} in {part:.0%} of the steps{others}"
     )
     bodies = {tuple(sorted(int(model.geom_bodyid[each]) for each in pair)) for pair in seen.inside}
     pairs = tuple((_body_name(model, i), _body_name(model, j)) for i, j in sorted(bodies))
@@ -141,11 +165,7 @@ def _body_name(model: Any, body: int) -> str:
     return model.body(body).name or f"body{body}"
 
 
-def _geom_name(model: Any, geom: int) -> str:
-    return model.geom(geom).name or f"a geom of {_body_name(model, model.geom_bodyid[geom])}"
-
-
-def _friction(contact: Any, theory: Motion, condim: int) -> Iterator[Change]:
+def _friction(contact: Any, theory: ReferenceMotion, condim: int) -> Iterator[Change]:
     """Yield the change to as much friction as any motion needs."""
     radius, loads = theory.scene.ball.radius, theory.loads
     normal = loads.contact_force[:, 2]
@@ -166,37 +186,52 @@ def _friction(contact: Any, theory: Motion, condim: int) -> Iterator[Change]:
 class Checked:
     """A model as it is beside its reference, and mended.
 
-    ended: the line of a joint whose range ends the reference early; path (n, 2): as it is [m];
-    error: its; since: when it passes the accuracy [s]; others: the error by the rolling model that
-    is farther; motion, seen: as it is, at every step; needed: changes by their effect, each with
-    the error after it and the error where it alone is undone; spared: the others, with the error
-    after each; edit, text: the user's file and the mended one; mended (n, 2): its path [m].
+    asked: the duration [s] and the accuracy that were asked for; short: why less was compared, in
+    words; path (n, 3): contact point and height as it is [m]; error: its; since: when it passes the
+    accuracy [s]; fails: why it is not right whatever its error, in words; judged: whether anything
+    moves enough; tried: how long each change was tried [s]; others: the error by the rolling model
+    that is farther; motion, seen: as it is, at every step; needed: the fewest changes that help,
+    each with the error without it, the largest first; spared: the others; unlikely: what both
+    motions have; edit, text: the user's file and the mended one; mended (n, 3): its path.
     """
 
-    theory: Motion
-    ended: str | None
+    theory: ReferenceMotion
+    asked: tuple[float, float]
+    short: str | None
     path: Array
     error: float
     since: float | None
+    fails: str | None
+    judged: bool
+    tried: float
     others: Mapping[str, float]
     motion: ContactMotion
     seen: Seen
-    needed: Sequence[tuple[Change, float, float]]
-    spared: Sequence[tuple[Change, float]]
+    needed: Sequence[tuple[Change, float]]
+    spared: Sequence[Change]
+    unlikely: Sequence[str]
     edit: Editable
     text: str
     mended: Array
     mended_error: float
 
-
-def _away(path: Array, theory: Motion) -> Array:
-    """Return the distances (n,) of a path (n, 2) at the reference's times, over its length."""
-    theirs = theory.contact_point
-    away: Array = np.linalg.norm(path[: len(theirs)] - theirs, axis=1) / theory.path_scale
-    return away
+    @property
+    def agrees(self) -> bool:
+        """Whether it rolled all the time asked for, in contact, as the equations do, and moved."""
+        return self.fails is None and self.short is None and self.error <= self.asked[1]
 
 
-def _error(path: Array, theory: Motion) -> float:
+def _away(path: Array, theory: ReferenceMotion) -> Array:
+    """Return the distances (k,) of a path (k, 3) from the reference's, over its unit of length.
+
+    A height above the plane counts as well.
+    """
+    off = path[:, :2] - theory.contact_point[: len(path)]
+    away: Array = np.hypot(np.linalg.norm(off, axis=1), np.maximum(path[:, 2], 0.0))
+    return away / theory.path_scale
+
+
+def _error(path: Array, theory: ReferenceMotion) -> float:
     """Return the path error; inf where the path broke off."""
     return float(np.nan_to_num(_away(path, theory), nan=np.inf).max())
 
@@ -207,119 +242,224 @@ def check_model(
     """Check a user's model against ideal rolling over a duration [s].
 
     accuracy: the path error to reach; show: called with the part that is done, and what is next.
-    Raises InputError where the reference has no motion.
+    Less is compared where all would take too long. Raises InputError where the reference has no
+    motion.
     """
     robot, data = own.robot, own.begin()
+    default = rolling_of(robot.contact(data))
     every = max(1, round(_INTERVAL / robot.model.opt.timestep))
     interval = every * robot.model.opt.timestep
     times = interval * np.arange(max(2, round(duration / interval) + 1))
-    show(0.0, "equations")
-    theories = _theories(own, rolling, times)
-    show(0.2, "as it is")
-    path = own.path(max((each.times for each, _ in theories.values()), key=len))
-    errors = {name: _error(path, each) for name, (each, _) in theories.items()}
-    default = next(iter(errors))
-    nearest = min(errors, key=lambda name: errors[name] / (_NEARER if name != default else 1.0))
-    theory, ended = theories[nearest]
+    duration = float(times[-1])
+    scene = own.scene(default, duration)
+    motion, seen = observed(own, scene, accuracy, lambda part: show(0.2 * part, "as it is"))
+    if not seen.fails:  # as far as it was stepped
+        times = times[: max(2, 1 + (len(seen.path) - 1) // every)]
+    theories = _theories(own, rolling, default, times, show)
+    path = np.full((len(times), 3), np.nan)
+    stepped = seen.path[::every][: len(times)]
+    path[: len(stepped)] = stepped
+    errors = {name: _error(path[: len(each.times)], each) for name, each in theories.items()}
+    nearest = min(errors, key=lambda name: errors[name] / (1.0 if name == default else _NEARER))
+    theory, as_it_is = theories[nearest], errors[nearest]
     times, path = theory.times, path[: len(theory.times)]
-    scene = own.scene(theory.scene.rolling, float(times[-1]))
-    motion, seen = observed(own, scene, accuracy)
-    _check_no_drive_from_outside(robot, seen)
+    judged = max(_reach(path), theory.path_length) >= _LEAST_PATH * own.radius
+    fails = seen.fails or _standing(path, theory, judged)
+    if seen.fails:
+        path[times >= seen.until] = np.nan
     since = np.flatnonzero(~(_away(path, theory) <= accuracy))
-    normal, gap = robot.above_plane(data)
-    edit = editable(
-        robot, -gap * normal, _pair_of(robot.contact(data)), _touching(robot.model, seen)
-    )
+    edit = editable(robot, _moves(own), _pair_of(robot.contact(data)), _touching(robot, seen))
     measured: dict[frozenset[str], float] = {}
 
     def with_changes(changes: Iterable[Change]) -> UserModel:
         return replace(own, robot=replace(robot, model=compiled(edit.changed(changes))))
 
-    def mended(changes: Iterable[Change]) -> Array:
-        return with_changes(changes).path(times)
-
     def changes_at(step: float) -> list[Change]:
         changes = _changes_of(own, motion, seen, theory, step)
         return _carrying(changes, with_changes(changes), theory)
 
+    # All changes cost the most; each is tried twice or so.
+    full = changes_at(robot.model.opt.timestep)
+    # Whatever the file says of the contact: without what overlaps, and by all of the recipe.
+    apart = with_changes([_apart(robot.model, seen)]) if seen.inside else own
+    both = (apart, with_changes(full))
+    if meetings := [met for each in both if (met := each.meets(float(times[-1])))]:
+        at, words = min(meetings)
+        line = f"{words} at t = {at:.3g} s"
+        if at < _LEAST_SAMPLES * interval:
+            raise InputError(f"{robot.path}: {line}, which the equations do not have")
+        checked = check_model(own, rolling, at - 2 * interval, accuracy, show)
+        line = f"meeting: {line}, of {duration:.3g} s"
+        return replace(checked, asked=(duration, accuracy), short=checked.short or line)
+    least = 2 + int(1.2 * since[0]) if len(since) else 2
+    tried = times[: max(least, _affordable(with_changes(full), times, 2 * len(full) + 4))]
+
     def error_of(changes: Sequence[Change]) -> float:
         names = frozenset(str(each) for each in changes)
         if names not in measured:
-            show(min(0.9, 0.3 + len(measured) / 60), "what each choice is worth")
-            measured[names] = _error(mended(changes), theory)
+            done = len(measured) / (2 * len(full) + 4)
+            show(min(0.95, 0.4 + 0.6 * done), "what each choice is worth")
+            measured[names] = _error(with_changes(changes).path(tried), theory)
         return measured[names]
 
-    as_it_is = errors[nearest]
-    needed: list[Change] = []
-    every_change = _enough(changes_at, robot.model.opt.timestep, accuracy, error_of)
-    if as_it_is > accuracy:
-        needed = _fewest(every_change, max(accuracy, _LOOSE * error_of(every_change)), error_of)
-    ranked = _by_effect(needed, error_of)
-    spared = [each for each in every_change if each.name not in {one.name for one in needed}]
+    needed: list[tuple[Change, float]] = []
+    if judged and (fails or as_it_is > accuracy):
+        full = _enough(changes_at, robot.model.opt.timestep, accuracy, error_of)
+        needed = _fewest(full, max(accuracy, _LOOSE * error_of(full)), error_of)
+    made = [change for change, _ in needed]
+    mended = with_changes(made).path(times)
     return Checked(
-        theory, ended, path, as_it_is,
+        theory,
+        asked=(duration, accuracy),
+        short=_why_short(theory, duration),
+        path=path,
+        error=as_it_is,
         since=float(times[since[0]]) if len(since) else None,
+        fails=fails,
+        judged=judged,
+        tried=float(tried[-1]),
         others={name: error for name, error in errors.items() if name != nearest},
         motion=motion,
         seen=seen,
-        needed=[
-            (change, error_of(ranked[: i + 1]), error_of([*ranked[:i], *ranked[i + 1 :]]))
-            for i, change in enumerate(ranked)
-        ],
-        spared=[(each, error_of([*ranked, *spared[: i + 1]])) for i, each in enumerate(spared)],
+        needed=needed,
+        spared=[each for each in full if each.name not in {one.name for one in made}],
+        unlikely=[*_unlikely(theory.scene, bool(np.allclose(robot.plane_axes(data), np.eye(3))))],
         edit=edit,
-        text=edit.changed(ranked),
-        mended=mended(ranked),
-        mended_error=error_of(ranked),
-    )  # fmt: skip
+        text=edit.changed(made),
+        mended=mended,
+        mended_error=_error(mended, theory),
+    )
 
 
+def _reach(path: Array) -> float:
+    """Return how far a path gets from its start [m]."""
+    return float(np.nanmax(np.linalg.norm(path[:, :2], axis=1)))
+
+
+def _standing(path: Array, theory: ReferenceMotion, judged: bool) -> str | None:
+    """Return that a path stands still where the equations roll, or that neither moves, in words."""
+    reach, end = _reach(path), theory.times[-1]
+    if not judged:
+        return (
+            f"no verdict: neither it nor the equations move by a tenth of the radius in {end:.3g} "
+            "s; see --control and --keyframe"
+        )
+    if reach < _STILL * _reach(theory.contact_point):
+        return (
+            f"it stands still: it gets {reach:.2g} m away in {end:.3g} s, where the equations roll "
+            f"{theory.path_length:.3g} m"
+        )
+    return None
+
+
+def _why_short(theory: ReferenceMotion, duration: float) -> str | None:
+    """Return why less than the duration was compared, in words."""
+    end = float(theory.times[-1])
+    if theory.ended:
+        return f"limit: {theory.ended}, of {duration:.3g} s"
+    if end < duration - _INTERVAL / 2:
+        return f"only {end:.3g} s of {duration:.3g} s are checked: all would take too long"
+    return None
+
+
+def _moves(own: UserModel) -> Moves:
+    """Return what sets the robot down on the plane, and lets it roll from its start on."""
+    data = own.begin()
+    normal, gap = own.robot.above_plane(data)
+    return Moves(-gap * normal, -own.robot.slip(data), own.robot.keyframe(own.key))
+
+
+def _affordable(own: UserModel, times: Array, runs: int) -> int:
+    """Return how many of the times so many runs of a model may have, by a short one."""
+    short = times[: min(len(times), 20)]
+    began = time.process_time()
+    own.path(short)
+    cost = (time.process_time() - began) / (len(short) - 1)
+    return int(min(len(times), _PATIENCE / (runs * cost)))
+
+
+def beside(own: UserModel, checked: Checked) -> list[Motion]:
+    """Return the motions of a file as it is, of the mended one, and of the equations.
+
+    They are at the same times, as long as each lasts.
+    """
+    theory, found = checked.theory, [checked.motion]
+    if checked.needed:
+        robot = replace(own.robot, model=compiled(checked.text))
+        mended = replace(own, robot=robot)
+        found.append(observed(mended, checked.motion.scene, checked.mended_error, name="mended")[0])
+    shown = []
+    for each in filter(lambda each: len(each.times) > 1, found):
+        # A time of the model's own is a sum of steps.
+        times = theory.times[theory.times < each.times[-1] + each.report.timestep / 2]
+        rows = np.abs(each.times - times[:, None]).argmin(axis=1)
+        arrays = {place: array[rows] for place, array in arrays_of(each)}
+        shown.append(with_arrays(each, arrays | {("times",): times}))
+    return [*shown, theory]
+
+
+_LEAST_SAMPLES = 5  # of a comparison that ends early
 _LOOSE = 1.1  # times the least error, where the accuracy is out of reach
 _Measure = Callable[[Sequence[Change]], float]
 
 
 def _theories(
-    own: UserModel, rolling: Rolling | None, times: Array
-) -> dict[Rolling, tuple[Motion, str | None]]:
+    own: UserModel, rolling: Rolling | None, default: Rolling, times: Array, show: Show
+) -> dict[Rolling, ReferenceMotion]:
     """Return the motions of the rolling models, that of the contact's condim first.
 
-    With each is the line of what ended it early, if anything did. Raises InputError where there is
-    no motion.
+    Raises InputError where there is no motion.
     """
-    found: dict[Rolling, tuple[Motion, str | None]] = {}
+    found: dict[Rolling, ReferenceMotion] = {}
     refused = InputError("")
-    default = rolling_of(own.robot.contact(own.begin()))
     for each in [rolling] if rolling else sorted(get_args(Rolling), key=lambda it: it != default):
         scene = own.scene(each, float(times[-1]))
         try:
-            with warnings.catch_warnings(record=True) as caught:
-                warnings.simplefilter("always", SceneWarning)
-                motion = integrate(scene, times)
-            short = len(motion.times) < len(times)
-            found[each] = motion, (str(caught[-1].message) if short else None)
+            with warnings.catch_warnings(action="ignore", category=SceneWarning):
+                found[each] = motion = _in_time(scene, times, show)
         except InputError as error:
-            unlikely = "; ".join(_unlikely(scene))
+            unlikely = "; ".join(_unlikely(scene, level=True))
             refused = InputError(f"{error}{unlikely and f'; perhaps {unlikely}'}")
+            continue
+        if len(motion.times) < len(times) and not motion.ended:
+            break  # the other model would take as long
     if not found:
         raise refused
     return found
 
 
-def _check_no_drive_from_outside(robot: RobotFile, seen: Seen) -> None:
-    """Raise InputError where a body that is no part of the robot touches its sphere."""
-    model = robot.model
-    root = model.body_rootid[model.geom_bodyid]
-    for pair in seen.inside:
-        for i in pair:
-            if robot.sphere in pair and root[i] not in (0, root[robot.sphere]):
-                raise InputError(
-                    f"{robot.path}: {_geom_name(model, i)} touches the sphere, and is no part of "
-                    "its robot: a drive by contact is not supported; hold it by joints"
-                )
+class _SlowError(Exception):
+    """Raised where equations would take too long, with the part of the motion that is known."""
 
 
-def _touching(model: Any, seen: Seen) -> set[int]:
+def _in_time(scene: Scene, times: Array, show: Show) -> ReferenceMotion:
+    """Return the motion by the equations, or as much of it as does not take too long."""
+    began: list[float] = []
+
+    def look(part: float) -> None:
+        show(0.2 + 0.2 * part, "equations")
+        began.append(time.process_time())
+        spent = began[-1] - began[0]
+        if spent > _PATIENCE / 2 and part < 0.5:
+            raise _SlowError(part)
+
+    try:
+        return integrate(scene, times, progress=look)
+    except _SlowError as slow:
+        known: float = slow.args[0]
+    count = int(0.8 * known * len(times))
+    if count < 2:
+        seconds = f"{_PATIENCE / 2:g} s of processor time for {known * times[-1]:.2g} s"
+        raise InputError(
+            f"{scene.source}: its equations take {seconds}; a joint friction or a gain on a light "
+            "body, or very many bodies, may be the cause"
+        )
+    return integrate(scene, times[:count])
+
+
+def _touching(robot: RobotFile, seen: Seen) -> set[int]:
     """Return the bodies that touch others than the plane."""
+    model = robot.model
     return {int(model.geom_bodyid[each]) for pair in seen.inside for each in pair}
 
 
@@ -330,13 +470,15 @@ def _enough(
     while 2 * step > _SOFTEST:  # steps that would soften the contact
         step /= 2
     found = [changes_at(step)]
-    while error_of(found[-1]) > accuracy and step / 2 >= _LEAST_STEP:
+    helps = True
+    while error_of(found[-1]) > accuracy and step / 2 >= _LEAST_STEP and helps:
         step /= 2
         found.append(changes_at(step))
+        helps = error_of(found[-1]) < error_of(found[-2]) / 2
     return min(found, key=lambda each: max(error_of(each), accuracy))
 
 
-def _carrying(changes: list[Change], own: UserModel, theory: Motion) -> list[Change]:
+def _carrying(changes: list[Change], own: UserModel, theory: ReferenceMotion) -> list[Change]:
     """Return the changes with the margin at which the contact carries the load from the start.
 
     A sphere that just touches has no normal force at first, and slips: 1e-3 of the path and more.
@@ -347,7 +489,7 @@ def _carrying(changes: list[Change], own: UserModel, theory: Motion) -> list[Cha
     sphere = np.flatnonzero((model.pair_geom1 == robot.sphere) | (model.pair_geom2 == robot.sphere))
 
     def excess(margin: float) -> float:
-        model.pair_margin[sphere] = margin
+        model.pair_margin[sphere] = model.opt.o_margin = margin
         mujoco.mj_forward(model, data)
         carried = 0.0
         for i, contact in enumerate(data.contact):
@@ -364,32 +506,57 @@ def _carrying(changes: list[Change], own: UserModel, theory: Motion) -> list[Cha
         return changes
     return [
         replace(each, pair={**each.pair, "margin": _digits(margin)})
-        if each.name == "softness"
+        if each.name in ("softness", "margin")
         else each
         for each in changes
     ]
 
 
-def _fewest(changes: Sequence[Change], limit: float, error_of: _Measure) -> list[Change]:
-    """Return what is left where each change goes without which the error keeps to the limit."""
+def _fewest(
+    changes: Sequence[Change], limit: float, error_of: _Measure
+) -> list[tuple[Change, float]]:
+    """Return the fewest changes by which the error keeps to the limit, with the error without each.
+
+    The one without which it is largest is the first. Those that are worth least beside all others
+    are left out first, and of those that are worth nothing the finer points, which are the last.
+    """
+
+    def without(change: Change, among: Sequence[Change]) -> float:
+        return error_of([each for each in among if each is not change])
+
     needed, before = list(changes), None
+    finer_first = list(changes)[::-1]
+    by_worth = sorted(finer_first, key=lambda each: max(without(each, changes), limit))
     while needed != before:  # as one may be needed only as long as another is there
         before = needed
-        for each in reversed(before):  # the finer points first
-            rest = [other for other in needed if other is not each]
-            if error_of(rest) <= limit:
-                needed = rest
-    return needed
+        for each in by_worth:
+            if each in needed and without(each, needed) <= limit:
+                needed = [other for other in needed if other is not each]
+    return sorted(((each, without(each, needed)) for each in needed), key=lambda it: -it[1])
 
 
 _DELIVERED = 0.95  # of the declared resistance: less is worth a word
 _USUAL = 0.02  # relative: a gravity that is nearer to the Earth's is usual
+_RESISTS = 0.1  # of the radius: less rolling friction is usual
+_SMALL_GEAR = 0.01
 
 
-def _unlikely(scene: Scene) -> Iterator[str]:
-    """Yield what both motions have, and the author may not mean: gravity first, then gears."""
+def _unlikely(scene: Scene, level: bool) -> Iterator[str]:
+    """Yield what both motions have, and the author may not mean: what acts on all of it first.
+
+    level: whether the plane is level in the file, where a tilted gravity is not meant.
+    """
     if abs(scene.gravity / GRAVITY - 1) > _USUAL:
         yield f"gravity: it is {scene.gravity:g} m/s², where the Earth's is {GRAVITY:g}"
+    if level and scene.gravity_direction != DOWN:
+        tilt = np.degrees(np.arccos(-scene.gravity_direction[2]))
+        yield f"gravity: it is tilted by {tilt:.3g} deg, and the plane is level"
+    roll, radius = scene.friction.rolling, scene.ball.radius
+    if roll > _RESISTS * radius:
+        yield (
+            f"resistance: a rolling friction of {roll:g} m is declared, {roll / radius:.0%} of the "
+            "radius"
+        )
     inside = {link.name: link for link in scene.ball.tree[1:]}
     levers = sum(link.mass * float(np.linalg.norm(link.centre)) for link in inside.values())
     times = np.linspace(0.0, scene.duration, 101)
@@ -406,15 +573,8 @@ def _unlikely(scene: Scene) -> Iterator[str]:
                     f"gear: {each.name} puts {torque * abs(gear):.3g} {'N' if slides else 'N m'} "
                     f"on {name} by a gear of {gear:g}, against weights of {holds:.3g}"
                 )
-
-
-def _by_effect(changes: Sequence[Change], error_of: _Measure) -> list[Change]:
-    """Return the changes in an order in which each takes away most of the error that is left."""
-    left, made = list(changes), list[Change]()
-    while left:
-        made.append(min(left, key=lambda each: error_of([*made, each])))
-        left.remove(made[-1])
-    return made
+            elif 0 < abs(gear) <= _SMALL_GEAR:
+                yield f"gear: {each.name} moves {name} by a gear of {gear:g} alone"
 
 
 def moved(own: UserModel) -> tuple[UserModel, list[str]]:
@@ -432,12 +592,13 @@ def moved(own: UserModel) -> tuple[UserModel, list[str]]:
         _, angle, rate = model.actuator_biasprm[i, :3]
         value = _ANGLE if angle else _RATE if rate else torque / (abs(scale) or 1.0)
         if model.actuator_ctrllimited[i]:
-            value = min(value, float(model.actuator_ctrlrange[i, 1]) / 4)
+            low, high = (float(end) for end in model.actuator_ctrlrange[i])
+            value = min(value, high / 4) if high > 0 else max(-value, low / 4)
         slides = np.any(model.jnt_type[joints] == int(mujoco.mjtJoint.mjJNT_SLIDE))
         if slides or (np.any(model.jnt_limited[joints]) and not angle):
             value = 0.0  # it would soon reach its range
         controls[name] = Constant(value)
-    if not controls:
+    if not any(each.rate(0.0) for each in controls.values()):
         push = float(np.sqrt(gravity * radius)) / 2
         return replace(own, push=push), [words.format(f"a push, rolling at {push:.2g} m/s")]
     given = ", ".join(f"{name}={value.rate(0.0):.3g}" for name, value in controls.items())
@@ -451,41 +612,39 @@ def _stands(own: UserModel) -> bool:
         return False
     step = robot.model.opt.timestep
     path = own.path(step * round(1 + 0.1 / step) * np.arange(20))
-    return bool(np.nanmax(np.abs(path)) < _STANDS * robot.model.geom_size[robot.sphere, 0])
+    return bool(np.nanmax(np.abs(path[:, :2])) < _STANDS * robot.model.geom_size[robot.sphere, 0])
 
 
 COLUMNS = (
     Column("change", "change", words=True),
-    Column("path error\nafter it", "error"),
-    Column("it alone\nundone", "undone"),
+    Column("path error\nwithout it", "without"),
     Column("what it mends", "words", words=True),
 )
 
 
-def study_of(own: UserModel, checked: Checked, accuracy: float, words: Sequence[str]) -> Study:
+def study_of(own: UserModel, checked: Checked, words: Sequence[str]) -> Study:
     """Return the table, record, picture and words of a checked model; words: known before."""
-    theory, file = checked.theory, own.robot.path
-    rows = [_line("as it is", checked.error)]
-    rows += [
-        _line(f"+ {each.name}", error, undone, each.words) for each, error, undone in checked.needed
-    ]
-    rows += [_line(f"({each.name})", error, words=each.words) for each, error in checked.spared]
-    lines = [*words, *_verdict(checked, accuracy), *_symptoms(own, checked)]
+    theory, file, accuracy = checked.theory, own.robot.path, checked.asked[1]
+    rows = [_line(f"+ {each.name}", each.words, error) for each, error in checked.needed]
+    rows += [_line(f"({each.name})", each.words) for each in checked.spared]
+    lines = [*words, *_verdict(checked), *_symptoms(own, checked)]
     if checked.needed:
         reached = "" if checked.mended_error <= accuracy else f", more than {accuracy:g}"
-        error = scientific(checked.mended_error)
-        lines.append(f"mended: path error {error}{reached}")
+        lines.append(f"mended: path error {scientific(known(checked.mended_error))}{reached}")
     return Study(
         file.stem, None, ["check"], rows,
         record={
             "file": str(file),
+            "agrees": checked.agrees,
             "rolling": theory.scene.rolling,
             "duration": float(theory.times[-1]),
             "accuracy": accuracy,
-            "path_error": known(checked.error),
+            "path_error": _known(checked),
             "since": checked.since,
+            "fails": checked.fails,
+            "ends_early": checked.short,
             "other_rolling": {name: known(each) for name, each in checked.others.items()},
-            "causes": causes_of(checked, accuracy),
+            "causes": causes_of(checked),
             "lines": lines,
             "changes": rows,
             "mended_error": known(checked.mended_error),
@@ -493,27 +652,34 @@ def study_of(own: UserModel, checked: Checked, accuracy: float, words: Sequence[
         shown=(
             f"[bold]{escape(file.name)}[/]",
             *map(escape, lines),
-            *([table_of(COLUMNS, rows)] if len(rows) > 1 else []),
+            *([table_of(COLUMNS, rows)] if checked.needed else []),
         ),
-        picture=_check_picture(file.name, checked, accuracy),
+        picture=_check_picture(file.name, checked),
     )  # fmt: skip
 
 
-def _line(
-    change: str, error: float, undone: float | None = None, words: str = ""
-) -> dict[str, Any]:
-    return {"change": change, "error": known(error), "undone": known(undone), "words": words}
+def _line(change: str, words: str, without: float | None = None) -> dict[str, Any]:
+    return {"change": change, "without": known(without), "words": words}
 
 
-def causes_of(checked: Checked, accuracy: float) -> list[str]:
-    """Return the causes of an error, the first one first."""
-    causes = [f"{change.name}: {change.words}" for change, *_ in checked.needed]
-    causes += [f"limit: {checked.ended}"] if checked.ended else []
-    for line in _unlikely(checked.theory.scene):
-        # A gear is in both motions, and the cause only where nothing else is.
-        first = line.startswith("gravity") or checked.mended_error > accuracy
-        causes.insert(0 if first else len(causes), line)
-    if not causes and checked.error > accuracy:
+def _known(checked: Checked) -> float | None:
+    """Return the error as it is; None for a motion that breaks off, or says nothing."""
+    return None if checked.seen.fails or not checked.judged else known(checked.error)
+
+
+def causes_of(checked: Checked) -> list[str]:
+    """Return the causes of an error, the first one first; of a model that is right what is unusual.
+
+    A gear is in both motions, and the first cause only where nothing else is or nothing rolls.
+    """
+    causes = [f"{change.name}: {change.words}{_worth(error)}" for change, error in checked.needed]
+    causes += [checked.short] if checked.short and checked.theory.ended else []
+    theory = checked.theory
+    rolls = theory.path_length >= theory.scene.ball.radius
+    helped = rolls and checked.needed and checked.mended_error <= checked.asked[1]
+    for line in reversed(checked.unlikely):
+        causes.insert(len(causes) if line.startswith("gear") and helped else 0, line)
+    if not causes and checked.judged and not checked.agrees and not checked.short:
         causes.append(
             "unknown: no choice of the recipe helps; a sensitive motion leaves any path in time, "
             "so try a shorter --duration"
@@ -521,43 +687,78 @@ def causes_of(checked: Checked, accuracy: float) -> list[str]:
     return causes
 
 
-def _verdict(checked: Checked, accuracy: float) -> Iterator[str]:
-    """Yield how far the model is off, by which rolling model, and the first cause."""
-    theory, error = checked.theory, checked.error
-    off = f"path error {scientific(error)}" if np.isfinite(error) else "diverges"
-    length, end = theory.path_length, theory.times[-1]
-    when = "" if checked.since is None else f", beyond {accuracy:g} from t = {checked.since:.2g} s"
-    yield f"as it is: {off} over a path of {length:.3g} m in {end:.3g} s{when}"
-    others = "".join(f" ({name}: {scientific(each)})" for name, each in checked.others.items())
-    yield f"rolling: {theory.scene.rolling}{others}"
-    for cause in causes_of(checked, accuracy)[:1]:
-        yield f"cause: {cause}"
+def _worth(error: float) -> str:
+    if not np.isfinite(error):
+        return " (without this change it diverges)"
+    return f" (path error {scientific(error)} without this change)"
+
+
+def _verdict(checked: Checked) -> Iterator[str]:
+    """Yield whether the model agrees, or how it fails or is off, and the first cause."""
+    theory, (duration, accuracy) = checked.theory, checked.asked
+    length, radius, end = theory.path_length, theory.scene.ball.radius, theory.times[-1]
+    unit = f"a path of {length:.3g} m" if length >= radius else f"the radius of {radius:.3g} m"
+    error = f"path error {scientific(known(checked.error))}, over {unit}, in {end:.3g} s"
+    asked = f"the accuracy asked for is {accuracy:g}"
+    if checked.fails:
+        verdict = checked.fails
+    elif checked.error > accuracy:
+        verdict = f"does not agree: {error}; {asked}, and passed at t = {checked.since:.2g} s"
+    elif checked.short:
+        verdict = f"no verdict on {duration:.3g} s: {error}; {asked}"
+    else:
+        verdict = f"agrees: {error}; {asked}"
+    yield f"as it is: {verdict}"
+    if checked.short:
+        yield checked.short
+    if checked.judged:
+        others = "".join(
+            f" ({name}: {scientific(known(each))})" for name, each in checked.others.items()
+        )
+        yield f"rolling: {theory.scene.rolling}{others}"
+    for cause in causes_of(checked)[:1]:
+        yield f"{'unusual' if checked.agrees else 'cause'}: {cause}"
+    if checked.needed and checked.tried < end:
+        yield f"causes are sought in the first {checked.tried:.3g} s"
 
 
 def _symptoms(own: UserModel, checked: Checked) -> Iterator[str]:
-    """Yield what contacts, joints and servos do that the path alone does not show."""
-    seen, theory, report = checked.seen, checked.theory, checked.motion.report
-    lost = [each for each in report.faults if each.kind is FaultKind.CONTACT_LOST]
-    if lost:
-        aloft = np.isnan(report.depth).mean()
-        yield f"contact: lost for {aloft:.2%} of the time, first at t = {lost[0].time:.3g} s"
-    radius = theory.scene.ball.radius
-    rolled = max(checked.motion.path_length, _STANDS * radius) / report.timestep
-    yield f"slip: {scientific(report.slip.sum() / rolled)} of the path"
-    if theory.scene.rolling == "rubber":
-        yield f"spin: {scientific(radius * np.abs(report.spin).sum() / rolled)} of the path"
-    if seen.delivered is not None:
+    """Yield what contacts, joints and servos do that the path alone does not show.
+
+    Nothing is measured after the time at which the rolling ends.
+    """
+    seen, theory, motion = checked.seen, checked.theory, checked.motion
+    report, radius, scene = motion.report, theory.scene.ball.radius, theory.scene
+    rolls = motion.times <= min(seen.until, theory.times[-1])
+    if (lost := np.isnan(report.depth[rolls])).any() and not seen.fails:
+        yield f"contact: lost for {lost.mean():.2%} of the time"
+    points = motion.contact_point[rolls]
+    length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+    if length > _LEAST_PATH * radius:
+        rolled = length / report.timestep
+        yield f"slip: {scientific(report.slip[rolls].sum() / rolled)} of its path"
+        if scene.rolling == "rubber":
+            spin = radius * np.abs(report.spin[rolls]).sum() / rolled
+            yield f"spin: {scientific(spin)} of its path"
+    for each in scene.actuators:
+        commands = as_drive(each.command, scene.duration).rate(theory.times)
+        clipped = np.clip(commands, *each.within)
+        if (beyond := clipped != commands).any():
+            given, taken = (values[np.argmax(beyond)] for values in (commands, clipped))
+            yield f"control: {each.name} takes {given:.3g} for {taken:.3g}, by its ctrlrange"
+    if seen.delivered is not None and not seen.fails:
         yield (
-            f"rolling resistance: {theory.scene.friction.rolling:g} m is declared, which is in the "
+            f"rolling resistance: {scene.friction.rolling:g} m is declared, which is in the "
             f"reference; the contact delivers {seen.delivered:.0%} of it"
         )
     for (a, b), part in seen.inside.most_common(_MOST_PAIRS):
-        names = [_geom_name(own.robot.model, each) for each in (a, b)]
+        names = [geom_name(own.robot.model, each) for each in (a, b)]
         yield f"inside: {names[0]} touches {names[1]} in {part:.0%} of the steps"
-    for name, time in seen.limits.items():
-        yield f"limit: {name} reaches its range at t = {time:.3g} s"
+    for name, time_reached in seen.limits.items():
+        if time_reached <= seen.until:
+            yield f"limit: {name} reaches its range at t = {time_reached:.3g} s"
     for name, lag in seen.lag.items():
-        if lag > _LAGS:
+        if lag > _LAGS and not seen.fails:
             yield f"servo: {name} misses its command by {lag:.0%} (root mean square)"
 
 
@@ -569,7 +770,7 @@ def difference(checked: Checked) -> list[str]:
     ]
 
 
-def _check_picture(name: str, checked: Checked, accuracy: float) -> Figure:
+def _check_picture(name: str, checked: Checked) -> Figure:
     """Draw the paths, and the errors over time, as it is and mended."""
     theory = checked.theory
     figure = Figure(figsize=(11.0, 5.4), layout="constrained")
@@ -581,17 +782,19 @@ def _check_picture(name: str, checked: Checked, accuracy: float) -> Figure:
         drawn.append(("mended", checked.mended, "--"))
     for (label, path, dash), colour in zip(drawn, _COLOURS, strict=False):
         # Its end is marked, as a path may end within another.
-        left.plot(*path.T, dash, marker="o", markevery=[-1], color=colour, label=label)
+        last = np.flatnonzero(np.isfinite(path[:, 0]))[-1:].tolist()
+        left.plot(*path[:, :2].T, dash, marker="o", markevery=last, color=colour, label=label)
         away = _away(path, theory)
         right.semilogy(theory.times[1:], away[1:], dash, color=colour, label=label)
         found.append(f"{label} {scientific(known(away.max()))}")
-    title(figure, f"{name}, {theory.scene.rolling}: path error {', '.join(found)}")
+    heading = f"{name}, {theory.scene.rolling}: path error {', '.join(found)}"
+    title(figure, f"{heading}; as it is, {checked.fails}" if checked.fails else heading)
     left.set(xlabel="X [m]", ylabel="Y [m]", aspect="equal", title="contact point")
     left.set_adjustable("datalim")
-    if not np.any(theory.contact_point) or not np.any(path):
+    if not np.any(theory.contact_point) or not np.nansum(np.abs(path)):
         right.set_yscale("linear")
-    right.axhline(accuracy, color="gray", linestyle=":", label="asked for")
-    right.set(xlabel="t [s]", title="path error over the path's length")
+    right.axhline(checked.asked[1], color="gray", linestyle=":", label="asked for")
+    right.set(xlabel="t [s]", title="path error over the path's length or the radius")
     for axes in (left, right):
         axes.grid(alpha=0.3)
         axes.legend()

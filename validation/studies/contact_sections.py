@@ -55,7 +55,7 @@ def own_start(scene: Scene, attitude: Array, momentum: Array) -> Start:
 
 def sound_run(model: Model, start: Start, times: Array) -> Motion:
     """Return the motion over times (n,) [s]. Raises InputError where it has a fault."""
-    motion = run(model, times, start=start)
+    motion = run(model, times, scene=replace(model.scene, start=start))
     if motion.report.faults:
         raise InputError(f"{LABEL.name}'s run is no result: {motion.report.faults[0]}")
     return motion
@@ -76,11 +76,14 @@ def _returns(
     """
     found: list[Crossings] = []
     moved, at = np.zeros(2), start
+    # Chaotic returns may be far apart, but not for ever.
     for stretch in range(_NO_RETURN * count):
         motion = sound_run(model, at, each_step(model, _STRETCH))
         some = crossings_of_motion(motion, model.scene).only(direction)
         found.append(some.later(stretch * _STRETCH))
         moved = moved + motion.contact_point[-1]
+        # M as it was at first, not at the end: else the run would drift from its level of M², on
+        # which the attractor depends.
         at = Start(motion.attitude[-1], start.momentum)
         if sum(len(each.times) for each in found) >= count:
             return joined(found)[:count], (stretch + 1) * _STRETCH, moved
@@ -265,6 +268,7 @@ def states(gamma: Array, momenta: Array) -> Array:
 
     On the annulus (l, L) two near states may lie far apart, at L = ±√f or at l = ±π.
     """
+    # Unscaled, the longer of the two vectors would decide the distance alone.
     return np.concatenate([gamma, momenta / np.linalg.norm(momenta, axis=1, keepdims=True)], axis=1)
 
 
@@ -296,6 +300,8 @@ def distance_to_curve(points: Array, curve: Array) -> Array:
     """
     _, nearest = cKDTree(curve).query(points, k=_NEIGHBOURS)
     near = curve[nearest]
+    # A line through the neighbours, not the nearest of them: the spacing of the points would be
+    # taken for a distance.
     middle = near.mean(axis=1, keepdims=True)
     along = np.linalg.svd(near - middle, full_matrices=False)[2][:, 0]
     arm = points - middle[:, 0]
@@ -318,6 +324,7 @@ def _draw_section(scene: Scene, theory: _Points, engine: _Points | None, g: floa
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     axes = figure.subplots()
     title(figure, f"{scene.title}: section g = {g:g}")
+    # Dots shrink with their number, lest they fill what is a curve.
     size = 1.2 if len(theory["l"]) >= 5000 else 3.0 if engine is None else 7.0
     drawn = [(EQUATIONS.name, theory, EQUATIONS.colour, "o", size)]
     if engine is not None:

@@ -84,6 +84,8 @@ def tangent(
     attitudes (n, 4), momenta (n, 3): as `rolled` takes them; size: of differences, to both sides.
     """
     n, k = len(attitudes), along.shape[2]
+    # The middle motion as well: it is where the map goes on from, and what turns are measured
+    # against.
     sides = np.concatenate([np.zeros((n, 6, 1)), size * along, -size * along], axis=2)
     moved = sides.transpose(0, 2, 1).reshape(-1, 6)
     scale = np.repeat(np.linalg.norm(momenta, axis=1, keepdims=True), 1 + 2 * k, axis=0)
@@ -126,6 +128,7 @@ class _Growth:
 
     def ends(self, last: int = 5) -> Exponents:
         """Return the first exponent, and the sum of those from `last` on."""
+        # In two halves, whose difference says how sure the mean is.
         parts = np.array_split(self.logarithms[:, :, 0] / self.stretch, 2, axis=1)
         halves = np.stack([part.mean(axis=1) for part in parts], axis=1)
         divergence = halves.mean(axis=1) + self.spectra[:, last:].sum(axis=1)
@@ -206,6 +209,7 @@ def contact_cycle(model: Model, cycle: Cycle, parts: int = 1) -> Cycle:
     near = turned(orbit(ball, cycle.attitude, M, times)[0][:-1], np.full((parts, 3), 1e-3))
 
     def follow(attitudes: Array, duration: float) -> Followed:
+        # Turns alone: M stays what it is, so that the cycle is sought on its level.
         turns, momenta = np.tile(np.eye(6)[:, :3], (parts, 1, 1)), np.tile(M, (parts, 1))
         ends, images = tangent(partial(rolled, model, duration), attitudes, momenta, turns)
         monodromies = images[:, :3]
@@ -282,6 +286,8 @@ def _exponent_rows(name: str, quick: bool) -> Iterator[Row]:
         starts, seconds, aligned, more = 2, 60.0, 30.0, 1e3
     attitudes, momenta = level_starts(scene, starts, seed=0)
     # The equations bring the starts to the attractor.
+    # Compiled equations take a moment for what MuJoCo takes minutes for, and end on the same
+    # attractor.
     brought = orbits(ball, attitudes, momenta, np.array([0.0, 3000.0]), LONG_RUN_TOLERANCE)
     begin, skipped = (brought.attitudes[:, -1], momenta), round(aligned / _STRETCH)
     taken = _STRETCH, skipped, round(seconds / _STRETCH)

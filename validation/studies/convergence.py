@@ -30,7 +30,6 @@ from robotball import (
     Scene,
     Settings,
     integrate,
-    load_scene,
     preset,
 )
 from robotball.engines.dop853 import LEAST_RTOL
@@ -42,9 +41,10 @@ from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.film.looks import INK
 from robotball.motion import path_error
 from robotball.rotations import Array
-from validation.options import PRESET, Names, Once, OnceOptions, SceneName, listed
+from validation.options import PRESET, Controls, Names, Once, OnceOptions, SceneName, listed
 from validation.output import Show, in_picture, progress_bar, scientific
 from validation.plots import note
+from validation.results import controlled
 from validation.studies.ablation import without
 from validation.studies.orders import Order, fit_order, stalled_at
 from validation.study import Column, Row, Study, table_of
@@ -60,7 +60,7 @@ _REFERENCES = {
 }
 
 _HALVINGS = 8  # of the sample interval, for MuJoCo's shortest step
-_LONGEST, _SHORTEST = 0.24, 0.005  # s, steps of DOP853, in ratios of √2
+_LONGEST_STEP, _SHORTEST_STEP = 0.24, 0.005  # s, steps of DOP853, in ratios of √2
 _TOLERANCES = tuple(10.0**-n for n in range(4, 15))  # of DOP853 with steps of its own
 # Its tolerances for the limit, of which the first counts that comes to its end.
 _LIMITS = (LEAST_RTOL, 1e-13, 1e-11, 1e-9)
@@ -119,6 +119,7 @@ class Runs:
         Besides, the error at which they stop falling; each is None where there is none.
         """
         rows = self.by_name[name]
+        # A run that chooses its steps has an order in its tolerance only.
         sizes = [row["rtol"] or row["step"] for row in rows]
         errors = [row[f"{against}_error"] for row in rows]
         known_to = self.limit["known_to"] if against == "own" else 0.0
@@ -144,6 +145,7 @@ def measure_convergence(
     theory = integrate(scene, times)
     interval = float(theory.times[1])
     finest = _Method("RK4", interval / 2**halvings)
+    # A run at long steps may slip or leave the plane: that is a large error, and no reason to stop.
     contact = replace(settings, stop_at_fault=False, max_steps=MOST_STEPS)
     model = build(
         resolved(scene, replace(contact, integrator="RK4", timestep=finest.step, rtol=None))
@@ -167,13 +169,17 @@ def measure_convergence(
 def _methods(model: Model, interval: float, halvings: int) -> list[_Method]:
     """Return all integrators at all steps and tolerances, the longest step of each first."""
     timeconst = float(model.compiled.pair_solref[0, 0])
+    # A stiffness and damping given directly (negative solref) is left as it is.
     guarded = timeconst / 2 if timeconst > 0 else np.inf
     steps = [interval / 2**n for n in range(halvings)]
+    # refsafe would raise the time constant of longer ones, and the contact would be another.
     allowed = [step for step in steps if step <= guarded * (1 + 1e-9)]
-    count = int(np.log2(_LONGEST / _SHORTEST) * 2) + 1
+    count = int(np.log2(_LONGEST_STEP / _SHORTEST_STEP) * 2) + 1
     return [
         *(_Method(name, step) for name in OWN for step in allowed),
-        *(_Method(ADAPTIVE, _LONGEST / 2 ** (n / 2), _ANY) for n in range(count)),
+        # DOP853's error falls by 2⁸ at half the step, so that halves alone would leave too few
+        # points between its longest step and rounding.
+        *(_Method(ADAPTIVE, _LONGEST_STEP / 2 ** (n / 2), _ANY) for n in range(count)),
         *(_Method(ADAPTIVE, None, rtol) for rtol in _TOLERANCES),
     ]
 
@@ -191,11 +197,13 @@ def _stepped(model: Model, method: _Method, duration: float) -> Model:
         model.settings, integrator=method.integrator, timestep=method.step, rtol=method.rtol
     )
     if settings.adaptive:
+        # Where rounding keeps it from its tolerance, DOP853 would take ever smaller steps.
         patience = _LEAST_PATIENCE + int(_PATIENCE * duration)
         return replace(model, settings=replace(settings, max_steps=patience))
     assert method.step is not None
     same = replace(model, settings=settings)
     member = f"mjINT_{method.integrator.upper()}"
+    # In the compiled model, not by `build`, so that nothing else can change with the step.
     same.compiled.opt.integrator = getattr(mujoco.mjtIntegrator, member)
     same.compiled.opt.timestep = method.step
     return same
@@ -232,6 +240,7 @@ def _order_row(
         alike = before is not None and before.name == method.name and method.name in ORDERS
         if before is not None and alike and (longer := run_of(before)) is not None:
             fall = (_step_of(before, longer) / step) ** ORDERS[method.name]
+            # By Richardson: e(h) - e(h/r) = e(h/r) (rᵖ - 1) where e goes as hᵖ.
             estimate = path_error(longer, found) / (fall - 1)
     return {
         "integrator": method.name, "step": step, "rtol": rtol,
@@ -252,7 +261,7 @@ _NOTE = (
     "DOP853 alone chooses its steps: the order is its power of rtol."
 )
 _INCHES = (11.0, 6.6)
-_NEAR = 1.5  # in ln(step) and ln(error): slopes as near as that get one label
+_NEAR_SLOPES = 1.5  # in ln(step) and ln(error): slopes as near as that get one label
 
 
 def _convergence_study(study: Runs) -> Study:
@@ -318,7 +327,7 @@ def _convergence_picture(study: Runs) -> Figure:
     for axes, level, (against, (_, heading, words)) in zip(
         panels, levels, _REFERENCES.items(), strict=True
     ):
-        _draw(axes, study, against)
+        _draw_orders(axes, study, against)
         axes.axhline(level, color=EQUATIONS.colour, linestyle=":", linewidth=2, label=words)
         axes.set_title(heading, loc="left", fontsize=11)
         axes.set(xscale="log", yscale="log", xlabel="step, or its mean [ms]")
@@ -331,10 +340,11 @@ def _convergence_picture(study: Runs) -> Figure:
     return figure
 
 
-def _draw(axes: Axes, study: Runs, against: str) -> None:
+def _draw_orders(axes: Axes, study: Runs, against: str) -> None:
     labelled: list[Order] = []
     for name, rows in study.by_name.items():
         order, _ = study.order(name, against)
+        # By the mean step of a run that chooses them, so that all stand over one scale.
         drawn = [(p["step"] * 1e3, e) for p in rows if p["step"] and (e := p[f"{against}_error"])]
         words = f"{name}, of rtol" if name == ADAPTIVE else name
         label = f"{words}: {_order_text(order)}" if order else f"{name}: no order"
@@ -363,7 +373,7 @@ def _mark(name: str) -> dict[str, Any]:
 
 def _near(order: Order, other: Order) -> bool:
     apart = (order.ln_step - other.ln_step, order.ln_error - other.ln_error)
-    return max(map(abs, apart)) < _NEAR
+    return max(map(abs, apart)) < _NEAR_SLOPES
 
 
 def _record(study: Runs) -> dict[str, Any]:
@@ -394,6 +404,7 @@ class Convergence:
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
+    control: Controls = ()
     preset: Annotated[str, arg(metavar=PRESET)] = "accurate"
     """The settings whose contact model it is; integrator and step are swept."""
     without: Names = ()
@@ -402,7 +413,7 @@ class Convergence:
     study: OnceOptions = field(default_factory=Once)
 
     def run(self) -> int:
-        scene = load_scene(self.scene)
+        scene = controlled(self.scene, self.control)
         settings = without(preset(self.preset), listed(self.without))
         times, halvings = self.study.times(scene), _HALVINGS - 2 * self.study.quick
         with progress_bar(1) as show:

@@ -127,6 +127,7 @@ def _settings(integrator: str, step: float | None) -> Settings:
 
 def _with_momentum(scene: Scene, size: float) -> Scene:
     K = momentum_of(scene)
+    # The ball keeps its A: the map varies how much turns inside, and not how it is shared.
     return gyrostat(scene, K=K / np.linalg.norm(K) * size)
 
 
@@ -180,6 +181,7 @@ MAPS: dict[str, Map] = {
             _Axis("coefficient of sliding friction", _decades(1e-3, 1e6, 10)),
             _Axis("gravity [m/s²]", _decades(1e-3, 1e3, 7)),
             lambda scene, _, gravity: replace(scene, gravity=gravity),
+            # So much that spin is never the cause: one kind of friction a map.
             lambda _, sliding, __: {"sliding_friction": sliding, "torsional_friction": 1e6},
             ample=False,
         ),
@@ -252,6 +254,7 @@ class Cut:
         if self.count is None or self.count >= len(values):
             return values
         if "duration" in axis.label:
+            # A day's motion would be most of the quick form's time.
             values = tuple(v for v in values if v <= _QUICK_DURATION)
         kept = np.linspace(0, len(values) - 1, self.count).round().astype(int)
         return tuple(values[i] for i in np.unique(kept))

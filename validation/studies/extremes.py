@@ -13,7 +13,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from itertools import compress, groupby
+from itertools import compress, cycle, groupby
 from typing import Annotated, Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from tyro.conf import Positional, arg
 
 from robotball import Fault, FaultKind, InputError, Motion, Scene, Settings
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.limits import LAWS, PlannedRun, exceeded, planned
+from robotball.engines.mujoco.limits import LAWS, exceeded, limit_checks, planned
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import for_load, resolved
@@ -109,6 +109,7 @@ def classify(faults: Sequence[Fault], error: float | None) -> Outcome:
         return Outcome.UNFINISHED
     grave = [kind for kind in kinds if kind not in _BY_ERROR]
     if error > WRONG:
+        # Silently wrong is what has no other name: a run that slipped or lost a rate says so.
         first = [kind for kind in kinds if kind is not Outcome.WRONG]
         return first[0] if first else Outcome.WRONG
     if grave:
@@ -117,17 +118,17 @@ def classify(faults: Sequence[Fault], error: float | None) -> Outcome:
 
 
 _TURNING = 200.0  # rad: no cell that turns fast needs more to show its error
-_STEPS = 50  # at least, for an instability to grow in
-_SAMPLES = 100  # at most, at which the two motions are compared
+_LEAST_STEPS = 50  # at least, for an instability to grow in
+_MOST_SAMPLES = 100  # at most, at which the two motions are compared
 _AMPLE = 3.0  # times the motion's demand
 
 
-def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
+def measure_cell(cell: Mapping[str, Any]) -> dict[str, Any]:
     """Return the record of a cell {map, rolling, integrator, x, y}; no input makes it raise.
 
     outcome: an Outcome's name; path_error, momentum_error: relative, gamma_error: rad, None where
     the run broke off; faults: of the run; foretold: the limits that the precheck finds exceeded;
-    nearness: to each limit; seconds: CPU time.
+    nearness: how much of each limit is used, None without end; seconds: CPU time.
     """
     began = time.process_time()
     # In a process of its own nothing else keeps MuJoCo and NumPy quiet about what is recorded.
@@ -148,6 +149,8 @@ def _measured(this: CellRun) -> dict[str, Any]:
     settings = _ample(this.settings, theory) if this.ample else this.settings
     motion = run(build(resolved(scene, settings)), times)
     agreement = Agreement(theory, motion)
+    # By the loads of the whole motion, so that a law is judged and not the loads it was given.
+    plan = planned(scene, settings, float(times[-1]), theory.loads)
     names = ("path_error", "momentum_error", "gamma_error")
     errors = {name: known(getattr(agreement, name)) for name in names}
     return {
@@ -155,19 +158,10 @@ def _measured(this: CellRun) -> dict[str, Any]:
         **errors,
         "faults": [str(fault) for fault in motion.report.faults],
         # What a user reads before the run, who does not know the motion yet.
-        "foretold": [limit.what for limit in exceeded(scene, settings, times)],
-        "nearness": nearness(planned(scene, settings, float(times[-1]), theory.loads)),
+        "foretold": [*exceeded(scene, settings, times)],
+        "nearness": {name: known(check.nearness) for name, check in limit_checks(plan).items()},
         "steps": motion.report.steps,
     }
-
-
-def nearness(plan: PlannedRun) -> dict[str, float | None]:
-    """Return how much of each predicted limit is used, by the name of its prediction.
-
-    What is used without end is None.
-    """
-    checks = {predict.__name__: predict(plan) for predict in LAWS}
-    return {name: known(check.nearness) for name, check in checks.items() if check is not None}
 
 
 def _speed_scale(scene: Scene) -> float:
@@ -186,10 +180,10 @@ def _sample_times(this: CellRun) -> Array:
     step = this.settings.timestep or TIMESTEP
     duration = this.duration or min(DURATION, _TURNING / _speed_scale(this.scene))
     if not this.settings.adaptive and this.duration is None:
-        duration = max(duration, _STEPS * step)
-    interval = step * max(1.0, np.ceil(duration / step / _SAMPLES))
+        duration = max(duration, _LEAST_STEPS * step)
+    interval = step * max(1.0, np.ceil(duration / step / _MOST_SAMPLES))
     if this.settings.adaptive:
-        interval = duration / _SAMPLES
+        interval = duration / _MOST_SAMPLES
     return interval * np.arange(max(2, round(duration / interval) + 1))
 
 
@@ -348,7 +342,7 @@ def _count(kind: Outcome) -> Column:
     return Column(kind.word[:3], lambda row: str(row["outcomes"][kind.name] or ""))
 
 
-def _part(header: str, key: str) -> Column:
+def _part_column(header: str, key: str) -> Column:
     return Column(header, lambda row: f"{row[key]:.2g}" if row[key] else "-")
 
 
@@ -361,8 +355,8 @@ _OUTCOME_COLUMNS = (
 _LIMIT_COLUMNS = (
     *_PLACE,
     Column("predicted limit", "name", words=True),
-    _part("kept up to", "kept"),
-    _part("broken from", "broken"),
+    _part_column("kept up to", "kept"),
+    _part_column("broken from", "broken"),
     Column("beyond", "cells", form="d"),
 )
 
@@ -370,7 +364,7 @@ _LIMIT_COLUMNS = (
 _WIDE, _PANEL, _LINE = 9.0, 3.5, 0.19  # inches: the picture; a panel's height; a legend's line
 _TICKS = 4  # at most, on an axis
 _ACROSS = 3  # panels side by side: their letters are read at a page's width
-_LINES = [
+_LIMIT_LINES = [
     (colour, dashes)
     for dashes in ("-", (0, (5, 2)), (0, (1.2, 1.2)), (0, (5, 1.5, 1, 1.5)))
     for colour in (ACCENT, LABEL.colour, INK)
@@ -384,7 +378,6 @@ _MARKS = {
     "wrong, noticed only during the run": (".", 7, INK),
     "accurate, yet warned of or reported": ("+", 6, INK),
 }
-_SENTENCES = {predict.__name__: law for predict, law in LAWS.items()}
 
 
 def _map_picture(name: str, results: Sequence[Result]) -> Figure:
@@ -395,7 +388,8 @@ def _map_picture(name: str, results: Sequence[Result]) -> Figure:
         panels.setdefault((each.cell["rolling"], each.cell["integrator"]), []).append(each)
     rollings, integrators = (list(dict.fromkeys(names)) for names in zip(*panels, strict=True))
     exceeded = _exceeded(panels.values())
-    styles = dict(zip(exceeded, _LINES * (1 + len(exceeded) // len(_LINES)), strict=False))
+    # A map may have more limits than there are lines, which then begin again.
+    styles = dict(zip(exceeded, cycle(_LIMIT_LINES), strict=False))
     across = min(_ACROSS, len(integrators))
     rows = -(-len(integrators) // across)
     height = _PANEL * len(rollings) * rows + _LINE * (len(exceeded) + len(Outcome))
@@ -423,11 +417,12 @@ def _exceeded(panels: Iterable[Sequence[Result]]) -> list[str]:
     def drawn(name: str) -> bool:
         return any(len({of[name] > 1 for of in panel if name in of}) == 2 for panel in numbers)
 
-    return list(filter(drawn, _SENTENCES))
+    return list(filter(drawn, LAWS))
 
 
 def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> None:
     xs, ys = (sorted({each.cell[key] for each in results}) for key in ("x", "y"))
+    # Where a law does not apply, and where a cell has no result, there is no line.
     grids = {name: np.full((len(ys), len(xs)), np.nan) for name in styles}
     # Even steps for values that are decades apart, so that each cell is seen.
     looks = [_outcome_of(each).look for each in results]
@@ -519,8 +514,9 @@ def round_ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
 
 
 def _sentence(limit: Row) -> str:
-    """Return the prediction, and what was measured of it."""
-    words = f"{_SENTENCES[limit['name']]}; kept to {limit['kept']:.2g}"
+    """Return the law, and what was measured of it."""
+    law = (LAWS[limit["name"]].__doc__ or "").partition("\n")[0].rstrip(".")
+    words = f"{law}; kept to {limit['kept']:.2g}"
     return words if limit["broken"] is None else f"{words}, broken from {limit['broken']:.2g} of it"
 
 
@@ -562,7 +558,7 @@ class Extremes:
     def run(self) -> int:
         maps = chosen("map", self.maps, MAPS)
         cut = QUICK if self.sweep.quick else WHOLE
-        study = MapStudy("extremes", measure, self.sweep)
+        study = MapStudy("extremes", measure_cell, self.sweep)
         found = study.results({each.name: (cells_of(each, cut), each.limit) for each in maps})
         records = summary(found)
         all_maps = totals([each for results in found.values() for each in results])

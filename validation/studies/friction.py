@@ -73,6 +73,7 @@ def friction_run(cell: Cell) -> dict[str, Any]:
     sizes = np.linalg.norm(motion.momentum, axis=1)
     until = _until(sizes)
     speed = np.linalg.norm(theory.angular_velocity, axis=1).max()
+    # A rolling friction μ_r in metres takes at most the torque μ_r N, and N is the weight.
     most = cell["length"] * (scene.ball.mass * scene.gravity)
     return {
         "path_error": agreement.path_error,
@@ -94,6 +95,7 @@ def _friction_settings(rolling: Rolling, cell: Cell) -> Settings:
         return replace(goes_on, condim=4, torsional_friction=cell["length"])
     changes: dict[str, Any] = {"condim": 6, "rolling_friction": cell["length"]}
     if rolling == "classical":
+        # condim 6 has a torsional row as well, which must not act on a ball that may spin.
         changes["torsional_friction"] = LEAST_FRICTION
     return replace(goes_on, **changes, **(_STIFF if cell["rows"] == HARD else {}))
 
@@ -124,6 +126,7 @@ def _lever(scene: Scene, motion: Motion) -> Array:
     The torque is against the shell's rolling, û across the vertical: L̇ = -û. The classical |M|
     loses û·M̂ of it, and the rubber one, of M = γ×L (3.1), (γ×û)·M̂.
     """
+    # The friction is against the shell's rolling, which turns at ω - Ω.
     rate = np.array([scene.drives[0].rate(t) for t in motion.times.tolist()])
     in_frame = motion.angular_velocity - rate[:, None] * scene.ball.shell.axis
     rolling = np.einsum("nij,nj->ni", rotation_matrix(motion.attitude), in_frame) * [1, 1, 0]
@@ -135,7 +138,7 @@ def _lever(scene: Scene, motion: Motion) -> Array:
 
 
 _INCHES = (11.5, 5.6)
-_LEAST = 1e-10  # of the right panel: what is below is rounding
+_FLOOR = 1e-10  # of the right panel: what is below is rounding
 
 
 def _friction_picture(scene: Scene, results: Sequence[Result], needed: float) -> Figure:
@@ -168,6 +171,7 @@ def _rolling(axes: Axes, scene: Scene, results: Sequence[Result]) -> None:
         (SOFT, "o", "none", "the recipe's friction"),
     ):
         mine = [row for row in rows if row["rows"] == stiffness]
+        # A logarithm has no place for none.
         losses = [max(row["loss"], 0.0) or np.nan for row in mine]
         lengths = [row["length"] for row in mine]
         axes.plot(lengths, losses, marker, color=LABEL.colour, mfc=fill, label=label)
@@ -186,11 +190,12 @@ def _torsional(axes: Axes, results: Sequence[Result], needed: float | None) -> N
         ("path_error", "o", LABEL.colour, "-", "path error"),
         ("relative_spin", "s", "none", "--", "spin at the contact / |ω|"),
     ):
-        values = [row[key] and max(row[key], _LEAST) for row in rows]
+        values = [row[key] and max(row[key], _FLOOR) for row in rows]
         axes.plot(lengths, values, f"{marker}{line}", color=LABEL.colour, mfc=fill, label=label)
     if needed is not None:
         axes.axvline(needed, color=ACCENT, linewidth=1.4, linestyle=":")
         places = (
+            # Words stand in the middle of their region, by the logarithms of its ends.
             (np.sqrt(lengths[0] * needed / 8), "drag"),
             (needed / 2.2, "transition"),
             (np.sqrt(lengths[-1] * needed), "rubber"),

@@ -86,9 +86,11 @@ def bisect(row: Callable[[int], Row], number: str, low: int, high: int) -> list[
     Found by halving: where it is the same at both ends of a part, none is looked for between them.
     Versions without the number are passed over, so that some may lie between two that are returned.
     """
+    # By halving, for a version costs an installation and a run, and most change nothing.
     before, after = row(low).get(number), row(high).get(number)
     if before is None or after is None or not differ(before, after):
         return []
+    # From the middle outwards, as the middle one may lack the number.
     inner = sorted(range(low + 1, high), key=lambda i: abs(2 * i - low - high))
     middle = next((i for i in inner if row(i).get(number) is not None), None)
     if middle is None:
@@ -126,7 +128,7 @@ def _environment(engine: str, version: str, folder: Path) -> tuple[str, str | No
     return str(interpreter_of(home)), f"{year}-{month:02}-{day:02}" if year > 1980 else None
 
 
-def measure(cell: Cell) -> dict[str, Any]:
+def measure_version(cell: Cell) -> dict[str, Any]:
     """Measure a version, installed if need be; our own where the cell has no environments."""
     name, python, date = cell["engine"], sys.executable, None
     engine, ours = engine_named(name), name == DEFAULT
@@ -139,6 +141,8 @@ def measure(cell: Cell) -> dict[str, Any]:
                 found = (_bare if ours else _adapted)(cell, python, preset)
             except InputError as error:  # an old version may know the other preset's names
                 why = str(error).removeprefix(f"{python}: ")
+                # It is a result that a version cannot run it; a failure would say nothing about
+                # which number is missing.
                 found = {"error": None, "fault": re.sub(r"^\w+Error: ", "", why)}
             record |= {number: found.pop("error"), **{f"{number}_{x}": found[x] for x in found}}
     return record
@@ -152,6 +156,7 @@ def _bare(cell: Cell, python: str, preset: str) -> dict[str, Any]:
     from robotball.engines.mujoco.settings import PRESETS, resolved
 
     scene, times = load_scene(cell["scene"]), sample_times(cell["duration"])
+    # Of this machine, on both sides of the run: versions are timed hours apart.
     settings, before = replace(PRESETS[preset], stop_at_fault=False), fixed_work()
     model = build(resolved(scene, settings))
     # The sensors do not move the ball, and old versions lack some.
@@ -176,6 +181,7 @@ def _stepped(python: str, xml: str, interval: float, samples: int) -> dict[str, 
 def _free_body(python: str) -> float | None:
     """Return the relative change of a free body's |M| in 10 s; None where that cannot run."""
     try:
+        # Without a contact the angular momentum stays, so its change is an integrator's own.
         turning = [row[3:] for row in _stepped(python, _FREE_BODY, 10.0, 2)["qvel"]]
     except InputError:
         return None
@@ -309,12 +315,14 @@ class History:
     def run(self) -> int:
         package = _package(self.engine)
         writable_folder(self.sweep.out)
+        # Without pip, so that it works where there is no network.
         if self.sweep.quick:
             return self._table([engine_named(self.engine).label.version])
         failure = f"the versions of {package} cannot be listed"
         versions = released(_pip(_HOME, failure, "index", "versions", package))
         first, last = self.bisect or (self.since, self.to)
         end = places_of(versions, last)[-1] if last else len(versions) - 1
+        # 3.10 to search from is its last patch, but to list from its first one.
         start = places_of(versions, first)[-1 if self.bisect else 0] if first else 0
         versions = versions[min(start, end) : max(start, end) + 1]
         if self.bisect:
@@ -327,7 +335,7 @@ class History:
         home = None if quick else str(_HOME)
         shared = {**cell, "engine": self.engine, "environments": home}
         cells = [{**shared, "version": each} for each in versions]
-        return rows_of(self.sweep.results(measure, cells, f"{self.engine}-history", _LIMIT))
+        return rows_of(self.sweep.results(measure_version, cells, f"{self.engine}-history", _LIMIT))
 
     def _table(self, versions: Sequence[str]) -> int:
         rows, label = self._rows(versions), engine_named(self.engine).label

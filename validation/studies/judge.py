@@ -23,7 +23,6 @@ from robotball import (
     RecordedMotion,
     Scene,
     Trajectory,
-    load_scene,
     read_trajectory,
     recorded,
     scene_toml,
@@ -32,7 +31,7 @@ from robotball.engines import recorded as derivative
 from robotball.errors import LARGEST, check_positive
 from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array
-from validation.options import AGREES, DISAGREES, File, SceneName, check_files, listed
+from validation.options import AGREES, DISAGREES, Controls, File, SceneName, check_files, listed
 from validation.output import (
     known,
     plain_table,
@@ -41,6 +40,7 @@ from validation.output import (
     scientific,
     write_record,
 )
+from validation.results import controlled
 from validation.studies.judge_search import Lag, Mistake, Search, lag_of, reference_of
 from validation.studies.mistakes import numbers_of, some_of
 from validation.studies.orders import LEAST, fit_order
@@ -556,6 +556,7 @@ class Judge:
     files: Positional[Annotated[tuple[Path, ...], arg(metavar="FILE...")]]
     """CSV, NPZ or Parquet files with t,x,y,qw,qx,qy,qz; several with different steps give the
     order of convergence."""
+    control: Controls = ()
     timestep: UseAppendAction[Annotated[tuple[str, ...], arg(metavar="SECONDS,…")]] = ()
     """The engine's step in each file; else the one in its header, or the interval of its
     samples."""
@@ -570,7 +571,7 @@ class Judge:
             raise InputError("judge needs a file with a trajectory: t,x,y,qw,qx,qy,qz")
         check_positive("tolerance", self.tolerance, "")
         check_files(self.json)
-        scene = load_scene(self.scene)
+        scene = controlled(self.scene, self.control)
         with progress_bar(1) as bar:
             judgement = judge(
                 scene,

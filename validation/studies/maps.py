@@ -64,6 +64,7 @@ def draw_cells(
     axes: Axes, xs: Sequence[float], ys: Sequence[float], looks: Sequence[Mapping[str, Any]]
 ) -> None:
     """Draw each cell, row by row, as a rectangle of its look around its place on even axes."""
+    # A cell is a rectangle of its own, as an image could have no hatch.
     width, height = (values[1] - values[0] if len(values) > 1 else 1 for values in (xs, ys))
     places = ((x, y) for y in ys for x in xs)
     for (x, y), look in zip(places, looks, strict=True):

@@ -15,7 +15,7 @@ from robotball.rotations import Array
 
 LEAST = 3  # points that make an order
 _STALLED = 0.5  # a fall with less than this power of the step is none
-_CLEAR = 5.0  # times the error at which they stall, from where on errors are taken for the line
+_SOUND = 5.0  # times the error at which they stall, from where on errors are taken for the line
 _STRAIGHT = 0.04  # distance from a line that passes for one, in ln(step), root mean square
 
 
@@ -49,12 +49,15 @@ def fit_order(
     errors are known to, at least. Among parts of one length the one at shorter steps is taken.
     """
     h, e = _sound(steps, errors)
-    clear = e > max(floor, _CLEAR * (stalled_at(steps, errors) or 0.0))
+    # Near the error at which they stall the fall is already slower than its power.
+    clear = e > max(floor, _SOUND * (stalled_at(steps, errors) or 0.0))
     x, y = np.log(h[clear]), np.log(e[clear])
+    # The longest straight part, not the straightest: any two points are straight.
     for length in range(len(x), LEAST - 1, -1):
+        # Among parts of one length the shortest steps come first, where the leading term rules.
         for begin in range(len(x) - length, -1, -1):
             part = slice(begin, begin + length)
-            if (found := _line(x[part], y[part])) is not None:
+            if (found := _fitted_line(x[part], y[part])) is not None:
                 return found
     return None
 
@@ -77,7 +80,7 @@ def _sound(steps: Sequence[float], errors: Sequence[float | None]) -> tuple[Arra
     return h, e
 
 
-def _line(x: Array, y: Array) -> Order | None:
+def _fitted_line(x: Array, y: Array) -> Order | None:
     """Return the least-squares line, if the points are near it and it rises."""
     if x[0] == x[-1]:  # one step alone has no order
         return None
@@ -85,8 +88,11 @@ def _line(x: Array, y: Array) -> Order | None:
     spread = float((deviation**2).sum())
     slope = float((deviation * y).sum()) / spread
     residual = y - y.mean() - slope * deviation
+    # The deviation is that in ln(error) over the slope, so that a bound in ln(step) holds for any
+    # order.
     if slope < _STALLED or np.sqrt(np.mean(residual**2)) > _STRAIGHT * slope:
         return None
+    # A line has two parameters.
     stderr = np.sqrt((residual**2).sum() / (len(x) - 2) / spread)
     ends = float(np.exp(x.min())), float(np.exp(x.max()))
     return Order(slope, float(stderr), float(x.mean()), float(y.mean()), *ends, len(x))

@@ -65,6 +65,7 @@ def rates(line: Any, linear: Array, displaced: Callable[[Array, Array], Array]) 
     words = f"step; rounding over {_SMALL:g} rad"
     values, vectors = np.linalg.eig(linear)
     for value, vector, dual in zip(values, vectors.T, np.linalg.inv(vectors), strict=True):
+        # A conjugate is the same motion; along a family of equilibria nothing grows.
         if value.imag < 0 or abs(value) < _NO_RATE:
             continue
         turning, fastest = abs(value.imag) * _FOLDS / _TURNS, values.real.max() * _FOLDS / _ROOM
@@ -73,6 +74,7 @@ def rates(line: Any, linear: Array, displaced: Callable[[Array, Array], Array]) 
         part = (displaced(x, times) - displaced(-x, times)) @ dual / 2
         for name, logarithm in (("real", np.log(np.abs(part))), ("imag", np.angle(part))):
             if name == "real" or value.imag:
+                # A fit over all times, not a quotient of two, so that steps' errors average.
                 slope = float(np.polyfit(times, np.unwrap(logarithm), 1)[0])
                 which = f"{name.title()[:2]} λ" if value.imag else "λ"
                 yield line(which, "1/s", float(getattr(value, name)), slope, 1e-6, words)
@@ -123,6 +125,8 @@ def _straight_lines(quick: bool) -> _Rows:
     """Yield the rates beside the straight line σ₋ on both sides of f*, and f* by them."""
     scene = load_scene("fig10")
     limit, growth = float(straight_motions.stability_limit(scene.parameters) or np.nan), []
+    # Both sides of f*, whose growths have opposite signs: the chord between them crosses zero at
+    # f*.
     for f in (limit - _SIDES, limit + _SIDES, *(() if quick else (2.0, 3.0))):
         lines = straight_motions.straight_motions(scene.parameters, f)
         name = partial(straight_motions.name_of_line, scene.parameters)
@@ -184,6 +188,8 @@ def _long_runs(quick: bool) -> _Rows:
         motions = theory, by_contact("fast", scene, times)
         line = partial(_LINE, f"{scene.title}, {times[-1]:g} s", "3.3", "fast")
         if scene.steady:
+            # The drift of one run is a sample: what runs of the equations scatter says how near two
+            # may be.
             starts = level_starts(scene, 64, seed=0)
             many = long_run.drift(scene.parameters, *starts, float(times[-1]))
             for i, axis in enumerate("XY"):
@@ -192,6 +198,7 @@ def _long_runs(quick: bool) -> _Rows:
                 words = f"statistics: ± {spread:.2g} of one run of the equations"
                 yield line(f"drift along {axis}", "m/s", *both, 4 * spread, words)
         size = np.array([np.linalg.norm(scene.start.momentum)])
+        # Of drives that swing the bound is the largest over the times, as K and Ω enter it.
         balls = map(scene.parameters_at, times[: 1 if scene.steady else 1000])
         # By (2.1) the contact point moves at a|ω - Ω| at most.
         bound = max(b.a * (float(speed_bound(b, size)[0]) + np.linalg.norm(b.Omega)) for b in balls)
@@ -209,6 +216,8 @@ def _classical_section(quick: bool) -> _Rows:
     scene = load_scene("classical_chaotic")
     recipe = sections.Recipe(f=25.0, starts=4 if quick else 50, skipped=8, count=20, c=3.0)
     cloud = partial(sections.cloud_by_equations, scene.parameters, recipe)
+    # Clouds of the equations by other seeds: the same recipe, so that the rank is even if MuJoCo is
+    # right.
     reference, *peers = (cloud(seed).states for seed in range(1, _CLOUDS + 1))
     points = sections.cloud_by_contact(
         build(resolved(scene, preset("fast"))), recipe, seed=0
@@ -232,6 +241,7 @@ def _drift(quick: bool) -> _Rows:
         for start in zip(*level_starts(other, 2 if quick else 6, seed=0), strict=True):
             begun = replace(other, start=own_start(other, *start))
             run, duration = by_contact("fast", begun, times), float(times[2] - times[1])
+            # M as it was at the start, as its drift over the transient would lead to another level.
             late = replace(other, start=Start(run.attitude[1], begun.start.momentum))
             theory = compiled_motion(late, np.array([0.0, duration]))
             # OX is the world's X: M is against it.
@@ -275,7 +285,7 @@ _COLUMNS = (
 )
 
 
-def measure(cell: Cell) -> dict[str, Any]:
+def measure_part(cell: Cell) -> dict[str, Any]:
     """Return the rows of a part."""
     return {"rows": [*PARTS[cell["part"]](cell["quick"])]}
 
@@ -311,9 +321,10 @@ class Results:
     def run(self) -> int:
         out, names, quick = writable_folder(self.sweep.out), listed(self.only), self.sweep.quick
         chosen("part", names, PARTS)
+        # A cell knows its balls, so that a changed scene file makes its result anew.
         shared = {"quick": quick, "balls": [scene_cell(name, 0)["digest"] for name in _SCENES]}
         cells = [{"part": name, **shared} for name in PARTS if not names or name in names]
-        results = self.sweep.results(measure, cells, "results", _LIMIT)
+        results = self.sweep.results(measure_part, cells, "results", _LIMIT)
         failed = [f"{each.cell['part']}: {each.failure}" for each in results if each.failure]
         parts = {each.cell["part"]: each.record["rows"] for each in results if each.record}
         rows = [row for some in parts.values() for row in some]

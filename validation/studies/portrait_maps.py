@@ -86,7 +86,7 @@ def cells_of(plane: _Plane, count: int) -> list[Cell]:
     return grid_cells(("K3", across), ("y", up), map=plane.name)
 
 
-def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
+def measure_portrait(cell: Mapping[str, Any]) -> dict[str, Any]:
     """Return the phase portrait of a cell {map, K3, y}.
 
     points: the type of each fixed point by its name; cycles: period s and multiplier of each, and
@@ -152,6 +152,7 @@ def _kind_of_cycles(record: Mapping[str, Any]) -> str:
 
 def _largest_basin(record: Mapping[str, Any]) -> str:
     """Return the attractor with the largest basin."""
+    # All of the sphere belongs to some basin but for lines, so one number says whose is largest.
     name = max(record["basins"], key=lambda each: record["basins"][each])
     return f"largest basin: {'a cycle' if name.startswith('cycle') else name}"
 
@@ -181,6 +182,7 @@ def _portrait_picture(name: str, results: Sequence[Result]) -> Figure:
             draw_level(axes, *levels, colour, dashes=dashes)
         axes.set(xlabel="K₃ [kg m²/s]", ylabel=plane.label, title=title)
         for K3, number, side in ((0.3, "6", "right"), (0.52, "7", "left"), (3.0, "8", "right")):
+            # Where the paper's own Figs 6 to 8 lie on either map: Ω₃ = 1, or (Ω₁, Ω₂) = (4, 2).
             y = 1.0 if name == "axial" else float(np.degrees(np.arctan2(2.0, 4.0)))
             axes.plot(K3, y, "o", color=INK, mec="white", markersize=6, clip_on=False, zorder=5)
             note(axes, f"Fig. {number}", (K3, y), (-3 if number == "6" else 3, 5), fontsize=8,
@@ -241,6 +243,7 @@ def summary(plane: _Plane, results: Sequence[Result]) -> dict[str, Any]:
 def as_predicted(ball: Parameters, record: Mapping[str, Any]) -> bool:
     """Return whether κ₁, κ₂ give the number of points, and Proposition 2 the type of Γ₅."""
     expected = 2 + 4 * (abs(kappa(ball, 1)) < 1) + 4 * (abs(kappa(ball, 0)) < 1)
+    # B/A₁ decides the focus as corrected (E6, E7), and A₁A₂ < 0 makes it a saddle.
     A1, A2, B = proposition_2(ball)
     focus = "slow stable focus" if B / A1 < 0 else "slow unstable focus"
     kind = "saddle" if A1 * A2 < 0 else focus
@@ -282,7 +285,7 @@ class Portraits:
     def run(self) -> int:
         planes = chosen("map", self.maps, PLANES)
         count = _QUICK_COUNT if self.sweep.quick else _COUNT
-        study = MapStudy("portraits", measure, self.sweep)
+        study = MapStudy("portraits", measure_portrait, self.sweep)
         found = study.results({each.name: (cells_of(each, count), _LIMIT) for each in planes})
         records = [summary(each, found[each.name]) for each in planes]
         study.present(found, _portrait_picture, shown(records), self.json, {"summary": records})

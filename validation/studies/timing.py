@@ -72,6 +72,7 @@ def one_step(compiled: mujoco.MjModel, steps: int = _STEPS) -> float:
     """Return the processor time of one mj_step [s], the mean of `steps` from the model's start."""
     data = mujoco.MjData(compiled)
     mujoco.mj_resetDataKeyframe(compiled, data, 0)
+    # The thread's own time, as other threads of the process must not count.
     began = time.thread_time()
     for _ in range(steps):
         mujoco.mj_step(compiled, data)
@@ -104,8 +105,11 @@ def measure_costs(
     for turn in range(rounds + 1):
         for i, work in enumerate(works):
             seconds, after = work(), bare_loop()
+            # The first round brings code and data into the caches.
             if turn:
                 loops.append(after)
+                # By the mean of the loops on both sides, so that a machine that slows down evenly
+                # cancels.
                 ratios[i].append(2 * seconds / (before + after))
             before = after
             show(turn * len(works) + i + 1)

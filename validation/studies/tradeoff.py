@@ -38,10 +38,10 @@ from robotball.engines.mujoco.settings import (
 from robotball.film.looks import ACCENT, FAINT, INK
 from robotball.motors import Servo
 from validation.agreement import Agreement
-from validation.options import Duration, SceneName, Sweep, SweepOptions, seconds_of
+from validation.options import Controls, Duration, SceneName, Sweep, SweepOptions, seconds_of
 from validation.output import in_picture, known, scientific, writable_folder
 from validation.plots import note
-from validation.results import changed
+from validation.results import changed, with_controls
 from validation.studies.friction import friction_cells, friction_run, friction_study
 from validation.studies.orders import fit_order
 from validation.studies.timing import measure_costs, simulated_second
@@ -69,6 +69,7 @@ _INTERVAL = 0.1  # s, between samples; no step is longer
 _LINE = tuple(_INTERVAL / 2**k for k in range(10))
 STEPS = (20e-3, 5e-3, 1e-3)
 _FINE_STEPS = (5e-3, 1e-3, 0.2e-3)  # where first order has its slope
+# From 1e-4 on the contact may be lost, which `limits.errors_added` says.
 _RTOLS = tuple(10.0**-k for k in range(4, 14))
 _SAMPLE = 120  # random combinations
 _SEED = 4
@@ -122,12 +123,15 @@ def configurations(quick: bool = False) -> list[Settings]:
             *_lines((_RECIPE, NAIVE), _LINE, _ALL),
             *_adaptive(_RTOLS),
             *_star(_RECIPE, STEPS, ("RK4",)),
+            # First-order integrators of long steps are wrong whatever the contact, which would hide
+            # what a choice is worth.
             *_star(_RECIPE, _FINE_STEPS, FIRST_ORDER),
             *_star(NAIVE, STEPS[1:], _ALL),
             *_sample(),
         ]
     distinct: dict[str, Settings] = {}
     for settings in every:
+        # A star meets the lines, and the sample may meet both: a cell must be one configuration.
         distinct.setdefault(repr(options_of(settings)), settings)
     return list(distinct.values())
 
@@ -219,12 +223,13 @@ def cells_of(scene: str, settings: Sequence[Settings], duration: float, rounds: 
     return [{**shared, **options_of(each)} for each in settings]
 
 
-def measure(cell: Cell) -> dict[str, Any]:
+def measure_settings(cell: Cell) -> dict[str, Any]:
     """Measure errors against the equations, faults, and the cost of a simulated second."""
     scene, theory = reference(cell["scene"], cell["duration"], _INTERVAL)
     model = build(resolved(scene, settings_with(cell)))
     logging.getLogger("absl").setLevel(logging.ERROR)  # a process of its own says it again
     agreement = Agreement(theory, run(model, theory.times), MUJOCO)
+    # A slow configuration needs less of its motion for the same processor time.
     part = min(1.0, _TIMED / agreement.report.seconds)
     timed = theory.times[: max(2, math.ceil(len(theory.times) * part))]
     (cost,) = measure_costs([simulated_second(model, timed)], cell["rounds"])
@@ -267,6 +272,7 @@ def _configuration(result: Result, baseline: float) -> Row:
         for name in ("path_error", "momentum_error", "ratio", "ratio_least", "ratio_most")
     )
     trouble = "; ".join(record["faults"]) if record else result.failure or ""
+    # Errors of a path can cancel, M's cannot: a path far better than M is good by accident.
     honest = error is not None and off is not None and off <= CANCELLED * error
     return {
         "title": preset or f"{integrator} {steps}, {describe(options)}",
@@ -291,6 +297,7 @@ def first_order_lines(configurations: Sequence[Row]) -> list[dict[str, Any]]:
     groups: dict[str, list[Row]] = {}
     for each in configurations:
         if each["sound"] and each["integrator"] in FIRST_ORDER:
+            # A line is what differs in its timestep alone.
             rest = {k: v for k, v in each["options"].items() if k != "timestep"}
             groups.setdefault(repr(sorted(rest.items())), []).append(each)
     lines = []
@@ -298,6 +305,7 @@ def first_order_lines(configurations: Sequence[Row]) -> list[dict[str, Any]]:
         group.sort(key=itemgetter("timestep"))
         fit = fit_order([p["timestep"] for p in group], [p["error"] for p in group])
         if fit is not None and fit.order <= _ORDER:
+            # From the nearest, so that an extrapolation is as short as there is data for.
             nearest = min(group, key=lambda p: abs(math.log(p["error"] / TARGET)))
             cost = nearest["cost"] * (nearest["error"] / TARGET) ** (1 / fit.order)
             extrapolated = all(p["error"] > TARGET for p in group)
@@ -311,18 +319,21 @@ def first_order_lines(configurations: Sequence[Row]) -> list[dict[str, Any]]:
 
 
 def tradeoff_of(scene: Scene, results: Sequence[Result]) -> dict[str, Any]:
-    """Return the comparison that the results of `measure` make, as plain data.
+    """Return the comparison that the results of `measure_settings` make, as plain data.
 
     baseline: processor time of the bare loop's simulated second [s], by which costs are seconds;
     best: the front's cheapest that reaches the target; first_order: the cheapest line there;
     ratio: its cost at the target over that of the best, None where one of them is not there.
     """
     baselines = [result.record["baseline"] for result in results if result.record is not None]
+    # One machine's speed wanders over the hours of a sweep, so seconds are ratios times one number
+    # for all.
     baseline = float(np.median(baselines)) if baselines else math.nan
     configurations = [_configuration(result, baseline) for result in results]
     sound = [each for each in configurations if each["sound"]]
     errors = [each["error"] for each in sound]
     front = [sound[i] for i in pareto_front(errors, [each["cost"] for each in sound])]
+    # The front is in the order of cost, so the first that reaches the target is the cheapest.
     best = next((each for each in front if each["error"] <= TARGET), None)
     line = min(first_order_lines(sound), key=itemgetter("cost_at_target"), default=None)
     return {
@@ -346,7 +357,7 @@ _ABOVE = ("adaptive",)  # its place is the left end of the front
 
 
 def _tradeoff_study(scene: Scene, results: Sequence[Result]) -> Study:
-    """Return the study of the results of `measure`: the front, the presets, and the ratio."""
+    """Return the study of the results: the front, the presets, and the ratio."""
     study = tradeoff_of(scene, results)
     every = study["configurations"]
     failed = sum(not each["sound"] for each in every)
@@ -416,6 +427,7 @@ def _tradeoff_picture(study: Row) -> Figure:
     for each in every:
         if each["preset"] and each["error"] is not None:
             _name(axes, each["preset"], (each["error"], each["cost"]))
+    # Room for the names of the presets, which stand at the ends of the front.
     low, high = axes.get_xlim()
     axes.set_xlim(low / 3, high * 3)
     axes.set_ylim(axes.get_ylim()[0] / 2.5)
@@ -480,6 +492,7 @@ class Tradeoff:
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
+    control: Controls = ()
     friction: bool = False
     """Study instead what rolling and torsional friction do to the ball."""
     duration: Duration = None
@@ -487,19 +500,20 @@ class Tradeoff:
     sweep: SweepOptions = field(default_factory=Sweep)
 
     def run(self) -> int:
-        scene = load_scene(self.scene)
+        # Other processes load the scene, from a file that has the controls too.
+        name = with_controls(self.scene, self.control, writable_folder(self.sweep.out))
+        scene = load_scene(name)
         seconds = seconds_of(self.duration, self.sweep.quick, scene)
-        writable_folder(self.sweep.out)
         measured = self._friction if self.friction else self._front
-        return self.sweep.present(measured(scene, seconds), *changed(self, "duration"))
+        return self.sweep.present(measured(name, scene, seconds), *changed(self, "duration"))
 
-    def _front(self, scene: Scene, seconds: float) -> Study:
+    def _front(self, name: str, scene: Scene, seconds: float) -> Study:
         quick = self.sweep.quick
-        cells = cells_of(self.scene, configurations(quick), seconds, 2 if quick else _ROUNDS)
-        results = self.sweep.results(measure, cells, f"{scene.name}-tradeoff", _LIMIT)
+        cells = cells_of(name, configurations(quick), seconds, 2 if quick else _ROUNDS)
+        results = self.sweep.results(measure_settings, cells, f"{scene.name}-tradeoff", _LIMIT)
         return _tradeoff_study(scene, results)
 
-    def _friction(self, scene: Scene, seconds: float) -> Study:
-        cells = friction_cells(self.scene, seconds, self.sweep.quick)
+    def _friction(self, name: str, scene: Scene, seconds: float) -> Study:
+        cells = friction_cells(name, seconds, self.sweep.quick)
         results = self.sweep.results(friction_run, cells, f"{scene.name}-friction", _LIMIT)
         return friction_study(scene, results)

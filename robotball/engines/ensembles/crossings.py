@@ -19,7 +19,7 @@ from robotball.engines.ensembles.steppers import ALLOWED, REJECTED, TARGET, TIME
 _RESIDUAL = 1e-13  # of the section function, which is at most 1: some hundred roundings
 _ON_SECTION = 1e-12  # a start that near counts as on the section, not as before or behind it
 # How near to zero an estimated turning point is looked at: steps of a radian estimate it to 5e-3.
-_NEAR = 0.03
+_NEAR_PLANE = 0.03
 _BEHIND = -0.1  # cos(g - g₀) below that at both ends of a step is below zero all along
 _TINY = 1e-300  # a value with a sign and nothing else
 # Bisection alone ends in some 50 tries, the estimates usually in 4. At a turning point fewer do:
@@ -75,7 +75,7 @@ def _may_hide_two(tracks: Any, lane: int) -> bool:
         + high * u * u * (3 - 2 * u)
         + span * u * (1 - u) * (low_rate * (1 - u) - high_rate * u)
     )
-    return abs(value) < _NEAR or value * low < 0
+    return abs(value) < _NEAR_PLANE or value * low < 0
 
 
 @inlined

@@ -1,5 +1,8 @@
 """Limits of a run predicted before any step: a law a function, and the precheck against them all.
 
+A law is the first line of its function's docstring, from which docs/extremes.md and the legends of
+`robotball extremes` have it; the words above the function are what a user is warned of.
+
 The laws are of the time step (what an integrator makes of rotations, springs, dampers and servos),
 of the contact (friction, softness, and what numbers can hold) and of the hinges (the part of its
 rate that a servo or an armature loses under its load). Each docstring has its derivation and how
@@ -11,13 +14,13 @@ and where a law is too rough, they come from short trials, which are loaded only
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, wraps
 
 import numpy as np
 
 from robotball import equations as eq
 from robotball.engines.mujoco.model import ModelHinge, hinges_of
-from robotball.engines.mujoco.settings import Prescribed, Resolved, Settings, for_load, resolved
+from robotball.engines.mujoco.settings import Prescribed, Resolved, Settings, for_load
 from robotball.equations import as_vector
 from robotball.errors import InputError, warn
 from robotball.loads import Loads, loads_of
@@ -64,17 +67,25 @@ COST_MODEL = _CostModel()
 class LimitCheck:
     """A number of a planned run and the limit beyond which the run is predicted to fail.
 
-    what   the number's name; value and limit are in `unit`
-    least  whether the value must be at least the limit, instead of at most
-    fix    the advice where it is exceeded
+    words       of the warning, with the fields as {value:.4g}, and with {error} and {allowed} for
+                value and limit in percent
+    integrator  the run's
+    least       whether the value must be at least the limit, instead of at most
+    step        a timestep [s] that is inside the limit, of laws whose words advise one
     """
 
-    what: str
+    words: str
+    integrator: str
+    least: bool
     value: float
     limit: float
-    fix: str
-    unit: str = ""
-    least: bool = False
+    step: float = np.nan
+
+    @property
+    def warning(self) -> str:
+        """What will happen beyond the limit, with the numbers, and what to do."""
+        error, allowed = (f"{float(f'{100 * x:.2g}'):g} %" for x in (self.value, self.limit))
+        return self.words.format(**vars(self), error=error, allowed=allowed)
 
     @property
     def nearness(self) -> float:
@@ -85,20 +96,12 @@ class LimitCheck:
             return np.inf
         if under == 0:
             return np.inf if over > 0 else 0.0
-        return float(over / under)
+        return float(over) / float(under)
 
     @property
     def exceeded(self) -> bool:
         """True if the run is predicted to fail."""
         return self.nearness > 1
-
-    def __str__(self) -> str:
-        unit = f" {self.unit}" if self.unit else ""
-        bound = "least" if self.least else "most"
-        return (
-            f"{self.what} is {self.value:.4g}{unit} and must be at {bound} {self.limit:.4g}{unit}: "
-            f"{self.fix}"
-        )
 
 
 # Times over the run at which drives that change are evaluated. Limits are predicted to a factor, so
@@ -134,7 +137,7 @@ class PlannedRun(Resolved):
     @cached_property
     def start_trial(self) -> tuple[Loads, Array]:
         """The start's loads and eigenvalues, measured on MuJoCo's own model."""
-        from robotball.engines.mujoco.trials import linearised_start
+        from robotball.engines.mujoco.linearised import linearised_start
 
         return linearised_start(self.scene, self.settings)
 
@@ -143,7 +146,7 @@ class PlannedRun(Resolved):
         """The largest |λ| [1/s] of the hinges' motors; 0 without a motor that settles."""
         if not any(each.settles for each in self.hinges):
             return 0.0
-        from robotball.engines.mujoco.trials import fastest_rate
+        from robotball.engines.mujoco.linearised import fastest_rate
 
         return fastest_rate(self.scene, self.hinges)
 
@@ -229,17 +232,22 @@ def planned(
     return PlannedRun(scene, for_load(settings, scene), duration, loads)
 
 
-_Prediction = Callable[[PlannedRun], LimitCheck | None]
-LAWS: dict[_Prediction, str] = {}
-"""The predictions, each with its law in a line. A prediction is None where it does not apply."""
+# The value, the limit and, where the words advise one, a step [s]; None if a law does not apply.
+_Found = tuple[float, float] | tuple[float, float, float] | None
+LAWS: dict[str, Callable[[PlannedRun], LimitCheck | None]] = {}
 
 
-def _law(statement: str) -> Callable[[_Prediction], _Prediction]:
-    """Add the decorated prediction to LAWS, with its law in a line."""
+def _law(words: str, *, least: bool = False) -> Callable[..., Callable[..., LimitCheck | None]]:
+    """Make a law of a function that finds its numbers, and add it to LAWS."""
 
-    def add(prediction: _Prediction) -> _Prediction:
-        LAWS[prediction] = statement
-        return prediction
+    def add(find: Callable[[PlannedRun], _Found]) -> Callable[[PlannedRun], LimitCheck | None]:
+        @wraps(find)
+        def law(plan: PlannedRun) -> LimitCheck | None:
+            found = find(plan)
+            return found and LimitCheck(words, plan.integrator.name, least, *found)
+
+        LAWS[law.__name__] = law
+        return law
 
     return add
 
@@ -248,9 +256,12 @@ _STABLE = 6.3  # the longest stable step of DOP853 times the rate at which a mot
 _MANY_STEPS = 20_000  # adaptive ones, which take ten seconds at least
 
 
-@_law("RK4 follows a rotation r up to r·dt = 2.8")
-def rotation(plan: PlannedRun) -> LimitCheck | None:
-    """Require r·dt < 2.8 of RK4, with r the fastest rotation.
+@_law(
+    "the fastest rotation turns by {value:.4g} rad in a step, and {integrator} follows "
+    "{limit:.4g} rad: take a timestep below {step:.2g} s, or the adaptive preset"
+)
+def rotation(plan: PlannedRun) -> _Found:
+    """Require r·dt < 2.8 of RK4, with r the rate of the fastest rotation.
 
     On dy/dt = i r y a step multiplies by R(iθ) = 1 + iθ - θ²/2 - iθ³/6 + θ⁴/24, θ = r dt, and
     |R|² = 1 - θ⁶/72 + θ⁸/576, which is above 1 from θ = √8 on. Beyond, the motion blows up; well
@@ -261,30 +272,24 @@ def rotation(plan: PlannedRun) -> LimitCheck | None:
     limit = plan.integrator.rotation_limit
     if limit is None:
         return None
-    value = plan.rotation_rate * plan.timestep
-    most = limit / plan.rotation_rate if plan.rotation_rate else np.inf
-    return LimitCheck(
-        "the fastest rotation times the timestep",
-        value,
-        limit,
-        f"take a timestep below {most:.2g} s, or the adaptive preset",
-        "rad",
-    )
+    rate = plan.rotation_rate
+    return rate * plan.timestep, limit, limit / rate if rate else np.inf
 
 
-@_law("a fixed step loses or gains a part of M")
-def momentum_lost(plan: PlannedRun) -> LimitCheck | None:
-    """Predict, to first order, how much of M fixed steps lose or gain by the end.
+@_law(
+    "{integrator} will change M by about {error}; {allowed} is allowed: take a timestep below "
+    "{step:.2g} s, or an integrator of higher order"
+)
+def momentum_lost(plan: PlannedRun) -> _Found:
+    """Predict how much of M fixed steps lose or gain, a part of (r·dt)² or (r·dt)⁶ in each.
 
-    No warning of MuJoCo's shows that.
-
-    Per step Euler multiplies a rotation by |1 + iθ| = 1 + θ²/2, so that |M| grows as
-    exp(r² dt t/2); discrete and implicitfast, which leave the gyroscopic forces explicit, do the
-    same; implicit shrinks it as much. RK4's |R(iθ)| = 1 - θ⁶/144. The prediction is for all of M in
-    the fastest rotation: measured 0.05 to 1.7 of it for Euler and implicit, and 0.3 to 2.3
-    of it for RK4, on three balls at their rates and at five times them. But a nutation of fast
-    rotors may have next to none of M in it. So where this is beyond the limit, a trial measures it,
-    which is within 5 % of the run's.
+    It is of first order, and no warning of MuJoCo's shows it. Per step Euler multiplies a rotation
+    by |1 + iθ| = 1 + θ²/2, so that |M| grows as exp(r² dt t/2); discrete and implicitfast, which
+    leave the gyroscopic forces explicit, do the same; implicit shrinks it as much. RK4's |R(iθ)| =
+    1 - θ⁶/144. The prediction is for all of M in the fastest rotation: measured 0.05 to 1.7 of it
+    for Euler and implicit, and 0.3 to 2.3 of it for RK4, on three balls at their rates and at five
+    times them. But a nutation of fast rotors may have next to none of M in it. So where this is
+    beyond the limit, a trial measures it, which is within 5 % of the run's.
     """
     if plan.integrator.momentum_loss is None:
         return None
@@ -298,22 +303,22 @@ def momentum_lost(plan: PlannedRun) -> LimitCheck | None:
         value = float(steps * factor * np.float64(theta) ** order)
     # A trial takes some 60 ms, so it is made only where the formula raises an alarm.
     if value > limit and plan.integrator.order == 4 and plan.reduced:
-        from robotball.engines.mujoco.trials import momentum_loss
+        from robotball.engines.mujoco.linearised import momentum_loss
 
         value = min(value, momentum_loss(plan.scene, plan.timestep, plan.duration))
     shorter = plan.timestep * (limit / value) ** (1 / (order - 1)) if value > 0 else np.inf
-    fix = f"take a timestep below {shorter:.2g} s"
-    fix += ", or RK4" if plan.integrator.order == 1 else ""
-    what = f"the part of M that {plan.integrator.name} may lose or gain"
-    return LimitCheck(what, value, limit, fix)
+    return value, limit, shorter
 
 
 _MEASURED = 10.0  # s, the motions on which the next law was measured
 
 
-@_law("RK4's path is off by (r·dt)⁶ in 10 s, r the rate of a low weight at its lowest point")
-def low_weight(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the path error of RK4 on a low weight that swings through its lowest point.
+@_law(
+    "a low weight's swing will put RK4's path off by about {error}; {allowed} is allowed: take a "
+    "timestep below {step:.2g} s"
+)
+def low_weight(plan: PlannedRun) -> _Found:
+    """Predict RK4's path error (r·dt)⁶ in 10 s, r the rate of a low weight at its lowest point.
 
     There the inertia I about the contact is least; at an angle ψ it is I + a|S|ψ², with S = Σ m r.
     With the energy E above rest, the ball turns at √(2E/I) through the angle √(I/a|S|) in which I
@@ -339,13 +344,15 @@ def low_weight(plan: PlannedRun) -> LimitCheck | None:
     squared = size / inertia * (scene.gravity + 2 * scene.ball.radius * energy / inertia)
     value = float((squared * plan.timestep**2) ** 3 * plan.duration / _MEASURED)
     limit = float(tolerated(plan.settings.error_tolerance, np.array(plan.duration)))
-    fix = f"take a timestep below {plan.timestep * (limit / value) ** (1 / 6):.2g} s"
-    return LimitCheck("the path error of a low weight's swing", value, limit, fix)
+    return value, limit, plan.timestep * (limit / value) ** (1 / 6)
 
 
-@_law("errors of chosen steps add up to rtol times their number")
-def errors_added(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the sum of the errors of steps that are chosen by their error: rtol a step.
+@_law(
+    "the errors of all steps may change M by about {error}; {allowed} is allowed: take a smaller "
+    "rtol"
+)
+def errors_added(plan: PlannedRun) -> _Found:
+    """Predict the sum of the errors of DOP853's steps: rtol times their number.
 
     Measured: M drifts by 0.005 to 0.2 of it on four scenes, from 1e-12 to 1e-6; from 1e-4 on the
     contact may be lost as well.
@@ -354,36 +361,34 @@ def errors_added(plan: PlannedRun) -> LimitCheck | None:
     if not plan.settings.adaptive or rtol is None:
         return None
     steps = plan.duration * COST_MODEL.steps_per_second(plan.rotation_rate, rtol)
-    return LimitCheck(
-        "what the steps' errors may add up to",
-        float(rtol * max(steps, 1.0)),
-        float(tolerated(plan.settings.error_tolerance, np.array(plan.duration))),
-        "take a smaller rtol",
-    )
+    limit = tolerated(plan.settings.error_tolerance, np.array(plan.duration))
+    return rtol * max(steps, 1.0), float(limit)
 
 
-@_law("b·dt is 2.785 at most under RK4, 2 under Euler and the implicit ones")
-def friction_damping(plan: PlannedRun) -> LimitCheck | None:
-    """Require b·dt < 2.785 of RK4, 2 of Euler and the implicit ones, as slip follows dv/dt = -b v.
+@_law(
+    "slip will grow, as the friction's damping times the timestep is {value:.4g} and {integrator} "
+    "bears {limit:.4g}: give solreffriction a weaker damping, as (-1, -0.5)"
+)
+def friction_damping(plan: PlannedRun) -> _Found:
+    """Require b·dt < 2.785 of RK4, 2 of Euler and the implicit ones, b the damping of slip.
 
-    RK4's R(-z) = 1 - z + z²/2 - z³/6 + z⁴/24 is 1 at z = 2.785. Euler and the implicit integrators
-    take the contact's force from the start of the step, v → v(1 - b dt). Measured: slip dies out at
-    2.75 and grows at 2.82; at 1.95 and 2.05 under the others. Discrete has no such limit.
+    Slip follows dv/dt = -b v. RK4's R(-z) = 1 - z + z²/2 - z³/6 + z⁴/24 is 1 at z = 2.785. Euler
+    and the implicit integrators take the contact's force from the start of the step, v → v(1 - b
+    dt). Measured: slip dies out at 2.75 and grows at 2.82; at 1.95 and 2.05 under the others.
+    Discrete has no such limit.
     """
     limit = plan.integrator.friction_limit
     if limit is None:
         return None
-    return LimitCheck(
-        "the friction's damping times the timestep",
-        plan.friction_damping * plan.timestep,
-        limit,
-        "give solreffriction a weaker damping, as (-1, -0.5)",
-    )
+    return plan.friction_damping * plan.timestep, limit
 
 
-@_law("a step must not make the contact's vibration grow")
-def contact_spring(plan: PlannedRun) -> LimitCheck | None:
-    """Require that a step does not magnify the contact's vibration, ẍ = -k x - b ẋ.
+@_law(
+    "the contact's vibration will grow {value:.4g} times in each step: take a softer solref, as "
+    "(0.04, 1), or a shorter timestep"
+)
+def contact_spring(plan: PlannedRun) -> _Found:
+    """Require that a step does not magnify the contact's vibration ẍ = -k x - b ẋ.
 
     RK4's |R(s dt)| for the roots s of s² + b s + k; for the others, which take the force first,
     then the velocity, then the position, the spectral radius of
@@ -401,69 +406,59 @@ def contact_spring(plan: PlannedRun) -> LimitCheck | None:
     else:
         k, b = stiffness * plan.timestep**2, damping * plan.timestep
         growth = np.abs(np.linalg.eigvals([[1 - b, -k], [1 - b, 1 - k]])).max()
-    return LimitCheck(
-        "what a step makes of the contact's vibration",
-        float(growth),
-        # A vibration that keeps its size is no fault, and rounding must not make it one.
-        1 + 1e-9,
-        "take a softer solref, as (0.04, 1), or a shorter timestep",
-    )
+    # A vibration that keeps its size is no fault, and rounding must not make it one.
+    return float(growth), 1 + 1e-9
 
 
-@_law("a time constant below two steps is raised to them")
-def raised_solref(plan: PlannedRun) -> LimitCheck | None:
-    """Require a contact's time constant of two steps, to which MuJoCo's refsafe would raise it.
+@_law(
+    "MuJoCo will raise the contact's time constant from {value:.4g} s to two timesteps without a "
+    "warning: give solref {limit:.4g} s",
+    least=True,
+)
+def raised_solref(plan: PlannedRun) -> _Found:
+    """Require a contact's time constant of two steps, to which MuJoCo would raise it in silence.
 
-    There is no warning, so a sweep of the timestep would change the contact as well.
+    By its refsafe, so a sweep of the timestep would change the contact as well.
     """
     constant = plan.solref[0]
     if constant <= 0 or not np.isfinite(plan.timestep):
         return None
-    return LimitCheck(
-        "the contact's time constant",
-        constant,
-        # A constant of exactly two steps, as the advice names it, must pass.
-        2 * plan.timestep * (1 - 1e-12),
-        f"MuJoCo raises it to two timesteps in silence; give solref {2 * plan.timestep:g} s",
-        "s",
-        least=True,
-    )
+    # A constant of exactly two steps, as the advice names it, must pass.
+    return constant, 2 * plan.timestep * (1 - 1e-12)
 
 
-@_law("a servo that settles at λ takes adaptive steps of 6.3/λ at most")
-def _settling(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the number of adaptive steps by the servos' rate λ.
+@_law(
+    "the servos' rate needs {value:.4g} adaptive steps, and more than {limit:.4g} take minutes: "
+    "take a lower gain, more armature, or prescribe the rate"
+)
+def settling(plan: PlannedRun) -> _Found:
+    """Predict DOP853's steps of 6.3/λ at most, λ the rate at which a servo settles.
 
-    DOP853 is stable up to steps of 6.3/λ, whatever their error.
+    Longer ones are not stable, whatever their error.
     """
     fastest = plan.servo_rate
     if not plan.settings.adaptive or not fastest:
         return None
-    return LimitCheck(
-        "the number of steps that the servos' rate takes",
-        fastest * plan.duration / _STABLE,
-        _MANY_STEPS,
-        "take a lower gain, more armature, or prescribe the rate, or wait for minutes",
-    )
+    return fastest * plan.duration / _STABLE, _MANY_STEPS
 
 
-@_law("kv·dt/j is 2.785 at most under RK4, 2 under Euler and discrete")
-def servo_gain(plan: PlannedRun) -> LimitCheck | None:
-    """Require kv·dt/j < 2.785 of RK4, 2 of Euler and discrete; the implicit ones have no limit.
+@_law(
+    "the servos' rates will grow, as their gain times the timestep over their inertia is "
+    "{value:.4g} and {integrator} bears {limit:.4g}: take a lower gain, a shorter timestep, or "
+    "prescribe the rate"
+)
+def servo_gain(plan: PlannedRun) -> _Found:
+    """Require kv·dt/j < 2.785 of RK4, 2 of Euler and discrete, kv/j a servo's gain over inertia.
 
-    A velocity servo is a damper, and j the inertia that it feels with the ball rolling: kv/j is its
-    `servo_rate`, with springs and position servos the size of a complex one. Measured on both
-    models: sound at 2.7 and diverged at 2.9 under RK4, at 1.95 and 2.1 under Euler.
+    The implicit integrators have no limit. A velocity servo is a damper, and j the inertia that it
+    feels with the ball rolling: kv/j is its `servo_rate`, with springs and position servos the size
+    of a complex one. Measured on both models: sound at 2.7 and diverged at 2.9 under RK4, at 1.95
+    and 2.1 under Euler.
     """
     limit, fastest = plan.integrator.servo_limit, plan.servo_rate
     if limit is None or not fastest:
         return None
-    return LimitCheck(
-        "the servos' gain times the timestep over their inertia",
-        fastest * plan.timestep,
-        limit,
-        "take a lower gain, a shorter timestep, or prescribe the rate",
-    )
+    return fastest * plan.timestep, limit
 
 
 _NO_STEP = 1e-9  # s: drives that such steps do not see are no functions of time
@@ -477,76 +472,78 @@ def seeing_step(scene: Scene, duration: float, timestep: float, limit: float) ->
     return timestep
 
 
-@_law("a fixed step sees a drive at its begin, middle and end alone")
-def drive_seen(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the error of a drive's mean rate over a step, as three values tell it.
+@_law(
+    "a drive changes between a step's instants, which will put its rate off by about {error}; "
+    "{allowed} is allowed: take a timestep below {step:.2g} s, or the adaptive preset"
+)
+def drive_seen(plan: PlannedRun) -> _Found:
+    """Predict the error of a drive's rate, of which a step sees begin, middle and end alone.
 
-    It is Simpson's, of fourth order for slow drives, and of the drive's own size for one whose
-    period is no longer than the step. No rate at a step's end shows it: there a drive whose period
-    divides the timestep is a constant. Measured on fig12 with a sine in the frame's rate: the path
-    is off by 0.64 to 0.7 of it from 7 to 50 Hz, by 1.0 of it at half the step's rate, and by 0.6
-    to 1.9 of it where the period divides the timestep.
+    It is the mean rate's over a step. The error is Simpson's, of fourth order for slow drives, and
+    of the drive's own size for one whose period is no longer than the step. No rate at a step's end
+    shows it: there a drive whose period divides the timestep is a constant. Measured on fig12 with
+    a sine in the frame's rate: the path is off by 0.64 to 0.7 of it from 7 to 50 Hz, by 1.0 of it
+    at half the step's rate, and by 0.6 to 1.9 of it where the period divides the timestep.
     """
     if plan.settings.adaptive or plan.scene.steady:
         return None
     limit = min(plan.settings.error_tolerance, RATE_ERROR)
     step = seeing_step(plan.scene, plan.duration, plan.timestep, limit)
-    value = plan.scene.sampling_error(plan.duration, plan.timestep)
-    fix = f"it changes between the step's instants; take a timestep below {step:.2g} s, or adaptive"
-    return LimitCheck("a drive's error over a step", value, limit, fix)
+    return plan.scene.sampling_error(plan.duration, plan.timestep), limit, step
 
 
 _LARGEST_STATE = 1e10  # mjMAXVAL: MuJoCo calls a larger position, velocity or control bad
 _LEAST_DETERMINANT = 1e-10  # below it MuJoCo takes a contact's friction for singular
 
 
-@_law("μ is at least |F_horizontal|/N")
-def sliding_friction(plan: PlannedRun) -> LimitCheck | None:
-    """Require μ ≥ |F_horizontal|/N, the friction that the motion by (2.4) needs of the plane.
+@_law(
+    "the ball will slip, as sliding friction is {value:.4g} and the motion needs {limit:.4g}: "
+    "raise sliding_friction",
+    least=True,
+)
+def sliding_friction(plan: PlannedRun) -> _Found:
+    """Require μ ≥ |F|/N, with the horizontal force F that the motion by (2.4) needs of the plane.
 
     Where only the start's loads are known, a demand that grows later is not seen.
     """
-    return LimitCheck(
-        "sliding friction",
-        plan.friction[0],
-        float(plan.loads.sliding_friction.max()),
-        "the ball slips; give sliding_friction more",
-        least=True,
-    )
+    return plan.friction[0], plan.loads.sliding_friction.max()
 
 
-@_law("μ_t is at least |λ₀|/N for rubber")
-def torsional_friction(plan: PlannedRun) -> LimitCheck | None:
-    """Require μ_t ≥ |λ₀|/N for rubber; with less the ball spins under drag and is not rubber."""
+@_law(
+    "the ball will spin on the spot, as torsional friction is {value:.4g} m and the motion needs "
+    "{limit:.4g} m: raise torsional_friction",
+    least=True,
+)
+def torsional_friction(plan: PlannedRun) -> _Found:
+    """Require μ_t ≥ |λ₀|/N for rubber, with the torque λ₀ that keeps the ball from spinning.
+
+    With less the ball spins under drag, and is not rubber.
+    """
     if plan.scene.rolling != "rubber" or plan.condim < 4:
         return None
-    return LimitCheck(
-        "torsional friction",
-        plan.friction[1],
-        float(plan.loads.torsional_friction.max()),
-        "the ball spins on the spot; give torsional_friction more",
-        "m",
-        least=True,
-    )
+    return plan.friction[1], plan.loads.torsional_friction.max()
 
 
-@_law("rubber needs the torsional row, condim 4")
-def contact_dimension(plan: PlannedRun) -> LimitCheck | None:
-    """Require the torsional row for rubber: with condim 3 the ball is the classical one."""
-    if plan.scene.rolling != "rubber":
-        return None
-    return LimitCheck(
-        "condim", plan.condim, 4, "the rubber model needs a torsional row; leave condim None",
-        least=True,
-    )  # fmt: skip
+@_law(
+    "the ball will spin on the spot, as condim is {value:.4g} and rubber needs {limit:.4g}: leave "
+    "condim None",
+    least=True,
+)
+def contact_dimension(plan: PlannedRun) -> _Found:
+    """Require condim 4 for rubber, which has the torsional row; with 3 the ball is classical."""
+    return (plan.condim, 4) if plan.scene.rolling == "rubber" else None
 
 
-@_law("rolling and torsional friction eat M at μ m g")
-def drag(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the part of M that is lost to rows that the rolling model does not have.
+@_law(
+    "rolling or torsional friction, which the rolling model does not have, will reduce M by about "
+    "{error}; {allowed} is allowed: leave condim None"
+)
+def drag(plan: PlannedRun) -> _Found:
+    """Predict the part μ m g t of M that rolling and torsional friction take.
 
-    These are rolling friction with condim 6 in both models, and torsional friction in the classical
-    one, which may spin. dM/dt = -μ m g at most, with the μ of the row [m].
+    They are rows that the rolling model does not have: rolling friction with condim 6 in both
+    models, and torsional friction in the classical one, which may spin. dM/dt = -μ m g at most,
+    with the μ of the row [m].
     """
     eats = plan.friction[2] if plan.condim >= 6 else 0.0
     if plan.scene.rolling == "classical" and plan.condim >= 4:
@@ -554,17 +551,16 @@ def drag(plan: PlannedRun) -> LimitCheck | None:
     if not eats:
         return None
     weight = plan.scene.ball.mass * plan.scene.gravity
-    return LimitCheck(
-        "the part of M that rolling and torsional friction may eat",
-        eats * weight * plan.duration / plan.scene.momentum_scale,
-        plan.settings.error_tolerance,
-        "neither rolling model has that friction; leave condim None",
-    )
+    lost = eats * weight * plan.duration / plan.scene.momentum_scale
+    return lost, plan.settings.error_tolerance
 
 
-@_law("with the frame as root the ball slips by |a (ω×Ω)×γ|/b")
-def frame_as_root(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the slip of a model whose root is the frame, over the speed: |a (ω×Ω)×γ|/(b v).
+@_law(
+    "with the frame as root the ball will slip off its path by about {error}; {allowed} is "
+    'allowed: take root="shell"'
+)
+def frame_as_root(plan: PlannedRun) -> _Found:
+    """Predict the slip |a (ω×Ω)×γ|/(b v) over the speed, of a model whose root is the frame.
 
     The contact rows' J̇v term, which MuJoCo leaves out, is a(ω×Ω)×γ when the shell hangs on a
     hinge. Friction that reduces slip at the rate b leaves so much of it. M keeps its value all the
@@ -575,24 +571,20 @@ def frame_as_root(plan: PlannedRun) -> LimitCheck | None:
         return None
     left_out = np.cross(plan.angular_velocity, plan.Omega)
     acceleration = plan.scene.ball.radius * float(np.linalg.norm(np.cross(left_out, plan.axes[2])))
-    return LimitCheck(
-        "the part of the path that a model with the frame as root slips",
-        _slip(plan, acceleration),
-        plan.settings.error_tolerance,
-        'take root="shell"',
-    )
+    return _slip(plan, acceleration), plan.settings.error_tolerance
 
 
-@_law("soft friction needs slip to carry its load")
-def creep(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the slip, over the speed, that soft friction needs to carry its load.
+@_law(
+    "soft friction will let the ball creep off its path by about {error}; {allowed} is allowed: "
+    "give noslip_iterations 1 with an elliptic cone, or solimp nearer to 1"
+)
+def creep(plan: PlannedRun) -> _Found:
+    """Predict the slip (1 - d)/d α/(b v) over the speed, by which soft friction carries its load.
 
-    The noslip solver takes it away.
-
-    A row of impedance d gives its force with a deviation of (1 - d)/d of the acceleration α that
-    the force makes: divided by impratio in an elliptic cone, times μ² in a pyramidal one, whose
-    edges lean that far. So b v = (1 - d)/d α. Measured within 3 % on fig12, and a sixth of it on
-    classical_regular, whose force is not always that of the start.
+    The noslip solver takes it away. A row of impedance d gives its force with a deviation of (1 -
+    d)/d of the acceleration α that the force makes: divided by impratio in an elliptic cone, times
+    μ² in a pyramidal one, whose edges lean that far. So b v = (1 - d)/d α. Measured within 3 % on
+    fig12, and a sixth of it on classical_regular, whose force is not always that of the start.
     """
     if plan.option("noslip_iterations") or not plan.reduced:
         return None
@@ -602,12 +594,8 @@ def creep(plan: PlannedRun) -> LimitCheck | None:
     else:
         softness *= plan.friction[0] ** 2
     force = float(np.linalg.norm(plan.loads.contact_force[:, :2], axis=1).max())
-    return LimitCheck(
-        "the part of the path that soft friction lets the ball creep",
-        _slip(plan, softness * force * _inverse_inertia(plan)[0, 0]),
-        plan.settings.error_tolerance,
-        "give noslip_iterations 1 with an elliptic cone, or solimp nearer to 1",
-    )
+    slip = _slip(plan, softness * force * _inverse_inertia(plan)[0, 0])
+    return slip, plan.settings.error_tolerance
 
 
 def _slip(plan: PlannedRun, acceleration: float) -> float:
@@ -624,11 +612,14 @@ def _slip(plan: PlannedRun, acceleration: float) -> float:
     return acceleration * slip / speed
 
 
-@_law("PGS and noslip skip friction with det(D A D) below 1e-10")
-def friction_block(plan: PlannedRun) -> LimitCheck | None:
-    """Require that PGS and noslip do not take the contact's friction for singular.
-
-    They do below 1e-10, without a warning.
+@_law(
+    "PGS and noslip will leave friction out, as the determinant or pivot of its inverse inertia "
+    "is {value:.4g}, and below {limit:.4g} they take it for singular: scale the masses down or "
+    "the friction up, or take solver Newton without noslip",
+    least=True,
+)
+def friction_block(plan: PlannedRun) -> _Found:
+    """Require det(D A D) ≥ 1e-10, below which PGS and noslip leave friction out in silence.
 
     Both solve the block of its friction rows in an elliptic cone: D A D, with A the inverse inertia
     that the rows feel and D their coefficients. PGS adds their softness, (1 - d)/d A_nn μ²/impratio
@@ -652,17 +643,7 @@ def friction_block(plan: PlannedRun) -> LimitCheck | None:
     # The pivots of Cholesky's factors are the ratios of successive leading minors.
     minors = np.array([np.linalg.det(block[:n, :n]) for n in range(1, rows + 1)])
     value = minors[-1] if rows < 5 else (minors / [1.0, *minors[:-1]]).min()
-    name = "noslip" if noslip else "PGS"
-    return LimitCheck(
-        "the determinant of the friction's inverse inertia"
-        if rows < 5
-        else "the least pivot of the friction's inverse inertia",
-        float(value),
-        _LEAST_DETERMINANT,
-        f"MuJoCo's {name} solver takes it for singular; scale the masses down or the friction up, "
-        "or take solver Newton without noslip",
-        least=True,
-    )
+    return value, _LEAST_DETERMINANT
 
 
 def _inverse_inertia(plan: PlannedRun) -> Array:
@@ -679,28 +660,28 @@ def _inverse_inertia(plan: PlannedRun) -> Array:
     return linear @ linear.T / ball.mass + angular @ turning @ angular.T
 
 
-@_law("a start just touching falls into the contact")
-def start_depth(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the lever arm's error of a start just touching, over the radius.
+@_law(
+    "the ball will fall into the contact by about {error} of its radius; {allowed} is allowed: "
+    "set start_in_equilibrium"
+)
+def start_depth(plan: PlannedRun) -> _Found:
+    """Predict the lever arm's error g (1 - d)/(d² k) over the radius, of a start just touching.
 
-    Half of it is in the path.
-
-    The contact carries the weight at the depth p = g (1 - d)/(d² k), into which the ball falls.
-    A start in equilibrium has it as the pair's margin, and the lever arm is a.
+    Half of it is in the path. The contact carries the weight at the depth p = g (1 - d)/(d² k),
+    into which the ball falls. A start in equilibrium has it as the pair's margin, and the lever arm
+    is a.
     """
     if plan.settings.start_in_equilibrium:
         return None
-    return LimitCheck(
-        "the depth into which the ball falls, over its radius",
-        plan.equilibrium_depth / plan.scene.ball.radius,
-        2 * plan.settings.error_tolerance,
-        "set start_in_equilibrium",
-    )
+    return plan.equilibrium_depth / plan.scene.ball.radius, 2 * plan.settings.error_tolerance
 
 
-@_law("the first step of a start just touching slips by α dt")
-def first_step(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the slip α dt that a start just touching begins with, over the speed of M.
+@_law(
+    "the ball will slip by about {error} of its speed in the first step, which finds no contact; "
+    "{allowed} is allowed: set start_in_equilibrium"
+)
+def first_step(plan: PlannedRun) -> _Found:
+    """Predict the slip α dt over the speed of M, which a start just touching begins with.
 
     MuJoCo finds no contact at depth zero, so for one step the contact point has the acceleration
     that friction should have taken from it, and slip dies out slowly. Measured 0.38 to 0.56 of it
@@ -710,39 +691,37 @@ def first_step(plan: PlannedRun) -> LimitCheck | None:
         return None
     force = float(np.linalg.norm(plan.loads.contact_force[0, :2]))
     slip = force * float(_inverse_inertia(plan)[0, 0]) * plan.timestep
-    return LimitCheck(
-        "the slip that the first step makes, over the speed",
-        slip / (plan.scene.momentum_scale * plan.scene.ball.radius / plan.scene.ball.d),
-        plan.settings.error_tolerance,
-        "set start_in_equilibrium",
-    )
+    speed = plan.scene.momentum_scale * plan.scene.ball.radius / plan.scene.ball.d
+    return slip / speed, plan.settings.error_tolerance
 
 
-@_law("beside huge armatures a solver stops before it has begun")
-def solver_tolerance(plan: PlannedRun) -> LimitCheck | None:
-    """Require a tolerance at which a solver does not stop before it begins.
+@_law(
+    "the solver will stop before it has begun, as its tolerance times the armatures is "
+    "{value:.4g}, above {limit:.4g}: give tolerance 0, or solver PGS"
+)
+def solver_tolerance(plan: PlannedRun) -> _Found:
+    """Require that the solver's tolerance times the armatures is below the gradient m g d/(1 - d).
 
-    Newton's stops where the gradient over the sum of the inertias, armatures included, is below the
-    tolerance, and without a force yet the gradient is m g d/(1 - d). Measured: right at 2 and
-    nothing at 20 times that; CG, which goes by the cost as well, stops a hundred times earlier.
-    PGS always takes its first iteration, and that is enough.
+    Else a solver stops before it begins. Newton's stops where the gradient over the sum of the
+    inertias, armatures included, is below the tolerance, and without a force yet the gradient is m
+    g d/(1 - d). Measured: right at 2 and nothing at 20 times that; CG, which goes by the cost as
+    well, stops a hundred times earlier. PGS always takes its first iteration, and that is enough.
     """
     drive = plan.settings.drive
     if not isinstance(drive, Prescribed) or plan.option("solver") == "PGS":
         return None
     prescribed = [each for each in plan.hinges if not each.own_motor]
     d, weight = plan.impedance, plan.scene.ball.mass * plan.scene.gravity
-    return LimitCheck(
-        "the solver's tolerance times the armatures",
-        plan.option("tolerance") * drive.armature * len(prescribed),
-        weight * d / (1 - d) / (1 if plan.option("solver") == "Newton" else 100),
-        "the solver stops before it has begun: give tolerance 0, or solver PGS",
-    )
+    limit = weight * d / (1 - d) / (1 if plan.option("solver") == "Newton" else 100)
+    return plan.option("tolerance") * drive.armature * len(prescribed), limit
 
 
-@_law("a coordinate, a rate or a control is 1e10 at most")
-def largest_number(plan: PlannedRun) -> LimitCheck | None:
-    """Require coordinates, rates and controls below 1e10, beyond which MuJoCo calls them bad.
+@_law(
+    "a coordinate, rate or control will reach {value:.4g}, and MuJoCo takes more than {limit:.4g} "
+    "for a bad state: choose other units or a shorter run"
+)
+def largest_number(plan: PlannedRun) -> _Found:
+    """Require coordinates, rates and controls up to 1e10; MuJoCo takes more for a bad state.
 
     They are the path at the start's speed, the angles that the hinges turn through, and the
     actuators' controls.
@@ -751,20 +730,19 @@ def largest_number(plan: PlannedRun) -> LimitCheck | None:
     speed = float(np.linalg.norm(plan.rolling_velocity))
     controls = [abs(hinge.control(0.0)) for hinge in plan.hinges]
     reach = max(1.0, plan.duration)
-    return LimitCheck(
-        "the largest coordinate, rate or control",
-        max(speed * reach, *(rate * reach for rate in rates), *controls, plan.rotation_rate),
-        _LARGEST_STATE,
-        "MuJoCo takes more for a bad state; choose other units or a shorter run",
-    )
+    turned = [rate * reach for rate in rates]
+    return max(speed * reach, *turned, *controls, plan.rotation_rate), _LARGEST_STATE
 
 
 _MAGNIFIED = 10.0  # the path's relative error over a rate's, of the 0.1 to 40 that were measured
 
 
-@_law("a prescribed hinge gives way by ∫τ dt over its armature")
-def prescribed_rate(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the rate ∫τ dt/armature that a hinge kept by its armature loses under its load.
+@_law(
+    "loads on a prescribed hinge will put its rate off by about {error}; {allowed} is allowed: "
+    "take a larger armature for such heavy bodies"
+)
+def prescribed_rate(plan: PlannedRun) -> _Found:
+    """Predict the rate ∫τ dt/armature that a hinge kept by its armature loses under its load τ.
 
     Measured to three digits on six scenes with masses of 1e5 and 1e6 times their own. The path is
     off by 0.1 to 40 times as much, relative. Where only the start's loads are known, they are taken
@@ -780,16 +758,14 @@ def prescribed_rate(plan: PlannedRun) -> LimitCheck | None:
         if isinstance(hinge.actuation, Prescribed):
             lost = float(impulses[hinge.index]) / hinge.actuation.armature / hinge.largest_rate
             worst = max(worst, lost)
-    return LimitCheck(
-        "the share of its rate that a prescribed hinge loses under its load",
-        worst,
-        plan.settings.error_tolerance / _MAGNIFIED,
-        "the hinges' armature is too small for such heavy bodies; take a larger one",
-    )
+    return worst, plan.settings.error_tolerance / _MAGNIFIED
 
 
-@_law("a velocity servo loses τ/kv of its rate")
-def servo_droop(plan: PlannedRun) -> LimitCheck | None:
+@_law(
+    "loads on a servo will put its rate off by about {error}; {allowed} is allowed: take a higher "
+    "gain, or prescribe the rate"
+)
+def servo_droop(plan: PlannedRun) -> _Found:
     """Predict the error τ/kv of a velocity servo's rate under its load, relative to the rate.
 
     Measured 0.75 to 0.99 of that, where it is small.
@@ -802,27 +778,27 @@ def servo_droop(plan: PlannedRun) -> LimitCheck | None:
         torque = float(np.abs(plan.loads.motor_torques[:, hinge.index]).max())
         if not hinge.own_motor and hinge.of.rate:  # else its error belongs to the motion
             worst = max(worst, torque / servo.gain / abs(hinge.of.rate))
-    return LimitCheck(
-        "the share of its rate that a servo loses under its load",
-        worst,
-        plan.settings.error_tolerance,
-        "take a higher gain, or prescribe the rate",
-    )
+    return worst, plan.settings.error_tolerance
+
+
+def limit_checks(plan: PlannedRun) -> dict[str, LimitCheck]:
+    """Return what the laws that apply to a run predict, by their names."""
+    # Extreme settings overflow here, and an infinite value exceeds its limit all the same.
+    with np.errstate(all="ignore"):
+        checks = {name: law(plan) for name, law in LAWS.items()}
+    return {name: check for name, check in checks.items() if check is not None}
 
 
 def exceeded(
     scene: Scene, settings: Settings, times: Array, loads: Loads | None = None
-) -> tuple[LimitCheck, ...]:
-    """Return the limits that a run is predicted to exceed.
+) -> dict[str, LimitCheck]:
+    """Return the limits that a run is predicted to exceed, by the names of their laws.
 
     times: (n,) s, the run's; loads: of the whole motion by the equations, if known already, in
     place of the start's.
     """
-    plan = planned(scene, settings, float(times[-1]), loads)
-    with np.errstate(all="ignore"):
-        # Extreme settings overflow here, and an infinite value exceeds its limit all the same.
-        found = [predict(plan) for predict in LAWS]
-        return tuple(check for check in found if check is not None and check.exceeded)
+    checks = limit_checks(planned(scene, settings, float(times[-1]), loads))
+    return {name: check for name, check in checks.items() if check.exceeded}
 
 
 def precheck(
@@ -834,8 +810,8 @@ def precheck(
     strict: bool = False,
 ) -> None:
     """Warn, a line each, of the limits that the run exceeds; raise InputError if strict."""
-    for each in exceeded(scene, settings, times, loads):
-        line = f"{scene.name}, {settings.name}: {each}"
+    for check in exceeded(scene, settings, times, loads).values():
+        line = f"{scene.name}, {settings.name}: {check.warning}"
         if strict:
             raise InputError(line)
         warn(line)
@@ -847,17 +823,17 @@ def check_length(scene: Scene, settings: Settings, times: Array) -> None:
     Steps that are chosen by their error are counted as they are taken, but for the least number
     that the servos need.
     """
-    chosen = resolved(scene, settings)
+    plan = planned(scene, settings, float(times[-1]))
     # Each span between two samples takes less than one step beyond its length over the timestep.
     spans = len(times) + len(scene.breakpoints)
-    if not settings.adaptive and times[-1] / chosen.timestep + spans <= settings.max_steps:
+    if not settings.adaptive and times[-1] / plan.timestep + spans <= settings.max_steps:
         return
-    plan = planned(scene, settings, float(times[-1]))
     if settings.adaptive and settings.timestep is None:
-        least = _settling(plan)
+        least = settling(plan)
         if least is not None and least.value > settings.max_steps:
             raise InputError(
-                f"{scene.name} over {times[-1]:g} s: {least}; max_steps = {settings.max_steps}"
+                f"{scene.name} over {times[-1]:g} s: {least.warning}; "
+                f"max_steps = {settings.max_steps}"
             )
         return
     steps = step_count(times, scene.breakpoints, plan.timestep)

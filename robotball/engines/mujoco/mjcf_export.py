@@ -28,7 +28,7 @@ _AGREES = 1e-6  # of the path: the largest error of held controls
 _HALVINGS = 5  # of the step at most, to 32 times as many rows of controls
 _GAUSS, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # for the mean of a command over a step
 _SAMPLES = 200  # of the path of a play
-_WIDTH, _COMMENT_LINE = 95, "\n     "  # of a comment: its lines' characters, and what parts them
+_WRAP, _COMMENT_LINE = 95, "\n     "  # of a comment: its lines' characters, and what parts them
 DEFAULT_ITERATIONS = 100  # of MuJoCo's solver
 # The picture's lengths in radii of the ball, so that any ball fills it alike.
 _CAMERA, _EXTENT, _SUN, _TILE = "0 -5 2", 4.0, 12.0, 0.5
@@ -81,7 +81,7 @@ def write_model(scene: Scene, settings: Settings, *, dressed: bool, stem: str) -
         needs = _needs(model, f"{stem}-play.py", off)
     # Two hyphens would end a comment.
     wrapped = [
-        part for line in _words(model, needs) for part in wrap(line.replace("--", "- -"), _WIDTH)
+        part for line in _words(model, needs) for part in wrap(line.replace("--", "- -"), _WRAP)
     ]
     xml = f"<!-- {_COMMENT_LINE.join(wrapped)} -->\n{(dress(model) if dressed else model).xml}"
     if needs is None:

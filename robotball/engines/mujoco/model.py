@@ -24,7 +24,7 @@ from robotball.engines.mujoco.settings import Prescribed, Resolved, Settings
 from robotball.errors import InputError
 from robotball.motors import Actuator, Free, Law, Motor, PositionServo, Servo, Torque
 from robotball.rotations import Array, multiply, rotation_matrix, z_along
-from robotball.scene import MovedHinge, Scene, Start
+from robotball.scene import MovedHinge, Scene
 
 
 @dataclass(frozen=True)
@@ -153,16 +153,12 @@ class Model:
         limits += [each.law.limit for each in self.scene.actuators]
         return any(limit < np.inf for limit in limits)
 
-    def start_data(self, start: Start | None = None, scene: Scene | None = None) -> mujoco.MjData:
-        """Return MjData at the scene's start, or at another one of the same ball.
-
-        scene: one whose hinges have other angles and rates at that start.
-        """
+    def start_data(self, scene: Scene | None = None) -> mujoco.MjData:
+        """Return MjData at the model's start, or at that of another scene of the same ball."""
         data = mujoco.MjData(self.compiled)
         mujoco.mj_resetDataKeyframe(self.compiled, data, 0)
-        if start is not None:
-            scene, root = scene or self.scene, self.settings.root
-            data.qpos, data.qvel = state_at(scene, root, start, self.hinges)
+        if scene is not None:
+            data.qpos, data.qvel = start_state(scene, self.settings.root, self.hinges)
         return data
 
 
@@ -252,16 +248,15 @@ def _compose(chosen: Resolved, hinges: tuple[ModelHinge, ...]) -> tuple[Element,
     _set(pair, solreffriction=settings.solreffriction)
     _add_sensors(sensors, scene, settings.root, hinges)
     key = _add(keyframe, "key", name=START, ctrl=controls_at(scene, hinges, 0.0) or None)
-    qpos, qvel = state_at(scene, settings.root, scene.start, hinges)
+    qpos, qvel = start_state(scene, settings.root, hinges)
     _set(key, qpos=qpos, qvel=qvel)
     return root, pair
 
 
-def state_at(
-    scene: Scene, root: str, start: Start, hinges: tuple[ModelHinge, ...]
-) -> tuple[Array, Array]:
+def start_state(scene: Scene, root: str, hinges: tuple[ModelHinge, ...]) -> tuple[Array, Array]:
     """Return qpos and qvel of a start on the constraints, for the body with the free joint."""
-    shell, turning = scene.ball.shell, [scene.hinges[hinge.index] for hinge in hinges]
+    start, shell = scene.start, scene.ball.shell
+    turning = [scene.hinges[hinge.index] for hinge in hinges]
     # The free joint's angular velocity is in the root body's axes, its velocity in the world's.
     attitude, root_turning = start.attitude, scene.angular_velocity_at(start)
     frame = scene.hinges[0] if scene.ball.has_frame else None
@@ -350,6 +345,7 @@ def _add_hinge(actuators: Element, hinge: ModelHinge, body: Element, axis: Array
         actuator = _add(actuators, "motor", **on, gear=gear)
     else:
         actuator = _add_law(actuators, motor.law, **on)
+        _set(joint, frictionloss=motor.law.friction or None)
     _limit(actuator, hinge.torque_limit)
 
 

@@ -3,8 +3,8 @@
 The room is read in this order: `settings` (the recipes), `model` (scene and settings → MJCF),
 `control` and `stepping` (MuJoCo's integrators) with `torque_limits` and `rolling_resistance`,
 `adaptive` (DOP853), `readings` (sensors → readings, MuJoCo's own faults), `run`, `rollouts` (many
-at once), `limits` with `trials` (faults predicted), `accuracy` (an error in place of settings, and
-that of settings), `user_model`, `mjcf_export`, `ports` (MJX and MuJoCo Warp).
+at once), `limits` with `linearised` (faults predicted), `accuracy` (an error in place of settings,
+and that of settings), `user_model`, `mjcf_export`, `ports` (MJX and MuJoCo Warp).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -48,7 +48,7 @@ class MuJoCo(Engine):
     def prepare(self, scene: Scene, settings: EngineSettings) -> Runner:
         """Return a function that runs one model, built here, from any state of the scene's ball."""
         model = build(resolved(scene, as_own(settings, Settings, LABEL)))
-        return lambda times, started: run(model, times, start=started.start, scene=started)
+        return lambda times, started: run(model, times, scene=started)
 
     def run_many(
         self, scenes: Sequence[Scene], times: Array, settings: EngineSettings

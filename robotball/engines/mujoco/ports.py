@@ -14,7 +14,7 @@ import numpy as np
 
 from robotball.engines import adapter
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.model import Model, ModelHinge, build, controls_at, state_at
+from robotball.engines.mujoco.model import Model, ModelHinge, build, controls_at, start_state
 from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings, resolved
 from robotball.engines.states import State, force_in
 from robotball.motion import Label
@@ -120,7 +120,7 @@ def shell_state(model: Model, qpos: Array, qvel: Array) -> State:
 def _coordinates(model: Model, scenes: Sequence[Scene]) -> tuple[Array, Array]:
     """Return qpos (n, nq) and qvel (n, nv) at the starts of scenes."""
     root, hinges = model.settings.root, model.hinges
-    qpos, qvel = zip(*(state_at(s, root, s.start, hinges) for s in scenes), strict=True)
+    qpos, qvel = zip(*(start_state(s, root, hinges) for s in scenes), strict=True)
     return np.array(qpos), np.array(qvel)
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from mujoco.rollout import Rollout
 
 from robotball.engines.mujoco.limits import check_length, precheck
-from robotball.engines.mujoco.model import Model, build, carrying_depth, hinges_of, state_at
+from robotball.engines.mujoco.model import Model, build, carrying_depth, hinges_of, start_state
 from robotball.engines.mujoco.run import held, observed, run
 from robotball.engines.mujoco.settings import Resolved, Settings, resolved
 from robotball.engines.mujoco.stepping import Portion, controlled, stretches
@@ -88,7 +88,7 @@ def _started(model: Model, scene: Scene) -> Model | None:
     if [each.index for each in hinges] != [each.index for each in model.hinges]:
         return None
     compiled = copy(model.compiled)
-    qpos, qvel = state_at(scene, settings.root, scene.start, hinges)
+    qpos, qvel = start_state(scene, settings.root, hinges)
     mujoco.mj_normalizeQuat(compiled, qpos)  # as the compiler does
     compiled.key_qpos[0], compiled.key_qvel[0] = qpos, qvel
     if settings.start_in_equilibrium:

@@ -12,14 +12,13 @@ from robotball.engines.mujoco.stepping import Portion, by_steps, controlled
 from robotball.engines.observe import Recording
 from robotball.motion import ContactMotion
 from robotball.rotations import Array
-from robotball.scene import Scene, Start
+from robotball.scene import Scene
 
 
 def run(
     model: Model,
     times: Array,
     progress: Progress | None = None,
-    start: Start | None = None,
     scene: Scene | None = None,
 ) -> ContactMotion:
     """Return the motion of a built model.
@@ -32,10 +31,8 @@ def run(
         The sample times from 0, which are not checked.
     progress : function, optional
         Called with the simulated fraction.
-    start : Start, optional
-        Where to begin, if not at the scene's own start.
     scene : Scene, optional
-        One whose hinges have other angles and rates at that start.
+        One of the same ball, from whose start to run in place of the model's own.
 
     Raises
     ------
@@ -49,7 +46,7 @@ def run(
 
         march = by_forward
     with controlled(model) as control:
-        data = model.start_data(start, scene)
+        data = model.start_data(scene)
         return observed(model, times, march(control, data, times), progress)
 
 

@@ -23,7 +23,7 @@ from robotball.rotations import Array
 _LATE = 1e-9
 _SHARP = 1e-10  # of a step: the precision of a switch's time
 _SHORTEST = 1e-6  # of a step: a switch nearer to its begin or end is taken to be there
-_MOST = 8  # switches in a step; one with more is taken with MuJoCo's own limits
+_MOST_SWITCHES = 8  # switches in a step; one with more is taken with MuJoCo's own limits
 _OWN = 2  # in place of a side: MuJoCo limits the torque itself
 
 
@@ -74,7 +74,7 @@ class _Switches:
     def steps(self, data: mujoco.MjData, length: float) -> Iterator[float]:
         """Take one step, in parts that end at its switches. Yields the length of each part [s]."""
         left = length
-        for _ in range(_MOST):
+        for _ in range(_MOST_SWITCHES):
             # A command that has jumped leaves a motor beyond its side before the step.
             if self._late(data) > 0:
                 self._settle(data)

@@ -6,7 +6,7 @@ geoms that touch inside, joints with a range and servos that lag, is seen in the
 
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -19,11 +19,15 @@ from robotball.engines.observe import Readings, Recording
 from robotball.engines.states import lifting
 from robotball.equations import Rolling
 from robotball.errors import InputError, unknown
-from robotball.files.robot_file import RobotFile, gears_of, scene_of
+from robotball.files.robot_file import RobotFile, gears_of, hinged, scene_of
 from robotball.loads import Loads
 from robotball.motion import DIVERGED, ContactMotion, EngineSettings
-from robotball.rotations import Array, from_matrix, rotation_matrix
+from robotball.rotations import Array, Mask, from_matrix, rotation_matrix
 from robotball.scene import Scene
+
+_PATIENCE = 15.0  # s of processor time that a run as it is may take
+# Of the time, and of the radius: a sphere that is off the plane so long or so far is aloft.
+_ALOFT, _HIGH = 0.05, 0.01
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,14 @@ class UserModel:
     def actuators(self) -> dict[str, int]:
         """The numbers of the actuators by name."""
         return {name: i for i, name in enumerate(gears_of(self.robot.model))}
+
+    @cached_property
+    def hinges(self) -> tuple[list[int], list[int]]:
+        """The places of the scene's hinges among qpos and among qvel."""
+        model, joints = self.robot.model, hinged(self.robot)
+        return [int(model.jnt_qposadr[j]) for j in joints], [
+            int(model.jnt_dofadr[j]) for j in joints
+        ]
 
     @property
     def steady(self) -> bool:
@@ -85,10 +97,29 @@ class UserModel:
         except InputError as error:
             raise InputError(f"{self.robot.path}: {error}") from None
 
-    def path(self, times: Array) -> Array:
-        """Return the contact points (n, 2) [m] at equal times (n,) [s]; NaN where it diverged.
+    def meets(self, duration: float) -> tuple[float, str] | None:
+        """Return when [s] a part first touches another or a fixed body, if any does, and which.
 
-        It takes as many steps at once as it can, and reads nothing else.
+        The model is stepped as its file says, up to a duration [s].
+        """
+        robot, data, began = self.robot, self.begin(), time.process_time()
+        if np.sum(robot.model.geom_contype | robot.model.geom_conaffinity > 0) <= 2:
+            return None  # sphere and plane
+        while data.time < duration and _sound(data):
+            if time.process_time() - began > _PATIENCE:
+                return float(data.time), "it takes too long to step it further"
+            self.control(data)
+            mujoco.mj_step(robot.model, data)
+            for contact in data.contact:
+                if words := robot.meeting(data, contact, late=True):
+                    return float(data.time), words
+        return None
+
+    def path(self, times: Array) -> Array:
+        """Return the contact points and heights above the plane (n, 3) [m] at equal times (n,) [s].
+
+        They are NaN from where the state diverged. It takes as many steps at once as it can, and
+        reads nothing else.
         """
         model, data = self.robot.model, self.begin()
         # A state that diverged would go on from the start.
@@ -102,21 +133,37 @@ class UserModel:
             for _ in range(count // at_once):
                 self.control(data)
                 mujoco.mj_step(model, data, at_once)
-            if not np.all(np.isfinite(data.qpos)):
+            if not _sound(data):
                 break
             mujoco.mj_kinematics(model, data)
             centres[i] = data.geom_xpos[self.robot.sphere]
-        return np.asarray((centres - centres[0]) @ self.robot.plane_axes(data).T)[:, :2]
+        places = (centres - data.geom_xpos[self.robot.plane]) @ self.robot.plane_axes(data).T
+        return self.points(places)
+
+    def points(self, places: Array) -> Array:
+        """Return the contact points and heights (n, 3) of the sphere's centre, in plane axes."""
+        return np.column_stack([places[:, :2] - places[0, :2], places[:, 2] - self.radius])
+
+
+def _sound(data: mujoco.MjData) -> bool:
+    # A comparison with NaN is false.
+    return bool((np.abs(data.qpos) < DIVERGED).all() and (np.abs(data.qvel) < DIVERGED).all())
 
 
 @dataclass
 class Seen:
     """What only a user's model shows, over all steps of a run.
 
-    inside: by two geoms that are not sphere and plane, the part of the steps in which they touch;
-    limits: joints that reach their range, and when [s]; delivered: the part of the declared
-    resistance to rolling; lag: of servos by name, root mean square over the command's.
+    path (n, 3): contact point and height above the plane at every step [m]; fails: what ends its
+    rolling, in words; until: when it does, or the end [s]; inside: by two geoms that overlap from
+    the start, the part of the steps in which they do; limits: joints that reach their range, and
+    when [s]; delivered: the part of the declared resistance to rolling; lag: of servos by name,
+    root mean square over the command's.
     """
+
+    path: Array
+    fails: str | None
+    until: float
 
     inside: Counter[tuple[int, int]] = field(default_factory=Counter)
     limits: dict[str, float] = field(default_factory=dict)
@@ -124,39 +171,87 @@ class Seen:
     lag: dict[str, float] = field(default_factory=dict)
 
 
-def observed(user: UserModel, scene: Scene, tolerance: float) -> tuple[ContactMotion, Seen]:
+def observed(
+    user: UserModel,
+    scene: Scene,
+    tolerance: float,
+    show: Callable[[float], None] = lambda _: None,
+    name: str = "as it is",
+) -> tuple[ContactMotion, Seen]:
     """Step a model as it is over the scene's duration; return its motion and what else it shows.
 
-    The motion has every step, up to one that diverges, and no momentum and hinges' angles.
-    tolerance: the slip over the path beyond which it is a fault.
+    The motion has every step, up to one that diverges or as far as patience goes, and no momentum.
+    tolerance: the slip over the path beyond which it is a fault; show: called with the part that is
+    done; name: of the motion's settings.
     """
     model, data = user.robot.model, user.begin()
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     tally, rows, began = _Tally(user), list[Array](), time.process_time()
-    while data.time < scene.duration and np.all(np.isfinite(data.qpos)):
+    count = round(scene.duration / model.opt.timestep)
+    for i in range(count + 1):
         user.control(data)
-        # A step by RK4 leaves the contacts of its last stage, so those of the state are made first.
+        # A step by RK4 leaves the contacts of its last stage, so those of the state are made first,
+        # and leave the next step's first guess as plain steps have it.
+        guess = data.qacc_warmstart.copy()
         mujoco.mj_forward(model, data)
+        data.qacc_warmstart[:] = guess
         rows.append(_row(user, data))
+        if not _sound(data) or not np.isfinite(rows[-1][:_CONTACT]).all():
+            rows.pop()
+            break
         tally.add(data)
         mujoco.mj_step(model, data)
-    settings = EngineSettings(name="as it is", error_tolerance=tolerance, stop_at_fault=False)
-    recording = Recording(LABEL, scene, settings, np.array(rows)[:, 0])
-    recording.add(_readings_of(user, scene, np.array(rows)))
+        if i % _LOOK == 0:
+            show(i / count)
+            if time.process_time() - began > _PATIENCE:
+                break
+    diverged = float(data.time) if not _sound(data) else None
     seconds = time.process_time() - began
-    return recording.motion(model.opt.timestep, len(rows), seconds), tally.seen()
+    settings = EngineSettings(name=name, error_tolerance=tolerance, stop_at_fault=False)
+    table = np.array(rows)
+    recording = Recording(LABEL, scene, settings, table[:, 0])
+    recording.add(_readings_of(user, scene, table))
+    motion = recording.motion(model.opt.timestep, len(rows), seconds)
+    path = user.points(table[:, 1:4])
+    lost = np.isnan(table[:, _CONTACT])
+    return motion, tally.seen(path, *_failure(table[:, 0], lost, path[:, 2], user.radius, diverged))
+
+
+def _failure(
+    times: Array, lost: Mask, heights: Array, radius: float, diverged: float | None
+) -> tuple[str | None, float]:
+    """Return what ends the rolling, in words, and when [s]: a state that diverged, or a flight."""
+    words, until = None, float(times[-1])
+    part, top = float(lost.mean()), float(heights[lost].max(initial=0.0))
+    if diverged is not None:
+        words, until = f"it diverges at t = {diverged:.3g} s", diverged
+    if part > _ALOFT or top > _HIGH * radius:
+        # The longest flight: a sphere that just touches may be off the plane for a step at first.
+        ends = np.flatnonzero(np.diff(lost, prepend=False, append=False)).reshape(-1, 2)
+        until = float(times[ends[np.argmax(ends[:, 1] - ends[:, 0]), 0]])
+        flight = (
+            f"it leaves the plane at t = {until:.3g} s: it has no contact for {part:.1%} of the "
+            f"time, and is {top:.3g} m above the plane at most"
+        )
+        words = f"{flight}; {words}" if words else flight
+    return words, until
+
+
+_CONTACT = 14  # numbers of a row before those of the contact
+_LOOK = 100  # steps from one look at the clock to the next
 
 
 def _row(user: UserModel, data: mujoco.MjData) -> Array:
     """Return the numbers of a state: time, place and velocity of the sphere's centre, attitude,
-    turning, and the contact's force, depth and coefficient of friction; NaN without a contact.
+    turning, the contact's force, depth and coefficient of friction (NaN without a contact), and
+    the hinges' angles and rates.
     """
     robot, moving = user.robot, np.zeros(6)
     kind = mujoco.mjtObj.mjOBJ_GEOM
     mujoco.mj_objectVelocity(robot.model, data, kind, robot.sphere, moving, 0)
     to_plane, force, depth, friction = robot.plane_axes(data), np.full(3, np.nan), np.nan, np.nan
     for i, contact in enumerate(data.contact):
-        if {int(contact.geom1), int(contact.geom2)} == {robot.sphere, robot.plane}:
+        if robot.rolls(contact):
             wrench = np.zeros(6)
             mujoco.mj_contactForce(robot.model, data, i, wrench)
             force = lifting([to_plane @ (wrench[:3] @ contact.frame.reshape(3, 3))])
@@ -164,27 +259,29 @@ def _row(user: UserModel, data: mujoco.MjData) -> Array:
     place = to_plane @ (data.geom_xpos[robot.sphere] - data.geom_xpos[robot.plane])
     attitude = from_matrix(to_plane @ data.geom_xmat[robot.sphere].reshape(3, 3))
     velocity, turning = to_plane @ moving[3:], to_plane @ moving[:3]
-    return np.array([data.time, *place, *velocity, *attitude, *turning, *force, depth, friction])
+    hinges = [*data.qpos[user.hinges[0]], *data.qvel[user.hinges[1]]]
+    loads = [*force, depth, friction]
+    return np.array([data.time, *place, *velocity, *attitude, *turning, *loads, *hinges])
 
 
 def _readings_of(user: UserModel, scene: Scene, rows: Array) -> Readings:
     """Return the readings of rows."""
-    times, place, velocity, attitude, turning, force, depth, friction = np.split(
-        rows, np.cumsum([1, 3, 3, 4, 3, 3, 1]), axis=1
+    count = len(scene.hinges)
+    times, place, velocity, attitude, turning, force, depth, friction, angles, rates = np.split(
+        rows, np.cumsum([1, 3, 3, 4, 3, 3, 1, 1, count]), axis=1
     )
-    sound = np.asarray((np.abs(rows[:, :14]) < DIVERGED).all(axis=1))
+    sound = np.asarray((np.abs(rows[:, :_CONTACT]) < DIVERGED).all(axis=1))
     slip = velocity - user.radius * np.cross(turning, [0.0, 0.0, 1.0])
-    unknown_loads = Loads.unknown(len(rows), len(scene.hinges))
+    unknown_loads = Loads.unknown(len(rows), count)
     loads = replace(unknown_loads, contact_force=np.nan_to_num(force))
-    hinges = np.full((len(rows), len(scene.hinges)), np.nan)
     return Readings(
         time=times[:, 0],
         centre=np.column_stack([place[:, :2] - place[0, :2], user.radius - depth]),
         attitude=attitude,
         angular_velocity=np.einsum("nji,nj->ni", rotation_matrix(attitude), turning),
         momentum=np.full_like(place, np.nan),
-        hinge_angles=hinges,
-        hinge_rates=hinges,
+        hinge_angles=angles,
+        hinge_rates=rates,
         loads=loads,
         slip=np.linalg.norm(slip[:, :2], axis=1),
         spin=turning[:, 2],
@@ -203,7 +300,11 @@ class _Tally:
         self.inside: Counter[tuple[int, int]] = Counter()
         self.limits: dict[str, float] = {}
         self.resistance, self.steps = np.zeros(2), 0  # given and declared
-        self.asked, self.missed = np.zeros(model.nu), np.zeros(model.nu)
+        # A servo's torque is by how far it is off its command, of which its gain is the factor.
+        gain, bias = model.actuator_gainprm[:, 0], model.actuator_biasprm
+        by = np.where(bias[:, 1], bias[:, 1], bias[:, 2])
+        self.servos = np.flatnonzero((model.actuator_biastype != 0) & (by == -gain)).tolist()
+        self.asked, self.missed = np.zeros(len(self.servos)), np.zeros(len(self.servos))
 
     def add(self, data: mujoco.MjData) -> None:
         """Count a state, whose contacts are up to date."""
@@ -212,8 +313,10 @@ class _Tally:
         others = set()
         for i, contact in enumerate(data.contact):
             pair = int(contact.geom1), int(contact.geom2)
-            if {*pair} != {robot.sphere, robot.plane}:
-                others.add(pair)
+            late = self.steps > 1
+            if not robot.rolls(contact):
+                if pair in self.inside or not robot.meeting(data, contact, late):
+                    others.add(pair)
             elif contact.dim == 6:
                 mujoco.mj_contactForce(model, data, i, force)
                 self.resistance += np.linalg.norm(force[4:]), force[0] * contact.friction[3]
@@ -221,20 +324,30 @@ class _Tally:
         at, (low, high) = model.jnt_qposadr[self.limited], model.jnt_range[self.limited].T
         for j in self.limited[(data.qpos[at] < low) | (data.qpos[at] > high)]:
             self.limits.setdefault(model.joint(j).name or f"joint {j}", data.time)
-        # A position servo follows its length, any other its velocity.
+        low, high = model.actuator_ctrlrange[self.servos].T
+        limited = model.actuator_ctrllimited[self.servos].astype(bool)
+        asked = data.ctrl[self.servos]
+        asked = np.where(limited, np.clip(asked, low, high), asked)
+        for k, i in enumerate(self.servos):
+            # An integrated velocity is followed as an angle, which is the actuator's own state.
+            if model.actuator_dyntype[i] == int(mujoco.mjtDyn.mjDYN_INTEGRATOR):
+                asked[k] = data.act[model.actuator_actadr[i]]
+        by_angle = model.actuator_biasprm[self.servos, 1] != 0
         follows = np.where(
-            model.actuator_biasprm[:, 1], data.actuator_length, data.actuator_velocity
+            by_angle, data.actuator_length[self.servos], data.actuator_velocity[self.servos]
         )
-        self.asked += data.ctrl**2
-        self.missed += (data.ctrl - follows) ** 2
+        self.asked += asked**2
+        self.missed += (asked - follows) ** 2
 
-    def seen(self) -> Seen:
+    def seen(self, path: Array, fails: str | None, until: float) -> Seen:
         """Return the counts over the number of steps."""
-        model, (given, declared) = self.user.robot.model, self.resistance
+        given, declared = self.resistance
+        names = {number: name for name, number in self.user.actuators.items()}
         lag = {
-            name: float(np.sqrt(self.missed[i] / self.asked[i]))
-            for name, i in self.user.actuators.items()
-            if model.actuator_biastype[i] and self.asked[i]
+            names[i]: float(np.sqrt(missed / asked))
+            for i, asked, missed in zip(self.servos, self.asked, self.missed, strict=True)
+            if asked
         }
         inside = Counter({pair: count / self.steps for pair, count in self.inside.items()})
-        return Seen(inside, self.limits, float(given / declared) if declared else None, lag)
+        delivered = float(given / declared) if declared else None
+        return Seen(path, fails, until, inside, self.limits, delivered, lag)

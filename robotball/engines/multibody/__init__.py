@@ -52,7 +52,7 @@ _LABEL = Label("multibody equations", version("robotball"), "#D55E00")  # the eq
 
 _MAX_STEPS = 1_000_000  # hours, where motors settle so fast that they set the step
 _MANY_STEPS = 5_000  # a minute
-_STEP = 0.012  # s that such a step takes
+_SECONDS = 0.012  # s that such a step takes
 _STABLE = 6.3  # over the rate at which anything settles: the longest step of DOP853
 _DIFFERENCE = 1e-6  # of a state's scale, by which its Jacobian is taken
 # Times the error of a step, of the motion by which its own error is estimated: its steps are longer
@@ -90,16 +90,23 @@ def integrate(
 
     first = march(rtol)
     states, readings = first.run(times)
-    times = times[: len(states)]
+    times, ended = times[: len(states)], None
     if first.stopped:
         t, which = first.stopped
         at, (joint, *ends) = first.system.ranges[which - 1]
         slides = scene.ball.tree[1 + at - HINGES].slides
         low, high = ends if slides else np.degrees(ends)
-        reached = f"{joint} reaches its range of {low:g} to {high:g} {'m' if slides else 'deg'}"
-        line = f"{scene.name}: {reached} at t = {t:.6g} s"
+        unit = "m" if slides else "deg"
+        reached = f"{joint} reaches its range of {low:g} to {high:g} {unit}"
+        ended = f"{reached} at t = {t:.6g} s"
+        line = f"{scene.name}: {ended}"
         if len(times) < 2:
-            raise InputError(f"{line}, before the first sample; sample the motion more often")
+            start = (
+                f"{scene.name}: {joint} starts at its stop, an end of {low:g} to {high:g} {unit}, "
+            )
+            start += "and is pushed against it; widen its range, or start it elsewhere"
+            sooner = f"{line}, before the first sample; widen its range, or sample more often"
+            raise InputError(sooner if t > 0 else start)
         warn(f"{line}, where the motion ends")
     hinges = len(scene.hinges)
     return extended(
@@ -109,6 +116,7 @@ def integrate(
         again=again,
         motor_work=states[:, HINGES + 2 * hinges :],
         rolling_loss=states[:, LOSS],
+        ended=ended,
     )
 
 
@@ -121,7 +129,7 @@ def _check_rates(scene: Scene, duration: float, limit: int) -> None:
     if steps > _MANY_STEPS:
         line = (
             f"{scene.name}: its motors settle at {rate:.3g} 1/s, so {duration:g} s take at least "
-            f"{steps:.2g} steps, some {steps * _STEP / 60:.2g} min; lower the gains, raise the "
+            f"{steps:.2g} steps, some {steps * _SECONDS / 60:.2g} min; lower the gains, raise the "
             "armatures, or prescribe the rates"
         )
         if steps > limit:

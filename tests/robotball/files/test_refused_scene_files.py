@@ -9,8 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import robotball as rb
+from robotball.errors import UnitWarning
 from robotball.files.scene_file import CATALOG, read_scene
-from robotball.files.scene_keys import asked_back
+from robotball.files.scene_keys import ask
+from tests.conftest import Robotball
 from tests.imports import PROJECT
 from tests.robotball.files.scene_texts import (
     BOB,
@@ -245,6 +247,15 @@ ASKED = {
     "final = -6.0": ("final = -6000", "frame.rate.final is -6000 rad/s; did you mean -628.3 (-6"),
     "duration = 10.0": ("duration = 10.0\ngravity = 9810", "did you mean 9.81 (9810 mm/s²)?"),
     'drive = "servo"': ("supply = 12", "frame.supply is 12; did you mean 0.12 (12 %)?"),
+    "mass = 0.35": ("mass = 900", "frame.part1.mass is 900 kg; did you mean 0.9 (900 g)?"),
+    "torque_limit = 1.2": (
+        "torque_limit = 21",
+        "frame.torque_limit is 21 N m; did you mean 2.059 ",
+    ),
+    "armature = 0.0004": ("stall_torque = 21", "stall_torque is 21 N m; did you mean 2.059 (21 kg"),
+    "kd = 0.3": ("stall_torque = 60\ngear = 5", "60 N m; did you mean 0.06 (60 mN m)?"),
+    "rate = {": ("no_load_speed = 168\nrate = {", "168 rad/s; did you mean 17.59 (168 rpm)?"),
+    "axis = [1, 0, 0]": ("axis = [1, 0, 0]\ninitial_angle = 30", "30 rad; did you mean 0.5236"),
     "kv = 0.4": ("rotor_inertia = 12", "inertia is 12 kg m²; did you mean 1.2e-06 (12 g cm²)"),
 }
 
@@ -255,20 +266,41 @@ def test_a_number_that_seems_to_be_in_another_unit_is_asked_back(
 ) -> None:
     """In one line, with the key and the number in the key's unit."""
     typed, words = ASKED[stands]
+    scene = rb.load_scene(PROJECT / "examples" / "my_robot.toml")
     (tmp_path / "mine.toml").write_text(edited(stands, typed, EXAMPLE))
-    (line,) = asked_back(tmp_path / "mine.toml", 0.15)
-    assert words in line
+    with pytest.warns(UnitWarning) as caught:
+        ask(tmp_path / "mine.toml", scene)
+    (said,) = caught
+    assert words in str(said.message)
 
 
-def test_ours_are_not_asked_about_and_a_robots_own_file_is_for_its_shell(tmp_path: Path) -> None:
-    """It is a warning, of a file alone: the library takes any radius."""
-    ours = [PROJECT / "examples" / "my_robot.toml", *CATALOG.glob("*.toml")]
-    assert [line for path in ours for line in asked_back(path, 150.0)] == []
-    ball = '<body><freejoint/><geom size="150"/></body><geom type="plane" size="1 1 1"/>'
-    (tmp_path / "big.xml").write_text(f"<mujoco><worldbody>{ball}</worldbody></mujoco>")
-    with pytest.warns(rb.SceneWarning) as caught:
-        rb.load_scene(tmp_path / "big.xml")
-    assert "the shell's radius is 150 m; did you mean 0.15 (150 mm)?" in str(caught[-1].message)
+def test_no_number_of_ours_is_asked_about(recwarn: pytest.WarningsRecorder) -> None:
+    """Of the catalog and the example, nor a motor of the class that the data sheet's page has."""
+    for path in (PROJECT / "examples" / "my_robot.toml", *CATALOG.glob("*.toml")):
+        ask(path, rb.load_scene(path))
+    assert [str(each.message) for each in recwarn if each.category is UnitWarning] == []
+
+
+BIG = """<mujoco><worldbody><geom type="plane" size="1 1 1"/><body><freejoint/>
+<geom size="150" mass="1"/>
+</body></worldbody></mujoco>"""
+
+
+def test_a_question_is_a_warning_of_the_library_and_a_refusal_of_the_command(
+    robotball: Robotball,
+) -> None:
+    """Status 2, before anything runs; `--as-given` insists. The library takes any number."""
+    Path("big.xml").write_text(BIG)
+    words = "big.xml: the shell's radius is 150 m; did you mean 0.15 (150 mm)?"
+    with pytest.warns(UnitWarning, match=re.escape(words)):
+        rb.load_scene("big.xml")
+    for command in ("check", "compare"):
+        status, out, complaint = robotball(command, "big.xml")
+        assert (status, out) == (2, "")
+        assert complaint.endswith(f"robotball: {words} (--as-given takes it as it is written)\n")
+    status, _, complaint = robotball("model", "big.xml", "--as-given")
+    assert status == 0
+    assert f"warning: {words}" in complaint
 
 
 # Scenes of many kinds of tables, without the texts about them.

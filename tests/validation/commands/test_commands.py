@@ -9,6 +9,7 @@ import sys
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -23,56 +24,135 @@ from validation.studies.ablation import CHOICES
 from validation.studies.extreme_maps import MAPS
 from validation.studies.portrait_maps import PLANES
 
-# What each command is run with, and what it prints then.
-RUNS = {
-    "scenes": r"fig12 +rubber +10 s",
-    "compare fig12 --duration 1 --keep-going": r"rubber +balanced +5 .* agrees .*plots: out/fig12-",
+approx = pytest.approx
+
+ERRORS = ["path error", "gamma error", "momentum error"]
+FOCI = ["slow stable focus"] * 2 + ["stable focus"] * 2
+CYCLE = "cycle of period 8.743261 s"
+HOPF = "supercritical, l₁ = -0.00499 1/s, stable cycles above"
+# What each command is run with; words that it prints, and numbers of its record by their paths.
+RUNS: dict[str, tuple[str, dict[str, Any]]] = {
+    "scenes": ("fig12 rubber 10 s ", {}),
+    "compare fig12 --duration 1 --keep-going --json a.json": (
+        "plots: out/fig12-mujoco-balanced-1s-path.png",
+        {
+            "0/preset": "balanced",
+            "0/timestep": 0.005,
+            "0/path_error": approx(6.0e-10, rel=0.1),
+            "0/verdict": "agrees",
+        },
+    ),
     "compare fig12 --starts 3 --duration 1 --preset fast --seed 2 --json a.json": (
-        r"fig12 +fast +path error +3 +0 "
+        "",
+        {"spread/*/error": ERRORS, "spread/*/runs": [3] * 3, "spread/*/faulty": [0] * 3},
     ),
-    "engines wobbling_drive --only mujoco --quick --duration 0.2 --workers 1": "MuJoCo",
-    # As it comes, by the recipe (6.0e-10), and the free body's gain, -1.5712e-2 since 3.11.
+    "engines wobbling_drive --only mujoco --quick --duration 0.2 --workers 1": (
+        "* on the Pareto front",
+        {"runs/*/label": ["MuJoCo"], "runs/*/preset": ["naive"], "failed": []},
+    ),
     "history mujoco --quick --workers 1": (
-        r"4\.0\.0 +- +3\.\de-01 +[1-9]\.\de-10 +-1\.6e-02 +1\.00 +a hinge turns"
+        "MuJoCo on fig12, version after version",
+        {
+            "history/*/version": [mujoco.__version__],
+            "history/0/as_it_comes": approx(0.387, abs=0.05),
+            "history/0/recipe": approx(6.0e-10, rel=0.1),
+            # Since 3.11.
+            "history/0/free_body": approx(-1.571e-2, abs=2e-5),
+            "history/0/fault": (
+                "a hinge turns more than 0.1 % too fast or too slow from t = 0.02 s on"
+            ),
+        },
     ),
-    "model fig12 --explain": r"one along K \+ \(J_s \+ d\)Ω makes the same motion",
-    "model chaplygin_ball --explain": (
-        r"rotor bodies: the scene has none.*torsional friction row \(condim 4\)"
-    ),
-    "view fig12 --web --duration 0.1": r"out/fig12-mujoco-balanced-0\.1s-view\.html$",
-    "figures 3 --json a.json": r"out/fig03\.png",
+    "model fig12 --explain": ("one along K + (J_s + d)Ω makes the same motion", {}),
+    "model chaplygin_ball --explain": ("the torsional friction row (condim 4): the classical", {}),
+    "view fig12 --web --duration 0.1": ("out/fig12-mujoco-balanced-0.1s-view.html", {}),
+    "figures 3 --json a.json": ("out/fig03.png", {"figures": ["out/fig03.png"]}),
     "section fig12 --count 40 --preset fast --json a.json": (
-        "equations: 40 crossings, 20 with g growing, 20 falling MuJoCo: 40 crossings"
+        "equations: 40 crossings, 20 with g growing, 20 falling MuJoCo: 40 crossings",
+        {"equations/directions": [1, -1] * 20, "MuJoCo/directions": [1, -1] * 20},
     ),
     "section fig10_stable --count 20 --json a.json": (
-        "attracts: what ends there crosses only by rounding; 'robotball equilibria fig10_stable'"
+        "attracts: what ends there crosses only by rounding; 'robotball equilibria fig10_stable'",
+        {"equations/times/0": approx(1.1370694, abs=1e-6)},
     ),
-    "section classical_chaotic --starts 3 --count 20 --skip 2 --g 0.4": "equations: 60 crossings",
+    "section classical_chaotic --starts 3 --count 20 --skip 2 --g 0.4": (
+        "equations: 60 crossings",
+        {},
+    ),
     "lyapunov fig14 --starts 2 --duration 100 --transient 20 --preset fast "
-    "--threads 1 --json a.json": (r"λ₁ \[1/s\] +0\.1.*λ₁ by MuJoCo, fast.*λ₆ by MuJoCo, fast"),
-    "basins fig12 --starts 8 --transient 1000 --json a.json": r"cycle of period 8\.743261 s +0\.",
-    "basins fig10_stable --starts 8 --json a.json": r"straight line +1\.000",
-    "equilibria fig07 --longest 70 --json a.json": r"saddle.*period 60\.0086320 s",
-    "equilibria fig05c --json a.json": (
-        r"Γ₁ .*centre,.*Σ_s .* to -0\.7181 attracts.*Σ_u .* to 0\.7181 repels.*"
-        r"points add up to 2; with that of the circle .*is 0, to 2.*out/fig05c-equilibria\.png"
+    "--threads 1 --json a.json": (
+        "λ₆ by MuJoCo, fast [1/s]",
+        {
+            "largest": approx([0.15, 0.15], abs=0.05),
+            "smallest": approx([-0.17, -0.17], abs=0.05),
+            "dimension": approx(1.89, abs=0.05),
+            # The motion's own exponent.
+            "engine_exponents/*/2": [0.0, 0.0],
+        },
+    ),
+    "basins fig12 --starts 8 --transient 1000 --json a.json": (
+        "attractor share of the starts",
+        {"reached": [CYCLE, *["torus"] * 6, CYCLE]},
+    ),
+    "basins fig10_stable --starts 8 --json a.json": ("", {"reached": ["straight line"] * 8}),
+    "equilibria fig07 --longest 70 --json a.json": (
+        "period 60.0086320 s",
+        {
+            "fixed_points/*/kind": [*FOCI[:2], "saddle", "saddle", *FOCI[2:]],
+            "limit_cycles/*/period": approx([60.0086320], abs=1e-6),
+        },
     ),
     "equilibria rubber_chaplygin_gyrostat --longest 0 --json a.json": (
-        r"at rest.*every motion from rest is closed"
+        "every motion from rest is closed",
+        {"fixed_points/*/kind": ["centre"] * 2, "fixed_points/*/contact_speed": [0.0] * 2},
     ),
-    "equilibria classical_regular --json a.json": r"straight +0\.",
-    "equilibria fig10_stable --longest 0 --json a.json": r"δ₊ .* stable,.*σ₋ .* stable,",
+    "equilibria classical_regular --json a.json": (
+        "A classical ball can roll straight on at any γ",
+        {"straight_motions/*/speed": approx([1.44])},
+    ),
+    "equilibria fig10_stable --longest 0 --json a.json": (
+        "Two straight-line motions are stable where M² < 2.08062 (kg m²/s)²",
+        {
+            "straight_motions/*/name": ["δ₊", "σ₊", "δ₋", "σ₋"],
+            "straight_motions/*/eigenvalues/2/0": approx(
+                [-2.954e-3, 0.2237, 0.2237, -2.954e-3], rel=1e-3
+            ),
+        },
+    ),
     "continue fig07 --of equilibrium --over K3 --from 0.4 --to 0.6 --json a.json": (
-        r"fold +0\.5150283 .*8 branches.*out/fig07-continue-equilibrium-K3\.png"
+        "8 branches, 322 points; γ in principal axes out/fig07-continue-equilibrium-K3.png",
+        {
+            "special/*/kind": ["fold", "fold"],
+            "special/*/value": approx([0.5150283] * 2, abs=1e-7),
+            "ends": [["the range ends"] * 2] * 8,
+        },
     ),
-    "continue fig07 --of cycle --over K3 --from 2.9 --to 3 --csv a.csv": "1 branches",
+    "continue fig07 --of cycle --over K3 --from 2.9 --to 3 --csv a.csv": ("1 branches", {}),
     "continue fig10 --of line --over f --from 2 --to 2.2 --json a.json": (
-        r"Hopf point +2\.080624 .*supercritical, l₁ = -0\.00499 1/s, stable cycles above"
+        "4 branches",
+        {
+            "special/*/kind": ["Hopf point"] * 2,
+            "special/*/value": approx([2.080624] * 2, abs=1e-6),
+            "special/*/what": [HOPF] * 2,
+        },
     ),
-    "attractors --quick --json a.json": "holds",
-    "results --quick --only drift --workers 1": r"largest difference, at .*out/results",
+    "attractors --quick --json a.json": (
+        "",
+        {
+            "measurements/*/holds": [True] * 5,
+            "measurements/0/contact": approx(8.74326136, abs=1e-6),
+        },
+    ),
+    "results --quick --only drift --workers 1": (
+        "largest difference, at 4 rad/s [m/s]",
+        {
+            "parts/drift/*/apart": approx([3.456e-3], rel=0.1),
+            "parts/drift/*/bound": [0.01],
+        },
+    ),
     "chart fig14 --over K=2:4 --count 30 --duration 500 --quick --workers 1": (
-        r"motions, \d\.\d minutes of processor time.*chart-K-2-4-count-30-500s-quick"
+        "3 motions",
+        {"over": ["K"], "points": 3, "chaotic": 0.0, "straight": 0.0},
     ),
 }
 # Run below, and by the tests of their studies, of the film and of the demo's table.
@@ -80,15 +160,27 @@ ELSEWHERE = "ablation check convergence demo design export extremes judge paper 
 ELSEWHERE += "report steer tradeoff video"
 
 
-@pytest.mark.parametrize(("arguments", "words"), RUNS.items())
+def at(record: Any, path: str) -> Any:
+    """What stands at a path of a record: keys and places, and `*` for every one of a list."""
+    first, _, rest = path.partition("/")
+    if first == "*":
+        return [at(each, rest) for each in record]
+    inner = record[int(first) if isinstance(record, list) else first]
+    return at(inner, rest) if rest else inner
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words", "numbers"), [(each, *of) for each, of in RUNS.items()], ids=RUNS
+)
 def test_a_command_says_its_result_and_writes_it(
     robotball: Robotball,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     arguments: str,
     words: str,
+    numbers: dict[str, Any],
 ) -> None:
-    """Status 0, the result on standard output, and the same as JSON with its versions.
+    """Status 0, a line of it on standard output, and its numbers as JSON with the versions.
 
     Forty columns cut no table, and copied text has no lines of a box in it.
     """
@@ -97,13 +189,65 @@ def test_a_command_says_its_result_and_writes_it(
     monkeypatch.setenv("COLUMNS", "40")
     status, out, _ = robotball(*arguments.split())
     assert status == 0
-    assert re.search(words, " ".join(out.split()))
-    assert not re.search("[…│┃┏└]", out)
-    if "--json" in arguments:
-        record = json.loads((tmp_path / "a.json").read_text())
-        assert record["versions"]["mujoco"] == mujoco.__version__
+    assert words in " ".join(out.split())
+    assert not {*"…│┃┏└"} & {*out}
+    if numbers:
+        (file,) = [*tmp_path.glob("a.json"), *tmp_path.glob("out/*.json")]
+        record = json.loads(file.read_text())
+        assert {path: at(record, path) for path in numbers} == numbers
+        versions = record[0]["versions"] if isinstance(record, list) else record["versions"]
+        assert versions["mujoco"] == mujoco.__version__
     for picture in tmp_path.glob("out/*.png"):
         assert picture.read_bytes()[:4] == b"\x89PNG"
+
+
+PAGE = """\
+Fixed points and cycles of the motion
+from rest (M = 0); γ in principal axes.
+
+        γ                                    eigenvalues [1/s] or multiplier
+ ────────────────────────────────────────────────────────────────────────────────────────────────
+  Γ₁    1, 0, 0                              0 ± 1.131i                        centre,
+                                                                               circle of 0.559 m
+  Γ₂    -1, 0, 0                             0 ± 1.131i                        centre,
+                                                                               circle of 0.559 m
+  Γ₃    0, 1, 0                              -0.5, 0.5                         saddle,
+                                                                               circle of 2.062 m
+  Γ₄    0, -1, 0                             -0.5, 0.5                         saddle,
+                                                                               circle of 2.062 m
+  Γ₅    0, 0, 1                              0 ± 0.4714i                       centre,
+                                                                               circle of 4.472 m
+  Γ₆    0, 0, -1                             0 ± 0.4714i                       centre,
+                                                                               circle of 4.472 m
+  Σ_s   ± from -0.46102, 0.88415, 0.075754   0, and 0 to -0.7181               attracts,
+        to -0.15988, -0.16673, 0.97296                                         straight line
+  Σ_u   ± from -0.15988, -0.16673, 0.97296   0, and 0 to 0.7181                repels,
+        to 0.46102, -0.88415, -0.075754                                        straight line
+
+The indices of the points add up to 2;
+with that of the circle (Ω, γ) = 0,
+which is 0, to 2, as they must on a
+sphere.
+out/fig05c-equilibria.png
+"""
+
+
+def test_a_page_looks_as_it_should(
+    robotball: Robotball, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A table, wider than the terminal, and sentences that are broken at its width of 40.
+
+    Its numbers are the record's, to the digits that are printed.
+    """
+    monkeypatch.setenv("COLUMNS", "40")
+    status, out, _ = robotball("equilibria", "fig05c", "--json", "a.json")
+    lines = [line.rstrip() for line in out.splitlines()]
+    assert (status, "\n".join(lines) + "\n") == (0, PAGE)
+    record = json.loads((tmp_path / "a.json").read_text())
+    kinds = ["centre", "centre", "saddle", "saddle", "centre", "centre"]
+    assert [each["kind"] for each in record["fixed_points"]] == kinds
+    assert record["fixed_circle"]["index"] == 0
+    assert f"{record['fixed_points'][0]['eigenvalues'][1][1]:.4g}i" in PAGE
 
 
 def test_every_command_is_run() -> None:
@@ -298,13 +442,18 @@ def test_a_mistake_is_named_beside_the_plain_errors(robotball: Robotball, tmp_pa
     path = tmp_path / "order.csv"
     rb.integrate(rb.load_scene("fig12"), np.linspace(0, 2, 101)).save(path)
     path.write_text(path.read_text().replace("t,x,y,qw,qx,qy,qz", "t,x,y,qx,qy,qz,qw"))
-    status, out, _ = robotball("judge", "fig12", "order.csv")
+    status, out, _ = robotball("judge", "fig12", "order.csv", "--json", "a.json")
     assert status == 1
     assert "WRONG: qx, qy, qz, qw hold w, x, y, z\n" in out
-    assert re.search(r"without that: path error 0\.0e\+00", out)
-    assert re.search(r"\nall is as it should be +0\.0e\+00 +3\.\de\+00", out)
-    mistaken = r"\nqx, qy, qz, qw hold w, x, y, z +0\.0e\+00 +\d\.\de[-+]\d\d +0\.0e\+00"
-    assert re.search(mistaken, out)
+    assert "without that: path error 0.0e+00" in out
+    (judged,) = json.loads((tmp_path / "a.json").read_text())["files"]
+    (mistake,) = judged["mistakes"]
+    assert mistake["name"] == "qx, qy, qz, qw hold w, x, y, z"
+    before, after = (mistake[each]["attitude"] for each in ("before", "after"))
+    assert before == judged["attitude_error"] == approx(3.1, abs=0.1)
+    assert after == judged["without_mistakes"]["attitude_error"] < 1e-7
+    for line, name in zip(out.splitlines()[-2:], ("all is as it", mistake["name"]), strict=True):
+        assert line.startswith(name)
 
 
 # Help ------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from tests.browser import needs_browser, opened
+from tests.browser import Browser, needs_browser, opened
 from tests.conftest import Robotball
 from tests.robotball.files.test_files import check_length
 from validation import Agreement, compare
@@ -95,76 +96,96 @@ def test_friction_needed_stands_beside_what_is_given() -> None:
     assert '<td class="number">20.0</td><td>9.58 %</td>' in page
 
 
-@pytest.mark.slow
-@needs_browser
-def test_a_report_works_in_a_browser_and_on_paper(page: str, tmp_path: Path) -> None:
-    """No error, no request, nothing wider than the page; a pointer and a key show values.
+# In a browser ------------------------------------------------------------------------------
 
-    It is printed dark on white, of a dark screen too, without closed folds, controls and numbers in
-    two parts, on a few pages.
-    """
-    heading = "<h1>Rolling balls: fig12"
+
+def in_browser(test: Callable[..., None]) -> Callable[..., None]:
+    return pytest.mark.slow(needs_browser(test))
+
+
+@pytest.fixture(scope="module")
+def browser(page: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """The page, with a long name in its heading. It makes no error and asks for nothing else."""
+    heading, folder = "<h1>Rolling balls: fig12", tmp_path_factory.mktemp("page")
     assert heading in page
     named = page.replace(heading, f"{heading}_steered_along_a_circle_and_back")
-    colour = "getComputedStyle(document.body).{}"
-    with opened(named, tmp_path, width=360) as browser:
-        first, second, after = browser.run(
-            """(() => {
-            const chart = document.querySelectorAll('svg.chart')[1];
-            const box = chart.getBoundingClientRect();
-            const told = chart.parentElement.querySelector('.told'), said = [];
-            chart.dispatchEvent(new PointerEvent('pointermove',
-                {clientX: box.left + box.width / 2, clientY: box.top + box.height / 2}));
-            said.push(told.textContent);
-            chart.dispatchEvent(new KeyboardEvent('keydown', {key: 'ArrowRight'}));
-            said.push(told.textContent);
-            chart.dispatchEvent(new PointerEvent('pointerleave'));
-            return [...said, told.textContent];
-            })()"""
-        )
-        assert re.fullmatch(
-            r"t = 0\.\d+ s · MuJoCo as it comes: [\d.e-]+ · MuJoCo, fast: [\d.e-]+", first
-        )
-        assert second != first
-        assert after == "Point at the plot, or use the arrow keys, for values."
-        assert browser.run("document.documentElement.scrollWidth") == 360
-        apart = browser.run(
-            """(() => {
-            const select = document.querySelector('.views select'), apart = [];
-            for (const each of [0, 1]) {
-                select.selectedIndex = each;
-                select.onchange();
-                const view = document.querySelector('.views .rb-view');
-                view.rollingBalls.set({playing: false, t: 0.9});
-                apart.push(JSON.parse(view.querySelector('script').textContent).balls[0].apart);
-            }
-            return apart;
-            })()"""
-        )
-        assert apart[0] != apart[1]
-        assert browser.run("document.querySelectorAll('.rb-view').length") == 1
-        assert browser.run(colour.format("backgroundColor")) == "rgb(255, 255, 255)"
-        dark = [{"name": "prefers-color-scheme", "value": "dark"}]
-        browser.call("Emulation.setEmulatedMedia", features=dark)
-        wide = {"width": 1280, "height": 800, "deviceScaleFactor": 1, "mobile": False}
-        browser.call("Emulation.setDeviceMetricsOverride", **wide)
-        assert browser.run("document.documentElement.scrollWidth") == 1280
-        assert browser.run(colour.format("backgroundColor")) == "rgb(22, 25, 29)"
-        browser.call("Emulation.setEmulatedMedia", media="print", features=dark)
-        assert browser.run(colour.format("color")) == "rgb(34, 38, 43)"
-        shown = "each => each.getClientRects().length"
-        for kind in ("details:not([open])", ".rb-controls", ".told"):
-            assert browser.run(f"[...document.querySelectorAll('{kind}')].some({shown})") is False
-        assert browser.run(
-            "[...document.querySelectorAll('table:not(.words) td.number')].every("
-            "each => getComputedStyle(each).whiteSpace == 'nowrap')"
-        )
-        pages = len(re.findall(rb"/Type\s*/Page\b", browser.pdf()))
+    with opened(named, folder) as browser:
+        yield browser
         assert browser.console == []
-        assert [each for each in browser.requests if not each.startswith("data:")] == [
-            (tmp_path / "page.html").as_uri()
-        ]
-    assert 3 <= pages <= 8  # measured 5
+        asked = [each for each in browser.requests if not each.startswith("data:")]
+        assert asked == [(folder / "page.html").as_uri()]
+
+
+@in_browser
+def test_a_pointer_and_a_key_show_a_charts_values(browser: Browser) -> None:
+    """Those of another time after the key; none when the pointer leaves."""
+    first, second, after = browser.run(
+        """(() => {
+        const chart = document.querySelectorAll('svg.chart')[1];
+        const box = chart.getBoundingClientRect();
+        const told = chart.parentElement.querySelector('.told');
+        return [
+            new PointerEvent('pointermove',
+                {clientX: box.left + box.width / 2, clientY: box.top + box.height / 2}),
+            new KeyboardEvent('keydown', {key: 'ArrowRight'}),
+            new PointerEvent('pointerleave'),
+        ].map(event => (chart.dispatchEvent(event), told.textContent));
+        })()"""
+    )
+    values = r"t = 0\.\d+ s · MuJoCo as it comes: [\d.e-]+ · MuJoCo, fast: [\d.e-]+"
+    assert re.fullmatch(values, first)
+    assert second != first
+    assert after == "Point at the plot, or use the arrow keys, for values."
+
+
+@in_browser
+def test_a_choice_shows_the_other_run(browser: Browser) -> None:
+    """One view at a time, whose balls are apart by what that run's are."""
+    apart = browser.run(
+        """[0, 1].map(each => {
+            const select = document.querySelector('.views select');
+            select.selectedIndex = each;
+            select.onchange();
+            const view = document.querySelector('.views .rb-view');
+            view.rollingBalls.set({playing: false, t: 0.9});
+            return JSON.parse(view.querySelector('script').textContent).balls[0].apart;
+        })"""
+    )
+    assert apart[0] != apart[1]
+    assert browser.run("document.querySelectorAll('.rb-view').length") == 1
+
+
+COLOUR = "getComputedStyle(document.body).{}"
+
+
+@in_browser
+@pytest.mark.parametrize(
+    ("width", "dark", "background"), [(360, False, "255, 255, 255"), (1280, True, "22, 25, 29")]
+)
+def test_a_page_fits_its_screen(browser: Browser, width: int, dark: bool, background: str) -> None:
+    """Nothing is wider than a telephone's or a desk's, and it is light or dark as they are."""
+    browser.size(width, 800, dark)
+    assert browser.run("document.documentElement.scrollWidth") == width
+    assert browser.run(COLOUR.format("backgroundColor")) == f"rgb({background})"
+
+
+@in_browser
+def test_a_page_is_printed_dark_on_white(browser: Browser) -> None:
+    """Of a dark screen too, on a few sheets; no closed fold or control, no number in two parts."""
+    browser.size(1280, 800, dark=True, media="print")
+    assert browser.run(COLOUR.format("color")) == "rgb(34, 38, 43)"
+    shown = "each => each.getClientRects().length"
+    for kind in ("details:not([open])", ".rb-controls", ".told"):
+        assert browser.run(f"[...document.querySelectorAll('{kind}')].some({shown})") is False
+    assert browser.run(
+        "[...document.querySelectorAll('table:not(.words) td.number')].every("
+        "each => getComputedStyle(each).whiteSpace == 'nowrap')"
+    )
+    sheets = len(re.findall(rb"/Type\s*/Page\b", browser.pdf()))
+    assert 3 <= sheets <= 8  # measured 5
+
+
+# Studies -----------------------------------------------------------------------------------
 
 
 def test_a_studys_record_is_tables_and_pictures(robotball: Robotball, tmp_path: Path) -> None:

@@ -28,18 +28,116 @@ GOOD = FIRST.read_text().replace(
 <exclude body1="ball" body2="pendulum"/><exclude body1="ball" body2="flywheel"/></contact>
 </mujoco>""",
 )
+_KEY, _CONE, _SOLREF = '<key ctrl=".06 .5 40"', 'cone="elliptic"', 'solref=".004 1"'
+_OVER = 'cone="elliptic" {}><flag override="enable"/></option>'
+# The name begins with the cause. The right model has an error of 2.9e-4, by its first load.
 PLANTED = {
     "friction": ('friction="20 20', 'friction=".05 .05'),
+    "friction 2": ('friction="20 20', 'friction=".02 .3'),
     "condim": ('condim="3" friction="20 20 .005', 'condim="4" friction="20 20 .05'),
+    "condim 2": ('condim="3"', 'condim="1"'),
     "timestep": ('timestep=".001"', 'timestep=".01"'),
-    "cone": ('cone="elliptic"', 'cone="pyramidal"'),
-    "softness": ('solref=".004 1"', 'solref=".1 1"'),
-    "gravity": ('<option timestep', '<option gravity="0 0 -98.1" timestep'),
+    "timestep 2": ('timestep=".001"', 'timestep=".02"'),
+    "cone": (_CONE, 'cone="pyramidal"'),
+    "cone 2": (_CONE, 'cone="pyramidal" impratio=".2"'),
+    "softness": (_SOLREF, 'solref=".1 1"'),
+    "softness 2": ('solimp=".9999 .9999 .001 .5 1"', 'solimp=".5 .6 .01 .5 2"'),
+    "softness 3": (f'{_CONE}/>', _OVER.format('o_solref=".1 1"')),
+    "softness 4": (f'{_CONE}/>',
+        _OVER.format('o_solref=".04 .3" o_friction="20 20 .005 .0001 .0001"')),
+    "friction 3": (f'{_CONE}/>',
+        _OVER.format('o_solref=".004 1" o_solimp=".9999 .9999 .001 .5 1" '
+                     'o_friction=".05 .05 .005 .0001 .0001"')),
+    "gravity": ("<option timestep", '<option gravity="0 0 -98.1" timestep'),
+    "gravity 2": ("<option timestep", '<option gravity="0.3 0 -9.81" timestep'),
+    "gravity 3": ("<option timestep", '<option gravity="0 0 -1.62" timestep'),
     "contacts": ('<exclude body1="ball" body2="pendulum"/>', ""),
+    "contacts 2": ('<exclude body1="ball" body2="flywheel"/>', ""),
     "limit": ('name="axle"', 'name="axle" range="-60 60"'),
+    "limit 2": ('name="tilt"', 'name="tilt" range="-10 10"'),
     "start": ('pos="0 0 .15"', 'pos="0 0 .158"'),
+    "start 2": ('pos="0 0 .15"', 'pos="0 0 .148"'),
+    "start 3": (_KEY, _KEY + ' qvel=".2 0 0 0 0 0 0 0 0"'),
+    "start 4": (_KEY, _KEY + ' qvel="0 .3 0 0 2 0 0 0 0"'),
+    "start 5": (_KEY, _KEY + ' qvel="0 0 1 0 0 0 0 0 0"'),
     "integrator": ('integrator="RK4"', ""),
+    "integrator 2": ('timestep=".001" integrator="RK4"',
+        'timestep=".002" integrator="implicitfast"'),
+    "solver": (_CONE, _CONE + ' iterations="1" ls_iterations="1"'),
+    "solver 2": (_CONE, _CONE + ' solver="PGS" iterations="1"'),
+    "solver 3": (_CONE, _CONE + ' solver="CG" iterations="3"'),
+    "resistance": ('condim="3" friction="20 20 .005 .0001', 'condim="6" friction="20 20 1e-5 .05'),
+    "resistance 2": ('condim="3" friction="20 20 .005 .0001 .0001',
+        'condim="6" friction="20 20 1e-5 .02 .02'),
+    "gear": ('name="drive"', 'name="drive" gear="100"'),
+    "gear 2": ('name="drive"', 'name="drive" gear=".001"'),
+    "gear 3": ('name="lean"', 'name="lean" gear=".001"'),
+    "margin": (_SOLREF, 'margin=".02" ' + _SOLREF),
+    "margin 2": (_SOLREF, 'margin=".005" ' + _SOLREF),
 }  # fmt: skip
+# Two at once, of which the one that is farther off alone is the cause.
+PAIRS = [
+    ("softness", "solver"),
+    ("friction 2", "softness"),
+    ("friction 3", "start 3"),
+    ("timestep", "integrator"),
+    ("softness 2", "integrator 2"),
+    ("condim", "timestep 2"),
+    ("timestep", "softness 4"),
+    ("softness", "friction 3"),
+    ("contacts", "solver 3"),
+    ("softness 3", "start"),
+    ("condim 2", "solver"),
+    ("timestep", "start 2"),
+    ("cone 2", "margin"),
+    ("friction", "solver"),
+]
+QUICK = ("friction", "condim", "cone", "softness 3", "gravity 2", "limit", "start 3", "solver")
+# Settings under which the equations have no motion; the refusal says why.
+NO_MOTION = "perhaps "
+
+
+def planted(tmp_path: Path, *names: str) -> UserModel:
+    """Return the right model with wrong settings."""
+    text = GOOD
+    for old, new in map(PLANTED.__getitem__, names):
+        assert old in text
+        text = text.replace(old, new, 1)
+    path = tmp_path / "planted.xml"
+    path.write_text(text)
+    return UserModel(open_robot(path), {}, None)
+
+
+def found_in(own: UserModel, duration: float) -> tuple[list[str], float, float]:
+    """Return the causes of a model's error, the error as it is, and mended."""
+    try:
+        found = check_model(own, "classical", duration, 5e-4, lambda *_: None)
+    except rb.InputError as refused:
+        return [str(refused).partition(NO_MOTION)[2]], np.inf, 0.0
+    return causes_of(found), found.error, found.mended_error
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=() if n in QUICK else pytest.mark.slow) for n in PLANTED]
+)
+def test_a_planted_error_is_the_first_cause(name: str, tmp_path: Path) -> None:
+    """37 of 37, of errors from 1e-4 (of gravity, which both motions have) to 1.6; mended 4e-4."""
+    causes, _, mended = found_in(planted(tmp_path, name), 2.0)
+    cause = name.split()[0]
+    assert causes[0].startswith(f"{cause}: ")
+    assert cause == "resistance" or mended < 5e-4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("names", PAIRS, ids=" and ".join)
+def test_the_worse_of_two_planted_errors_is_the_first_cause(
+    names: tuple[str, str], tmp_path: Path
+) -> None:
+    """14 of 14; alone their errors differ by factors of 1.6 to 300."""
+    alone = {name: found_in(planted(tmp_path, name), 1.0)[1] for name in names}
+    causes, _, mended = found_in(planted(tmp_path, *names), 1.0)
+    assert causes[0].startswith(f"{max(alone, key=lambda name: alone[name]).split()[0]}: ")
+    assert mended < 5e-4
 
 
 def checked(robotball: Robotball, name: str, text: str, *options: str) -> dict[str, Any]:
@@ -68,19 +166,6 @@ def own_loop(path: Path, times: Array) -> Array:
     return np.array(points) - points[0]
 
 
-@pytest.mark.parametrize("cause", PLANTED)
-def test_a_planted_error_is_the_first_cause(cause: str, tmp_path: Path) -> None:
-    """10 of 10, of errors from 6e-4 to 1.3; the right model has 2.9e-4, and no cause."""
-    old, new = PLANTED[cause]
-    path = tmp_path / "planted.xml"
-    path.write_text(GOOD.replace(old, new))
-    own = UserModel(open_robot(path), {}, None)
-    found = check_model(own, "classical", 2.0, 5e-4, lambda *_: None)
-    assert path.read_text() != GOOD
-    assert causes_of(found, 5e-4)[0].startswith(f"{cause}: ")
-    assert found.mended_error < 5e-4
-
-
 def test_a_model_on_a_tilted_plane_is_compared_along_it(tmp_path: Path) -> None:
     """Measured 2.9e-4, as on the level, and 4e-2 along the horizontal."""
     path = tmp_path / "tilted.xml"
@@ -107,7 +192,7 @@ def check_mended(found: dict[str, Any], name: str, measured: float) -> None:
     away = own_loop(Path(f"out/{Path(name).stem}-mended.xml"), theory.times) - theory.contact_point
     error = float(np.linalg.norm(away, axis=1).max() / theory.path_scale)
     assert found["status"] == 1
-    assert found["path_error"] > 3e-3
+    assert found["fails"] or found["path_error"] > 3e-3  # one is thrown up by its start
     assert error == pytest.approx(found["mended_error"], rel=0.05)  # other samples of it
     assert error < min(3 * measured, 1e-3)
 
@@ -130,11 +215,11 @@ def test_a_newcomers_model_is_explained_and_mended(robotball: Robotball) -> None
     found = checked(robotball, "first.xml", FIRST.read_text(), "--duration", "3")
     check_mended(found, "first.xml", 6.6e-7)
     changes = {row["change"]: row for row in found["changes"]}
-    errors = [row["error"] for row in found["changes"] if not row["change"].startswith("(")]
+    errors = [row["without"] for row in found["changes"] if not row["change"].startswith("(")]
     mended = Path("out/first-mended.xml").read_text()
     assert found["causes"][0].startswith("contacts: shell touches a geom of pendulum in 100%")
     assert errors == sorted(errors, reverse=True)
-    assert changes["+ contacts"]["undone"] > 100 * found["mended_error"]
+    assert changes["+ contacts"]["without"] > 100 * found["mended_error"]
     assert mended.startswith(FIRST.read_text().partition("</mujoco>")[0])
     assert "<!-- contacts: shell touches" in mended
     page = Path("out/first-check.html").read_text()
@@ -191,7 +276,7 @@ def test_a_control_that_changes_is_played_step_by_step(tmp_path: Path) -> None:
     own = UserModel(open_robot(path), {"drive": wave}, None)
     right = check_model(own, "classical", 2.0, 1e-3, lambda *_: None)
     other = UserModel(open_robot(path), {"drive": Sine(amplitude=-0.05, frequency=0.5)}, None)
-    wrong = other.path(right.theory.times) - right.theory.contact_point
+    wrong = other.path(right.theory.times)[:, :2] - right.theory.contact_point
     assert right.error < 9e-4
     assert np.abs(wrong).max() > 0.1 * right.theory.path_scale
 

@@ -28,7 +28,7 @@ from validation.studies.extremes import (
     Outcome,
     _name_regions,
     classify,
-    measure,
+    measure_cell,
     measured_limits,
     missed,
     totals,
@@ -92,7 +92,7 @@ def test_faults_and_error_decide_the_outcome(
 )
 def test_a_cell_ends_as_it_should(where: dict[str, Any], outcome: Outcome) -> None:
     """One cell of each outcome that a ball can have."""
-    record = measure(where)
+    record = measure_cell(where)
     assert record["outcome"] == outcome.name, record
     json.dumps(record, allow_nan=False)
     assert not missed(Result(where, record, None))

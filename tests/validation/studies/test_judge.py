@@ -1,7 +1,6 @@
 """Judge names the mistake that is planted, in a file or in the scene, and plants none itself."""
 
-import pickle
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,22 +28,6 @@ SCENES = (*map(rb.load_scene, NAMES), *map(ball_of_points, range(1, 6)))
 FIG12 = SCENES[0]
 STEPS = (0.02, 0.005)  # s: first-order errors of the attitude of up to 1, and of 0.3 rad
 END, INTERVAL = 2.0, 0.04  # s
-
-
-@pytest.fixture(autouse=True, scope="module")
-def integrated_once() -> Iterator[None]:
-    """The search integrates each scene that may have been simulated once for all of these tests."""
-    known: dict[bytes, rb.Motion] = {}
-
-    def integrate(scene: rb.Scene, times: Array, **options: Any) -> rb.Motion:
-        key = pickle.dumps((scene.ball, scene.rolling, scene.start, scene.drives, times, options))
-        if key not in known:
-            known[key] = rb.integrate(scene, times, **options)
-        return known[key]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(judge_search, "integrate", integrate)
-        yield
 
 
 def judged(scene: rb.Scene, trajectory: rb.Trajectory | Path) -> FileJudgement:

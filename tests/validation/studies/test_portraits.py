@@ -12,7 +12,7 @@ from tests.conftest import Robotball
 from tests.figures import ball, from_rest
 from tests.validation.examples import example
 from validation.studies import portrait_maps
-from validation.studies.portrait_maps import PLANES, as_predicted, cells_of, measure
+from validation.studies.portrait_maps import PLANES, as_predicted, cells_of, measure_portrait
 
 
 def test_back_in_time_the_repelling_cycle_attracts_all() -> None:
@@ -52,7 +52,7 @@ def test_a_cycle_that_settling_misses_is_found_once_with_its_own_period() -> Non
 
 def test_a_search_whose_correction_vanishes_ends_without_a_cycle() -> None:
     """Of a cell at which half a period's correction is exactly zero, and was divided by."""
-    record = measure({"map": "axial", "K3": 1.95652, "y": 0.869565})
+    record = measure_portrait({"map": "axial", "K3": 1.95652, "y": 0.869565})
     assert [cycle["period"] for cycle in record["cycles"]] == [pytest.approx(8.577869, abs=1e-5)]
 
 
@@ -67,7 +67,7 @@ def test_every_map_passes_through_the_balls_of_the_paper() -> None:
 
 def test_a_cell_agrees_with_the_formulas_and_a_wrong_one_would_not() -> None:
     """Number of points and type of Γ₅; for another K₃ the same record is told to be wrong."""
-    record = measure({"map": "axial", "K3": 0.52, "y": 1.0})
+    record = measure_portrait({"map": "axial", "K3": 0.52, "y": 1.0})
     assert [cycle["multiplier"] > 1 for cycle in record["cycles"]] == [True]
     assert set(record["basins"]) == {"Γ₅,₆", "θ₃,₄"}
     assert sum(record["basins"].values()) == pytest.approx(1)

@@ -34,7 +34,7 @@ from validation.studies.tradeoff import (
     configurations,
     describe,
     first_order_lines,
-    measure,
+    measure_settings,
     options_of,
     settings_with,
     tradeoff_of,
@@ -126,7 +126,7 @@ def test_a_configuration_is_measured_by_its_cell_alone() -> None:
     A run that failed is recorded with its reason, has no numbers, and is on no front.
     """
     naive, balanced, lost = cells_of("fig12", configurations()[:5:2], 0.5, 1)
-    results = [Result(dict(c), dict(measure(c)), None) for c in (naive, balanced)]
+    results = [Result(dict(c), dict(measure_settings(c)), None) for c in (naive, balanced)]
     results.append(Result(dict(lost), None, "took longer than 60 s"))
     study = json.loads(json.dumps(tradeoff_of(FIG12, results), allow_nan=False))
     slipped, sound, failed = study["configurations"]

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,17 @@ import pytest
 import robotball as rb
 from robotball.ball import Ball, Frame, Hinge, Shell
 from robotball.engines.mujoco import limits
-from robotball.engines.mujoco.limits import LAWS, LimitCheck, PlannedRun, exceeded, planned
+from robotball.engines.mujoco.limits import (
+    LAWS,
+    LimitCheck,
+    PlannedRun,
+    exceeded,
+    limit_checks,
+    planned,
+)
+from robotball.engines.mujoco.linearised import linearised_start, momentum_loss
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.settings import Prescribed, recipe, resolved
-from robotball.engines.mujoco.trials import linearised_start, momentum_loss
 from robotball.motors import Actuator, Free, Law, Servo
 from robotball.scene import Friction
 from robotball.variations import scaled
@@ -345,14 +353,22 @@ def test_the_recipe_has_no_limit_near() -> None:
 def test_a_warning_names_the_number_the_limit_and_the_fix() -> None:
     """One line each, also for Python's warnings; strict makes it an error. A robot has them too."""
     slippery, times = replace(FAST, sliding_friction=0.1), np.linspace(0.0, 0.1, 3)
-    words = r"fig12, fast: sliding friction is 0\.1 and must be at least 0\.4547: the ball slips"
+    words = (
+        r"fig12, fast: the ball will slip, as sliding friction is 0\.1 and .* needs 0\.4547: raise"
+    )
     with pytest.warns(rb.SceneWarning, match=words):
         rb.simulate(FIG12, times, slippery)
-    with pytest.raises(rb.InputError, match="must be at least"):
+    with pytest.raises(rb.InputError, match="the ball will slip"):
         rb.simulate(FIG12, times, slippery, strict=True)
     own = replace(worked("W2"), friction=Friction(sliding=0.02))
-    line = str(exceeded(own, rb.preset("balanced"), own.times)[0])
-    assert line.startswith("sliding friction is 0.02 and must be at least 0.05855")
+    line = exceeded(own, rb.preset("balanced"), own.times)["sliding_friction"].warning
+    assert "sliding friction is 0.02 and the motion needs 0.05855" in line
+    # An error is told in percent, with two digits of it.
+    lines = exceeded(FIG12, rb.preset("naive"), FIG12.times)
+    assert lines["momentum_lost"].warning == (
+        "Euler will change M by about 18 %; 1 % is allowed: take a timestep below 0.00011 s, or an "
+        "integrator of higher order"
+    )
 
 
 def test_the_timestep_that_is_advised_is_inside_the_limit() -> None:
@@ -360,7 +376,9 @@ def test_the_timestep_that_is_advised_is_inside_the_limit() -> None:
     both = ((limits.rotation, ROTORS, "RK4"), (limits.momentum_lost, FIG12, "Euler"))
     for predict, scene, integrator in both:
         wrong = replace(FAST, integrator=integrator)
-        (advised,) = re.findall(r"step below (\S+) s", limit_of(predict, scene, wrong, 10.0).fix)
+        (advised,) = re.findall(
+            r"step below (\S+) s", limit_of(predict, scene, wrong, 10.0).warning
+        )
         for factor in (0.94, 1.06):
             settings = replace(wrong, timestep=factor * float(advised))
             assert limit_of(predict, scene, settings, 10.0).exceeded == (factor > 1)
@@ -371,7 +389,7 @@ def test_the_timestep_that_is_advised_sees_the_drive(frequency: float, preset: s
     """Its path error is the one predicted, to half of it or so; strict refuses the preset's."""
     scene, settings, times = swung(frequency, 0.05), rb.preset(preset), np.linspace(0.0, 0.5, 26)
     with pytest.raises(
-        rb.InputError, match=r"a drive's error over a step is .* a timestep below"
+        rb.InputError, match=r"a drive changes between .* a timestep below"
     ) as error:
         rb.simulate(scene, times, settings, strict=True)
     (advised,) = re.findall(r"step below (\S+) s", str(error.value))
@@ -385,23 +403,31 @@ def test_the_timestep_that_is_advised_sees_the_drive(frequency: float, preset: s
 
 def test_an_edge_knows_how_near_it_is() -> None:
     """Limits from above and from below, none at all and numbers that are none."""
-    assert LimitCheck("", 2.0, 4.0, "").nearness == 0.5
-    assert LimitCheck("", 2.0, 4.0, "", least=True).nearness == 2.0
-    assert LimitCheck("", 0.0, 0.0, "").nearness == 0.0
-    assert not LimitCheck("", 4.0, 4.0, "", least=True).exceeded
-    assert LimitCheck("", np.nan, 1.0, "").exceeded
+    most, least = (partial(LimitCheck, "", "RK4", each) for each in (False, True))
+    assert most(2.0, 4.0).nearness == 0.5
+    assert least(2.0, 4.0).nearness == 2.0
+    assert most(0.0, 0.0).nearness == 0.0
+    assert not least(4.0, 4.0).exceeded
+    assert most(np.nan, 1.0).exceeded
     for length, beyond in ((1.0, False), (1e9, True)):  # such a ball rolls beyond 1e10 m
         scene = scaled(FIG12, length=length, gravity=1.0)
         assert limit_of(limits.largest_number, scene, FAST, 10.0).exceeded == beyond
 
 
 def test_every_scene_has_all_its_edges_as_numbers() -> None:
-    """No prediction fails on a recipe with servos, without a timestep, or on a small armature."""
+    """No law fails on a recipe with servos, without a timestep, or on a small armature.
+
+    Each of them has a sentence for its number.
+    """
+    other = replace(FAST, drive=Prescribed(1.0), root="frame", condim=6)
+    applied: set[str] = set()
     names = ("fig12", "servo_motors", "pendulum_robot", "swinging_frame", "zero_rotor")
     for scene in map(rb.load_scene, names):
-        for each in (rb.preset("naive"), recipe("x", 1e-2), replace(FAST, drive=Prescribed(1.0))):
-            found = [predict(planned(scene, each, 10.0)) for predict in LAWS]
-            assert all(limit.nearness >= 0 for limit in found if limit is not None)
+        for each in (rb.preset("naive"), rb.preset("adaptive"), recipe("x", 1e-2), other):
+            found = limit_checks(planned(scene, each, 10.0))
+            assert all(limit.nearness >= 0 and limit.warning for limit in found.values())
+            applied |= set(found)
+    assert applied == set(LAWS)
 
 
 def test_a_run_of_too_many_steps_is_refused_with_the_numbers() -> None:
@@ -420,6 +446,6 @@ def test_adaptive_steps_of_stiff_servos_are_refused() -> None:
     """By their rate times the duration, before the run."""
     ball = Ball(Shell(0.2, 1.0, 0.03, 0.03, Y), (Hinge(Frame(0.5, 4e-5 * np.eye(3))),))
     scene = robot("stiff", ball, "rubber", [1.0], (1.0, 0.2, 0.1, 0.0), motors=(Servo(500.0),))
-    words = r"the number of steps that the servos' rate takes is 1\.98\d*e\+07"
+    words = r"the servos' rate needs 1\.98\d*e\+07 adaptive steps"
     with pytest.warns(rb.SceneWarning), pytest.raises(rb.InputError, match=words):
         rb.simulate(scene, settings="adaptive")

@@ -126,7 +126,7 @@ def test_a_start_that_is_predicted_to_fail_is_warned_of() -> None:
     scenes = [replace(FIG12, start=each) for each in (FIG12.start, fast)]
     scenes[0] = replace(scenes[0], name="other")
     for given in ({"scene": FIG12, "starts": starts}, {"scene": scenes}):
-        with at_most(1), pytest.warns(rb.SceneWarning, match=r"fig12.* at least 26\.9") as said:
+        with at_most(1), pytest.warns(rb.SceneWarning, match=r"fig12.* needs 26\.9") as said:
             next(rb.simulate_many(**given, times=times))
         assert len(said) == 1
 

@@ -19,7 +19,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import robotball as rb
-from robotball.files import trial_load
+from robotball.files import sandbox
 from robotball.files.robot_file import solid_of_file
 from tests.robotball.files.scene_texts import PENDULUM, URDF, robot, scene_of
 
@@ -39,7 +39,7 @@ def at_once(monkeypatch: pytest.MonkeyPatch) -> dict[int, tuple[int, int]]:
     def run(command: list[str], **_: object) -> subprocess.CompletedProcess[bytes]:
         monkeypatch.setattr(sys, "argv", command[3:])
         with contextlib.redirect_stdout(io.StringIO()) as answer:
-            runpy.run_path(trial_load.__file__, run_name="__main__")
+            runpy.run_path(sandbox.__file__, run_name="__main__")
         return subprocess.CompletedProcess(command, 0, answer.getvalue().encode())
 
     monkeypatch.setattr(resource, "setrlimit", limits.__setitem__)

@@ -1,7 +1,8 @@
-"""Short trials of a planned run, for numbers of `limits` that no formula gives.
+"""A planned run linearised about its start, for numbers of `limits` that no formula gives.
 
-They are the loads and eigenvalues of MuJoCo's own model at its start, the rate at which the motors
-settle with the ball rolling under them, and the momentum that RK4 loses.
+They are the loads and eigenvalues of MuJoCo's own model, the rate at which the motors settle with
+the ball rolling under them, and, where rotations about the start say too little, the momentum that
+RK4 loses in a short run.
 """
 
 from dataclasses import replace
@@ -66,7 +67,7 @@ def linearised_start(scene: Scene, settings: Settings) -> tuple[Loads, Array]:
     return loads, np.linalg.eigvals(np.vstack([turning, np.array(columns).T]))
 
 
-_SEEN = 8  # angles of the pendulums at which the motors' rates are evaluated, 45° apart
+_ANGLES = 8  # angles of the pendulums at which the motors' rates are evaluated, 45° apart
 
 
 def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
@@ -83,7 +84,7 @@ def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
     # Rubber does not spin about the vertical, so the shell turns in the plane across γ alone.
     turns = np.linalg.svd(gamma[None])[2][1:] if scene.rolling == "rubber" else np.eye(3)
     angles = np.stack([_angles(scene, each) for each in scene.hinges], axis=1)
-    still, upright = np.zeros_like(angles), np.tile(gamma, (_SEEN, 1))
+    still, upright = np.zeros_like(angles), np.tile(gamma, (_ANGLES, 1))
     stands = scene.robot.states(upright, angles, np.zeros_like(upright), still)
     rows = [0, 1, 2, *(3 + each.index for each in own)]
     free, n = len(turns), len(own)
@@ -109,10 +110,10 @@ def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
 
 
 def _angles(scene: Scene, hinge: MovedHinge) -> Array:
-    """Return the hinge's angles (_SEEN,) [rad]: as it is commanded, or else a whole turn."""
+    """Return the hinge's angles (_ANGLES,) [rad]: as it is commanded, or else a whole turn."""
     if isinstance(dict(scene.ball.named_bodies)[hinge.name], Frame | Rotor):
-        return np.full(_SEEN, hinge.angle)
-    times = np.linspace(0.0, scene.duration, _SEEN - 1)
+        return np.full(_ANGLES, hinge.angle)
+    times = np.linspace(0.0, scene.duration, _ANGLES - 1)
     moved = [(1.0, hinge.motor.law, hinge.command)] if hinge.motor else []
     for actuator, command in zip(scene.actuators, scene.controls, strict=True):
         moved += [(ratio, actuator.law, command) for n, ratio in actuator.gears if n == hinge.name]
@@ -123,10 +124,10 @@ def _angles(scene: Scene, hinge: MovedHinge) -> Array:
         if law.per_command and ratio and law.per_rate:
             to = law.per_command / law.per_rate / ratio
             return hinge.angle + np.array([0.0, *(to * command.angle(times))])
-    return hinge.angle + np.linspace(0.0, 2 * np.pi, _SEEN, endpoint=False)
+    return hinge.angle + np.linspace(0.0, 2 * np.pi, _ANGLES, endpoint=False)
 
 
-_MOST_STEPS = 500  # of a trial; the loss of a longer run is extrapolated in proportion
+_MOST_STEPS = 500  # of the short run; the loss of a longer run is extrapolated in proportion
 
 
 def momentum_loss(scene: Scene, timestep: float, duration: float) -> float:

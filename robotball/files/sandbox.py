@@ -65,7 +65,7 @@ def check_loads(path: Path, how: str = "compiled") -> None:
 
 
 def opened_spec(path: Path) -> tuple[Any, list[str]]:
-    """Return the MjSpec of a file without geoms whose mesh has no file, and these files.
+    """Return the MjSpec of a file without geoms and textures that have no file, and these files.
 
     Raises InputError where a body has its mass or contacts by such a geom.
     """
@@ -89,6 +89,13 @@ def opened_spec(path: Path) -> tuple[Any, list[str]]:
             spec.delete(geom)
         spec.delete(mesh)
         missing.append(mesh.file)
+    for texture in spec.textures:
+        folder = path.parent / spec.texturedir
+        files = [each for each in (texture.file, *texture.cubefiles) if each]
+        if lost := [each for each in files if not (folder / each).is_file()]:
+            texture.file, texture.cubefiles = "", [""] * len(texture.cubefiles)
+            texture.builtin, texture.width, texture.height = mujoco.mjtBuiltin.mjBUILTIN_FLAT, 1, 1
+            missing.append(lost[0])
     return spec, missing
 
 

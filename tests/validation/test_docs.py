@@ -233,12 +233,9 @@ def test_the_data_sheet_s_robot_does_what_its_page_says() -> None:
 
 def test_a_key_that_docs_json_lacks_or_has_in_excess_is_named() -> None:
     """Of a record and of the objects in its lists; nothing lies below null."""
-    record = {
-        "file": "a.xml",
-        "changes": [{"change": "", "error": None, "undone": 0.1, "word": ""}],
-    }
-    absent = {"rolling", "duration", "accuracy", "path_error", "since", "other_rolling.NAME"}
-    absent |= {"causes", "lines", "mended_error", "changes[].words"}
+    record = {"file": "a.xml", "changes": [{"change": "", "without": None, "word": ""}]}
+    absent = {"agrees", "rolling", "duration", "accuracy", "path_error", "since", "causes", "lines"}
+    absent |= {"other_rolling.NAME", "mended_error", "changes[].words"}
     assert misfits("check", record) == {*absent, "changes[].word"}
     assert misfits("check", {**record, "changes": []}) == absent - {"changes[].words"}
 

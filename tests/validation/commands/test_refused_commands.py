@@ -48,7 +48,7 @@ REFUSED = {
         "options: fast; names stand together, and values of one option have com"
     ),
     "compare fig12 --durration 1": "no option of compare is called '--durration'; did you mean",
-    "demo --rubbish=3": "no option of demo is called '--rubbish'; there are --help, --out$",
+    "demo --rubbish=3": "no option of demo is called '--rubbish'; there are --help, --out",
     **{
         f"{name} {mistyped}": f"no option of {name} is called '{mistyped}'; did you mean {meant}"
         for meant, (mistyped, names) in MISTYPED.items()

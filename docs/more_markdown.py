@@ -5,6 +5,8 @@ docstrings. Browsers draw MathML by themselves, and GitHub draws the same LaTeX.
 """
 
 import re
+from dataclasses import fields
+from typing import Any
 from xml.etree.ElementTree import Element
 
 import griffe
@@ -46,9 +48,19 @@ def makeExtension() -> Extension:
 
 
 class Types(griffe.Extension):
-    """Write types as docstrings do: `(n, 3), m` is a tuple to Griffe, which adds brackets."""
+    """Write types as docstrings do, and signatures without private names.
+
+    `(n, 3), m` is a tuple to Griffe, which adds brackets. A private name is replaced by its value.
+    """
 
     def on_object(self, *, obj: griffe.Object, **_: object) -> None:
+        if isinstance(obj, griffe.Attribute):
+            obj.annotation = _public(obj.annotation, obj)
+        if isinstance(obj, griffe.Function):
+            obj.returns = _public(obj.returns, obj)
+            for parameter in obj.parameters:
+                parameter.annotation = _public(parameter.annotation, obj)
+                parameter.default = _public(parameter.default, obj)
         if obj.docstring is None:
             return
         for section in obj.docstring.parsed:
@@ -56,3 +68,18 @@ class Types(griffe.Extension):
                 kind = getattr(each, "annotation", None)
                 if isinstance(kind, griffe.ExprTuple) and str(kind) not in obj.docstring.value:
                     kind.implicit = True
+
+
+def _public(written: Any, user: griffe.Object) -> Any:
+    """Return an expression without private names, and without the bounds that msgspec checks."""
+    if isinstance(written, griffe.ExprName) and re.match("_[a-zA-Z]", written.name):
+        meant = user.module.members.get(written.name)
+        if isinstance(meant, griffe.Attribute):
+            return _public(meant.value, user)
+    if isinstance(written, griffe.ExprSubscript) and written.canonical_name == "Annotated":
+        return _public(written.slice.elements[0], user)  # type: ignore[union-attr]
+    if isinstance(written, griffe.Expr):
+        for each in fields(written):
+            if each.name != "parent":
+                setattr(written, each.name, _public(getattr(written, each.name), user))
+    return [_public(each, user) for each in written] if isinstance(written, list) else written

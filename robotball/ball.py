@@ -661,8 +661,8 @@ def beyond_the_shell(ball: Ball) -> list[str]:
         reach = math.hypot(math.sqrt(spread), _furthest(body))
         if reach > ball.radius * (1 + ROUNDING):
             lines.append(
-                f"{name} has mass outside the shell: at {reach:.4g} m, of {ball.radius:g}; check "
-                "its inertia and centre"
+                f"{name} has mass outside the shell: at {reach:.4g} m, beyond {ball.radius:g} m; "
+                "check its inertia and centre"
             )
     return lines
 

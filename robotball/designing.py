@@ -253,7 +253,7 @@ def describe(design: Design) -> str:
     moments = ", ".join(f"{moment:.6g}" for moment in np.linalg.eigvalsh(frame.inertia))
     rows = [
         f"ball    radius {ball.radius:g} m, mass {ball.mass:.6g} kg "
-        f"(inside the shell from {least:.6g} kg on, a body's up to {most:.6g} kg)",
+        f"(from {least:.6g} kg on all of it fits in the shell; above {most:.6g} kg no body has it)",
         f"shell   mass {shell.mass:.6g} kg, {kind}, axis {_in_digits(shell.axis)}",
         f"frame   mass {frame.mass:.6g} kg, principal moments {moments} kg m², "
         f"within {design.reach:.4g} m, {design.rates[0]:.6g} rad/s",

@@ -32,7 +32,7 @@ class FaultKind(Enum):
     """Name the kinds of fault, causes before their effects.
 
     The value of a kind is the sentence that a user reads. In it, {subject} stands for the faulty
-    part, and {limit} for the limit that was passed.
+    part, and {limit} for the limit that was passed, or {percent}.
 
     Examples
     --------
@@ -45,7 +45,7 @@ class FaultKind(Enum):
     RESET = "time went back: the engine reset the state"
     CONTACT_LOST = "contact lost"
     CONE_SATURATED = "friction cone saturated"
-    RATE_OFF = "hinge rate off by over {limit:g}"
+    RATE_OFF = "a hinge turns more than {percent:g} % too fast or too slow"
     TORQUE_LIMIT = "{subject}'s motor at its torque limit"
     ENGINE_WARNED = "the engine warned of {subject}"
     SLIPPED = "slipped over {limit:g} of the path"
@@ -92,10 +92,14 @@ class Fault:
     @property
     def text(self) -> str:
         """The sentence, without the time."""
-        return self.kind.value.format(subject=self.subject, limit=self.limit)
+        return self.kind.value.format(
+            subject=self.subject, limit=self.limit, percent=100 * self.limit
+        )
 
     def __str__(self) -> str:
-        return f"{self.text} at t = {self.time:.6g} s"
+        when = f"t = {self.time:.6g} s"
+        lasts = self.kind is FaultKind.RATE_OFF
+        return f"{self.text} from {when} on" if lasts else f"{self.text} at {when}"
 
 
 @dataclass(frozen=True, kw_only=True)

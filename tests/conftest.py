@@ -1,5 +1,6 @@
 """Shared by all tests: repeatable draws, and the command as a user runs it."""
 
+import json
 import os
 import sys
 from collections.abc import Callable
@@ -35,8 +36,12 @@ def screen() -> None:
 def robotball(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> Robotball:
-    """Runs the command in an empty folder: (exit status, standard output, standard error)."""
-    from validation.cli import main  # late: the core's tests have no need of it
+    """Runs the command in an empty folder: (exit status, standard output, standard error).
+
+    What `--json` writes then has the keys of docs/json.md.
+    """
+    from tests.validation.json_keys import misfits  # late: the core's tests have no need of these
+    from validation.cli import main
 
     monkeypatch.chdir(tmp_path)
 
@@ -47,6 +52,10 @@ def robotball(
         captured = capsys.readouterr()
         status = leaving.value.code or 0
         assert isinstance(status, int)
+        if status < 2 and "--json" in arguments:
+            record = json.loads(Path(str(arguments[arguments.index("--json") + 1])).read_text())
+            many = arguments[0] == "compare" and "--starts" in arguments
+            assert misfits("compare --starts" if many else str(arguments[0]), record) == set()
         return status, captured.out, captured.err
 
     return run

@@ -13,9 +13,11 @@ import sys
 import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import fields, is_dataclass, make_dataclass
+from dataclasses import fields, is_dataclass
 from importlib import import_module
 from pathlib import Path
+from shutil import get_terminal_size
+from textwrap import fill
 from types import ModuleType
 from typing import Annotated, Any, Protocol, Union, get_type_hints
 
@@ -60,43 +62,60 @@ class _Command(Protocol):
 
 _INTERRUPTED = 130
 _AS_GIVEN = "--as-given"  # of every command: numbers that seem to be in another unit are meant
-# The module with the class of each command, loaded when the command runs.
-COMMANDS = {
-    "scenes": "validation.commands.scene_commands",
-    "engines": "validation.studies.engine_study",
-    "history": "validation.studies.history",
-    "compare": "validation.commands.compare",
-    "check": "validation.commands.checking",
-    "report": "validation.commands.report",
-    "judge": "validation.studies.judge",
-    "video": "validation.commands.film",
-    "view": "validation.commands.film",
-    "model": "validation.commands.scene_commands",
-    "export": "validation.commands.scene_commands",
-    "design": "validation.commands.building",
-    "steer": "validation.commands.building",
-    "demo": "validation.commands.compare",
-    "figures": "validation.commands.paper_commands",
-    "section": "validation.studies.contact_sections",
-    "lyapunov": "validation.studies.contact_tangent",
-    "attractors": "validation.studies.attractors",
-    "basins": "validation.studies.attractors",
-    "equilibria": "validation.commands.equilibria_list",
-    "results": "validation.studies.paper_results",
-    "continue": "validation.studies.branches",
-    "portraits": "validation.studies.portrait_maps",
-    "chart": "validation.studies.charts",
-    "paper": "validation.commands.paper_commands",
-    "ablation": "validation.studies.ablation",
-    "convergence": "validation.studies.convergence",
-    "tradeoff": "validation.studies.tradeoff",
-    "extremes": "validation.studies.extremes",
+# What one wants and its commands, each with the module of its class, loaded when the command runs.
+GROUPS = {
+    "Roll and compare": {
+        "demo": "validation.commands.compare",
+        "scenes": "validation.commands.scene_commands",
+        "compare": "validation.commands.compare",
+        "report": "validation.commands.report",
+        "video": "validation.commands.film",
+        "view": "validation.commands.film",
+    },
+    "My own robot": {
+        "check": "validation.commands.checking",
+        "model": "validation.commands.scene_commands",
+        "design": "validation.commands.building",
+        "steer": "validation.commands.building",
+    },
+    "Which settings, and their cost": {
+        "ablation": "validation.studies.ablation",
+        "convergence": "validation.studies.convergence",
+        "tradeoff": "validation.studies.tradeoff",
+        "extremes": "validation.studies.extremes",
+    },
+    "Other engines and programs": {
+        "engines": "validation.studies.engine_study",
+        "history": "validation.studies.history",
+        "export": "validation.commands.scene_commands",
+        "judge": "validation.studies.judge",
+    },
+    "What the ball does": {
+        "section": "validation.studies.contact_sections",
+        "lyapunov": "validation.studies.contact_tangent",
+        "basins": "validation.studies.attractors",
+        "equilibria": "validation.commands.equilibria_list",
+        "continue": "validation.studies.branches",
+        "chart": "validation.studies.charts",
+    },
+    "The paper": {
+        "paper": "validation.commands.paper_commands",
+        "figures": "validation.commands.paper_commands",
+        "results": "validation.studies.paper_results",
+        "portraits": "validation.studies.portrait_maps",
+        "attractors": "validation.studies.attractors",
+    },
 }
-_WHAT = """Run a rolling ball by a physics engine and by the equations, and compare the two.
+COMMANDS = {name: module for group in GROUPS.values() for name, module in group.items()}
+_WHAT = """usage: robotball COMMAND [OPTIONS]
+
+Run a rolling ball by a physics engine and by the equations, and compare the two.
 
 Example: robotball compare fig12
-
-`robotball COMMAND --help` has an example of each command. `robotball --version` names the versions.
+"""
+_MORE = """
+`robotball help COMMAND` has the options of a command and an example.
+`robotball --version` names the versions.
 `robotball --tyro-print-completion bash` (or zsh) prints what completes commands and options.
 With --as-given any command takes a number that seems to be in another unit as it is written."""
 
@@ -171,28 +190,29 @@ def _version_line() -> str:
 
 def parse(arguments: Sequence[str]) -> _Command:
     """Return the command of the arguments. Raises InputError, in one line, if they make none."""
-    name, command = "", None
-    if arguments and not arguments[0].startswith("-"):
-        name = arguments[0]
-        if name not in COMMANDS:
-            raise unknown("command", name, COMMANDS)
-        helped = not {"-h", "--help"}.isdisjoint(arguments)
-        command = _options_of(name) if helped else class_of(name)
-    if command:
-        _check_each_is_given_once(command, arguments)
-    refusal = io.StringIO()
+    if arguments[:1] == ["help"]:
+        arguments = [*arguments[1:2], "--help"]
+    name = arguments[0] if arguments else ""
+    if name in ("-h", "--help"):
+        print(_overview())
+        sys.exit(0)
+    if name.startswith("--tyro"):
+        return tyro.cli(_any_command(), args=arguments, prog="robotball")
+    if not name:
+        raise InputError("which command? 'robotball --help' lists them")
+    if name not in COMMANDS:
+        raise unknown("command", name, [*COMMANDS, "help", "--help", "--version"])
+    helped = not {"-h", "--help"}.isdisjoint(arguments)
+    command, refusal = _options_of(name) if helped else class_of(name), io.StringIO()
+    _check_each_is_given_once(command, arguments)
     try:
         # tyro draws a box of many lines, and a refusal is one line here.
         with contextlib.redirect_stderr(refusal):
-            if command:
-                return tyro.cli(command, args=arguments[1:], prog=f"robotball {name}")
-            whole = any(each.startswith("--tyro") for each in arguments)
-            return tyro.cli(
-                _any_command(whole), args=arguments, prog="robotball", description=_WHAT
-            )
+            return tyro.cli(command, args=arguments[1:], prog=f"robotball {name}")
     except SystemExit as leaving:
         if not leaving.code:
             raise
+        _check_each_is_known(name, arguments)
         raise InputError(_words_of(refusal.getvalue())) from None
 
 
@@ -204,6 +224,19 @@ def _check_each_is_given_once(command: type[_Command], arguments: Sequence[str])
     for option, times in Counter(each.replace("_", "-") for each in options).items():
         if times > 1 and option not in lists:
             raise InputError(f"{option} is given {times} times: give it once")
+
+
+def _check_each_is_known(name: str, arguments: Sequence[str]) -> None:
+    """Raises InputError for an option that the command's help does not have."""
+    helped = io.StringIO()
+    with contextlib.redirect_stdout(helped), contextlib.suppress(SystemExit):
+        tyro.cli(class_of(name), args=["--help"])
+    lines = re.findall(r"^[│ ] (?:-h, )?(--.*)", helped.getvalue(), re.MULTILINE)
+    known = [option for line in lines for option in re.findall(r"(?:^|, )(--[\w-]+)", line)]
+    for each in arguments:
+        option = each.partition("=")[0].replace("_", "-")
+        if option.startswith("--") and option not in known:
+            raise unknown(f"option of {name}", option, [*known, _AS_GIVEN])
 
 
 def class_of(name: str) -> type[_Command]:
@@ -240,27 +273,36 @@ def _options_of(name: str) -> type[_Command]:
     return command
 
 
-def _any_command(whole: bool) -> Any:
-    """Return all commands, each with its first line; whole: with their options, which takes longer.
-
-    Without options no module of a command is imported, so that `--help` is quick.
-    """
+def _any_command() -> Any:
+    """Return all commands with their options, for the completion of a shell."""
     return Union[  # noqa: UP007
-        tuple(
-            Annotated[
-                class_of(name) if whole else make_dataclass(name, ()),
-                subcommand(name, description=_summary(name)),
-            ]
-            for name in COMMANDS
-        )
+        tuple(Annotated[class_of(name), subcommand(name)] for name in COMMANDS)
     ]
+
+
+def _overview() -> str:
+    """Return the commands in groups of what one wants, each with its first line.
+
+    No module of a command is imported, so that `--help` is quick.
+    """
+    lines, width = [_WHAT], min(get_terminal_size().columns, 100)
+    for wanted, commands in GROUPS.items():
+        lines.append(f"{wanted}:")
+        for name in commands:
+            lines.append(
+                fill(
+                    _summary(name), width, initial_indent=f"  {name:12}", subsequent_indent=" " * 14
+                )
+            )
+        lines.append("")
+    return "\n".join([*lines, _MORE.strip()])
 
 
 def _summary(name: str) -> str:
     """Return the first line of a command's docstring, read from its source."""
     source = _file_of(name).read_text(encoding="utf-8")
-    _, _, words = source.partition(f'class {name.capitalize()}:\n    """')
-    return words.partition("\n")[0]
+    (words,) = re.findall(rf'class {name.capitalize()}\b.*:\n    """(.*)', source)
+    return str(words)
 
 
 def _file_of(name: str) -> Path:

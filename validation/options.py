@@ -124,7 +124,7 @@ class Run:
     environments: DisallowNone[
         Annotated[Path | None, arg(metavar="FOLDER", help_behavior_hint="")]
     ] = None
-    """Of engines that are not installed here; else where `engines --install` makes them."""
+    """Folder of the engines' environments; if not given, where `engines --install` makes them."""
 
     def request(self, preset: str | None) -> Request:
         """Return the request to the engine."""
@@ -153,7 +153,7 @@ class Run:
         return found
 
 
-RunOptions = OmitArgPrefixes[Run]
+RunOptions = OmitArgPrefixes[Annotated[Run, arg(name="run")]]
 
 
 @dataclass(frozen=True)

@@ -66,9 +66,9 @@ class Sensitivity:
 
     def __str__(self) -> str:
         return (
-            f"sensitive: agrees until t = {self.agrees_until:.3g} s, then the motion's own "
-            f"sensitivity (exponent {self.exponent:.3g}/s) carries errors of {self.defect:.1e} "
-            f"past {self.tolerance:g}"
+            f"sensitive: agrees until t = {self.agrees_until:.3g} s; from then on the motion "
+            f"itself makes errors of {self.defect:.1e} grow beyond {self.tolerance:g} "
+            f"(exponent {self.exponent:.3g} 1/s)"
         )
 
 

@@ -45,12 +45,25 @@ _ON_SECTION = 1e-10  # a start that near counts as on the section, and is no cro
 
 
 @dataclass(frozen=True)
-class _Section:
-    """Where n orbits cross g = g₀, the first m times after their start.
+class Section:
+    """Hold the first m crossings of g = g₀ by n orbits, after their start.
 
-    times (n, m) s; l (n, m) rad and L (n, m) kg m²/s of (5.5); directions (n, m): +1 where g
-    grows, -1 where it falls; attitudes (n, m, 4), frame to world; found (n,), of the m; status
-    (n,), as that of orbits. What was not found is NaN, and its direction 0.
+    Attributes
+    ----------
+    times : (n, m), s
+        The times. What was not found is NaN.
+    l : (n, m), rad
+        The coordinate l of (5.5).
+    L : (n, m), kg m²/s
+        The coordinate L of (5.5).
+    directions : (n, m)
+        1 where g grows, -1 where it falls, 0 where nothing was found.
+    attitudes : (n, m, 4), frame to world
+        The attitudes.
+    found : (n,)
+        How many of the m crossings were found.
+    status : (n,)
+        How each orbit ended, as `orbits` says it.
     """
 
     times: Array
@@ -70,7 +83,7 @@ def section(
     g: float = 0.0,
     direction: int = 0,
     tolerance: float = STEP_TOLERANCE,
-) -> _Section:
+) -> Section:
     """Find the first `count` crossings of g = `g` [rad] by the motions from many starts.
 
     balls: one, or several with equally many of the starts each; attitudes (n, 4), momenta (n, 3),
@@ -90,7 +103,7 @@ def section(
     world = starts.to_world(states)
     MX, MY, MZ = np.asarray(momenta, dtype=float).T[:, :, None]
     M = eq.seen_from_frame((MX, MY, MZ), eq.unit_space_axes(components(world)))
-    return _Section(times, np.arctan2(M[0], M[1]), M[2], directions, world, number, status)
+    return Section(times, np.arctan2(M[0], M[1]), M[2], directions, world, number, status)
 
 
 def crossings(

@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterator
 from functools import partial
+from html import unescape
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from importlib import import_module
 from pathlib import Path
@@ -95,12 +96,40 @@ def test_equations_are_mathml_and_each_page_leads_on(site: Path) -> None:
 
 
 @pytest.mark.slow
-def test_sections_of_docstrings_are_lists(site: Path) -> None:
-    """Each parameter is an item, with its type as it is written: shape, unit and frame."""
+def test_sections_of_docstrings_are_tables(site: Path) -> None:
+    """Each parameter is a row, with its type as it is written: shape, unit and frame."""
     page = (site / "reference" / "motion.html").read_text()
-    items = re.findall(r'(?s)<li class="doc-section-item.*?</li>', page)
-    texts = [" ".join(re.sub("<[^>]*>", "", each).split()) for each in items]
-    assert any(each.startswith("contact_force ((n, 3), N, world) –") for each in texts)
+    rows = re.findall(r'(?s)<tr class="doc-section-item.*?</tr>', page)
+    cells = [[words_of(each) for each in re.findall("(?s)<td>(.*?)</td>", row)] for row in rows]
+    assert ["contact_force", "(n, 3), N, world"] in [row[:2] for row in cells]
+
+
+@pytest.mark.slow
+def test_a_signature_has_no_private_name(site: Path) -> None:
+    """Nor the bounds that msgspec checks; the types of `integrate` and Settings are written out."""
+    pages = [path.read_text() for path in (site / "reference").glob("*.html")]
+    found = re.findall('(?s)<div class="doc-signature.*?</div>', "".join(pages))
+    signatures = [words_of(each) for each in found]
+    assert len(signatures) > 100
+    assert [each for each in signatures if re.search(r"\b_[a-z]|Annotated", each, re.I)] == []
+    assert any('equations: Literal["reduced", "multibody"]' in each for each in signatures)
+    assert any("timestep: float | None = None, integrator: str | None" in s for s in signatures)
+
+
+def words_of(page: str) -> str:
+    """The text of a part of a page, in one line."""
+    return " ".join(unescape(re.sub("<[^>]*>", "", page)).split())
+
+
+@pytest.mark.slow
+def test_an_unknown_address_has_a_page(site: Path) -> None:
+    """It leads to the first page, and asks for its files from any folder."""
+    page = (site / "404.html").read_text()
+    assert "It was moved, or the address has a misprint" in page
+    leads = re.findall(r'(?:href|src)="([^"#]*)"', page)
+    assert "/index.html" in leads
+    assert [each for each in leads if not each.startswith("/")] == []
+    assert all((site / each.partition("?")[0][1:]).exists() for each in leads)
 
 
 # What reaches beyond the width, and by nothing that scrolls; on paper nothing scrolls.
@@ -135,6 +164,26 @@ def test_no_page_overflows_complains_or_asks_outside(
         assert browser.console == []
         browser.run("document.querySelector('article').innerHTML = '<p style=\"width: 2000px\">'")
         assert browser.run(BEYOND) != []
+
+
+PALETTE = "Object.keys(localStorage).filter(each => each.endsWith('palette'))"
+
+
+@needs_browser
+@pytest.mark.slow
+def test_a_palette_is_stored_when_it_is_clicked(site: Path, address: str, tmp_path: Path) -> None:
+    """A visit stores none; so a page follows the system until its reader chooses."""
+    with opened("", tmp_path, 400, 200, webgl=False) as browser:
+        for dark in True, False:
+            browser.size(400, 200, dark=dark)
+            browser.visit(f"{address}index.html")
+            assert browser.run(DARK) is dark
+            assert browser.run(PALETTE) == []
+        browser.run("document.querySelector('label[for=__palette_1]').click()")
+        assert browser.run(DARK)
+        assert len(browser.run(PALETTE)) == 1
+        browser.visit(f"{address}method.html")
+        assert browser.run(DARK)
 
 
 # The search is in a closed tree of its own; it is opened, so that the list of results can be read.

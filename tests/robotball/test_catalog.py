@@ -40,8 +40,10 @@ def test_both_engines_agree_on_every_scene(name: str) -> None:
     pair = pair_of(scene, preset, times)
     assert pair.report.faults == ()
     assert pair.agrees
-    # Where it is below 1e-12, rounding counts as well as RK4.
-    assert pair.path_error < 3 * max(MEASURED[name], 1e-12)
+    # Where it is below 1e-12, rounding counts as well as RK4. Until the error of a new scene stands
+    # above, it may be what the preset promises.
+    measured = MEASURED.get(name, rb.preset(preset).error_tolerance / 3)
+    assert pair.path_error < 3 * max(measured, 1e-12)
     assert pair.momentum_error < 1.7e-7  # measured 5.6e-8 (swinging_frame): RK4's
     ours, theirs = pair.motion.loads, pair.theory.loads
     for kind in ("contact_force", "spin_torque", "motor_torques"):

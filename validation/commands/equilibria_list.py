@@ -207,7 +207,7 @@ class Equilibria:
         # By the theorem of Poincaré and Hopf: a check that no point is missing.
         indices = f"The indices of the points add up to {index_sum(points)}"
         if circle is not None:
-            indices += f", with the {circle.index} of the circle (Ω, γ) = 0 to 2"
+            indices += f"; with that of the circle (Ω, γ) = 0, which is {circle.index}, to 2"
         below = [f"{indices}, as they must on a sphere."]
         if limit := stability_limit(ball):
             below.append(f"Two straight-line motions are stable where M² < {limit:.6g} (kg m²/s)².")

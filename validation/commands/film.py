@@ -100,7 +100,7 @@ class Video(_Shown):
 
 @dataclass(frozen=True)
 class View(_Shown):
-    """Watch balls roll in step, that of the equations as a ghost, in a window or a page.
+    """Watch the engine's ball roll, and the equations' as a ghost, in a window or a page.
 
     Example: robotball view fig12 --web
     """

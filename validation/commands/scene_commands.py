@@ -12,7 +12,7 @@ from validation.options import AGREES, OUT, PRESET, Controls, Duration, File, Sc
 
 @dataclass(frozen=True)
 class Scenes:
-    """The catalog: every scene that comes with robotball.
+    """List the scenes that come with robotball.
 
     Example: robotball scenes
     """
@@ -97,7 +97,7 @@ class Export:
     scene: SceneName
     """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
     control: Controls = ()
-    to: Annotated[Path | None, arg(metavar="DIR")] = None
+    to: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="")] = None
     """The folder for the files; out/SCENE-export if not given."""
     duration: Duration = None
     """Simulated time; the scene's own if not given."""

@@ -106,14 +106,15 @@ def each_undone() -> tuple[Settings, ...]:
 _BUILT_UP, _UNDONE = "built up", "undone"  # directions
 _SIGNS = {_BUILT_UP: "+ ", _UNDONE: "- "}
 _WORDS = {
-    _BUILT_UP: "Built up, every choice made so far: the worst to come hides what is done.",
-    _UNDONE: "The recipe with one choice undone: what it is worth by itself.",
+    _BUILT_UP: "From naive to the recipe, a choice a row: errors still to come hide its worth.",
+    _UNDONE: "The recipe without one choice: what this choice is worth by itself.",
 }
 _SEPARATOR = "; "  # between faults
 _NOTE = (
     "slip: sliding velocity, root mean square, over the rolling speed.\n"
-    "CPU: of a simulated second. × naive: median of rounds, ± the farthest from it.\n"
-    "A run with a fault is no rolling ball, whatever its numbers."
+    "CPU: processor time of a simulated second. × naive: that over naive's, the\n"
+    "median of rounds, and how far another round is from it at most.\n"
+    "A run with a fault did not roll, however small its errors."
 )
 _INCHES = (11.0, 6.2)
 _ERROR_AT, _COST_AT = 6, 58  # points right of a panel, where its numbers stand
@@ -269,7 +270,7 @@ def _panel(axes: Axes, rows: Sequence[Row]) -> None:
 
 @dataclass(frozen=True)
 class Ablation:
-    """The error budget: from the naive model to the recipe choice by choice, and each undone.
+    """Measure what each choice of settings is worth: from naive to the recipe, and each undone.
 
     Example: robotball ablation fig12 --quick
     """

@@ -90,8 +90,8 @@ def _measure_cycle(show: Show) -> Iterator[Row]:
     through = cycle_crossings(model, contact).only(-1)
     for claim, a, b in (
         ("11a: period [s]", contact.period, cycle.period),
-        ("11a: L of it [kg m²/s]", float(through.L[0]), L),
-        ("11a: l of it [rad]", float(through.l[0]), l),
+        ("11a: its L [kg m²/s]", float(through.L[0]), L),
+        ("11a: its l [rad]", float(through.l[0]), l),
         ("11a: |multiplier|", abs(contact.multipliers[0]), abs(cycle.multipliers[0])),
     ):
         yield _measured(claim, a, b, 1e-6)

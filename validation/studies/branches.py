@@ -129,7 +129,7 @@ def _draw_branch(axes: Axes, rows: Sequence[Row], key: str, named: bool) -> None
 
 @dataclass(frozen=True)
 class Continue:
-    """Follow fixed points, straight lines or cycles as one number changes, with bifurcations.
+    """Follow fixed points, straight lines or cycles as a number changes; find bifurcations.
 
     Example: robotball continue fig07 --of equilibrium --over K3 --from 0.1 --to 2.5
     """

@@ -257,7 +257,7 @@ _NOTE = (
     "Errors are of the path, over its length. own limit: what the contact model\n"
     "tends to as steps shrink. Richardson: an estimate of that error from a run and\n"
     "the one at the next longer step. equations: that error and the model's own.\n"
-    "points: of the line. stalls: where shorter steps make no smaller error.\n"
+    "points: runs that an order comes from. stalls: the error that no shorter step reduces.\n"
     "DOP853 alone chooses its steps: the order is its power of rtol."
 )
 _INCHES = (11.0, 6.6)
@@ -273,8 +273,8 @@ def _convergence_study(study: Runs) -> Study:
             table_of(_RUNS, study.rows, section="integrator"),
             table_of(_ORDER_COLUMNS, [_orders(study, each) for each in study.by_name]),
             _NOTE,
-            f"{name}: the own limit is {limit['model_error']:.1e} of the path off the equations;\n"
-            f"it is by {limit['by']}, and known to {limit['known_to']:.1e}.",
+            f"{name}: the own limit is {limit['model_error']:.1e} of the path away from the\n"
+            f"equations; {limit['by']} computes it, right to {limit['known_to']:.1e}.",
         ),
         picture=_convergence_picture(study),
     )  # fmt: skip
@@ -397,7 +397,7 @@ def _record(study: Runs) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Convergence:
-    """Orders of convergence of every integrator, against the contact model's limit and theory.
+    """Measure each integrator's order of convergence, and the contact model's own error.
 
     Example: robotball convergence fig12 --quick --without softness,noslip
     """

@@ -293,12 +293,14 @@ def _at(span: tuple[Any, ...] | slice, part: float) -> Any:
 
 @dataclass(frozen=True)
 class Engines:
-    """List the engines and their presets; of scenes, each engine's error against its cost.
+    """List the engines and their presets; given scenes, compare their errors and costs.
 
     Example: robotball engines fig12 --only mujoco --quick
     """
 
-    scenes: Positional[Annotated[tuple[str, ...], arg(metavar="[SCENE…]")]] = ()
+    scenes: Positional[
+        Annotated[tuple[str, ...], arg(metavar="[SCENE…]", help_behavior_hint="")]
+    ] = ()
     """Names from the catalog, or paths to TOML files; without any the engines are listed."""
     only: Names = ()
     """Engines to run; all that are there if not given. Several: drake,bullet."""

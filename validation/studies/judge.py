@@ -204,7 +204,7 @@ class FileJudgement:
 
 
 @dataclass(frozen=True)
-class _Order:
+class Order:
     """The order of a measure over several files; None where the errors lie on no straight line."""
 
     measure: str
@@ -222,7 +222,7 @@ class Judgement:
         The scene that the trajectories were judged by.
     files : tuple of FileJudgement
         The judgement of each trajectory, the one with the longest step first.
-    orders : tuple
+    orders : tuple of Order
         The orders of convergence of path and attitude. Empty unless the files differ in their step.
 
     Examples
@@ -238,7 +238,7 @@ class Judgement:
 
     scene: Scene
     files: tuple[FileJudgement, ...]
-    orders: tuple[_Order, ...]
+    orders: tuple[Order, ...]
 
     @property
     def agrees(self) -> bool:
@@ -351,7 +351,7 @@ def _judged(
     return FileJudgement(trajectory, plain, found, corrected, lag, timestep, tolerance)
 
 
-def _orders(judged: Sequence[FileJudgement]) -> Iterator[_Order]:
+def _orders(judged: Sequence[FileJudgement]) -> Iterator[Order]:
     """Yield those of path and attitude, where the files have at least two different steps."""
     steps = [each.timestep for each in judged]
     if len(set(steps)) < 2:
@@ -360,10 +360,10 @@ def _orders(judged: Sequence[FileJudgement]) -> Iterator[_Order]:
         name, errors = measure.replace("_", " "), [getattr(each.best, measure) for each in judged]
         if len(set(steps)) < LEAST:
             fall = np.log(errors[0] / errors[-1]) / np.log(steps[0] / steps[-1])
-            yield _Order(name, float(fall))
+            yield Order(name, float(fall))
             continue
         found = fit_order(steps, errors)
-        yield _Order(name, *((found.order, found.stderr) if found else (None, None)))
+        yield Order(name, *((found.order, found.stderr) if found else (None, None)))
 
 
 _SURE = 0.1  # the part of an error that a mistake may leave if it is said to be made
@@ -454,7 +454,9 @@ def _contact(beside: _Beside) -> list[str]:
         f"spin up to {spin:.1e} rad/s{sure}{allowed}",
     ]
     if np.isfinite(radius):
-        parts.append(f"rolls as at a radius of {radius:.6g} m (the scene's: {scene.ball.radius:g})")
+        parts.append(
+            f"rolls like a ball of radius {radius:.6g} m (the scene's: {scene.ball.radius:g})"
+        )
     return ["; ".join(parts)]
 
 

@@ -311,7 +311,7 @@ def tables(parts: Mapping[str, Sequence[Row]]) -> str:
 
 @dataclass(frozen=True)
 class Results:
-    """Hold the paper's results that no figure shows by the equations against the engine's.
+    """Check the paper's results that no figure shows, by the equations and by an engine.
 
     Example: robotball results --quick --only closed-orbits
     """

@@ -273,8 +273,8 @@ def shown(records: Sequence[Mapping[str, Any]]) -> Iterator[Table | str]:
         ]
         yield table_of(columns, rows, section="title")
         yield (
-            f"number of fixed points and type of Γ₅ against the formulas: "
-            f"{record['against_the_formulas']} cells differ; {record['failed']} without a result"
+            f"number of fixed points and type of Γ₅: in {record['against_the_formulas']} cells "
+            f"another than by section 4.2's formulas; {record['failed']} cells without a result"
         )
 
 

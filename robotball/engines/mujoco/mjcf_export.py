@@ -234,10 +234,10 @@ def left_out(scene: Scene, settings: Settings) -> list[str]:
             "what holds the ball; a torque on the shell resists the rolling, at every evaluation"
         )
     else:
-        lines.append("rolling friction (condim 6): neither rolling model has it; it would eat M")
+        lines.append("rolling friction (condim 6): neither rolling model has it; M would fall")
     lines.append("collision detection but for one pair: the shell and the plane")
-    lines.append("geoms of frame and rotors, lights, textures, materials: a run is not looked at")
-    lines.append("sensors but for those that a Motion is made of")
+    lines.append("geoms of frame and rotors, lights, textures, materials: a run draws nothing")
+    lines.append("sensors that no Motion needs")
     if settings.solver == "PGS" and settings.iterations is not None:
         lines.append(
             f"Newton's solver and {DEFAULT_ITERATIONS} iterations: one contact is solved by PGS in "
@@ -253,7 +253,9 @@ def left_out(scene: Scene, settings: Settings) -> list[str]:
             f"solves both in {settings.iterations} iterations"
         )
     if settings.warmstart == "disable":
-        lines.append("the warm start: so few iterations need no guess, and a state has one motion")
+        lines.append(
+            "the warm start: so few iterations need no guess, and a state always moves alike"
+        )
     if settings.island == "disable":
         lines.append("the search for islands of contacts: there is one contact")
     return lines

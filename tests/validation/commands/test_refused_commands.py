@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Robotball
+from validation.cli import COMMANDS
 
 LONG = "n" * 256
 POSITIVE = "duration must be positive and finite, not"
@@ -18,10 +19,23 @@ AT_REST = (
     r"fig06 starts from rest, and an? \w+ needs a momentum M other than zero; "
     r"'robotball equilibria fig06' shows the motion from rest"
 )
+# Of every command one.
+MISTYPED = {
+    "--json": ("--jsn", "check judge section lyapunov attractors basins equilibria continue paper"),
+    "--preset": ("--presett", "compare report video view model steer convergence chart"),
+    "--keep-going": ("--keepgoing", "compare"),
+    "--no-plots": ("--no-plot", "compare"),
+    "--out": ("--outt", "demo figures design ablation tradeoff extremes portraits results"),
+    "--duration": ("--durration", "engines export"),
+    "--bisect": ("--bisekt", "history"),
+    "--help": ("--hlep", "scenes"),
+}
 REFUSED = {
     # names, options and their values
-    "": "Expected one of",
+    "": "which command. 'robotball --help' lists them",
     "roll": "roll",
+    "help compair": r"no command is called 'compair'; did you mean compare\?$",
+    "--verson": r"did you mean --version\?$",
     "compair fig12": r"^robotball: no command is called 'compair'; did you mean compare\?$",
     "compare": "compare needs a scene",
     "compare fig112": "no scene is called 'fig112'; did you mean fig12",
@@ -33,7 +47,13 @@ REFUSED = {
     "compare fig12 --preset naive fast": (
         "options: fast; names stand together, and values of one option have com"
     ),
-    "compare fig12 --durration 1": "Unrecognized options: --durration",
+    "compare fig12 --durration 1": "no option of compare is called '--durration'; did you mean",
+    "demo --rubbish=3": "no option of demo is called '--rubbish'; there are --help, --out",
+    **{
+        f"{name} {mistyped}": f"no option of {name} is called '{mistyped}'; did you mean {meant}"
+        for meant, (mistyped, names) in MISTYPED.items()
+        for name in names.split()
+    },
     "compare fig12 --duration 1 --duration 2": "--duration is given 2 times: give it once",
     "steer fig12 --preset=fast --preset naive": "--preset is given 2 times: give it once",
     **{
@@ -144,6 +164,11 @@ FILES = {
     "c.json": '{"versions": 1}',
     "e.json": '{"versions": {}, "a": ' + "[" * 200_000 + "]" * 200_000 + "}",
 }
+
+
+def test_an_option_of_every_command_is_mistyped() -> None:
+    """Once at least."""
+    assert {name for _, names in MISTYPED.values() for name in names.split()} == {*COMMANDS}
 
 
 @pytest.mark.parametrize(("arguments", "words"), REFUSED.items())

@@ -13,6 +13,7 @@ from rich.console import Console
 
 import validation.paper
 from robotball import InputError
+from tests.validation.json_keys import misfits
 from tests.validation.paper import ours
 from validation.cli import main
 from validation.paper import SECTIONS
@@ -184,7 +185,9 @@ def test_exit_status_and_json(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -
     path = tmp_path / "paper.json"
     assert run([TRUE, LOST]) == 0
     assert run([TRUE, FALSE, LOST], "--json", str(path)) == 1
-    claims = json.loads(path.read_text(), parse_constant=pytest.fail)["claims"]
+    record = json.loads(path.read_text(), parse_constant=pytest.fail)
+    assert misfits("paper", record) == set()
+    claims = record["claims"]
     held = {"verdict": "holds as corrected", "printed": 1.0, "corrected": 0.0, "bound": 1e-9}
     held |= {"section": "3. A section", "as_printed": "untrue", "means": "arithmetic"}
     held |= {"control": "the sign"}

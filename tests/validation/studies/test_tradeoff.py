@@ -132,7 +132,9 @@ def test_a_configuration_is_measured_by_its_cell_alone() -> None:
     slipped, sound, failed = study["configurations"]
     assert (slipped["title"], sound["title"]) == ("naive", "balanced")
     assert study["pareto_front"] == [sound]
-    assert slipped["trouble"].startswith("hinge rate off by over 0.001 at t = 0.002 s")
+    assert slipped["trouble"].startswith(
+        "a hinge turns more than 0.1 % too fast or too slow from t = 0.002 s on"
+    )
     assert sound["error"] < 6e-10  # measured 3.3e-10: RK4's error at 5 ms
     assert sound["cost"] > 0
     assert (failed["trouble"], failed["error"]) == ("took longer than 60 s", None)

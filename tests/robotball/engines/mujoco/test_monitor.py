@@ -30,8 +30,8 @@ KEEP_GOING = replace(FAST, stop_at_fault=False)
 FAULTS: dict[str, tuple[rb.Scene, rb.Settings, set[str]]] = {
     # A newcomer's model slips, bounces and loses its rates.
     "naive": (FIG12, rb.preset("naive"), {
-        "hinge rate off by over 0.001", "friction cone saturated", "contact lost",
-        "slipped over 0.01 of the path", "M off by over 0.01",
+        "a hinge turns more than 0.1 % too fast or too slow", "friction cone saturated",
+        "contact lost", "slipped over 0.01 of the path", "M off by over 0.01",
     }),
     # M keeps to 1e-8 while the ball slips off its path.
     "the frame as root": (
@@ -47,7 +47,7 @@ FAULTS: dict[str, tuple[rb.Scene, rb.Settings, set[str]]] = {
     ),
     "a weak servo": (
         FIG12, replace(FAST, timestep=2e-3, drive=Servo(gain=1.0)),
-        {"hinge rate off by over 0.001"},
+        {"a hinge turns more than 0.1 % too fast or too slow"},
     ),
 }  # fmt: skip
 
@@ -77,7 +77,9 @@ def test_a_drive_that_steps_see_as_a_constant_is_a_fault(
     sine = rb.Sine(mean=2.0, amplitude=0.05, frequency=frequency, phase=np.pi / 2)
     model = build(resolved(FIG12.with_hinges(command={"frame": sine}), rb.preset(preset)))
     faults = run(model, np.linspace(0.0, 0.4, 21)).report.faults
-    assert [fault.text for fault in faults] == ["hinge rate off by over 0.001"] * off
+    assert [fault.text for fault in faults] == [
+        "a hinge turns more than 0.1 % too fast or too slow"
+    ] * off
 
 
 def test_a_diverging_run_ends_at_the_step_that_diverged() -> None:

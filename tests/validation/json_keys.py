@@ -1,0 +1,59 @@
+"""The keys of a command's JSON, as docs/json.md lists them, held to what the command writes."""
+
+import re
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from tests.imports import PROJECT
+
+PAGE = (PROJECT / "docs" / "json.md").read_text(encoding="utf-8")
+ROW = re.compile(r"^\| (`.*?`) \| .*? ?\| ?(.*) \|$", re.MULTILINE)
+
+
+def misfits(section: str, record: Any) -> set[str]:
+    """Return the keys of a record that its table lacks, and those of the table that it lacks.
+
+    Nothing lies below null and an empty list. A key whose meaning says `if` or `where` may lack.
+    """
+    table = PAGE.partition(f"\n## {section}\n")[2].partition("\n## ")[0]
+    rows = [(key, said) for keys, said in ROW.findall(table) for key in re.findall("`(.+?)`", keys)]
+    paths = dict(_paths(record))
+    empty = [path for path, value in paths.items() if value in (None, [], {})]
+    found = {key: _matching(key, paths) for key, _ in rows}
+    above = {
+        key: {path for part in _above(key) for path in _matching(part, empty)} for key in found
+    }
+    lost = {
+        key
+        for key, said in rows
+        if not found[key] and not above[key] and not re.search(r"\b(if|where)\b", said)
+    }
+    versions = {path for path in paths if path.startswith("versions.")}
+    return {*paths}.difference(versions, *found.values(), *above.values()) | lost
+
+
+def _above(key: str) -> Iterator[str]:
+    """Yield the keys of the objects and lists that a key lies in."""
+    return (key[: cut.start()] for cut in re.finditer(r"\.|\[", key))
+
+
+def _matching(key: str, paths: Iterable[str]) -> set[str]:
+    """Return the paths that a listed key stands for."""
+    return {path for path in paths if re.fullmatch(_pattern(key), path)}
+
+
+def _pattern(key: str) -> str:
+    pattern = re.sub(r"\d+$", r"\\d+", re.escape(key)).replace("NAME", ".+")
+    return re.sub(r"\\\.…$", r"[.[].+", pattern)
+
+
+def _paths(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the path of each value that is no object and no list of objects."""
+    if isinstance(value, dict) and value:
+        for key, each in value.items():
+            yield from _paths(each, f"{path}.{key}".removeprefix("."))
+    elif isinstance(value, list) and value and isinstance(value[0], dict):
+        for each in value:
+            yield from _paths(each, f"{path}[]" if path else "")
+    else:
+        yield path, value

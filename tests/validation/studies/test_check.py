@@ -13,7 +13,7 @@ import robotball as rb
 from robotball.drives import Sine
 from robotball.engines.mujoco.user_model import UserModel, observed
 from robotball.files.robot_file import open_robot
-from robotball.film.looks import label_of
+from robotball.film.lines import label_of
 from robotball.film.web import view_fragment
 from robotball.rotations import Array
 from tests.conftest import Robotball

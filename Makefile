@@ -114,7 +114,7 @@ setup: .venv/.stamp
 	@echo "set-up: robotball itself"
 	@$(UV) pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation --editable .
 	@.venv/bin/python -m compileall -q robotball validation
-	@.venv/bin/python -c 'from robotball.engines.compiled import compile_all; compile_all()'
+	@.venv/bin/python -c 'from robotball.engines.ahead import compile_all; compile_all()'
 	@touch $@
 
 # A machine without uv gets a pinned one in a tool environment of its own.

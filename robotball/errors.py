@@ -1,10 +1,14 @@
-"""The one exception that a user's input can raise, the one warning, and checks that raise it."""
+"""The one exception that a user's input can raise, the one warning, and checks that raise it.
+
+And MuJoCo's own warnings, which several rooms keep from being printed.
+"""
 
 import difflib
 import math
 import sys
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from numbers import Real
 
 # In SI units, far beyond any ball, and small enough that products of a few do not overflow.
@@ -146,3 +150,20 @@ def check_count(name: str, value: int, least: int, most: int = _MOST_COUNTED) ->
 def check_seed(seed: int) -> int:
     """Return `seed`. Raises InputError where it can start no random numbers."""
     return check_count("seed", seed, 0, 2**63 - 1)
+
+
+@contextmanager
+def mujoco_silent() -> Iterator[None]:
+    """Keep MuJoCo from printing its warnings in the block.
+
+    It would write them to the terminal and to a file in the current folder. Its own counters, which
+    the monitor reads, have them all the same.
+    """
+    import mujoco  # which the equations do without
+
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)

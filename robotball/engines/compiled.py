@@ -22,7 +22,6 @@ import numba
 from llvmlite.binding import get_host_cpu_name
 from numba.extending import register_jitable
 
-from robotball.equations import ROLLING_MODELS
 from robotball.errors import warn
 from robotball.files.replacing import is_own
 
@@ -97,22 +96,6 @@ def compiled_from(source: str, signature: str, **options: Any) -> Callable[[Func
     nothing can be kept, a warning says so, and the function is compiled in memory.
     """
     return lambda function: Compiled(function, source, signature, options)
-
-
-def compile_all() -> None:
-    """Compile all that is compiled, or load it, as set-up does for the first commands."""
-    # Here, as their modules import this one.
-    from robotball.engines.ensembles import crossings, flatten, orbits, steppers
-    from robotball.engines.multibody import system
-
-    for module in (system, orbits, crossings):
-        for each in vars(module).values():
-            if isinstance(each, Compiled):
-                each.code  # noqa: B018
-    for rolling in ROLLING_MODELS:
-        steppers.stepper(steppers.PATH, rolling, flatten.FEW)
-        for one in (steppers.PATH, steppers.RETURN, steppers.ARC, steppers.DEVIATION):
-            steppers.stepper(one, rolling)
 
 
 def _folder_for(source: str, options: dict[str, Any]) -> Path | None:

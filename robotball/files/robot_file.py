@@ -28,7 +28,7 @@ from robotball.activations import Activation
 from robotball.ball import Ball, Hinge, Link, Shell, Solid, composed
 from robotball.drives import Rate, Samples, key
 from robotball.equations import Rolling
-from robotball.errors import InputError, check_positive, check_size, unknown, warn
+from robotball.errors import InputError, check_positive, check_size, mujoco_silent, unknown, warn
 from robotball.files import named
 from robotball.files.sandbox import COMMENT, check_format, check_loads, opened_spec
 from robotball.files.scene_tables import Command, Table, rate_of
@@ -84,7 +84,8 @@ class RobotFile:
         data, number = mujoco.MjData(self.model), self.keyframe(key)
         if number is not None:
             mujoco.mj_resetDataKeyframe(self.model, data, number)
-        mujoco.mj_forward(self.model, data)
+        with mujoco_silent():
+            mujoco.mj_forward(self.model, data)
         return data
 
     def keyframe(self, key: str | None) -> int | None:

@@ -151,7 +151,7 @@ def test_mass_that_gets_out_of_the_shell_is_found_at_any_angle() -> None:
         whole = np.hypot(reach, np.sqrt(1.5e-3 / 0.1))
         shell = replace(SHELL, radius=0.1)
         (*_, told) = beyond_the_shell(Ball(shell, (Hinge(FRAME), Hinge(pendulum))))
-        assert f"pendulum1 has mass outside the shell: at {whole:.4g} m, of 0.1" in told
+        assert f"pendulum1 has mass outside the shell: at {whole:.4g} m, beyond 0.1 m" in told
 
 
 def test_axial_tensor_has_its_moments() -> None:

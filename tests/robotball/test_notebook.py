@@ -11,6 +11,7 @@ from PIL import Image
 
 import robotball as rb
 from robotball import notebook
+from robotball.film.lines import line_looks
 from robotball.film.looks import rgb
 from robotball.notebook import by_value, cell
 from robotball.rotations import Array
@@ -51,14 +52,14 @@ def pixels_of(shown: str) -> Array:
 
 
 def test_a_notebook_shows_the_paths() -> None:
-    """A cell has its engines' colours alone: 0.39 % to 0.70 % of the pixels measured, and 0."""
+    """A cell has its motions' colours alone: 0.39 % to 0.70 % of the pixels measured, and 0."""
     for shown, motions in (
         (SCENE._repr_html_(), [THEORY]), (MOTION._repr_html_(), [MOTION]),
         (cell("both", [THEORY, MOTION]), [THEORY, MOTION]),
     ):  # fmt: skip
         pixels = pixels_of(shown)
-        for each in (THEORY, MOTION):
-            colour = 255 * np.array(rgb(each.engine.colour))
+        for each, look in zip((THEORY, MOTION), line_looks([THEORY, MOTION]), strict=True):
+            colour = 255 * np.array(rgb(look.colour))
             share = np.all(np.abs(pixels - colour) < 2, axis=2).mean()
             assert (share > 1e-3) == (each in motions)
     assert "&lt;ContactMotion of fig12" in MOTION._repr_html_()

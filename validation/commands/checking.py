@@ -6,12 +6,11 @@ from html import escape
 from pathlib import Path
 from typing import Annotated, Literal
 
-import mujoco
 from tyro.conf import DisallowNone, Positional, arg
 
 from robotball.drives import as_drive
 from robotball.engines.mujoco.user_model import UserModel
-from robotball.errors import check_positive
+from robotball.errors import check_positive, mujoco_silent
 from robotball.files import named
 from robotball.files.robot_file import open_robot, starts_off
 from robotball.files.scene_keys import ask
@@ -90,8 +89,7 @@ class Check:
             notes = [*robot.notes, *starts_off(robot, start), *moves]
         ask(self.file, own.scene(self.rolling or "classical", seconds))
         # A state that diverges is said in words, not by MuJoCo's own lines before them.
-        mujoco.set_mju_user_warning(lambda *_: None)
-        with progress_bar(1) as show:
+        with mujoco_silent(), progress_bar(1) as show:
             return own, check_model(own, self.rolling, seconds, self.accuracy, show), notes
 
 

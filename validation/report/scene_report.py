@@ -188,7 +188,9 @@ def _loads(group: Sequence[Agreement]) -> str:
         exact, times = values[0], [each.times for each in motions]
         low, high, most = float(exact.min()), float(exact.max()), float(np.abs(exact).max())
         off = [np.abs(each - exact[: len(each)]) for each in values[1:]]
-        worst, label = max(map(np.max, off)), f"{quantity} [{unit}]" if unit else quantity
+        # Of runs that broke off in their first step nothing is known.
+        worst = max((float(each.max()) for each in off if each.size), default=np.inf)
+        label = f"{quantity} [{unit}]" if unit else quantity
         if high - low <= _CONSTANT * most and worst <= _HIDDEN * most:
             own = f"{exact[0]:.4g} {unit}".rstrip()
             said += paragraph(

@@ -21,7 +21,7 @@ from scipy.optimize import root_scalar
 from robotball.ball import PARTS, Frame, Link, Pendulum, Rotor, Shell
 from robotball.drives import Drive, turns
 from robotball.engines.mujoco.settings import Prescribed, Resolved, Settings
-from robotball.errors import InputError
+from robotball.errors import InputError, mujoco_silent
 from robotball.motors import Actuator, Free, Law, Motor, PositionServo, Servo, Torque
 from robotball.rotations import Array, multiply, rotation_matrix, z_along
 from robotball.scene import MovedHinge, Scene
@@ -419,7 +419,8 @@ def compiled_model(xml: str, softness: float = 1.0) -> Any:
     Raises InputError where MuJoCo refuses it.
     """
     try:
-        model = mujoco.MjModel.from_xml_string(xml)
+        with mujoco_silent():
+            model = mujoco.MjModel.from_xml_string(xml)
     except (ValueError, mujoco.FatalError) as error:
         raise InputError(f"MuJoCo refuses the model: {error}") from None
     # The bodies' inverse weights do nothing but scale the constraints' regulariser, which so gets
@@ -455,7 +456,11 @@ def carrying_depth(chosen: Resolved, model: mujoco.MjModel) -> float:
 
     # The acceleration is nearly linear in the depth, g about k times it: a secant needs few steps.
     scale = softness * chosen.scene.gravity / stiffness
-    with warnings.catch_warnings(), contextlib.suppress(ValueError):  # no secant to follow
+    with (
+        mujoco_silent(),
+        warnings.catch_warnings(),
+        contextlib.suppress(ValueError),
+    ):  # without a secant
         warnings.simplefilter("ignore")
         found = root_scalar(vertical_acceleration, x0=scale, x1=1.1 * scale, xtol=1e-16)
         if found.converged and 0 < found.root < np.inf:

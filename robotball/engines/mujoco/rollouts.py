@@ -24,6 +24,7 @@ from robotball.engines.mujoco.model import Model, build, carrying_depth, hinges_
 from robotball.engines.mujoco.run import held, observed, run
 from robotball.engines.mujoco.settings import Resolved, Settings, resolved
 from robotball.engines.mujoco.stepping import Portion, controlled, stretches
+from robotball.errors import mujoco_silent
 from robotball.many_motions import FromStarts, differ_in_start, of_each
 from robotball.motion import ContactMotion, FaultKind
 from robotball.processes import allowed
@@ -135,7 +136,8 @@ class _Together:
         for length, count in self.groups:
             for each in compiled:
                 each.opt.timestep = length
-            states, sensors = pool.rollout(compiled, data, state, control, nstep=count)
+            with mujoco_silent():
+                states, sensors = pool.rollout(compiled, data, state, control, nstep=count)
             state = states[:, -1]
             rows.append(sensors)
         busy = min(len(data), len(models))

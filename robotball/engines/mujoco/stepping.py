@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from robotball.engines.mujoco.control import STATE, Control, read_row, state_of
 from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.settings import INTEGRATORS, MUJOCOS_DEFAULT
+from robotball.errors import mujoco_silent
 from robotball.motion import Fault, pieces
 from robotball.rotations import Array
 from robotball.scene import spans
@@ -28,6 +29,7 @@ def controlled(model: Model) -> Iterator[Control]:
     control = Control(model)
     integrator = INTEGRATORS[model.settings.integrator or MUJOCOS_DEFAULT]
     with ExitStack() as stack:
+        stack.enter_context(mujoco_silent())
         # First-order steps, and those that are chosen by their error, cross a limit at no cost.
         if model.has_torque_limits and integrator.own and integrator.order > 1:
             from robotball.engines.mujoco.torque_limits import at_limits

@@ -21,15 +21,7 @@ from validation.output import progress_bar, versions, writable_folder, write_tex
 from validation.report import folded, page, paragraph, plain, table, text
 from validation.report import picture as figure
 from validation.results import controls_of
-from validation.studies.check import (
-    COLUMNS,
-    Checked,
-    beside,
-    check_model,
-    difference,
-    moved,
-    study_of,
-)
+from validation.studies import check
 from validation.study import Study, present
 
 
@@ -66,37 +58,37 @@ class Check:
         check_files(self.json)
         writable_folder(self.out)
         own, checked, notes = self.checked()
-        study = study_of(own, checked, notes)
+        study = check.study_of(own, checked, notes)
         picture, html = (self.out / f"{study.stem()}.{kind}" for kind in ("png", "html"))
         present(study, picture, self.json, None)
-        write_text(html, _page_of(study, checked, picture, beside(own, checked)))
+        write_text(html, _page_of(study, checked, picture, check.beside(own, checked)))
         print(picture, html, sep="\n")
         if checked.needed:
             mended = self.out / f"{self.file.stem}-mended.xml"
             write_text(mended, checked.text)
-            print(mended, *difference(checked), sep="\n")
+            print(mended, *check.difference(checked), sep="\n")
         return AGREES if checked.agrees else DISAGREES
 
-    def checked(self) -> tuple[UserModel, Checked, list[str]]:
+    def checked(self) -> tuple[UserModel, check.Checked, list[str]]:
         """Return the file's model, what is found of it, and words known before."""
         robot = open_robot(self.file, self.shell)
         seconds = 10.0 if self.duration is None else self.duration
         given = controls_of(self.control)
         controls = {name: as_drive(value, seconds) for name, value in given.items()}
-        own, moves = moved(UserModel(robot, controls, self.keyframe))
+        own, moves = check.moved(UserModel(robot, controls, self.keyframe))
         start = own.begin()
         with named(self.file):
             notes = [*robot.notes, *starts_off(robot, start), *moves]
         ask(self.file, own.scene(self.rolling or "classical", seconds))
         # A state that diverges is said in words, not by MuJoCo's own lines before them.
         with mujoco_silent(), progress_bar(1) as show:
-            return own, check_model(own, self.rolling, seconds, self.accuracy, show), notes
+            return own, check.check_model(own, self.rolling, seconds, self.accuracy, show), notes
 
 
-def _page_of(study: Study, checked: Checked, picture: Path, motions: Sequence[Motion]) -> str:
+def _page_of(study: Study, checked: check.Checked, picture: Path, motions: Sequence[Motion]) -> str:
     """Return the HTML page of a check, with its picture and a view of the motions."""
     lines = study.record["lines"] if study.record else [""]
-    cells = [[column.text(row) for column in COLUMNS] for row in study.rows]
+    cells = [[column.text(row) for column in check.COLUMNS] for row in study.rows]
     body = [
         f"<h1>{text(study.scene)}</h1>",
         *map(paragraph, lines),
@@ -104,9 +96,9 @@ def _page_of(study: Study, checked: Checked, picture: Path, motions: Sequence[Mo
         "<h2>To be looked at</h2>",
         view_fragment(motions),
         "<h2>What each change is worth</h2>",
-        table([column.header for column in COLUMNS], cells, "words"),
+        table([column.header for column in check.COLUMNS], cells, "words"),
         "<h2>The changes</h2>",
-        f'<pre class="wide">{escape(chr(10).join(difference(checked)))}</pre>',
+        f'<pre class="wide">{escape(chr(10).join(check.difference(checked)))}</pre>',
         folded("Versions", plain(versions()), short=True),
     ]
     return page(f"robotball: check of {study.scene}", body, view_head())

@@ -23,11 +23,11 @@ from robotball import InputError, Scene, integrate
 from robotball.drives import Constant, Drive, as_drive
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.settings import BY_ERROR, CONSTANT, recipe
-from robotball.engines.mujoco.user_model import Seen, UserModel, observed
+from robotball.engines.mujoco.user_model import Seen, UserModel, observed, wrenches
 from robotball.equations import Rolling
 from robotball.errors import SceneWarning
 from robotball.files.mended_file import Change, Editable, Moves, compiled, editable
-from robotball.files.robot_file import RobotFile, gears_of, geom_name, rolling_of, start_misses
+from robotball.files.robot_file import gears_of, geom_name, rolling_of, start_misses
 from robotball.film.lines import PRESET_LOOKS
 from robotball.motion import ContactMotion, Motion, ReferenceMotion, arrays_of, with_arrays
 from robotball.rotations import Array
@@ -42,7 +42,6 @@ _STANDS = 1e-3  # of the radius: a robot that rolls less in all is moved
 _LEAST_PATH = 0.1  # of the radius: less is no verdict
 _STILL = 0.05  # of the equations' reach: a robot that gets no farther stands still
 _PATIENCE = 20.0  # s of processor time for the equations, and for all that is tried
-_SLOW = 2.0  # s, after which the equations' time is estimated
 # Controls of a robot that would not move: rad, rad/s, and of the weight at the radius.
 _ANGLE, _RATE, _TORQUE = 0.3, 2.0, 0.03
 _NEARER = 0.5  # times the other's error: a rolling model so near is the one that the file has
@@ -60,91 +59,75 @@ def _digits(*values: float) -> str:
 
 def _pair_of(contact: Any) -> dict[str, str]:
     """Return the attributes of a pair that makes this contact."""
-    values = {
-        "condim": [contact.dim],
-        "friction": contact.friction,
-        "solref": contact.solref,
-        "solreffriction": contact.solreffriction,
-        "solimp": contact.solimp,
-        "margin": [contact.includemargin],
-    }
+    names = ("condim", "friction", "solref", "solreffriction", "solimp", "margin")
+    called = {"condim": "dim", "margin": "includemargin"}  # among a contact's data
+    values = {name: np.atleast_1d(getattr(contact, called.get(name, name))) for name in names}
     # Where all are 0 they are the default.
     return {name: _digits(*each) for name, each in values.items() if np.any(each)}
 
 
 def _changes_of(
     own: UserModel, motion: ContactMotion, seen: Seen, theory: ReferenceMotion, step: float
-) -> list[Change]:
-    """Return what the recipe has otherwise than the file, at steps of a length [s].
+) -> Iterator[Change]:
+    """Yield what the recipe has otherwise than the file, at steps of a length [s].
 
     Changes without which the others are not seen come first.
     """
     robot, scene = own.robot, theory.scene
     model, data = robot.model, own.begin()
     option, contact = model.opt, robot.contact(data)
-    found = []
     if seen.inside:
-        found.append(_apart(model, seen))
+        yield _apart(model, seen)
     if wrong := "; ".join(words for words, _ in start_misses(robot, data)):
-        found.append(Change("start", wrong, start=True))
-    solver = {}
-    if option.solver != int(mujoco.mjtSolver.mjSOL_NEWTON):
-        solver["solver"] = "Newton"
-    if option.iterations < 20:
-        solver["iterations"] = "100"
-    if option.ls_iterations < 10:
-        solver["ls_iterations"] = "50"
-    if option.tolerance > 1e-8:
-        solver["tolerance"] = "1e-10"
-    if solver:
-        words = (
-            f"the solver ends early: {option.iterations} iterations, {option.ls_iterations} of a "
-            f"line search, tolerance {option.tolerance:g}"
-        )
-        found.append(Change("solver", words, option=solver))
-    resists = scene.friction.rolling
-    condim = 6 if resists else 4 if scene.rolling == "rubber" else 3
+        yield Change("start", wrong, start=True)
+    ends_early = {
+        "solver": option.solver != int(mujoco.mjtSolver.mjSOL_NEWTON),
+        "iterations": option.iterations < 20,
+        "ls_iterations": option.ls_iterations < 10,
+        "tolerance": option.tolerance > 1e-8,
+    }
+    if solver := {name: _SOLVER[name] for name, ends in ends_early.items() if ends}:
+        words = f"the solver ends early: {option.iterations} iterations, "
+        words += f"{option.ls_iterations} of a line search, tolerance {option.tolerance:g}"
+        yield Change("solver", words, option=solver)
+    condim = 6 if scene.friction.rolling else 4 if scene.rolling == "rubber" else 3
+    lets = "lets the shell spin" if contact.dim < condim else "resists what this rolling does not"
     if contact.dim != condim:
-        lets = (
-            "lets the shell spin" if contact.dim < condim else "resists what this rolling does not"
-        )
         words = f"condim {contact.dim} {lets}; {scene.rolling} rolling has {condim}"
-        found.append(Change("condim", words, pair={"condim": str(condim)}))
+        yield Change("condim", words, pair={"condim": str(condim)})
     if option.cone != int(mujoco.mjtCone.mjCONE_ELLIPTIC):
         words = "the cone of friction is a pyramid, which couples its directions"
         if seen.delivered is not None and seen.delivered < _DELIVERED:
             words += f" and delivers {seen.delivered:.0%} of the resistance to rolling"
-        found.append(Change("cone", words, option={"cone": "elliptic"}))
-    found += _friction(contact, theory, condim)
+        yield Change("cone", words, option={"cone": "elliptic"})
+    yield from _friction(contact, theory, condim)
     if option.integrator != int(mujoco.mjtIntegrator.mjINT_RK4):
-        words = "the integrator is of first order"
-        found.append(Change("integrator", words, option={"integrator": "RK4"}))
+        yield Change("integrator", "the integrator is of first order", option={"integrator": "RK4"})
     if step < option.timestep:
         words = f"steps of {1e3 * option.timestep:g} ms are too long"
-        found.append(Change("timestep", words, option={"timestep": _digits(step)}))
+        yield Change("timestep", words, option={"timestep": _digits(step)})
     depth = motion.report.depth[(motion.times < seen.until) & np.isfinite(motion.report.depth)]
     sinks = 1e3 * float(depth.mean()) if len(depth) else 0.0
     name, words = "softness", f"the contact is soft: the sphere sinks {sinks:.2g} mm"
     words += ", and bears no load at first"
     if sinks < 0:
         name, words = "margin", f"its margin holds the sphere {-sinks:.2g} mm above the plane"
-    hard = {"solref": _digits(_SOFTEST, 1.0), "solimp": _digits(*_SOLIMP)}
-    found.append(Change(name, words, pair=hard))
+    yield Change(name, words, pair={"solref": _digits(_SOFTEST, 1.0), "solimp": _digits(*_SOLIMP)})
     if option.noslip_iterations < 1:
         words = "friction is regularized, and creeps; slip is not solved for"
-        found.append(Change("noslip", words, option={"noslip_iterations": "3"}))
-    return [_overriding(each) for each in found] if _overrides(model) else found
+        yield Change("noslip", words, option={"noslip_iterations": "3"})
 
 
-def _overrides(model: Any) -> bool:
-    """Return whether the option's own numbers take the place of every contact's."""
-    return bool(model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE))
+# The recipe's, in place of a solver that ends early.
+_SOLVER = {"solver": "Newton", "iterations": "100", "ls_iterations": "50", "tolerance": "1e-10"}
 
 
-def _overriding(change: Change) -> Change:
-    """Return a change whose numbers of the contact are the option's as well."""
+def _overriding(model: Any, change: Change) -> Change:
+    """Return a change that holds where the option's flag sets the numbers of every contact."""
     over = {f"o_{name}": change.pair[name] for name in _OVERRIDDEN if name in change.pair}
-    words = f"{change.words}; the option's flag override sets this" if over else change.words
+    if not over or not model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
+        return change
+    words = f"{change.words}; the option's flag override sets this"
     return replace(change, words=words, option={**change.option, **over})
 
 
@@ -153,19 +136,19 @@ _OVERRIDDEN = ("margin", "solref", "solimp", "friction")
 
 def _apart(model: Any, seen: Seen) -> Change:
     """Return the change that lets bodies inside the shell pass through one another."""
-    (a, b), part = seen.inside.most_common(1)[0]
     others = f", and {len(seen.inside) - 1} more pairs" if len(seen.inside) > 1 else ""
-    words = (
-        f"{geom_name(model, a)} touches {geom_name(model, b)} in {part:.0%} of the steps{others}"
-    )
+    words = next(_touching(model, seen)) + others
     bodies = {tuple(sorted(int(model.geom_bodyid[each]) for each in pair)) for pair in seen.inside}
-    pairs = tuple((_body_name(model, i), _body_name(model, j)) for i, j in sorted(bodies))
-    return Change("contacts", words, exclude=pairs)
+    # A body without a name is given one in the mended file.
+    names = [model.body(i).name or f"body{i}" for i in range(model.nbody)]
+    return Change("contacts", words, exclude=tuple((names[i], names[j]) for i, j in sorted(bodies)))
 
 
-def _body_name(model: Any, body: int) -> str:
-    """Return a body's name, or the one that the mended file gives it."""
-    return model.body(body).name or f"body{body}"
+def _touching(model: Any, seen: Seen) -> Iterator[str]:
+    """Yield which geoms touch inside the shell, and how often, in words; the most first."""
+    for pair, part in seen.inside.most_common(_MOST_PAIRS):
+        a, b = (geom_name(model, each) for each in pair)
+        yield f"{a} touches {b} in {part:.0%} of the steps"
 
 
 def _friction(contact: Any, theory: ReferenceMotion, condim: int) -> Iterator[Change]:
@@ -183,6 +166,9 @@ def _friction(contact: Any, theory: ReferenceMotion, condim: int) -> Iterator[Ch
     if slide < most[0] or (condim > 3 and spin != most[1]):
         values = _digits(most[0], most[0], most[1], roll, roll)
         yield Change("friction", "; ".join(words), pair={"friction": values})
+
+
+_Needed = tuple[Change, float]  # with the error without it
 
 
 @dataclass(frozen=True)
@@ -207,10 +193,10 @@ class Checked:
     fails: str | None
     judged: bool
     tried: float
-    others: Mapping[str, float]
+    others: Mapping[str, float | None]
     motion: ContactMotion
     seen: Seen
-    needed: Sequence[tuple[Change, float]]
+    needed: Sequence[_Needed]
     spared: Sequence[Change]
     unlikely: Sequence[str]
     edit: Editable
@@ -273,14 +259,18 @@ def check_model(
     if seen.fails:
         path[times >= seen.until] = np.nan
     since = np.flatnonzero(~(_away(path, theory) <= accuracy))
-    edit = editable(robot, _moves(own), _pair_of(robot.contact(data)), _touching(robot, seen))
+    normal, gap = robot.above_plane(data)  # by which it is set down, to roll from its start on
+    moves = Moves(-gap * normal, -robot.slip(data), robot.keyframe(own.key))
+    bodies = {int(robot.model.geom_bodyid[each]) for pair in seen.inside for each in pair}
+    edit = editable(robot, moves, _pair_of(robot.contact(data)), bodies)
     measured: dict[frozenset[str], float] = {}
 
     def with_changes(changes: Iterable[Change]) -> UserModel:
-        return replace(own, robot=replace(robot, model=compiled(edit.changed(changes))))
+        return _by_text(own, edit.changed(changes))
 
     def changes_at(step: float) -> list[Change]:
-        changes = _changes_of(own, motion, seen, theory, step)
+        found = _changes_of(own, motion, seen, theory, step)
+        changes = [_overriding(robot.model, each) for each in found]
         return _carrying(changes, with_changes(changes), theory)
 
     # All changes cost the most; each is tried twice or so.
@@ -307,7 +297,7 @@ def check_model(
             measured[names] = _error(with_changes(changes).path(tried), theory)
         return measured[names]
 
-    needed: list[tuple[Change, float]] = []
+    needed: list[_Needed] = []
     if judged and (fails or as_it_is > accuracy):
         full = _enough(changes_at, robot.model.opt.timestep, accuracy, error_of)
         needed = _fewest(full, max(accuracy, _LOOSE * error_of(full)), error_of)
@@ -323,7 +313,7 @@ def check_model(
         fails=fails,
         judged=judged,
         tried=float(tried[-1]),
-        others={name: error for name, error in errors.items() if name != nearest},
+        others={name: known(error) for name, error in errors.items() if name != nearest},
         motion=motion,
         seen=seen,
         needed=needed,
@@ -334,6 +324,11 @@ def check_model(
         mended=mended,
         mended_error=_error(mended, theory),
     )
+
+
+def _by_text(own: UserModel, text: str) -> UserModel:
+    """Return a model of another text, with the same controls and start."""
+    return replace(own, robot=replace(own.robot, model=compiled(text)))
 
 
 def _steps(own: UserModel) -> int:
@@ -349,17 +344,14 @@ def _reach(path: Array) -> float:
 def _standing(path: Array, theory: ReferenceMotion, judged: bool) -> str | None:
     """Return that a path stands still where the equations roll, or that neither moves, in words."""
     reach, end = _reach(path), theory.times[-1]
+    words = None
     if not judged:
-        return (
-            f"no verdict: neither it nor the equations move by a tenth of the radius in {end:.3g} "
-            "s; see --control and --keyframe"
-        )
-    if reach < _STILL * _reach(theory.contact_point):
-        return (
-            f"it stands still: it gets {reach:.2g} m away in {end:.3g} s, where the equations roll "
-            f"{theory.path_length:.3g} m"
-        )
-    return None
+        words = "no verdict: neither it nor the equations move by a tenth of the radius in "
+        words += f"{end:.3g} s; see --control and --keyframe"
+    elif reach < _STILL * _reach(theory.contact_point):
+        words = f"it stands still: it gets {reach:.2g} m away in {end:.3g} s, where the equations "
+        words += f"roll {theory.path_length:.3g} m"
+    return words
 
 
 def _why_short(theory: ReferenceMotion, duration: float) -> str | None:
@@ -372,16 +364,9 @@ def _why_short(theory: ReferenceMotion, duration: float) -> str | None:
     return None
 
 
-def _moves(own: UserModel) -> Moves:
-    """Return what sets the robot down on the plane, and lets it roll from its start on."""
-    data = own.begin()
-    normal, gap = own.robot.above_plane(data)
-    return Moves(-gap * normal, -own.robot.slip(data), own.robot.keyframe(own.key))
-
-
 def _affordable(own: UserModel, times: Array, runs: int) -> int:
     """Return how many of the times so many runs of a model may have, by a short one."""
-    short = times[: min(len(times), 20)]
+    short = times[:20]
     began = time.process_time()
     own.path(short)
     cost = (time.process_time() - began) / (len(short) - 1)
@@ -395,8 +380,7 @@ def beside(own: UserModel, checked: Checked) -> list[Motion]:
     """
     theory, found = checked.theory, [checked.motion]
     if checked.needed:
-        robot = replace(own.robot, model=compiled(checked.text))
-        mended = replace(own, robot=robot)
+        mended = _by_text(own, checked.text)
         scene, error = checked.motion.scene, checked.mended_error
         found.append(observed(mended, scene, error, _steps(mended), name="mended")[0])
     shown = []
@@ -450,8 +434,7 @@ def _in_time(scene: Scene, times: Array, show: Show) -> ReferenceMotion:
     def look(part: float) -> None:
         show(0.2 + 0.2 * part, "equations")
         began.append(time.process_time())
-        spent = began[-1] - began[0]
-        if spent > _PATIENCE / 2 and part < 0.5:
+        if began[-1] - began[0] > _PATIENCE / 2 and part < 0.5:
             raise _SlowError(part)
 
     try:
@@ -460,18 +443,10 @@ def _in_time(scene: Scene, times: Array, show: Show) -> ReferenceMotion:
         known: float = slow.args[0]
     count = int(0.8 * known * len(times))
     if count < 2:
-        seconds = f"{_PATIENCE / 2:g} s of processor time for {known * times[-1]:.2g} s"
-        raise InputError(
-            f"{scene.source}: its equations take {seconds}; a joint friction or a gain on a light "
-            "body, or very many bodies, may be the cause"
-        )
+        words = f"its equations take {_PATIENCE / 2:g} s of processor time for "
+        words += f"{known * times[-1]:.2g} s; a joint friction or a gain on a light body, or very "
+        raise InputError(f"{scene.source}: {words}many bodies, may be the cause")
     return integrate(scene, times[:count])
-
-
-def _touching(robot: RobotFile, seen: Seen) -> set[int]:
-    """Return the bodies that touch others than the plane."""
-    model = robot.model
-    return {int(model.geom_bodyid[each]) for pair in seen.inside for each in pair}
 
 
 def _enough(
@@ -496,37 +471,28 @@ def _carrying(changes: list[Change], own: UserModel, theory: ReferenceMotion) ->
     A sphere that just touches has no normal force at first, and slips: 1e-3 of the path and more.
     own: the model with the changes.
     """
-    robot, data, force = own.robot, own.begin(), np.zeros(6)
+    robot, data = own.robot, own.begin()
     model, load = robot.model, float(theory.loads.contact_force[0, 2])
     sphere = np.flatnonzero((model.pair_geom1 == robot.sphere) | (model.pair_geom2 == robot.sphere))
 
     def excess(margin: float) -> float:
         model.pair_margin[sphere] = model.opt.o_margin = margin
         mujoco.mj_forward(model, data)
-        carried = 0.0
-        for i, contact in enumerate(data.contact):
-            if robot.sphere in (contact.geom1, contact.geom2):
-                mujoco.mj_contactForce(model, data, i, force)
-                carried += force[0]
-        return carried - load
+        return float(sum(wrench[0] for _, wrench in wrenches(robot, data))) - load
 
     guess = theory.scene.gravity * (1 - _SOLIMP[1]) * float(model.pair_solref[sphere[0], 0]) ** 2
     with warnings.catch_warnings(action="ignore"):
         found = root_scalar(excess, x0=guess, x1=1.1 * guess)
-    margin = float(found.root)
-    if not (found.converged and 0 < margin < _STANDS * theory.scene.ball.radius):
+    if not (found.converged and 0 < found.root < _STANDS * theory.scene.ball.radius):
         return changes
+    held = {"margin": _digits(found.root)}
     return [
-        replace(each, pair={**each.pair, "margin": _digits(margin)})
-        if each.name in ("softness", "margin")
-        else each
+        replace(each, pair={**each.pair, **held}) if "solref" in each.pair else each
         for each in changes
     ]
 
 
-def _fewest(
-    changes: Sequence[Change], limit: float, error_of: _Measure
-) -> list[tuple[Change, float]]:
+def _fewest(changes: Sequence[Change], limit: float, error_of: _Measure) -> list[_Needed]:
     """Return the fewest changes by which the error keeps to the limit, with the error without each.
 
     The one without which it is largest is the first. Those that are worth least beside all others
@@ -565,10 +531,8 @@ def _unlikely(scene: Scene, level: bool) -> Iterator[str]:
         yield f"gravity: it is tilted by {tilt:.3g} deg, and the plane is level"
     roll, radius = scene.friction.rolling, scene.ball.radius
     if roll > _RESISTS * radius:
-        yield (
-            f"resistance: a rolling friction of {roll:g} m is declared, {roll / radius:.0%} of the "
-            "radius"
-        )
+        part = f"{roll / radius:.0%} of the radius"
+        yield f"resistance: a rolling friction of {roll:g} m is declared, {part}"
     inside = {link.name: link for link in scene.ball.tree[1:]}
     levers = sum(link.mass * float(np.linalg.norm(link.centre)) for link in inside.values())
     times = np.linspace(0.0, scene.duration, 101)
@@ -578,15 +542,13 @@ def _unlikely(scene: Scene, level: bool) -> Iterator[str]:
         lasts = not (law.per_angle or law.per_rate)
         torque = float(np.abs(law.torque(command.rate(times), 0.0, 0.0)).max())
         for name, gear in each.gears:
-            slides = inside[name].slides
+            slides, by = inside[name].slides, f"by a gear of {gear:g}"
             holds = scene.gravity * (inside[name].mass if slides else levers)
             if lasts and torque * abs(gear) > holds > 0:
-                yield (
-                    f"gear: {each.name} puts {torque * abs(gear):.3g} {'N' if slides else 'N m'} "
-                    f"on {name} by a gear of {gear:g}, against weights of {holds:.3g}"
-                )
+                load = f"{torque * abs(gear):.3g} {'N' if slides else 'N m'} on {name}"
+                yield f"gear: {each.name} puts {load} {by}, against weights of {holds:.3g}"
             elif 0 < abs(gear) <= _SMALL_GEAR:
-                yield f"gear: {each.name} moves {name} by a gear of {gear:g} alone"
+                yield f"gear: {each.name} moves {name} {by} alone"
 
 
 def moved(own: UserModel) -> tuple[UserModel, list[str]]:
@@ -594,9 +556,8 @@ def moved(own: UserModel) -> tuple[UserModel, list[str]]:
     if not _stands(own):
         return own, []
     model, words = own.robot.model, "nothing moves it; it is checked with {}; see --control"
-    radius = float(model.geom_size[own.robot.sphere, 0])
     gravity = float(np.linalg.norm(model.opt.gravity))
-    torque = _TORQUE * float(model.body_subtreemass[0]) * gravity * radius
+    torque = _TORQUE * float(model.body_subtreemass[0]) * gravity * own.radius
     controls: dict[str, Drive] = {}
     for name, gears in gears_of(model).items():
         i, joints = own.actuators[name], [*gears]
@@ -611,7 +572,7 @@ def moved(own: UserModel) -> tuple[UserModel, list[str]]:
             value = 0.0  # it would soon reach its range
         controls[name] = Constant(value)
     if not any(each.rate(0.0) for each in controls.values()):
-        push = float(np.sqrt(gravity * radius)) / 2
+        push = float(np.sqrt(gravity * own.radius)) / 2
         return replace(own, push=push), [words.format(f"a push, rolling at {push:.2g} m/s")]
     given = ", ".join(f"{name}={value.rate(0.0):.3g}" for name, value in controls.items())
     return replace(own, controls=controls), [words.format(given)]
@@ -619,12 +580,11 @@ def moved(own: UserModel) -> tuple[UserModel, list[str]]:
 
 def _stands(own: UserModel) -> bool:
     """Return whether a model without controls, started at rest, stays where it is."""
-    data, robot = own.begin(), own.robot
+    data, step = own.begin(), own.robot.model.opt.timestep
     if own.controls or np.any(data.ctrl) or np.any(data.qvel):
         return False
-    step = robot.model.opt.timestep
     path = own.path(step * round(1 + 0.1 / step) * np.arange(20))
-    return bool(np.nanmax(np.abs(path[:, :2])) < _STANDS * robot.model.geom_size[robot.sphere, 0])
+    return bool(np.nanmax(np.abs(path[:, :2])) < _STANDS * own.radius)
 
 
 COLUMNS = (
@@ -637,9 +597,11 @@ COLUMNS = (
 def study_of(own: UserModel, checked: Checked, words: Sequence[str]) -> Study:
     """Return the table, record, picture and words of a checked model; words: known before."""
     theory, file, accuracy = checked.theory, own.robot.path, checked.asked[1]
-    rows = [_line(f"+ {each.name}", each.words, error) for each, error in checked.needed]
+    rows = [_line(f"+ {each.name}", each.words, without) for each, without in checked.needed]
     rows += [_line(f"({each.name})", each.words) for each in checked.spared]
     lines = [*words, *_verdict(checked), *_symptoms(own, checked)]
+    # A motion that breaks off, or in which nothing moves, says nothing by its error.
+    error = known(checked.error) if checked.judged and not checked.seen.fails else None
     if checked.needed:
         reached = "" if checked.mended_error <= accuracy else f", more than {accuracy:g}"
         lines.append(f"mended: path error {scientific(known(checked.mended_error))}{reached}")
@@ -651,11 +613,11 @@ def study_of(own: UserModel, checked: Checked, words: Sequence[str]) -> Study:
             "rolling": theory.scene.rolling,
             "duration": float(theory.times[-1]),
             "accuracy": accuracy,
-            "path_error": _known(checked),
+            "path_error": error,
             "since": checked.since,
             "fails": checked.fails,
             "ends_early": checked.short,
-            "other_rolling": {name: known(each) for name, each in checked.others.items()},
+            "other_rolling": checked.others,
             "causes": causes_of(checked),
             "lines": lines,
             "changes": rows,
@@ -674,11 +636,6 @@ def _line(change: str, words: str, without: float | None = None) -> dict[str, An
     return {"change": change, "without": known(without), "words": words}
 
 
-def _known(checked: Checked) -> float | None:
-    """Return the error as it is; None for a motion that breaks off, or says nothing."""
-    return None if checked.seen.fails or not checked.judged else known(checked.error)
-
-
 def causes_of(checked: Checked) -> list[str]:
     """Return the causes of an error, the first one first; of a model that is right what is unusual.
 
@@ -692,10 +649,8 @@ def causes_of(checked: Checked) -> list[str]:
     for line in reversed(checked.unlikely):
         causes.insert(len(causes) if line.startswith("gear") and helped else 0, line)
     if not causes and checked.judged and not checked.agrees and not checked.short:
-        causes.append(
-            "unknown: no choice of the recipe helps; a sensitive motion leaves any path in time, "
-            "so try a shorter --duration"
-        )
+        words = "unknown: no choice of the recipe helps; a sensitive motion leaves any path in "
+        causes.append(f"{words}time, so try a shorter --duration")
     return causes
 
 
@@ -724,9 +679,7 @@ def _verdict(checked: Checked) -> Iterator[str]:
     if checked.short:
         yield checked.short
     if checked.judged:
-        others = "".join(
-            f" ({name}: {scientific(known(each))})" for name, each in checked.others.items()
-        )
+        others = "".join(f" ({name}: {scientific(each)})" for name, each in checked.others.items())
         yield f"rolling: {theory.scene.rolling}{others}"
     for cause in causes_of(checked)[:1]:
         yield f"{'unusual' if checked.agrees else 'cause'}: {cause}"
@@ -759,13 +712,11 @@ def _symptoms(own: UserModel, checked: Checked) -> Iterator[str]:
             given, taken = (values[np.argmax(beyond)] for values in (commands, clipped))
             yield f"control: {each.name} takes {given:.3g} for {taken:.3g}, by its ctrlrange"
     if seen.delivered is not None and not seen.fails:
-        yield (
-            f"rolling resistance: {scene.friction.rolling:g} m is declared, which is in the "
-            f"reference; the contact delivers {seen.delivered:.0%} of it"
-        )
-    for (a, b), part in seen.inside.most_common(_MOST_PAIRS):
-        names = [geom_name(own.robot.model, each) for each in (a, b)]
-        yield f"inside: {names[0]} touches {names[1]} in {part:.0%} of the steps"
+        declared = f"{scene.friction.rolling:g} m is declared, which is in the reference"
+        part = f"the contact delivers {seen.delivered:.0%} of it"
+        yield f"rolling resistance: {declared}; {part}"
+    for line in _touching(own.robot.model, seen):
+        yield f"inside: {line}"
     for name, time_reached in seen.limits.items():
         if time_reached <= seen.until:
             yield f"limit: {name} reaches its range at t = {time_reached:.3g} s"
@@ -777,9 +728,8 @@ def _symptoms(own: UserModel, checked: Checked) -> Iterator[str]:
 def difference(checked: Checked) -> list[str]:
     """Return the lines in which the mended file differs from the user's, as a diff has them."""
     before, after = (text.splitlines() for text in (checked.edit.source, checked.text))
-    return list(difflib.unified_diff(before, after, "as it is", "mended", n=0, lineterm=""))[
-        :_MOST_LINES
-    ]
+    lines = difflib.unified_diff(before, after, "as it is", "mended", n=0, lineterm="")
+    return [*lines][:_MOST_LINES]
 
 
 def _check_picture(name: str, checked: Checked) -> Figure:
@@ -790,11 +740,10 @@ def _check_picture(name: str, checked: Checked) -> Figure:
     wide = {"color": theory.engine.colour, "lw": 5, "alpha": 0.6}
     left.plot(*theory.contact_point.T, **wide, label="equations")
     found = []
-    drawn: list[tuple[str, Array, str, Any]] = [("as it is", checked.path, LABEL.colour, "-")]
-    if checked.needed:
-        own, dashes, _ = PRESET_LOOKS["mended"]
-        drawn.append(("mended", checked.mended, own, (0, dashes)))
-    for label, path, colour, dash in drawn:
+    own, dashes, _ = PRESET_LOOKS["mended"]
+    as_it_is = ("as it is", checked.path, LABEL.colour, "-")
+    mended = ("mended", checked.mended, own, (0, dashes))
+    for label, path, colour, dash in (as_it_is, mended) if checked.needed else (as_it_is,):
         # Its end is marked, as a path may end within another.
         last = np.flatnonzero(np.isfinite(path[:, 0]))[-1:].tolist()
         left.plot(*path[:, :2].T, ls=dash, marker="o", markevery=last, color=colour, label=label)

@@ -6,9 +6,10 @@ geoms that touch inside, joints with a range and servos that lag, is seen in the
 
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -18,7 +19,8 @@ from robotball.engines.mujoco import LABEL
 from robotball.engines.observe import Readings, Recording
 from robotball.engines.states import lifting
 from robotball.equations import Rolling
-from robotball.errors import InputError, unknown
+from robotball.errors import unknown
+from robotball.files import named
 from robotball.files.robot_file import RobotFile, gears_of, hinged, scene_of
 from robotball.loads import Loads
 from robotball.motion import DIVERGED, ContactMotion, EngineSettings
@@ -54,17 +56,10 @@ class UserModel:
         return {name: i for i, name in enumerate(gears_of(self.robot.model))}
 
     @cached_property
-    def hinges(self) -> tuple[list[int], list[int]]:
+    def hinges(self) -> tuple[Any, Any]:
         """The places of the scene's hinges among qpos and among qvel."""
         model, joints = self.robot.model, hinged(self.robot)
-        return [int(model.jnt_qposadr[j]) for j in joints], [
-            int(model.jnt_dofadr[j]) for j in joints
-        ]
-
-    @property
-    def steady(self) -> bool:
-        """True if no control changes, so that many steps are one call."""
-        return all(isinstance(value, Constant) for value in self.controls.values())
+        return model.jnt_qposadr[joints], model.jnt_dofadr[joints]
 
     @property
     def radius(self) -> float:
@@ -90,12 +85,18 @@ class UserModel:
         for name, value in self.controls.items():
             data.ctrl[self.actuators[name]] = value.rate(data.time)
 
+    def step(self, data: mujoco.MjData, count: int = 1) -> None:
+        """Take steps, each by the controls of its time: in one call where none changes."""
+        steady = all(isinstance(value, Constant) for value in self.controls.values())
+        at_once = count if steady else 1
+        for _ in range(count // at_once):
+            self.control(data)
+            mujoco.mj_step(self.robot.model, data, at_once)
+
     def scene(self, rolling: Rolling, duration: float) -> Scene:
         """Return the scene that the reference rolls. Raises InputError for what it has not."""
-        try:
+        with named(self.robot.path):
             return scene_of(self.robot, self.begin(), self.controls, rolling, duration)
-        except InputError as error:
-            raise InputError(f"{self.robot.path}: {error}") from None
 
     def meets(self, duration: float) -> tuple[float, str] | None:
         """Return when [s] a part first touches another or a fixed body, if any does, and which.
@@ -108,8 +109,7 @@ class UserModel:
         while data.time < duration and _sound(data):
             if time.process_time() - began > _PATIENCE:
                 return float(data.time), "it takes too long to step it further"
-            self.control(data)
-            mujoco.mj_step(robot.model, data)
+            self.step(data)
             for contact in _contacts(data):
                 if words := robot.meeting(data, contact, late=True):
                     return float(data.time), words
@@ -125,14 +125,10 @@ class UserModel:
         # A state that diverged would go on from the start.
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         count = round((times[1] - times[0]) / model.opt.timestep)
-        at_once = count if self.steady else 1
         centres = np.full((len(times), 3), np.nan)
-        mujoco.mj_kinematics(model, data)
-        centres[0] = data.geom_xpos[self.robot.sphere]
-        for i in range(1, len(times)):
-            for _ in range(count // at_once):
-                self.control(data)
-                mujoco.mj_step(model, data, at_once)
+        for i in range(len(times)):
+            if i:
+                self.step(data, count)
             if not _sound(data):
                 break
             mujoco.mj_kinematics(model, data)
@@ -150,7 +146,7 @@ def _sound(data: mujoco.MjData) -> bool:
     return bool((np.abs(data.qpos) < DIVERGED).all() and (np.abs(data.qvel) < DIVERGED).all())
 
 
-@dataclass
+@dataclass(frozen=True)
 class Seen:
     """What only a user's model shows, over all steps of a run.
 
@@ -164,11 +160,10 @@ class Seen:
     path: Array
     fails: str | None
     until: float
-
-    inside: Counter[tuple[int, int]] = field(default_factory=Counter)
-    limits: dict[str, float] = field(default_factory=dict)
-    delivered: float | None = None
-    lag: dict[str, float] = field(default_factory=dict)
+    inside: Counter[tuple[int, int]]
+    limits: dict[str, float]
+    delivered: float | None
+    lag: dict[str, float]
 
 
 def observed(
@@ -201,15 +196,12 @@ def observed(
             rows.pop()
             break
         tally.add(data)
-        mujoco.mj_step(model, data, every if user.steady else 1)
-        for _ in range(0 if user.steady else every - 1):
-            user.control(data)
-            mujoco.mj_step(model, data)
+        user.step(data, every)
         if i % _LOOK == 0:
             show(i / count)
             if time.process_time() - began > _PATIENCE:
                 break
-    diverged = float(data.time) if not _sound(data) else None
+    diverged = None if _sound(data) else float(data.time)
     seconds = time.process_time() - began
     settings = EngineSettings(name=name, error_tolerance=tolerance, stop_at_fault=False)
     table = np.array(rows)
@@ -250,21 +242,26 @@ def _contacts(data: mujoco.MjData) -> list[mujoco.MjContact]:
     return [data.contact[i] for i in range(data.ncon)]
 
 
+def wrenches(robot: RobotFile, data: mujoco.MjData) -> Iterator[tuple[mujoco.MjContact, Array]]:
+    """Yield the contacts of sphere and plane, each with its force and torque (6,) in its frame."""
+    for i, contact in enumerate(_contacts(data)):
+        if robot.rolls(contact):
+            wrench = np.zeros(6)
+            mujoco.mj_contactForce(robot.model, data, i, wrench)
+            yield contact, wrench
+
+
 def _row(user: UserModel, data: mujoco.MjData) -> Array:
     """Return the numbers of a state: time, place and velocity of the sphere's centre, its axes,
     turning, the contact's force, depth and coefficient of friction (NaN without a contact), and
     the hinges' angles and rates.
     """
     robot, moving = user.robot, np.zeros(6)
-    kind = mujoco.mjtObj.mjOBJ_GEOM
-    mujoco.mj_objectVelocity(robot.model, data, kind, robot.sphere, moving, 0)
+    mujoco.mj_objectVelocity(robot.model, data, mujoco.mjtObj.mjOBJ_GEOM, robot.sphere, moving, 0)
     to_plane, force, depth, friction = robot.plane_axes(data), np.full(3, np.nan), np.nan, np.nan
-    for i, contact in enumerate(_contacts(data)):
-        if robot.rolls(contact):
-            wrench = np.zeros(6)
-            mujoco.mj_contactForce(robot.model, data, i, wrench)
-            force = lifting([to_plane @ (wrench[:3] @ contact.frame.reshape(3, 3))])
-            depth, friction = -contact.dist, contact.friction[0]
+    for contact, wrench in wrenches(robot, data):
+        force = lifting([to_plane @ (wrench[:3] @ contact.frame.reshape(3, 3))])
+        depth, friction = -contact.dist, contact.friction[0]
     place = to_plane @ (data.geom_xpos[robot.sphere] - data.geom_xpos[robot.plane])
     axes = (to_plane @ data.geom_xmat[robot.sphere].reshape(3, 3)).ravel()
     velocity, turning = to_plane @ moving[3:], to_plane @ moving[:3]
@@ -280,10 +277,8 @@ def _readings_of(user: UserModel, scene: Scene, rows: Array) -> Readings:
         rows, np.cumsum([1, 3, 3, 9, 3, 3, 1, 1, count]), axis=1
     )
     attitude = from_matrix(axes.reshape(-1, 3, 3))  # at once: SciPy takes 0.1 ms a call
-    sound = np.asarray((np.abs(rows[:, :_CONTACT]) < DIVERGED).all(axis=1))
     slip = velocity - user.radius * np.cross(turning, [0.0, 0.0, 1.0])
-    unknown_loads = Loads.unknown(len(rows), count)
-    loads = replace(unknown_loads, contact_force=np.nan_to_num(force))
+    loads = replace(Loads.unknown(len(rows), count), contact_force=np.nan_to_num(force))
     return Readings(
         time=times[:, 0],
         centre=np.column_stack([place[:, :2] - place[0, :2], user.radius - depth]),
@@ -297,7 +292,7 @@ def _readings_of(user: UserModel, scene: Scene, rows: Array) -> Readings:
         spin=turning[:, 2],
         friction_used=loads.sliding_friction / friction[:, 0],
         touching=np.isfinite(depth[:, 0]),
-        sound=sound,
+        sound=np.asarray((np.abs(rows[:, :_CONTACT]) < DIVERGED).all(axis=1)),
     )
 
 
@@ -313,51 +308,42 @@ class _Tally:
         # A servo's torque is by how far it is off its command, of which its gain is the factor.
         gain, bias = model.actuator_gainprm[:, 0], model.actuator_biasprm
         by = np.where(bias[:, 1], bias[:, 1], bias[:, 2])
-        self.servos = np.flatnonzero((model.actuator_biastype != 0) & (by == -gain)).tolist()
-        self.asked, self.missed = np.zeros(len(self.servos)), np.zeros(len(self.servos))
+        servos = np.flatnonzero((model.actuator_biastype != 0) & (by == -gain)).tolist()
+        self.squares = {i: np.zeros(2) for i in servos}  # of what is asked, and of what is missed
 
     def add(self, data: mujoco.MjData) -> None:
         """Count a state, whose contacts are up to date."""
-        robot, model, force = self.user.robot, self.user.robot.model, np.zeros(6)
+        robot, model = self.user.robot, self.user.robot.model
         self.steps += 1
         others = set()
-        for i, contact in enumerate(_contacts(data)):
-            pair = int(contact.geom1), int(contact.geom2)
-            late = self.steps > 1
-            if not robot.rolls(contact):
-                if pair in self.inside or not robot.meeting(data, contact, late):
-                    others.add(pair)
-            elif contact.dim == 6:
-                mujoco.mj_contactForce(model, data, i, force)
-                self.resistance += np.linalg.norm(force[4:]), force[0] * contact.friction[3]
+        for contact in _contacts(data):
+            pair, late = (int(contact.geom1), int(contact.geom2)), self.steps > 1
+            met = pair not in self.inside and robot.meeting(data, contact, late)
+            if not met and not robot.rolls(contact):
+                others.add(pair)
+        for contact, wrench in wrenches(robot, data):
+            if contact.dim == 6:
+                self.resistance += np.linalg.norm(wrench[4:]), wrench[0] * contact.friction[3]
         self.inside.update(others)
         at, (low, high) = model.jnt_qposadr[self.limited], model.jnt_range[self.limited].T
         for j in self.limited[(data.qpos[at] < low) | (data.qpos[at] > high)]:
             self.limits.setdefault(model.joint(j).name or f"joint {j}", data.time)
-        low, high = model.actuator_ctrlrange[self.servos].T
-        limited = model.actuator_ctrllimited[self.servos].astype(bool)
-        asked = data.ctrl[self.servos]
-        asked = np.where(limited, np.clip(asked, low, high), asked)
-        for k, i in enumerate(self.servos):
+        for i, squares in self.squares.items():
+            asked = data.ctrl[i]
+            if model.actuator_ctrllimited[i]:
+                asked = np.clip(asked, *model.actuator_ctrlrange[i])
             # An integrated velocity is followed as an angle, which is the actuator's own state.
             if model.actuator_dyntype[i] == int(mujoco.mjtDyn.mjDYN_INTEGRATOR):
-                asked[k] = data.act[model.actuator_actadr[i]]
-        by_angle = model.actuator_biasprm[self.servos, 1] != 0
-        follows = np.where(
-            by_angle, data.actuator_length[self.servos], data.actuator_velocity[self.servos]
-        )
-        self.asked += asked**2
-        self.missed += (asked - follows) ** 2
+                asked = data.act[model.actuator_actadr[i]]
+            by_angle = model.actuator_biasprm[i, 1] != 0
+            follows = data.actuator_length[i] if by_angle else data.actuator_velocity[i]
+            squares += asked**2, (asked - follows) ** 2
 
     def seen(self, path: Array, fails: str | None, until: float) -> Seen:
         """Return the counts over the number of steps."""
         given, declared = self.resistance
-        names = {number: name for name, number in self.user.actuators.items()}
-        lag = {
-            names[i]: float(np.sqrt(missed / asked))
-            for i, asked, missed in zip(self.servos, self.asked, self.missed, strict=True)
-            if asked
-        }
+        names, squares = [*self.user.actuators], self.squares.items()
+        lag = {names[i]: float(np.sqrt(missed / asked)) for i, (asked, missed) in squares if asked}
         inside = Counter({pair: count / self.steps for pair, count in self.inside.items()})
         delivered = float(given / declared) if declared else None
         return Seen(path, fails, until, inside, self.limits, delivered, lag)

@@ -4,7 +4,6 @@ Its model and its states are in single precision. The steps between them are MuJ
 double, or those of MuJoCo Warp for many balls abreast, in single as well.
 """
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -75,8 +74,7 @@ class _NewtonWorld(adapter.SteppedWorld):
         if settings.kept:
             chosen["update_data_interval"] = 0
         alone = settings.device is None
-        with warp.ScopedDevice(self.device), warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of what is deprecated
+        with warp.ScopedDevice(self.device):
             model = self._model(newton)
             self.solver = newton.solvers.SolverMuJoCo(model, use_mujoco_cpu=alone, **chosen)
             self.states, self.controls = (model.state(), model.state()), model.control()
@@ -214,7 +212,12 @@ def _lacks(scene: Scene, settings: _NewtonSettings) -> str | None:
 
 
 NEWTON = adapter.Adapter(
-    label=Label("Newton", adapter.version_of("newton"), "#117733", "*"),
+    label=Label(
+        "Newton",
+        f"{adapter.version_of('newton')} on MuJoCo {adapter.version_of('mujoco')}",
+        "#117733",
+        "*",
+    ),
     packages=("newton",),
     extra="newton",
     presets=adapter.by_name(_AS_IT_COMES, _BEST, replace(_BEST, name="kept", kept=True)),

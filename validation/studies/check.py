@@ -136,7 +136,8 @@ _OVERRIDDEN = ("margin", "solref", "solimp", "friction")
 
 def _apart(model: Any, seen: Seen) -> Change:
     """Return the change that lets bodies inside the shell pass through one another."""
-    others = f", and {len(seen.inside) - 1} more pairs" if len(seen.inside) > 1 else ""
+    more = len(seen.inside) - 1
+    others = f", and {more} more pair{'s' if more > 1 else ''}" if more else ""
     words = next(_touching(model, seen)) + others
     bodies = {tuple(sorted(int(model.geom_bodyid[each]) for each in pair)) for pair in seen.inside}
     # A body without a name is given one in the mended file.

@@ -138,9 +138,11 @@ def _pose_of(state: Any, machine: Machine, standing: bool) -> _Pose:
     return _Pose(axes, gravity, placed, columns, matrix, directions)
 
 
+# `solve_rolling` is called by the derivative alone: numba optimises it anew in every function that
+# calls it, and in all that call that one.
 @inlined
-def _velocities(state: Any, machine: Machine, inputs: Inputs, pose: _Pose) -> tuple[Any, Any]:
-    """Return u (3 + h,), and how the bodies move (b, MOVING), without their accelerations."""
+def _momenta(state: Any, machine: Machine, inputs: Inputs, pose: _Pose) -> tuple[Any, Any]:
+    """Return (L, h) and u (3 + h,), of which the given rates are known."""
     count = len(inputs.rates)
     right, u = np.zeros(3 + count), np.zeros(3 + count)
     M = eq.seen_from_frame(vector(state, MOMENTUM), pose.axes)
@@ -148,10 +150,7 @@ def _velocities(state: Any, machine: Machine, inputs: Inputs, pose: _Pose) -> tu
     put(right, 0, eq.cross(M, pose.axes[2]) if machine.spin_free else M)
     for j in range(count):
         right[3 + j], u[3 + j] = state[HINGES + count + j], inputs.rates[j]
-    solve_rolling(pose.matrix, machine.given, pose.directions, right, u)
-    moving = np.zeros((len(machine.bodies), MOVING))
-    move(pose.columns, u, moving)
-    return u, moving
+    return right, u
 
 
 @inlined
@@ -190,20 +189,15 @@ def _forces(machine: Machine, pose: _Pose, u: Any, moving: Any, u_rate: Any, by_
 
 
 @inlined
-def _accelerate(
-    machine: Machine, inputs: Inputs, pose: _Pose, u: Any, moving: Any, torques: Any, u_rate: Any,
-    by_plane: Any,
-) -> Any:  # fmt: skip
-    """Write du/dt without resistance to rolling, and its torques; return the plane's force."""
+def _accelerating(inputs: Inputs, by_plane: Any, torques: Any, right: Any, u_rate: Any) -> None:
+    """Write the torques that accelerate the robot, and those of du/dt (3 + h,) that are given."""
     # The torques that no acceleration at all would need are the bias; without them, solving for
     # accelerations has the same matrix as solving for rates.
-    _forces(machine, pose, u, moving, u_rate, by_plane)
-    right = -by_plane
+    for i in range(len(right)):
+        right[i] = -by_plane[i]
     for j in range(len(torques)):
         right[3 + j] += torques[j]
         u_rate[3 + j] = inputs.accelerations[j]
-    solve_rolling(pose.matrix, machine.given, pose.directions, right, u_rate)
-    return _forces(machine, pose, u, moving, u_rate, by_plane)
 
 
 @inlined
@@ -218,26 +212,32 @@ def _across(v: Vector, gamma: Vector) -> Vector:
 
 
 @inlined
-def _resist(
-    machine: Machine, modes: Modes, pose: _Pose, u: Any, moving: Any, u_rate: Any, by_plane: Any,
-    force: Vector,
-) -> Any:  # fmt: skip
-    """Add the plane's resistance to du/dt and the torques; return the plane's force."""
-    # The torque is -μN along the rolling, and N is linear in the torque: one more solution, for a
-    # unit torque, gives both. Below STANDING the direction goes over, without a jump, into the one
-    # in which the shell will roll.
-    gamma, rolling = pose.axes[2], _rolling_of(u, pose)
+def _along(modes: Modes, pose: _Pose, u: Any) -> Vector:
+    """Return the direction of the rolling, which the plane's resistance is against."""
+    # Below STANDING it goes over, without a jump, into the one in which the shell will roll.
+    rolling = _rolling_of(u, pose)
     speed = np.sqrt(eq.dot(rolling, rolling))
     ahead = eq.seen_from_frame(vector(modes.toward, 0), pose.axes)
     along = eq.add(rolling, eq.scale(max(STANDING - speed, 0.0), ahead))
     length = np.sqrt(eq.dot(along, along))
-    along = eq.scale(1 / length if length > STANDING / 2 else 0.0, along)
-    right, by_torque = np.zeros(len(u)), np.zeros(len(u))
-    put(right, 0, eq.scale(-1.0, along))
-    solve_rolling(pose.matrix, machine.given, pose.directions, right, by_torque)
+    return eq.scale(1 / length if length > STANDING / 2 else 0.0, along)
+
+
+@inlined
+def _resist(
+    machine: Machine, pose: _Pose, u: Any, moving: Any, by_torque: Any, u_rate: Any, by_plane: Any,
+    force: Vector,
+) -> Any:  # fmt: skip
+    """Add the plane's resistance to du/dt and the torques; return the plane's force.
+
+    by_torque (3 + h,): du/dt by a unit torque against the rolling. The torque is μN, and N is
+    linear in it.
+    """
+    gamma, changed = pose.axes[2], np.zeros(len(u))
+    for i in range(len(u)):
+        changed[i] = u_rate[i] + by_torque[i]
     normal = eq.dot(gamma, force)
-    changed = _forces(machine, pose, u, moving, u_rate + by_torque, by_plane)
-    per_torque = eq.dot(gamma, changed) - normal
+    per_torque = eq.dot(gamma, _forces(machine, pose, u, moving, changed, by_plane)) - normal
     torque = machine.resistance * normal / (1 - machine.resistance * per_torque)
     for i in range(len(u)):
         u_rate[i] += torque * by_torque[i]
@@ -298,14 +298,23 @@ def _differentiate(
 ) -> None:
     """Write the derivative of a state into `rate`, and the readings into `readings`."""
     count, pose = len(inputs.rates), _pose_of(state, machine, modes.standing)
-    u, moving = _velocities(state, machine, inputs, pose)
+    right, u = _momenta(state, machine, inputs, pose)
+    solve_rolling(pose.matrix, machine.given, pose.directions, right, u)
+    moving = np.zeros((len(machine.bodies), MOVING))
+    move(pose.columns, u, moving)
     torques = readings[_PER_HINGE + count : _PER_HINGE + 2 * count]
     unlimited = readings[_PER_HINGE + 2 * count :]
     _motors_act(state, machine, inputs, modes, u, torques, unlimited)
     u_rate, by_plane = np.zeros(3 + count), np.zeros(3 + count)
-    force = _accelerate(machine, inputs, pose, u, moving, torques, u_rate, by_plane)
+    _forces(machine, pose, u, moving, u_rate, by_plane)
+    _accelerating(inputs, by_plane, torques, right, u_rate)
+    solve_rolling(pose.matrix, machine.given, pose.directions, right, u_rate)
+    force = _forces(machine, pose, u, moving, u_rate, by_plane)
     if machine.resistance > 0 and not modes.standing:
-        force = _resist(machine, modes, pose, u, moving, u_rate, by_plane, force)
+        right, by_torque = np.zeros(3 + count), np.zeros(3 + count)
+        put(right, 0, eq.scale(-1.0, _along(modes, pose, u)))
+        solve_rolling(pose.matrix, machine.given, pose.directions, right, by_torque)
+        force = _resist(machine, pose, u, moving, by_torque, u_rate, by_plane, force)
     for j in range(count):
         if machine.given[3 + j]:
             torques[j] = by_plane[3 + j]

@@ -275,9 +275,8 @@ def _options_of(name: str) -> type[_Command]:
 
 def _any_command() -> Any:
     """Return all commands with their options, for the completion of a shell."""
-    return Union[  # noqa: UP007
-        tuple(Annotated[class_of(name), subcommand(name)] for name in COMMANDS)
-    ]
+    commands = tuple(Annotated[class_of(name), subcommand(name)] for name in COMMANDS)
+    return Union[commands]  # noqa: UP007
 
 
 def _overview() -> str:
@@ -289,11 +288,7 @@ def _overview() -> str:
     for wanted, commands in GROUPS.items():
         lines.append(f"{wanted}:")
         for name in commands:
-            lines.append(
-                fill(
-                    _summary(name), width, initial_indent=f"  {name:12}", subsequent_indent=" " * 14
-                )
-            )
+            lines.append(fill(f"  {name:12}{_summary(name)}", width, subsequent_indent=" " * 14))
         lines.append("")
     return "\n".join([*lines, _MORE.strip()])
 

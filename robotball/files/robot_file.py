@@ -14,7 +14,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from operator import attrgetter
 from pathlib import Path
 from types import MappingProxyType
@@ -328,7 +328,7 @@ def scene_of(
         source=str(robot.path),
         ball=Ball(shell, tuple(hinges)),
         rolling=rolling,
-        actuators=tuple(_actuators(model, links, data, controls, gears)),
+        actuators=tuple(_actuators(model, links, data, controls)),
         gravity=gravity,
         gravity_direction=DOWN if level else tuple((down / gravity).tolist()),
         friction=Friction(rolling=float(contact.friction[3]) if contact.dim == 6 else 0.0),
@@ -533,18 +533,6 @@ def _ignored(model: Any, sphere: int, plane: int) -> Iterator[str]:
             )
 
 
-@dataclass
-class _Node:
-    """A body of the tree, with all that is welded to it, or what is between two joints of one.
-
-    joints: (number, the other node, the sign by which the joint turns that one from here).
-    """
-
-    name: str
-    solid: Solid
-    joints: list[tuple[int, int, float]] = field(default_factory=list)
-
-
 def _tree_of(robot: RobotFile) -> tuple[Shell, dict[int, Link]]:
     """Return the shell of a file, and its links by the numbers of their joints."""
     model, data = robot.model, mujoco.MjData(robot.model)
@@ -557,16 +545,16 @@ def _tree_of(robot: RobotFile) -> tuple[Shell, dict[int, Link]]:
     data.qpos[robot.free] = to_shell @ (data.qpos[robot.free] - data.geom_xpos[robot.sphere])
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
-    nodes, of_shell = _nodes(robot, data)
-    links = {}
-    reached, waiting = {of_shell}, [(of_shell, "shell")]
+    nodes, joints, of_shell = _nodes(robot, data)
+    links: dict[int, Link] = {}
+    waiting = [(of_shell, "shell")]
     while waiting:
         at, parent = waiting.pop()
-        for joint, other, sign in nodes[at].joints:
-            if other in reached:
+        for joint, above, below in joints:
+            if at not in (above, below) or joint in links:  # the last, by which it was reached
                 continue
-            reached.add(other)
-            solid, name = nodes[other].solid, nodes[other].name
+            other, sign = (below, 1.0) if at == above else (above, -1.0)
+            name, solid = nodes[other]
             limits = model.joint(joint).name or f"joint{joint}", *model.jnt_range[joint].tolist()
             links[joint] = Link(
                 name, parent, solid.mass, solid.inertia, solid.centre,
@@ -577,7 +565,7 @@ def _tree_of(robot: RobotFile) -> tuple[Shell, dict[int, Link]]:
                 shapes=solid.shapes,
             )  # fmt: skip
             waiting.append((other, name))
-    return _shell_of(robot.radius, nodes[of_shell].solid), links
+    return _shell_of(robot.radius, nodes[of_shell][1]), links
 
 
 def hinged(robot: RobotFile) -> list[int]:
@@ -598,37 +586,40 @@ def _shell_of(radius: float, solid: Solid) -> Shell:
     )  # fmt: skip
 
 
-def _nodes(robot: RobotFile, data: Any) -> tuple[list[_Node], int]:
-    """Return the nodes of the robot's tree, joined both ways, and the place of the shell."""
+def _nodes(
+    robot: RobotFile, data: Any
+) -> tuple[list[tuple[str, Solid]], list[tuple[int, int, int]], int]:
+    """Return the nodes of the robot's tree, its joints, and the place of the shell among the nodes.
+
+    A node is a body, by its name, with all that is welded to it, or what is between two joints of
+    one. Joints are (number, the node above, the node below).
+    """
     model = robot.model
     root = model.body_rootid[model.geom_bodyid[robot.sphere]]
-    nodes: list[_Node] = []
+    nodes: list[tuple[str, Solid]] = []
+    edges: list[tuple[int, int, int]] = []
     place: dict[int, int] = {}  # of a body's own node
-    for head in range(1, model.nbody):
-        if model.body_rootid[head] != root or model.body_weldid[head] != head:
-            continue
-        welded = [i for i in range(1, model.nbody) if model.body_weldid[i] == head]
+    heads = model.body_weldid == np.arange(model.nbody)
+    for head in np.flatnonzero(heads & (model.body_rootid == root)).tolist():
+        welded = np.flatnonzero(model.body_weldid == head).tolist()
         shapes = tuple(shapes_of_geoms(model, data, welded))
-        solid = replace(_solid_of(model, data, welded), shapes=shapes)
-        name = _name(model, head)
+        solid, name = replace(_solid_of(model, data, welded), shapes=shapes), _name(model, head)
         # A root's free joint is no joint of the tree.
         joints = [None] if head == root else np.flatnonzero(model.jnt_bodyid == head).tolist()
         above = place.get(model.body_weldid[model.body_parentid[head]], 0)
         for i, joint in enumerate(joints):
             if joint == joints[-1]:
-                nodes.append(_Node(name, solid))
+                nodes.append((name, solid))
             else:
                 between = Solid(0.0, data.xipos[head].copy(), np.zeros((3, 3)))
-                nodes.append(_Node(f"{name}_{model.joint(joint).name or i}", between))
-            here = len(nodes) - 1
+                nodes.append((f"{name}_{model.joint(joint).name or i}", between))
             if joint is not None:
                 if model.jnt_type[joint] == _BALL:
                     raise InputError(f"{name} has a ball joint; take three hinges")
-                nodes[here].joints.append((joint, above, -1.0))
-                nodes[above].joints.append((joint, here, 1.0))
-            above = here
+                edges.append((joint, above, len(nodes) - 1))
+            above = len(nodes) - 1
         place[head] = above
-    return nodes, place[model.body_weldid[model.geom_bodyid[robot.sphere]]]
+    return nodes, edges, place[model.body_weldid[model.geom_bodyid[robot.sphere]]]
 
 
 def _name(model: Any, body: int) -> str:
@@ -708,16 +699,13 @@ def _passive(model: Any, joint: int, gears: Mapping[str, Mapping[int, float]]) -
 
 
 def _actuators(
-    model: Any,
-    links: Mapping[int, Link],
-    data: Any,
-    controls: Mapping[str, Rate],
-    gears: Mapping[str, Mapping[int, float]],
+    model: Any, links: Mapping[int, Link], data: Any, controls: Mapping[str, Rate]
 ) -> Iterator[Actuator]:
     """Yield the actuators of a file, whose joints move links by name; not those of other bodies.
 
     Those without a control of their own keep the start's.
     """
+    gears = gears_of(model)
     for name in controls:
         if name not in gears:
             raise unknown("actuator", name, gears)
@@ -816,7 +804,7 @@ def solid_of_file(path: Path, kind: str, name: str) -> Solid:
         spec = opened_spec(path)[0] if kind == "body" else mujoco.MjSpec.from_file(str(path))
         if (body := spec.body(name)) is None:
             raise unknown(kind, name, [each.name for each in spec.bodies[1:]])
-        fixed = list(_fixed_to(body, f"{kind} {name!r}", np.zeros(3), np.eye(3)))
+        fixed = [*_fixed_to(body, f"{kind} {name!r}", np.zeros(3), np.eye(3))]
         if kind == "body":
             return _of_model(spec.compile(), [each.id for each, _, _ in fixed], name)
         if not any(each.explicitinertial for each, _, _ in fixed):

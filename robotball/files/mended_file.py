@@ -135,12 +135,11 @@ def editable(
     InputError where no text has the same robot.
     """
     model = robot.model
-    new = {("geom", robot.sphere): "rolling_sphere", ("geom", robot.plane): "plane"}
-    new |= {("body", i): f"body{i}" for i in bodies}
-    named = {each: getattr(model, each[0])(each[1]).name for each in new}
-    new = {each: name for each, name in new.items() if not named[each]}
-    named |= new
-    ours = {robot.sphere, robot.plane}
+    usual = {("geom", robot.sphere): "rolling_sphere", ("geom", robot.plane): "plane"}
+    usual |= {("body", i): f"body{i}" for i in bodies}
+    own = {(kind, i): getattr(model, kind)(i).name for kind, i in usual}
+    new = {each: name for each, name in usual.items() if not own[each]}
+    named, ours = own | new, {robot.sphere, robot.plane}
     pairs = zip(model.pair_geom1, model.pair_geom2, strict=True)
     own_pair = next((i for i, each in enumerate(pairs) if {*map(int, each)} == ours), None)
     sphere, plane = (named["geom", i] for i in (robot.sphere, robot.plane))
@@ -158,9 +157,9 @@ def editable(
 def _is_same(robot: RobotFile, names: _Names, text: str, moves: Moves) -> bool:
     """Return whether a text is the robot's model, moved, with such names."""
     model, other, at = robot.model, compiled(text), robot.free
-    first, kicks = int(model.body_dofadr[robot.root]), np.zeros_like(model.key_qvel)
+    kicks = np.zeros_like(model.key_qvel)
     if moves.key is not None:
-        kicks[moves.key, first : first + 3] = moves.kick
+        kicks[moves.key, robot.drift] = moves.kick
     starts = [(model.qpos0, other.qpos0), *zip(model.key_qpos, other.key_qpos, strict=False)]
     return (
         (model.nbody, model.ngeom, model.nq, model.nkey)
@@ -194,9 +193,9 @@ def _written_text(robot: RobotFile, moves: Moves, names: _Names, pair: int | Non
     for key in filter(lambda each: len(each.qpos), spec.keys):
         key.qpos[robot.free] = np.asarray(key.qpos)[robot.free] + moves.shift
     if np.any(moves.kick) and moves.key is not None:
-        key, first = spec.keys[moves.key], int(robot.model.body_dofadr[robot.root])
+        key = spec.keys[moves.key]
         if len(key.qvel):
-            key.qvel[first : first + 3] = np.asarray(key.qvel)[first : first + 3] + moves.kick
+            key.qvel[robot.drift] = np.asarray(key.qvel)[robot.drift] + moves.kick
     spec.compile()
     return str(spec.to_xml())
 
@@ -243,17 +242,15 @@ def _own_text(robot: RobotFile, moves: Moves, names: _Names, pair: int | None) -
     edits = [(element(kind, i).at, "name", name) for (kind, i), name in names.items()]
     if np.any(moves.shift):
         root, shift = element("body", robot.root), moves.shift
-        edits.append((root.at, "pos", _added(root.attributes.get("pos", "0 0 0"), shift, 0)))
+        edits.append((root.at, "pos", _added(root.attributes.get("pos", "0 0 0"), shift)))
         # A key without qpos has that of the bodies.
         for key in (elements[i] for i in _all_of(elements, "key")):
             if old := key.attributes.get("qpos"):
-                edits.append((key.at, "qpos", _added(old, shift, robot.free.start)))
+                edits.append((key.at, "qpos", _added(old, shift, robot.free)))
     if np.any(moves.kick) and moves.key is not None:
         key = elements[_all_of(elements, "key")[moves.key]]
         if old := key.attributes.get("qvel"):
-            edits.append(
-                (key.at, "qvel", _added(old, moves.kick, int(model.body_dofadr[robot.root])))
-            )
+            edits.append((key.at, "qvel", _added(old, moves.kick, robot.drift)))
     if pair is not None:
         edits.append((elements[_all_of(elements, "pair")[pair]].at, "", ""))
     for at, attribute, new in sorted(edits, key=lambda each: -each[0]):
@@ -282,8 +279,8 @@ def _with_attribute(text: str, name: str, new: str) -> str:
     return f'{tag.group()} {name}="{new}"{text[tag.end() :]}'
 
 
-def _added(numbers: str, shift: Array, at: int) -> str:
-    """Return numbers with a shift (3,) added from the place `at`."""
+def _added(numbers: str, shift: Array, places: slice = slice(3)) -> str:
+    """Return numbers with a shift (3,) added at three places."""
     values = np.array(numbers.split(), float)
-    values[at : at + 3] += shift
+    values[places] += shift
     return " ".join(f"{value:.12g}" for value in values)

@@ -107,6 +107,12 @@ class RobotFile:
         return slice(at, at + 3)
 
     @property
+    def drift(self) -> slice:
+        """The places of its velocity among qvel."""
+        at = int(self.model.body_dofadr[self.root])
+        return slice(at, at + 3)
+
+    @property
     def radius(self) -> float:
         """The radius of the sphere [m]."""
         return float(self.model.geom_size[self.sphere, 0])
@@ -807,9 +813,9 @@ def solid_of_file(path: Path, kind: str, name: str) -> Solid:
         fixed = [*_fixed_to(body, f"{kind} {name!r}", np.zeros(3), np.eye(3))]
         if kind == "body":
             return _of_model(spec.compile(), [each.id for each, _, _ in fixed], name)
-        if not any(each.explicitinertial for each, _, _ in fixed):
+        if not (weighed := [each for each in fixed if each[0].explicitinertial]):
             raise InputError(f"link {name!r} has no inertial")
-        return composed(_inertial(*each) for each in fixed if each[0].explicitinertial)
+        return composed(_inertial(*each) for each in weighed)
 
 
 def _fixed_to(

@@ -601,17 +601,16 @@ def _nodes(
     one. Joints are (number, the node above, the node below).
     """
     model = robot.model
-    root = model.body_rootid[model.geom_bodyid[robot.sphere]]
     nodes: list[tuple[str, Solid]] = []
     edges: list[tuple[int, int, int]] = []
     place: dict[int, int] = {}  # of a body's own node
     heads = model.body_weldid == np.arange(model.nbody)
-    for head in np.flatnonzero(heads & (model.body_rootid == root)).tolist():
+    for head in np.flatnonzero(heads & (model.body_rootid == robot.root)).tolist():
         welded = np.flatnonzero(model.body_weldid == head).tolist()
         shapes = tuple(shapes_of_geoms(model, data, welded))
         solid, name = replace(_solid_of(model, data, welded), shapes=shapes), _name(model, head)
         # A root's free joint is no joint of the tree.
-        joints = [None] if head == root else np.flatnonzero(model.jnt_bodyid == head).tolist()
+        joints = [None] if head == robot.root else np.flatnonzero(model.jnt_bodyid == head).tolist()
         above = place.get(model.body_weldid[model.body_parentid[head]], 0)
         for i, joint in enumerate(joints):
             if joint == joints[-1]:
@@ -662,10 +661,9 @@ def starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
     if robot.contact(data).dim == 1:
         yield "its contact has no friction (condim 1); the equations roll"
     # Parts within the shell may touch it, and bodies beside it; not the world, which is 0.
-    pairs = [{int(each.geom1), int(each.geom2)} for each in data.contact]
-    geoms = {i for pair in pairs if robot.sphere in pair for i in pair - {robot.sphere}}
-    touching = {i for i in robot.model.geom_bodyid[[*geoms]] if robot.model.body_weldid[i]}
-    for name in sorted(robot.model.body(i).name for i in touching):
+    model, pairs = robot.model, data.contact.geom
+    touching = set(model.geom_bodyid[pairs[(pairs == robot.sphere)[:, ::-1]]].tolist())
+    for name in sorted(model.body(i).name for i in touching if model.body_weldid[i]):
         yield f"{name} touches the shell; the equations let it pass through"
 
 

@@ -7,6 +7,7 @@ this way (a URDF, one with includes or copies) is first written by MuJoCo itself
 """
 
 import re
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -201,22 +202,23 @@ def _written_text(robot: RobotFile, moves: Moves, names: _Names, pair: int | Non
 
 
 class _Element(NamedTuple):
-    """A start tag, where it stands in the bytes, and its nearest body or worldbody."""
+    """A start tag: where it, and that of its nearest body or worldbody, stand in the bytes."""
 
-    tag: str
     at: int
     owner: int
     attributes: Mapping[str, str]
 
 
-def _elements(data: bytes) -> list[_Element]:
-    found: list[_Element] = []
+def _elements(data: bytes) -> Mapping[str, list[_Element]]:
+    """Return the elements by their tags; owner: -1 outside of all bodies."""
+    found: defaultdict[str, list[_Element]] = defaultdict(list)
     owners = [-1]
     parser = ParserCreate()
 
     def begin(tag: str, attributes: Mapping[str, str]) -> None:
-        found.append(_Element(tag, parser.CurrentByteIndex, owners[-1], attributes))
-        owners.append(len(found) - 1 if tag in ("body", "worldbody") else owners[-1])
+        at = parser.CurrentByteIndex
+        found[tag].append(_Element(at, owners[-1], attributes))
+        owners.append(at if tag in ("body", "worldbody") else owners[-1])
 
     parser.StartElementHandler = begin
     parser.EndElementHandler = lambda _: owners.pop()
@@ -228,14 +230,14 @@ def _own_text(robot: RobotFile, moves: Moves, names: _Names, pair: int | None) -
     """Return the author's own text, with names and without a pair, moved."""
     data, model = robot.path.read_bytes(), robot.model
     elements = _elements(data)
-    bodies = [i for i, each in enumerate(elements) if each.tag == "body" and each.owner >= 0]
+    bodies = [each for each in elements["body"] if each.owner >= 0]
 
     def element(kind: str, number: int) -> _Element:
         if kind == "body":
-            return elements[bodies[number - 1]]
+            return bodies[number - 1]
         body = int(model.geom_bodyid[number])
-        owners = [bodies[body - 1]] if body else _all_of(elements, "worldbody")
-        own = [each for each in elements if each.tag == "geom" and each.owner in owners]
+        owners = [each.at for each in ([bodies[body - 1]] if body else elements["worldbody"])]
+        own = [each for each in elements["geom"] if each.owner in owners]
         return own[number - int(model.body_geomadr[body])]
 
     # Each with the place of its element; without an attribute the whole element goes.
@@ -244,24 +246,20 @@ def _own_text(robot: RobotFile, moves: Moves, names: _Names, pair: int | None) -
         root, shift = element("body", robot.root), moves.shift
         edits.append((root.at, "pos", _added(root.attributes.get("pos", "0 0 0"), shift)))
         # A key without qpos has that of the bodies.
-        for key in (elements[i] for i in _all_of(elements, "key")):
+        for key in elements["key"]:
             if old := key.attributes.get("qpos"):
                 edits.append((key.at, "qpos", _added(old, shift, robot.free)))
     if np.any(moves.kick) and moves.key is not None:
-        key = elements[_all_of(elements, "key")[moves.key]]
+        key = elements["key"][moves.key]
         if old := key.attributes.get("qvel"):
             edits.append((key.at, "qvel", _added(old, moves.kick, robot.drift)))
     if pair is not None:
-        edits.append((elements[_all_of(elements, "pair")[pair]].at, "", ""))
+        edits.append((elements["pair"][pair].at, "", ""))
     for at, attribute, new in sorted(edits, key=lambda each: -each[0]):
         data = data[:at] + _with_attribute(data[at:].decode(), attribute, new).encode()
     text = data.decode()
     folders = _folders(robot)
     return _before_end(text, [f"<compiler{_attributes(folders)}/>"]) if folders else text
-
-
-def _all_of(elements: list[_Element], tag: str) -> list[int]:
-    return [i for i, each in enumerate(elements) if each.tag == tag]
 
 
 def _with_attribute(text: str, name: str, new: str) -> str:

@@ -192,11 +192,11 @@ def _written_text(robot: RobotFile, moves: Moves, names: _Names, pair: int | Non
     root = spec.bodies[robot.root]
     root.pos = root.pos + moves.shift
     for key in filter(lambda each: len(each.qpos), spec.keys):
-        key.qpos[robot.free] = np.asarray(key.qpos)[robot.free] + moves.shift
+        key.qpos = _shifted(key.qpos, moves.shift, robot.free)
     if np.any(moves.kick) and moves.key is not None:
         key = spec.keys[moves.key]
         if len(key.qvel):
-            key.qvel[robot.drift] = np.asarray(key.qvel)[robot.drift] + moves.kick
+            key.qvel = _shifted(key.qvel, moves.kick, robot.drift)
     spec.compile()
     return str(spec.to_xml())
 
@@ -278,7 +278,11 @@ def _with_attribute(text: str, name: str, new: str) -> str:
 
 
 def _added(numbers: str, shift: Array, places: slice = slice(3)) -> str:
+    return " ".join(f"{value:.12g}" for value in _shifted(numbers.split(), shift, places))
+
+
+def _shifted(numbers: Iterable[str | float], shift: Array, places: slice) -> Array:
     """Return numbers with a shift (3,) added at three places."""
-    values = np.array(numbers.split(), float)
+    values = np.array([*numbers], float)
     values[places] += shift
-    return " ".join(f"{value:.12g}" for value in values)
+    return values

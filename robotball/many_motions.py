@@ -34,11 +34,7 @@ class FromStarts(Sequence[Scene]):
     def __getitem__(self, at: int | slice) -> "Scene | FromStarts":
         if isinstance(at, slice):
             return FromStarts(self.scene, self.starts[at])
-        return _started(self.scene, self.starts[at])
-
-
-def _started(scene: Scene, start: Start) -> Scene:
-    return replace(scene, start=start)
+        return replace(self.scene, start=self.starts[at])
 
 
 def of_each(work: Callable[[Scene], _Result], scenes: Sequence[Scene]) -> Iterator[_Result]:
@@ -50,7 +46,7 @@ def of_each(work: Callable[[Scene], _Result], scenes: Sequence[Scene]) -> Iterat
 
 
 def _of_start(work: Callable[[Scene], _Result], scene: Scene, start: Start) -> _Result:
-    return work(_started(scene, start))
+    return work(replace(scene, start=start))
 
 
 def simulate_many(

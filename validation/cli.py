@@ -149,8 +149,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except KeyboardInterrupt:
         status = _INTERRUPTED
     except Exception as error:
-        refusal = _refusal(error)
-        if refusal is None:
+        if (refusal := _refusal(error)) is None:
             raise
         print(f"robotball: {refusal}", file=sys.stderr)
         status = BAD_INPUT
@@ -220,8 +219,7 @@ def _check_each_is_given_once(command: type[_Command], arguments: Sequence[str])
     """Raises InputError for an option that stands twice: all but the last would be lost."""
     fields = get_type_hints(command, include_extras=True)
     lists = {f"--{name}" for name, kind in fields.items() if kind in (Names, Controls)}
-    options = [each.partition("=")[0] for each in arguments if each.startswith("--")]
-    for option, times in Counter(each.replace("_", "-") for each in options).items():
+    for option, times in Counter(_options_in(arguments)).items():
         if times > 1 and option not in lists:
             raise InputError(f"{option} is given {times} times: give it once")
 
@@ -233,10 +231,14 @@ def _check_each_is_known(name: str, arguments: Sequence[str]) -> None:
         tyro.cli(class_of(name), args=["--help"])
     lines = re.findall(r"^[│ ] (?:-h, )?(--.*)", helped.getvalue(), re.MULTILINE)
     known = [option for line in lines for option in re.findall(r"(?:^|, )(--[\w-]+)", line)]
-    for each in arguments:
-        option = each.partition("=")[0].replace("_", "-")
-        if option.startswith("--") and option not in known:
+    for option in _options_in(arguments):
+        if option not in known:
             raise unknown(f"option of {name}", option, [*known, _AS_GIVEN])
+
+
+def _options_in(arguments: Sequence[str]) -> list[str]:
+    """Return the options among arguments, without their values and spelled with hyphens."""
+    return [each.partition("=")[0].replace("_", "-") for each in arguments if each[:2] == "--"]
 
 
 def class_of(name: str) -> type[_Command]:
@@ -275,9 +277,8 @@ def _options_of(name: str) -> type[_Command]:
 
 def _any_command() -> Any:
     """Return all commands with their options, for the completion of a shell."""
-    return Union[  # noqa: UP007
-        tuple(Annotated[class_of(name), subcommand(name)] for name in COMMANDS)
-    ]
+    commands = tuple(Annotated[class_of(name), subcommand(name)] for name in COMMANDS)
+    return Union[commands]  # noqa: UP007
 
 
 def _overview() -> str:
@@ -289,11 +290,7 @@ def _overview() -> str:
     for wanted, commands in GROUPS.items():
         lines.append(f"{wanted}:")
         for name in commands:
-            lines.append(
-                fill(
-                    _summary(name), width, initial_indent=f"  {name:12}", subsequent_indent=" " * 14
-                )
-            )
+            lines.append(fill(f"  {name:12}{_summary(name)}", width, subsequent_indent=" " * 14))
         lines.append("")
     return "\n".join([*lines, _MORE.strip()])
 

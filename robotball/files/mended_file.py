@@ -7,6 +7,7 @@ this way (a URDF, one with includes or copies) is first written by MuJoCo itself
 """
 
 import re
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -135,12 +136,11 @@ def editable(
     InputError where no text has the same robot.
     """
     model = robot.model
-    new = {("geom", robot.sphere): "rolling_sphere", ("geom", robot.plane): "plane"}
-    new |= {("body", i): f"body{i}" for i in bodies}
-    named = {each: getattr(model, each[0])(each[1]).name for each in new}
-    new = {each: name for each, name in new.items() if not named[each]}
-    named |= new
-    ours = {robot.sphere, robot.plane}
+    usual = {("geom", robot.sphere): "rolling_sphere", ("geom", robot.plane): "plane"}
+    usual |= {("body", i): f"body{i}" for i in bodies}
+    own = {(kind, i): getattr(model, kind)(i).name for kind, i in usual}
+    new = {each: name for each, name in usual.items() if not own[each]}
+    named, ours = own | new, {robot.sphere, robot.plane}
     pairs = zip(model.pair_geom1, model.pair_geom2, strict=True)
     own_pair = next((i for i, each in enumerate(pairs) if {*map(int, each)} == ours), None)
     sphere, plane = (named["geom", i] for i in (robot.sphere, robot.plane))
@@ -158,9 +158,9 @@ def editable(
 def _is_same(robot: RobotFile, names: _Names, text: str, moves: Moves) -> bool:
     """Return whether a text is the robot's model, moved, with such names."""
     model, other, at = robot.model, compiled(text), robot.free
-    first, kicks = int(model.body_dofadr[robot.root]), np.zeros_like(model.key_qvel)
+    kicks = np.zeros_like(model.key_qvel)
     if moves.key is not None:
-        kicks[moves.key, first : first + 3] = moves.kick
+        kicks[moves.key, robot.drift] = moves.kick
     starts = [(model.qpos0, other.qpos0), *zip(model.key_qpos, other.key_qpos, strict=False)]
     return (
         (model.nbody, model.ngeom, model.nq, model.nkey)
@@ -192,32 +192,33 @@ def _written_text(robot: RobotFile, moves: Moves, names: _Names, pair: int | Non
     root = spec.bodies[robot.root]
     root.pos = root.pos + moves.shift
     for key in filter(lambda each: len(each.qpos), spec.keys):
-        key.qpos[robot.free] = np.asarray(key.qpos)[robot.free] + moves.shift
+        key.qpos = _shifted(key.qpos, moves.shift, robot.free)
     if np.any(moves.kick) and moves.key is not None:
-        key, first = spec.keys[moves.key], int(robot.model.body_dofadr[robot.root])
+        key = spec.keys[moves.key]
         if len(key.qvel):
-            key.qvel[first : first + 3] = np.asarray(key.qvel)[first : first + 3] + moves.kick
+            key.qvel = _shifted(key.qvel, moves.kick, robot.drift)
     spec.compile()
     return str(spec.to_xml())
 
 
 class _Element(NamedTuple):
-    """A start tag, where it stands in the bytes, and its nearest body or worldbody."""
+    """A start tag: where it, and that of its nearest body or worldbody, stand in the bytes."""
 
-    tag: str
     at: int
     owner: int
     attributes: Mapping[str, str]
 
 
-def _elements(data: bytes) -> list[_Element]:
-    found: list[_Element] = []
+def _elements(data: bytes) -> Mapping[str, list[_Element]]:
+    """Return the elements by their tags; owner: -1 outside of all bodies."""
+    found: defaultdict[str, list[_Element]] = defaultdict(list)
     owners = [-1]
     parser = ParserCreate()
 
     def begin(tag: str, attributes: Mapping[str, str]) -> None:
-        found.append(_Element(tag, parser.CurrentByteIndex, owners[-1], attributes))
-        owners.append(len(found) - 1 if tag in ("body", "worldbody") else owners[-1])
+        at = parser.CurrentByteIndex
+        found[tag].append(_Element(at, owners[-1], attributes))
+        owners.append(at if tag in ("body", "worldbody") else owners[-1])
 
     parser.StartElementHandler = begin
     parser.EndElementHandler = lambda _: owners.pop()
@@ -229,42 +230,36 @@ def _own_text(robot: RobotFile, moves: Moves, names: _Names, pair: int | None) -
     """Return the author's own text, with names and without a pair, moved."""
     data, model = robot.path.read_bytes(), robot.model
     elements = _elements(data)
-    bodies = [i for i, each in enumerate(elements) if each.tag == "body" and each.owner >= 0]
+    bodies = [each for each in elements["body"] if each.owner >= 0]
 
     def element(kind: str, number: int) -> _Element:
         if kind == "body":
-            return elements[bodies[number - 1]]
+            return bodies[number - 1]
         body = int(model.geom_bodyid[number])
-        owners = [bodies[body - 1]] if body else _all_of(elements, "worldbody")
-        own = [each for each in elements if each.tag == "geom" and each.owner in owners]
+        owners = [each.at for each in ([bodies[body - 1]] if body else elements["worldbody"])]
+        own = [each for each in elements["geom"] if each.owner in owners]
         return own[number - int(model.body_geomadr[body])]
 
     # Each with the place of its element; without an attribute the whole element goes.
     edits = [(element(kind, i).at, "name", name) for (kind, i), name in names.items()]
     if np.any(moves.shift):
         root, shift = element("body", robot.root), moves.shift
-        edits.append((root.at, "pos", _added(root.attributes.get("pos", "0 0 0"), shift, 0)))
+        edits.append((root.at, "pos", _added(root.attributes.get("pos", "0 0 0"), shift)))
         # A key without qpos has that of the bodies.
-        for key in (elements[i] for i in _all_of(elements, "key")):
+        for key in elements["key"]:
             if old := key.attributes.get("qpos"):
-                edits.append((key.at, "qpos", _added(old, shift, robot.free.start)))
+                edits.append((key.at, "qpos", _added(old, shift, robot.free)))
     if np.any(moves.kick) and moves.key is not None:
-        key = elements[_all_of(elements, "key")[moves.key]]
+        key = elements["key"][moves.key]
         if old := key.attributes.get("qvel"):
-            edits.append(
-                (key.at, "qvel", _added(old, moves.kick, int(model.body_dofadr[robot.root])))
-            )
+            edits.append((key.at, "qvel", _added(old, moves.kick, robot.drift)))
     if pair is not None:
-        edits.append((elements[_all_of(elements, "pair")[pair]].at, "", ""))
+        edits.append((elements["pair"][pair].at, "", ""))
     for at, attribute, new in sorted(edits, key=lambda each: -each[0]):
         data = data[:at] + _with_attribute(data[at:].decode(), attribute, new).encode()
     text = data.decode()
     folders = _folders(robot)
     return _before_end(text, [f"<compiler{_attributes(folders)}/>"]) if folders else text
-
-
-def _all_of(elements: list[_Element], tag: str) -> list[int]:
-    return [i for i, each in enumerate(elements) if each.tag == tag]
 
 
 def _with_attribute(text: str, name: str, new: str) -> str:
@@ -282,8 +277,12 @@ def _with_attribute(text: str, name: str, new: str) -> str:
     return f'{tag.group()} {name}="{new}"{text[tag.end() :]}'
 
 
-def _added(numbers: str, shift: Array, at: int) -> str:
-    """Return numbers with a shift (3,) added from the place `at`."""
-    values = np.array(numbers.split(), float)
-    values[at : at + 3] += shift
-    return " ".join(f"{value:.12g}" for value in values)
+def _added(numbers: str, shift: Array, places: slice = slice(3)) -> str:
+    return " ".join(f"{value:.12g}" for value in _shifted(numbers.split(), shift, places))
+
+
+def _shifted(numbers: Iterable[str | float], shift: Array, places: slice) -> Array:
+    """Return numbers with a shift (3,) added at three places."""
+    values = np.array([*numbers], float)
+    values[places] += shift
+    return values

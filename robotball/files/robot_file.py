@@ -14,7 +14,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from operator import attrgetter
 from pathlib import Path
 from types import MappingProxyType
@@ -33,7 +33,7 @@ from robotball.files import named
 from robotball.files.sandbox import COMMENT, check_format, check_loads, opened_spec
 from robotball.files.scene_tables import Command, Table, rate_of
 from robotball.motors import Actuator, Free, Law
-from robotball.rotations import Array, Z, from_matrix, rotation_matrix
+from robotball.rotations import Array, Z, from_matrix, multiply, rotation_matrix
 from robotball.scene import DOWN, Friction, Scene, Start
 from robotball.shapes import shapes_of_geoms
 
@@ -106,17 +106,33 @@ class RobotFile:
         at = int(self.model.jnt_qposadr[self.model.body_jntadr[self.root]])
         return slice(at, at + 3)
 
+    @property
+    def drift(self) -> slice:
+        """The places of its velocity among qvel."""
+        at = int(self.model.body_dofadr[self.root])
+        return slice(at, at + 3)
+
+    @property
+    def radius(self) -> float:
+        """The radius of the sphere [m]."""
+        return float(self.model.geom_size[self.sphere, 0])
+
     def above_plane(self, data: Any) -> tuple[Array, float]:
         """Return the plane's normal (3,), world, and how far the sphere is above the plane [m]."""
         normal = data.geom_xmat[self.plane][2::3]
         away = data.geom_xpos[self.sphere] - data.geom_xpos[self.plane]
-        return normal, float(away @ normal) - float(self.model.geom_size[self.sphere, 0])
+        return normal, float(away @ normal) - self.radius
+
+    def moving(self, data: Any) -> Array:
+        """Return the shell's angular velocity and its centre's velocity (6,), world axes."""
+        moving, kind = np.zeros(6), mujoco.mjtObj.mjOBJ_GEOM
+        mujoco.mj_objectVelocity(self.model, data, kind, self.sphere, moving, 0)
+        return moving
 
     def slip(self, data: Any) -> Array:
         """Return the velocity (3,) of the sphere's lowest point [m/s], world."""
-        moving, (normal, _) = _moving(self, data), self.above_plane(data)
-        radius = float(self.model.geom_size[self.sphere, 0])
-        return np.asarray(moving[3:] - radius * np.cross(moving[:3], normal))
+        moving, (normal, _) = self.moving(data), self.above_plane(data)
+        return np.asarray(moving[3:] - self.radius * np.cross(moving[:3], normal))
 
     def plane_axes(self, data: Any) -> Array:
         """Return the rotation (3, 3) from world axes to the plane's; the same where it is level."""
@@ -128,12 +144,13 @@ class RobotFile:
         # There may be none at the start, so the robot is moved until the sphere is in the plane, by
         # stretches shorter than the sphere, lest it pass through a ledge.
         model, data, found = self.model, copy(start), None
-        radius = float(model.geom_size[self.sphere, 0])
         normal, gap = self.above_plane(data)
-        count = min(_STRETCHES, 1 + int(max(gap, 0.0) / radius))
+        count, way = (
+            min(_STRETCHES, 1 + int(max(gap, 0.0) / self.radius)),
+            gap + _TOUCH * self.radius,
+        )
         for part in range(count + 1):
-            data.qpos[self.free] = start.qpos[self.free]
-            data.qpos[self.free] -= part / count * (gap + _TOUCH * radius) * normal
+            data.qpos[self.free] = start.qpos[self.free] - part / count * way * normal
             mujoco.mj_forward(model, data)
             for contact in data.contact:
                 # Above or in the plane it is not yet where it stands.
@@ -164,23 +181,20 @@ class RobotFile:
         What lies within the shell overlaps the sphere, which MuJoCo takes for solid; late: parts
         that overlap do so from the start, and what touches later is meant to.
         """
-        model, geoms = self.model, (int(contact.geom1), int(contact.geom2))
-        bodies, mine = model.geom_bodyid[[*geoms]], np.array([*map(self._is_own, geoms)])
         if self.rolls(contact) or contact.exclude:
             return ""
-        if mine.all():
-            meant = late or any(self._is_wheel(data, i) for i in geoms)
-            return self.touching(contact) if meant else ""
-        own = geoms[int(mine[1])]
-        welded = model.body_weldid[bodies[int(mine[1])]]
-        shell = model.body_weldid[model.geom_bodyid[self.sphere]]
-        inside = own != self.sphere and welded == shell and self._reach(data, own) < _WITHIN
-        return "" if not mine.any() or inside else self.touching(contact)
-
-    def touching(self, contact: Any) -> str:
-        """Return which geoms touch in a contact, those of the robot first."""
-        both = sorted((int(contact.geom1), int(contact.geom2)), key=self._is_own, reverse=True)
-        return " touches ".join(geom_name(self.model, i) for i in both)
+        # Those of the robot first.
+        pair = int(contact.geom1), int(contact.geom2)
+        own, other = sorted(pair, key=self._is_own, reverse=True)
+        if self._is_own(other):
+            meant = late or self._is_wheel(data, own) or self._is_wheel(data, other)
+        else:
+            geom, shell = (self.model.geom_bodyid[i] for i in (own, self.sphere))
+            welded = self.model.body_weldid[geom] == self.model.body_weldid[shell]
+            inside = own != self.sphere and welded and self._reach(data, own) < _WITHIN
+            meant = self._is_own(own) and not inside
+        names = (geom_name(self.model, i) for i in (own, other))
+        return " touches ".join(names) if meant else ""
 
     def _is_own(self, geom: int) -> bool:
         return bool(self.model.body_rootid[self.model.geom_bodyid[geom]] == self.root)
@@ -194,7 +208,7 @@ class RobotFile:
             corners = model.mesh_vert[first[mesh] :][: model.mesh_vertnum[mesh]]
             turned = corners @ data.geom_xmat[geom].reshape(3, 3).T
             reach = np.linalg.norm(place + turned, axis=1).max()
-        return float(reach / model.geom_size[self.sphere, 0])
+        return float(reach / self.radius)
 
     def _is_wheel(self, data: Any, geom: int) -> bool:
         """Return whether a round geom turns about its own middle and stands on the shell's wall."""
@@ -204,12 +218,11 @@ class RobotFile:
             return False
         middle, axis = data.geom_xpos[geom], data.xaxis[joint]
         off = float(np.linalg.norm(np.cross(middle - data.xanchor[joint], axis)))
-        out = middle - data.geom_xpos[self.sphere]
         # A wheel's rim is across its axis; a flywheel turns about an axis through the centre.
-        out = out - (out @ axis) * axis
-        reach = np.hypot(np.linalg.norm(out) + size, (middle - data.geom_xpos[self.sphere]) @ axis)
-        radius = float(model.geom_size[self.sphere, 0])
-        return off < 0.1 * size < 0.1 * float(np.linalg.norm(out)) and reach > _RIM * radius
+        place = middle - data.geom_xpos[self.sphere]
+        along = place @ axis
+        out = float(np.linalg.norm(place - along * axis))
+        return off < 0.1 * size < 0.1 * out and np.hypot(out + size, along) > _RIM * self.radius
 
 
 def geom_name(model: Any, geom: int) -> str:
@@ -294,18 +307,6 @@ def scene_of(
 ) -> Scene:
     """Return the scene of a file's robot, which rolls on the plane from its start."""
     model, contact = robot.model, robot.contact(data)
-    shell, joints = _tree_of(robot)
-    gears = gears_of(model)
-    hinges = tuple(
-        Hinge(
-            link,
-            motor=_passive(model, joint, gears),
-            angle=float(data.qpos[model.jnt_qposadr[joint]]),
-            rate=float(data.qvel[model.jnt_dofadr[joint]]),
-        )
-        for joint, link in joints.items()
-    )
-    links = {joint: link.name for joint, link in joints.items()}
     to_plane = robot.plane_axes(data)
     down = to_plane @ model.opt.gravity
     gravity = float(np.linalg.norm(down))
@@ -313,23 +314,27 @@ def scene_of(
     level = down[2] < -_LEVEL * gravity
     rolling = rolling or rolling_of(contact)
     to_world = to_plane @ data.geom_xmat[robot.sphere].reshape(3, 3)
-    for hinge, link in zip(hinges, joints.values(), strict=True):
-        if link.range and not link.range[1] <= hinge.angle <= link.range[2]:
-            name, low, high = link.range
+    (shell, links), gears, hinges = _tree_of(robot), gears_of(model), []
+    for joint, link in links.items():
+        angle = float(data.qpos[model.jnt_qposadr[joint]])
+        rate = float(data.qvel[model.jnt_dofadr[joint]])
+        name, low, high = link.range or ("", *_NO_LIMITS)
+        if not low <= angle <= high:
             raise InputError(
-                f"{name} starts at {hinge.angle:g} {'m' if link.slides else 'rad'}, outside its "
-                f"range of {low:g} to {high:g}"
+                f"{name} starts at {angle:g} {'m' if link.slides else 'rad'}, outside its range of "
+                f"{low:g} to {high:g}"
             )
-    turning = to_plane @ _moving(robot, data)[:3]
+        hinges.append(Hinge(link, motor=_passive(model, joint, gears), angle=angle, rate=rate))
+    turning = to_plane @ robot.moving(data)[:3]
     if rolling == "rubber":  # whose shell does not spin
         turning = turning * [1.0, 1.0, 0.0]
     scene = Scene(
         name=robot.path.stem,
         title=f"The robot of {robot.path.name}",
         source=str(robot.path),
-        ball=Ball(shell, hinges),
+        ball=Ball(shell, tuple(hinges)),
         rolling=rolling,
-        actuators=tuple(_actuators(model, links, data, controls, gears)),
+        actuators=tuple(_actuators(model, links, data, controls)),
         gravity=gravity,
         gravity_direction=DOWN if level else tuple((down / gravity).tolist()),
         friction=Friction(rolling=float(contact.friction[3]) if contact.dim == 6 else 0.0),
@@ -351,10 +356,7 @@ def open_robot(path: Path, shell: str | None = None) -> RobotFile:
     try:
         spec, missing = opened_spec(path)
         model = spec.compile()
-        notes = [
-            *_plane_added(spec, model, shell),
-            *_free_joint_added(spec, model, _sphere(model, shell)),
-        ]
+        notes = [*_plane_added(spec, model, shell), *_free_joint_added(spec, model, shell)]
         if notes:
             model = spec.compile()
         notes += [f"there is no {file}, which is only drawn; it is left out" for file in missing]
@@ -363,22 +365,15 @@ def open_robot(path: Path, shell: str | None = None) -> RobotFile:
         plane = _floor(model, sphere)
     except (ValueError, mujoco.FatalError) as error:
         raise InputError(f"{path}: {error}") from None
-    notes += [
-        *_inferred(spec),
-        *_by_default(spec),
-        *_balanced(spec),
-        *_ignored(model, sphere, plane),
-    ]
+    for silent in (_inferred, _by_default, _balanced):
+        notes += silent(spec)
+    notes += _ignored(model, sphere, plane)
     return RobotFile(path, spec, model, sphere, plane, tuple(notes))
 
 
 def _sphere(model: Any, shell: str | None) -> int:
     """Return the number of the geom that rolls: of that name or body, the only, or the largest."""
-    spheres = [
-        i
-        for i in range(model.ngeom)
-        if model.geom_type[i] == _SPHERE and (model.geom_contype[i] or model.geom_conaffinity[i])
-    ]
+    spheres = np.flatnonzero(_solid(model) & (model.geom_type == _SPHERE)).tolist()
     if not spheres:
         raise InputError(
             "no sphere can touch the plane; a shell has a geom of type sphere with contype or "
@@ -403,15 +398,21 @@ def _sphere(model: Any, shell: str | None) -> int:
     return outermost[0]
 
 
-def _solid(model: Any, geom: Any) -> bool:
-    return bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
+def _solid(model: Any) -> Any:
+    """Return whether each geom can touch another."""
+    return (model.geom_contype | model.geom_conaffinity) != 0
+
+
+def _standing(model: Any, sphere: int) -> list[int]:
+    """Return the geoms, the sphere aside, that can touch something and are fixed to the world."""
+    fixed = model.body_weldid[model.geom_bodyid] == 0
+    return [i for i in np.flatnonzero(_solid(model) & fixed).tolist() if i != sphere]
 
 
 def _plane_added(spec: Any, model: Any, shell: str | None) -> Iterator[str]:
     if np.any(model.geom_type == _PLANE):
         return
-    fixed = [i for i in range(model.ngeom) if _solid(model, i) and not _moves(model, i)]
-    if others := [i for i in fixed if i != _sphere(model, shell)]:
+    if others := _standing(model, _sphere(model, shell)):
         kind = _GEOMS(model.geom_type[others[0]]).name.removeprefix("mjGEOM_").lower()
         raise InputError(
             f"the file has no plane, and {geom_name(model, others[0])} is a {kind}, where the "
@@ -420,10 +421,6 @@ def _plane_added(spec: Any, model: Any, shell: str | None) -> Iterator[str]:
         )
     spec.worldbody.add_geom(type=_PLANE, size=[0, 0, 1])
     yield "the file has no plane; one is added at height 0"
-
-
-def _moves(model: Any, geom: int) -> bool:
-    return bool(model.body_weldid[model.geom_bodyid[geom]])
 
 
 def _floor(model: Any, sphere: int) -> int:
@@ -436,14 +433,14 @@ def _floor(model: Any, sphere: int) -> int:
     normals = data.geom_xmat[planes][:, 2::3]
     away = np.einsum("ij,ij->i", data.geom_xpos[sphere] - data.geom_xpos[planes], normals)
     faces = normals @ model.opt.gravity < -_FACES * np.linalg.norm(model.opt.gravity)
-    unlikely = np.where([_solid(model, i) for i in planes], 0.0, 2.0) + ~faces
+    unlikely = np.where(_solid(model)[planes], 0.0, 2.0) + ~faces
     order = np.lexsort([np.abs(away - model.geom_size[sphere, 0]), unlikely])
     return int(planes[order[0]])
 
 
-def _free_joint_added(spec: Any, model: Any, sphere: int) -> Iterator[str]:
-    root = model.body_rootid[model.geom_bodyid[sphere]]
-    joints = [int(model.jnt_type[j]) for j in range(model.njnt) if model.jnt_bodyid[j] == root]
+def _free_joint_added(spec: Any, model: Any, shell: str | None) -> Iterator[str]:
+    root = model.body_rootid[model.geom_bodyid[_sphere(model, shell)]]
+    joints = model.jnt_type[model.jnt_bodyid == root].tolist()
     name = model.body(root).name
     if root == 0:
         raise InputError("the sphere belongs to the world; give its body a freejoint")
@@ -534,67 +531,47 @@ def _ignored(model: Any, sphere: int, plane: int) -> Iterator[str]:
     for i in range(1, model.nbody):
         if model.body_dofnum[i] and model.body_rootid[i] != root and model.body_rootid[i] == i:
             yield f"{_name(model, i)} moves apart from the robot; the equations leave it out"
-    for i in range(model.ngeom):
-        if i not in (sphere, plane) and _solid(model, i) and not _moves(model, i):
+    for i in _standing(model, sphere):
+        if i != plane:
             yield (
                 f"{geom_name(model, i)} stands beside the plane; the equations leave it out, and "
                 "hold until the robot meets it, which `robotball check` tells"
             )
 
 
-@dataclass
-class _Node:
-    """A body of the tree, with all that is welded to it, or what is between two joints of one.
-
-    joints: (number, the other node, the sign by which the joint turns that one from here).
-    """
-
-    name: str
-    solid: Solid
-    joints: list[tuple[int, int, float]] = field(default_factory=list)
-
-
 def _tree_of(robot: RobotFile) -> tuple[Shell, dict[int, Link]]:
     """Return the shell of a file, and its links by the numbers of their joints."""
     model, data = robot.model, mujoco.MjData(robot.model)
-    for j in range(model.njnt):
-        if model.jnt_type[j] in (_SLIDE, _HINGE):
-            data.qpos[model.jnt_qposadr[j]] = 0.0
+    data.qpos[model.jnt_qposadr[np.isin(model.jnt_type, (_SLIDE, _HINGE))]] = 0.0
+    mujoco.mj_kinematics(model, data)
+    # The robot is put where the sphere's own axes are those of the world.
+    to_shell = data.geom_xmat[robot.sphere].reshape(3, 3).T.copy()
+    turning = slice(robot.free.stop, robot.free.stop + 4)
+    data.qpos[turning] = multiply(from_matrix(to_shell), data.qpos[turning])
+    data.qpos[robot.free] = to_shell @ (data.qpos[robot.free] - data.geom_xpos[robot.sphere])
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
-    nodes, of_shell = _nodes(robot, data)
-    to_shell = data.geom_xmat[robot.sphere].reshape(3, 3).T
-    centre, radius = data.geom_xpos[robot.sphere], float(model.geom_size[robot.sphere, 0])
-
-    def local(solid: Solid) -> Solid:
-        inertia = to_shell @ solid.inertia @ to_shell.T
-        turn, shift = from_matrix(to_shell), -to_shell @ centre
-        return Solid(
-            solid.mass, to_shell @ solid.centre + shift, (inertia + inertia.T) / 2,
-            shapes=tuple(each.moved(turn, shift) for each in solid.shapes),
-        )  # fmt: skip
-
-    shell = local(nodes[of_shell].solid)
-    links = {}
-    reached, waiting = {of_shell}, [(of_shell, "shell")]
+    nodes, joints, of_shell = _nodes(robot, data)
+    links: dict[int, Link] = {}
+    waiting = [(of_shell, "shell")]
     while waiting:
         at, parent = waiting.pop()
-        for joint, other, sign in nodes[at].joints:
-            if other in reached:
+        for joint, above, below in joints:
+            if at not in (above, below) or joint in links:  # the last, by which it was reached
                 continue
-            reached.add(other)
-            solid, name = local(nodes[other].solid), nodes[other].name
+            other, sign = (below, 1.0) if at == above else (above, -1.0)
+            name, solid = nodes[other]
             limits = model.joint(joint).name or f"joint{joint}", *model.jnt_range[joint].tolist()
             links[joint] = Link(
                 name, parent, solid.mass, solid.inertia, solid.centre,
-                axis=sign * to_shell @ data.xaxis[joint],
-                pivot=to_shell @ (data.xanchor[joint] - centre),
+                axis=sign * data.xaxis[joint],
+                pivot=data.xanchor[joint].copy(),
                 slides=bool(model.jnt_type[joint] == _SLIDE),
                 range=limits if model.jnt_limited[joint] else None,
                 shapes=solid.shapes,
             )  # fmt: skip
             waiting.append((other, name))
-    return _shell_of(radius, shell), links
+    return _shell_of(robot.radius, nodes[of_shell][1]), links
 
 
 def hinged(robot: RobotFile) -> list[int]:
@@ -615,37 +592,39 @@ def _shell_of(radius: float, solid: Solid) -> Shell:
     )  # fmt: skip
 
 
-def _nodes(robot: RobotFile, data: Any) -> tuple[list[_Node], int]:
-    """Return the nodes of the robot's tree, joined both ways, and the place of the shell."""
+def _nodes(
+    robot: RobotFile, data: Any
+) -> tuple[list[tuple[str, Solid]], list[tuple[int, int, int]], int]:
+    """Return the nodes of the robot's tree, its joints, and the place of the shell among the nodes.
+
+    A node is a body, by its name, with all that is welded to it, or what is between two joints of
+    one. Joints are (number, the node above, the node below).
+    """
     model = robot.model
-    root = model.body_rootid[model.geom_bodyid[robot.sphere]]
-    nodes: list[_Node] = []
+    nodes: list[tuple[str, Solid]] = []
+    edges: list[tuple[int, int, int]] = []
     place: dict[int, int] = {}  # of a body's own node
-    for head in range(1, model.nbody):
-        if model.body_rootid[head] != root or model.body_weldid[head] != head:
-            continue
-        welded = [i for i in range(1, model.nbody) if model.body_weldid[i] == head]
+    heads = model.body_weldid == np.arange(model.nbody)
+    for head in np.flatnonzero(heads & (model.body_rootid == robot.root)).tolist():
+        welded = np.flatnonzero(model.body_weldid == head).tolist()
         shapes = tuple(shapes_of_geoms(model, data, welded))
-        solid = replace(_solid_of(model, data, welded), shapes=shapes)
-        name = _name(model, head)
+        solid, name = replace(_solid_of(model, data, welded), shapes=shapes), _name(model, head)
         # A root's free joint is no joint of the tree.
-        joints = [None] if head == root else np.flatnonzero(model.jnt_bodyid == head).tolist()
+        joints = [None] if head == robot.root else np.flatnonzero(model.jnt_bodyid == head).tolist()
         above = place.get(model.body_weldid[model.body_parentid[head]], 0)
         for i, joint in enumerate(joints):
             if joint == joints[-1]:
-                nodes.append(_Node(name, solid))
+                nodes.append((name, solid))
             else:
                 between = Solid(0.0, data.xipos[head].copy(), np.zeros((3, 3)))
-                nodes.append(_Node(f"{name}_{model.joint(joint).name or i}", between))
-            here = len(nodes) - 1
+                nodes.append((f"{name}_{model.joint(joint).name or i}", between))
             if joint is not None:
                 if model.jnt_type[joint] == _BALL:
                     raise InputError(f"{name} has a ball joint; take three hinges")
-                nodes[here].joints.append((joint, above, -1.0))
-                nodes[above].joints.append((joint, here, 1.0))
-            above = here
+                edges.append((joint, above, len(nodes) - 1))
+            above = len(nodes) - 1
         place[head] = above
-    return nodes, place[model.body_weldid[model.geom_bodyid[robot.sphere]]]
+    return nodes, edges, place[model.body_weldid[model.geom_bodyid[robot.sphere]]]
 
 
 def _name(model: Any, body: int) -> str:
@@ -660,17 +639,18 @@ def _solid_of(model: Any, data: Any, bodies: Iterable[int]) -> Solid:
     for i in bodies:
         axes = data.ximat[i].reshape(3, 3)
         inertia = axes @ np.diag(model.body_inertia[i]) @ axes.T
-        solids.append(Solid(float(model.body_mass[i]), data.xipos[i].copy(), inertia))
+        symmetric = (inertia + inertia.T) / 2
+        solids.append(Solid(float(model.body_mass[i]), data.xipos[i].copy(), symmetric))
     return composed(each for each in solids if each.mass > 0)
 
 
 def start_misses(robot: RobotFile, data: Any) -> Iterator[tuple[str, str]]:
     """Yield how a start misses the plane or the rolling, and what the equations do instead."""
-    radius, gap = float(robot.model.geom_size[robot.sphere, 0]), robot.above_plane(data)[1]
-    if abs(gap) > _HEIGHT * radius:
+    gap = robot.above_plane(data)[1]
+    if abs(gap) > _HEIGHT * robot.radius:
         yield f"it starts {abs(gap):.3g} m {'above' if gap > 0 else 'in'} the plane", "on it"
     slip = float(np.linalg.norm(robot.slip(data)))
-    if slip > _HEIGHT * max(1.0, float(np.linalg.norm(_moving(robot, data)[3:]))):
+    if slip > _HEIGHT * max(1.0, float(np.linalg.norm(robot.moving(data)[3:]))):
         yield f"its contact point starts at {slip:.3g} m/s", "without slipping"
 
 
@@ -681,19 +661,10 @@ def starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
     if robot.contact(data).dim == 1:
         yield "its contact has no friction (condim 1); the equations roll"
     # Parts within the shell may touch it, and bodies beside it; not the world, which is 0.
-    pairs = [{int(each.geom1), int(each.geom2)} for each in data.contact]
-    geoms = {i for pair in pairs if robot.sphere in pair for i in pair - {robot.sphere}}
-    touching = {i for i in robot.model.geom_bodyid[[*geoms]] if robot.model.body_weldid[i]}
-    for name in sorted(robot.model.body(i).name for i in touching):
+    model, pairs = robot.model, data.contact.geom
+    touching = set(model.geom_bodyid[pairs[(pairs == robot.sphere)[:, ::-1]]].tolist())
+    for name in sorted(model.body(i).name for i in touching if model.body_weldid[i]):
         yield f"{name} touches the shell; the equations let it pass through"
-
-
-def _moving(robot: RobotFile, data: Any) -> Array:
-    """Return the shell's angular velocity and its centre's velocity (6,), world axes."""
-    moving = np.zeros(6)
-    kind = mujoco.mjtObj.mjOBJ_GEOM
-    mujoco.mj_objectVelocity(robot.model, data, kind, robot.sphere, moving, 0)
-    return moving
 
 
 def rolling_of(contact: Any) -> Rolling:
@@ -732,16 +703,13 @@ def _passive(model: Any, joint: int, gears: Mapping[str, Mapping[int, float]]) -
 
 
 def _actuators(
-    model: Any,
-    links: Mapping[int, str],
-    data: Any,
-    controls: Mapping[str, Rate],
-    gears: Mapping[str, Mapping[int, float]],
+    model: Any, links: Mapping[int, Link], data: Any, controls: Mapping[str, Rate]
 ) -> Iterator[Actuator]:
     """Yield the actuators of a file, whose joints move links by name; not those of other bodies.
 
     Those without a control of their own keep the start's.
     """
+    gears = gears_of(model)
     for name in controls:
         if name not in gears:
             raise unknown("actuator", name, gears)
@@ -763,7 +731,7 @@ def _actuators(
                 low, high = max(low, ends[0]), min(high, ends[1])
         # A law's limit is the same both ways; what is not is a constant torque beside it.
         middle = float(low + high) / 2 if np.isfinite(high) else 0.0
-        own = tuple((links[joint], ratio) for joint, ratio in moved.items())
+        own = tuple((links[joint].name, ratio) for joint, ratio in moved.items())
         within = model.actuator_ctrlrange[i] if model.actuator_ctrllimited[i] else _NO_LIMITS
         law = _law(model, i, name)
         yield Actuator(
@@ -840,12 +808,12 @@ def solid_of_file(path: Path, kind: str, name: str) -> Solid:
         spec = opened_spec(path)[0] if kind == "body" else mujoco.MjSpec.from_file(str(path))
         if (body := spec.body(name)) is None:
             raise unknown(kind, name, [each.name for each in spec.bodies[1:]])
-        fixed = list(_fixed_to(body, f"{kind} {name!r}", np.zeros(3), np.eye(3)))
+        fixed = [*_fixed_to(body, f"{kind} {name!r}", np.zeros(3), np.eye(3))]
         if kind == "body":
             return _of_model(spec.compile(), [each.id for each, _, _ in fixed], name)
-        if not any(each.explicitinertial for each, _, _ in fixed):
+        if not (weighed := [each for each in fixed if each[0].explicitinertial]):
             raise InputError(f"link {name!r} has no inertial")
-        return composed(_inertial(*each) for each in fixed if each[0].explicitinertial)
+        return composed(_inertial(*each) for each in weighed)
 
 
 def _fixed_to(

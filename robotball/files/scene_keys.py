@@ -219,8 +219,7 @@ def _doubts(
             yield from _doubts(f"{path}[{i}]", unit, inner, limits, times)
     elif isinstance(value, float):
         body, key = path.partition(".")[0], path.rpartition(".")[2]
-        known = [limits[each] for each in (key, f"{body} {unit}", unit) if each in limits]
-        most = known[0] if known else None
+        most = next((limits[i] for i in (key, f"{body} {unit}", unit) if i in limits), None)
         yield from _question(path, key if key in _OTHERS else unit, value, most, times, unit)
 
 

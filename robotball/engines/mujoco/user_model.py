@@ -64,7 +64,7 @@ class UserModel:
     @property
     def radius(self) -> float:
         """The radius of the sphere that rolls [m]."""
-        return float(self.robot.model.geom_size[self.robot.sphere, 0])
+        return self.robot.radius
 
     def begin(self) -> mujoco.MjData:
         """Return MjData at the start."""

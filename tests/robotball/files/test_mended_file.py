@@ -68,6 +68,21 @@ def test_a_start_is_moved_in_bodies_and_keyframes(tmp_path: Path) -> None:
     assert ours.changed([]) == ours.text
 
 
+def test_a_keyframe_of_a_file_that_is_included_is_moved(tmp_path: Path) -> None:
+    """Its text is written by MuJoCo, with the place and the velocity at the keyframe changed."""
+    (tmp_path / "ball.xml").write_text(
+        '<mujoco><worldbody><geom type="plane" size="1 1 1"/><body name="ball" pos="0 0 1">'
+        '<freejoint/><geom size=".2" mass="1"/></body></worldbody><keyframe>'
+        '<key qpos="0 0 1 1 0 0 0" qvel="1 0 0 0 0 0"/></keyframe></mujoco>'
+    )
+    path = tmp_path / "mine.xml"
+    path.write_text('<mujoco><include file="ball.xml"/></mujoco>')
+    ours = editable(open_robot(path), Moves(UP, 2 * UP, 0), PAIR, [])
+    moved = compiled(ours.changed([START]))
+    assert moved.key_qpos[0, :3] - [0, 0, 1] == pytest.approx(UP, abs=1e-12)
+    assert moved.key_qvel[0, :3] - [1, 0, 0] == pytest.approx(2 * UP, abs=1e-12)
+
+
 def test_a_text_that_does_not_compile_is_refused() -> None:
     """With MuJoCo's own words."""
     with pytest.raises(InputError, match=r"the changed file does not compile: .*nosuch"):

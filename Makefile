@@ -1,5 +1,5 @@
 # Two commands, each with all its own set-up:  make demo   make test
-# On the way:  make check   make test-core   make test-fast   make test-variants   make docs   make tutorials
+# On the way:  make check   make test-studies   make test-core   make test-fast   make test-variants   make docs   make tutorials
 UV_VERSION := 0.13.8
 PYTHON_RANGE := >=3.11,<3.15
 UV := $(shell command -v uv 2>/dev/null || echo .tools/bin/uv)
@@ -9,7 +9,7 @@ export UV_SYSTEM_CERTS := 1
 export UV_PROJECT_ENVIRONMENT := .venv
 BIN := .venv/bin
 
-.PHONY: demo test test-fast test-core test-variants check docs tutorials gallery wheel bench cost-model setup gl browser lock clean
+.PHONY: demo test test-studies test-fast test-core test-variants check docs tutorials gallery wheel bench cost-model setup gl browser lock clean
 
 demo: setup gl
 	$(BIN)/robotball demo
@@ -18,7 +18,11 @@ demo: setup gl
 ON_CORES := --numprocesses auto --dist loadfile
 
 test: setup gl browser check
-	$(BIN)/pytest $(ON_CORES)
+	$(BIN)/pytest $(ON_CORES) -m "not study"
+
+# Every case of the studies that have many, such as wrong settings that are planted; two minutes.
+test-studies: setup
+	$(BIN)/pytest $(ON_CORES) -m study
 
 test-fast: setup gl
 	$(BIN)/pytest $(ON_CORES) -m "not slow"

@@ -214,7 +214,7 @@ def _lacks(scene: Scene, settings: _NewtonSettings) -> str | None:
 NEWTON = adapter.Adapter(
     label=Label(
         "Newton",
-        f"{adapter.version_of('newton')} on MuJoCo {adapter.version_of('mujoco')}",
+        f"{adapter.version_of('newton')} on mujoco {adapter.version_of('mujoco')}",
         "#117733",
         "*",
     ),

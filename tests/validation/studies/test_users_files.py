@@ -35,8 +35,17 @@ def test_what_cannot_be_checked_is_refused_in_one_line(
     assert "robot." in said or "robot:" in said
 
 
+ANSWERED = [name for name, case in CASES.items() if case.status != REFUSED]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.status != REFUSED])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(n, marks=() if i % 4 == 0 else pytest.mark.study)
+        for i, n in enumerate(ANSWERED)
+    ],
+)
 def test_every_file_has_the_answer_that_is_true_of_it(name: str, robotball: Robotball) -> None:
     """Status 0 for those that roll right all the time, 1 for the others, with the words; 1 s."""
     status, said = answered(robotball, name, CASES[name])

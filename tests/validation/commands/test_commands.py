@@ -120,7 +120,7 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
         },
     ),
     "continue fig07 --of equilibrium --over K3 --from 0.4 --to 0.6 --json a.json": (
-        "8 branches, 322 points; γ in principal axes out/fig07-continue-equilibrium-K3.png",
+        "γ in principal axes out/fig07-continue-equilibrium-K3.png",
         {
             "special/*/kind": ["fold", "fold"],
             "special/*/value": approx([0.5150283] * 2, abs=1e-7),

@@ -1,7 +1,7 @@
 """Many motions at once, by a contact engine: from many starts, or of many scenes."""
 
 import ctypes
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeVar, overload
@@ -19,10 +19,23 @@ _Result = TypeVar("_Result")
 
 @dataclass(frozen=True, eq=False)
 class FromStarts(Sequence[Scene]):
-    """A scene from many starts. Each is made when it is asked for, as making it takes 0.2 ms."""
+    """A scene from many starts. Each is made when it is asked for, as making it takes 0.2 ms.
+
+    Raises InputError for a start that is no Start.
+    """
 
     scene: Scene
     starts: Sequence[Start]
+
+    def __post_init__(self) -> None:
+        given: Any = self.starts
+        starts = [*given] if isinstance(given, Iterable) else [given]
+        for i, each in enumerate(starts):
+            if not isinstance(each, Start):
+                raise InputError(
+                    f"starts must be Start(attitude, momentum), one or more; number {i} is {each!r}"
+                )
+        object.__setattr__(self, "starts", starts)
 
     def __len__(self) -> int:
         return len(self.starts)
@@ -123,7 +136,7 @@ def simulate_many(
     if (starts is None) == isinstance(scene, Scene):
         raise InputError("give starts with one scene, and none with several")
     if isinstance(scene, Scene):
-        scene = _from_starts(scene, starts)
+        scene = FromStarts(scene, () if starts is None else starts)
     for each in scene[:1] if isinstance(scene, FromStarts) else scene:
         times = runnable(each, times, request)
     return iter(()) if times is None else _each(scene, times, request, progress)
@@ -140,15 +153,6 @@ def _check_device(device: str) -> None:
             raise InputError(
                 "there is no device 'cuda': give cpu, as no driver for CUDA is found"
             ) from None
-
-
-def _from_starts(scene: Scene, starts: Any) -> FromStarts:
-    for i, each in enumerate([starts] if not isinstance(starts, Sequence) else starts):
-        if not isinstance(each, Start):
-            raise InputError(
-                f"starts must be Start(attitude, momentum), one or more; number {i} is {each!r}"
-            )
-    return FromStarts(scene, starts)
 
 
 def _each(

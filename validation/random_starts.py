@@ -117,7 +117,8 @@ def compare_many(
     Raises
     ------
     InputError
-        If there is no start, and wherever `simulate_many` or `integrate` raises it.
+        If there is no start, if one is no Start, and wherever `simulate_many` or `integrate` raises
+        it.
 
     Warns
     -----
@@ -135,9 +136,9 @@ def compare_many(
     >>> [row["agrees"] for row in runs.rows]
     [True, True]
     """
-    check_count("the number of starts", len(starts), 1)
-    times = scene.times if times is None else times
     scenes = FromStarts(scene, starts)
+    check_count("the number of starts", len(scenes), 1)
+    times = scene.times if times is None else times
     more: Any = {"engine": engine, "device": device, "progress": progress}
     motions = simulate_many(scenes, None, times, settings, **more)
     return ManyRuns(tuple(map(_start_row, map(Agreement, _references(scenes, times), motions))))

@@ -191,8 +191,9 @@ class _NewtonWorld(adapter.SteppedWorld):
 _AS_IT_COMES = _NewtonSettings(
     name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-3
 )
-# MuJoCo's recipe, as far as Newton passes it on. The state is rounded to single precision after
-# every step, so longer steps are better: on fig12 20 ms have a tenth of the error of 1 ms.
+# MuJoCo's recipe, as far as Newton passes it on. RK4 of its MuJoCo 3.17 is of order 2, and the
+# state is rounded to single precision after every step: on fig12 the error is 1.1e-4 at 20 ms,
+# 2.1e-5 at 5 ms and 4.2e-5 at 1 ms.
 _BEST = _NewtonSettings(
     name="best", error_tolerance=1e-3, stop_at_fault=False, timestep=20e-3, integrator="rk4",
     cone="elliptic", iterations=10, tolerance=0.0, friction=20.0, armature=1e12, impedance=0.9999,

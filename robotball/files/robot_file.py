@@ -145,10 +145,8 @@ class RobotFile:
         # stretches shorter than the sphere, lest it pass through a ledge.
         model, data, found = self.model, copy(start), None
         normal, gap = self.above_plane(data)
-        count, way = (
-            min(_STRETCHES, 1 + int(max(gap, 0.0) / self.radius)),
-            gap + _TOUCH * self.radius,
-        )
+        count = min(_STRETCHES, 1 + int(max(gap, 0.0) / self.radius))
+        way = gap + _TOUCH * self.radius
         for part in range(count + 1):
             data.qpos[self.free] = start.qpos[self.free] - part / count * way * normal
             mujoco.mj_forward(model, data)

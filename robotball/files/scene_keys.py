@@ -32,8 +32,14 @@ _WORDS = {  # msgspec's names of types, in the words of TOML's users
 _MEANT = dict.fromkeys(("max_torque", "torque_max", "effort", "forcerange"), "torque_limit")
 # By key or unit: the largest number that a robot has there. Balls that people ride in have 1.5 m;
 # few motors turn at 19 000 rpm. `_limits_of` adds what depends on the ball.
-_LARGEST = {"m": 10.0, "rad": 2 * math.pi, "rad/s": 2e3, "m/s²": 100.0, "1": 1.0}
-_LARGEST["rotor_inertia"] = 0.1
+_LARGEST = {
+    "m": 10.0,
+    "rad": 2 * math.pi,
+    "rad/s": 2e3,
+    "m/s²": 100.0,
+    "1": 1.0,
+    "rotor_inertia": 0.1,
+}
 _STEEL = 7850.0  # kg/m³: a ball of solid steel is heavier than any robot in a shell of its size
 _OVERSIZED = 4.0  # times the ball's weight at its radius: the torque of a motor far too strong
 _FASTEST = 20.0  # m/s, at which a ball rolls

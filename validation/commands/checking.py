@@ -10,7 +10,7 @@ from tyro.conf import DisallowNone, Positional, arg
 
 from robotball.drives import as_drive
 from robotball.engines.mujoco.user_model import UserModel
-from robotball.errors import check_positive, mujoco_silent
+from robotball.errors import check_positive
 from robotball.files import named
 from robotball.files.robot_file import open_robot, starts_off
 from robotball.files.scene_keys import ask
@@ -80,8 +80,7 @@ class Check:
         with named(self.file):
             notes = [*robot.notes, *starts_off(robot, start), *moves]
         ask(self.file, own.scene(self.rolling or "classical", seconds))
-        # A state that diverges is said in words, not by MuJoCo's own lines before them.
-        with mujoco_silent(), progress_bar(1) as show:
+        with progress_bar(1) as show:
             return own, check.check_model(own, self.rolling, seconds, self.accuracy, show), notes
 
 

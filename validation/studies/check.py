@@ -25,7 +25,7 @@ from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.settings import BY_ERROR, CONSTANT, recipe
 from robotball.engines.mujoco.user_model import Seen, UserModel, observed, wrenches
 from robotball.equations import Rolling
-from robotball.errors import SceneWarning
+from robotball.errors import SceneWarning, mujoco_silent
 from robotball.files.mended_file import Change, Editable, Moves, compiled, editable
 from robotball.files.robot_file import gears_of, geom_name, rolling_of, start_misses
 from robotball.film.lines import PRESET_LOOKS
@@ -226,6 +226,7 @@ def _error(path: Array, theory: ReferenceMotion) -> float:
     return float(np.nan_to_num(_away(path, theory), nan=np.inf).max())
 
 
+@mujoco_silent()  # a state that diverges is said in words
 def check_model(
     own: UserModel, rolling: Rolling | None, duration: float, accuracy: float, show: Show
 ) -> Checked:

@@ -366,7 +366,6 @@ def _orders(judged: Sequence[FileJudgement]) -> Iterator[Order]:
         yield Order(name, *((found.order, found.stderr) if found else (None, None)))
 
 
-_SURE = 0.1  # the part of an error that a mistake may leave if it is said to be made
 _EXACT = 1e-9  # of the radius
 
 
@@ -415,9 +414,8 @@ def lines(judged: FileJudgement) -> list[str]:
     found += _height(judged)
     for mistake in judged.mistakes:
         as_well = f", or {' or '.join(mistake.as_well)}" if mistake.as_well else ""
-        sure = mistake.left <= _SURE
-        rest = "" if sure else f", which leaves {mistake.left:.0%} of the error"
-        found.append(f"{'WRONG' if sure else 'PERHAPS'}: {mistake.name}{as_well}{rest}")
+        rest = "" if mistake.sure else f", which leaves {mistake.left:.0%} of the error"
+        found.append(f"{'WRONG' if mistake.sure else 'PERHAPS'}: {mistake.name}{as_well}{rest}")
     if judged.corrected is not None:
         found.append(
             f"without that: path error {best.path_error:.1e}, attitude error "
@@ -479,7 +477,7 @@ def _verdict(judged: FileJudgement) -> str:
     duration = judged.plain.theory.scene.duration
     part = f"over {judged.covers:.4g} s of the scene's {duration:g} s"
     if judged.mistakes:
-        sure = all(each.left <= _SURE for each in judged.mistakes)
+        sure = all(each.sure for each in judged.mistakes)
         return f"verdict: a convention is {'' if sure else 'perhaps '}wrong, or the scene, {part}"
     limit = f"{judged.tolerance:g}"
     height = "" if judged.plain.height_error is None else ", height"

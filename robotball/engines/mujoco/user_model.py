@@ -19,7 +19,7 @@ from robotball.engines.mujoco import LABEL
 from robotball.engines.observe import Readings, Recording
 from robotball.engines.states import lifting
 from robotball.equations import Rolling
-from robotball.errors import unknown
+from robotball.errors import mujoco_silent, unknown
 from robotball.files import named
 from robotball.files.robot_file import RobotFile, gears_of, hinged, scene_of
 from robotball.loads import Loads
@@ -61,6 +61,11 @@ class UserModel:
         model, joints = self.robot.model, hinged(self.robot)
         return model.jnt_qposadr[joints], model.jnt_dofadr[joints]
 
+    @cached_property
+    def steady(self) -> bool:
+        """Whether no control changes."""
+        return all(isinstance(value, Constant) for value in self.controls.values())
+
     @property
     def radius(self) -> float:
         """The radius of the sphere that rolls [m]."""
@@ -87,8 +92,7 @@ class UserModel:
 
     def step(self, data: mujoco.MjData, count: int = 1) -> None:
         """Take steps, each by the controls of its time: in one call where none changes."""
-        steady = all(isinstance(value, Constant) for value in self.controls.values())
-        at_once = count if steady else 1
+        at_once = count if self.steady else 1
         for _ in range(count // at_once):
             self.control(data)
             mujoco.mj_step(self.robot.model, data, at_once)
@@ -166,6 +170,7 @@ class Seen:
     lag: dict[str, float]
 
 
+@mujoco_silent()  # a state that diverges is said in words
 def observed(
     user: UserModel,
     scene: Scene,

@@ -156,6 +156,13 @@ def test_what_cannot_run_is_refused_at_once(
         rb.simulate_many(**whole)
 
 
+@pytest.mark.parametrize("starts", [42, [FIG12.start, "x"]])
+def test_a_start_that_is_none_is_refused_where_many_are_compared(starts: Any) -> None:
+    """By the one check that `simulate_many` has."""
+    with pytest.raises(rb.InputError, match=r"starts must be Start\(attitude, momentum\)"):
+        rb.compare_many(FIG12, starts)
+
+
 @pytest.mark.parametrize("scene", [FIG12, rb.load_scene("wobbling_drive")])
 def test_no_scene_is_made_before_its_turn(scene: rb.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of 2000 starts, the last of which the scene refuses, the first motion needs a few scenes."""

@@ -433,8 +433,8 @@ def carrying_depth(chosen: Resolved, data: mujoco.MjData) -> float:
     """Return the depth [m] at which the contact carries the weight, for the pair's margin.
 
     With it the ball starts at rest vertically, its centre at the height of its radius. `data` and
-    its model are tried, and changed. Raises InputError where there is no such depth, for the contact has no
-    stiffness.
+    its model are tried, and changed. Raises InputError where there is no such depth, for the
+    contact has no stiffness.
     """
     softness, stiffness = chosen.settings.softness, chosen.normal_reference[0]
     if not 0 < stiffness < np.inf:

@@ -7,6 +7,7 @@ in more than the start are built one by one: these go to processes. A motion is 
 last bit.
 """
 
+import math
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -93,9 +94,9 @@ class _Together:
     """How runs of a model from several starts are stepped, each by one of several threads.
 
     size: how many have begun at once; groups: consecutive steps of one length [s], and their
-    number, with one more at the end, as sensors are those of the state before a step; steps_alone:
-    whether MuJoCo's steps are all that a run consists of; trial: in which starts are tried; idle:
-    data that no thread steps in, each with an MjModel of its own.
+    number, with one more at the end, as sensors are those of the state before a step; shape: of the
+    rows of a run; steps_alone: whether MuJoCo's steps are all that a run consists of; trial: MjData
+    in which starts are tried; idle: those in which no thread steps, each of its own MjModel.
     """
 
     def __init__(self, model: Model, times: Array) -> None:
@@ -105,8 +106,9 @@ class _Together:
         spans = [(length, count) for part in self.parts for _, length, count in part]
         grouped = groupby([*spans, (spans[-1][0], 1)], key=lambda span: span[0])
         self.groups = [(length, sum(n for _, n in some)) for length, some in grouped]
-        steps = sum(count for _, count in self.groups)
-        self.size = min(int(_BYTES / (8 * steps * compiled.nsensordata)), _ABREAST)
+        columns = compiled.nsensordata + int(mujoco.mjtWarning.mjNWARNING)
+        self.shape = sum(count for _, count in self.groups), columns
+        self.size = min(int(_BYTES / (8 * math.prod(self.shape))), _ABREAST)
         # The guess from which a solver starts is no part of the state between two groups.
         guesses = settings.warmstart != "disable" and len(self.groups) > 1
         with controlled(model) as control:
@@ -139,8 +141,8 @@ class _Together:
         return _Started(model, state, margin)
 
     def rows(self, started: _Started) -> tuple[Array, float]:
-        """Return the sensors (steps + 1, n) of a run, and the processor time of its steps [s]."""
-        began, data, rows = thread_time(), self.idle.get(), []
+        """Return the rows (steps + 1, n) of a run, and the processor time of its steps [s]."""
+        began, data, rows, begin = thread_time(), self.idle.get(), np.zeros(self.shape), 0
         compiled, state = data.model, started.state
         compiled.pair_margin[0] = started.margin
         control = compiled.key_ctrl[0] if compiled.nu else None
@@ -148,19 +150,19 @@ class _Together:
             for compiled.opt.timestep, count in self.groups:
                 states, sensors = rollout(compiled, data, state, control, nstep=count)
                 state = states[0, -1]
-                rows.append(sensors[0])
+                rows[begin : begin + count, : compiled.nsensordata] = sensors[0]
+                begin += count
         self.idle.put(data)
-        return np.concatenate(rows), thread_time() - began
+        return rows, thread_time() - began
 
-    def motion(self, model: Model, sensors: Array, seconds: float) -> ContactMotion | None:
-        """Return the motion of a run's sensors (steps + 1, n); None where the threads stopped."""
-        motion = observed(model, self.times, self._portions(sensors, seconds))
+    def motion(self, model: Model, rows: Array, seconds: float) -> ContactMotion | None:
+        """Return the motion of a run's rows (steps + 1, n); None where MuJoCo's loop stopped."""
+        motion = observed(model, self.times, self._portions(rows, seconds))
         stopped = _STOPPED & {fault.kind for fault in motion.report.faults}
         return None if stopped else held(motion)
 
-    def _portions(self, sensors: Array, seconds: float) -> Iterator[Portion]:
+    def _portions(self, rows: Array, seconds: float) -> Iterator[Portion]:
         share = seconds / len(self.parts)
-        rows = np.pad(sensors, ((0, 0), (0, int(mujoco.mjtWarning.mjNWARNING))))
         for part in self.parts:
             count, samples, last = int(part.counts.sum()), part.samples, part is self.parts[-1]
             if last:

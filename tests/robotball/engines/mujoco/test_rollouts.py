@@ -2,16 +2,20 @@
 
 import ctypes
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from threading import Event
 from typing import Any
 from unittest.mock import Mock
 
+import mujoco.rollout
 import numpy as np
 import pytest
 
 import robotball as rb
 from robotball import many_motions
 from robotball.engines.mujoco import rollouts
+from robotball.errors import mujoco_silent
 from robotball.motion import arrays_of
 from robotball.processes import at_most
 
@@ -60,13 +64,13 @@ def check_same(motions: Sequence[rb.ContactMotion], alone: Sequence[rb.ContactMo
 
 @pytest.mark.parametrize("case", CASES)
 def test_each_motion_is_that_of_a_run_alone(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In threads, in processes, and where some of the runs fault; in several batches."""
+    """In threads, in processes, and where some of the runs fault; of five, four begin at once."""
     name, settings, times = CASES[case]
     scene = rb.load_scene(name)
     starts, times = starts_of(scene, 5), np.linspace(0.0, 1.0, 11) if times is None else times
     if case == "some that go on":  # and one that breaks, where MuJoCo's threads stop
         starts[3] = replace(starts[3], momentum=1e4 * starts[3].momentum)
-    monkeypatch.setattr(rollouts, "_BYTES", 2.5e5)
+    monkeypatch.setattr(rollouts, "_ABREAST", 4)
     done: list[float] = []
     with at_most(1 if case in HERE else 2):
         motions = [*rb.simulate_many(scene, starts, times, settings, progress=done.append)]
@@ -78,6 +82,50 @@ def test_each_motion_is_that_of_a_run_alone(case: str, monkeypatch: pytest.Monke
     if "some" in case:
         assert 0 < faulty < 5
         assert min(lengths) < max(lengths)
+
+
+def test_silent_blocks_of_two_threads_may_overlap() -> None:
+    """MuJoCo warns as before once both have ended, and not until then."""
+    before = mujoco.get_mju_user_warning()
+    said: list[str] = []
+    mujoco.set_mju_user_warning(said.append)
+    warns = [mujoco.get_mju_user_warning()]
+    one, other = mujoco_silent(), mujoco_silent()
+    for enter in (one, other):
+        enter.__enter__()
+    for leave in (one, other):
+        leave.__exit__(None, None, None)
+        warns.append(mujoco.get_mju_user_warning())
+    mujoco.set_mju_user_warning(before)
+    assert warns[1] != warns[0]
+    assert warns[2] == warns[0]
+
+
+def test_runs_that_nobody_waits_for_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the four that have begun when the first motion is taken, only the second is stepped too.
+
+    That one is stepped when the iterator is closed, and it ends after that.
+    """
+    closed, stepped, shutdown = Event(), Mock(), ThreadPoolExecutor.shutdown
+
+    def rollout(*given: Any, **named: Any) -> Any:
+        stepped()
+        assert stepped.call_count == 1 or closed.wait()
+        return mujoco.rollout.rollout(*given, **named)
+
+    def close(threads: ThreadPoolExecutor, **named: Any) -> None:
+        shutdown(threads, wait=False, **named)
+        closed.set()
+        shutdown(threads)
+
+    monkeypatch.setattr(rollouts, "rollout", rollout)
+    monkeypatch.setattr(rollouts, "_ABREAST", 4)
+    monkeypatch.setattr(ThreadPoolExecutor, "shutdown", close)
+    with at_most(1):
+        motions = iter(rb.simulate_many(FIG12, starts_of(FIG12, 5), np.linspace(0.0, 0.1, 3)))
+        next(motions)
+        del motions
+    assert stepped.call_count <= 2  # 4 where runs are not left out
 
 
 def test_a_long_run_is_looked_at_part_by_part() -> None:

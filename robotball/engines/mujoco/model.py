@@ -265,18 +265,14 @@ def start_state(scene: Scene, root: str, hinges: tuple[ModelHinge, ...]) -> tupl
     if root == "shell":
         root_turning = shell_turning
         if frame and frame.angle:
-            back = _turn(shell.axis, -frame.angle)
+            half = -frame.angle / 2
+            back = np.array([np.cos(half), *(np.sin(half) * shell.axis)])
             # Seen from the shell, ω - Ω is turned on by the angle.
             attitude = multiply(attitude, back)
             root_turning = rotation_matrix(back).T @ shell_turning
     qpos = [0.0, 0.0, shell.radius, *attitude, *(hinge.angle for hinge in turning)]
     qvel = [*velocity, *root_turning, *(hinge.rate for hinge in turning)]
     return np.array(qpos), np.array(qvel)
-
-
-def _turn(axis: Array, angle: float) -> Array:
-    """Return the quaternion (4,) of a turn about a unit axis (3,) by an angle [rad]."""
-    return np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])
 
 
 def _text_of(root: Element) -> str:

@@ -36,6 +36,7 @@ from robotball.scene import Scene
 
 _BYTES = 4e7  # of the rows of all runs that have begun: fifty runs of 2000 steps
 _ABREAST = 64  # runs at most, as the first motion is read when so many have begun
+_LONG = 10  # steps of a group in the mean at least
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 # MuJoCo's loop stops a run that is warned of, without a word: its rows repeat the last one.
 _STOPPED = {FaultKind.DIVERGED, FaultKind.RESET, FaultKind.ENGINE_WARNED}
@@ -95,12 +96,12 @@ class _Together:
 
     size: how many have begun at once; groups: consecutive steps of one length [s], and their
     number, with one more at the end, as sensors are those of the state before a step; shape: of the
-    rows of a run; steps_alone: whether MuJoCo's steps are all that a run consists of; trial: MjData
-    in which starts are tried; idle: those in which no thread steps, each of its own MjModel.
+    rows of a run; steps_alone: whether a run is nothing but long groups of MuJoCo's steps; trial:
+    MjData in which starts are tried; idle: those in which no thread steps, each of its own MjModel.
     """
 
     def __init__(self, model: Model, times: Array) -> None:
-        settings, compiled = model.settings, model.compiled
+        compiled = model.compiled
         self.model, self.times, self.trial = model, times, model.start_data()
         self.parts = [*stretches(times, model.scene.breakpoints, compiled.opt.timestep)]
         spans = [(length, count) for part in self.parts for _, length, count in part]
@@ -109,10 +110,10 @@ class _Together:
         columns = compiled.nsensordata + int(mujoco.mjtWarning.mjNWARNING)
         self.shape = sum(count for _, count in self.groups), columns
         self.size = min(int(_BYTES / (8 * math.prod(self.shape))), _ABREAST)
-        # The guess from which a solver starts is no part of the state between two groups.
-        guesses = settings.warmstart != "disable" and len(self.groups) > 1
+        # To call for a group of steps takes as long as two of them.
+        long = self.shape[0] >= _LONG * len(self.groups)
         with controlled(model) as control:
-            self.steps_alone = not settings.adaptive and not guesses and control.is_plain
+            self.steps_alone = not model.settings.adaptive and long and control.is_plain
         self.idle: SimpleQueue[mujoco.MjData] = SimpleQueue()
         for _ in range(allowed()):
             self.idle.put(mujoco.MjData(copy(compiled)))
@@ -143,13 +144,16 @@ class _Together:
     def rows(self, started: _Started) -> tuple[Array, float]:
         """Return the rows (steps + 1, n) of a run, and the processor time of its steps [s]."""
         began, data, rows, begin = thread_time(), self.idle.get(), np.zeros(self.shape), 0
-        compiled, state = data.model, started.state
+        compiled, state, guess = data.model, started.state, None
         compiled.pair_margin[0] = started.margin
         control = compiled.key_ctrl[0] if compiled.nu else None
         with mujoco_silent():
             for compiled.opt.timestep, count in self.groups:
-                states, sensors = rollout(compiled, data, state, control, nstep=count)
-                state = states[0, -1]
+                states, sensors = rollout(
+                    compiled, data, state, control, nstep=count, initial_warmstart=guess
+                )
+                # The guess from which a solver starts is no part of the state.
+                state, guess = states[0, -1], data.qacc_warmstart.copy()
                 rows[begin : begin + count, : compiled.nsensordata] = sensors[0]
                 begin += count
         self.idle.put(data)

@@ -294,9 +294,9 @@ def _with_momentum(system: System, state: Array, readings: Readings) -> Array:
 
 
 _LOOKS = 4  # within a step, for an event that comes and goes between its ends
-# Of the weight: a ball that is pressed so hard at both ends of a step is taken to stay down between
-# them, which saves most motions the looks.
-_PRESSED = 0.5
+# Where all margins are so large at both ends of a step, no event is taken to lie between them, which
+# saves most steps the looks.
+_FAR = 0.5
 _ROOT = 1e-15  # s, and relative: how near to its time an event is found
 
 
@@ -368,7 +368,7 @@ class March:
         """Return the last step's first event, as its time and margin, and the margins after it."""
         system = self.system
         after = _margins_of(system, solver.t, solver.state)
-        if len(after) == 1 and min(margins[0], after[0]) > _PRESSED:
+        if min(margins.min(), after.min()) > _FAR:
             return None, after
         looks = np.linspace(before, solver.t, _LOOKS + 2)
 

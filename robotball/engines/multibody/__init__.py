@@ -142,10 +142,13 @@ def _fastest(system: System) -> float:
     """Return the largest |λ| [1/s] of the Jacobian at the start, motors below their limits."""
     # At rest resistance is not smooth, and has no Jacobian.
     system.machine = system.machine._replace(resistance=0.0)
-    state = system.start()
+    state, end = system.start(), HINGES + 2 * system.count
+    # Neither place nor work changes a rate.
+    changing = np.r_[:POINT, MOMENTUM:LOSS, HINGES:end]
     sides = [
-        (system.rate(0.0, state + step) - system.rate(0.0, state - step)) / (2 * step.max())
-        for step in np.diag(_DIFFERENCE * system.scale)
+        (system.rate(0.0, state + step) - system.rate(0.0, state - step))[changing]
+        / (2 * step.max())
+        for step in np.diag(_DIFFERENCE * system.scale)[changing]
     ]
     if not np.isfinite(sides).all():
         raise InputError(
@@ -294,7 +297,7 @@ def _with_momentum(system: System, state: Array, readings: Readings) -> Array:
 
 
 _LOOKS = 4  # within a step, for an event that comes and goes between its ends
-# Where all margins are so large at both ends of a step, no event is taken to lie between them, which
+# Where all margins are larger at both ends of a step, no event is taken to lie between them, which
 # saves most steps the looks.
 _FAR = 0.5
 _ROOT = 1e-15  # s, and relative: how near to its time an event is found

@@ -363,9 +363,9 @@ class Readings:
 def readings_of(numbers: Array, count: int) -> Readings:
     """Return the readings of `count` hinges in an array (..., _PER_HINGE + 2h + m), as views."""
     threes = (numbers[..., i : i + 3] for i in (_FORCE, _PLANE_TORQUE, _OMEGA, _ROLLING))
-    per_hinge = numbers[..., _PER_HINGE:]  # three slices, as np.split takes longer than to compute them
-    rates, torques = per_hinge[..., :count], per_hinge[..., count : 2 * count]
-    return Readings(numbers, *threes, rates, torques, per_hinge[..., 2 * count :])
+    per_hinge = numbers[..., _PER_HINGE:]  # in slices: np.split takes longer than the derivative
+    ends = (0, count), (count, 2 * count), (2 * count, None)
+    return Readings(numbers, *threes, *(per_hinge[..., begin:end] for begin, end in ends))
 
 
 @cache

@@ -320,13 +320,13 @@ def _order_text(order: Order | None) -> str:
 def _convergence_picture(study: Runs) -> Figure:
     """Draw path error over step, the fitted slopes and their lower ends, for each reference."""
     figure = Figure(figsize=_INCHES, layout="constrained")
-    falls: dict[str, list[str]] = {}
+    falls: dict[int, list[float]] = {}
     for name in study.by_name:
         order, _ = study.order(name, "own")
-        if order is not None and name != ADAPTIVE:
-            falls.setdefault(f"{2**order.order:.0f}", []).append(name)
-    found = [f"{fall} times less by {', '.join(names)}" for fall, names in falls.items()]
-    words = f"half a step errs {'; '.join(found)}" if found else "no order is measured"
+        if order is not None and name in ORDERS:
+            falls.setdefault(ORDERS[name], []).append(order.order)
+    found = [f"{2 ** np.mean(some):.0f} at order {claim}" for claim, some in falls.items()]
+    words = f"half the step divides errors by {', '.join(found)}" if found else "no order is known"
     title(figure, f"{study.scene.name}, {study.settings.name}: {words}")
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     levels = (study.limit["known_to"], study.limit["model_error"])

@@ -36,7 +36,7 @@ from validation.options import (
     listed,
     seconds_of,
 )
-from validation.output import in_picture, writable_folder
+from validation.output import in_picture, writable_folder, write_record
 from validation.results import changed
 from validation.sensitivity import chaotic
 from validation.studies import engine_runs
@@ -326,8 +326,10 @@ class Engines:
         some = chosen("engine", listed(self.only), known)
         if not self.scenes:
             if not self.install:
-                _list(some, self.environments)
+                write_record(self.sweep.json, {"engines": _list(some, self.environments)})
             return AGREES
+        if self.sweep.json and len(self.scenes) * (len(some) if self.tune else 1) > 1:
+            raise InputError("--json takes one study: name one scene, with --tune one engine too")
         if self.only or self.tune:
             engine_runs.check_installed(some, self.environments)
         writable_folder(self.sweep.out)
@@ -379,7 +381,8 @@ class Engines:
         self.sweep.present(study, *changed(self, "duration"))
 
 
-def _list(chosen: Sequence[Contestant], environments: Path) -> None:
+def _list(chosen: Sequence[Contestant], environments: Path) -> list[Row]:
+    """Print the engines and where they run, and return them."""
     rows: list[Row] = []
     for each in chosen:
         engine, python = engine_named(each.engine), python_of(each, environments)
@@ -397,3 +400,4 @@ def _list(chosen: Sequence[Contestant], environments: Path) -> None:
         except InputError as error:
             rows.append({"engine": key, "presets": str(error)})
     show([table_of([Column(name, name, words=True) for name in rows[0]], rows)])
+    return rows

@@ -33,7 +33,7 @@ from robotball.engines.mujoco.settings import for_load, resolved
 from robotball.film.looks import ACCENT, INK
 from robotball.rotations import Array
 from validation.agreement import Agreement
-from validation.options import AGREES, DISAGREES, File, Sweep, SweepOptions, chosen
+from validation.options import AGREES, DISAGREES, Sweep, SweepOptions, chosen
 from validation.output import halo, known
 from validation.studies.extreme_maps import (
     ACCURATE,
@@ -583,8 +583,6 @@ class Extremes:
     """Which maps; all of them if none is given. There are
     momentum, frame, rotor, masses, scale, friction, torsion, gravity, contact, servo, duration."""
     sweep: SweepOptions = field(default_factory=Sweep)
-    json: File = None
-    """Also write how many cells have which outcome, and the limits as measured."""
 
     def run(self) -> int:
         maps = chosen("map", self.maps, MAPS)
@@ -594,5 +592,5 @@ class Extremes:
         records = summary(found)
         all_maps = totals([each for results in found.values() for each in results])
         record = {"totals": all_maps, "summary": records}
-        study.present(found, _map_picture, _shown(records), self.json, record)
+        study.present(found, _map_picture, _shown(records), record)
         return DISAGREES if any(each["missed"] for each in records) else AGREES

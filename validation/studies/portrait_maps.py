@@ -21,7 +21,7 @@ from robotball.equations import Parameters, Vector
 from robotball.film.looks import ACCENT, INK
 from robotball.qualitative.equilibria import kappa, name_of, proposition_2
 from robotball.rotations import Array
-from validation.options import AGREES, DISAGREES, File, Sweep, SweepOptions, chosen
+from validation.options import AGREES, DISAGREES, Sweep, SweepOptions, chosen
 from validation.output import halo
 from validation.plots import note
 from validation.studies.maps import MapStudy, draw_cells, draw_level, grid_cells
@@ -206,7 +206,7 @@ def _portrait_picture(name: str, results: Sequence[Result]) -> Figure:
 def _draw_property(
     axes: Axes, results: Sequence[Result], property_of: Callable[[Mapping[str, Any]], str]
 ) -> None:
-    """Draw each cell in the colour of its property, with a legend of what is there, and how much."""
+    """Draw each cell in the colour of its property, with a legend with the share of each."""
     across, up = (sorted({each.cell[key] for each in results}) for key in ("K3", "y"))
     words = [property_of(each.record) if each.record else _NONE for each in results]
     styles: dict[str, dict[str, Any]] = {
@@ -289,8 +289,6 @@ class Portraits:
     maps: Positional[Annotated[tuple[str, ...], arg(metavar="MAP...", help_behavior_hint="")]] = ()
     """Which maps, axial (K₃ and Ω₃) or azimuth (K₃ and the angle of Ω₁, Ω₂); both if none."""
     sweep: SweepOptions = field(default_factory=Sweep)
-    json: File = None
-    """Also write how many cells have which portrait."""
 
     def run(self) -> int:
         planes = chosen("map", self.maps, PLANES)
@@ -298,5 +296,5 @@ class Portraits:
         study = MapStudy("portraits", measure_portrait, self.sweep)
         found = study.results({each.name: (cells_of(each, count), _LIMIT) for each in planes})
         records = [summary(each, found[each.name]) for each in planes]
-        study.present(found, _portrait_picture, shown(records), self.json, {"summary": records})
+        study.present(found, _portrait_picture, shown(records), {"summary": records})
         return DISAGREES if any(each["against_the_formulas"] for each in records) else AGREES

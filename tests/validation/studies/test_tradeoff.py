@@ -173,7 +173,8 @@ def test_each_part_is_in_its_variant_alone(name: str) -> None:
 
 def test_the_quick_study_writes_its_files(robotball: Robotball, tmp_path: Path) -> None:
     """A picture, a table and the data; started again, nothing is run again."""
-    arguments = (*example("tradeoff").split(), *"--duration 0.5 --workers 1 --json a.json".split())
+    options = "--duration 0.5 --workers 1 --json a.json"
+    arguments = [*example("tradeoff").split(), *options.split()]
     status, shown, _ = robotball(*arguments)
     assert status == 0
     assert "The Pareto front: nothing is both cheaper and better." in shown

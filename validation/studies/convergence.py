@@ -42,7 +42,7 @@ from robotball.film.looks import INK
 from robotball.motion import path_error
 from robotball.rotations import Array
 from validation.options import PRESET, Controls, Names, Once, OnceOptions, SceneName, listed
-from validation.output import Show, in_picture, progress_bar, scientific
+from validation.output import Show, progress_bar, scientific, title
 from validation.plots import note
 from validation.results import controlled
 from validation.studies.ablation import without
@@ -320,8 +320,14 @@ def _order_text(order: Order | None) -> str:
 def _convergence_picture(study: Runs) -> Figure:
     """Draw path error over step, the fitted slopes and their lower ends, for each reference."""
     figure = Figure(figsize=_INCHES, layout="constrained")
-    title = f"{study.scene.name}, {study.settings.name}: errors fall with the step, by its order"
-    figure.suptitle(in_picture(title))
+    falls: dict[int, list[float]] = {}
+    for name in study.by_name:
+        order, _ = study.order(name, "own")
+        if order is not None and name in ORDERS:
+            falls.setdefault(ORDERS[name], []).append(order.order)
+    found = [f"{2 ** np.mean(some):.0f} at order {claim}" for claim, some in falls.items()]
+    words = f"half the step divides errors by {', '.join(found)}" if found else "no order is known"
+    title(figure, f"{study.scene.name}, {study.settings.name}: {words}")
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     levels = (study.limit["known_to"], study.limit["model_error"])
     for axes, level, (against, (_, heading, words)) in zip(

@@ -22,7 +22,7 @@ from tyro.conf import Positional, arg
 
 from robotball import InputError, Scene, engine_named, engine_names, load_scene
 from robotball.engine import DEFAULT
-from robotball.engines.environments import ENVIRONMENTS, call, versions_in
+from robotball.engines.environments import ENVIRONMENTS, call, said_of, versions_in
 from robotball.errors import check_count, check_positive
 from robotball.film.looks import INK
 from robotball.rotations import Array
@@ -306,6 +306,9 @@ class Engines:
     """Engines to run; all that are there if not given. Several: drake,bullet."""
     install: Names = ()
     """Make environments of their own for these engines first, by pip. Several: drake,bullet."""
+    python: Annotated[str, arg(metavar="PYTHON")] = ""
+    """Python of the environments that are made, a version or a path; if not given, the newest here
+    that each engine's newest release supports."""
     environments: Path = ENVIRONMENTS
     """Folder for the environments."""
     tune: bool = False
@@ -321,7 +324,8 @@ class Engines:
     def run(self) -> int:
         known = engine_runs.contestants()
         for each in chosen("engine", listed(self.install), known) if self.install else ():
-            print(engine_runs.install(each, writable_folder(self.environments)))
+            home = engine_runs.install(each, writable_folder(self.environments), self.python)
+            print(home, *said_of(home), sep="\n  ")
         some = chosen("engine", listed(self.only), known)
         if not self.scenes:
             if not self.install:

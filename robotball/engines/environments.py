@@ -39,21 +39,21 @@ from robotball.processes import answered, end_when_closed
 _T = TypeVar("_T")
 _DATA = Path(os.environ.get("XDG_DATA_HOME", ""))
 ENVIRONMENTS = (_DATA if _DATA.is_absolute() else Path("~/.local/share")) / "robotball" / "engines"
+_PYENV = Path(os.environ.get("PYENV_ROOT") or "~/.pyenv")
 with suppress(RuntimeError):  # of a user without a home
-    ENVIRONMENTS = ENVIRONMENTS.expanduser()
+    ENVIRONMENTS, _PYENV = ENVIRONMENTS.expanduser(), _PYENV.expanduser()
+_UV = Path(os.environ.get("UV_PYTHON_INSTALL_DIR") or ENVIRONMENTS.parents[1] / "uv" / "python")
 _MADE = "made_by_robotball.txt"  # among the packages; it says by which Python, and why
 _OWN_NAME = f"python3.{sys.version_info[1]}"
 # Ours come after its own. They are those of now, as other checkouts use the environment too. Beside
 # a robotball that is installed lie compiled packages, which another Python cannot load.
 _OURS = [str(Path(robotball.__file__).parents[1]), sysconfig.get_path("purelib")]
-_START = f"""import sys
-alike = sys.version_info[1] == {sys.version_info[1]}
-sys.path += {_OURS} if alike else {_OURS[:1]}
-import robotball
-if not alike and sys.path[-1].endswith("-packages"):
-    sys.path.pop()
-from {__name__} import _main
-_main()"""
+_BESIDE = _OURS[0].endswith("-packages")
+_START = (
+    f"import sys; own = sys.version_info[1] == {sys.version_info[1]}; sys.path += {_OURS}[:1 + own]"
+    f"; import robotball; own or not {_BESIDE} or sys.path.pop(); from {__name__} import _main"
+    "; _main()"
+)
 _ASKED = "import sys, ensurepip; print('python%d.%d' % sys.version_info[:2])"
 
 
@@ -63,45 +63,32 @@ def pythons() -> dict[str, Path]:
     They are looked for on the PATH and where pyenv and uv keep theirs. Of each version it is the
     first that can make environments; of our own version it is ours.
     """
-    pyenv = Path(os.environ.get("PYENV_ROOT") or "~/.pyenv")
-    with suppress(RuntimeError):
-        pyenv = pyenv.expanduser()
-    uv = os.environ.get("UV_PYTHON_INSTALL_DIR") or ENVIRONMENTS.parents[1] / "uv" / "python"
+    bounds = distribution("robotball").metadata["Requires-Python"]
+    low, end = sorted(int(minor) for minor in re.findall(r"3\.(\d+)", bounds))
     # A folder of the PATH that is not absolute may be anybody's.
     own = [each for each in map(Path, os.get_exec_path()) if each.is_absolute()]
-    folders = [*own, *pyenv.glob("versions/*/bin"), *Path(uv).glob("*/bin")]
-    found = {}
-    for name in _names():
-        there = filter(None, (which(name, path=folder) for folder in folders))
+    folders = [*own, *_PYENV.glob("versions/*/bin"), *_UV.glob("*/bin")]
+    found: dict[str, Path] = {}
+    for name in (f"python3.{minor}" for minor in range(end - 1, low - 1, -1)):
+        there = filter(None, (which(name, path=str(each)) for each in folders))
         paths = [sys.executable] if name == _OWN_NAME else there
-        if (first := next((each for each in paths if _name_of(each) == name), None)) is not None:
-            found[name.removeprefix("python")] = Path(first)
+        right = [Path(each) for each in paths if _name_of(each) == name]
+        found |= {name.removeprefix("python"): each for each in right[:1]}
     return found
 
 
-def _names() -> list[str]:
-    """Return the names of all Pythons on which robotball runs, the newest first."""
-    bounds = distribution("robotball").metadata["Requires-Python"]
-    low, end = sorted(int(minor) for minor in re.findall(r"3\.(\d+)", bounds))
-    return [f"python3.{minor}" for minor in range(end - 1, low - 1, -1)]
+def _name_of(python: str) -> str:
+    """Return the name of a Python, as python3.13; empty for one that makes no environments."""
+    command = [python, "-I", "-c", _ASKED]
+    return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
 
 
 def python_named(given: str) -> Path:
     """Return the Python of a version or a path. Raises InputError for none of this machine."""
     known = pythons()
-    python = known.get(given.removeprefix("python")) or which(given)
-    if python is None or _name_of(python) not in _names():
-        raise InputError(
-            f"--python {given} is no Python that makes environments for robotball: give a path, or "
-            f"one of those that are found here: {', '.join(known)}"
-        )
+    if (python := which(known.get(given, given))) is None:
+        raise InputError(f"there is no Python {given} here: give a path, or {', '.join(known)}")
     return Path(python)
-
-
-def _name_of(python: str | Path) -> str:
-    """Return the name of a Python, as python3.13; empty for one that makes no environments."""
-    command = [str(python), "-I", "-c", _ASKED]
-    return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
 
 
 def releases(python: Path, package: str) -> list[str]:
@@ -110,7 +97,7 @@ def releases(python: Path, package: str) -> list[str]:
     failure = f"the versions of {package} cannot be listed"
     said = pip(python, failure, "index", "versions", "-vv", package)
     name = re.sub(r"[-_.]+", "[-_.]+", package)
-    found = re.findall(rf"/{name}-(\d+(?:\.\d+)*)-[^/\s]*\.whl", said, re.IGNORECASE)
+    found = re.findall(rf"/{name}-(\d+(?:\.\d+|\.post\d+)*)-[^/\s]*\.whl", said, re.IGNORECASE)
     return sorted(set(found), key=_numbers)
 
 
@@ -123,24 +110,14 @@ def name_of(requirement: str) -> str:
     return re.split(r"[^\w.-]", requirement)[0]
 
 
-def _newest(home: Path, python: Path, requirements: Sequence[str]) -> str:
-    """Return the newest release of the first requirement for a Python, by an environment's pip.
-
-    It is that of a whole resolution by wheels; empty where there is none.
-    """
-    asked = ["--python", str(python), "install", "--dry-run", "--ignore-installed", "--quiet",
-             "--only-binary=:all:", "--report", "-", *requirements]  # fmt: skip
-    try:
-        said = json.loads(pip(home / "bin" / "python", "", *asked))
-    except InputError:
-        return ""
-    taken = (each["metadata"] for each in said["install"])
-    wanted = _plain(name_of(requirements[0]))
-    return next((each["version"] for each in taken if _plain(each["name"]) == wanted), "")
-
-
-def _plain(name: str) -> str:
-    return re.sub(r"[-_.]+", "-", name).lower()
+def _newest(home: Path, python: Path, requirement: str) -> str:
+    """Return the newest release that pip would take for a Python by wheels, empty for none."""
+    asked = ["install", "--dry-run", "--ignore-installed", "--quiet", "--only-binary=:all:"]
+    with suppress(InputError):
+        by = ["--python", str(python), *asked, "--report", "-", requirement]
+        taken = json.loads(pip(home / "bin" / "python", "", *by))["install"]
+        return next(each["metadata"]["version"] for each in taken if each["requested"])
+    return ""
 
 
 def interpreter_of(home: Path) -> Path | None:
@@ -153,7 +130,7 @@ def interpreter_of(home: Path) -> Path | None:
     if not (_packages(home) / _MADE).exists():
         return None
     _check_own(home)
-    if not _is_alike(home):
+    if python_name(home) != _OWN_NAME:  # ours could not lend it its packages
         held = next((each for each in _held(home) if each.name == "robotball"), None)
         if held is None or _required(held) != _required(distribution("robotball")):
             return None
@@ -177,7 +154,7 @@ def versions_in(home: Path, requirements: Iterable[str]) -> str:
 
 
 def said_of(home: Path) -> list[str]:
-    """Return by which Python an environment is, then each newer release that it cannot have."""
+    """Return by which Python an environment is, and the newer releases that it cannot have."""
     mark = _packages(home) / _MADE
     return mark.read_text(encoding="utf-8").splitlines() if mark.exists() else []
 
@@ -186,9 +163,9 @@ def _held(home: Path) -> list[Distribution]:
     return [*distributions(path=[str(_packages(home))])]
 
 
-def _is_alike(home: Path) -> bool:
-    """Return whether an environment's Python can use the packages of ours."""
-    return _packages(home).parent.name == _OWN_NAME
+def python_name(home: Path) -> str:
+    """Return the name of an environment's Python, as python3.13."""
+    return _packages(home).parent.name
 
 
 def _required(robotball: Distribution) -> list[str]:
@@ -211,47 +188,40 @@ def make(home: Path, requirements: Sequence[str], python: Path | None = None) ->
     home.mkdir(mode=0o700, parents=True, exist_ok=True)
     home.chmod(0o700)
     _check_own(home)
-    why, missed = "as it was named", list[str]()
-    if python is None:
-        python, why, missed = _chosen(home, requirements)
+    python, why = (python, "as it was named") if python else _chosen(home, requirements[0])
     _create(home, python)
     failure = f"{home.name} cannot be installed"
     pip(home / "bin" / "python", failure, "install", "--quiet", *requirements)
-    if not _is_alike(home):
+    if python_name(home) != _OWN_NAME:
         _add_ours(home, failure)
-    by = f"{versions_in(home, requirements)} by {_packages(home).parent.name}, {why}"
-    (_packages(home) / _MADE).write_text("\n".join([by, *missed]), encoding="utf-8")
+    package, _, release = versions_in(home, requirements[:1]).partition(" ")
+    every = releases(home / "bin" / "python", package) if ">=" in requirements[0] else ()
+    newer = (f"{package} {each}" for each in every if _numbers(each) > _numbers(release))
+    by = f"{versions_in(home, requirements)} by {python_name(home)}, {why}"
+    (_packages(home) / _MADE).write_text("\n".join([by, *newer]), encoding="utf-8")
     return home
 
 
 def _create(home: Path, python: Path) -> None:
-    command = [str(python), "-I", "-m", "venv", "--clear", str(home)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise InputError(f"{python} makes no environment: {_last_word(done.stdout + done.stderr)}")
+    _done(f"{python} makes no environment", str(python), "-I", "-m", "venv", "--clear", str(home))
 
 
-def _chosen(home: Path, requirements: Sequence[str]) -> tuple[Path, str, list[str]]:
-    """Return the Python for requirements, why it is, and the newer releases that none can have."""
-    known, package = pythons(), name_of(requirements[0])
+def _chosen(home: Path, requirement: str) -> tuple[Path, str]:
+    """Return the newest Python that the newest release of a requirement supports, and why it is."""
+    known = pythons()
     _create(home, next(iter(known.values())))  # for its pip
-    found = {each: _newest(home, python, requirements) for each, python in known.items()}
+    found = {each: _newest(home, python, requirement) for each, python in known.items()}
     newest = max(found.values(), key=_numbers)
-    if not newest:
-        return Path(sys.executable), "as robotball is: no release has a wheel for this machine", []
     version = next(each for each, release in found.items() if release == newest)
-    newer = (each for each in releases(home / "bin" / "python", package)
-             if _numbers(each) > _numbers(newest))  # fmt: skip
-    others = ", ".join(f"{each} has {release or 'none'}" for each, release in found.items())
-    why = f"the newest Python here that has {package} {newest} ({others})"
-    return known[version], why, [f"{package} {each}" for each in newer]
+    all_of_them = ", ".join(f"{each} has {release or 'none'}" for each, release in found.items())
+    return known[version], f"the newest here of those with that release ({all_of_them})"
 
 
 def _add_ours(home: Path, failure: str) -> None:
     """Install what robotball requires and the engine has not brought, and say what that is."""
     ours, held = distribution("robotball"), _held(home)
-    names = {_plain(each.name) for each in held}
-    needed = [each for each in _required(ours) if _plain(name_of(each)) not in names]
+    names = {each.name.lower().replace("_", "-") for each in held}
+    needed = [each for each in _required(ours) if name_of(each) not in names]
     with tempfile.NamedTemporaryFile("w", suffix=".txt") as fixed:
         fixed.write("\n".join(f"{each.name}=={each.version}" for each in held))
         fixed.flush()
@@ -265,10 +235,13 @@ def _add_ours(home: Path, failure: str) -> None:
 
 def pip(python: Path, failure: str, *arguments: str) -> str:
     """Return what an environment's pip prints. Raises InputError, the failure and pip's reason."""
-    command = [str(python), "-P", "-m", "pip", "--disable-pip-version-check", *arguments]
+    return _done(failure, str(python), "-P", "-m", "pip", "--disable-pip-version-check", *arguments)
+
+
+def _done(failure: str, *command: str) -> str:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
-        raise InputError(f"{failure}: {_last_word(done.stderr)}")
+        raise InputError(f"{failure}: {_last_word(done.stderr or done.stdout)}")
     return done.stdout
 
 

@@ -22,7 +22,7 @@ from tyro.conf import Positional, arg
 
 from robotball import InputError, Scene, engine_named, engine_names, load_scene
 from robotball.engine import DEFAULT
-from robotball.engines.environments import ENVIRONMENTS, call, said_of, versions_in
+from robotball.engines.environments import ENVIRONMENTS, call, python_name, said_of, versions_in
 from robotball.errors import check_count, check_positive
 from robotball.film.looks import INK
 from robotball.rotations import Array
@@ -210,7 +210,8 @@ COLUMNS = (
     Column("slip work", "slip_work"), Column("energy", "energy_error"),
     Column("CPU", "cost", "ms", form=".3g", scale=1e3),
     Column("relative", "relative_cost", form=".3g"), Column("spread", "spread", form=".2f"),
-    Column("Python", "python_share", form=".0%"), Column("ours", "ours", words=True),
+    Column("Python", "python_share", form=".0%"), Column("by Python", "python", words=True),
+    Column("ours", "ours", words=True),
     Column("first fault", "fault", words=True),
 )  # fmt: skip
 
@@ -378,8 +379,19 @@ class Engines:
         seconds = seconds_of(self.duration, quick, scene)
         cells = cells_of(name, chosen, self.environments, seconds, 1 if quick else _ROUNDS)
         results = self.sweep.results(measure, cells, f"{scene.name}-engines", _LIMIT)
-        study = _engines_study(scene, results, listed(self.only))
+        every = [*results, *_missed(chosen, self.environments)]
+        study = _engines_study(scene, every, listed(self.only))
         self.sweep.present(study, *changed(self, "duration"))
+
+
+def _missed(chosen: Sequence[Contestant], environments: Path) -> list[Result]:
+    """Return a cell without a record for each newer release, as seen at an installation."""
+    cell = {"preset": "any", "field": "", "value": None}
+    return [
+        Result({**cell, "contestant": each}, None, f"no wheel for {python_name(home)}")
+        for home in (environments / each.name for each in chosen)
+        for each in said_of(home)[1:]
+    ]
 
 
 def _list(chosen: Sequence[Contestant], environments: Path) -> None:
@@ -391,8 +403,13 @@ def _list(chosen: Sequence[Contestant], environments: Path) -> None:
         rows.append({
             "engine": each.name, "name": engine.label.name, "version": version,
             "presets": ", ".join(engine.presets),
+            "by": python_name(python.parents[1]) if python else "-",
             "runs in": str(python.parents[1]) if python else "nowhere: not installed",
         })  # fmt: skip
+    rows += [
+        {"version": each.cell["contestant"], "runs in": f"nowhere: {each.failure}"}
+        for each in _missed(chosen, environments)
+    ]
     others = {each.engine for each in chosen}
     for key in (each for each in engine_names() if each not in others):
         try:

@@ -4,6 +4,7 @@ import json
 import sys
 import venv
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 from zipfile import ZipFile
@@ -11,6 +12,7 @@ from zipfile import ZipFile
 import pytest
 
 import robotball as rb
+from robotball.engines import environments
 from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.environments import call, versions_in
 from tests.bench.gallery import engines_table
@@ -176,7 +178,7 @@ def test_an_environment_has_its_engine_and_all_of_ours(tmp_path: Path) -> None:
     """The engine is imported from there, robotball and numpy from ours; it makes cells."""
     asked = Contestant("other", "mujoco", (str(tmp_path / "otherengine-1.0-py3-none-any.whl"),))
     wheel(tmp_path, "otherengine")
-    home = install(asked, tmp_path)
+    home = install(asked, tmp_path, sys.executable)
     python = python_of(asked, tmp_path)
     assert python == home / "bin" / "python"
     imports = (f"__import__('{each}').__file__" for each in ("otherengine", "robotball"))
@@ -192,11 +194,12 @@ def test_an_environment_that_cannot_be_made_is_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A folder that a failed pip left is no engine's; one with anything in it stays as it is."""
-    create = venv.create  # without pip, so that it fails at once
-    monkeypatch.setattr(venv, "create", lambda home, **_: create(home, clear=True))
+    # Without pip, so that it fails at once.
+    create = partial(venv.create, clear=True)
+    monkeypatch.setattr(environments, "_create", lambda home, _: create(home))
     asked = Contestant("other", "mujoco", (str(tmp_path / "nowhere-1-py3-none-any.whl"),))
     with pytest.raises(rb.InputError, match=r"other cannot be installed: .*No module named pip"):
-        install(asked, tmp_path)
+        install(asked, tmp_path, sys.executable)
     assert (tmp_path / "other" / "bin" / "python").exists()
     assert python_of(asked, tmp_path) is None
     with pytest.raises(rb.InputError, match="mujoco is here already"):

@@ -164,8 +164,9 @@ def _key(run: Row) -> tuple[str, str]:
 def _title(run: Row) -> str:
     """Return an engine with its version, the preset, and the step or rtol that it has."""
     engine = f"{run['label']} {run['version']}" if "label" in run else run["contestant"]
-    value = {"timestep": f", {run['value'] * 1e3:g} ms", "rtol": f", {run['value']:g}"}
-    return f"{engine}, {run['preset']}{value.get(run['field'], '')}"
+    value = run["value"] or 0.0  # a release that cannot be run has none
+    said = {"timestep": f", {value * 1e3:g} ms", "rtol": f", {value:g}"}
+    return f"{engine}, {run['preset']}{said.get(run['field'], '')}"
 
 
 def _usable(run: Row) -> bool:
@@ -386,7 +387,7 @@ class Engines:
 
 def _missed(chosen: Sequence[Contestant], environments: Path) -> list[Result]:
     """Return a cell without a record for each newer release, as seen at an installation."""
-    cell = {"preset": "any", "field": "", "value": None}
+    cell = {"preset": "any", "field": "", "value": None, "stretches": False}
     return [
         Result({**cell, "contestant": each}, None, f"no wheel for {python_name(home)}")
         for home in (environments / each.name for each in chosen)

@@ -16,6 +16,7 @@ from robotball.engines import environments
 from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.environments import call, versions_in
 from tests.bench.gallery import engines_table
+from validation.studies import engine_study
 from validation.studies.engine_runs import (
     LOOSEST,
     OLDER,
@@ -152,6 +153,19 @@ def test_every_preset_is_a_line_of_json(name: str) -> None:
     """A record of a run has its settings, and no number that JSON lacks."""
     for preset in rb.engine_named(name).presets.values():
         assert json.loads(json.dumps(preset.plain(), allow_nan=False))["name"] == preset.name
+
+
+def test_a_newer_release_without_a_wheel_is_a_row(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the table and the data, beside the runs of the release that is there."""
+    monkeypatch.setattr(engine_study, "said_of", lambda home: ["by", f"{home.name} 9.0"])
+    missed = engine_study._missed([contestants()["dart"]], tmp_path)
+    study = _engines_study(FIG12, [result(5e-3, 1e-7, 1.0), *missed], ())
+    assert study.record is not None
+    (row,) = study.record["failed"]
+    assert row["title"] == "dart 9.0, any"
+    assert row["fault"].startswith("no wheel for python3.")
 
 
 def test_an_engine_that_is_nowhere_has_no_cells(tmp_path: Path) -> None:

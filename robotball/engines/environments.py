@@ -1,14 +1,18 @@
 """Environments of engines: made by venv and pip, and the processes in which functions run there.
 
-An engine has an environment of its own, so that none decides on another's packages. It holds the
-engine and what that requires; everything else, robotball among it, comes from our environment,
-which is searched after it. So MuJoCo of another version is only another environment. One that was
-not made here, or that another user may change, is not run.
+An engine has an environment of its own, so that none decides on another's packages, by the newest
+Python of this machine that its newest release supports. It holds the engine and what that requires.
+By a Python like ours, everything else, robotball among it, comes from our environment, which is
+searched after it. Another Python cannot use our compiled packages: its environment holds all that
+robotball requires, in the versions that the engine asks for, and of ours robotball alone is added.
+So MuJoCo of another version is only another environment. One that was not made here, or that
+another user may change, is not run.
 
 A process is started by the environment's interpreter, with a pipe whose closing ends it. What the
 engine prints goes to standard error.
 """
 
+import json
 import operator
 import os
 import pickle
@@ -18,12 +22,12 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
-import venv
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import partial
-from importlib.metadata import distributions
+from importlib.metadata import Distribution, distribution, distributions
 from pathlib import Path
+from shutil import which
 from subprocess import PIPE
 from typing import Any, TypeVar
 
@@ -35,23 +39,101 @@ from robotball.processes import answered, end_when_closed
 _T = TypeVar("_T")
 _DATA = Path(os.environ.get("XDG_DATA_HOME", ""))
 ENVIRONMENTS = (_DATA if _DATA.is_absolute() else Path("~/.local/share")) / "robotball" / "engines"
+_PYENV = Path(os.environ.get("PYENV_ROOT") or "~/.pyenv")
 with suppress(RuntimeError):  # of a user without a home
-    ENVIRONMENTS = ENVIRONMENTS.expanduser()
-_MADE = "made_by_robotball.txt"  # among the packages: those of another Python are none
-# Ours come after its own. They are those of now, as other checkouts use the environment too.
+    ENVIRONMENTS, _PYENV = ENVIRONMENTS.expanduser(), _PYENV.expanduser()
+_UV = Path(os.environ.get("UV_PYTHON_INSTALL_DIR") or ENVIRONMENTS.parents[1] / "uv" / "python")
+_MADE = "made_by_robotball.txt"  # among the packages; it says by which Python, and why
+_OWN_NAME = f"python3.{sys.version_info[1]}"
+# Ours come after its own. They are those of now, as other checkouts use the environment too. Beside
+# a robotball that is installed lie compiled packages, which another Python cannot load.
 _OURS = [str(Path(robotball.__file__).parents[1]), sysconfig.get_path("purelib")]
-_START = f"import sys; sys.path += {_OURS}; from {__name__} import _main; _main()"
+_BESIDE = _OURS[0].endswith("-packages")
+_START = (
+    f"import sys; own = sys.version_info[1] == {sys.version_info[1]}; sys.path += {_OURS}[:1 + own]"
+    f"; import robotball; own or not {_BESIDE} or sys.path.pop(); from {__name__} import _main"
+    "; _main()"
+)
+_ASKED = "import sys, ensurepip; print('python%d.%d' % sys.version_info[:2])"
+
+
+def pythons() -> dict[str, Path]:
+    """Return the Pythons of this machine on which robotball runs, by version, the newest first.
+
+    They are looked for on the PATH and where pyenv and uv keep theirs. Of each version it is the
+    first that can make environments; of our own version it is ours.
+    """
+    bounds = distribution("robotball").metadata["Requires-Python"]
+    low, end = sorted(int(minor) for minor in re.findall(r"3\.(\d+)", bounds))
+    # A folder of the PATH that is not absolute may be anybody's.
+    own = [each for each in map(Path, os.get_exec_path()) if each.is_absolute()]
+    folders = [*own, *_PYENV.glob("versions/*/bin"), *_UV.glob("*/bin")]
+    found: dict[str, Path] = {}
+    for name in (f"python3.{minor}" for minor in range(end - 1, low - 1, -1)):
+        there = filter(None, (which(name, path=str(each)) for each in folders))
+        paths = [sys.executable] if name == _OWN_NAME else there
+        right = [Path(each) for each in paths if _name_of(each) == name]
+        found |= {name.removeprefix("python"): each for each in right[:1]}
+    return found
+
+
+def _name_of(python: str) -> str:
+    """Return the name of a Python, as python3.13; empty for one that makes no environments."""
+    command = [python, "-I", "-c", _ASKED]
+    return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
+
+
+def python_named(given: str) -> Path:
+    """Return the Python of a version or a path. Raises InputError for none of this machine."""
+    known = pythons()
+    if (python := which(known.get(given, given))) is None:
+        raise InputError(f"there is no Python {given} here: give a path, or {', '.join(known)}")
+    return Path(python)
+
+
+def releases(python: Path, package: str) -> list[str]:
+    """Return all releases of a package that have a wheel, of whatever Python, the oldest first."""
+    # Those that a Python cannot install are in pip's talk alone.
+    failure = f"the versions of {package} cannot be listed"
+    said = pip(python, failure, "index", "versions", "-vv", package)
+    name = re.sub(r"[-_.]+", "[-_.]+", package)
+    found = re.findall(rf"/{name}-(\d+(?:\.\d+|\.post\d+)*)-[^/\s]*\.whl", said, re.IGNORECASE)
+    return sorted(set(found), key=_numbers)
+
+
+def _numbers(release: str) -> list[int]:
+    return [int(each) for each in re.findall(r"\d+", release)]
+
+
+def name_of(requirement: str) -> str:
+    """Return the name of the package that is required."""
+    return re.split(r"[^\w.-]", requirement)[0]
+
+
+def _newest(home: Path, python: Path, requirement: str) -> str:
+    """Return the newest release that pip would take for a Python by wheels, empty for none."""
+    asked = ["install", "--dry-run", "--ignore-installed", "--quiet", "--only-binary=:all:"]
+    with suppress(InputError):
+        by = ["--python", str(python), *asked, "--report", "-", requirement]
+        taken = json.loads(pip(home / "bin" / "python", "", *by))["install"]
+        return next(each["metadata"]["version"] for each in taken if each["requested"])
+    return ""
 
 
 def interpreter_of(home: Path) -> Path | None:
     """Return the interpreter of an environment, None where there is none.
 
-    The mark is written last: an environment without it was not made to its end, and is none.
+    The mark is written last: an environment without it was not made to its end, and is none. Nor
+    is one of another Python that holds what another robotball requires.
     Raises InputError for one that is not this user's alone.
     """
     if not (_packages(home) / _MADE).exists():
         return None
     _check_own(home)
+    if python_name(home) != _OWN_NAME:  # ours could not lend it its packages
+        held = next((each for each in _held(home) if each.name == "robotball"), None)
+        if held is None or _required(held) != _required(distribution("robotball")):
+            return None
     return (home / "bin" / "python").absolute()
 
 
@@ -65,14 +147,37 @@ def _check_own(home: Path) -> None:
 
 def versions_in(home: Path, requirements: Iterable[str]) -> str:
     """Return names and versions of the packages required, of those that an environment holds."""
-    names = {re.split(r"[^\w.-]", each)[0] for each in requirements}
-    there = distributions(path=[str(_packages(home))])
-    return ", ".join(sorted(f"{each.name} {each.version}" for each in there if each.name in names))
+    names = {name_of(each) for each in requirements}
+    return ", ".join(
+        sorted(f"{each.name} {each.version}" for each in _held(home) if each.name in names)
+    )
 
 
-def make(home: Path, requirements: Sequence[str]) -> Path:
+def said_of(home: Path) -> list[str]:
+    """Return by which Python an environment is, and the newer releases that it cannot have."""
+    mark = _packages(home) / _MADE
+    return mark.read_text(encoding="utf-8").splitlines() if mark.exists() else []
+
+
+def _held(home: Path) -> list[Distribution]:
+    return [*distributions(path=[str(_packages(home))])]
+
+
+def python_name(home: Path) -> str:
+    """Return the name of an environment's Python, as python3.13."""
+    return _packages(home).parent.name
+
+
+def _required(robotball: Distribution) -> list[str]:
+    """Return what robotball requires, without its extras."""
+    return [each for each in robotball.requires or () if "extra ==" not in each]
+
+
+def make(home: Path, requirements: Sequence[str], python: Path | None = None) -> Path:
     """Make an environment anew by venv and pip, and return its folder.
 
+    python: by which; None for the newest of this machine that the newest release of the first
+    requirement supports.
     Raises InputError where pip fails, and in place of a folder that holds something else.
     """
     if home.is_dir() and any(home.iterdir()) and not (home / "pyvenv.cfg").is_file():
@@ -83,26 +188,67 @@ def make(home: Path, requirements: Sequence[str]) -> Path:
     home.mkdir(mode=0o700, parents=True, exist_ok=True)
     home.chmod(0o700)
     _check_own(home)
-    venv.create(home, clear=True, with_pip=True)
+    python, why = (python, "as it was named") if python else _chosen(home, requirements[0])
+    _create(home, python)
     failure = f"{home.name} cannot be installed"
     pip(home / "bin" / "python", failure, "install", "--quiet", *requirements)
-    (_packages(home) / _MADE).touch()
+    if python_name(home) != _OWN_NAME:
+        _add_ours(home, failure)
+    package, _, release = versions_in(home, requirements[:1]).partition(" ")
+    every = releases(home / "bin" / "python", package) if ">=" in requirements[0] else ()
+    newer = (f"{package} {each}" for each in every if _numbers(each) > _numbers(release))
+    by = f"{versions_in(home, requirements)} by {python_name(home)}, {why}"
+    (_packages(home) / _MADE).write_text("\n".join([by, *newer]), encoding="utf-8")
     return home
+
+
+def _create(home: Path, python: Path) -> None:
+    _done(f"{python} makes no environment", str(python), "-I", "-m", "venv", "--clear", str(home))
+
+
+def _chosen(home: Path, requirement: str) -> tuple[Path, str]:
+    """Return the newest Python that the newest release of a requirement supports, and why it is."""
+    known = pythons()
+    _create(home, next(iter(known.values())))  # for its pip
+    found = {each: _newest(home, python, requirement) for each, python in known.items()}
+    newest = max(found.values(), key=_numbers)
+    version = next(each for each, release in found.items() if release == newest)
+    all_of_them = ", ".join(f"{each} has {release or 'none'}" for each, release in found.items())
+    return known[version], f"the newest here of those with that release ({all_of_them})"
+
+
+def _add_ours(home: Path, failure: str) -> None:
+    """Install what robotball requires and the engine has not brought, and say what that is."""
+    ours, held = distribution("robotball"), _held(home)
+    names = {each.name.lower().replace("_", "-") for each in held}
+    needed = [each for each in _required(ours) if name_of(each) not in names]
+    with tempfile.NamedTemporaryFile("w", suffix=".txt") as fixed:
+        fixed.write("\n".join(f"{each.name}=={each.version}" for each in held))
+        fixed.flush()
+        python = home / "bin" / "python"
+        pip(python, failure, "install", "--quiet", "--constraint", fixed.name, *needed)
+    # Code of robotball asks for its version.
+    facts = _packages(home) / f"robotball-{ours.version}.dist-info"
+    facts.mkdir()
+    (facts / "METADATA").write_text(ours.read_text("METADATA") or "", encoding="utf-8")
 
 
 def pip(python: Path, failure: str, *arguments: str) -> str:
     """Return what an environment's pip prints. Raises InputError, the failure and pip's reason."""
-    command = [str(python), "-P", "-m", "pip", "--disable-pip-version-check", *arguments]
+    return _done(failure, str(python), "-P", "-m", "pip", "--disable-pip-version-check", *arguments)
+
+
+def _done(failure: str, *command: str) -> str:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
-        raise InputError(f"{failure}: {_last_word(done.stderr)}")
+        raise InputError(f"{failure}: {_last_word(done.stderr or done.stdout)}")
     return done.stdout
 
 
 def _packages(home: Path) -> Path:
-    """Return the folder of an environment's packages."""
-    base = {"base": str(home), "platbase": str(home)}
-    return Path(sysconfig.get_path("purelib", vars=base))
+    """Return the folder of an environment's packages; of one that is not made, where ours are."""
+    ours = home / "lib" / _OWN_NAME / "site-packages"
+    return next(home.glob("lib/python3.*/site-packages"), ours)
 
 
 def _last_word(said: str) -> str:

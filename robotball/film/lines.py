@@ -26,7 +26,7 @@ PRESET_LOOKS: Mapping[str, tuple[str, Sequence[float], str]] = {
     "adaptive": ("#56B4E9", (1, 3), "v"),
     **dict.fromkeys(("best", "mended"), _MORE[0]),
     **dict.fromkeys(("ideal", "contact", "kept"), _MORE[1]),
-    **dict.fromkeys(("tamsi", "RK4"), _MORE[2]),
+    **dict.fromkeys(("discrete", "RK4"), _MORE[2]),
 }
 
 

@@ -22,7 +22,7 @@ from scipy.integrate import trapezoid
 from robotball import InputError, engine_named, engine_names, integrate, load_scene, sample_times
 from robotball.engine import DEFAULT, Request, run_request
 from robotball.engines.adapter import Adapter, not_installed
-from robotball.engines.environments import interpreter_of, make
+from robotball.engines.environments import interpreter_of, make, python_named
 from robotball.motion import ContactMotion, EngineSettings, Motion, momentum_error, path_error
 from robotball.rotations import Array, rotation_matrix
 from validation.output import known
@@ -78,14 +78,16 @@ def check_installed(contestants: Iterable[Contestant], folder: Path) -> None:
             raise not_installed(engine_named(each.engine).label.name, each.name)
 
 
-def install(contestant: Contestant, folder: Path) -> Path:
+def install(contestant: Contestant, folder: Path, python: str = "") -> Path:
     """Make a contestant's environment anew, and return its folder.
 
+    python: a version or a path; empty for the newest that the engine's newest release supports.
     Raises InputError as `make` does, and for what our own environment has.
     """
     if not contestant.requirements:
         raise InputError(f"{contestant.name} is here already: there is nothing to install")
-    return make(folder / contestant.name, contestant.requirements)
+    by = python_named(python) if python else None
+    return make(folder / contestant.name, contestant.requirements, by)
 
 
 _ENOUGH = 1.0  # s of processor time after which a run is not timed again

@@ -22,7 +22,7 @@ from tyro.conf import Positional, arg
 
 from robotball import InputError, Scene, engine_named, engine_names, load_scene
 from robotball.engine import DEFAULT
-from robotball.engines.environments import ENVIRONMENTS, call, versions_in
+from robotball.engines.environments import ENVIRONMENTS, call, python_name, said_of, versions_in
 from robotball.errors import check_count, check_positive
 from robotball.film.looks import INK
 from robotball.rotations import Array
@@ -164,8 +164,9 @@ def _key(run: Row) -> tuple[str, str]:
 def _title(run: Row) -> str:
     """Return an engine with its version, the preset, and the step or rtol that it has."""
     engine = f"{run['label']} {run['version']}" if "label" in run else run["contestant"]
-    value = {"timestep": f", {run['value'] * 1e3:g} ms", "rtol": f", {run['value']:g}"}
-    return f"{engine}, {run['preset']}{value.get(run['field'], '')}"
+    value = run["value"] or 0.0  # a release that cannot be run has none
+    said = {"timestep": f", {value * 1e3:g} ms", "rtol": f", {value:g}"}
+    return f"{engine}, {run['preset']}{said.get(run['field'], '')}"
 
 
 def _usable(run: Row) -> bool:
@@ -211,7 +212,8 @@ COLUMNS = (
     Column("slip work", "slip_work"), Column("energy", "energy_error"),
     Column("CPU", "cost", "ms", form=".3g", scale=1e3),
     Column("relative", "relative_cost", form=".3g"), Column("spread", "spread", form=".2f"),
-    Column("Python", "python_share", form=".0%"), Column("ours", "ours", words=True),
+    Column("Python", "python_share", form=".0%"), Column("by Python", "python", words=True),
+    Column("ours", "ours", words=True),
     Column("first fault", "fault", words=True),
 )  # fmt: skip
 
@@ -307,6 +309,9 @@ class Engines:
     """Engines to run; all that are there if not given. Several: drake,bullet."""
     install: Names = ()
     """Make environments of their own for these engines first, by pip. Several: drake,bullet."""
+    python: Annotated[str, arg(metavar="PYTHON")] = ""
+    """Python of the environments that are made, a version or a path; if not given, the newest here
+    that each engine's newest release supports."""
     environments: Path = ENVIRONMENTS
     """Folder for the environments."""
     tune: bool = False
@@ -322,7 +327,8 @@ class Engines:
     def run(self) -> int:
         known = engine_runs.contestants()
         for each in chosen("engine", listed(self.install), known) if self.install else ():
-            print(engine_runs.install(each, writable_folder(self.environments)))
+            home = engine_runs.install(each, writable_folder(self.environments), self.python)
+            print(home, *said_of(home), sep="\n  ")
         some = chosen("engine", listed(self.only), known)
         if not self.scenes:
             if not self.install:
@@ -377,8 +383,19 @@ class Engines:
         seconds = seconds_of(self.duration, quick, scene)
         cells = cells_of(name, chosen, self.environments, seconds, 1 if quick else _ROUNDS)
         results = self.sweep.results(measure, cells, f"{scene.name}-engines", _LIMIT)
-        study = _engines_study(scene, results, listed(self.only))
+        every = [*results, *_missed(chosen, self.environments)]
+        study = _engines_study(scene, every, listed(self.only))
         self.sweep.present(study, *changed(self, "duration"))
+
+
+def _missed(chosen: Sequence[Contestant], environments: Path) -> list[Result]:
+    """Return a cell without a record for each newer release, as seen at an installation."""
+    cell = {"preset": "any", "field": "", "value": None, "stretches": False}
+    return [
+        Result({**cell, "contestant": each}, None, f"no wheel for {python_name(home)}")
+        for home in (environments / each.name for each in chosen)
+        for each in said_of(home)[1:]
+    ]
 
 
 def _list(chosen: Sequence[Contestant], environments: Path) -> list[Row]:
@@ -391,8 +408,13 @@ def _list(chosen: Sequence[Contestant], environments: Path) -> list[Row]:
         rows.append({
             "engine": each.name, "name": engine.label.name, "version": version,
             "presets": ", ".join(engine.presets),
+            "by": python_name(python.parents[1]) if python else "-",
             "runs in": str(python.parents[1]) if python else "nowhere: not installed",
         })  # fmt: skip
+    rows += [
+        {"version": each.cell["contestant"], "runs in": f"nowhere: {each.failure}"}
+        for each in _missed(chosen, environments)
+    ]
     others = {each.engine for each in chosen}
     for key in (each for each in engine_names() if each not in others):
         try:

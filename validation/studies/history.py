@@ -3,8 +3,10 @@
 Each version has an environment of its own. MuJoCo's take the exported MJCF by plain calls
 (`bare_steps`), so that nothing but the version differs; other engines run by our adapter of today,
 which an old version may not know. pip lists the versions, and a wheel's newest file is its date.
+A version runs by our Python, or by the newest of this machine that has its wheel.
 """
 
+import platform
 import re
 import sys
 from collections.abc import Callable, Sequence
@@ -23,7 +25,8 @@ from tyro.conf import DisallowNone, Positional, arg
 
 from robotball import InputError, engine_named, integrate, load_scene, sample_times
 from robotball.engine import DEFAULT
-from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of, make, pip
+from robotball.engines import environments
+from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of, make
 from robotball.engines.states import motion_of_rows
 from robotball.errors import unknown
 from robotball.film.looks import ACCENT, INK
@@ -50,12 +53,6 @@ _FREE_BODY = """<mujoco><option timestep="1e-3" gravity="0 0 0" integrator="impl
 _NUMBERS = {"as_it_comes": "as it comes", "recipe": "recipe", "free_body": "free body"}
 _STYLES = {"s-": ACCENT, "o-": INK, "d--": "#117733"}
 _WORDS = {"as_it_comes": "Euler", "recipe": "RK4", "free_body": "implicitfast"}
-
-
-def released(listing: str) -> list[str]:
-    """Return the versions in what `pip index versions` prints, the oldest first."""
-    found = re.search(r"^Available versions: (.*)$", listing, re.MULTILINE)
-    return found[1].split(", ")[::-1] if found else []
 
 
 def last_patches(versions: Sequence[str]) -> list[str]:
@@ -104,25 +101,39 @@ def _package(engine: str) -> str:
     needed = (DEFAULT,) if engine == DEFAULT else getattr(engine_named(engine), "requirements", ())
     if not needed:
         raise InputError(f"{engine} comes with robotball: it has no released versions")
-    return re.split(r"[^\w-]", needed[0])[0]
+    return environments.name_of(needed[0])
 
 
-def _pip(folder: Path, failure: str, *arguments: str) -> str:
-    """Return what the pip of an environment of its own prints."""
+def _with_pip(folder: Path) -> Path:
+    """Return the interpreter of an environment for its pip, which serves other Pythons too."""
     home = folder / "pip"
-    return pip(interpreter_of(home) or make(home, ["pip"]) / "bin" / "python", failure, *arguments)
+    return interpreter_of(home) or make(home, ["pip"], Path(sys.executable)) / "bin" / "python"
+
+
+def _download(folder: Path, engine: str, version: str, fetched: str) -> Path:
+    """Download a version's wheel, and return the first Python that has one, ours or the newest."""
+    failure, said = f"{engine}-{version} cannot be installed by any Python here", list[str]()
+    # Wheels alone: to build a version takes its compiler, and may take an hour.
+    asked = ("download", "--quiet", "--no-deps", "--only-binary=:all:", "--dest", fetched)
+    for python in (Path(sys.executable), *environments.pythons().values()):
+        try:
+            by = ("--python", str(python), *asked, f"{_package(engine)}=={version}")
+            environments.pip(_with_pip(folder), failure, *by)
+        except InputError as error:
+            said.append(str(error))
+        else:
+            return python
+    raise InputError(said[0])
 
 
 def _environment(engine: str, version: str, folder: Path) -> tuple[str, str | None]:
     """Return a version's interpreter, installed where it is not there yet, and its date."""
-    home, package = folder / f"{engine}-{version}", _package(engine)
+    home = folder / f"{engine}-{version}"
     with TemporaryDirectory() as fetched:
-        # Wheels alone: to build a version takes its compiler, and may take an hour.
-        _pip(folder, f"{home.name} cannot be installed", "download", "--quiet", "--no-deps",
-             "--only-binary=:all:", "--dest", fetched, f"{package}=={version}")  # fmt: skip
+        python = _download(folder, engine, version, fetched)
         (wheel,) = Path(fetched).iterdir()
         if interpreter_of(home) is None:
-            make(home, [str(wheel)])
+            make(home, [str(wheel)], python)
         year, month, day, *_ = max(each.date_time for each in ZipFile(wheel).infolist())
     # Some packers give all files the least year that a wheel can have.
     return str(interpreter_of(home)), f"{year}-{month:02}-{day:02}" if year > 1980 else None
@@ -134,7 +145,8 @@ def measure_version(cell: Cell) -> dict[str, Any]:
     engine, ours = engine_named(name), name == DEFAULT
     if folder := cell["environments"]:
         python, date = _environment(name, cell["version"], Path(folder))
-    record = {"date": date, "free_body": _free_body(python) if ours else None}
+    by, body = call(python, platform.python_version), _free_body(python) if ours else None
+    record: dict[str, Any] = {"date": date, "python": by, "free_body": body}
     for number, preset in (("as_it_comes", engine.as_it_comes), ("recipe", engine.default)):
         if preset in engine.presets:
             try:
@@ -249,6 +261,7 @@ def _lines_of(changes: Sequence[tuple[str, Row, Row]], package: str) -> list[str
 
 _COLUMNS = (
     Column("version", "version", words=True), Column("date", "date", words=True),
+    Column("by Python", "python", words=True),
     *(Column(words, number) for number, words in _NUMBERS.items()),
     Column("speed", "speed", form=".2f"), Column("recipe without", "recipe_without", words=True),
     Column("changed", "changed", words=True), Column("first fault", "fault", words=True),
@@ -318,8 +331,7 @@ class History:
         # Without pip, so that it works where there is no network.
         if self.sweep.quick:
             return self._table([engine_named(self.engine).label.version])
-        failure = f"the versions of {package} cannot be listed"
-        versions = released(_pip(_HOME, failure, "index", "versions", package))
+        versions = environments.releases(_with_pip(_HOME), package)
         first, last = self.bisect or (self.since, self.to)
         end = places_of(versions, last)[-1] if last else len(versions) - 1
         # 3.10 to search from is its last patch, but to list from its first one.

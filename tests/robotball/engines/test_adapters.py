@@ -407,7 +407,7 @@ MEASURED = [
     ("pinocchio", "best", "rtol", 1e-12, "fig12", 2.0, 9.9e-13),
     ("pinocchio", "RK4", "timestep", 20e-3, "fig12", 2.0, 5.2e-8),
     ("drake", "ideal", "rtol", 1e-12, "fig12", 2.0, 9.9e-13),
-    ("drake", "tamsi", "timestep", 1e-3, "fig12", 10.0, 4.42e-3),
+    ("drake", "discrete", "timestep", 1e-3, "fig12", 10.0, 4.42e-3),
     ("pinocchio", "contact", "timestep", 1e-3, "fig12", 10.0, 4.41e-3),
     ("drake", "best", "timestep", 1e-3, "classical_regular", 2.0, 5.6e-6),
     ("mujoco-warp", "best", "timestep", 20e-3, "fig12", 2.0, 2.1e-6),

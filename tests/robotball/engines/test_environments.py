@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from importlib.metadata import distribution
 from pathlib import Path
 
 import numpy as np
@@ -132,6 +133,114 @@ def test_a_process_imports_nothing_of_the_current_folder(
     (tmp_path / "numpy.py").write_text("raise SystemExit('of a stranger')")
     monkeypatch.chdir(tmp_path)
     assert environments.call(sys.executable, eval, "float(__import__('numpy').ones(2).sum())") == 2
+
+
+def python_of(folder: Path, minor: int, version: int) -> Path:
+    """Make a program python3.`minor` there that says it is Python 3.`version`."""
+    folder.mkdir(parents=True)
+    path = folder / f"python3.{minor}"
+    path.write_text(f"#!/bin/sh\necho python3.{version}\n")
+    path.chmod(0o755)
+    return path
+
+
+def test_pythons_are_found_on_the_path_and_where_pyenv_and_uv_keep_theirs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The newest first; of each the first that is what its name says, and ours of our version."""
+    own = sys.version_info[1]
+    pyenv, uv = tmp_path / "pyenv", tmp_path / "uv"
+    first, other, third = (minor for minor in (14, 13, 12, 11) if minor != own)
+    python_of(tmp_path / "shims", first, own)  # a shim of another version
+    there = {
+        f"3.{first}": python_of(pyenv / "versions" / "a" / "bin", first, first),
+        f"3.{other}": python_of(tmp_path / "bin", other, other),
+        f"3.{third}": python_of(uv / "b" / "bin", third, third),
+    }
+    python_of(tmp_path / "ours", own, own)
+    monkeypatch.chdir(python_of(tmp_path / "here" / "relative", 10, 10).parents[1])
+    path = f"relative:{tmp_path / 'shims'}:{tmp_path / 'bin'}:{tmp_path / 'ours'}"
+    monkeypatch.setenv("PATH", f"{path}:/bin")
+    monkeypatch.setattr(environments, "_PYENV", pyenv)
+    monkeypatch.setattr(environments, "_UV", uv)
+    found = environments.pythons()
+    assert found == there | {f"3.{own}": Path(sys.executable)}
+    minors = [int(each.removeprefix("3.")) for each in found]
+    assert minors == sorted(minors, reverse=True)
+    assert environments.python_named(f"3.{third}") == there[f"3.{third}"]
+    with pytest.raises(rb.InputError, match=r"there is no Python 3\.2 here: give a path, or 3\.1"):
+        environments.python_named("3.2")
+
+
+TALK = """
+  Found link https://a/engine_x-3.10.0-py3-none-any.whl (from b), version: 3.10.0
+  Found link https://a/engine_x-3.9.1.tar.gz (from b), version: 3.9.1
+  Skipping link: none of the wheel's tags (cp312) are compatible: https://a/Engine.X-3.9.0-cp312.whl
+  Link requires a different Python (3.11.7 not in: '>=3.12'): https://a/engine_x-3.11.0rc1-cp312.whl
+  Found link https://a/engine_x-2.3.1.post1-py3-none-any.whl (from b), version: 2.3.1.post1
+  Found link https://a/other-4.0.0-py3-none-any.whl (from b), version: 4.0.0
+"""
+
+
+def test_releases_are_all_that_have_a_wheel(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of any Python, the oldest first; no sdist, no candidate, and of the package alone."""
+    monkeypatch.setattr(environments, "pip", lambda *_: TALK)
+    found = environments.releases(Path("python"), "engine-x")
+    assert found == ["2.3.1.post1", "3.9.0", "3.10.0"]
+
+
+@pytest.mark.parametrize(
+    ("newest", "taken", "newer"),
+    [
+        ({"3.14": "", "3.13": "1.10", "3.12": "1.10", "3.11": "1.9"}, "3.13", ["engine 2.0"]),
+        ({"3.14": "2.0", "3.12": "1.10"}, "3.14", []),
+        ({"3.14": "", "3.12": ""}, "3.14", []),
+    ],
+)
+def test_an_environment_is_by_the_newest_python_of_the_newest_release(
+    newest: dict[str, str], taken: str, newer: list[str], monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:  # fmt: skip
+    """Version 1.10 is after 1.9; a newer release that none can have is told."""
+    made: list[str] = []
+
+    def create(home: Path, python: Path) -> None:
+        made.append(str(python))
+        release = newest[made[-1]]
+        there = home / "lib" / environments._OWN_NAME / "site-packages"
+        info = there / "engine.dist-info"
+        info.mkdir(parents=True, exist_ok=True)
+        (info / "METADATA").write_text(f"Name: engine\nVersion: {release or '2.0'}\n")
+
+    monkeypatch.setattr(environments, "pythons", lambda: {each: Path(each) for each in newest})
+    monkeypatch.setattr(environments, "_newest", lambda _, python, __: newest[str(python)])
+    monkeypatch.setattr(environments, "_create", create)
+    monkeypatch.setattr(environments, "pip", lambda *_: "/engine-1.9-a.whl /engine-2.0-a.whl")
+    home = environments.make(tmp_path / "engine", ("engine>=1",))
+    assert made[-1] == taken
+    why, *others = environments.said_of(home)
+    assert f"{taken} has {newest[taken] or 'none'}" in why
+    assert others == newer
+
+
+def test_an_environment_of_another_python_is_none_when_ours_requires_something_else(
+    tmp_path: Path,
+) -> None:
+    """It holds what robotball required when it was made."""
+    home = tmp_path / "engine"
+    there = home / "lib" / "python3.99" / "site-packages"
+    there.mkdir(parents=True)
+    home.chmod(0o700)
+    (there / environments._MADE).touch()
+    assert environments.interpreter_of(home) is None
+    facts = there / "robotball-0.dist-info"
+    facts.mkdir()
+    ours = distribution("robotball").read_text("METADATA")
+    assert ours is not None
+    (facts / "METADATA").write_text(ours)
+    assert environments.interpreter_of(home) == home / "bin" / "python"
+    (facts / "METADATA").write_text(ours.replace("Requires-Dist: numpy", "Requires-Dist: numpy<2,"))
+    assert environments.interpreter_of(home) is None
 
 
 def test_environments_are_in_the_users_own_folder(tmp_path: Path) -> None:

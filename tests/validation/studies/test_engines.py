@@ -4,6 +4,7 @@ import json
 import sys
 import venv
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 from zipfile import ZipFile
@@ -11,9 +12,11 @@ from zipfile import ZipFile
 import pytest
 
 import robotball as rb
+from robotball.engines import environments
 from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.environments import call, versions_in
 from tests.bench.gallery import engines_table
+from validation.studies import engine_study
 from validation.studies.engine_runs import (
     LOOSEST,
     OLDER,
@@ -152,6 +155,19 @@ def test_every_preset_is_a_line_of_json(name: str) -> None:
         assert json.loads(json.dumps(preset.plain(), allow_nan=False))["name"] == preset.name
 
 
+def test_a_newer_release_without_a_wheel_is_a_row(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the table and the data, beside the runs of the release that is there."""
+    monkeypatch.setattr(engine_study, "said_of", lambda home: ["by", f"{home.name} 9.0"])
+    missed = engine_study._missed([contestants()["dart"]], tmp_path)
+    study = _engines_study(FIG12, [result(5e-3, 1e-7, 1.0), *missed], ())
+    assert study.record is not None
+    (row,) = study.record["failed"]
+    assert row["title"] == "dart 9.0, any"
+    assert row["fault"].startswith("no wheel for python3.")
+
+
 def test_an_engine_that_is_nowhere_has_no_cells(tmp_path: Path) -> None:
     """Ours is taken where the engine is there."""
     known = contestants()
@@ -176,7 +192,7 @@ def test_an_environment_has_its_engine_and_all_of_ours(tmp_path: Path) -> None:
     """The engine is imported from there, robotball and numpy from ours; it makes cells."""
     asked = Contestant("other", "mujoco", (str(tmp_path / "otherengine-1.0-py3-none-any.whl"),))
     wheel(tmp_path, "otherengine")
-    home = install(asked, tmp_path)
+    home = install(asked, tmp_path, sys.executable)
     python = python_of(asked, tmp_path)
     assert python == home / "bin" / "python"
     imports = (f"__import__('{each}').__file__" for each in ("otherengine", "robotball"))
@@ -192,11 +208,12 @@ def test_an_environment_that_cannot_be_made_is_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A folder that a failed pip left is no engine's; one with anything in it stays as it is."""
-    create = venv.create  # without pip, so that it fails at once
-    monkeypatch.setattr(venv, "create", lambda home, **_: create(home, clear=True))
+    # Without pip, so that it fails at once.
+    create = partial(venv.create, clear=True)
+    monkeypatch.setattr(environments, "_create", lambda home, _: create(home))
     asked = Contestant("other", "mujoco", (str(tmp_path / "nowhere-1-py3-none-any.whl"),))
     with pytest.raises(rb.InputError, match=r"other cannot be installed: .*No module named pip"):
-        install(asked, tmp_path)
+        install(asked, tmp_path, sys.executable)
     assert (tmp_path / "other" / "bin" / "python").exists()
     assert python_of(asked, tmp_path) is None
     with pytest.raises(rb.InputError, match="mujoco is here already"):

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 import robotball as rb
+from robotball.engines import environments
 from validation.options import Sweep
 from validation.studies import history
 from validation.studies.bare_steps import compiled
@@ -18,16 +19,11 @@ from validation.studies.history import (
     differ,
     last_patches,
     places_of,
-    released,
     rows_of,
 )
 from validation.study import Row
 from validation.sweeps import Result
 
-LISTING = """engine (3.10.0)
-Available versions: 3.10.0, 3.9.1, 3.9.0, 3.1.2, 2.3.1.post1, 2.3.0
-  INSTALLED: 3.9.1
-"""
 VERSIONS = ["2.3.0", "2.3.1.post1", "3.1.2", "3.9.0", "3.9.1", "3.10.0"]
 CHANGELOG = """
 Version 3.11.0 (July 27, 2026)
@@ -41,10 +37,8 @@ Version 3.1.1 (Mar 18, 2024)
 """
 
 
-def test_pips_listing_has_the_versions() -> None:
-    """The oldest first; 3.1 is no 3.10, and a text without versions has none."""
-    assert released(LISTING) == VERSIONS
-    assert released("ERROR: No matching distribution found") == []
+def test_versions_are_called_by_the_beginnings_of_their_names() -> None:
+    """Last patches are those of each minor version; 3.1 is no 3.10."""
     assert last_patches(VERSIONS) == ["2.3.1.post1", "3.1.2", "3.9.1", "3.10.0"]
     assert [places_of(VERSIONS, each) for each in ("3.1", "3.9", "2.3.0")] == [[2], [3, 4], [0]]
     with pytest.raises(rb.InputError, match=r"no version is called '3\.99'"):
@@ -143,7 +137,8 @@ def test_each_change_is_found_among_all_releases_between(
         return rows_of([result(each, numbers[each]) for each in versions])
 
     monkeypatch.setattr(History, "_rows", rows)
-    monkeypatch.setattr(history, "_pip", lambda *_: LISTING)
+    monkeypatch.setattr(history, "_with_pip", lambda _: Path("python"))
+    monkeypatch.setattr(environments, "releases", lambda *_: VERSIONS)
     options: dict[str, Any] = {"sweep": Sweep(out=tmp_path)}
     assert History("mujoco", **options, bisect=("3.10", "2.3")).run() == 0
     assert capsys.readouterr().out.startswith("recipe: 7.0e-06 in 3.9.0, 1.0e-09 in 3.9.1: ")

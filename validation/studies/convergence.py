@@ -347,7 +347,7 @@ def _convergence_picture(study: Runs) -> Figure:
 
 
 def _draw_orders(axes: Axes, study: Runs, against: str) -> None:
-    labelled: list[Order] = []
+    labelled: list[Array] = []
     for name, rows in study.by_name.items():
         order, _ = study.order(name, against)
         # By the mean step of a run that chooses them, so that all stand over one scale.
@@ -362,8 +362,9 @@ def _draw_orders(axes: Axes, study: Runs, against: str) -> None:
             continue
         ends = np.array([order.shortest, order.longest])
         axes.plot(ends * 1e3, order.error_at(ends), "--", color=_mark(name)["color"], linewidth=1)
-        if not any(_near(order, other) for other in labelled):
-            labelled.append(order)
+        place = np.array([order.ln_step, order.ln_error])
+        if not any(np.abs(place - other).max() < _NEAR_SLOPES for other in labelled):
+            labelled.append(place)
             middle = (np.exp(order.ln_step) * 1e3, np.exp(order.ln_error))
             note(axes, f"slope {order.order:.2f}", middle, (10, -12), fontsize=9)
 
@@ -375,11 +376,6 @@ def _mark(name: str) -> dict[str, Any]:
         return {"marker": "*", "markersize": 9, "color": INK}
     colour = LABEL.colour if of.own else INK
     return {"marker": of.marker, "markersize": of.size, "color": colour}
-
-
-def _near(order: Order, other: Order) -> bool:
-    apart = (order.ln_step - other.ln_step, order.ln_error - other.ln_error)
-    return max(map(abs, apart)) < _NEAR_SLOPES
 
 
 def _record(study: Runs) -> dict[str, Any]:

@@ -93,15 +93,20 @@ EXPECTED = {
 }  # fmt: skip
 
 
+def printed_by(script: Path, folder: Path) -> dict[str, str]:
+    """What a script prints, by its labels; skips without its engine. It is run in a folder."""
+    package = PACKAGES[script.stem.partition("_")[0]]
+    if find_spec(package) is None:
+        pytest.skip(f"needs {package}")
+    command = [sys.executable, str(script)]
+    printed = subprocess.check_output(command, text=True, cwd=folder, stderr=subprocess.DEVNULL)
+    return dict(re.findall(r"^(.+): ([-+.\w]+|\w+ [.\d]+)$", printed, re.M))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EXPECTED)
 def test_a_finding_is_what_its_script_prints(name: str, tmp_path: Path) -> None:
-    package = PACKAGES[name.partition("_")[0]]
-    if find_spec(package) is None:
-        pytest.skip(f"needs {package}")
-    command = [sys.executable, str(FOLDER / f"{name}.py")]
-    printed = subprocess.check_output(command, text=True, cwd=tmp_path, stderr=subprocess.DEVNULL)
-    found = dict(re.findall(r"^(.+): ([-+.\w]+)$", printed, re.M))
+    found = printed_by(FOLDER / f"{name}.py", tmp_path)
     expected = [each.rsplit(": ", 1) for each in EXPECTED[name].split("; ")]
     assert found.keys() >= {label for label, _ in expected}
     for label, bounds in expected:

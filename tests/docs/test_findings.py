@@ -66,7 +66,15 @@ EXPECTED = {
         "vs 0.01 m/s, slip over vs: 0.23 0.25; vs 0.001 m/s, slip over vs: 0.22 0.25",
     # The latter is of the overlap's lever arm.
     "drake_fixed_accuracy": "by the config: 6e-4 7.3e-4; by the integrator: 0.95e-5 1.2e-5",
-    "exudyn_fast_rotor": "2 ms: 6.4e-3 6.9e-3; 0.5 ms: 2.4e-6 2.7e-6",
+    "exudyn_fast_rotor":
+        "NodeRigidBodyEP, GeneralizedAlpha, 2 ms: 6.4e-3 6.9e-3; "
+        "NodeRigidBodyEP, GeneralizedAlpha, 0.5 ms: 2.4e-6 2.7e-6; "
+        "NodeRigidBodyEP, TrapezoidalIndex2, 2 ms: 0 1e-8; "
+        "NodeRigidBodyEP, TrapezoidalIndex2, 0.5 ms: 0 1e-8; "
+        "NodeRigidBodyRotVecLG, GeneralizedAlpha, 2 ms: 2.5e-4 2.7e-4; "
+        "NodeRigidBodyRotVecLG, GeneralizedAlpha, 0.5 ms: 1.1e-5 1.3e-5; "
+        "NodeRigidBodyRotVecLG, TrapezoidalIndex2, 2 ms: 2.4e-4 2.7e-4; "
+        "NodeRigidBodyRotVecLG, TrapezoidalIndex2, 0.5 ms: 1.1e-5 1.3e-5",
     "exudyn_sensor_times": "rows: 101 101; off: 0.0074 0.0076",
     "newton_torsional": "as it comes: 0.9999 1.0001; with condim 4: -1e-6 1e-6",
     "mjx_contact_force":

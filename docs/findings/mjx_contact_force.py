@@ -1,10 +1,10 @@
 """MJX's copy into MuJoCo's data leaves the contact's adhesion as it was in memory.
 
 A ball of 1 kg rests on a plane under 9 m/s². In data whose contact had an adhesion of 2 N before,
-MJX 3.17 copies every field of a contact that it knows, and `mj_contactForce` of MuJoCo 4.0 takes
-the adhesion, which it does not know, off the normal force. Forces [N] of the same state: of the
-constraint's row, on the free joint, and by mj_contactForce from the copy; in new data the adhesion
-is whatever its memory held.
+MJX 3.17 copies every field of a contact that it knows, and `mj_contactForce` of MuJoCo, 3.17 and
+4.0, takes the adhesion, which it does not know, off the normal force. Forces [N] of the same state:
+of the constraint's row, on the free joint, and by mj_contactForce from the copy; in new data the
+adhesion is whatever its memory held.
 """
 
 from importlib.metadata import version
@@ -35,5 +35,5 @@ print("constraint:", float(data.efc_force.sum()))
 print("free joint:", float(state.qfrc_constraint[2]))
 print("contact force of the copy:", float(wrench[0]))
 print("expected: 9 in each line")
-print("version: MJX", version("mujoco-mjx"))
-print("verdict: open; none found")
+print("version: MJX", version("mujoco-mjx"), "on MuJoCo", version("mujoco"))
+print("verdict: open; none found, see reports/mjx_contact_force.md")

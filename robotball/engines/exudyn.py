@@ -2,8 +2,9 @@
 
 Its rolling joints are for discs, whose contact point depends on the disc's axis. The rolling of a
 ball is a velocity constraint that we give it as a Python function, and so is the torque of what
-turns inside. Rotors that are bodies of their own would ask for tiny steps: in Euler parameters one
-at 150 rad/s is off by 6.6e-3 at 2 ms (docs/findings/exudyn_fast_rotor.py).
+turns inside. Rotors that are bodies of their own would ask for short steps of the default solver:
+at 2 ms one at 150 rad/s is off by 6.6e-3 in Euler parameters, and by 2.6e-4 as a rotation vector
+(docs/findings/exudyn_fast_rotor.py).
 """
 
 from collections.abc import Callable, Iterator
@@ -11,12 +12,12 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
+from scipy.interpolate import CubicSpline
 
 from robotball.engines import adapter
 from robotball.engines.states import State, lifting
 from robotball.motion import Label
-from robotball.rotations import Array, conjugate, multiply, rotation_matrix
+from robotball.rotations import Array, conjugate, from_matrix, multiply, rotation_matrix
 from robotball.scene import Scene
 
 _CONTACT_DEPTH = 1e-6  # of the radius: how deep Exudyn's own contact is pressed in by the weight
@@ -30,7 +31,8 @@ class _ExudynSettings(adapter.StepSettings):
     solver: of its dynamic solvers; tolerance: of Newton's, relative; modified: whether Newton's
     matrix is kept over steps; load_jacobian: whether it has our torque's derivatives; friction: of
     Exudyn's own contact, None for our constraint; slip_zone m/s: where friction is not yet full;
-    stiffness N/m: of the contact, None for one that the weight hardly presses in.
+    stiffness N/m: of the contact, None for one that the weight hardly presses in; node: a body's
+    coordinates, Euler parameters or a rotation vector that is stepped on the Lie group.
     """
 
     solver: Literal["TrapezoidalIndex2", "GeneralizedAlpha"] = "GeneralizedAlpha"
@@ -40,6 +42,7 @@ class _ExudynSettings(adapter.StepSettings):
     friction: float | None = None
     slip_zone: float = 2e-5
     stiffness: float | None = None
+    node: Literal["RigidBodyEP", "RigidBodyRotVecLG"] = "RigidBodyEP"
 
 
 class _ExudynWorld(adapter.World):
@@ -49,15 +52,20 @@ class _ExudynWorld(adapter.World):
         super().__init__(scene)
         import exudyn
         import exudyn.itemInterface
-        from exudyn.rigidBodyUtilities import EulerParameters2G
+        import exudyn.rigidBodyUtilities
 
-        self.settings, self.G, self.calls = settings, EulerParameters2G, [0, 0, 0]
+        self.settings, self.calls, self.turn = settings, [0, 0, 0], self.now.attitude
         self.exudyn, self.items = exudyn, exudyn.itemInterface
+        self.rotations = exudyn.rigidBodyUtilities
+        if settings.node == "RigidBodyRotVecLG":
+            R = rotation_matrix(self.turn)
+            self.turn = self.rotations.RotationMatrix2RotationVector(R)
         self.container = exudyn.SystemContainer()
         self.system = self.container.AddSystem()
         self.nodes: list[Any] = []
         self._fill()
-        of, kinds = {"nodeNumber": self.nodes[-1]}, ("Coordinates", "Coordinates_t")
+        of = {"nodeNumber": self.nodes[-1]}
+        kinds = ("Position", "Velocity", "AngularVelocity", "RotationMatrix")
         self.sensors = [self._sensor(self.items.SensorNode, of, kind) for kind in kinds]
         self.system.Assemble()
 
@@ -70,30 +78,36 @@ class _ExudynWorld(adapter.World):
         """Add bodies and constraint to the system. Of its nodes the last is read."""
         ball = self.scene.ball
         self.row_count, self.turned = 4 if self.scene.rolling == "rubber" else 3, slice(None)
-        turning = self.now.turning + self.now.rates[0] * self._axis(self.now.attitude)
+        turning = self.now.turning + self.now.rates[0] * self._axis(self.turn)
         self._torque_on(self._body(ball.mass, ball.inertia, turning))
-        self._constrain([self.system.AddNode(self.items.NodePointGround()), *self.nodes], [3, 7])
+        self._constrain([self.system.AddNode(self.items.NodePointGround()), *self.nodes])
 
-    def _axis(self, attitude: Array) -> Array:
-        """Return the shell's axis in world axes, for an attitude (4,)."""
-        return np.asarray(rotation_matrix(attitude) @ self.scene.ball.shell.axis)
+    def _axis(self, turn: Array) -> Array:
+        """Return the shell's axis in world axes, for a node's coordinates of rotation."""
+        R = rotation_matrix(turn) if len(turn) == 4 else self._to_turning(turn)
+        return np.asarray(R @ self.scene.ball.shell.axis)
+
+    def _to_turning(self, turn: Array) -> Array:
+        """Return what takes a node's velocities of rotation to ω in world axes."""
+        if len(turn) == 4:
+            return np.array(self.rotations.EulerParameters2G(turn))
+        # Beside a rotation vector they are ω in the body's axes.
+        return np.asarray(self.rotations.RotationVector2RotationMatrix(turn))
 
     def _body(self, mass: float, inertia: Array, turning: Array) -> Any:
         """Add a body at the ball's centre, in the ball's axes. Returns its marker."""
         system, items, now = self.system, self.items, self.now
-        spinning = np.array(self.G(now.attitude)).T @ turning / 4  # G G^T = 4 E
-        own = items.NodeRigidBodyEP(
-            referenceCoordinates=[0.0, 0.0, self.scene.ball.radius, *now.attitude],
-            # They count from the reference coordinates.
-            initialCoordinates=[0.0] * 7, initialVelocities=[*now.velocity, *spinning],
-        )  # fmt: skip
-        node = system.AddNode(own)
-        self.nodes.append(node)
-        (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia
-        body = system.AddObject(
-            items.ObjectRigidBody(mass=mass, inertia=[xx, yy, zz, yz, xz, xy], nodeNumber=node)
+        start = np.array([0.0, 0.0, self.scene.ball.radius, *self.turn])
+        rates = [*now.velocity, *np.linalg.pinv(self._to_turning(self.turn)) @ turning]
+        kind = getattr(items, f"Node{self.settings.node}")
+        # Initial coordinates count from the reference coordinates.
+        node = system.AddNode(
+            kind(referenceCoordinates=start, initialCoordinates=0 * start, initialVelocities=rates)
         )
-        marker = system.AddMarker(items.MarkerBodyRigid(bodyNumber=body))
+        self.nodes.append(node)
+        moments = inertia[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]  # xx, yy, zz, yz, xz, xy
+        body = items.ObjectRigidBody(mass=mass, inertia=moments, nodeNumber=node)
+        marker = system.AddMarker(items.MarkerBodyRigid(bodyNumber=system.AddObject(body)))
         weight = [0.0, 0.0, -mass * self.scene.gravity]
         system.AddLoad(items.LoadForceVector(markerNumber=marker, loadVector=weight))
         return marker
@@ -104,10 +118,11 @@ class _ExudynWorld(adapter.World):
             load(markerNumber=marker, bodyFixed=True, loadVectorUserFunction=self._torque)
         )
 
-    def _constrain(self, nodes: list[Any], sizes: list[int]) -> None:
-        """Add our constraint on the velocities of two nodes with so many coordinates."""
-        first, second = (np.zeros((self.row_count, size)) for size in sizes)
+    def _constrain(self, nodes: list[Any]) -> None:
+        """Add our constraint on the velocities of two nodes."""
         marker = self.items.MarkerNodeCoordinates
+        sizes = [len(self.system.GetNode(each)["referenceCoordinates"]) for each in nodes]
+        first, second = (np.zeros((self.row_count, size)) for size in sizes)
         ends = [self.system.AddMarker(marker(nodeNumber=each)) for each in nodes]
         rolling = self.items.ObjectConnectorCoordinateVector(
             markerNumbers=ends, scalingMarker0=first, scalingMarker1=second, velocityLevel=True,
@@ -117,7 +132,7 @@ class _ExudynWorld(adapter.World):
 
     # The functions that Exudyn calls.
 
-    def _torque(self, system: Any, t: float, load: Any) -> list[float]:
+    def _torque(self, system: Any, t: float, load: Any) -> Array:
         """Return -ω×k - dk/dt, for the k of what turns inside, in the frame's axes."""
         self.calls[0] += 1
         drives = self.scene.drives[self.turned]
@@ -126,35 +141,21 @@ class _ExudynWorld(adapter.World):
         pushed = inertia @ [drive.acceleration(t) for drive in drives]
         kind = self.exudyn.OutputVariableType.AngularVelocityLocal
         x, y, z = system.GetNodeOutput(self.nodes[0], kind)
-        return [
-            -(y * k[2] - z * k[1]) - pushed[0],
-            -(z * k[0] - x * k[2]) - pushed[1],
-            -(x * k[1] - y * k[0]) - pushed[2],
-        ]
+        return np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]) @ k - pushed
 
-    def _constraint(
-        self, system: Any, t: float, item: int, q: Array, q_t: Array, velocity: bool
-    ) -> Array:
+    def _constraint(self, system: Any, t: float, item: int, q: Array, q_t: Array, _: bool) -> Array:
         """Return the residual of v = a (ω - Ω)×e_z, and of (ω - Ω, e_z) = 0 in the rubber model."""
         self.calls[1] += 1
-        J = self._rows(q)
-        return J @ q_t[-J.shape[1] :] - self._carried(t, q)
+        return self._rows(q) @ q_t - self._carried(t, q)
 
-    def _jacobian(
-        self, system: Any, t: float, item: int, q: Array, q_t: Array, velocity: bool
-    ) -> Any:
+    def _jacobian(self, system: Any, t: float, item: int, q: Array, q_t: Array, _: bool) -> Any:
         self.calls[2] += 1
-        J = self._rows(q)
-        matrix = self.exudyn.MatrixContainer()
-        matrix.SetWithDenseMatrix(
-            np.hstack([np.zeros((len(J), len(q) - J.shape[1])), J]), useDenseMatrix=True
-        )
-        return matrix
+        return self.exudyn.MatrixContainer(self._rows(q))
 
     def _rows(self, q: Array) -> Array:
         # A marker's coordinates contain the reference already; with it added, the solver fails.
-        G, a = np.array(self.G(q[-4:])), self.scene.ball.radius
-        J = np.zeros((self.row_count, 7))
+        G, a = self._to_turning(q[3:]), self.scene.ball.radius
+        J = np.zeros((self.row_count, len(q)))
         # The third row keeps the centre at its height. Rates, not places: a ball touches with ever
         # another point, so there is none to hold.
         J[0, 0] = J[1, 1] = J[2, 2] = 1.0
@@ -165,7 +166,7 @@ class _ExudynWorld(adapter.World):
 
     def _carried(self, t: float, q: Array) -> Array:
         shell, drive = self.scene.ball.shell, self.scene.drives[0]
-        x, y, z = self._axis(q[-4:] / np.linalg.norm(q[-4:])) * drive.rate(t)
+        x, y, z = self._axis(q[3:]) * drive.rate(t)
         return np.array([-shell.radius * y, shell.radius * x, 0.0, z])[: self.row_count]
 
     def march(self, times: Array, timestep: float) -> Iterator[Callable[[], State]]:
@@ -193,33 +194,32 @@ class _ExudynWorld(adapter.World):
 
     def _states(self, times: Array) -> Iterator[State]:
         """Yield the states at times (n,) after the first, from what the sensors have stored."""
-        (at, *q), (_, *q_t) = (self.system.GetSensorStoredData(each).T for each in self.sensors)
-        # Cubic through states and rates: its error is of order 4, and the solver's of order 2.
-        path = CubicHermiteSpline(at, np.transpose(q), np.transpose(q_t))
-        start = np.array([0.0, 0.0, self.scene.ball.radius, *self.now.attitude])
+        read = [self.system.GetSensorStoredData(each) for each in self.sensors]
+        # Cubic through the steps: its error is of order 4, and the solver's of order 2.
+        path = CubicSpline(read[0][:, 0], np.hstack([each[:, 1:] for each in read]))
         for t in times[1:].tolist():
-            yield self._state(t, start + path(t), path(t, 1))
+            centre, velocity, turning, R = np.split(path(t), [3, 6, 9])
+            yield self._state(t, centre, velocity, turning, from_matrix(R.reshape(3, 3)))
 
-    def _state(self, t: float, q: Array, q_t: Array) -> State:
-        """Return the state at t [s] from the coordinates of the frame's node and their rates."""
+    def _state(
+        self, t: float, centre: Array, velocity: Array, turning: Array, turn: Array
+    ) -> State:
+        """Return the state at t [s] from that of the node that is read, the frame's."""
         axis, (angles, rates) = self.scene.ball.shell.axis, self.hinges_at(t)
-        frame = q[3:] / np.linalg.norm(q[3:])
         half = np.array([np.cos(angles[0] / 2), *np.sin(angles[0] / 2) * axis])
-        turning = np.array(self.G(q[3:])) @ q_t[3:] - rates[0] * (rotation_matrix(frame) @ axis)
-        return State(q[:3], q_t[:3], multiply(frame, conjugate(half)), turning, angles, rates)
+        turning = turning - rates[0] * self._axis(turn)
+        return State(centre, velocity, multiply(turn, conjugate(half)), turning, angles, rates)
 
     def python_seconds(self) -> float:
         """Return that of our three functions, by the number of their calls."""
-        q = np.array([*np.zeros(3), *self.now.attitude] * len(self.nodes))
-        q_t = np.ones(7 * len(self.nodes))
-        torques, constraints, jacobians = self.calls
-        return (
-            adapter.seconds_per_call(lambda: self._torque(self.system, 0.0, None)) * torques
-            + adapter.seconds_per_call(lambda: self._constraint(None, 0.0, 0, q, q_t, True))
-            * constraints
-            + adapter.seconds_per_call(lambda: self._jacobian(None, 0.0, 0, q, q_t, True))
-            * jacobians
+        q = np.array([*np.zeros(3), *self.turn] * len(self.nodes))
+        given = (None, 0.0, 0, q, np.ones(len(q)), True)
+        timed = (
+            lambda: self._torque(self.system, 0.0, None),
+            lambda: self._constraint(*given),
+            lambda: self._jacobian(*given),
         )
+        return sum(adapter.seconds_per_call(f) * n for f, n in zip(timed, self.calls, strict=True))
 
 
 class _ContactWorld(_ExudynWorld):
@@ -233,11 +233,11 @@ class _ContactWorld(_ExudynWorld):
         system, items, settings = self.system, self.items, self.settings
         scene, ball, now = self.scene, self.scene.ball, self.now
         self.row_count, self.turned = 7 if scene.rolling == "rubber" else 6, slice(1, None)
-        shell, turning = ball.shell, now.turning + now.rates[0] * self._axis(now.attitude)
+        shell, turning = ball.shell, now.turning + now.rates[0] * self._axis(self.turn)
         # The two are in the frame's and the shell's axes, which agree at the start.
         self._torque_on(self._body(ball.mass - shell.mass, ball.inertia - shell.inertia, turning))
         sphere = self._body(shell.mass, shell.inertia, now.turning)
-        self._constrain(self.nodes, [7, 7])
+        self._constrain(self.nodes)
         ground = items.MarkerBodyRigid(bodyNumber=system.AddObject(items.ObjectGround()))
         state = items.NodeGenericData(initialCoordinates=[0.0] * 4, numberOfDataCoordinates=4)
         weight, far = ball.mass * scene.gravity, _PLANE * ball.radius
@@ -254,24 +254,27 @@ class _ContactWorld(_ExudynWorld):
         self.t, self.friction = 0.0, settings.friction or self.friction
 
     def _rows(self, q: Array) -> Array:
-        rest, shell = np.array(self.G(q[3:7])), np.array(self.G(q[10:]))
-        J = np.zeros((7, 14))
-        J[:3, :3], J[:3, 7:10] = -np.eye(3), np.eye(3)
-        J[3:6, 3:7], J[3:6, 10:] = -rest, shell
-        J[6, 10:] = shell[2]
+        m = len(q) // 2
+        rest, shell = self._to_turning(q[3:m]), self._to_turning(q[m + 3 :])
+        J = np.zeros((7, 2 * m))
+        J[:3, :3], J[:3, m : m + 3] = -np.eye(3), np.eye(3)
+        J[3:6, 3:m], J[3:6, m + 3 :] = -rest, shell
+        J[6, m + 3 :] = shell[2]
         return J[: self.row_count]
 
     def _carried(self, t: float, q: Array) -> Array:
-        turned = self._axis(q[3:7] / np.linalg.norm(q[3:7])) * self.scene.drives[0].rate(t)
+        turned = self._axis(q[3 : len(q) // 2]) * self.scene.drives[0].rate(t)
         return np.array([0.0, 0.0, 0.0, *-turned, 0.0])[: self.row_count]
 
     def force(self) -> Array:
         at, *parts = self.system.GetSensorStoredData(self.felt).T
         return lifting([np.array([np.interp(self.t, at, part) for part in parts])])
 
-    def _state(self, t: float, q: Array, q_t: Array) -> State:
-        self.t, turning = t, np.array(self.G(q[3:])) @ q_t[3:]
-        return State(q[:3], q_t[:3], q[3:] / np.linalg.norm(q[3:]), turning, *self.hinges_at(t))
+    def _state(
+        self, t: float, centre: Array, velocity: Array, turning: Array, turn: Array
+    ) -> State:
+        self.t = t
+        return State(centre, velocity, turn, turning, *self.hinges_at(t))
 
 
 # The contact of its own example. This and the others have our constraint: of the hinge, or all.

@@ -13,6 +13,8 @@ PACKAGES = {
     "mujoco": "mujoco", "warp": "mujoco_warp", "pybullet": "pybullet", "drake": "pydrake",
     "exudyn": "exudyn", "pinocchio": "pinocchio", "dart": "dartpy", "physx": "sapien",
     "newton": "newton", "mjx": "jax",
+    # Modules of MuJoCo's extra `sysid`, without which its toolbox is empty.
+    "mujoco_sysid_contact": "tabulate", "mujoco_sysid_late": "tabulate",
 }  # fmt: skip
 FIRST_ORDER = "with a rotor: 0.04499 0.04501"  # 0.0450016 in four engines
 # Of every line that a script prints: its label, and bounds close to what was measured.
@@ -51,6 +53,22 @@ EXPECTED = {
     "mujoco_reset":
         "enable, time: 0.9 0.945; enable, finite: 1 1; "
         "disable, time: 0.949 0.951; disable, finite: 0 0",
+    "mujoco_sysid_contact":
+        "as it comes, mass: -5.75 -5.65; as it comes, depth: 12.7 12.95; "
+        "as it comes, kv: -0.02 0.08; as it comes, chi2/n: 14.1 14.25; "
+        "elliptic, impratio 100, mass: 0.18 0.19; elliptic, impratio 100, depth: -0.36 -0.34; "
+        "elliptic, impratio 100, kv: -0.19 -0.16; elliptic, impratio 100, chi2/n: 1.15 1.16; "
+        "rolling, Euler, mass: 0.045 0.055; rolling, Euler, depth: -0.055 -0.04; "
+        "rolling, Euler, kv: -1.14 -1.12; rolling, Euler, chi2/n: 1.002 1.004; "
+        "rolling, RK4, mass: 0.021 0.024; rolling, RK4, depth: -0.001 0.003; "
+        "rolling, RK4, kv: -0.053 -0.046; rolling, RK4, chi2/n: 0.9995 1.0002; "
+        "rolling, RK4, times as they come, mass: -0.047 -0.043; "
+        "rolling, RK4, times as they come, depth: 0.175 0.185; "
+        "rolling, RK4, times as they come, kv: 1.06 1.08; "
+        "rolling, RK4, times as they come, chi2/n: 0.998 0.9985; "
+        "standard deviation, mass: 0.0136 0.0138; standard deviation, depth: 0.0319 0.0325; "
+        "standard deviation, kv: 0.0498 0.0508",
+    "mujoco_sysid_late": "sensor: 0.999999 1.000001; state: -1e-9 1e-9",
     "pybullet_rate_limit": "default: 99.9 100.1; raised: 149.9 150.1",
     "pybullet_change_dynamics":
         "with a damping, base: 0.3 0.3; with a damping, link: 0.2 0.2; "
@@ -103,7 +121,7 @@ EXPECTED = {
 
 def printed_by(script: Path, folder: Path) -> dict[str, str]:
     """What a script prints, by its labels; skips without its engine. It is run in a folder."""
-    package = PACKAGES[script.stem.partition("_")[0]]
+    package = PACKAGES.get(script.stem) or PACKAGES[script.stem.partition("_")[0]]
     if find_spec(package) is None:
         pytest.skip(f"needs {package}")
     command = [sys.executable, str(script)]

@@ -5,11 +5,16 @@ cost it two.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 
+from robotball import equations as eq
+from robotball.controllers import Sensed, loop_of
+from robotball.drives import holds
 from robotball.engines.mujoco.model import Model, controls_at
+from robotball.equations import as_vector
 from robotball.rotations import Array
 
 FREE_QPOS, FREE_QVEL = 7, 6  # coordinates and velocities of the free joint; hinges follow
@@ -28,6 +33,25 @@ def state_of(data: mujoco.MjData) -> Array:
     return state
 
 
+def sensed(model: Model, data: mujoco.MjData) -> Sensed:
+    """Return what a robot's sensors read in a state, without its forces, which take longest."""
+    compiled, columns, count = model.compiled, model.sensor_columns, len(model.scene.hinges)
+    mujoco.mj_kinematics(compiled, data)
+    mujoco.mj_comPos(compiled, data)
+    mujoco.mj_sensorPos(compiled, data)
+    mujoco.mj_comVel(compiled, data)
+    mujoco.mj_sensorVel(compiled, data)
+    read = data.sensordata.copy()
+    attitude, angles, rates = read[columns["attitude"]], np.zeros(count), np.zeros(count)
+    for hinge in model.hinges:
+        angles[hinge.index] = read[columns[f"{hinge.body}_angle"]][0]
+        rates[hinge.index] = read[columns[f"{hinge.body}_rate"]][0]
+    # By numbers: an array's rotation matrix takes longer than all of the sensors.
+    axes = eq.space_axes(tuple(attitude.tolist()))
+    turning = eq.seen_from_frame(as_vector(read[columns["angular_velocity"]]), axes)
+    return Sensed(np.array(turning), attitude, angles, rates, read[columns["centre"]][:2])
+
+
 Steps = Callable[[mujoco.MjData, float], Iterator[float]]
 """Takes one step of a length [s], in parts where it has to. Yields the length of each part."""
 
@@ -39,23 +63,41 @@ _INSIDE = 1e-9
 class Control:
     """The control of a run: what is set at every evaluation of the forces, and how steps are taken.
 
-    span: the smooth span of time that the run is in [s], as its steps set it; forces: functions
+    span: the smooth span of time that the run is in [s], as `begin` sets it; loop: of the scene's
+    controller, whose commands so far are in the model's scene; forces: functions
     that set controls or forces in MjData; steps: of a run whose steps are not simply MuJoCo's, else
     None; stops: stops a ball that is at rest, and returns whether it did, where a run can stop.
     """
 
     def __init__(self, model: Model) -> None:
-        self.model = model
-        self.span: Sequence[float] = (0.0, 0.0)
         # Constant controls are in the keyframe; a call of Python at each evaluation costs 8 µs.
-        self.forces = [] if model.scene.steady else [self.set]
+        self.forces = [] if replace(model.scene, controller=None).steady else [self.set]
+        self.loop = loop_of(model.scene)
+        self.model = model.of(self.loop.scene) if self.loop else model
+        self.span: Sequence[float] = (0.0, 0.0)
         self.steps: Steps | None = None
         self.stops: Callable[[mujoco.MjData], bool] | None = None
 
     @property
     def is_plain(self) -> bool:
         """True if a run is nothing but MuJoCo's steps."""
-        return not self.forces and self.steps is None
+        return not self.forces and self.steps is None and self.loop is None
+
+    def begin(self, data: mujoco.MjData, span: Sequence[float]) -> None:
+        """Begin a smooth span of time [s] from the state of `data`, with the controls of its begin.
+
+        A span that is repeated has the commands of the first time.
+        """
+        self.span = span
+        if self.loop is not None:
+            self.loop.reach(span[0], lambda: sensed(self.model, data))
+            scene = self.model.scene
+            data.ctrl[:] = controls_at(scene, self.model.hinges, span[0])
+            commands = (*scene.drives, *scene.controls)
+            if self.set in self.forces and all(map(holds, commands)):  # from here on for good
+                self.forces.remove(self.set)
+                if not self.forces:
+                    mujoco.set_mjcb_control(None)
 
     def inside(self, t: float) -> float:
         """Return the time [s] of the span that is nearest to t."""

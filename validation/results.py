@@ -221,6 +221,7 @@ def record(agreement: Agreement) -> Record:
         "verdict": agreement.verdict,
         # What the motion makes of small errors; None unless that explains something.
         "sensitivity": None if sensitivity is None else _json_settings(sensitivity),
+        "loop_growth": agreement.loop_growth,
         "seed": None,  # nothing in a comparison is random
         "versions": versions() | {agreement.motion.engine.name: agreement.motion.engine.version},
     }
@@ -279,6 +280,9 @@ def show(records: Sequence[Record], console: Console) -> None:
         table.add_row(*names, *_row_numbers(each), _word(each), style=style)
         if each["verdict"] != "agrees":
             below.append((f"{each['scene']}, {each['preset']}: {each['verdict']}", style))
+        if each["loop_growth"] is not None:
+            grown = f"path errors of {each['loop_growth']:.3g} for a small turn of the start by 1"
+            below.append((f"{each['scene']}: the closed loop makes {grown}", "dim"))
     print_whole(table, console)
     console.print(SYMBOLS, style="dim", highlight=False)
     asked = {each["preset"]: f"{each['tolerance']:g} ({each['preset']})" for each in records}

@@ -13,7 +13,6 @@ Users' functions are followed in `function_drives`, which is loaded for scenes t
 """
 
 import itertools
-from bisect import bisect_right
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -87,53 +86,6 @@ class Constant:
 
     def angle(self, t: _Time) -> Any:
         return self.value * t
-
-
-class Held:
-    """Commands that a run holds, each from a time on until the next; before them, a drive.
-
-    It grows as a controller gives commands. Only a motor takes it, for a rate would jump.
-    """
-
-    def __init__(self, before: "Drive") -> None:
-        self.times: list[float] = []
-        self.drives = [before]
-        self.breakpoints = before.breakpoints
-
-    def hold(self, t: float, value: float) -> None:
-        """Hold a value from t [s] on, which is not before the last of the times."""
-        self.times.append(t)
-        self.drives.append(Constant(value))
-
-    def rate(self, t: _Time) -> Any:
-        # Engines ask for one time after another, and often.
-        return self._at(t).rate(t) if isinstance(t, float) else each_of(self.rate, t)
-
-    def acceleration(self, t: _Time) -> Any:
-        return each_of(lambda s: self._at(s).acceleration(s), t)
-
-    def angle(self, t: _Time) -> Any:
-        return each_of(self._angle, t)
-
-    def _at(self, t: float) -> "Drive":
-        return self.drives[bisect_right(self.times, t)]
-
-    def _angle(self, t: float) -> float:
-        edges = itertools.pairwise([0.0, *self.times[: bisect_right(self.times, t)], t])
-        pieces = zip(self.drives, edges, strict=False)
-        return float(sum(drive.angle(end) - drive.angle(begin) for drive, (begin, end) in pieces))
-
-
-def holds(drive: "Drive") -> bool:
-    """Return whether a drive keeps its value, in a run with a controller until the next call."""
-    return isinstance(drive.drives[-1] if isinstance(drive, Held) else drive, Constant)
-
-
-def each_of(function: Callable[[float], float], t: _Time) -> Any:
-    """Return a function's values at times, which it takes one after another."""
-    if np.ndim(t) == 0:
-        return function(float(t))
-    return np.array([function(float(s)) for s in t])
 
 
 COMMAND = "of the command"
@@ -483,7 +435,7 @@ def as_drive(rate: Rate, end: float) -> Drive:
         steady = [each.value for each in drives if isinstance(each, Constant)]
         # Numbers add up to a number, so that the scene stays steady and may take compiled steps.
         drive = Constant(sum(steady)) if len(steady) == len(drives) else Total(drives)
-    elif isinstance(rate, Constant | Held | Ramp | Sine | Total):
+    elif isinstance(rate, Constant | Ramp | Sine | Total):
         drive = rate
     elif isinstance(rate, Custom | Drive) or callable(rate):
         from robotball.function_drives import Followed

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from robotball.drives import each_of
 from robotball.errors import END_ROUNDING, LARGEST, InputError, warn
 from robotball.rotations import Array, uneven
 
@@ -54,13 +53,13 @@ class Followed:
         return tuple(sorted({*self.named, *parts} - {self.end}))
 
     def rate(self, t: Any) -> Any:
-        return each_of(self._rate, t)
+        return _each(self._rate, t)
 
     def acceleration(self, t: Any) -> Any:
-        return each_of(self._acceleration, t)
+        return _each(self._acceleration, t)
 
     def angle(self, t: Any) -> Any:
-        return each_of(self._angle, t)
+        return _each(self._angle, t)
 
     @cached_property
     def polynomials(self) -> "_Polynomials":
@@ -123,6 +122,13 @@ class Followed:
         if not t <= self.end * (1 + END_ROUNDING):
             raise InputError(f"t = {t:g} s is beyond the end of the run, {self.end:g} s")
         return min(t, self.end)
+
+
+def _each(function: _Function, t: Any) -> Any:
+    # A user's function is asked for one time after another: it need not take arrays.
+    if np.ndim(t) == 0:
+        return function(float(t))
+    return np.array([function(float(s)) for s in t])
 
 
 def _check_own(name: str, given: _Function, own: _Function, at: Any, unit: str) -> None:

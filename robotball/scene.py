@@ -369,10 +369,10 @@ class Scene(Value):
         object.__setattr__(self, "start", Start(attitude, momentum))
         for actuator in self.actuators:
             self._check_actuator(actuator)
-        if self.controller is not None:
-            from robotball.controllers import commanded  # few scenes have one
+        if self.controller is not None and not self.actuators:
+            from robotball.motors import Free  # few scenes have a controller
 
-            if not commanded(self):
+            if all(isinstance(hinge.motor, Free | None) for hinge in self.hinges):
                 raise InputError(
                     f"{self.name} has no motor that a controller could command: give a hinge one, "
                     "as Servo"

@@ -44,12 +44,12 @@ Controls = UseAppendAction[
     ]
 ]
 
-_CONTROLLER_HELP = (
+_LOOP_HELP = (
     "A controller (rb.Controller) of a Python file, which is run: it commands the scene's motors "
     "by what the robot's sensors read, in place of the scene's own commands."
 )
 ControllerName = DisallowNone[
-    Annotated[str | None, arg(metavar="FILE.py:NAME", help=_CONTROLLER_HELP, help_behavior_hint="")]
+    Annotated[str | None, arg(metavar="FILE.py:NAME", help=_LOOP_HELP, help_behavior_hint="")]
 ]
 
 _THREADS_HELP = (

@@ -5,17 +5,17 @@ cost it two.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 
 from robotball import equations as eq
-from robotball.controllers import Sensed, loop_of
-from robotball.drives import holds
 from robotball.engines.mujoco.model import Model, controls_at
-from robotball.equations import as_vector
 from robotball.rotations import Array
+
+if TYPE_CHECKING:
+    from robotball.engines.loop import Loop, Sensed
 
 FREE_QPOS, FREE_QVEL = 7, 6  # coordinates and velocities of the free joint; hinges follow
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -33,23 +33,26 @@ def state_of(data: mujoco.MjData) -> Array:
     return state
 
 
-def sensed(model: Model, data: mujoco.MjData) -> Sensed:
+def sensed(model: Model, data: mujoco.MjData) -> "Sensed":
     """Return what a robot's sensors read in a state, without its forces, which take longest."""
-    compiled, columns, count = model.compiled, model.sensor_columns, len(model.scene.hinges)
+    from robotball.engines.loop import Sensed
+
+    compiled, columns = model.compiled, model.sensor_columns
     mujoco.mj_kinematics(compiled, data)
     mujoco.mj_comPos(compiled, data)
     mujoco.mj_sensorPos(compiled, data)
     mujoco.mj_comVel(compiled, data)
     mujoco.mj_sensorVel(compiled, data)
-    read = data.sensordata.copy()
-    attitude, angles, rates = read[columns["attitude"]], np.zeros(count), np.zeros(count)
+    # By numbers: to have one of an array, or its rotation matrix, takes as long as all sensors.
+    read = data.sensordata.tolist()
+    angles, rates = [0.0] * len(model.scene.hinges), [0.0] * len(model.scene.hinges)
     for hinge in model.hinges:
-        angles[hinge.index] = read[columns[f"{hinge.body}_angle"]][0]
-        rates[hinge.index] = read[columns[f"{hinge.body}_rate"]][0]
-    # By numbers: an array's rotation matrix takes longer than all of the sensors.
-    axes = eq.space_axes(tuple(attitude.tolist()))
-    turning = eq.seen_from_frame(as_vector(read[columns["angular_velocity"]]), axes)
-    return Sensed(np.array(turning), attitude, angles, rates, read[columns["centre"]][:2])
+        (angles[hinge.index],) = read[columns[f"{hinge.body}_angle"]]
+        (rates[hinge.index],) = read[columns[f"{hinge.body}_rate"]]
+    attitude, turning = read[columns["attitude"]], read[columns["angular_velocity"]]
+    gyro = eq.seen_from_frame(tuple(turning), eq.unit_space_axes(tuple(attitude)))
+    point = np.array(read[columns["centre"]][:2])
+    return Sensed(np.array(gyro), np.array(attitude), angles, rates, point)
 
 
 Steps = Callable[[mujoco.MjData, float], Iterator[float]]
@@ -70,10 +73,15 @@ class Control:
     """
 
     def __init__(self, model: Model) -> None:
+        self.model, steady = model, model.scene.steady
+        self.loop: Loop | None = None
+        if model.scene.controller is not None:
+            from robotball.engines import loop  # which few scenes need
+
+            self.loop = loop.Loop(model.scene, model.scene.controller)
+            self.model, steady = model.of(self.loop.scene), self.loop.holds
         # Constant controls are in the keyframe; a call of Python at each evaluation costs 8 µs.
-        self.forces = [] if replace(model.scene, controller=None).steady else [self.set]
-        self.loop = loop_of(model.scene)
-        self.model = model.of(self.loop.scene) if self.loop else model
+        self.forces = [] if steady else [self.set]
         self.span: Sequence[float] = (0.0, 0.0)
         self.steps: Steps | None = None
         self.stops: Callable[[mujoco.MjData], bool] | None = None
@@ -93,9 +101,8 @@ class Control:
             self.loop.reach(span[0], lambda: sensed(self.model, data))
             scene = self.model.scene
             data.ctrl[:] = controls_at(scene, self.model.hinges, span[0])
-            commands = (*scene.drives, *scene.controls)
-            if self.set in self.forces and all(map(holds, commands)):  # from here on for good
-                self.forces.remove(self.set)
+            if self.set in self.forces and self.loop.holds:
+                self.forces.remove(self.set)  # from here on for good
                 if not self.forces:
                     mujoco.set_mjcb_control(None)
 

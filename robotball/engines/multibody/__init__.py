@@ -19,11 +19,11 @@ from importlib.metadata import version
 import numpy as np
 from scipy.optimize import brentq
 
-from robotball.controllers import Loop, Sensed, loop_of
 from robotball.drives import turns
 from robotball.engine import Engine, Request, as_own
 from robotball.engines import Progress
 from robotball.engines.dop853 import LEAST_RTOL, Compensated, take_step
+from robotball.engines.loop import Loop, Sensed
 from robotball.engines.multibody.system import (
     HINGES,
     LOSS,
@@ -83,7 +83,7 @@ def integrate(
 
     def march(allowed: float) -> March:
         # A system and a loop of its own each time, as they change on the way.
-        loop = loop_of(ours)
+        loop = None if ours.controller is None else Loop(ours, ours.controller)
         system = System(loop.scene if loop else ours)
         return March(system, allowed, float(times[-1]), limit, progress, loop)
 
@@ -296,6 +296,8 @@ def _with_momentum(system: System, state: Array, readings: Readings) -> Array:
     return state
 
 
+# Of the step that scipy proposes, which is 0.9 of the one that the error allows.
+_LEEWAY = 1.08
 _LOOKS = 4  # within a step, for an event that comes and goes between its ends
 # Of the weight: a ball that is pressed so hard at both ends of a step is taken to stay down between
 # them, which saves most motions the looks.
@@ -353,9 +355,9 @@ class March:
 
         def sense() -> Sensed:
             readings, count = self.system.readings(t, state), self.system.count
-            attitude, angles = state[:4] / np.linalg.norm(state[:4]), state[HINGES:][:count].copy()
-            point = state[POINT:MOMENTUM].copy()
-            return Sensed(readings.omega, attitude, angles, readings.rates, point)
+            attitude, point = state[:4] / np.linalg.norm(state[:4]), state[POINT:MOMENTUM].copy()
+            angles, rates = state[HINGES : HINGES + count].tolist(), readings.rates.tolist()
+            return Sensed(readings.omega, attitude, angles, rates, point)
 
         self.loop.reach(t, sense)
 
@@ -422,7 +424,7 @@ class March:
         if self.loop is not None and self.natural is not None:
             # As many equal steps as the piece before would have taken: to find the first step's
             # length anew, after each of many commands, would take as long as the motion.
-            first = (end - begin) / np.ceil((end - begin) / self.natural)
+            first = (end - begin) / np.ceil((end - begin) / (_LEEWAY * self.natural))
         system = self.system
         return Compensated(
             system.rate, (begin, end), state, self.rtol, system.scale, first_step=first

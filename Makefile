@@ -70,13 +70,19 @@ gallery: setup gl
 # The wheel, as a user installs it: by pip with its dependencies, on every Python of this machine that
 # has venv, run in an empty folder and with an empty home. It must have every file that the program
 # needs, and take no name that is anybody's. Without venv nothing is tested, which is an error.
+# The newest Python alone:  make wheel ONE=1
 WHEEL := $(CURDIR)/out/wheel
+# Pyenv and uv keep most of their Pythons beside the PATH, whose `python3.13` of pyenv may start none.
+PYENV_ROOT ?= $(HOME)/.pyenv
+KEPT = $(wildcard $(PYENV_ROOT)/versions/3.*/bin $(shell $(UV) python dir)/cpython-3.*/bin)
 
 wheel: setup
 	rm -rf $(WHEEL) && mkdir -p $(WHEEL)
 	$(BIN)/python -m hatchling build -t wheel -d $(WHEEL)
-	@for each in 3.11 3.12 3.13 3.14; do ! python$$each -c 'import ensurepip' 2>/dev/null \
-	  || $(MAKE) --no-print-directory wheel-on-$$each || exit 1; done
+	@PATH="$$(printf %s: $(KEPT))$$PATH"; for each in 3.14 3.13 3.12 3.11; do \
+	  python$$each -c 'import ensurepip' 2>/dev/null || continue; \
+	  $(MAKE) --no-print-directory wheel-on-$$each || exit 1; \
+	  test -z "$(ONE)" || break; done
 	@ls $(WHEEL)/3.* >/dev/null
 
 wheel-on-%: ENV = $(WHEEL)/$*/env

@@ -6,10 +6,12 @@ And MuJoCo's own warnings, which several rooms keep from being printed.
 import difflib
 import math
 import sys
+import threading
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from numbers import Real
+from typing import Any
 
 # In SI units, far beyond any ball, and small enough that products of a few do not overflow.
 LARGEST = 1e50
@@ -18,6 +20,8 @@ END_ROUNDING = 1e-9  # relative: a time so little beyond the end of a run is tak
 _LONGEST_WORD, LONGEST_LINE = 200, 500  # characters of a message
 _FEW = 12  # names that a message lists, so that it stays a line
 _PACKAGES = ("robotball", "validation")
+_WARNED_BY: list[Any] = []  # MuJoCo's function for warnings before each block that is silent
+_SILENCING = threading.Lock()
 
 
 class InputError(ValueError):
@@ -157,13 +161,16 @@ def mujoco_silent() -> Iterator[None]:
     """Keep MuJoCo from printing its warnings in the block.
 
     It would write them to the terminal and to a file in the current folder. Its own counters, which
-    the monitor reads, have them all the same.
+    the monitor reads, have them all the same. Blocks of several threads may overlap.
     """
     import mujoco  # which the equations do without
 
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda _: None)
+    with _SILENCING:
+        _WARNED_BY.append(mujoco.get_mju_user_warning())
+        mujoco.set_mju_user_warning(lambda _: None)
     try:
         yield
     finally:
-        mujoco.set_mju_user_warning(before)
+        # The last block to end, whichever it is, finds what the first one found.
+        with _SILENCING:
+            mujoco.set_mju_user_warning(_WARNED_BY.pop())

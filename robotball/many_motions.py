@@ -162,15 +162,18 @@ def _each(
     assert request.settings is not None  # as no accuracy is requested
     end = float(times[-1])
     whole: Sequence[Scene]
+    uncut = None
     if isinstance(scenes, FromStarts):
         whole = FromStarts(scenes.scene.until(end), scenes.starts)
+        uncut = scenes.scene.ball if whole.scene is scenes.scene else None
     else:
         whole = [each.until(end) for each in scenes]
     motions = request.engine.run_many(whole, times, request.settings) if whole else ()
-    for done, (scene, motion) in enumerate(zip(scenes, motions, strict=True), start=1):
-        yield as_of(scene, motion)
+    for i, motion in zip(range(len(scenes)), motions, strict=True):
+        # The scene of an uncut run is not made anew. Another process has copied the ball with it.
+        yield as_of(motion.scene if motion.scene.ball is uncut else scenes[i], motion)
         if progress is not None:
-            progress(done / len(scenes))
+            progress((i + 1) / len(scenes))
 
 
 def differ_in_start(scenes: Sequence[Scene]) -> bool:

@@ -295,37 +295,48 @@ def _acceleration(rate: Vector, turning: Vector, r: Vector) -> Vector:
     return add(cross(rate, r), cross(turning, cross(turning, r)))
 
 
+def eliminate(matrix: _Numbers, given: _Numbers) -> None:
+    """Put 𝓜 (k, k, ...), without the rows and columns of given rates (k,), into triangular form.
+
+    Gaussian elimination, whose factors take the place of what is eliminated. 𝓜 is positive
+    definite, so that no rows need to be exchanged.
+    """
+    k = len(matrix)
+    for i in range(k):
+        for j in range(i + 1, k):
+            # Rows and columns of given rates are passed over; to cut them out would take new arrays
+            # at every evaluation of compiled code.
+            if not (given[i] or given[j]):
+                matrix[j, i] /= matrix[i, i]
+                for l in range(i + 1, k):
+                    matrix[j, l] -= matrix[j, i] * matrix[i, l]
+
+
 def _solve(matrix: _Numbers, given: _Numbers, right: _Numbers, u: _Numbers) -> None:
     """Solve 𝓜u = right for u (k, c, ...) in the rows that are not given (k,); the others stay.
 
-    Gaussian elimination. 𝓜 is positive definite, so that no rows need to be exchanged.
+    matrix: 𝓜 as `eliminate` leaves it, where the rows of given rates are as they were.
     """
     k, columns = right.shape[0], right.shape[1]
-    left = np.copy(matrix)
     for i in range(k):
         if not given[i]:
             for c in range(columns):
                 u[i, c] = right[i, c]
                 for j in range(k):
                     if given[j]:
-                        u[i, c] -= matrix[i, j] * u[j, c]
+                        u[i, c] -= matrix[j, i] * u[j, c]
     for i in range(k):
         for j in range(i + 1, k):
-            # Rows and columns of given rates are passed over; to cut them out would take new arrays
-            # at every evaluation of compiled code.
             if not (given[i] or given[j]):
-                factor = left[j, i] / left[i, i]
-                for l in range(i + 1, k):
-                    left[j, l] -= factor * left[i, l]
                 for c in range(columns):
-                    u[j, c] -= factor * u[i, c]
+                    u[j, c] -= matrix[j, i] * u[i, c]
     for i in range(k - 1, -1, -1):
         if not given[i]:
             for c in range(columns):
                 for j in range(i + 1, k):
                     if not given[j]:
-                        u[i, c] -= left[i, j] * u[j, c]
-                u[i, c] = u[i, c] / left[i, i]
+                        u[i, c] -= matrix[i, j] * u[j, c]
+                u[i, c] = u[i, c] / matrix[i, i]
 
 
 def solve_rolling(
@@ -355,7 +366,9 @@ def solve_rolling(
             off[c, 0] -= directions[c, i] * answers[i, 0]
             for other in range(count):
                 small[c, other] += directions[c, i] * answers[i, 1 + other]
-    _solve(small, np.zeros(count, dtype=np.bool_), off, torques)
+    free = np.zeros(count, dtype=np.bool_)
+    eliminate(small, free)
+    _solve(small, free, off, torques)
     for i in range(k):
         u[i] = answers[i, 0]
         for c in range(count):
@@ -428,6 +441,7 @@ class Robot:
         columns = self.columns(placed, gamma)
         matrix, right = np.empty((k, k, len(gamma))), np.zeros((k, len(gamma)))
         mass_matrix(self.bodies, placed, columns, matrix)
+        eliminate(matrix, given)
         # M is γ×L in the rubber model, so L is M×γ but for its part along γ, which `solve_rolling`
         # finds from the shell's not turning about γ.
         right[:3] = (np.cross(M, gamma) if rolling == "rubber" else M).T

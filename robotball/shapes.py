@@ -65,10 +65,15 @@ class Shape:
 
     def encloses(self, points: Array) -> bool:
         """Return whether points (n, 3) are all in the box around the shape, along its own axes."""
-        own = (points - self.pos) @ rotation_matrix(self.turn)
+        low, high, turned = self._box
+        own = (points - self.pos) @ turned
+        return len(points) > 0 and bool(((own >= low) & (own <= high)).all())
+
+    @cached_property
+    def _box(self) -> tuple[Array, Array, Array]:
+        """The ends (3,) of the box around the shape along its own axes, and their rotation."""
         corners = self._own.reshape(-1, 3)
-        inside = (own >= corners.min(axis=0)) & (own <= corners.max(axis=0))
-        return len(points) > 0 and bool(inside.all())
+        return corners.min(axis=0), corners.max(axis=0), rotation_matrix(self.turn)
 
     @cached_property
     def _own(self) -> Array:

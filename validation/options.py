@@ -76,6 +76,8 @@ class Sweep:
     """A coarse form of the study, under a minute."""
     out: Path = OUT
     """Folder for everything; started again after a break, the study goes on with what is there."""
+    json: File = None
+    """Also write what was found."""
 
     def results(
         self, work: Work, cells: Sequence[Cell], journal: str, limit: float
@@ -87,6 +89,7 @@ class Sweep:
         from validation.output import progress_bar
         from validation.sweeps import sweep
 
+        check_files(self.json)
         place: Any = {"workers": self.workers, "cluster": self.cluster}
         with progress_bar(len(cells)) as show:
             return sweep(
@@ -98,6 +101,7 @@ class Sweep:
 
         words: what the command's own options add to the files' names.
         """
+        from validation.output import write_record
         from validation.results import changed
         from validation.study import present
 
@@ -105,6 +109,8 @@ class Sweep:
         stem = study.stem(*words, *changed(self, "quick"))
         picture, json, csv = (self.out / f"{stem}.{end}" for end in ("png", "json", "csv"))
         print(*present(study, picture, json, csv), sep="\n")
+        if study.record is not None:
+            write_record(self.json, study.record)
         return AGREES
 
 

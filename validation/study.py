@@ -23,7 +23,7 @@ from robotball import Motion, Scene, integrate, load_scene, sample_times, scene_
 from robotball.engines.reduced import compiled_states, motion_of
 from robotball.motion import Label
 from robotball.rotations import Array
-from validation.output import print_whole, write_picture, write_record, write_rows
+from validation.output import print_whole, title, write_picture, write_record, write_rows
 from validation.results import file_name
 
 CANCELLED = 100.0
@@ -102,10 +102,10 @@ def pareto_front(errors: Sequence[float], costs: Sequence[float]) -> list[int]:
     return front
 
 
-def cost_axes(title: str, xlabel: str) -> tuple[Figure, Axes]:
+def cost_axes(heading: str, xlabel: str) -> tuple[Figure, Axes]:
     """Return a figure of errors across against their cost upwards, both by their logarithms."""
     figure = Figure(figsize=(10.0, 7.2), layout="constrained")
-    figure.suptitle(title)
+    title(figure, heading)
     axes = figure.subplots()
     axes.set(xscale="log", yscale="log", xlabel=xlabel)
     axes.set_ylabel("processor time of a simulated second [s]")

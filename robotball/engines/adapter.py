@@ -242,10 +242,6 @@ def in_single_precision(scene: Scene, settings: Any) -> str:
     return "its state is in single precision"
 
 
-def _nothing(scene: Scene, settings: Any) -> str | None:
-    return None
-
-
 @dataclass(frozen=True, kw_only=True)
 class Adapter(Engine):
     """An engine of another package.
@@ -263,7 +259,7 @@ class Adapter(Engine):
     extra: str
     presets: Mapping[str, StepSettings]
     world: Callable[..., World]
-    lacks: Callable[[Scene, Any], str | None] = _nothing
+    lacks: Callable[[Scene, Any], str | None] = lambda *_: None
     default: str = "best"
     least_accuracy: float | None = None
     environments: Path = ENVIRONMENTS

@@ -154,7 +154,7 @@ class RobotFile:
                 # Above or in the plane it is not yet where it stands.
                 if part < count and self.plane in (contact.geom1, contact.geom2):
                     continue
-                if self.rolls(contact):
+                if self.rolls(contact.geom.tolist()):
                     found = contact
                 if words := self.meeting(data, contact):
                     raise InputError(
@@ -169,9 +169,9 @@ class RobotFile:
             )
         return found
 
-    def rolls(self, contact: Any) -> bool:
-        """Return whether a contact of MuJoCo's is that of the sphere with the plane."""
-        return {int(contact.geom1), int(contact.geom2)} == {self.sphere, self.plane}
+    def rolls(self, pair: Iterable[int]) -> bool:
+        """Return whether two geoms are the sphere and the plane."""
+        return {*pair} == {self.sphere, self.plane}
 
     def meeting(self, data: Any, contact: Any, late: bool = False) -> str:
         """Return what touches in a contact, where it is meant; "" where solids only overlap.
@@ -179,10 +179,10 @@ class RobotFile:
         What lies within the shell overlaps the sphere, which MuJoCo takes for solid; late: parts
         that overlap do so from the start, and what touches later is meant to.
         """
-        if self.rolls(contact) or contact.exclude:
+        pair = contact.geom.tolist()
+        if self.rolls(pair) or contact.exclude:
             return ""
         # Those of the robot first.
-        pair = int(contact.geom1), int(contact.geom2)
         own, other = sorted(pair, key=self._is_own, reverse=True)
         if self._is_own(other):
             meant = late or self._is_wheel(data, own) or self._is_wheel(data, other)

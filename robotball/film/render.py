@@ -134,20 +134,35 @@ class _Sheet:
 def _write(
     image: Image.Image, words: list[_Word], font: ImageFont.FreeTypeFont, box: Array
 ) -> None:
-    """Write words with a halo inside a box (4,): left, top, right, bottom; none over another."""
+    """Write words with a halo inside a box (4,): left, top, right, bottom; none over another.
+
+    A word goes above those in its way; where the box has no room there, beside them, inwards.
+    """
     pen, taken, halo = ImageDraw.Draw(image), list[Array](), round(font.size / 7)
     for text, colour, at in words:
         own = np.array(pen.textbbox(at, text, font, "mm", align="center", stroke_width=halo))
-        moved = np.maximum(box[:2] - own[:2], 0) - np.maximum(own[2:] - box[2:], 0)
+        into = np.maximum(box[:2] - own[:2], 0) - np.maximum(own[2:] - box[2:], 0)
+        inwards = 1 if own[0] + own[2] < box[0] + box[2] else -1
+        moved = into.copy()
         for other in sorted(taken, key=lambda each: -each[3]):  # from the lowest up
-            left, top, right, bottom = own + np.tile(moved, 2)
-            if left < other[2] and other[0] < right and top < other[3] and other[1] < bottom:
-                moved[1] -= bottom - other[1] + halo
+            if _cover(own + np.tile(moved, 2), other):
+                moved[1] = other[1] - own[3] - halo
+        if own[1] + moved[1] < box[1]:
+            moved = into.copy()
+            for other in sorted(taken, key=lambda each: inwards * each[0]):
+                if _cover(own + np.tile(moved, 2), other):
+                    ends = (other[2] - own[0], other[0] - own[2])
+                    moved[0] = ends[inwards < 0] + inwards * round(font.size)
         taken.append(own + np.tile(moved, 2))
         pen.text(
             tuple(at + moved), text, colour, font, "mm", align="center",
             stroke_width=halo, stroke_fill=_PAPER,
         )  # fmt: skip
+
+
+def _cover(one: Array, other: Array) -> bool:
+    """Return whether two boxes (4,) have pixels in common."""
+    return bool(np.all(one[:2] < other[2:]) and np.all(other[:2] < one[2:]))
 
 
 def _metres(length: float) -> str:

@@ -18,7 +18,7 @@ from matplotlib.lines import Line2D
 from rich.markup import escape
 from rich.table import Table
 
-from robotball import Scene, Settings, integrate, load_scene, preset
+from robotball import Scene, Settings, integrate, preset
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.mujoco_engine import MUJOCO
@@ -28,10 +28,10 @@ from robotball.errors import unknown
 from robotball.film.looks import INK
 from robotball.rotations import Array
 from validation.agreement import Agreement
-from validation.options import Once, OnceOptions, SceneName
+from validation.options import Controls, Once, OnceOptions, SceneName
 from validation.output import Show, progress_bar, scientific, title
 from validation.plots import beside
-from validation.results import record
+from validation.results import controlled, record
 from validation.studies.timing import Cost, measure_costs, simulated_second
 from validation.study import Column, Row, Study, table_of
 
@@ -134,6 +134,9 @@ def _measure_ablation(scene: Scene, times: Array, rounds: int, show: Show) -> St
     theory = integrate(scene, times)
     directions = [(_BUILT_UP, each) for each in built_up()]
     directions += [(_UNDONE, each) for each in each_undone()]
+    if not scene.ball.has_frame:  # on which the shell could hang
+        kept = ((way, each) for way, each in directions if each.name != "root")
+        directions = [(way, replace(each, root="shell")) for way, each in kept]
     models = [build(resolved(scene, settings)) for _, settings in directions]
     agreements = []
     total = len(models) * (rounds + 2)
@@ -277,10 +280,11 @@ class Ablation:
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
+    control: Controls = ()
     study: OnceOptions = field(default_factory=Once)
 
     def run(self) -> int:
-        scene = load_scene(self.scene)
+        scene = controlled(self.scene, self.control)
         times = self.study.times(scene)
         with progress_bar(1) as show:
             study = _measure_ablation(scene, times, 2 if self.study.quick else _ROUNDS, show)

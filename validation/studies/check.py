@@ -265,7 +265,7 @@ def check_model(
     moves = Moves(-gap * normal, -robot.slip(data), robot.keyframe(own.key))
     bodies = {int(robot.model.geom_bodyid[each]) for pair in seen.inside for each in pair}
     edit = editable(robot, moves, _pair_of(robot.contact(data)), bodies)
-    measured: dict[frozenset[str], float] = {}
+    paths: dict[frozenset[str], Array] = {}
 
     def with_changes(changes: Iterable[Change]) -> UserModel:
         return _by_text(own, edit.changed(changes))
@@ -291,20 +291,23 @@ def check_model(
     least = 2 + int(1.2 * since[0]) if len(since) else 2
     tried = times[: max(least, _affordable(with_changes(full), times, 2 * len(full) + 4))]
 
-    def error_of(changes: Sequence[Change]) -> float:
+    def path_of(changes: Sequence[Change]) -> Array:
         names = frozenset(str(each) for each in changes)
-        if names not in measured:
-            done = len(measured) / (2 * len(full) + 4)
+        if names not in paths:
+            done = len(paths) / (2 * len(full) + 4)
             show(min(0.95, 0.4 + 0.6 * done), "what each choice is worth")
-            measured[names] = _error(with_changes(changes).path(tried), theory)
-        return measured[names]
+            paths[names] = with_changes(changes).path(tried)
+        return paths[names]
+
+    def error_of(changes: Sequence[Change]) -> float:
+        return _error(path_of(changes), theory)
 
     needed: list[_Needed] = []
     if judged and (fails or as_it_is > accuracy):
         full = _enough(changes_at, robot.model.opt.timestep, accuracy, error_of)
         needed = _fewest(full, max(accuracy, _LOOSE * error_of(full)), error_of)
     made = [change for change, _ in needed]
-    mended = with_changes(made).path(times)
+    mended = path_of(made) if len(tried) == len(times) else with_changes(made).path(times)
     return Checked(
         theory,
         asked=(duration, accuracy),
@@ -384,7 +387,8 @@ def beside(own: UserModel, checked: Checked) -> list[Motion]:
     if checked.needed:
         mended = _by_text(own, checked.text)
         scene, error = checked.motion.scene, checked.mended_error
-        found.append(observed(mended, scene, error, _steps(mended), name="mended")[0])
+        every = round(theory.times[1] / mended.robot.model.opt.timestep)
+        found.append(observed(mended, scene, error, every, name="mended")[0])
     shown = []
     for each in filter(lambda each: len(each.times) > 1, found):
         # A time of the model's own is a sum of steps.

@@ -42,7 +42,7 @@ from robotball.film.looks import INK
 from robotball.motion import path_error
 from robotball.rotations import Array
 from validation.options import PRESET, Controls, Names, Once, OnceOptions, SceneName, listed
-from validation.output import Show, in_picture, progress_bar, scientific
+from validation.output import Show, progress_bar, scientific, title
 from validation.plots import note
 from validation.results import controlled
 from validation.studies.ablation import without
@@ -320,8 +320,14 @@ def _order_text(order: Order | None) -> str:
 def _convergence_picture(study: Runs) -> Figure:
     """Draw path error over step, the fitted slopes and their lower ends, for each reference."""
     figure = Figure(figsize=_INCHES, layout="constrained")
-    title = f"{study.scene.name}, {study.settings.name}: errors fall with the step, by its order"
-    figure.suptitle(in_picture(title))
+    falls: dict[int, list[float]] = {}
+    for name in study.by_name:
+        order, _ = study.order(name, "own")
+        if order is not None and name in ORDERS:
+            falls.setdefault(ORDERS[name], []).append(order.order)
+    found = [f"{2 ** np.mean(some):.0f} at order {claim}" for claim, some in falls.items()]
+    words = f"half the step divides errors by {', '.join(found)}" if found else "no order is known"
+    title(figure, f"{study.scene.name}, {study.settings.name}: {words}")
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     levels = (study.limit["known_to"], study.limit["model_error"])
     for axes, level, (against, (_, heading, words)) in zip(
@@ -341,7 +347,7 @@ def _convergence_picture(study: Runs) -> Figure:
 
 
 def _draw_orders(axes: Axes, study: Runs, against: str) -> None:
-    labelled: list[Order] = []
+    labelled: list[Array] = []
     for name, rows in study.by_name.items():
         order, _ = study.order(name, against)
         # By the mean step of a run that chooses them, so that all stand over one scale.
@@ -356,8 +362,9 @@ def _draw_orders(axes: Axes, study: Runs, against: str) -> None:
             continue
         ends = np.array([order.shortest, order.longest])
         axes.plot(ends * 1e3, order.error_at(ends), "--", color=_mark(name)["color"], linewidth=1)
-        if not any(_near(order, other) for other in labelled):
-            labelled.append(order)
+        place = np.array([order.ln_step, order.ln_error])
+        if not any(np.abs(place - other).max() < _NEAR_SLOPES for other in labelled):
+            labelled.append(place)
             middle = (np.exp(order.ln_step) * 1e3, np.exp(order.ln_error))
             note(axes, f"slope {order.order:.2f}", middle, (10, -12), fontsize=9)
 
@@ -369,11 +376,6 @@ def _mark(name: str) -> dict[str, Any]:
         return {"marker": "*", "markersize": 9, "color": INK}
     colour = LABEL.colour if of.own else INK
     return {"marker": of.marker, "markersize": of.size, "color": colour}
-
-
-def _near(order: Order, other: Order) -> bool:
-    apart = (order.ln_step - other.ln_step, order.ln_error - other.ln_error)
-    return max(map(abs, apart)) < _NEAR_SLOPES
 
 
 def _record(study: Runs) -> dict[str, Any]:

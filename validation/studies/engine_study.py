@@ -36,7 +36,7 @@ from validation.options import (
     listed,
     seconds_of,
 )
-from validation.output import in_picture, writable_folder
+from validation.output import in_picture, writable_folder, write_record
 from validation.results import changed
 from validation.sensitivity import chaotic
 from validation.studies import engine_runs
@@ -190,11 +190,12 @@ _NOTE = (
 def _engines_study(scene: Scene, results: Sequence[Result], words: Sequence[str]) -> Study:
     """Return every run, those that gave none, and the front; words: of the files' names."""
     study = study_of(scene, results)
-    title = f"{scene.name} ({scene.rolling}): {study['errors']}"
+    name, errors = f"{scene.name} ({scene.rolling})", study["errors"]
     rows = [*study["runs"], *study["failed"]]
     table = table_of(COLUMNS, rows, lambda row: not row.get("usable"))
-    shown = (f"[bold]{escape(title)}[/]", table, _NOTE.format(engine_named(DEFAULT).label.name))
-    picture = _engines_picture(title, study["runs"])
+    heading = f"[bold]{escape(name)}: {errors}[/]"
+    shown = (heading, table, _NOTE.format(engine_named(DEFAULT).label.name))
+    picture = _engines_picture(name, errors, study["runs"])
     return Study(scene.name, None, ["engines", *words], rows_of(results), study, shown, picture)
 
 
@@ -224,24 +225,24 @@ _SHOWN = 5  # of a search
 _TUNED = (COLUMNS[2], *COLUMNS[4:7], Column("settings", _changes, words=True))
 
 
-def _engines_picture(title: str, runs: Sequence[Row]) -> Figure:
+def _engines_picture(name: str, errors: str, runs: Sequence[Row]) -> Figure:
     """Draw engines' errors against their costs; of one in two versions the second is pale."""
-    names = list(dict.fromkeys(run["contestant"] for run in sorted(runs, key=itemgetter("error"))))
+    order = dict.fromkeys(run["contestant"] for run in sorted(runs, key=itemgetter("error")))
     within = [run for run in runs if run["usable"] and run["error"] <= _SAID]
     within.sort(key=itemgetter("cost"), reverse=True)
     costs = {run["label"]: run["cost"] for run in within}  # the least of each
-    cheapest = sorted(costs.items(), key=itemgetter(1))[:3]
-    words = ", ".join(f"{cost * 1e3:.2g} ms by {label}" for label, cost in cheapest)
-    found = f"\nright to {_SAID:g}, a simulated second takes {words}" if words else ""
-    figure, axes = cost_axes(in_picture(title + found), "error, relative to the path's length")
+    cheapest = sorted(costs.items(), key=itemgetter(1))[:2]
+    words = ", ".join(f"{cost * 1e3:.2g} ms by {label}" for label, cost in cheapest) or "no engine"
+    heading = f"{name}: a second right to {_SAID:g} takes {words}"
+    figure, axes = cost_axes(heading, f"{errors}, relative to the path's length")
     drawn = set[str]()
-    for name in names:
-        first = next(run for run in runs if run["contestant"] == name)
+    for each in order:
+        first = next(run for run in runs if run["contestant"] == each)
         label, colour = in_picture(f"{first['label']} {first['version']}"), first["colour"]
         mark, pale = first["marker"], 0.4 if first["label"] in drawn else 1.0
         drawn.add(first["label"])
         axes.plot([], [], f"{mark}-", color=colour, linewidth=1, alpha=pale, label=label)
-        for _, some in groupby([run for run in runs if run["contestant"] == name], _key):
+        for _, some in groupby([run for run in runs if run["contestant"] == each], _key):
             mine = [*some]
             style = _IDEAL if {"all", "constraints"} & {*mine[0]["ours"].split(", ")} else "-"
             axes.plot(
@@ -325,8 +326,10 @@ class Engines:
         some = chosen("engine", listed(self.only), known)
         if not self.scenes:
             if not self.install:
-                _list(some, self.environments)
+                write_record(self.sweep.json, {"engines": _list(some, self.environments)})
             return AGREES
+        if self.sweep.json and len(self.scenes) * (len(some) if self.tune else 1) > 1:
+            raise InputError("--json takes one study: name one scene, with --tune one engine too")
         if self.only or self.tune:
             engine_runs.check_installed(some, self.environments)
         writable_folder(self.sweep.out)
@@ -378,7 +381,8 @@ class Engines:
         self.sweep.present(study, *changed(self, "duration"))
 
 
-def _list(chosen: Sequence[Contestant], environments: Path) -> None:
+def _list(chosen: Sequence[Contestant], environments: Path) -> list[Row]:
+    """Print the engines and where they run, and return them."""
     rows: list[Row] = []
     for each in chosen:
         engine, python = engine_named(each.engine), python_of(each, environments)
@@ -396,3 +400,4 @@ def _list(chosen: Sequence[Contestant], environments: Path) -> None:
         except InputError as error:
             rows.append({"engine": key, "presets": str(error)})
     show([table_of([Column(name, name, words=True) for name in rows[0]], rows)])
+    return rows

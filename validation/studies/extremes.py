@@ -1,9 +1,9 @@
 """Where the contact model breaks: each cell of the maps is run and held against the equations.
 
 The cells together show which outcomes there are, what was missed and where the limits lie. The
-picture of a map has a panel for each integrator and rolling model; a cell shows its outcome by a
-grey and a hatch, so that it needs no colour, and a region has its word where there is room. The
-maps themselves are data, in `extreme_maps.py`.
+picture of a map has a panel for each rolling model and integrator, or for several of which all
+cells are alike; a cell shows its outcome by a grey and a hatch, so that it needs no colour, and a
+region has its word where there is room. The maps themselves are data, in `extreme_maps.py`.
 """
 
 import logging
@@ -33,7 +33,7 @@ from robotball.engines.mujoco.settings import for_load, resolved
 from robotball.film.looks import ACCENT, INK
 from robotball.rotations import Array
 from validation.agreement import Agreement
-from validation.options import AGREES, DISAGREES, File, Sweep, SweepOptions, chosen
+from validation.options import AGREES, DISAGREES, Sweep, SweepOptions, chosen
 from validation.output import halo, known
 from validation.studies.extreme_maps import (
     ACCURATE,
@@ -363,7 +363,7 @@ _LIMIT_COLUMNS = (
 
 _WIDE, _PANEL, _LINE = 7.6, 3.0, 0.19  # inches: the picture; a panel's height; a legend's line
 _TICKS = 4  # at most, on an axis
-_ACROSS = 3  # panels side by side: their letters are read at a page's width
+_ACROSS, _FEW = 3, 4  # panels side by side at most, and two of as few: letters are to be read
 _LIMIT_LINES = [
     (colour, dashes)
     for dashes in ("-", (0, (5, 2)), (0, (1.2, 1.2)), (0, (5, 1.5, 1, 1.5)))
@@ -381,33 +381,51 @@ _MARKS = {
 
 
 def _map_picture(name: str, results: Sequence[Result]) -> Figure:
-    """Draw the panels of a map, rolling models below each other, integrators three in a row."""
+    """Draw the panels of a map, rolling models below each other, and equal panels once."""
     of = MAPS[name]
-    panels: dict[tuple[str, str], list[Result]] = {}
+    runs: dict[tuple[str, str], list[Result]] = {}
     for each in results:
-        panels.setdefault((each.cell["rolling"], each.cell["integrator"]), []).append(each)
-    rollings, integrators = (list(dict.fromkeys(names)) for names in zip(*panels, strict=True))
-    exceeded = _exceeded(panels.values())
+        runs.setdefault((each.cell["rolling"], each.cell["integrator"]), []).append(each)
+    exceeded = _exceeded(runs.values())
     # A map may have more limits than there are lines, which then begin again.
     styles = dict(zip(exceeded, cycle(_LIMIT_LINES), strict=False))
-    across = min(_ACROSS, len(integrators))
-    rows = -(-len(integrators) // across)
-    height = _PANEL * len(rollings) * rows + _LINE * (len(exceeded) + len(Outcome))
+    panels: dict[str, dict[Any, list[list[Result]]]] = {}
+    for (rolling, _), some in runs.items():
+        panels.setdefault(rolling, {}).setdefault(_seen(some, exceeded), []).append(some)
+    most = max(map(len, panels.values()))
+    across = min(most, _ACROSS if most > _FEW else 2)
+    # Each rolling model begins a row.
+    places = [
+        place for alike in panels.values()
+        for place in [*alike.values(), *[[]] * (-len(alike) % across)]
+    ]  # fmt: skip
+    rows = len(places) // across
+    height = _PANEL * rows + _LINE * (len(exceeded) + len(Outcome))
     figure = Figure(figsize=(_WIDE, height), layout="constrained")
-    grid = figure.subplots(len(rollings) * rows, across, squeeze=False)
-    for rolling, line in zip(rollings, grid.reshape(len(rollings), rows * across), strict=True):
-        for axes in line[len(integrators) :]:
+    for i, (axes, alike) in enumerate(
+        zip(figure.subplots(rows, across, squeeze=False).flat, places, strict=True)
+    ):
+        if not alike:
             axes.set_axis_off()
-        for place, (axes, integrator) in enumerate(zip(line, integrators, strict=False)):
-            _panel(axes, panels[rolling, integrator], styles)
-            axes.set_title(f"{integrator}, {rolling}", size=10)
-            axes.set_xlabel(of.x_of(integrator).label, size=9)
-            if place % across == 0:
-                axes.set_ylabel(of.y.label, size=9)
-            else:
-                axes.set_yticklabels([])
+            continue
+        _panel(axes, alike[0], styles)
+        cells = [some[0].cell for some in alike]
+        names = ", ".join(cell["integrator"] for cell in cells)
+        axes.set_title(f"{names}: {cells[0]['rolling']}", size=9.5)
+        axes.set_xlabel(of.x_of(cells[0]["integrator"]).label, size=9)
+        if i % across == 0:
+            axes.set_ylabel(of.y.label, size=9)
+        else:
+            axes.set_yticklabels([])
     _legends(figure, of, styles, results)
     return figure
+
+
+def _seen(results: Sequence[Result], exceeded: Sequence[str]) -> Any:
+    """Return all that a panel shows of its cells: outcomes, marks and the sides of the limits."""
+    sides = [tuple(_nearness(each).get(name, np.nan) > 1 for name in exceeded) for each in results]
+    places = [(each.cell["x"], each.cell["y"]) for each in results]
+    return tuple(zip(places, map(_outcome_of, results), map(_marks, results), sides, strict=True))
 
 
 def _exceeded(panels: Iterable[Sequence[Result]]) -> list[str]:
@@ -429,7 +447,8 @@ def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> 
     draw_cells(axes, range(len(xs)), range(len(ys)), looks)
     for each in results:
         i, j = xs.index(each.cell["x"]), ys.index(each.cell["y"])
-        _mark_alarms(axes, i, j, each)
+        for words in _marks(each):
+            axes.add_line(_mark(words, i, j))
         for name, value in _nearness(each).items():
             if name in grids:
                 # No contour passes beside an infinite value; far off only the side counts.
@@ -443,15 +462,15 @@ def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> 
         axis.set_ticks(*round_ticks(values), size=8.5)
 
 
-def _mark_alarms(axes: Axes, i: int, j: int, result: Result) -> None:
+def _marks(result: Result) -> tuple[str, ...]:
+    """Return the words of the marks on a cell."""
     error, warned, noticed = _error_of(result), _foretold(result), _noticed(result)
     shown = (
         missed(result),
         _is_wrong(error) and noticed and not warned,
         _is_accurate(error) and (noticed or warned),
     )
-    for words in compress(_MARKS, shown):
-        axes.add_line(_mark(words, i, j))
+    return tuple(compress(_MARKS, shown))
 
 
 def _mark(words: str, x: float = np.nan, y: float = np.nan) -> Line2D:
@@ -513,11 +532,23 @@ def round_ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
     return [float(cell) for cell in cells], [f"{values[cell]:.2g}" for cell in cells]
 
 
+def _finding(results: Sequence[Result]) -> str:
+    """Return who is accurate in how many of a map's runs, and how many wrong ones are missed."""
+    runs, good = Counter[str](), Counter[str]()
+    for each in results:
+        runs[each.cell["integrator"]] += 1
+        good[each.cell["integrator"]] += _outcome_of(each) is Outcome.ACCURATE
+    parts = [f"{name} {n / runs[name]:.0%}" for name, n in good.most_common() if n]
+    parts += ["others none" if parts else "none"] * (len(parts) < len(runs))
+    unseen = sum(map(missed, results)) or "none"
+    return f"Accurate runs: {', '.join(parts)}; wrong without a warning or a fault: {unseen}"
+
+
 def _sentence(limit: Row) -> str:
     """Return the law, and what was measured of it."""
     law = (LAWS[limit["name"]].__doc__ or "").partition("\n")[0].rstrip(".")
-    words = f"{law}; kept to {limit['kept']:.2g}"
-    return words if limit["broken"] is None else f"{words}, broken from {limit['broken']:.2g} of it"
+    words = f"{law}: runs hold to {limit['kept']:.2g} times it"
+    return words if limit["broken"] is None else f"{words}, break from {limit['broken']:.2g}"
 
 
 def _legends(figure: Figure, of: Map, styles: Mapping[str, Any], results: Sequence[Result]) -> None:
@@ -529,9 +560,7 @@ def _legends(figure: Figure, of: Map, styles: Mapping[str, Any], results: Sequen
     ]
     found = [*map(_outcome_of, results)]
     outcomes = [Patch(label=each.sentence, **each.look) for each in Outcome if each in found]
-    good = found.count(Outcome.ACCURATE)
-    heading = f"{of.title}: {good} of {len(results)} runs are accurate, and "
-    heading += f"{sum(map(missed, results))} wrong ones go unnoticed\nheld: {of.held}"
+    heading = f"{_finding(results)}\n{of.title}\nheld: {of.held}"
     if limits:
         heading += f"\nlines: limits predicted for an error of {ERROR_TOLERANCE:g}, and as measured"
     shared: dict[str, Any] = {"frameon": False, "fontsize": 8}
@@ -554,8 +583,6 @@ class Extremes:
     """Which maps; all of them if none is given. There are
     momentum, frame, rotor, masses, scale, friction, torsion, gravity, contact, servo, duration."""
     sweep: SweepOptions = field(default_factory=Sweep)
-    json: File = None
-    """Also write how many cells have which outcome, and the limits as measured."""
 
     def run(self) -> int:
         maps = chosen("map", self.maps, MAPS)
@@ -565,5 +592,5 @@ class Extremes:
         records = summary(found)
         all_maps = totals([each for results in found.values() for each in results])
         record = {"totals": all_maps, "summary": records}
-        study.present(found, _map_picture, _shown(records), self.json, record)
+        study.present(found, _map_picture, _shown(records), record)
         return DISAGREES if any(each["missed"] for each in records) else AGREES

@@ -19,7 +19,7 @@ from robotball.film.looks import ACCENT, INK
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import SAMPLE_INTERVAL
 from validation.agreement import Agreement
-from validation.output import in_picture
+from validation.output import title
 from validation.plots import note
 from validation.study import Study, reference, scene_cell
 from validation.sweeps import Cell, Result, rows_of
@@ -147,7 +147,9 @@ def _friction_picture(scene: Scene, results: Sequence[Result], needed: float) ->
     needed: the torsional friction that the motion demands [m].
     """
     figure = Figure(figsize=_INCHES, layout="constrained")
-    figure.suptitle(f"{in_picture(scene.name)}: the recipe with more friction")
+    rubber = f", torsional friction from {needed:.3g} m on makes it rubber"
+    more = rubber if scene.rolling == "rubber" else ""
+    title(figure, f"{scene.name}, the recipe: rolling friction brakes the ball{more}")
     left, right = figure.subplots(1, 2)
     for axes in (left, right):
         axes.set(xscale="log", yscale="log")

@@ -29,7 +29,7 @@ from robotball.errors import unknown
 from robotball.film.looks import ACCENT, INK
 from robotball.motion import path_error
 from validation.options import AGREES, Sweep, SweepOptions, seconds_of
-from validation.output import writable_folder, write_text
+from validation.output import writable_folder, write_record, write_text
 from validation.results import changed
 from validation.studies import bare_steps, engine_study
 from validation.studies.engine_rows import row_of
@@ -360,5 +360,6 @@ class History:
             for before, after in bisect(row, number, 0, len(versions) - 1)
         ]
         lines = _lines_of(found, _package(self.engine))
+        write_record(self.sweep.json, {"changes": lines})
         show(map(escape, lines or [f"no number changed between {versions[0]} and {versions[-1]}"]))
         return AGREES

@@ -5,7 +5,6 @@ The cells of a map are plain data and stand row by row: the first axis runs fast
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -49,7 +48,6 @@ class MapStudy:
         found: Mapping[str, Sequence[Result]],
         picture: Callable[[str, Sequence[Result]], Figure],
         shown: Iterable[Table | str],
-        json: Path | None,
         record: Mapping[str, Any],
     ) -> None:
         """Print what is shown, write the table and the picture of each map, and the record."""
@@ -57,7 +55,7 @@ class MapStudy:
         for name, results in found.items():
             drawn = picture(name, results)
             self.sweep.present(Study(self.name, None, [name], rows_of(results), picture=drawn))
-        write_record(json, {"quick": self.sweep.quick, **record})
+        write_record(self.sweep.json, {"quick": self.sweep.quick, **record})
 
 
 def draw_cells(

@@ -21,7 +21,7 @@ from robotball.equations import Parameters, Vector
 from robotball.film.looks import ACCENT, INK
 from robotball.qualitative.equilibria import kappa, name_of, proposition_2
 from robotball.rotations import Array
-from validation.options import AGREES, DISAGREES, File, Sweep, SweepOptions, chosen
+from validation.options import AGREES, DISAGREES, Sweep, SweepOptions, chosen
 from validation.output import halo
 from validation.plots import note
 from validation.studies.maps import MapStudy, draw_cells, draw_level, grid_cells
@@ -175,10 +175,10 @@ _PANELS: dict[str, Callable[[Mapping[str, Any]], str]] = {
 def _portrait_picture(name: str, results: Sequence[Result]) -> Figure:
     """Draw four panels of a map's cells, each by one property, with the curves over them."""
     plane = PLANES[name]
-    figure = Figure(figsize=(12.5, 11.5), layout="constrained")
+    figure = Figure(figsize=(9.6, 10.2), layout="constrained")
     found = summary(plane, results)
     figure.suptitle(
-        f"From rest: the corrected formulas are the borders of points and their types; "
+        f"From rest: points and their types change where the corrected formulas say; "
         f"{found['against_the_formulas']} of {found['cells']} cells differ\n"
         f"A = diag{A}, K = (0, 0, K₃), {plane.held}",
         color=INK,
@@ -206,7 +206,7 @@ def _portrait_picture(name: str, results: Sequence[Result]) -> Figure:
 def _draw_property(
     axes: Axes, results: Sequence[Result], property_of: Callable[[Mapping[str, Any]], str]
 ) -> None:
-    """Draw each cell in the colour of its property, with a legend of what is there."""
+    """Draw each cell in the colour of its property, with a legend with the share of each."""
     across, up = (sorted({each.cell[key] for each in results}) for key in ("K3", "y"))
     words = [property_of(each.record) if each.record else _NONE for each in results]
     styles: dict[str, dict[str, Any]] = {
@@ -216,9 +216,10 @@ def _draw_property(
     draw_cells(axes, across, up, [{**styles[word], "lw": 0} for word in words])
     order = [*_COLOURS, *sorted(set(words) - set(_COLOURS) - {_NONE}), _NONE]
     shown = sorted(styles, key=order.index)
-    handles = [Patch(**styles[word], label=word) for word in shown]
-    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2,
-                frameon=False, fontsize=8)  # fmt: skip
+    parts = {word: words.count(word) / len(words) for word in shown}
+    handles = [Patch(**styles[word], label=f"{word}, {parts[word]:.0%}") for word in shown]
+    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2,
+                frameon=False, fontsize=8, columnspacing=1.0, handlelength=1.5)  # fmt: skip
     axes.set(xlim=(across[0], across[-1]), ylim=(up[0], up[-1]))
 
 
@@ -288,8 +289,6 @@ class Portraits:
     maps: Positional[Annotated[tuple[str, ...], arg(metavar="MAP...", help_behavior_hint="")]] = ()
     """Which maps, axial (K₃ and Ω₃) or azimuth (K₃ and the angle of Ω₁, Ω₂); both if none."""
     sweep: SweepOptions = field(default_factory=Sweep)
-    json: File = None
-    """Also write how many cells have which portrait."""
 
     def run(self) -> int:
         planes = chosen("map", self.maps, PLANES)
@@ -297,5 +296,5 @@ class Portraits:
         study = MapStudy("portraits", measure_portrait, self.sweep)
         found = study.results({each.name: (cells_of(each, count), _LIMIT) for each in planes})
         records = [summary(each, found[each.name]) for each in planes]
-        study.present(found, _portrait_picture, shown(records), self.json, {"summary": records})
+        study.present(found, _portrait_picture, shown(records), {"summary": records})
         return DISAGREES if any(each["against_the_formulas"] for each in records) else AGREES

@@ -35,11 +35,12 @@ from robotball.engines.mujoco.settings import (
     resolved,
     settings_from,
 )
+from robotball.film.lines import PRESET_LOOKS
 from robotball.film.looks import ACCENT, FAINT, INK
 from robotball.motors import Servo
 from validation.agreement import Agreement
 from validation.options import Controls, Duration, SceneName, Sweep, SweepOptions, seconds_of
-from validation.output import in_picture, known, scientific, writable_folder
+from validation.output import known, scientific, writable_folder
 from validation.plots import note
 from validation.results import changed, with_controls
 from validation.studies.friction import friction_cells, friction_run, friction_study
@@ -413,11 +414,12 @@ _COLUMNS = (
 
 def _tradeoff_picture(study: Row) -> Figure:
     """Draw all configurations with an error, the front, the presets, and first order prolonged."""
-    name, every = in_picture(study["scene"]), study["configurations"]
-    figure, axes = cost_axes(
-        f"{name}: what accuracy costs, {len(every)} configurations",
-        "path error, relative to the path's length",
-    )
+    name, every = study["scene"], study["configurations"]
+    words, of = f"no error below {TARGET:g}", f"of {len(every)} configurations"
+    if study["ratio"] is not None:
+        words = f"{TARGET:g} costs {_times(study)} times less by {study['best']['integrator']}"
+        of = f"than by first order, {of}"
+    figure, axes = cost_axes(f"{name}: {words} {of}", "path error, relative to the path's length")
     _scatter(axes, every)
     front: dict[str, Any] = {"color": INK, "linewidth": 1.6, "zorder": 3, "label": "Pareto front"}
     _plot(axes, study["pareto_front"], "-", **front)
@@ -469,15 +471,21 @@ def _compare(axes: Axes, study: Row) -> None:
     low, high = study["best"]["cost"], study["first_order"]["cost_at_target"]
     arrow = {"arrowstyle": "<->", "color": INK, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", (TARGET, high), xytext=(TARGET, low), arrowprops=arrow)
-    times = float(f"{study['ratio']:.2g}")
-    words = f"{times:,.0f}".replace(",", "\u2009") + f" times\nat {TARGET:g}"
+    words = f"{_times(study)} times\nat {TARGET:g}"
     note(axes, words, (TARGET, high / 4), (-8, 0), ha="right", va="center", color=INK)
 
 
+def _times(study: Row) -> str:
+    """Return the ratio of the two costs in two digits."""
+    times = float(f"{study['ratio']:.2g}")
+    return f"{times:,.0f}".replace(",", "\u2009")
+
+
 def _name(axes: Axes, name: str, place: tuple[float, float]) -> None:
-    """Draw a preset's ring and its name, on the side where nothing else is."""
+    """Draw a preset's own mark and its name, on the side where nothing else is."""
     above = name in _ABOVE
-    axes.plot(*place, "o", color=INK, markerfacecolor="none", markersize=11, zorder=4)
+    colour, _, marker = PRESET_LOOKS.get(name, (LABEL.colour, (), LABEL.marker))
+    axes.plot(*place, marker, color=colour, mec="white", markersize=11, zorder=4)
     box = {"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.85}
     by, va = (0, 10 if above else -12), "bottom" if above else "top"
     note(axes, name, place, by, ha="center", va=va, color=INK, zorder=5, bbox=box)

@@ -179,7 +179,7 @@ def build(chosen: Resolved) -> Model:
     root, pair = _compose(chosen, hinges)
     if settings.start_in_equilibrium:
         trial = compiled_model(_text_of(root), settings.softness)
-        pair.set("margin", _word(carrying_depth(chosen, trial)))
+        pair.set("margin", _word(carrying_depth(chosen, mujoco.MjData(trial))))
     model = Model(scene, settings, _text_of(root), hinges)
     assert model.compiled is not None  # an InputError is raised here, if at all
     return model
@@ -271,18 +271,14 @@ def start_state(scene: Scene, root: str, hinges: tuple[ModelHinge, ...]) -> tupl
     if root == "shell":
         root_turning = shell_turning
         if frame and frame.angle:
-            back = _turn(shell.axis, -frame.angle)
+            half = -frame.angle / 2
+            back = np.array([np.cos(half), *(np.sin(half) * shell.axis)])
             # Seen from the shell, ω - Ω is turned on by the angle.
             attitude = multiply(attitude, back)
             root_turning = rotation_matrix(back).T @ shell_turning
     qpos = [0.0, 0.0, shell.radius, *attitude, *(hinge.angle for hinge in turning)]
     qvel = [*velocity, *root_turning, *(hinge.rate for hinge in turning)]
     return np.array(qpos), np.array(qvel)
-
-
-def _turn(axis: Array, angle: float) -> Array:
-    """Return the quaternion (4,) of a turn about a unit axis (3,) by an angle [rad]."""
-    return np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])
 
 
 def _text_of(root: Element) -> str:
@@ -435,12 +431,12 @@ def compiled_model(xml: str, softness: float = 1.0) -> Any:
     return model
 
 
-def carrying_depth(chosen: Resolved, model: mujoco.MjModel) -> float:
+def carrying_depth(chosen: Resolved, data: mujoco.MjData) -> float:
     """Return the depth [m] at which the contact carries the weight, for the pair's margin.
 
-    With it the ball starts at rest vertically, its centre at the height of its radius. `model` is
-    tried, and changed. Raises InputError where there is no such depth, for the contact has no
-    stiffness.
+    With it the ball starts at rest vertically, its centre at the height of its radius. `data` and
+    its model are tried, and changed. Raises InputError where there is no such depth, for the
+    contact has no stiffness.
     """
     softness, stiffness = chosen.settings.softness, chosen.normal_reference[0]
     if not 0 < stiffness < np.inf:
@@ -448,7 +444,7 @@ def carrying_depth(chosen: Resolved, model: mujoco.MjModel) -> float:
             f"the contact cannot carry the ball at any depth: solref {chosen.solref} has no "
             "stiffness; give another, or start_in_equilibrium off"
         )
-    data = mujoco.MjData(model)
+    model = data.model
     if softness < 1:
         # So hard a contact hardly slips without the noslip solver. That takes the acceleration from
         # the forces, whose rounding is magnified until no depth is found.

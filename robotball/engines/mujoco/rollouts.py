@@ -1,23 +1,26 @@
-"""Many runs at once: by MuJoCo's own threads, or in processes.
+"""Many runs at once: by MuJoCo's own loop of steps in threads, or in processes.
 
-Where controls keep their values a run is nothing but steps, and the threads of `mujoco.rollout`
-take those of many starts while the runs before are monitored from their rows. A drive that changes
-calls Python at every step, which threads would wait for, and scenes that differ in more than the
-start are built one by one: these go to processes. A motion is that of `run` to the last bit.
+Where controls keep their values a run is nothing but steps. Each of some threads takes those of one
+start after another by `mujoco.rollout`, while runs that have ended are monitored from their rows. A
+drive that changes calls Python at every step, which threads would wait for, and scenes that differ
+in more than the start are built one by one: these go to processes. A motion is that of `run` to the
+last bit.
 """
 
+import math
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from copy import copy
-from dataclasses import replace
 from functools import partial
 from itertools import groupby
-from time import perf_counter
+from queue import SimpleQueue
+from time import thread_time
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from mujoco.rollout import Rollout
+from mujoco.rollout import rollout
 
 from robotball.engines.mujoco.limits import check_length, precheck
 from robotball.engines.mujoco.model import Model, build, carrying_depth, hinges_of, start_state
@@ -31,10 +34,11 @@ from robotball.processes import allowed
 from robotball.rotations import Array
 from robotball.scene import Scene
 
-_BYTES = 2e7  # of the rows that threads write at once, twice: a dozen runs of 2000 steps
-_ABREAST = 128  # runs at most, as each takes a millisecond to prepare before any can begin
+_BYTES = 4e7  # of the rows of all runs that have begun: fifty runs of 2000 steps
+_ABREAST = 64  # runs at most, as the first motion is read when so many have begun
+_LONG = 10  # steps of a group in the mean at least
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
-# MuJoCo's threads stop a run that is warned of, without a word: its rows repeat the last one.
+# MuJoCo's loop stops a run that is warned of, without a word: its rows repeat the last one.
 _STOPPED = {FaultKind.DIVERGED, FaultKind.RESET, FaultKind.ENGINE_WARNED}
 
 
@@ -52,106 +56,117 @@ def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Itera
     model, alone = build(resolved(scenes[0], settings)), partial(_alone, settings, times)
     check_length(model.scene, model.settings, times)
     together = _Together(model, times)
-    if not (together.size >= allowed() and together.steps_alone and alike):
+    if not (together.size >= 2 * allowed() and together.steps_alone and alike):
         yield from of_each(alone, scenes)
         return
-    data = [mujoco.MjData(model.compiled) for _ in range(allowed())]
-    ahead = deque[tuple[Sequence[Scene], list[Model | None], Future[tuple[Array, float]]]]()
+    ahead = deque[tuple[Scene, _Started | None, Future[tuple[Array, float]] | None]]()
 
-    def motions() -> Iterator[ContactMotion]:
-        some, models, future = ahead.popleft()
-        rows, seconds = future.result()
-        left = iter(rows)
-        for scene, own in zip(some, models, strict=True):
-            yield (own and together.motion(own, next(left), seconds)) or alone(scene)
+    def motion() -> ContactMotion:
+        scene, started, stepped = ahead.popleft()
+        read = started and stepped and together.motion(started.model, *stepped.result())
+        return read or alone(scene)
 
-    with Rollout(nthread=len(data)) as pool, ThreadPoolExecutor(1) as beside:
-        for i in range(0, len(scenes), together.size):
-            some = scenes[i : i + together.size]
-            models = [_started(model, each) for each in some]
-            future = beside.submit(together.rows, pool, data, [*filter(None, models)])
-            ahead.append((some, models, future))
-            if len(ahead) > 1:
-                yield from motions()
-        yield from motions()
+    threads = ThreadPoolExecutor(allowed())
+    try:
+        for scene in scenes:
+            started = together.started(scene)
+            ahead.append((scene, started, started and threads.submit(together.rows, started)))
+            if len(ahead) == together.size:
+                yield motion()
+        while ahead:
+            yield motion()
+    finally:
+        threads.shutdown(cancel_futures=True)
 
 
 def _alone(settings: Settings, times: Array, scene: Scene) -> ContactMotion:
     return held(run(build(resolved(scene, settings)), times))
 
 
-def _started(model: Model, scene: Scene) -> Model | None:
-    """Return the model of a scene with another start; None where that turns other hinges.
+class _Started(NamedTuple):
+    """A run before its first step: its model, its state, and the margin of its contact [m]."""
 
-    Its MjModel is that of `build`, in a fiftieth of the time; its text is not renewed.
-    """
-    settings, hinges = model.settings, hinges_of(scene, model.settings)
-    if [each.index for each in hinges] != [each.index for each in model.hinges]:
-        return None
-    compiled = copy(model.compiled)
-    qpos, qvel = start_state(scene, settings.root, hinges)
-    mujoco.mj_normalizeQuat(compiled, qpos)  # as the compiler does
-    compiled.key_qpos[0], compiled.key_qvel[0] = qpos, qvel
-    if settings.start_in_equilibrium:
-        compiled.pair_margin[0] = carrying_depth(Resolved(scene, settings), copy(compiled))
-    started = replace(model, scene=scene, hinges=hinges)
-    vars(started)["compiled"] = compiled  # the property's own place
-    return started
+    model: Model
+    state: Array
+    margin: float
 
 
 class _Together:
-    """How runs of a model from several starts are stepped together.
+    """How runs of a model from several starts are stepped, each by one of several threads.
 
-    size: how many at once; groups: consecutive steps of one length [s], and their number, with one
-    more at the end, as sensors are those of the state before a step; steps_alone: whether MuJoCo's
-    steps are all that a run consists of.
+    size: how many have begun at once; groups: consecutive steps of one length [s], and their
+    number, with one more at the end, as sensors are those of the state before a step; shape: of the
+    rows of a run; steps_alone: whether a run is nothing but long groups of MuJoCo's steps; trial:
+    MjData in which starts are tried; idle: those in which no thread steps, each of its own MjModel.
     """
 
     def __init__(self, model: Model, times: Array) -> None:
-        settings, compiled = model.settings, model.compiled
-        self.times = times
+        compiled = model.compiled
+        self.model, self.times, self.trial = model, times, model.start_data()
         self.parts = [*stretches(times, model.scene.breakpoints, compiled.opt.timestep)]
         spans = [(length, count) for part in self.parts for _, length, count in part]
         grouped = groupby([*spans, (spans[-1][0], 1)], key=lambda span: span[0])
         self.groups = [(length, sum(n for _, n in some)) for length, some in grouped]
-        steps = sum(count for _, count in self.groups)
-        self.size = min(int(_BYTES / (8 * steps * compiled.nsensordata)), _ABREAST)
-        # The guess from which a solver starts is no part of the state between two groups.
-        guesses = settings.warmstart != "disable" and len(self.groups) > 1
+        columns = compiled.nsensordata + int(mujoco.mjtWarning.mjNWARNING)
+        self.shape = sum(count for _, count in self.groups), columns
+        self.size = min(int(_BYTES / (8 * math.prod(self.shape))), _ABREAST)
+        # To call for a group of steps takes as long as two of them.
+        long = self.shape[0] >= _LONG * len(self.groups)
         with controlled(model) as control:
-            self.steps_alone = not settings.adaptive and not guesses and control.is_plain
+            self.steps_alone = not model.settings.adaptive and long and control.is_plain
+        self.idle: SimpleQueue[mujoco.MjData] = SimpleQueue()
+        for _ in range(allowed()):
+            self.idle.put(mujoco.MjData(copy(compiled)))
 
-    def rows(
-        self, pool: Rollout, data: list[mujoco.MjData], models: list[Model]
-    ) -> tuple[Array, float]:
-        """Return the sensors (b, steps + 1, n) of b runs, and the processor time of each [s]."""
-        if not models:
-            return np.empty(0), 0.0
-        began, compiled = perf_counter(), [each.compiled for each in models]
-        state = np.empty((len(models), mujoco.mj_stateSize(compiled[0], _STATE)))
-        for model, place in zip(models, state, strict=True):
-            mujoco.mj_getState(model.compiled, model.start_data(), place, _STATE)
-        control = compiled[0].key_ctrl[0] if compiled[0].nu else None
-        rows = []
-        for length, count in self.groups:
-            for each in compiled:
-                each.opt.timestep = length
-            with mujoco_silent():
-                states, sensors = pool.rollout(compiled, data, state, control, nstep=count)
-            state = states[:, -1]
-            rows.append(sensors)
-        busy = min(len(data), len(models))
-        return np.concatenate(rows, axis=1), (perf_counter() - began) * busy / len(models)
+    def started(self, scene: Scene) -> _Started | None:
+        """Return the run of a scene with another start; None where that turns other hinges.
 
-    def motion(self, model: Model, sensors: Array, seconds: float) -> ContactMotion | None:
-        """Return the motion of a run's sensors (steps + 1, n); None where the threads stopped."""
-        motion = observed(model, self.times, self._portions(sensors, seconds))
+        It begins as that of `build` does, in a hundredth of the time. Its model's text and MjModel
+        are not renewed.
+        """
+        settings, hinges = self.model.settings, hinges_of(scene, self.model.settings)
+        if [each.index for each in hinges] != [each.index for each in self.model.hinges]:
+            return None
+        data, compiled = self.trial, self.model.compiled
+        qpos, qvel = start_state(scene, settings.root, hinges)
+        mujoco.mj_normalizeQuat(compiled, qpos)  # as the compiler does
+        compiled.key_qpos[0], compiled.key_qvel[0] = qpos, qvel
+        margin = float(compiled.pair_margin[0])
+        if settings.start_in_equilibrium:
+            margin = carrying_depth(Resolved(scene, settings), data)
+        mujoco.mj_resetDataKeyframe(compiled, data, 0)
+        state = np.empty(mujoco.mj_stateSize(compiled, _STATE))
+        mujoco.mj_getState(compiled, data, state, _STATE)
+        model, columns = copy(self.model), self.model.sensor_columns
+        vars(model).update(scene=scene, hinges=hinges, sensor_columns=columns)
+        return _Started(model, state, margin)
+
+    def rows(self, started: _Started) -> tuple[Array, float]:
+        """Return the rows (steps + 1, n) of a run, and the processor time of its steps [s]."""
+        began, data, rows, begin = thread_time(), self.idle.get(), np.zeros(self.shape), 0
+        compiled, state, guess = data.model, started.state, None
+        compiled.pair_margin[0] = started.margin
+        control = compiled.key_ctrl[0] if compiled.nu else None
+        with mujoco_silent():
+            for compiled.opt.timestep, count in self.groups:
+                states, sensors = rollout(
+                    compiled, data, state, control, nstep=count, initial_warmstart=guess
+                )
+                # The guess from which a solver starts is no part of the state.
+                state, guess = states[0, -1], data.qacc_warmstart.copy()
+                rows[begin : begin + count, : compiled.nsensordata] = sensors[0]
+                begin += count
+        self.idle.put(data)
+        return rows, thread_time() - began
+
+    def motion(self, model: Model, rows: Array, seconds: float) -> ContactMotion | None:
+        """Return the motion of a run's rows (steps + 1, n); None where MuJoCo's loop stopped."""
+        motion = observed(model, self.times, self._portions(rows, seconds))
         stopped = _STOPPED & {fault.kind for fault in motion.report.faults}
         return None if stopped else held(motion)
 
-    def _portions(self, sensors: Array, seconds: float) -> Iterator[Portion]:
+    def _portions(self, rows: Array, seconds: float) -> Iterator[Portion]:
         share = seconds / len(self.parts)
-        rows = np.pad(sensors, ((0, 0), (0, int(mujoco.mjtWarning.mjNWARNING))))
         for part in self.parts:
             count, samples, last = int(part.counts.sum()), part.samples, part is self.parts[-1]
             if last:

@@ -6,10 +6,10 @@ geoms that touch inside, joints with a range and servos that lag, is seen in the
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -17,7 +17,6 @@ import numpy as np
 from robotball.drives import Constant, Drive
 from robotball.engines.mujoco import LABEL
 from robotball.engines.observe import Readings, Recording
-from robotball.engines.states import lifting
 from robotball.equations import Rolling
 from robotball.errors import mujoco_silent, unknown
 from robotball.files import named
@@ -114,7 +113,7 @@ class UserModel:
             if time.process_time() - began > _PATIENCE:
                 return float(data.time), "it takes too long to step it further"
             self.step(data)
-            for contact in _contacts(data):
+            for _, contact in _others(robot, data):
                 if words := robot.meeting(data, contact, late=True):
                     return float(data.time), words
         return None
@@ -147,7 +146,7 @@ class UserModel:
 
 def _sound(data: mujoco.MjData) -> bool:
     # A comparison with NaN is false.
-    return bool((np.abs(data.qpos) < DIVERGED).all() and (np.abs(data.qvel) < DIVERGED).all())
+    return bool(data.qpos @ data.qpos + data.qvel @ data.qvel < DIVERGED**2)
 
 
 @dataclass(frozen=True)
@@ -185,22 +184,25 @@ def observed(
     momentum. tolerance: the slip over the path beyond which it is a fault; show: called with the
     part that is done; name: of the motion's settings.
     """
-    model, data = user.robot.model, user.begin()
+    robot, model, data = user.robot, user.robot.model, user.begin()
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-    tally, rows, began = _Tally(user), list[Array](), time.process_time()
+    rows, inside, began = list[Array](), Counter[tuple[int, int]](), time.process_time()
     count = round(scene.duration / model.opt.timestep / every)
     for i in range(count + 1):
+        if not _sound(data):
+            break
         user.control(data)
         # A step by RK4 leaves the contacts of its last stage, so those of the state are made first,
         # and leave the next step's first guess as plain steps have it.
         guess = data.qacc_warmstart.copy()
         mujoco.mj_forward(model, data)
         data.qacc_warmstart[:] = guess
-        rows.append(_row(user, data))
-        if not _sound(data) or not np.isfinite(rows[-1][:_CONTACT]).all():
-            rows.pop()
-            break
-        tally.add(data)
+        rows.append(_row(robot, data))
+        overlap = set()
+        for pair, contact in _others(robot, data):
+            if pair in inside or not robot.meeting(data, contact, late=i > 0):
+                overlap.add(pair)
+        inside.update(overlap)
         user.step(data, every)
         if i % _LOOK == 0:
             show(i / count)
@@ -209,13 +211,20 @@ def observed(
     diverged = None if _sound(data) else float(data.time)
     seconds = time.process_time() - began
     settings = EngineSettings(name=name, error_tolerance=tolerance, stop_at_fault=False)
-    table = np.array(rows)
-    recording = Recording(LABEL, scene, settings, table[:, 0])
+    table = _table(user, data, rows)
+    recording = Recording(LABEL, scene, settings, table.time)
     recording.add(_readings_of(user, scene, table))
     motion = recording.motion(model.opt.timestep, len(rows), seconds)
-    path = user.points(table[:, 1:4])
-    lost = np.isnan(table[:, _CONTACT])
-    return motion, tally.seen(path, *_failure(table[:, 0], lost, path[:, 2], user.radius, diverged))
+    path, lost = user.points(table.place), np.isnan(table.depth)
+    given, declared = np.nansum(table.resistance, axis=0)
+    return motion, Seen(
+        path,
+        *_failure(table.time, lost, path[:, 2], user.radius, diverged),
+        inside=Counter({pair: times / len(rows) for pair, times in inside.items()}),
+        limits=_limits(model, table),
+        delivered=float(given / declared) if declared else None,
+        lag=_lags(user, table),
+    )
 
 
 def _failure(
@@ -238,117 +247,138 @@ def _failure(
     return words, until
 
 
-_CONTACT = 19  # numbers of a row before those of the contact
 _LOOK = 100  # rows from one look at the clock to the next
 
 
-def _contacts(data: mujoco.MjData) -> list[mujoco.MjContact]:
-    # One by one: the end of MuJoCo's own iterator takes as long as ten steps.
-    return [data.contact[i] for i in range(data.ncon)]
+def _others(robot: RobotFile, data: mujoco.MjData) -> Iterator[tuple[tuple[int, int], Any]]:
+    """Yield the geoms of every contact but those of sphere and plane, and the contact."""
+    # By numbers, as the end of MuJoCo's own iterator takes as long as ten steps.
+    for i, (a, b) in enumerate(data.contact.geom.tolist()):
+        if not robot.rolls((a, b)):
+            yield (a, b), data.contact[i]
 
 
 def wrenches(robot: RobotFile, data: mujoco.MjData) -> Iterator[tuple[mujoco.MjContact, Array]]:
     """Yield the contacts of sphere and plane, each with its force and torque (6,) in its frame."""
-    for i, contact in enumerate(_contacts(data)):
-        if robot.rolls(contact):
+    for i, pair in enumerate(data.contact.geom.tolist()):
+        if robot.rolls(pair):
             wrench = np.zeros(6)
             mujoco.mj_contactForce(robot.model, data, i, wrench)
-            yield contact, wrench
+            yield data.contact[i], wrench
 
 
-def _row(user: UserModel, data: mujoco.MjData) -> Array:
-    """Return the numbers of a state: time, place and velocity of the sphere's centre, its axes,
-    turning, the contact's force, depth and coefficient of friction (NaN without a contact), and
-    the hinges' angles and rates.
+def _row(robot: RobotFile, data: mujoco.MjData) -> Array:
+    """Return the numbers of a state as they are; they are read at once, after the run."""
+    contact = np.full(_OF_CONTACT, np.nan)
+    for each, wrench in wrenches(robot, data):
+        force = wrench[:3] @ each.frame.reshape(3, 3)
+        resistance = np.nan, np.nan
+        if each.dim == 6:
+            resistance = float(np.linalg.norm(wrench[4:])), wrench[0] * each.friction[3]
+        contact[:] = *force, -each.dist, each.friction[0], *resistance
+    sphere = data.geom_xpos[robot.sphere], data.geom_xmat[robot.sphere], robot.moving(data)
+    servos = data.ctrl, data.act, data.actuator_length, data.actuator_velocity
+    return np.concatenate([[data.time], *sphere, contact, data.qpos, data.qvel, *servos])
+
+
+_OF_CONTACT = 7
+
+
+class _Table(NamedTuple):
+    """The states of a run; the sphere's in plane axes, NaN where it has no contact.
+
+    resistance (n, 2): of the contact to rolling, given and declared [N m]; the last six: as in
+    MjData.
     """
-    robot, moving = user.robot, np.zeros(6)
-    mujoco.mj_objectVelocity(robot.model, data, mujoco.mjtObj.mjOBJ_GEOM, robot.sphere, moving, 0)
-    to_plane, force, depth, friction = robot.plane_axes(data), np.full(3, np.nan), np.nan, np.nan
-    for contact, wrench in wrenches(robot, data):
-        force = lifting([to_plane @ (wrench[:3] @ contact.frame.reshape(3, 3))])
-        depth, friction = -contact.dist, contact.friction[0]
-    place = to_plane @ (data.geom_xpos[robot.sphere] - data.geom_xpos[robot.plane])
-    axes = (to_plane @ data.geom_xmat[robot.sphere].reshape(3, 3)).ravel()
-    velocity, turning = to_plane @ moving[3:], to_plane @ moving[:3]
-    hinges = [*data.qpos[user.hinges[0]], *data.qvel[user.hinges[1]]]
-    loads = [*force, depth, friction]
-    return np.array([data.time, *place, *velocity, *axes, *turning, *loads, *hinges])
+
+    time: Array
+    place: Array
+    axes: Array
+    turning: Array
+    velocity: Array
+    force: Array
+    depth: Array
+    friction: Array
+    resistance: Array
+    qpos: Array
+    qvel: Array
+    ctrl: Array
+    act: Array
+    length: Array
+    speed: Array
 
 
-def _readings_of(user: UserModel, scene: Scene, rows: Array) -> Readings:
-    """Return the readings of rows."""
-    count = len(scene.hinges)
-    times, place, velocity, axes, turning, force, depth, friction, angles, rates = np.split(
-        rows, np.cumsum([1, 3, 3, 9, 3, 3, 1, 1, count]), axis=1
+def _table(user: UserModel, data: mujoco.MjData, rows: Sequence[Array]) -> _Table:
+    """Return the states of rows; data: any of the run, as the plane does not move."""
+    robot, model = user.robot, user.robot.model
+    widths = [1, 3, 9, 3, 3, 3, 1, 1, 2]
+    widths += [model.nq, model.nv, model.nu, model.na, model.nu]
+    of_rows = _Table(*np.split(np.array(rows), np.cumsum(widths), axis=1))
+    to_plane = robot.plane_axes(data)
+    force = of_rows.force @ to_plane.T
+    return of_rows._replace(
+        time=of_rows.time[:, 0],
+        place=(of_rows.place - data.geom_xpos[robot.plane]) @ to_plane.T,
+        axes=to_plane @ of_rows.axes.reshape(-1, 3, 3),
+        turning=of_rows.turning @ to_plane.T,
+        velocity=of_rows.velocity @ to_plane.T,
+        force=force * np.copysign(1.0, force[:, 2:]),  # on either body, as that on the ball
+        depth=of_rows.depth[:, 0],
+        friction=of_rows.friction[:, 0],
     )
-    attitude = from_matrix(axes.reshape(-1, 3, 3))  # at once: SciPy takes 0.1 ms a call
-    slip = velocity - user.radius * np.cross(turning, [0.0, 0.0, 1.0])
-    loads = replace(Loads.unknown(len(rows), count), contact_force=np.nan_to_num(force))
+
+
+def _readings_of(user: UserModel, scene: Scene, table: _Table) -> Readings:
+    """Return the readings of the states."""
+    place, turning, depth = table.place, table.turning, table.depth
+    attitude = from_matrix(table.axes)  # at once: SciPy takes 0.1 ms a call
+    slip = table.velocity - user.radius * np.cross(turning, [0.0, 0.0, 1.0])
+    loads = Loads.unknown(len(place), len(scene.hinges))
+    loads = replace(loads, contact_force=np.nan_to_num(table.force))
     return Readings(
-        time=times[:, 0],
+        time=table.time,
         centre=np.column_stack([place[:, :2] - place[0, :2], user.radius - depth]),
         attitude=attitude,
         angular_velocity=np.einsum("nji,nj->ni", rotation_matrix(attitude), turning),
         momentum=np.full_like(place, np.nan),
-        hinge_angles=angles,
-        hinge_rates=rates,
+        hinge_angles=table.qpos[:, user.hinges[0]],
+        hinge_rates=table.qvel[:, user.hinges[1]],
         loads=loads,
         slip=np.linalg.norm(slip[:, :2], axis=1),
         spin=turning[:, 2],
-        friction_used=loads.sliding_friction / friction[:, 0],
-        touching=np.isfinite(depth[:, 0]),
-        sound=np.asarray((np.abs(rows[:, :_CONTACT]) < DIVERGED).all(axis=1)),
+        friction_used=loads.sliding_friction / table.friction,
+        touching=np.isfinite(depth),
+        sound=np.ones(len(place), dtype=bool),  # all of them are
     )
 
 
-class _Tally:
-    """What only a user's model shows, counted over the steps so far."""
+def _limits(model: mujoco.MjModel, table: _Table) -> dict[str, float]:
+    """Return when the joints that reach their range do [s], the first one first."""
+    reached = {}
+    for j in np.flatnonzero(model.jnt_limited):
+        angle, (low, high) = table.qpos[:, model.jnt_qposadr[j]], model.jnt_range[j]
+        if (beyond := (angle < low) | (angle > high)).any():
+            reached[model.joint(j).name or f"joint {j}"] = float(table.time[beyond.argmax()])
+    return dict(sorted(reached.items(), key=lambda it: it[1]))
 
-    def __init__(self, user: UserModel) -> None:
-        self.user, model = user, user.robot.model
-        self.limited = np.flatnonzero(model.jnt_limited)
-        self.inside: Counter[tuple[int, int]] = Counter()
-        self.limits: dict[str, float] = {}
-        self.resistance, self.steps = np.zeros(2), 0  # given and declared
-        # A servo's torque is by how far it is off its command, of which its gain is the factor.
-        gain, bias = model.actuator_gainprm[:, 0], model.actuator_biasprm
-        by = np.where(bias[:, 1], bias[:, 1], bias[:, 2])
-        servos = np.flatnonzero((model.actuator_biastype != 0) & (by == -gain)).tolist()
-        self.squares = {i: np.zeros(2) for i in servos}  # of what is asked, and of what is missed
 
-    def add(self, data: mujoco.MjData) -> None:
-        """Count a state, whose contacts are up to date."""
-        robot, model = self.user.robot, self.user.robot.model
-        self.steps += 1
-        others = set()
-        for contact in _contacts(data):
-            pair, late = (int(contact.geom1), int(contact.geom2)), self.steps > 1
-            met = pair not in self.inside and robot.meeting(data, contact, late)
-            if not met and not robot.rolls(contact):
-                others.add(pair)
-        for contact, wrench in wrenches(robot, data):
-            if contact.dim == 6:
-                self.resistance += np.linalg.norm(wrench[4:]), wrench[0] * contact.friction[3]
-        self.inside.update(others)
-        at, (low, high) = model.jnt_qposadr[self.limited], model.jnt_range[self.limited].T
-        for j in self.limited[(data.qpos[at] < low) | (data.qpos[at] > high)]:
-            self.limits.setdefault(model.joint(j).name or f"joint {j}", data.time)
-        for i, squares in self.squares.items():
-            asked = data.ctrl[i]
-            if model.actuator_ctrllimited[i]:
-                asked = np.clip(asked, *model.actuator_ctrlrange[i])
-            # An integrated velocity is followed as an angle, which is the actuator's own state.
-            if model.actuator_dyntype[i] == int(mujoco.mjtDyn.mjDYN_INTEGRATOR):
-                asked = data.act[model.actuator_actadr[i]]
-            by_angle = model.actuator_biasprm[i, 1] != 0
-            follows = data.actuator_length[i] if by_angle else data.actuator_velocity[i]
-            squares += asked**2, (asked - follows) ** 2
-
-    def seen(self, path: Array, fails: str | None, until: float) -> Seen:
-        """Return the counts over the number of steps."""
-        given, declared = self.resistance
-        names, squares = [*self.user.actuators], self.squares.items()
-        lag = {names[i]: float(np.sqrt(missed / asked)) for i, (asked, missed) in squares if asked}
-        inside = Counter({pair: count / self.steps for pair, count in self.inside.items()})
-        delivered = float(given / declared) if declared else None
-        return Seen(path, fails, until, inside, self.limits, delivered, lag)
+def _lags(user: UserModel, table: _Table) -> dict[str, float]:
+    """Return how far servos are off their commands, root mean square over the command's."""
+    model, found = user.robot.model, {}
+    # A servo's torque is by how far it is off its command, of which its gain is the factor.
+    gain, bias = model.actuator_gainprm[:, 0], model.actuator_biasprm
+    by = np.where(bias[:, 1], bias[:, 1], bias[:, 2])
+    servos = (model.actuator_biastype != 0) & (by == -gain)
+    for name, i in user.actuators.items():
+        if not servos[i]:
+            continue
+        asked = table.ctrl[:, i]
+        if model.actuator_ctrllimited[i]:
+            asked = np.clip(asked, *model.actuator_ctrlrange[i])
+        # An integrated velocity is followed as an angle, which is the actuator's own state.
+        if model.actuator_dyntype[i] == int(mujoco.mjtDyn.mjDYN_INTEGRATOR):
+            asked = table.act[:, model.actuator_actadr[i]]
+        missed = asked - (table.length if bias[i, 1] else table.speed)[:, i]
+        if asked.any():
+            found[name] = float(np.linalg.norm(missed) / np.linalg.norm(asked))
+    return found

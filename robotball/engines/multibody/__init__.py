@@ -145,10 +145,13 @@ def _fastest(system: System) -> float:
     """Return the largest |λ| [1/s] of the Jacobian at the start, motors below their limits."""
     # At rest resistance is not smooth, and has no Jacobian.
     system.machine = system.machine._replace(resistance=0.0)
-    state = system.start()
+    state, end = system.start(), HINGES + 2 * system.count
+    # Neither place nor work changes a rate.
+    changing = np.r_[:POINT, MOMENTUM:LOSS, HINGES:end]
     sides = [
-        (system.rate(0.0, state + step) - system.rate(0.0, state - step)) / (2 * step.max())
-        for step in np.diag(_DIFFERENCE * system.scale)
+        (system.rate(0.0, state + step) - system.rate(0.0, state - step))[changing]
+        / (2 * step.max())
+        for step in np.diag(_DIFFERENCE * system.scale)[changing]
     ]
     if not np.isfinite(sides).all():
         raise InputError(
@@ -299,9 +302,9 @@ def _with_momentum(system: System, state: Array, readings: Readings) -> Array:
 # Of the step that scipy proposes, which is 0.9 of the one that the error allows.
 _LEEWAY = 1.08
 _LOOKS = 4  # within a step, for an event that comes and goes between its ends
-# Of the weight: a ball that is pressed so hard at both ends of a step is taken to stay down between
-# them, which saves most motions the looks.
-_PRESSED = 0.5
+# Where all margins are larger at both ends of a step, no event is taken to lie between them, which
+# saves most steps the looks.
+_FAR = 0.5
 _ROOT = 1e-15  # s, and relative: how near to its time an event is found
 
 
@@ -396,7 +399,7 @@ class March:
         """Return the last step's first event, as its time and margin, and the margins after it."""
         system = self.system
         after = _margins_of(system, solver.t, solver.state)
-        if len(after) == 1 and min(margins[0], after[0]) > _PRESSED:
+        if min(margins.min(), after.min()) > _FAR:
             return None, after
         looks = np.linspace(before, solver.t, _LOOKS + 2)
 

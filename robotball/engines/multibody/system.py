@@ -27,6 +27,7 @@ from robotball.mechanics import (
     MOVING,
     PLACED,
     TURNING,
+    eliminate,
     mass_matrix,
     momentum_rates,
     move,
@@ -109,7 +110,7 @@ class Modes(NamedTuple):
 class _Pose(NamedTuple):
     """A state as the formulas of `mechanics` take it, in the axes of the carrier.
 
-    directions (c, 3): those about which the shell may not turn.
+    matrix: 𝓜 as `eliminate` leaves it; directions (c, 3): those about which the shell may not turn.
     """
 
     axes: tuple[Vector, Vector, Vector]
@@ -129,6 +130,7 @@ def _pose_of(state: Any, machine: Machine, standing: bool) -> _Pose:
     place(machine.bodies, machine.carrier, state[HINGES : HINGES + k - 3], placed)
     partial_velocities(machine.bodies, placed, machine.radius, axes[2], columns)
     mass_matrix(machine.bodies, placed, columns, matrix)
+    eliminate(matrix, machine.given)
     # A shell that stands turns about neither horizontal axis, a rubber one not about the vertical.
     first, end = 0 if standing else 2, 3 if machine.spin_free else 2
     directions = np.zeros((end - first, 3))
@@ -361,8 +363,9 @@ class Readings:
 def readings_of(numbers: Array, count: int) -> Readings:
     """Return the readings of `count` hinges in an array (..., _PER_HINGE + 2h + m), as views."""
     threes = (numbers[..., i : i + 3] for i in (_FORCE, _PLANE_TORQUE, _OMEGA, _ROLLING))
-    of_hinges = np.split(numbers[..., _PER_HINGE:], [count, 2 * count], axis=-1)
-    return Readings(numbers, *threes, *of_hinges)
+    per_hinge = numbers[..., _PER_HINGE:]  # in slices: np.split takes longer than the derivative
+    ends = (0, count), (count, 2 * count), (2 * count, None)
+    return Readings(numbers, *threes, *(per_hinge[..., begin:end] for begin, end in ends))
 
 
 @cache

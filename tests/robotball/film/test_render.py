@@ -84,16 +84,15 @@ def test_a_path_is_as_smooth_in_a_film_of_few_frames() -> None:
         assert np.abs(track.at(long.times).contact_point - long.contact_point).max() < 1e-6
 
 
-def test_words_stay_inside_and_never_cover_each_other() -> None:
-    """Three at one place have as many pixels of their colours as alone, at a corner too."""
+@pytest.mark.parametrize("place", [(295.0, 190.0), (40.0, 30.0)], ids=["corner", "no room above"])
+def test_words_stay_inside_and_never_cover_each_other(place: tuple[float, float]) -> None:
+    """Three at one place have as many pixels of their colours as alone, wherever it is."""
     font = ImageFont.truetype(str(render._FONTS / "DejaVuSans-Bold.ttf"), 20)
     box = np.array([0, 0, 300, 200])
 
     def written(*words: str) -> Pixels:
         image = Image.new("RGB", (300, 200), "white")
-        render._write(
-            image, [("a ball\n1 m off", each, (295.0, 190.0)) for each in words], font, box
-        )
+        render._write(image, [("a ball\n1 m off", each, place) for each in words], font, box)
         return np.asarray(image)
 
     alone = {
@@ -103,6 +102,32 @@ def test_words_stay_inside_and_never_cover_each_other() -> None:
     for colour, pixels in alone.items():
         assert pixels > 300
         assert np.all(together == 255 * np.array(rgb(colour)), axis=2).sum() == pixels
+
+
+# A head of 0.08 m, its centre 0.2 m above that of a shell of 0.15 m.
+HEADED = """<mujoco><worldbody><geom type="plane" size="1 1 .1"/><body name="ball" pos="0 0 .15">
+  <freejoint/><geom type="sphere" size=".15" mass="1"/><body name="head">
+  <joint name="neck" axis="0 0 1"/>
+  <geom type="sphere" size=".08" pos="0 0 .2" mass=".1" contype="0" conaffinity="0"/></body></body>
+</worldbody><actuator><velocity name="turn" joint="neck" kv="1"/></actuator></mujoco>"""
+
+
+@screen
+def test_a_name_stands_clear_of_what_stands_above_a_shell(tmp_path: Path) -> None:
+    """Two lines of it are above a head's top in the picture; without a head it is nearer."""
+    file, film = tmp_path / "headed.xml", Film(size=(264, 480))
+    file.write_text(HEADED)
+
+    def clear(scene: rb.Scene) -> float:
+        """The pixels between the head's top, 28/15 radii above, and the name above a ball."""
+        theory = rb.integrate(scene, TIMES)
+        motions = [dataclasses.replace(theory, engine=LABEL), theory]
+        painter = render._Painter(motions, dataclasses.replace(film, ghost=True))
+        name, _ = painter._named(0, {0: (100.0, 100.0, 30.0), 1: (100.0, 100.0, 30.0)})
+        return (100.0 - 28 / 15 * 30.0) - (name[2][1] + painter.sheet.line)
+
+    assert 0 <= clear(rb.load_scene(str(file))) < 3  # measured 1.0
+    assert clear(FIG12) < -20  # measured -24
 
 
 @screen

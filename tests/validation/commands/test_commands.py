@@ -46,11 +46,12 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
         "",
         {"spread/*/error": ERRORS, "spread/*/runs": [3] * 3, "spread/*/faulty": [0] * 3},
     ),
-    "engines wobbling_drive --only mujoco --quick --duration 0.2 --workers 1": (
+    "engines wobbling_drive --only mujoco --quick --duration 0.2 --workers 1 --json a.json": (
         "* on the Pareto front",
         {"runs/*/label": ["MuJoCo"], "runs/*/preset": ["naive"], "failed": []},
     ),
-    "history mujoco --quick --workers 1": (
+    "engines --only mujoco --json a.json": ("accurate", {"engines/0/engine": "mujoco"}),
+    "history mujoco --quick --workers 1 --json a.json": (
         "MuJoCo on fig12, version after version",
         {
             "history/*/version": [mujoco.__version__],
@@ -143,14 +144,14 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
             "measurements/0/contact": approx(8.74326136, abs=1e-6),
         },
     ),
-    "results --quick --only drift --workers 1": (
+    "results --quick --only drift --workers 1 --json a.json": (
         "largest difference, at 4 rad/s [m/s]",
         {
             "parts/drift/*/apart": approx([3.456e-3], rel=0.1),
             "parts/drift/*/bound": [0.01],
         },
     ),
-    "chart fig14 --over K=2:4 --count 30 --duration 500 --quick --workers 1": (
+    "chart fig14 --over K=2:4 --count 30 --duration 500 --quick --workers 1 --json a.json": (
         "3 motions",
         {"over": ["K"], "points": 3, "chaotic": 0.0, "straight": 0.0},
     ),
@@ -192,8 +193,9 @@ def test_a_command_says_its_result_and_writes_it(
     assert words in " ".join(out.split())
     assert not {*"…│┃┏└"} & {*out}
     if numbers:
-        (file,) = [*tmp_path.glob("a.json"), *tmp_path.glob("out/*.json")]
-        record = json.loads(file.read_text())
+        record = json.loads((tmp_path / "a.json").read_text())
+        for file in tmp_path.glob("out/*.json"):
+            assert json.loads(file.read_text()) == record
         assert {path: at(record, path) for path in numbers} == numbers
         versions = record[0]["versions"] if isinstance(record, list) else record["versions"]
         assert versions["mujoco"] == mujoco.__version__

@@ -26,6 +26,7 @@ from validation.studies.extreme_maps import (
 )
 from validation.studies.extremes import (
     Outcome,
+    _map_picture,
     _name_regions,
     classify,
     measure_cell,
@@ -191,3 +192,33 @@ def test_a_region_has_its_word_where_it_has_room() -> None:
     _name_regions(axes, np.array([other, row]))
     found = {text.get_text(): text.get_position() for text in axes.texts}
     assert found == {"diverged": (2.0, 1.0), "slipped": (3.5, 0.0)}
+
+
+def test_a_map_draws_integrators_of_like_cells_once_and_says_who_is_accurate() -> None:
+    """Euler and RK4 share a panel until one cell differs in its outcome, or in a mark."""
+
+    def drawn(outcome: str = "ACCURATE", faults: Sequence[str] = ()) -> tuple[list[str], str]:
+        results = [
+            Result(
+                cell("momentum", integrator, x, y),
+                {"outcome": outcome, "path_error": 1e-5, "momentum_error": 0.0, "faults": faults}
+                if (integrator, x, y) == ("RK4", 0.1, 10.0)
+                else {"outcome": "ACCURATE", "path_error": 1e-5, "momentum_error": 0.0},
+                None,
+            )
+            for integrator in ("Euler", "RK4")
+            for y in (1.0, 10.0)
+            for x in (0.01, 0.1)
+        ]
+        figure = _map_picture("momentum", results)
+        heading, _ = figure.legends
+        return [axes.get_title() for axes in figure.axes], heading.get_title().get_text()
+
+    titles, heading = drawn()
+    assert titles == ["Euler, RK4: rubber"]
+    said = "Accurate runs: Euler 100%, RK4 100%; wrong without a warning or a fault: none"
+    assert heading.partition("\n")[0] == said
+    titles, heading = drawn("SLIPPED")
+    assert titles == ["Euler: rubber", "RK4: rubber"]
+    assert heading.startswith("Accurate runs: Euler 100%, RK4 75%;")
+    assert drawn(faults=["late"])[0] == ["Euler: rubber", "RK4: rubber"]

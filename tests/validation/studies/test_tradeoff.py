@@ -173,7 +173,8 @@ def test_each_part_is_in_its_variant_alone(name: str) -> None:
 
 def test_the_quick_study_writes_its_files(robotball: Robotball, tmp_path: Path) -> None:
     """A picture, a table and the data; started again, nothing is run again."""
-    arguments = (*example("tradeoff").split(), "--duration", 0.5, "--workers", 1)
+    options = "--duration 0.5 --workers 1 --json a.json"
+    arguments = [*example("tradeoff").split(), *options.split()]
     status, shown, _ = robotball(*arguments)
     assert status == 0
     assert "The Pareto front: nothing is both cheaper and better." in shown
@@ -291,11 +292,11 @@ def test_torsional_friction_is_rubber_from_where_the_motion_needs_it() -> None:
 
 def test_the_quick_friction_study_writes_its_files(robotball: Robotball, tmp_path: Path) -> None:
     """A picture of two panels, a table and the data of every run."""
-    arguments = "tradeoff fig12 --friction --quick --duration 0.2 --out . --workers 1"
+    arguments = "tradeoff fig12 --friction --quick --duration 0.2 --out . --workers 1 --json a.json"
     assert robotball(*arguments.split())[0] == 0
     stem = "fig12-mujoco-friction-0.2s-quick"
     names = {f"{stem}{kind}" for kind in (".png", ".json", ".csv")}
-    assert {path.name for path in tmp_path.iterdir()} == names | {"fig12-friction.jsonl"}
+    assert {path.name for path in tmp_path.iterdir()} == {*names, "fig12-friction.jsonl", "a.json"}
     record = json.loads((tmp_path / f"{stem}.json").read_text())
     assert record["torsional_friction_needed"] == pytest.approx(1.873, abs=1e-3)
     assert len(record["runs"]) == len(friction_cells("fig12", 0.2, quick=True))

@@ -9,6 +9,9 @@ from .ball import Link as Link
 from .ball import Pendulum as Pendulum
 from .ball import Rotor as Rotor
 from .ball import Shell as Shell
+from .controllers import Controller as Controller
+from .controllers import Reading as Reading
+from .controllers import Sensors as Sensors
 from .designing import Design as Design
 from .designing import Limits as Limits
 from .designing import design as design

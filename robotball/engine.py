@@ -53,6 +53,8 @@ class Engine(Protocol):
         The smallest path error that the engine can choose settings for. None if it chooses none.
     as_it_comes : str
         The preset that a newcomer would write.
+    closes_loops : bool
+        Whether the engine runs scenes with a controller.
 
     Examples
     --------
@@ -69,6 +71,7 @@ class Engine(Protocol):
     default: str
     least_accuracy: float | None
     as_it_comes: str = "as-it-comes"
+    closes_loops: bool = False
 
     def cannot_express(self, scene: Scene) -> str | None:
         """Return why the engine cannot roll this scene, in a line; None where it can."""
@@ -337,6 +340,11 @@ def runnable(scene: Scene, times: Array | None, request: Request) -> Array:
     """Return the times of a run. Raises InputError where the engine cannot run the scene."""
     if why := request.engine.cannot_express(scene):
         raise InputError(f"{request.engine.label.name} cannot run {scene.name}: {why}")
+    if scene.controller and not getattr(request.engine, "closes_loops", False):
+        raise InputError(
+            f"{request.engine.label.name} cannot run {scene.name}: it has no controllers; take "
+            "mujoco or multibody"
+        )
     return scene.times if times is None else check_times(times)
 
 

@@ -19,6 +19,7 @@ from robotball.errors import LARGEST, InputError, check_not_negative, check_posi
 from robotball.rotations import Array, from_matrix, normalised, rotation_matrix, uneven
 
 if TYPE_CHECKING:
+    from robotball.controllers import Controller
     from robotball.mechanics import Robot
     from robotball.motors import Actuator, Motor
 
@@ -95,7 +96,12 @@ def spans(
     """
     inside = [t for t in breakpoints if t < times[-1]]
     # Most runs have no breakpoints: union1d would sort and copy their times for nothing.
-    stops = np.union1d(times, inside) if inside else times
+    stops = times
+    if inside:
+        # One that rounding sets apart from a sample time is that time: no step is so short.
+        apart, given = 1e-9 * timestep, np.array(inside)
+        following = times[np.searchsorted(times, given - apart)]
+        stops = np.union1d(times, given[np.abs(following - given) > apart])
     ends = np.stack([stops[:-1], stops[1:]], axis=1)
     lengths = np.diff(stops)
     if np.ptp(lengths) <= 4 * np.spacing(stops[-1]):  # equal but for the rounding of the times
@@ -307,12 +313,15 @@ class Scene(Value):
         Friction of the plane.
     actuators : tuple of Actuator, optional
         Motors that move several hinges by gears, besides what each hinge has of its own.
+    controller : Controller, optional
+        What commands the motors by the robot's sensors, in place of the commands given here.
 
     Raises
     ------
     InputError
         If a number cannot be, the start misses the rolling model, a command is no function of time
-        over the duration, or an actuator is on a hinge that it cannot move.
+        over the duration, an actuator is on a hinge that it cannot move, or a controller has no
+        motor to command.
 
     Examples
     --------
@@ -336,6 +345,7 @@ class Scene(Value):
     gravity_direction: tuple[float, float, float] = DOWN
     friction: Friction = field(default_factory=Friction)
     actuators: "tuple[Actuator, ...]" = ()
+    controller: "Controller | None" = None
 
     def __post_init__(self) -> None:
         if self.rolling not in ROLLING_MODELS:
@@ -359,6 +369,14 @@ class Scene(Value):
         object.__setattr__(self, "start", Start(attitude, momentum))
         for actuator in self.actuators:
             self._check_actuator(actuator)
+        if self.controller is not None and not self.actuators:
+            from robotball.motors import Free  # few scenes have a controller
+
+            if all(isinstance(hinge.motor, Free | None) for hinge in self.hinges):
+                raise InputError(
+                    f"{self.name} has no motor that a controller could command: give a hinge one, "
+                    "as Servo"
+                )
 
     def _check_actuator(self, actuator: "Actuator") -> None:
         """Raise InputError unless an actuator's gears are on hinges that it can move."""
@@ -431,6 +449,18 @@ class Scene(Value):
         """Return the scene with another ball, of `Ball.with_hinges`."""
         return replace(self, ball=self.ball.with_hinges(**given))
 
+    def with_controller(self, controller: "Controller") -> "Scene":
+        """Return the scene with its loop closed by a controller."""
+        return replace(self, controller=controller)
+
+    def check_open(self, what: str) -> None:
+        """Raise InputError where a controller closes the loop, which `what` cannot hold."""
+        if self.controller is not None:
+            raise InputError(
+                f"{self.name}: {what} cannot hold a controller; keep the Python that has it, and "
+                "write the scene without one"
+            )
+
     @cached_property
     def robot(self) -> "Robot":
         """The bodies and the armatures as the numbers that `robotball.mechanics` takes."""
@@ -498,9 +528,10 @@ class Scene(Value):
 
     @cached_property
     def breakpoints(self) -> tuple[float, ...]:
-        """Times after 0 at which a drive is not smooth [s]."""
+        """Times after 0 at which a drive is not smooth, or the controller acts [s]."""
         drives = (*self.drives, *self.controls)
-        return tuple(sorted({t for drive in drives for t in drive.breakpoints if t > 0}))
+        stops = self.controller.stops(self.duration) if self.controller else ()
+        return tuple(sorted({t for drive in drives for t in drive.breakpoints if t > 0} | {*stops}))
 
     @cached_property
     def largest_rates(self) -> tuple[float, ...]:
@@ -511,7 +542,8 @@ class Scene(Value):
     @cached_property
     def steady(self) -> bool:
         """Whether all rates are constant."""
-        return all(isinstance(drive, Constant) for drive in (*self.drives, *self.controls))
+        drives = (*self.drives, *self.controls)
+        return self.controller is None and all(isinstance(drive, Constant) for drive in drives)
 
     def sampling_error(self, end: float, timestep: float) -> float:
         """Return `drives.sampling_error` of the commands, in steps [s] of a run to `end` [s]."""

@@ -201,6 +201,18 @@ class Agreement(Value):
 
         return sensitivity(self.engine, self.motion, self.theory)
 
+    @cached_property
+    def loop_growth(self) -> float | None:
+        """How a closed loop makes a small turn of the start grow; None without a controller.
+
+        The path error, over the path's length, for a turn of 1 rad, were it small.
+        """
+        if self.scene.controller is None:
+            return None
+        from validation.sensitivity import growth
+
+        return growth(self.theory)
+
     @property
     def sensitive(self) -> bool:
         """Whether the motion's own sensitivity explains why the motions do not agree."""

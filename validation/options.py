@@ -44,6 +44,14 @@ Controls = UseAppendAction[
     ]
 ]
 
+_LOOP_HELP = (
+    "A controller (rb.Controller) of a Python file, which is run: it commands the scene's motors "
+    "by what the robot's sensors read, in place of the scene's own commands."
+)
+ControllerName = DisallowNone[
+    Annotated[str | None, arg(metavar="FILE.py:NAME", help=_LOOP_HELP, help_behavior_hint="")]
+]
+
 _THREADS_HELP = (
     "How many cores to work on; all that this process may use if not given. The numbers are the "
     "same with any."

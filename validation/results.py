@@ -6,9 +6,10 @@ option that is not at its default.
 
 import json
 import re
+import runpy
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
-from robotball import InputError, Motion, Scene, catalog, load_scene
+from robotball import Controller, InputError, Motion, Scene, catalog, load_scene
 from robotball.drives import Rate
 from robotball.files.columns import read_samples
 from robotball.motion import Label
@@ -53,11 +54,45 @@ def controls_of(texts: Sequence[str]) -> dict[str, Rate]:
     return controls
 
 
-def controlled(name: str, texts: Sequence[str]) -> Scene:
-    """Return a scene with the controls of `controls_of`, after which it is named as well."""
+def controller_of(text: str) -> Controller:
+    """Return the controller of a text `FILE.py:NAME`, whose file is run.
+
+    It can be sent to another process, which runs the file again. Raises InputError where the file
+    cannot be run, or has no controller of that name.
+    """
+    file, _, name = text.rpartition(":")
+    if not file.endswith(".py") or not name:
+        raise InputError(f"--controller takes FILE.py:NAME, not {text!r}")
+    try:
+        found = runpy.run_path(file).get(name)
+    except (Exception, SystemExit) as error:  # whatever a user's file may raise
+        raise InputError(f"{file} cannot be run: {type(error).__name__}: {error}") from error
+    if not isinstance(found, Controller):
+        raise InputError(f"{file} has no rb.Controller that is called {name!r}")
+    return _FromFile(**{each.name: getattr(found, each.name) for each in fields(found)}, text=text)
+
+
+@dataclass(frozen=True)
+class _FromFile(Controller):
+    """A controller of a text that `controller_of` takes."""
+
+    text: str = ""
+
+    def __reduce__(self) -> Any:
+        return controller_of, (self.text,)
+
+
+def controlled(name: str, texts: Sequence[str], controller: str | None = None) -> Scene:
+    """Return a scene with the controls of `controls_of`, after which it is named as well.
+
+    controller: as `controller_of` takes it.
+    """
     scene = load_scene(name, controls_of(texts))
     words = [re.sub("=.*/", "=", text) for text in texts]  # without the folders of tables
-    return replace(scene, name=file_name(scene.name, None, words)) if texts else scene
+    if controller is not None:
+        scene = replace(scene, controller=controller_of(controller))
+        words.append(re.sub(".*/", "", controller))
+    return replace(scene, name=file_name(scene.name, None, words)) if words else scene
 
 
 def with_controls(name: str, texts: Sequence[str], folder: Path) -> str:
@@ -79,15 +114,17 @@ def with_controls(name: str, texts: Sequence[str], folder: Path) -> str:
     return str(path)
 
 
-def scenes_of(names: Sequence[str], controls: Sequence[str] = ()) -> dict[str, Scene]:
+def scenes_of(
+    names: Sequence[str], controls: Sequence[str] = (), controller: str | None = None
+) -> dict[str, Scene]:
     """Return the scenes of catalog names and paths, by these; each once, and none named alike.
 
-    controls: texts as `controls_of` takes them. Those of files with the same name in two folders
-    are named after the folder as well. Raises InputError where one cannot be loaded.
+    controls, controller: as `controlled` takes them. Scenes of files with the same name in two
+    folders are named after the folder as well. Raises InputError where one cannot be loaded.
     """
     # A path by its absolute form, as two texts may name one file.
     distinct = {name if name in catalog() else Path(name).absolute(): name for name in names}
-    scenes = [controlled(name, controls) for name in distinct.values()]
+    scenes = [controlled(name, controls, controller) for name in distinct.values()]
     often = Counter(scene.name for scene in scenes)
     named: dict[str, Scene] = {}
     taken: set[str] = set()
@@ -184,6 +221,7 @@ def record(agreement: Agreement) -> Record:
         "verdict": agreement.verdict,
         # What the motion makes of small errors; None unless that explains something.
         "sensitivity": None if sensitivity is None else _json_settings(sensitivity),
+        "loop_growth": agreement.loop_growth,
         "seed": None,  # nothing in a comparison is random
         "versions": versions() | {agreement.motion.engine.name: agreement.motion.engine.version},
     }
@@ -242,6 +280,9 @@ def show(records: Sequence[Record], console: Console) -> None:
         table.add_row(*names, *_row_numbers(each), _word(each), style=style)
         if each["verdict"] != "agrees":
             below.append((f"{each['scene']}, {each['preset']}: {each['verdict']}", style))
+        if each["loop_growth"] is not None:
+            grown = f"path errors of {each['loop_growth']:.3g} for a small turn of the start by 1"
+            below.append((f"{each['scene']}: the closed loop makes {grown}", "dim"))
     print_whole(table, console)
     console.print(SYMBOLS, style="dim", highlight=False)
     asked = {each["preset"]: f"{each['tolerance']:g} ({each['preset']})" for each in records}

@@ -13,7 +13,7 @@ import numpy as np
 
 from robotball import Engine, Motion, Scene, integrate
 from robotball.engine import Runner
-from robotball.motion import ContactMotion, path_errors
+from robotball.motion import ContactMotion, path_error, path_errors
 from robotball.rotations import Array, turn_between, turned
 from robotball.scene import Start
 
@@ -23,6 +23,7 @@ _FEWEST_STRETCHES, _MOST_STRETCHES = 8, 400  # stretches
 _LONG = 100.0  # s, in which chaos shows itself
 # The difference of two neighbouring motions, in rad: its square and rounding are far below it.
 _NEAR = 1e-6
+_TURN = np.array([0.6, 0.48, 0.64])  # about no axis of the frame
 # Twice the time doubles the growth of a regular motion; more than this is exponential.
 _EXPONENTIAL = 10.0
 # How many times the expected error the measured one may be. On the chaotic scenes 0.02 to 1.8 at
@@ -122,6 +123,19 @@ def _total(defects: Array, path_scale: float) -> float:
     return float(np.linalg.norm(defects[:, -2:], axis=1).sum() / path_scale)
 
 
+def growth(theory: Motion) -> float | None:
+    """Return the path error, over the path's length, that a turn of the start makes, over the turn.
+
+    It takes the place of `sensitivity` where a controller closes the loop, which cannot start anew
+    in the midst of its motion: twice the growth makes twice of an engine's error. None where the
+    neighbouring motion ends early.
+    """
+    error = np.zeros(8 + 2 * len(_moving(theory.scene)))
+    error[:3] = _NEAR * _TURN
+    near = integrate(_started(theory, 0, error), theory.times)
+    return None if len(near.times) < len(theory.times) else path_error(near, theory) / _NEAR
+
+
 def chaotic(scene: Scene, duration: float = _LONG) -> bool:
     """Return whether a small turn of the start grows exponentially over `duration` [s].
 
@@ -213,7 +227,7 @@ def _carried(right: Motion, defects: Array) -> list[Array]:
 def _doubling(right: Motion) -> float:
     """Return the logarithm of the growth of a small turn of the start over the second half."""
     error, total, growth = np.zeros(8 + 2 * len(_moving(right.scene))), 0.0, []
-    error[:3] = (0.6, 0.48, 0.64)
+    error[:3] = _TURN
     for i in range(len(right.times) - 1):
         error = _transfer(right, i, error)
         size = float(np.linalg.norm(error[:-2]))

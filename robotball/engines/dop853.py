@@ -29,7 +29,8 @@ class Compensated:
     """A motion from a state (n,) over a span of time, in steps whose error is held to a tolerance.
 
     rate(t, state) is its derivative. A step's error in each number is held to rtol times the sum of
-    its scale (n,) and its size; max_step is the longest step. DOP853 integrates the displacement
+    its scale (n,) and its size; max_step is the longest step, first_step the one that is tried
+    first, by the derivative's size if None. DOP853 integrates the displacement
     from a base. Before every step it is added to the base, and the next displacement begins at the
     part that rounding cut off the sum.
     """
@@ -42,6 +43,7 @@ class Compensated:
         rtol: float,
         scale: Array,
         max_step: float = np.inf,
+        first_step: float | None = None,
     ) -> None:
         self._base = np.array(state, dtype=float)
         self._rtol, self._scale = rtol, scale
@@ -53,6 +55,7 @@ class Compensated:
             np.zeros_like(self._base),
             span[1],
             max_step=max_step,
+            first_step=first_step,
             rtol=_OF_DISPLACEMENT,
             atol=self._tolerance,
         )
@@ -60,6 +63,11 @@ class Compensated:
     @property
     def t(self) -> float:
         return float(self._solver.t)
+
+    @property
+    def next_step(self) -> float:
+        """The length [s] of the next step by the error of the last one."""
+        return float(self._solver.h_abs)
 
     @property
     def running(self) -> bool:

@@ -102,7 +102,7 @@ class Monitor:
     motion without a word.
 
     rolled, slipped: the lengths of the path and of the slip along it so far [m], where a rubber
-    ball's spin counts as slip at its radius; momentum: M of the first state (3,); ahead (1, h): how
+    ball's spin counts as slip at its radius; momentum: M of the first state (3,); ahead (1, k): how
     much farther the hinges have turned than their drives [rad].
     """
 
@@ -167,10 +167,10 @@ class Monitor:
         sound, kind = readings.sound, FaultKind
         elapsed = np.diff(readings.time, prepend=self.last_time)
         # A motor of the scene's own may be weak; any other drive has to keep its rate.
-        exact = [hinge.motor is None for hinge in self.scene.hinges]
+        exact = [i for i, hinge in enumerate(self.scene.hinges) if hinge.motor is None]
         off_rate = np.asarray((rate_errors[:, exact] > RATE_ERROR).any(axis=1))
-        if not self.scene.steady:
-            off_rate |= self._off_between(readings, elapsed)[:, exact].any(axis=1)
+        if exact and not self.scene.steady:
+            off_rate |= self._off_between(readings, elapsed, exact).any(axis=1)
         return [
             (~sound, Fault(kind.DIVERGED, np.nan, fatal=True)),
             (sound & (elapsed <= 0), Fault(kind.RESET, np.nan, fatal=True)),
@@ -178,17 +178,17 @@ class Monitor:
             (off_rate, Fault(kind.RATE_OFF, np.nan, limit=RATE_ERROR)),
         ]
 
-    def _off_between(self, readings: Readings, elapsed: Array) -> Mask:
-        """Return the rows (m, h) since whose last one a hinge has not turned as its drive did.
+    def _off_between(self, readings: Readings, elapsed: Array, exact: Sequence[int]) -> Mask:
+        """Return the rows (m, k) since whose last one a hinge has not turned as its drive did.
 
         A drive whose period divides the timestep has the same rate at every row.
         """
         times = np.where(np.isfinite(readings.time), readings.time, 0.0)
-        angles, drives = readings.hinge_angles, self.scene.drives
+        angles, drives = readings.hinge_angles[:, exact], [self.scene.drives[i] for i in exact]
         ahead = angles - np.stack([drive.angle(times) for drive in drives], axis=1)
         gained = np.diff(ahead, axis=0, prepend=ahead[:1] if self.ahead is None else self.ahead)
         self.ahead = ahead[-1:] if len(ahead) else self.ahead
-        most = RATE_ERROR * np.outer(np.abs(elapsed), self.scene.largest_rates)
+        most = RATE_ERROR * np.outer(np.abs(elapsed), np.array(self.scene.largest_rates)[exact])
         return np.asarray(np.abs(gained) > most + _ROUNDING * np.abs(angles))
 
     def _of_the_path(self, readings: Readings) -> list[Sign]:

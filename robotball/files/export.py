@@ -77,6 +77,7 @@ def export_scene(scene: Scene, folder: Path | str, times: Array | None = None) -
     README.md drives.csv model.sdf model.urdf model.xml reference.csv scene.json scene.toml
     """
     folder = Path(folder)
+    scene.check_open("an export")
     motion = integrate(scene, times)
     conventions = files("robotball.files").joinpath("export_conventions.md")
     texts = {

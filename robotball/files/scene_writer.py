@@ -44,8 +44,8 @@ def scene_toml(scene: Scene) -> str:
     Raises
     ------
     InputError
-        If the scene has a rate by a function of time, links or actuators, which no scene file can
-        hold.
+        If the scene has a rate by a function of time, links, actuators or a controller, which no
+        scene file can hold.
 
     Examples
     --------
@@ -60,6 +60,7 @@ def scene_toml(scene: Scene) -> str:
 
 
 def _scene_table(scene: Scene) -> tables.SceneTable:
+    scene.check_open("a scene file")
     ball = scene.ball
     if ball.general or scene.actuators:
         raise InputError(

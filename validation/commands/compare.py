@@ -19,6 +19,7 @@ from validation.options import (
     DISAGREES,
     OUT,
     Cluster,
+    ControllerName,
     Controls,
     File,
     Names,
@@ -48,6 +49,7 @@ class Compare:
     """The engine's settings to run each scene with. Several: naive,fast. There are
     naive, fast, balanced (if not given), accurate, adaptive; other engines have others."""
     control: Controls = ()
+    controller: ControllerName = None
     run_options: RunOptions = field(default_factory=Run)
     plots: bool = True
     """Draw each scene's paths and momentum into the output folder."""
@@ -91,7 +93,7 @@ class Compare:
         requests = [partial(options.request, name) for name in listed(self.preset) or (None,)]
         presets = [make().engine.presets for make in requests]
         self._check_no_preset_is_a_scene(presets[0])
-        scenes = scenes_of(self.scenes, self.control)
+        scenes = scenes_of(self.scenes, self.control, self.controller)
         check_files(self.json, self.csv)
         out = writable_folder(options.out)
         times = times_of(options.duration)
@@ -135,13 +137,14 @@ class Compare:
         check_files(self.json, self.csv)
         same = {"engine": options.engine, "keep_going": options.keep_going, "device": self.device}
         same |= {"seed": self.seed, "control": self.control, "environments": None}
+        if self.controller is not None:
+            same["controller"] = str(Path(self.controller).absolute())
         if options.environments is not None:
             same["environments"] = str(options.environments.absolute())
         presets = [options.request(name).name for name in listed(self.preset) or (None,)]
         for name, preset in product(self.scenes, presets):
-            seconds = seconds_of(
-                options.duration, quick=False, scene=controlled(name, self.control)
-            )
+            scene = controlled(name, self.control, self.controller)
+            seconds = seconds_of(options.duration, quick=False, scene=scene)
             cell = scene_cell(name, seconds) | same | {"preset": preset}
             found = many_runs(cell, starts, self.cluster, options.out)
             runs[f"{name}, {preset}"] = found.rows

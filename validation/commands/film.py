@@ -14,6 +14,7 @@ from tyro.conf import arg
 from validation.options import (
     AGREES,
     DISAGREES,
+    ControllerName,
     Controls,
     Names,
     Run,
@@ -36,6 +37,7 @@ class _Shown:
     preset: Names = ()
     """The engine's settings to run it with, its default if not given. Several: naive,balanced."""
     control: Controls = ()
+    controller: ControllerName = None
     run_options: RunOptions = field(default_factory=Run)
 
     def _agreements(self) -> "list[Agreement]":
@@ -43,7 +45,7 @@ class _Shown:
         from validation.output import writable_folder
         from validation.results import controlled
 
-        options, scene = self.run_options, controlled(self.scene, self.control)
+        options, scene = self.run_options, controlled(self.scene, self.control, self.controller)
         writable_folder(options.out)
         return options.agreements([scene], listed(self.preset))
 

@@ -12,7 +12,16 @@ from tyro.conf import Positional, arg
 
 from robotball import InputError
 from validation.comparing import film, motions_of
-from validation.options import AGREES, DISAGREES, Controls, Names, Run, RunOptions, listed
+from validation.options import (
+    AGREES,
+    DISAGREES,
+    ControllerName,
+    Controls,
+    Names,
+    Run,
+    RunOptions,
+    listed,
+)
 from validation.output import program, writable_folder, write_text
 from validation.report.scene_report import report
 from validation.report.study_report import study_report
@@ -38,6 +47,7 @@ class Report:
     preset: Names = ()
     """The engine's settings to run each scene with, its default if none. Several: naive,fast."""
     control: Controls = ()
+    controller: ControllerName = None
     film: bool = False
     """Have a film of the first scene in the page, above its 3-D views."""
     run_options: RunOptions = field(default_factory=Run)
@@ -57,7 +67,7 @@ class Report:
         return AGREES
 
     def _compared(self) -> int:
-        scenes = list(scenes_of(self.scenes, self.control).values())
+        scenes = list(scenes_of(self.scenes, self.control, self.controller).values())
         out = writable_folder(self.run_options.out)
         agreements = self.run_options.agreements(scenes, listed(self.preset))
         # The first scene's agreements stand first, as many as each scene has.

@@ -126,7 +126,8 @@ def _solver(
     """Return the integrator of a smooth span [s] from a state (qpos, qvel)."""
     settings, scene = control.model.settings, control.model.scene
     assert settings.rtol is not None
-    control.span = span
+    _put(data, span[0], state)
+    control.begin(data, span)
     # Lengths are measured by the radius; angles and rates are of order one as they are.
     scale = np.ones_like(state)
     scale[:3] = scale[len(data.qpos) : len(data.qpos) + 3] = scene.ball.radius

@@ -5,12 +5,17 @@ cost it two.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 
+from robotball import equations as eq
 from robotball.engines.mujoco.model import Model, controls_at
 from robotball.rotations import Array
+
+if TYPE_CHECKING:
+    from robotball.engines.loop import Loop, Sensed
 
 FREE_QPOS, FREE_QVEL = 7, 6  # coordinates and velocities of the free joint; hinges follow
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -28,6 +33,28 @@ def state_of(data: mujoco.MjData) -> Array:
     return state
 
 
+def sensed(model: Model, data: mujoco.MjData) -> "Sensed":
+    """Return what a robot's sensors read in a state, without its forces, which take longest."""
+    from robotball.engines.loop import Sensed
+
+    compiled, columns = model.compiled, model.sensor_columns
+    mujoco.mj_kinematics(compiled, data)
+    mujoco.mj_comPos(compiled, data)
+    mujoco.mj_sensorPos(compiled, data)
+    mujoco.mj_comVel(compiled, data)
+    mujoco.mj_sensorVel(compiled, data)
+    # By numbers: to have one of an array, or its rotation matrix, takes as long as all sensors.
+    read = data.sensordata.tolist()
+    angles, rates = [0.0] * len(model.scene.hinges), [0.0] * len(model.scene.hinges)
+    for hinge in model.hinges:
+        (angles[hinge.index],) = read[columns[f"{hinge.body}_angle"]]
+        (rates[hinge.index],) = read[columns[f"{hinge.body}_rate"]]
+    attitude, turning = read[columns["attitude"]], read[columns["angular_velocity"]]
+    gyro = eq.seen_from_frame(tuple(turning), eq.unit_space_axes(tuple(attitude)))
+    point = np.array(read[columns["centre"]][:2])
+    return Sensed(np.array(gyro), np.array(attitude), angles, rates, point)
+
+
 Steps = Callable[[mujoco.MjData, float], Iterator[float]]
 """Takes one step of a length [s], in parts where it has to. Yields the length of each part."""
 
@@ -39,23 +66,45 @@ _INSIDE = 1e-9
 class Control:
     """The control of a run: what is set at every evaluation of the forces, and how steps are taken.
 
-    span: the smooth span of time that the run is in [s], as its steps set it; forces: functions
+    span: the smooth span of time that the run is in [s], as `begin` sets it; loop: of the scene's
+    controller, whose commands so far are in the model's scene; forces: functions
     that set controls or forces in MjData; steps: of a run whose steps are not simply MuJoCo's, else
     None; stops: stops a ball that is at rest, and returns whether it did, where a run can stop.
     """
 
     def __init__(self, model: Model) -> None:
-        self.model = model
-        self.span: Sequence[float] = (0.0, 0.0)
+        self.model, steady = model, model.scene.steady
+        self.loop: Loop | None = None
+        if model.scene.controller is not None:
+            from robotball.engines import loop  # which few scenes need
+
+            self.loop = loop.Loop(model.scene, model.scene.controller)
+            self.model, steady = model.of(self.loop.scene), self.loop.holds
         # Constant controls are in the keyframe; a call of Python at each evaluation costs 8 µs.
-        self.forces = [] if model.scene.steady else [self.set]
+        self.forces = [] if steady else [self.set]
+        self.span: Sequence[float] = (0.0, 0.0)
         self.steps: Steps | None = None
         self.stops: Callable[[mujoco.MjData], bool] | None = None
 
     @property
     def is_plain(self) -> bool:
         """True if a run is nothing but MuJoCo's steps."""
-        return not self.forces and self.steps is None
+        return not self.forces and self.steps is None and self.loop is None
+
+    def begin(self, data: mujoco.MjData, span: Sequence[float]) -> None:
+        """Begin a smooth span of time [s] from the state of `data`, with the controls of its begin.
+
+        A span that is repeated has the commands of the first time.
+        """
+        self.span = span
+        if self.loop is not None:
+            self.loop.reach(span[0], lambda: sensed(self.model, data))
+            scene = self.model.scene
+            data.ctrl[:] = controls_at(scene, self.model.hinges, span[0])
+            if self.set in self.forces and self.loop.holds:
+                self.forces.remove(self.set)  # from here on for good
+                if not self.forces:
+                    mujoco.set_mjcb_control(None)
 
     def inside(self, t: float) -> float:
         """Return the time [s] of the span that is nearest to t."""

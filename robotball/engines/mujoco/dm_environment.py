@@ -88,6 +88,7 @@ def dm_environment(
             "'dm-control==1.0.*', as labmaze, which it asks for, has no wheel for Python 3.13"
         )
     scene = scene_of(scene)
+    scene.check_open("an environment, whose agent drives the ball,")
     check_positive("control_timestep", control_timestep, "s")
     chosen = as_own(request_of("mujoco", settings).settings, Settings, LABEL)
     if chosen.adaptive or scene.friction.rolling:

@@ -70,6 +70,7 @@ def write_model(scene: Scene, settings: Settings, *, dressed: bool, stem: str) -
     dressed: add what only a picture needs; stem: the first part of the files' names, by which they
     refer to each other.
     """
+    scene.check_open("MJCF")
     model = build(resolved(scene, settings))
     softness = model.settings.softness
     needs, off = None, None

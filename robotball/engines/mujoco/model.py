@@ -8,7 +8,7 @@ double back: `MjSpec.attach` composes too, but `MjSpec.to_xml` writes six digits
 import contextlib
 import warnings
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 from xml.etree import ElementTree
@@ -139,6 +139,12 @@ class Model:
         Raises InputError where MuJoCo refuses it.
         """
         return compiled_model(self.xml, self.settings.softness)
+
+    def of(self, scene: Scene) -> "Model":
+        """Return the model with another scene, which differs in its commands alone."""
+        model = replace(self, scene=scene, hinges=hinges_of(scene, self.settings))
+        vars(model)["compiled"] = self.compiled  # the property's own place
+        return model
 
     @cached_property
     def sensor_columns(self) -> dict[str, slice]:

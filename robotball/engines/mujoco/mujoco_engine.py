@@ -33,6 +33,7 @@ class MuJoCo(Engine):
     default = "balanced"
     least_accuracy: float | None = LEAST_ACCURACY
     as_it_comes = "naive"
+    closes_loops = True
 
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
         """Return the scene's motion at times (n,) [s] from 0; fewer where the run broke off."""

@@ -1,6 +1,7 @@
 """One run of a built model: stepped over its times, judged at every step, and recorded."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from robotball.engines import Progress
 from robotball.engines.mujoco import LABEL
@@ -47,7 +48,8 @@ def run(
         march = by_forward
     with controlled(model) as control:
         data = model.start_data(scene)
-        return observed(model, times, march(control, data, times), progress)
+        motion = observed(control.model, times, march(control, data, times), progress)
+        return replace(motion, scene=model.scene)  # without the commands of this run's loop
 
 
 def observed(

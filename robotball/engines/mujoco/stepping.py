@@ -165,7 +165,8 @@ def _step(
     step, read, to = mujoco.mj_step, sensors.data, rows.reshape(-1).data
     place, size, width = 0, len(sensors), rows.shape[1]
     option = compiled.opt
-    for control.span, option.timestep, taken in stretch:
+    for span, option.timestep, taken in stretch:
+        control.begin(data, span)
         for _ in range(taken):
             step(compiled, data)
             to[place : place + size] = read
@@ -185,7 +186,8 @@ def _warnings(control: Control, start: Array, stretch: _Stretch, before: Array) 
     mujoco.mj_setState(compiled, data, start, STATE)
     data.warning.number[:] = before
     counters = []
-    for control.span, compiled.opt.timestep, count in stretch:
+    for span, compiled.opt.timestep, count in stretch:
+        control.begin(data, span)
         for _ in range(count):
             mujoco.mj_step(compiled, data)
             counters.append(data.warning.number.copy())
@@ -200,7 +202,8 @@ def _step_in_parts(
     rows: list[Array] = []
     firsts: list[int] = []
     longest = 0.0
-    for control.span, length, count in stretch:
+    for span, length, count in stretch:
+        control.begin(data, span)
         for _ in range(count):
             firsts.append(len(rows))
             for taken in control.steps(data, length):

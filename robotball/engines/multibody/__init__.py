@@ -23,6 +23,7 @@ from robotball.drives import turns
 from robotball.engine import Engine, Request, as_own
 from robotball.engines import Progress
 from robotball.engines.dop853 import LEAST_RTOL, Compensated, take_step
+from robotball.engines.loop import Loop, Sensed
 from robotball.engines.multibody.system import (
     HINGES,
     LOSS,
@@ -81,8 +82,10 @@ def integrate(
     _check_rates(ours, float(times[-1]), limit)
 
     def march(allowed: float) -> March:
-        # A system of its own each time, as its modes change on the way.
-        return March(System(ours), allowed, float(times[-1]), limit, progress)
+        # A system and a loop of its own each time, as they change on the way.
+        loop = None if ours.controller is None else Loop(ours, ours.controller)
+        system = System(loop.scene if loop else ours)
+        return March(system, allowed, float(times[-1]), limit, progress, loop)
 
     def again() -> Array:
         coarser = march(_COARSER * rtol)
@@ -296,6 +299,8 @@ def _with_momentum(system: System, state: Array, readings: Readings) -> Array:
     return state
 
 
+# Of the step that scipy proposes, which is 0.9 of the one that the error allows.
+_LEEWAY = 1.08
 _LOOKS = 4  # within a step, for an event that comes and goes between its ends
 # Where all margins are larger at both ends of a step, no event is taken to lie between them, which
 # saves most steps the looks.
@@ -307,8 +312,9 @@ _ROOT = 1e-15  # s, and relative: how near to its time an event is found
 class March:
     """The integration of a system up to `end` [s], in at most `max_steps` steps.
 
-    rtol: the error allowed in one; switches: the times [s] of the events so far; stopped: the time
-    and the margin of the one that ended the motion.
+    rtol: the error allowed in one; loop: of the scene's controller; natural: the longest step that
+    the error asked for in the piece before [s], of a loop; switches: the times [s] of the events so
+    far; stopped: the time and the margin of the one that ended the motion.
     """
 
     system: System
@@ -316,6 +322,8 @@ class March:
     end: float
     max_steps: int
     progress: Progress | None = None
+    loop: Loop | None = None
+    natural: float | None = None
     steps: int = 0
     switches: list[float] = field(default_factory=list)
     stopped: tuple[float, int] | None = None
@@ -328,21 +336,39 @@ class March:
         """
         system = self.system
         samples = Samples(system, times)
-        state, t = _begin(system, 0.0, system.start()), 0.0
+        state, t = system.start(), 0.0
+        self._control(t, state)
+        state = _begin(system, t, state)
         samples.add(0.0, state[None])
         for end in (*(t for t in system.scene.breakpoints if t < times[-1]), float(times[-1])):
             # A drive's rate may jump at the end, and the piece's last state is before the jump.
             system.end = float(np.nextafter(end, t))
+            self._control(t, state)
             state = _begin(system, t, state)
             while t < end and not self.stopped:
                 t, state = self._piece(t, end, state, samples)
+            if self.stopped:
+                break
         return samples.states[: samples.done], samples.readings[: samples.done]
+
+    def _control(self, t: float, state: Array) -> None:
+        """Have the controller act where it is due at t [s]."""
+        if self.loop is None:
+            return
+
+        def sense() -> Sensed:
+            readings, count = self.system.readings(t, state), self.system.count
+            attitude, point = state[:4] / np.linalg.norm(state[:4]), state[POINT:MOMENTUM].copy()
+            angles, rates = state[HINGES : HINGES + count].tolist(), readings.rates.tolist()
+            return Sensed(readings.omega, attitude, angles, rates, point)
+
+        self.loop.reach(t, sense)
 
     def _piece(self, t: float, end: float, state: Array, samples: "Samples") -> tuple[float, Array]:
         """Go to the next event or the smooth span's end. Returns the time and the state there."""
         system = self.system
         solver = self._solver(t, end, state)
-        margins = _margins_of(system, t, state)
+        margins, longest = _margins_of(system, t, state), 0.0
         while solver.running:
             before = (solver.t, solver.state)
             self.steps = take_step(solver, self.steps, self.max_steps, self.end, self.progress)
@@ -357,12 +383,14 @@ class March:
                 # Stepped to anew: the interpolant is of order 7, and all that follows would keep
                 # its error.
                 return t, _switch(system, t, self._at(before, t), which)
+            longest = max(longest, solver.next_step)
             # A rolling that dies out has no margin with a sign: it is looked at after every step.
             if system.resistance and not system.modes.standing:
                 readings = system.readings(solver.t, solver.state)
                 state = _stand(system, solver.t, solver.state, readings)
                 if system.modes.standing:
                     return solver.t, state
+        self.natural = longest
         return solver.t, solver.state
 
     def _event(
@@ -395,7 +423,15 @@ class March:
         return (min(found) if found else None), after
 
     def _solver(self, begin: float, end: float, state: Array) -> Compensated:
-        return Compensated(self.system.rate, (begin, end), state, self.rtol, self.system.scale)
+        first = None
+        if self.loop is not None and self.natural is not None:
+            # As many equal steps as the piece before would have taken: to find the first step's
+            # length anew, after each of many commands, would take as long as the motion.
+            first = (end - begin) / np.ceil((end - begin) / (_LEEWAY * self.natural))
+        system = self.system
+        return Compensated(
+            system.rate, (begin, end), state, self.rtol, system.scale, first_step=first
+        )
 
     def _at(self, before: tuple[float, Array], t: float) -> Array:
         """Return the state at t in the last step, by steps that end there."""
@@ -437,6 +473,7 @@ class _Multibody(Engine):
     """The engine, as `robotball.engine` describes one."""
 
     label: Label = _LABEL
+    closes_loops = True
     presets: Mapping[str, EngineSettings] = {
         "best": _MultibodySettings(name="best", error_tolerance=1e-11)
     }

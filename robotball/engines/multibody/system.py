@@ -470,7 +470,7 @@ class System:
             # A piece's last state has the acceleration of this piece, not that of the next one.
             self._inputs.accelerations[i] = command.acceleration(min(t, self.end))
         for i, command in self._changing_commands:
-            self._inputs.commands[i] = command.rate(t)
+            self._inputs.commands[i] = command.rate(min(t, self.end))  # one that is held may jump
         rate, readings = np.empty(self.size), np.empty(self.readings_size)
         row = np.ascontiguousarray(state, dtype=float)  # as the entry takes without a look
         _entry()(row, self.machine, self._inputs, self.modes, rate, readings)

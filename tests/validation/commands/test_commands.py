@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import pickle
 import re
 import subprocess
 import sys
@@ -19,6 +20,7 @@ import robotball as rb
 from tests.conftest import Robotball
 from tests.robotball.files.scene_texts import PLATE
 from validation.cli import COMMANDS, GROUPS, main
+from validation.results import controlled
 from validation.studies import engine_study
 from validation.studies.ablation import CHOICES
 from validation.studies.extreme_maps import MAPS
@@ -272,6 +274,25 @@ def test_a_robots_own_file_takes_controls(robotball: Robotball, tmp_path: Path) 
     assert " ".join(out.split()).count("no verdict after it ends: axle reaches its range") == 2
     assert "mine-drive-0.2-fly-fly.csv" in "".join(out.split())
     assert err.count("axle reaches its range of -40 to 40 deg at t = 0.1") == 2
+
+
+def test_a_controller_of_a_file_closes_the_loop(robotball: Robotball, tmp_path: Path) -> None:
+    """Results are named after it, from a scene's own start and from random ones; it can be sent."""
+    text = "import robotball as rb\nhold = rb.Controller(lambda _: {'frame': -2.0}, 0.01)\n"
+    (tmp_path / "loop.py").write_text(text)
+    options = ("pendulum_robot", "--controller", "loop.py:hold", "--duration", "0.5")
+    status, out, _ = robotball("compare", *options, "--no-plots", "--json", "a.json")
+    assert (status, "the closed loop makes path errors of" in " ".join(out.split())) == (0, True)
+    (found,) = json.loads((tmp_path / "a.json").read_text())
+    assert found["scene"] == "pendulum_robot-loop.py-hold"
+    assert found["loop_growth"] > 0
+    status, _, _ = robotball("compare", *options, "--starts", "2", "--json", "b.json")
+    assert status == 0
+    scene = controlled("pendulum_robot", (), "loop.py:hold")
+    sent = pickle.loads(pickle.dumps(scene))
+    times = rb.sample_times(0.1)
+    paths = [rb.simulate(each, times, "fast").contact_point for each in (scene, sent)]
+    assert np.array_equal(*paths)
 
 
 def test_results_can_be_made_again_from_their_record(robotball: Robotball, tmp_path: Path) -> None:

@@ -116,6 +116,20 @@ REFUSED = {
         "the ball rests at every γ; 'robotball section rubber_chaplygin_ball' shows how it rolls"
     ),
     # files to read
+    **{
+        f"{each} pendulum_robot --controller {given}": words
+        for each in ("compare", "report", "video")
+        for given, words in {
+            "loop.py": "--controller takes FILE.py:NAME, not 'loop.py'",
+            "none.py:stop": r"none\.py cannot be run: FileNotFoundError: .*none\.py'",
+            "loop.py:stopp": r"loop\.py has no rb\.Controller that is called 'stopp'",
+            "broken.py:stop": r"broken\.py cannot be run: NameError: name 'rb' is not defined",
+        }.items()
+    },
+    "compare pendulum_robot --controller loop.py:fails": (
+        r"the controller fails at t = 0 s, in loop\.py line 4: ZeroDivisionError: float div"
+    ),
+    "compare fig12 --controller loop.py:stop": "fig12 has no motor that a controller could command",
     "compare nowhere.toml": r"nowhere\.toml: No such file",
     f"compare {LONG}.toml": "File name too long",
     "judge fig12": "judge needs a file with a trajectory: t,x,y,qw,qx,qy,qz",
@@ -160,6 +174,12 @@ FILES = {
     "huge.csv": "t,x,y,qw,qx,qy,qz\n0,0,0,1,0,0,0\n1,1e300,0,1,0,0,0\n",
     "deep.csv": "# units: " + "[" * 100_000 + "\nt,x,y,qw,qx,qy,qz\n0,0,0,1,0,0,0\n1,0,0,1,0,0,0\n",
     "far.urdf": FAR,
+    "loop.py": (
+        "import robotball as rb\nstop = rb.Controller(lambda _: {}, 0.1)\n"
+        "def failing(reading):\n    return {'frame': 1 / reading.time}\n"
+        "fails = rb.Controller(failing, 0.1)\n"
+    ),
+    "broken.py": "stop = rb.Controller(lambda _: {}, 0.1)\n",
     "b.json": "{",
     "c.json": '{"versions": 1}',
     "e.json": '{"versions": {}, "a": ' + "[" * 200_000 + "]" * 200_000 + "}",

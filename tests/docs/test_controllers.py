@@ -1,0 +1,61 @@
+"""The page on controllers has the numbers of the loops of examples/controllers.py."""
+
+import re
+import runpy
+import warnings
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+import robotball as rb
+from tests.imports import PROJECT
+
+PAGE = (PROJECT / "docs" / "controllers.md").read_text(encoding="utf-8")
+EXAMPLE = runpy.run_path(str(PROJECT / "examples" / "controllers.py"))
+LOOPS, missed = EXAMPLE["LOOPS"], EXAMPLE["missed"]
+
+
+def numbers(row: str) -> list[float]:
+    """The numbers of a row of the page's tables, without their units."""
+    (cells,) = re.findall(rf"^\| {re.escape(row)} \|(.*)\|$", PAGE, re.M)
+    return [float(cell.split()[0]) for cell in cells.split("|")]
+
+
+def simulated(scene: rb.Scene, theory: Any, settings: str) -> rb.Agreement:
+    with warnings.catch_warnings():  # of naive, which is there to fail
+        warnings.simplefilter("ignore")
+        return rb.compare(scene, settings, theory=theory)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LOOPS)
+def test_a_closed_loop_agrees_over_ten_seconds_as_the_page_says(name: str) -> None:
+    """To 1e-6 of the path by accurate, measured 1e-10 to 4e-10; the row's other numbers as well."""
+    scene, (off, growth, misses, naive, says) = LOOPS[name], numbers(name)
+    theory = rb.integrate(scene)
+    assert missed(theory) == pytest.approx(misses, rel=0.05)
+    right, wrong = (simulated(scene, theory, each) for each in ("accurate", "naive"))
+    assert right.agrees
+    assert right.path_error is not None
+    assert right.path_error < 1e-6
+    assert right.path_error == pytest.approx(off, rel=0.5)
+    assert right.loop_growth == pytest.approx(growth, rel=0.1)
+    assert wrong.path_error == pytest.approx(naive, rel=0.2)
+    assert missed(wrong.motion) == pytest.approx(says, rel=0.1)
+
+
+@pytest.mark.slow
+def test_a_gain_that_naive_prefers_is_not_the_best_one() -> None:
+    """16, by which the rolling ball misses its point by more than twice as much as by 8."""
+    of_naive, rolling = (numbers(f"misses by, {who}") for who in ("*naive* says", "rolling"))
+    scene, found = LOOPS["stop"], []
+    for gain in (8.0, 16.0):
+        task = replace(scene.controller.function, roll=gain)
+        loop = scene.with_controller(replace(scene.controller, function=task))
+        theory = rb.integrate(loop)
+        found.append((missed(simulated(loop, theory, "naive").motion), missed(theory)))
+    assert [each for each, _ in found] == pytest.approx(of_naive[1:], rel=0.1)
+    assert [each for _, each in found] == pytest.approx(rolling[1:], rel=0.1)
+    assert found[1][0] < found[0][0]
+    assert found[1][1] > 2 * found[0][1]

@@ -561,7 +561,7 @@ def _solved(
         prior = np.where(shared, 1 / _PRIOR if part < 1 else _NO_EVIDENCE, _HARDLY)
 
         solved = least_squares(
-            _with_prior, x, _its_jacobian, (low, high), args=(residuals, prior), x_scale="jac",
+            _with_prior, x, _its_jacobian, (low, high), args=(residuals, prior), x_scale=1.0,
             ftol=_ENOUGH if part == 1 else _ROUGHLY, xtol=_ENOUGH, gtol=_LEAST_SLOPE, loss=loss,
             max_nfev=_MOST_TRIALS,
         )  # fmt: skip

@@ -79,6 +79,7 @@ GROUPS = {
         "model": "validation.commands.scene_commands",
         "design": "validation.commands.building",
         "steer": "validation.commands.building",
+        "fit": "validation.studies.fit",
     },
     "Which settings, and their cost": {
         "ablation": "validation.studies.ablation",

@@ -12,6 +12,7 @@ import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -67,9 +68,12 @@ def write_table(path: Path, table: Table) -> None:
         write(temporary, table)
 
 
-def read_table(path: Path) -> Table:
-    """Return the table of a file. Raises InputError, with the file, where it holds none."""
-    texts = dict.fromkeys((".csv", ".tsv", ".txt"), _read_csv)
+def read_table(path: Path, gaps: bool = False) -> Table:
+    """Return the table of a file. Raises InputError, with the file, where it holds none.
+
+    gaps: whether a cell of text may be empty, which is NaN then.
+    """
+    texts = dict.fromkeys((".csv", ".tsv", ".txt"), partial(_read_csv, empty="nan" if gaps else ""))
     read = _of_suffix(path, {**texts, ".npz": _read_npz, ".parquet": _read_parquet})
     # A reader says what is wrong with the bytes; the file's name is put before it here.
     what = f"it is no {path.suffix[1:].upper()} file that can be read"
@@ -118,7 +122,7 @@ def _write_csv(path: Path, table: Table) -> None:
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _read_csv(file: BinaryIO) -> Table:
+def _read_csv(file: BinaryIO, empty: str) -> Table:
     """Return the table of a CSV file. Raises InputError for what is no table.
 
     The line of names may be a comment, and a line of units may follow it. Numbers may have decimal
@@ -131,12 +135,12 @@ def _read_csv(file: BinaryIO) -> Table:
     notes = ("it begins with a byte order mark, which is skipped",) if encoding else ()
     lines = enumerate(io.TextIOWrapper(file, encoding or "utf-8"), 1)
     try:
-        return replace(_table(lines), notes=notes)
+        return replace(_table(lines, empty), notes=notes)
     except UnicodeDecodeError:
         raise InputError("it is no text in UTF-8 or UTF-16") from None
 
 
-def _table(lines: Iterator[_Line]) -> Table:
+def _table(lines: Iterator[_Line], empty: str) -> Table:
     # One pass, in pieces: comments are collected on the way, as units and names may be in them.
     comments: list[str] = []
     rows = _data_lines(lines, comments)
@@ -158,9 +162,9 @@ def _table(lines: Iterator[_Line]) -> Table:
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError(f"two columns are called {twice!r}")
-    parts = [_numbers(names, begun, delimiter, comments)]
+    parts = [_numbers(names, begun, delimiter, comments, empty)]
     while piece := [*islice(lines, _LINES)]:
-        parts.append(_numbers(names, piece, delimiter, comments))
+        parts.append(_numbers(names, piece, delimiter, comments, empty))
         _check_size(sum(each.nbytes for each in parts))
     if not any(map(len, parts)):
         raise InputError("there are no rows of numbers below the columns' names")
@@ -218,9 +222,16 @@ def _is_number(cell: str) -> bool:
 
 
 def _numbers(
-    names: list[str], lines: list[_Line], delimiter: str | None, comments: list[str]
+    names: list[str],
+    lines: list[_Line],
+    delimiter: str | None,
+    comments: list[str],
+    empty: str,
 ) -> Array:
-    """Return the numbers (n, columns) of some lines. Comments are added to the others."""
+    """Return the numbers (n, columns) of some lines. Comments are added to the others.
+
+    empty: the text that stands for an empty cell.
+    """
     # NumPy reads a piece at once; what follows goes line by line, and names the one at fault.
     texts = [line if delimiter == "," else line.replace(",", ".") for _, line in lines]
     with contextlib.suppress(ValueError):  # by a comment, a cell in quotes, or what is no number
@@ -228,12 +239,12 @@ def _numbers(
             numbers = np.loadtxt(texts, delimiter=delimiter, comments=None, ndmin=2)
             if numbers.shape[1] == len(names):
                 return numbers
-    checked = list(_checked(names, _data_lines(lines, comments), delimiter))
+    checked = list(_checked(names, _data_lines(lines, comments), delimiter, empty))
     return np.array(checked).reshape(-1, len(names))
 
 
 def _checked(
-    names: list[str], rows: Iterable[_Line], delimiter: str | None
+    names: list[str], rows: Iterable[_Line], delimiter: str | None, empty: str
 ) -> Iterator[list[float]]:
     for number, line in rows:
         cells = _cells(line if delimiter == "," else line.replace(",", "."), delimiter)
@@ -242,7 +253,7 @@ def _checked(
                 f"line {number} has {len(cells)} values, and there are {len(names)} columns"
             )
         try:
-            yield [float(cell) for cell in cells]
+            yield [float(cell or empty) for cell in cells]
         except ValueError:
             i = next(i for i, cell in enumerate(cells) if not _is_number(cell))
             what = f"is {cells[i]!r}" if cells[i] else "is empty"

@@ -154,7 +154,7 @@ def read_scene(path: Path, text: bytes | str, controls: Mapping[str, Rate] | Non
             return scene_of_robot(path, given, controls or {})
         table = msgspec.convert(given, tables.SceneTable)
         _check_numbers("", msgspec.to_builtins(table))
-        return _scene(path, table)
+        return scene_of_table(path, table)
     except (msgspec.ValidationError, InputError) as error:
         from robotball.files.scene_keys import counted, explained
 
@@ -175,7 +175,8 @@ def _check_numbers(key: str, value: object) -> None:
             _check_numbers(f"{key}[{i}]", inner)
 
 
-def _scene(path: Path, table: tables.SceneTable) -> Scene:
+def scene_of_table(path: Path, table: tables.SceneTable) -> Scene:
+    """Return the scene of a file's table; the path names it. Raises InputError."""
     ball = _robot(table, path.parent)
     scene = Scene(
         name=path.stem.encode(errors="replace").decode(),  # bytes that are no text are shown as ?

@@ -171,6 +171,7 @@ class HingeTable(Table, frozen=True):
     ] = None
 
 
+_Name = Annotated[str | None, key("one word, by which `fit` finds its numbers")]
 _Mass = Annotated[float, key("its mass", "kg")]
 _Place = Annotated[Triple, key("where its middle is, from the sphere's centre", "m")]
 _Axis = Annotated[
@@ -219,6 +220,7 @@ class Point(Table, frozen=True, kw_only=True, tag_field="kind", tag="point"):
 
     mass: _Mass
     centre: _Place = _ORIGIN
+    name: _Name = None
 
 
 class Sphere(_Round, frozen=True, tag_field="kind", tag="sphere"):
@@ -226,6 +228,7 @@ class Sphere(_Round, frozen=True, tag_field="kind", tag="sphere"):
 
     thickness: Annotated[float | None, key("of its wall; without it the ball is solid", "m")] = None
     centre: _Place = _ORIGIN
+    name: _Name = None
 
 
 class Box(Matter, frozen=True, kw_only=True, tag_field="kind", tag="box"):
@@ -236,18 +239,21 @@ class Box(Matter, frozen=True, kw_only=True, tag_field="kind", tag="box"):
     attitude: Annotated[
         _Quadruple, key("quaternion (w, x, y, z) that turns its edges from x, y, z")
     ] = _UPRIGHT
+    name: _Name = None
 
 
 class Cylinder(_Bored, frozen=True, kw_only=True, tag_field="kind", tag="cylinder"):
     """A cylinder or a tube."""
 
     length: Annotated[float, key("along the axis", "m")]
+    name: _Name = None
 
 
 class Disc(_Bored, frozen=True, tag_field="kind", tag="disc"):
     """A round plate, with or without a round hole."""
 
     thickness: Annotated[float, key("along the axis; a density needs it", "m")] = 0.0
+    name: _Name = None
 
 
 class Ring(Table, frozen=True, kw_only=True, tag_field="kind", tag="ring"):
@@ -257,6 +263,7 @@ class Ring(Table, frozen=True, kw_only=True, tag_field="kind", tag="ring"):
     radius: Annotated[float, key("its radius", "m")]
     centre: _Place = _ORIGIN
     axis: _Axis = None
+    name: _Name = None
 
 
 class Rod(_Round, frozen=True, kw_only=True, tag_field="kind", tag="rod"):
@@ -265,6 +272,7 @@ class Rod(_Round, frozen=True, kw_only=True, tag_field="kind", tag="rod"):
     begin: Annotated[Triple, key("the middle of its one end, from the sphere's centre", "m")]
     end: Annotated[Triple, key("the middle of its other end", "m")]
     radius: Annotated[float, key("of its round section; a density needs it", "m")] = 0.0
+    name: _Name = None
 
 
 Part = Point | Sphere | Box | Cylinder | Disc | Ring | Rod

@@ -55,7 +55,7 @@ def scene_toml(scene: Scene) -> str:
     """
     # The start comes last, and its momentum last in it: the remark is on that line. From rest means
     # M = 0 in the paper, where a robot's builder would expect ω = 0.
-    text = "\n".join(_lines(_scene_table(scene)))
+    text = text_of(_scene_table(scene)).rstrip("\n")
     return f"{text}\n" if np.any(scene.start.momentum) else f"{text}  # {_REST_COMMENT}\n"
 
 
@@ -152,6 +152,11 @@ def _command(rate: Rate) -> Any:
     raise InputError("a rate given by a function of time cannot be written to a scene file")
 
 
+def text_of(table: tables.SceneTable) -> str:
+    """Return the text of a scene file's table."""
+    return "\n".join(_lines(table)) + "\n"
+
+
 def _lines(table: tables.Table) -> Iterator[str]:
     """Yield the lines of a table: its keys, then the tables in it, each below its name."""
     # A body's own keys before those of its hinge, which the records inherit.
@@ -178,6 +183,8 @@ def _value(value: Any) -> str:
     """Return the text of a value, on one line but for a tensor's rows."""
     if isinstance(value, str):
         return f'"{_escaped(value)}"'
+    if isinstance(value, bool):
+        return str(value).lower()
     if isinstance(value, msgspec.Struct):
         builtins = msgspec.to_builtins(value, enc_hook=float)  # msgspec knows no NumPy numbers
         keys = {k: v for k, v in builtins.items() if v is not None}
@@ -185,7 +192,7 @@ def _value(value: Any) -> str:
     if isinstance(value, tuple | list):
         texts = [_value(each) for each in value]
         # An inline table must stay on its line in TOML, a list need not.
-        if isinstance(value[0], tuple):
+        if isinstance(value[0], tuple | tables.Table):
             return "\n".join(["[", *(f"    {row}," for row in texts), "]"])
         return f"[{', '.join(texts)}]"
     return repr(float(value))

@@ -114,9 +114,9 @@ _KNOWN = {
 _NEEDED = ("t", "x", "y", "qw", "qx", "qy", "qz")
 LENGTHS = {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
 _TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
-_TAU = 2 * np.pi
-_RATES = {"rad/s": 1.0, "1/s": 1.0, "deg/s": _TAU / 360, "rpm": _TAU / 60, "rev/s": _TAU}
-_UNITS = {"t": _TIMES, **dict.fromkeys("xyz", LENGTHS), **dict.fromkeys(("wx", "wy", "wz"), _RATES)}
+TAU = 2 * np.pi
+RATES = {"rad/s": 1.0, "1/s": 1.0, "deg/s": TAU / 360, "rpm": TAU / 60, "rev/s": TAU}
+_UNITS = {"t": _TIMES, **dict.fromkeys("xyz", LENGTHS), **dict.fromkeys(("wx", "wy", "wz"), RATES)}
 _AS_WRITTEN = {"°/s": "deg/s", "µm": "um", "μm": "um", "rad/sec": "rad/s", "rad s^-1": "rad/s"}
 _NO_QUATERNION = 0.02  # off length one: more is no rounding
 _ROUNDED = 1e-6  # off length one: single precision, which is not worth a note
@@ -212,7 +212,7 @@ def read_trajectory(path: Path) -> Trajectory:
 
 def _trajectory_of(table: Table, name: str) -> Trajectory:
     """Return the trajectory of a table. Raises InputError as `read_trajectory` does."""
-    columns, units, others = _recognized(table)
+    columns, units, others = recognized(table)
     missing = [each for each in _NEEDED if each not in columns]
     if missing:
         there, needed = ", ".join(table.columns) or "none", ",".join(_NEEDED)
@@ -222,13 +222,13 @@ def _trajectory_of(table: Table, name: str) -> Trajectory:
     notes = list(table.notes)
     # A quaternion has no unit, and momentum is taken in kg m²/s alone.
     for group in (("t",), ("x", "y", "z"), ("wx", "wy", "wz")):
-        notes += _made_si(columns, units, group)
+        notes += made_si(columns, units, group)
     for each, column in columns.items():
         _check_finite(each, column, columns["t"])
     times = columns["t"]
-    _check_increasing(times)
+    check_increasing(times)
     attitude = np.stack([columns[each] for each in ("qw", "qx", "qy", "qz")], axis=1)
-    attitude, rounded = _unit(attitude, times)
+    attitude, rounded = to_unit(attitude, times)
     height = columns.get("z", np.full(len(times), np.nan))
     return Trajectory(
         name=name,
@@ -243,7 +243,7 @@ def _trajectory_of(table: Table, name: str) -> Trajectory:
     )
 
 
-def _recognized(table: Table) -> tuple[dict[str, Array], dict[str, str], dict[str, Array]]:
+def recognized(table: Table) -> tuple[dict[str, Array], dict[str, str], dict[str, Array]]:
     """Return the known columns and their units, by our names; the others by their own."""
     columns: dict[str, Array] = {}
     units: dict[str, str] = {}
@@ -263,8 +263,7 @@ def _recognized(table: Table) -> tuple[dict[str, Array], dict[str, str], dict[st
 
 def _parsed(title: str) -> tuple[str | None, str | None]:
     """Return a column's name and its title's unit: `x`, `x [mm]`, `x_mm`, `pos.x (mm)`."""
-    found = re.match(r"(.*?)\s*[\[(](.*?)[\])]\s*$", title)
-    bare, unit = (found[1], found[2]) if found else (title, None)
+    bare, unit = without_unit(title)
     name = _KNOWN.get(_plain(bare))
     if name is None and "_" in bare:
         first, _, last = bare.rpartition("_")
@@ -276,6 +275,12 @@ def _parsed(title: str) -> tuple[str | None, str | None]:
     return name, unit
 
 
+def without_unit(title: str) -> tuple[str, str | None]:
+    """Return a title without its unit in brackets, and the unit."""
+    found = re.match(r"(.*?)\s*[\[(](.*?)[\])]\s*$", title)
+    return (found[1], found[2]) if found else (title, None)
+
+
 def _plain(title: str) -> str:
     return re.sub(r"[\s_./:\-]", "", title).lower()
 
@@ -284,7 +289,7 @@ def _unit_name(unit: str) -> str:
     return _AS_WRITTEN.get(unit.strip(), unit.strip())
 
 
-def _made_si(columns: dict[str, Array], units: Mapping[str, str], group: _Place) -> list[str]:
+def made_si(columns: dict[str, Array], units: Mapping[str, str], group: _Place) -> list[str]:
     """Turn columns of a group into SI units, in place. Returns a note for each other unit."""
     changed: dict[str, list[str]] = {}
     for name in group:
@@ -312,7 +317,7 @@ def _check_finite(name: str, column: Array, times: Array) -> None:
         raise InputError(f"{name} is {column[i]} in row {i + 1}{at}{more}; {_FINITE}")
 
 
-def _check_increasing(times: Array) -> None:
+def check_increasing(times: Array) -> None:
     if len(times) < 2:
         raise InputError(f"it has {len(times)} row of numbers, and at least two are needed")
     # The first fault alone, by its row: the others mostly follow from it.
@@ -330,7 +335,8 @@ def _check_increasing(times: Array) -> None:
         raise InputError(f"times must start at 0 s or later, not at {times[0]:g} s")
 
 
-def _unit(attitude: Array, times: Array) -> tuple[Array, list[str]]:
+def to_unit(attitude: Array, times: Array) -> tuple[Array, list[str]]:
+    """Return quaternions (n, 4) at length one, and a note where more than rounding was missing."""
     length = np.linalg.norm(attitude, axis=1)
     off = np.abs(length - 1)
     worst = int(off.argmax())

@@ -1,0 +1,238 @@
+"""Logs of a robot that was built: what its sensors read, and what its motors were commanded.
+
+A log is a table. Any subset of sensors may be in it, each at its own times: a cell that is empty or
+`nan` is no reading. Columns are known by the names and units that `trajectories` knows, those of a
+hinge by the hinge's name: `frame_angle`, `frame_rate`, `frame_torque`, `frame_command`.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from robotball.errors import LARGEST, InputError
+from robotball.files import named
+from robotball.files.columns import Table, read_table
+from robotball.files.trajectories import (
+    RATES,
+    TAU,
+    check_increasing,
+    made_si,
+    recognized,
+    to_unit,
+    without_unit,
+)
+from robotball.rotations import Array
+from robotball.scene import Scene
+
+_SENSORS = {
+    "position": ("x", "y", "z"),
+    "attitude": ("qw", "qx", "qy", "qz"),
+    "gyro": ("wx", "wy", "wz"),
+    "shell_gyro": ("shell_wx", "shell_wy", "shell_wz"),
+    "accelerometer": ("ax", "ay", "az"),
+}
+_COMMAND = "command"
+_ANGLES = {"rad": 1.0, "deg": TAU / 360, "rev": TAU, "°": TAU / 360}
+_OF_HINGES = {
+    "angle": _ANGLES,
+    "rate": RATES,
+    "torque": {"N m": 1.0, "Nm": 1.0, "N*m": 1.0, "N·m": 1.0, "mN m": 1e-3, "mNm": 1e-3},
+    "current": {"A": 1.0, "mA": 1e-3},
+}
+_FEWEST = 4  # readings of a sensor, by which its noise is known
+
+
+@dataclass(frozen=True)
+class Held:
+    """A command that a log gives, held from each row to the next; it has no rate of its own."""
+
+    times: Array
+    values: Array
+    breakpoints: tuple[float, ...]
+
+    def rate(self, t: Array | float) -> Array:
+        at = np.searchsorted(self.times, t, side="right") - 1
+        return self.values[np.clip(at, 0, len(self.values) - 1)]
+
+    def acceleration(self, t: Array | float) -> Array:
+        return 0.0 * np.asarray(t)
+
+    def angle(self, t: Array | float) -> Array:
+        areas = np.concatenate([[0.0], np.cumsum(np.diff(self.times) * self.values[:-1])])
+        at = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.values) - 1)
+        return np.asarray(areas[at] + (np.asarray(t) - self.times[at]) * self.values[at])
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """Hold the readings of one sensor.
+
+    Attributes
+    ----------
+    name : str
+        "position", "attitude", "gyro", "shell_gyro", "accelerometer", or the name of a hinge with
+        "_angle", "_rate", "_torque" or "_current".
+    times : (n,), s
+        Increasing times.
+    values : (n, k)
+        The readings, SI units; of an attitude the unit quaternions (w, x, y, z).
+    """
+
+    name: str
+    times: Array
+    values: Array
+
+
+@dataclass(frozen=True)
+class Log:
+    """Hold what a robot's sensors read, and what its motors were commanded.
+
+    Attributes
+    ----------
+    name : str
+        The name of the file.
+    sensors : tuple of Sensor
+        Those that the file has, each at its own times.
+    commands : mapping of str to (times (n,), values (n,))
+        The commands of motors by their hinges' names, each held until the next.
+    notes : tuple of str
+        What was understood on reading, such as units, a line each.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import robotball as rb
+    >>> scene = rb.load_scene("pendulum_robot")
+    >>> rb.integrate(scene, rb.sample_times(0.5)).save("run.csv")
+    >>> log = rb.read_log(Path("run.csv"), scene)
+    >>> [sensor.name for sensor in log.sensors][:3]
+    ['position', 'attitude', 'gyro']
+    """
+
+    name: str
+    sensors: tuple[Sensor, ...]
+    commands: Mapping[str, tuple[Array, Array]]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def end(self) -> float:
+        """The time of the last reading [s]."""
+        return max(float(each.times[-1]) for each in self.sensors)
+
+
+def read_log(path: Path, scene: Scene) -> Log:
+    """Read the log of a robot.
+
+    Parameters
+    ----------
+    path : Path
+        A CSV, NPZ or Parquet file with a column of times and those of any sensors.
+    scene : Scene
+        The robot, which names the hinges.
+
+    Returns
+    -------
+    Log
+        The sensors and the commands.
+
+    Raises
+    ------
+    InputError
+        If the file has no times or no sensor, a sensor's columns are not all there, a unit is
+        unknown, a number is not finite, times do not increase, or a quaternion has not length one.
+        The message names the file.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import robotball as rb
+    >>> scene = rb.load_scene("pendulum_robot")
+    >>> rb.integrate(scene, rb.sample_times(0.5)).save("run.csv")
+    >>> rb.read_log(Path("run.csv"), scene).end
+    0.5
+    """
+    table = read_table(path, gaps=True)
+    with named(path):
+        return _log_of(table, path.name, scene)
+
+
+def _log_of(table: Table, name: str, scene: Scene) -> Log:
+    columns, units, others = recognized(table)
+    plain = {title: without_unit(title) for title in others}
+    units_of = {bare: unit or table.units.get(title, "") for title, (bare, unit) in plain.items()}
+    others = {bare: others[title] for title, (bare, _) in plain.items()}
+    if "t" not in columns:
+        raise InputError(f"there is no column of times; there are {', '.join(table.columns)}")
+    notes = [*table.notes]
+    for group in (("t",), ("x", "y", "z"), ("wx", "wy", "wz")):
+        notes += made_si(columns, units, group)
+    for hinge in scene.hinges:
+        for kind in (*_OF_HINGES, _COMMAND):
+            title, known = f"{hinge.name}_{kind}", _OF_HINGES.get(kind, {})
+            if title in others:
+                unit = units_of[title]
+                if unit not in ("", "-", "1") and known and unit not in known:
+                    raise InputError(f"{title} is in {unit!r}; it can be in {', '.join(known)}")
+                columns[title] = others[title] * known.get(unit, 1.0)
+    columns.update({each: others[each] for each in sum(_SENSORS.values(), ()) if each in others})
+    times = columns["t"]
+    if not np.isfinite(times).all():
+        raise InputError(f"t is {times[~np.isfinite(times)][0]} in a row; each row needs its time")
+    check_increasing(times)
+    sensors = tuple(_sensors(columns, times, scene))
+    if not sensors:
+        titles = [",".join(each) for each in _SENSORS.values()]
+        titles += [f"{scene.hinges[0].name}_{kind}" for kind in _OF_HINGES]
+        raise InputError(
+            f"no sensor is in it; there are {', '.join(table.columns)}; known are "
+            f"{', '.join(titles)}, and likewise of each hinge"
+        )
+    commands = {}
+    for hinge in scene.hinges:
+        column = columns.get(f"{hinge.name}_{_COMMAND}")
+        if column is None:
+            continue
+        if hinge.motor is None:
+            raise InputError(
+                f"{hinge.name}_command: {hinge.name} has no motor and keeps its rate exactly; give "
+                "it a motor in the scene file"
+            )
+        there = np.isfinite(column)
+        if not there.any():
+            raise InputError(f"{hinge.name}_command is empty")
+        commands[hinge.name] = times[there], column[there]
+    return Log(name, sensors, commands, tuple(notes))
+
+
+def _sensors(columns: Mapping[str, Array], times: Array, scene: Scene) -> Iterator[Sensor]:
+    groups = dict(_SENSORS)
+    groups.update(
+        {
+            title: (title,)
+            for hinge in scene.hinges
+            for title in (f"{hinge.name}_{kind}" for kind in _OF_HINGES)
+        }
+    )
+    for name, needed in groups.items():
+        there = [each for each in needed if each in columns]
+        if name == "position" and there == ["x", "y"]:
+            needed = ("x", "y")
+        if not there:
+            continue
+        if len(there) < len(needed):
+            raise InputError(f"of {', '.join(needed)} there is only {', '.join(there)}")
+        values = np.stack([columns[each] for each in needed], axis=1)
+        read = ~np.isnan(values).any(axis=1)
+        if (worst := np.abs(values[read])).size and not worst.max() <= LARGEST:
+            raise InputError(f"{name} has a reading of {worst.max():g}; check its unit")
+        if read.sum() < _FEWEST:
+            raise InputError(
+                f"{name} has {read.sum()} readings, and needs {_FEWEST} at least; leave its "
+                "columns out"
+            )
+        at, values = times[read], values[read]
+        if name == "attitude":
+            values, _ = to_unit(values, at)
+        yield Sensor(name, at, values)

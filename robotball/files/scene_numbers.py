@@ -1,0 +1,151 @@
+"""The numbers of a scene by their paths, such as `frame.part.battery.mass` or `friction.rolling`.
+
+Those of a scene file are as the file has them, and its parts stay parts; of another scene they are
+those of the text that `scene_toml` writes.
+"""
+
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from robotball.engine import scene_of
+from robotball.errors import InputError, unknown
+from robotball.files import contents, readable
+from robotball.files.scene_file import CATALOG, catalog, scene_of_table
+from robotball.files.scene_keys import meaning_of, tables_at
+from robotball.files.scene_tables import SceneTable
+from robotball.files.scene_writer import scene_toml, text_of
+from robotball.scene import Scene
+
+_Place = tuple[str | int, ...]
+# A fit has a start of its own; the others are no numbers of a robot.
+_NOT = ("start", "duration", "title", "source", "gravity_direction")
+_AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class SceneNumbers:
+    """Hold a scene as its file has it, with its numbers by their paths.
+
+    name: of the scene; folder: of files that it names; tables: the file's, with defaults.
+    """
+
+    name: str
+    folder: Path
+    tables: Mapping[str, Any]
+
+    @cached_property
+    def places(self) -> dict[str, _Place]:
+        """Where each number stands, by its path."""
+        return dict(_places((), (), {k: v for k, v in self.tables.items() if k not in _NOT}))
+
+    def path_of(self, name: str) -> str:
+        """Return the one path that a name stands for: its last words are enough.
+
+        Raises InputError for a name of none or of several, with its neighbours.
+        """
+        words = name.split(".")
+        found = [path for path in self.places if _follows(words, path.split("."))]
+        if name in found or len(found) == 1:
+            return name if name in found else found[0]
+        if found:
+            raise InputError(f"{name!r} may be {', '.join(found)}; give more of its path")
+        raise unknown("number of the scene", name, self.places)
+
+    def value(self, path: str) -> float:
+        """Return the number at a path."""
+        found: Any = self.tables
+        for key in self.places[path]:
+            found = found[key]
+        return float(found)
+
+    def unit(self, path: str) -> str:
+        """Return the unit of the number at a path, as docs/scene.md has it."""
+        *above, last = [key for key in self.places[path] if isinstance(key, str)]
+        fields = (field for table in tables_at(".".join(above)) for field in table.fields)
+        return next((meaning_of(field)[1] for field in fields if field.name == last), "")
+
+    def scene(self, values: Mapping[str, float]) -> Scene:
+        """Return the scene with other numbers at some paths. Raises InputError for impossible."""
+        scene = scene_of_table(self.folder / f"{self.name}.toml", self._table(values))
+        return replace(scene, name=self.name)
+
+    def text(self, values: Mapping[str, float], start: Scene) -> str:
+        """Return the text of a scene file with other numbers, that starts as a scene does."""
+        tables = msgspec.json.decode(msgspec.json.encode(self._table(values)))
+        tables["start"] = {
+            "attitude": start.start.attitude.tolist(),
+            "momentum_world": start.start.momentum.tolist(),
+        }
+        for hinge in start.hinges:
+            kind = hinge.name.rstrip("0123456789")
+            number = hinge.name.removeprefix(kind)
+            table = tables[kind][int(number) - 1] if number else tables[kind]
+            table["initial_angle"] = hinge.angle
+            if hinge.motor is not None:
+                table["initial_rate"] = hinge.rate
+        return text_of(msgspec.convert(tables, SceneTable))
+
+    def _table(self, values: Mapping[str, float]) -> SceneTable:
+        changed: Any = deepcopy(self.tables)
+        for path, value in values.items():
+            *above, last = self.places[path]
+            table = changed
+            for key in above:
+                table = table[key]
+            table[last] = float(value)
+        return msgspec.convert(changed, SceneTable)
+
+
+def numbers_of(scene: Scene | str | Path) -> SceneNumbers:
+    """Return the numbers of a scene, or of the scene of a name or a file.
+
+    Raises InputError for a robot's own file, and for a scene that no scene file can hold.
+    """
+    if isinstance(scene, Scene):
+        return SceneNumbers(scene.name, CATALOG, _tables_of(scene.name, scene_toml(scene)))
+    path = CATALOG / f"{scene}.toml" if str(scene) in catalog() else Path(scene)
+    loaded = scene_of(scene)  # which says what is wrong with the file
+    if loaded.ball.general or loaded.actuators:
+        raise InputError(
+            f"{path}: the numbers of a robot's own file cannot be freed yet; describe the robot as "
+            "a scene, by a shell, a frame, rotors and pendulums"
+        )
+    return SceneNumbers(loaded.name, path.parent, _tables_of(path, contents(path)))
+
+
+def _tables_of(what: object, text: str | bytes) -> Mapping[str, Any]:
+    with readable(f"{what}: not TOML"):
+        table = msgspec.convert(msgspec.toml.decode(text), SceneTable)
+    # By way of JSON, which has lists, and the defaults of keys that are not given.
+    return dict(msgspec.json.decode(msgspec.json.encode(table)))
+
+
+def _places(words: tuple[str, ...], place: _Place, value: object) -> Iterator[tuple[str, _Place]]:
+    """Yield the paths of the numbers in a value of TOML, and where they stand."""
+    if isinstance(value, bool):
+        return
+    if isinstance(value, int | float):
+        yield ".".join(words), place
+    elif isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _places((*words, key), (*place, key), inner)
+    elif isinstance(value, list | tuple):
+        triple = len(value) == len(_AXES) and not isinstance(value[0], dict)
+        for i, inner in enumerate(value):
+            named = inner.get("name") if isinstance(inner, dict) else None
+            word = named or (_AXES[i] if triple else str(i + 1))
+            # Rotors and pendulums as their hinges are named: rotor1, pendulum1.
+            own = (f"{words[0]}{word}",) if len(words) == 1 else (*words, word)
+            yield from _places(own, (*place, i), inner)
+
+
+def _follows(words: list[str], path: list[str]) -> bool:
+    """Return whether words are a path's, in its order, and the last is its last."""
+    rest = iter(path)
+    return words[-1] == path[-1] and all(word in rest for word in words)

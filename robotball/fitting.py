@@ -1,0 +1,735 @@
+"""Fit a scene to logs: which masses, places and gains explain what a robot's sensors read.
+
+The unknowns are numbers of the scene, shared by all logs, and of each log the start of its motion
+and such circumstances as a gyro's bias. Residuals are readings less those of the motion, over the
+sensor's noise; least squares by scipy, with derivatives by differences. A fit goes from the first
+part of a motion to the whole, as a wrong guess is soon out of step with the log.
+
+In order: what is found, the unknowns, the residuals, the steps of a fit, what it says.
+"""
+
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from scipy import stats
+from scipy.optimize import least_squares
+
+from robotball.engine import integrate
+from robotball.errors import InputError, SceneWarning
+from robotball.files.logs import Held, Log
+from robotball.files.scene_numbers import SceneNumbers, numbers_of
+from robotball.motion import Motion
+from robotball.rotations import Array, Mask, turned
+from robotball.scene import Scene, Start
+from robotball.sensing import Rows, apart, circumstance, is_of_readings, noise_of, times_of
+
+Run = Callable[[Scene, Array], Motion]
+Loss = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
+_RTOL = 1e-9  # of the equations: over the difference still 1e-5 of what sensors read
+_DIFFERENCE = 1e-3  # of an unknown's size, by which residuals are differentiated
+_PARTS = (0.15, 0.4, 1.0)  # of the logs, to which the fit is made in turn
+_PRIOR = 1.0  # of an unknown's size: how far a part of the logs may move it without evidence
+_DOUBT = 1e-3  # a probability below which chance is no explanation
+_UNKNOWN = 0.5  # of an unknown's size: a standard deviation that tells nothing
+_SHARE = 0.15  # of the largest part in a direction, below which an unknown has no part in it
+_WINDOWS = 20  # of a log, in which it is looked for the first that the model does not explain
+# Of n readings, as good as so many that are independent, is their noise known by itself.
+_NOISE_KNOWN_BY = 0.2
+_SMALLEST = 1e-12  # of a sensor's readings: no noise is smaller, and rounding is no evidence
+
+
+@dataclass(frozen=True)
+class Found:
+    """Hold one number that a fit has found.
+
+    Attributes
+    ----------
+    name : str
+        The path of the number in the scene file, or the log's name and what it is of its log.
+    value, deviation : float
+        The value and its standard deviation.
+    began : float
+        The value from which the fit began.
+    unit : str
+    determined : bool
+        Whether the logs tell it at all.
+    """
+
+    name: str
+    value: float
+    deviation: float
+    began: float
+    unit: str
+    determined: bool
+
+
+@dataclass(frozen=True)
+class SensorFit:
+    """Hold how well a fit explains one sensor of a log.
+
+    Attributes
+    ----------
+    log, name : str
+        The names of the log and of the sensor.
+    noise : float
+        One standard deviation of a reading, as it was given or as the readings show it.
+    residual : float
+        The root mean square of the residuals, in the unit of the readings.
+    probability : float
+        How probable residuals at least so large are, if the model is right.
+    since : float or None
+        The time from which on the model does not explain the readings [s]. None if it does.
+    times : (n,), s
+    residuals : (n, k)
+        The readings less those of the motion; of an attitude the turns [rad].
+    """
+
+    log: str
+    name: str
+    noise: float
+    residual: float
+    probability: float
+    since: float | None
+    times: Array
+    residuals: Array
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Hold a scene that was fitted to logs.
+
+    Attributes
+    ----------
+    scene : Scene
+        The scene with the numbers found, which starts as the first log does.
+    text : str
+        The text of its scene file.
+    found : tuple of Found
+        The numbers of the scene.
+    of_logs : tuple of Found
+        The circumstances that were freed.
+    correlations : (p, p)
+        The correlations of the numbers of the scene.
+    chi2, degrees : float, int
+        The sum of the squared residuals over the noise, and the degrees of freedom.
+    probability : float
+        How probable a sum at least as large is, if the model is right.
+    sensors : tuple of SensorFit
+        Each sensor of each log; those of a log that was held out are in `held_out`.
+    held_out : tuple of SensorFit
+    undetermined : tuple of str
+        What the logs cannot tell, a line each.
+    """
+
+    scene: Scene
+    text: str
+    found: tuple[Found, ...]
+    of_logs: tuple[Found, ...]
+    correlations: Array
+    chi2: float
+    degrees: int
+    probability: float
+    sensors: tuple[SensorFit, ...]
+    held_out: tuple[SensorFit, ...]
+    undetermined: tuple[str, ...]
+
+    @property
+    def explains(self) -> bool:
+        """Whether the model explains the logs, those held out too."""
+        return not self.strays
+
+    @property
+    def strays(self) -> tuple[SensorFit, ...]:
+        """The sensors whose readings the model does not explain, the worst first."""
+        every = (*self.sensors, *self.held_out)
+        least = _DOUBT / len(every)
+        return tuple(
+            sorted((s for s in every if s.probability < least), key=lambda s: s.probability)
+        )
+
+
+@dataclass(frozen=True)
+class _Unknown:
+    """A number to be found: what it begins with, its size, and its limits.
+
+    log: the number of the log that it belongs to, None where all share it; moves: whether it
+    changes the motion, and not the readings alone.
+    """
+
+    name: str
+    value: float
+    size: float
+    unit: str
+    log: int | None = None
+    moves: bool = True
+    low: float = -np.inf
+    high: float = np.inf
+
+
+_POSITIVE = ("mass", "density", "radius", "kv", "kp", "torque_limit", "stall_torque", "gravity")
+
+
+def _of_scene(numbers: SceneNumbers, free: Sequence[str], radius: float) -> Iterator[_Unknown]:
+    """Yield the unknowns of a scene: `path`, or `path=low:high` within limits."""
+    for text in free:
+        name, _, limits = text.partition("=")
+        path = numbers.path_of(name.strip())
+        value, unit = numbers.value(path), numbers.unit(path)
+        last = path.rpartition(".")[2]
+        low = (
+            0.0
+            if value >= 0 and (last in _POSITIVE or (unit == "m" and last == "rolling"))
+            else -np.inf
+        )
+        high = np.inf
+        if limits:
+            low, high = _limits(text, limits)
+            if not low <= value <= high:
+                raise InputError(f"{path} begins at {value:g}, outside {limits}; change the scene")
+        # A number that is 0 has no size of its own.
+        size = abs(value) or (0.01 * radius if unit == "m" else 0.01)
+        if unit == "m":
+            size = max(size, 0.1 * radius) if last in "xyz" else size
+        yield _Unknown(path, value, size, unit, low=low, high=high)
+
+
+def _limits(text: str, limits: str) -> tuple[float, float]:
+    try:
+        low, high = map(float, limits.split(":"))
+    except ValueError:
+        raise InputError(f"{text!r}: limits are two numbers, as in frame.kv=0.1:0.8") from None
+    if not low < high:
+        raise InputError(f"{text!r}: the first limit must be below the second")
+    return low, high
+
+
+def _of_log(scene: Scene, log: Log, at: int, freed: Sequence[str]) -> Iterator[_Unknown]:
+    """Yield the unknowns of a log: its start, and the circumstances that are freed."""
+    for axis in "xyz":
+        yield _Unknown(f"start.turn.{axis}", 0.0, 0.1, "rad", at)
+    for axis in "xy" if scene.rolling == "rubber" else "xyz":
+        yield _Unknown(f"start.momentum.{axis}", 0.0, 0.1 * scene.momentum_scale, "kg m²/s", at)
+    for hinge in scene.hinges:
+        if hinge.motor is not None:
+            yield _Unknown(f"start.{hinge.name}_angle", hinge.angle, 0.1, "rad", at)
+            yield _Unknown(f"start.{hinge.name}_rate", hinge.rate, 0.1, "rad/s", at)
+    sensors = {each.name: each for each in log.sensors}
+    sizes = {"rad": 0.1, "m": 0.1 * scene.ball.radius, "rad/s": 0.1, "m/s²": 0.1, "s": 0.01}
+    for name in freed:
+        with_count, unit = circumstance(name, sensors)
+        for i in range(with_count):
+            part = f"{name}.{'xyz'[i]}" if with_count > 1 else name
+            low = 0.0 if name == "commands.delay" else -np.inf
+            yield _Unknown(part, 0.0, sizes[unit], unit, at, not is_of_readings(name), low)
+
+
+@dataclass(frozen=True)
+class _Sensed:
+    """A log as it is fitted: its sensors' noise, and the start from which its motion is sought."""
+
+    log: Log
+    noise: tuple[float, ...]
+    estimated: tuple[bool, ...]
+    start: Scene
+
+    def until(self, part: float) -> "_Sensed":
+        """Return the first part of the log."""
+        end = part * self.log.end
+        sensors = tuple(
+            replace(s, times=s.times[s.times <= end], values=s.values[s.times <= end])
+            for s in self.log.sensors
+        )
+        return replace(self, log=replace(self.log, sensors=sensors))
+
+
+class _Residuals:
+    """The residuals of logs as a function of the unknowns, which are given in their sizes."""
+
+    def __init__(
+        self,
+        numbers: SceneNumbers,
+        unknowns: Sequence[_Unknown],
+        logs: Sequence[_Sensed],
+        run: Run,
+        fixed: Mapping[str, float],
+    ) -> None:
+        self.numbers, self.unknowns, self.logs, self.run = numbers, unknowns, logs, run
+        self.fixed = fixed
+        self._motion = lru_cache(maxsize=2 * len(logs) + 2)(self._moved)
+        self._of = [
+            [j for j, u in enumerate(unknowns) if u.log in (None, k)] for k in range(len(logs))
+        ]
+
+    def values(self, x: Array) -> Array:
+        """Return the unknowns in their units."""
+        return np.array([u.value + u.size * a for u, a in zip(self.unknowns, x, strict=True)])
+
+    def scene(self, k: int, values: Array) -> Scene:
+        """Return the scene of a log. Raises InputError for impossible numbers."""
+        own = {u.name: v for u, v in zip(self.unknowns, values, strict=True) if u.log == k}
+        shared = {u.name: v for u, v in zip(self.unknowns, values, strict=True) if u.log is None}
+        began, log = self.logs[k].start, self.logs[k].log
+        scene = self.numbers.scene({**self.fixed, **shared})
+        late = own.get("commands.delay", 0.0)
+        hinges: dict[str, dict[str, object]] = {"angle": {}, "rate": {}, "command": {}}
+        for hinge in scene.hinges:
+            if hinge.motor is not None:
+                hinges["angle"][hinge.name] = own[f"start.{hinge.name}_angle"]
+                hinges["rate"][hinge.name] = own[f"start.{hinge.name}_rate"]
+            if hinge.name in log.commands:
+                times, given = log.commands[hinge.name]
+                hinges["command"][hinge.name] = _held(times + late, given)
+        scene = scene.with_hinges(**{k: v for k, v in hinges.items() if v})
+        turn = np.array([own[f"start.turn.{axis}"] for axis in "xyz"])
+        momentum = began.start.momentum.copy()
+        for i, axis in enumerate("xyz"):
+            momentum[i] += own.get(f"start.momentum.{axis}", 0.0)
+        return replace(scene, start=Start(turned(began.start.attitude, turn), momentum))
+
+    def given(self, k: int, values: Array) -> dict[str, Array]:
+        """Return the circumstances of a log by their names."""
+        found: dict[str, list[float]] = {}
+        for u, v in zip(self.unknowns, values, strict=True):
+            if u.log == k and not u.name.startswith("start."):
+                vector = u.name.count(".") > 1
+                found.setdefault(u.name.rpartition(".")[0] if vector else u.name, []).append(v)
+        return {name: np.array(parts) for name, parts in found.items()}
+
+    def _moved(self, k: int, key: tuple[float, ...]) -> tuple[Motion, list[Rows]] | None:
+        """Return a log's motion, and the rows that each sensor reads; None where none."""
+        values = np.array([u.value for u in self.unknowns])
+        values[[j for j in self._of[k] if self.unknowns[j].moves]] = key
+        given = self.given(k, values)
+        wanted = [times_of(each, given) for each in self.logs[k].log.sensors]
+        times = np.unique(np.concatenate([[0.0], *wanted]))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SceneWarning)
+            try:
+                motion = self.run(self.scene(k, values), times)
+            except InputError:
+                return None
+        if len(motion.times) < len(times):
+            return None
+        return motion, [np.searchsorted(times, each) for each in wanted]
+
+    def of_log(self, k: int, x: Array) -> list[Array] | None:
+        """Return how far the readings of a log's sensors are from its motion's; None for none."""
+        values = self.values(x)
+        moving = [j for j in self._of[k] if self.unknowns[j].moves]
+        moved = self._motion(k, tuple(values[moving].tolist()))
+        if moved is None:
+            return None
+        given = self.given(k, values)
+        sensors = self.logs[k].log.sensors
+        return [apart(s, moved[0], rows, given) for s, rows in zip(sensors, moved[1], strict=True)]
+
+    def _part(self, k: int, x: Array) -> Array:
+        found = self.of_log(k, x)
+        if found is None:
+            count = sum(len(s.values) * _width(s.values, s.name) for s in self.logs[k].log.sensors)
+            return np.full(count, np.inf)
+        weighted = zip(found, self.logs[k].noise, strict=True)
+        return np.concatenate([(each / noise).ravel() for each, noise in weighted])
+
+    def __call__(self, x: Array) -> Array:
+        """Return the residuals over their noise (n,); inf where there is no motion."""
+        return np.concatenate([self._part(k, x) for k in range(len(self.logs))])
+
+    def jacobian(self, x: Array, central: bool = False) -> Array:
+        """Return the derivative of the residuals (n, p), by differences.
+
+        Those to one side are as good as a step needs; of where nothing is known, central ones tell.
+        """
+        parts = [self._part(k, x) for k in range(len(self.logs))]
+        ends = np.cumsum([0, *map(len, parts)])
+        derivative = np.zeros((ends[-1], len(x)))
+        for j, unknown in enumerate(self.unknowns):
+            for k in range(len(self.logs)) if unknown.log is None else [unknown.log]:
+                sides = [
+                    (self._part(k, x + step * (np.arange(len(x)) == j)) - parts[k]) / step
+                    for step in (_DIFFERENCE, -_DIFFERENCE)[: 2 if central else 1]
+                ]
+                possible = [each for each in sides if np.isfinite(each).all()]
+                if possible:
+                    derivative[ends[k] : ends[k + 1], j] = np.mean(possible, axis=0)
+        return derivative
+
+
+def _width(values: Array, name: str) -> int:
+    return 3 if name == "attitude" else values.shape[1]
+
+
+def _held(times: Array, values: Array) -> Held:
+    changes = np.flatnonzero(np.diff(values)) + 1
+    kept = np.concatenate([[0], changes])
+    return Held(times[kept], values[kept], tuple(times[changes].tolist()))
+
+
+def fit(
+    scene: Scene | str | Path,
+    logs: Sequence[Log],
+    free: Sequence[str],
+    *,
+    circumstances: Sequence[str] = (),
+    noise: Mapping[str, float] | None = None,
+    loss: Loss = "linear",
+    hold_out: int | None = None,
+    run: Run | None = None,
+    progress: Callable[[float, float], None] | None = None,
+) -> Fit:
+    """Fit numbers of a scene to the logs of a robot.
+
+    Parameters
+    ----------
+    scene : Scene, str or Path
+        The robot, with the numbers from which the fit begins.
+    logs : sequence of Log
+        One log or more, as `read_log` returns them.
+    free : sequence of str
+        The numbers to be found, by their paths in the scene file or the last words of these, such
+        as `battery.mass`; with limits as `frame.kv=0.1:0.8`.
+    circumstances : sequence of str, optional
+        What else is to be found of each log: `world.yaw`, `world.origin`, `position.marker`,
+        `gyro.bias`, `accelerometer.place`, `commands.delay`, `attitude.clock`, `frame_angle.zero`
+        and their like.
+    noise : mapping of str to float, optional
+        The noise of sensors, one standard deviation in their units. Without it, it is estimated
+        from the readings.
+    loss : str, default "linear"
+        The loss of `scipy.optimize.least_squares`; another than the default bears with outliers.
+    hold_out : int, optional
+        The number of a log that is not fitted, but explained by the fit of the others.
+    run : callable, optional
+        Returns the motion of a scene at times. The default integrates the equations.
+    progress : callable, optional
+        Called with the part of the logs that is fitted and χ² over the degrees of freedom.
+
+    Returns
+    -------
+    Fit
+        The fitted scene, its numbers with their standard deviations, and how well it explains each
+        sensor.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, a log shows too little, or the scene has no motion to begin with.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import robotball as rb
+    >>> scene = rb.load_scene("pendulum_robot")
+    >>> rb.integrate(scene, rb.sample_times(2.0)).save("run.csv")
+    >>> log = rb.read_log(Path("run.csv"), scene)
+    >>> noise = {"position": 1e-3, "attitude": 1e-2, "gyro": 2e-2, "frame_angle": 1e-2}
+    >>> noise.update(frame_rate=2e-2, frame_torque=1e-2)
+    >>> found = rb.fit("pendulum_robot", [log], ["frame.kv"], noise=noise)
+    >>> print(f"{found.found[0].value:.3f}")
+    0.400
+    """
+    if not logs:
+        raise InputError("a fit needs a log")
+    numbers = numbers_of(scene)
+    began = numbers.scene({})
+    run = run or (lambda scene, times: integrate(scene, times, _RTOL))
+    sensed = [_sensed(began, log, noise or {}) for log in logs]
+    own = list(_of_scene(numbers, free, began.ball.radius))
+    fitted = [each for k, each in enumerate(sensed) if k != hold_out]
+    unknowns = list(own)
+    for k, each in enumerate(fitted):
+        unknowns += _of_log(each.start, each.log, k, circumstances)
+    _check_names(own)
+    x, residuals = _solved(numbers, unknowns, fitted, run, {}, loss, progress)
+    values = residuals.values(x)
+    J, left = residuals.jacobian(x), residuals(x)
+    if np.linalg.svd(J, compute_uv=False)[-1] < _CLEAR:
+        J = residuals.jacobian(x, central=True)
+    keep = _felt(J, unknowns)
+    covariance = _covariance(J[:, keep])
+    deviations = np.full(len(x), np.nan)
+    deviations[keep] = np.sqrt(np.diag(covariance))
+    shared = slice(0, len(own))
+    degrees = max(len(left) - int(keep.sum()), 1)
+    held_out: tuple[SensorFit, ...] = ()
+    if hold_out is not None:
+        fixed = {u.name: float(v) for u, v in zip(own, values, strict=False)}
+        held_out = _explained(sensed[hold_out], numbers, run, fixed, circumstances, loss)
+    found = tuple(_found(unknowns[shared], values[shared], deviations[shared]))
+    of_logs = [
+        each
+        for each, u in zip(_found(unknowns, values, deviations, fitted), unknowns, strict=True)
+        if u.log is not None and not u.name.startswith("start.")
+    ]
+    fitted_scene = residuals.scene(0, values)
+    block = covariance[shared, shared]
+    scale = np.sqrt(np.diag(block))
+    sums = [_sum(left, loss), degrees]
+    estimated = [flag for each in fitted for flag in each.estimated]
+    return Fit(
+        scene=fitted_scene,
+        text=numbers.text({each.name: each.value for each in found}, fitted_scene),
+        found=found,
+        of_logs=tuple(of_logs),
+        correlations=block / np.outer(scale, scale),
+        chi2=sums[0],
+        degrees=degrees,
+        probability=_probability(sums[0], degrees, len(left), any(estimated)),
+        sensors=tuple(_sensor_fits(residuals, x, len(unknowns) / len(left), loss)),
+        held_out=held_out,
+        undetermined=tuple(_undetermined(*_told(covariance, keep, unknowns, fitted))),
+    )
+
+
+def _check_names(unknowns: Sequence[_Unknown]) -> None:
+    if not unknowns:
+        raise InputError("nothing is free: name numbers of the scene, as frame.kv")
+    names = [each.name for each in unknowns]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"{name} is freed twice")
+
+
+_FIRST = 5  # readings, whose median begins a fit
+
+
+def _sensed(scene: Scene, log: Log, noise: Mapping[str, float]) -> _Sensed:
+    """Return a log with its sensors' noise, and the start that its first readings show."""
+    sizes, first = [], {}
+    for sensor in log.sensors:
+        first[sensor.name] = np.median(sensor.values[:_FIRST], axis=0)
+        least = _SMALLEST * float(np.abs(sensor.values).max())
+        estimate = max(noise_of(sensor), least)
+        given = noise.get(sensor.name)
+        if given is not None and not given > 0:
+            raise InputError(f"the noise of {sensor.name} must be positive, not {given:g}")
+        if given is None and not estimate > 0:
+            raise InputError(
+                f"{log.name}: {sensor.name} reads 0 all the time, which tells neither a motion nor "
+                "its noise; leave it out, or give its noise"
+            )
+        sizes.append(given or estimate)
+    angles = {
+        h.name: float(first[f"{h.name}_angle"][0])
+        for h in scene.hinges
+        if h.motor and f"{h.name}_angle" in first
+    }
+    rates = {
+        h.name: float(first[f"{h.name}_rate"][0])
+        for h in scene.hinges
+        if h.motor and f"{h.name}_rate" in first
+    }
+    started = scene.with_hinges(**{k: v for k, v in (("angle", angles), ("rate", rates)) if v})
+    attitude = scene.start.attitude
+    for sensor in log.sensors:
+        if sensor.name == "attitude":
+            attitude = sensor.values[0]
+    omega = first.get("gyro", scene.angular_velocity_at(scene.start))
+    started = replace(started, start=Start(attitude, np.zeros(3)))
+    started = replace(started, start=Start(attitude, started.momentum_of(omega)))
+    estimated = tuple(sensor.name not in noise for sensor in log.sensors)
+    return _Sensed(log, tuple(sizes), estimated, started)
+
+
+def _solved(
+    numbers: SceneNumbers,
+    unknowns: Sequence[_Unknown],
+    logs: Sequence[_Sensed],
+    run: Run,
+    fixed: Mapping[str, float],
+    loss: Loss,
+    progress: Callable[[float, float], None] | None = None,
+) -> tuple[Array, _Residuals]:
+    """Return the unknowns that fit logs best, in their sizes, and the residuals' function."""
+    x = np.zeros(len(unknowns))
+    low, high = (
+        np.array([(getattr(u, side) - u.value) / u.size for u in unknowns])
+        for side in ("low", "high")
+    )
+    shared = np.array([u.log is None for u in unknowns])
+    for part in _PARTS:
+        residuals = _Residuals(numbers, unknowns, [each.until(part) for each in logs], run, fixed)
+        x = np.clip(x, low + _DIFFERENCE, high - _DIFFERENCE)
+        if not np.isfinite(residuals(x)).all():
+            _raise_cause(residuals, x, run)
+        # A part of the logs may tell little of an unknown, which must not go astray on it.
+        prior = np.where(shared, 1 / _PRIOR if part < 1 else _NO_EVIDENCE, _HARDLY)
+
+        solved = least_squares(
+            _with_prior, x, _its_jacobian, (low, high), args=(residuals, prior), x_scale=1.0,
+            ftol=_ENOUGH if part == 1 else _ROUGHLY, xtol=_ENOUGH, gtol=_LEAST_SLOPE, loss=loss,
+            max_nfev=_MOST_TRIALS,
+        )  # fmt: skip
+        x = solved.x
+        if progress is not None:
+            progress(part, 2 * solved.cost / len(solved.fun))
+    return x, residuals
+
+
+def _with_prior(x: Array, residuals: _Residuals, prior: Array) -> Array:
+    return np.concatenate([residuals(x), prior * x])
+
+
+def _its_jacobian(x: Array, residuals: _Residuals, prior: Array) -> Array:
+    return np.concatenate([residuals.jacobian(x), np.diag(prior)])
+
+
+_ENOUGH = 1e-6  # relative: a change of χ² that is no evidence
+_ROUGHLY = 1e-2  # of a part of the logs, from which the fit goes on
+_MOST_TRIALS = 30
+_HARDLY = 1e-2  # per size: keeps a start that changes nothing where it is
+_LEAST_SLOPE = 1e-15  # no end by it: χ² tells
+
+
+def _raise_cause(residuals: _Residuals, x: Array, run: Run) -> None:
+    """Raise InputError: why the scene has no motion to begin with."""
+    values = residuals.values(x)
+    for k, each in enumerate(residuals.logs):
+        scene = residuals.scene(k, values)
+        motion = run(scene, np.array([0.0, each.log.end]))
+        if len(motion.times) < 2:
+            raise InputError(f"{each.log.name}: the motion of {scene.name} ends before the log")
+    raise InputError(f"{scene.name} has no motion over the whole of the logs to begin with")
+
+
+def _felt(J: Array, unknowns: Sequence[_Unknown]) -> Mask:
+    """Return which unknowns count (p,): those of the start that change nothing do not."""
+    changes = np.linalg.norm(J, axis=0) > 0
+    return np.array([f or u.log is None for f, u in zip(changes, unknowns, strict=True)])
+
+
+_CLEAR = 1e-2 / _DIFFERENCE  # per size: what differences to one side cannot feign
+_NO_EVIDENCE = 1e-3  # per size: a derivative that rounding may have made
+
+
+def _covariance(J: Array) -> Array:
+    """Return the covariance (p, p) of unknowns in their sizes, finite where nothing is known."""
+    _, singular, axes = np.linalg.svd(J, full_matrices=False)
+    return np.asarray((axes.T / np.hypot(singular, _NO_EVIDENCE) ** 2) @ axes)
+
+
+def _found(
+    unknowns: Sequence[_Unknown],
+    values: Array,
+    deviations: Array,
+    logs: Sequence[_Sensed] = (),
+) -> Iterator[Found]:
+    for u, value, deviation in zip(unknowns, values, deviations, strict=True):
+        log = f"{logs[u.log].log.name}: " if u.log is not None and logs else ""
+        told = bool(deviation < _UNKNOWN)
+        yield Found(log + u.name, float(value), float(deviation * u.size), u.value, u.unit, told)
+
+
+def _told(
+    covariance: Array, keep: Mask, unknowns: Sequence[_Unknown], logs: Sequence[_Sensed]
+) -> tuple[Array, list[_Unknown]]:
+    """Return the unknowns that a user freed, with their covariance; whatever the starts are."""
+    kept = [u for u, felt in zip(unknowns, keep, strict=True) if felt]
+    of: list[int] = [i for i, u in enumerate(kept) if not u.name.startswith("start.")]
+    named = []
+    for unknown in (kept[i] for i in of):
+        log = "" if unknown.log is None else f"{logs[unknown.log].log.name}: "
+        named.append(replace(unknown, name=log + unknown.name))
+    return covariance[np.ix_(of, of)], named
+
+
+def _undetermined(covariance: Array, unknowns: Sequence[_Unknown]) -> Iterator[str]:
+    """Yield what the logs cannot tell, by the directions in which the unknowns may go."""
+    variances, axes = np.linalg.eigh(covariance)
+    directions = axes[:, variances > _UNKNOWN**2].T
+    for direction in _sparse(directions):
+        parts = [i for i in range(len(unknowns)) if abs(direction[i]) > _SHARE]
+        names = [unknowns[i].name for i in parts]
+        if len(parts) == 1:
+            yield f"{names[0]} is not determined: it changes nothing that was measured"
+            continue
+        ratio = direction[parts[1]] / direction[parts[0]]
+        relative = all(unknowns[i].size == abs(unknowns[i].value) for i in parts)
+        if len(parts) == 2 and relative and abs(abs(ratio) - 1) < _SHARE:
+            sign = "×" if ratio < 0 else "/"
+            yield f"only {names[0]} {sign} {names[1]} is determined"
+            continue
+        changes = ", ".join(
+            f"{direction[i] * unknowns[i].size / max(abs(direction)) / 10:+.3g} {unknowns[i].unit} "
+            f"of {unknowns[i].name}"
+            for i in parts
+        )
+        yield f"not determined apart: {changes}, together, change nothing that was measured"
+
+
+def _sparse(directions: Array) -> Array:
+    """Return a basis (m, p) of the same space, in which each direction has a part of its own."""
+    rows = directions.copy()
+    for i in range(len(rows)):
+        rest = np.abs(rows[i:])
+        r, c = np.unravel_index(int(rest.argmax()), rest.shape)
+        rows[[i, i + int(r)]] = rows[[i + int(r), i]]
+        rows[i] /= rows[i, c]
+        for other in range(len(rows)):
+            if other != i:
+                rows[other] -= rows[other, c] * rows[i]
+    return rows
+
+
+def _sum(left: Array, loss: Loss) -> float:
+    """Return χ², in which outliers count as the loss has them."""
+    z = left**2
+    if loss == "linear":
+        return float(z.sum())
+    if loss == "soft_l1":
+        return float((2 * (np.sqrt(1 + z) - 1)).sum())
+    if loss == "huber":
+        return float(np.where(z <= 1, z, 2 * np.sqrt(z) - 1).sum())
+    return float((np.log1p(z) if loss == "cauchy" else np.arctan(z)).sum())
+
+
+def _probability(chi2: float, degrees: float, count: int, estimated: bool) -> float:
+    """Return how probable a χ² at least as large is; noise that is estimated is uncertain too."""
+    if estimated:
+        return float(stats.f.sf(chi2 / degrees, degrees, _NOISE_KNOWN_BY * count))
+    return float(stats.chi2.sf(chi2, degrees))
+
+
+def _sensor_fits(residuals: _Residuals, x: Array, fitted: float, loss: Loss) -> Iterator[SensorFit]:
+    """Yield how well each sensor is explained; fitted: unknowns per reading."""
+    for k, sensed in enumerate(residuals.logs):
+        found = residuals.of_log(k, x)
+        assert found is not None  # the fit ended in a motion
+        for sensor, noise, estimated, left in zip(
+            sensed.log.sensors, sensed.noise, sensed.estimated, found, strict=True
+        ):
+            degrees = max(left.size * (1 - fitted), 1.0)
+            probability = _probability(_sum(left / noise, loss), degrees, left.size, estimated)
+            yield SensorFit(
+                sensed.log.name, sensor.name, noise, float(np.sqrt((left**2).mean())), probability,
+                _since(sensor.times, left / noise) if probability < _DOUBT else None,
+                sensor.times, left,
+            )  # fmt: skip
+
+
+def _since(times: Array, weighed: Array) -> float:
+    """Return the time from which on readings are not explained [s]."""
+    for rows in np.array_split(np.arange(len(times)), min(_WINDOWS, len(times))):
+        part = weighed[rows]
+        if stats.chi2.sf(float((part**2).sum()), part.size) < _DOUBT / _WINDOWS:
+            return float(times[rows[0]])
+    return float(times[0])
+
+
+def _explained(
+    log: _Sensed,
+    numbers: SceneNumbers,
+    run: Run,
+    fixed: Mapping[str, float],
+    circumstances: Sequence[str],
+    loss: Loss,
+) -> tuple[SensorFit, ...]:
+    """Return how well fitted numbers explain a log, of which the start alone is found."""
+    unknowns = list(_of_log(log.start, log.log, 0, circumstances))
+    x, residuals = _solved(numbers, unknowns, [log], run, fixed, loss)
+    return tuple(_sensor_fits(residuals, x, len(unknowns) / len(residuals(x)), loss))

@@ -1,0 +1,184 @@
+"""What the sensors of a log read in a motion, and how far a log's own readings are from that.
+
+Besides the motion, readings have their circumstances: what stands in a log of real life, such as a
+clock that is late, a capture's world that is turned, a gyro's bias. Each is 0 unless it is freed.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotball.errors import InputError, unknown
+from robotball.files.logs import Sensor
+from robotball.motion import Motion
+from robotball.motors import DCMotor
+from robotball.rotations import Array, multiply, rotation_matrix, turn_between
+from robotball.scene import Scene
+
+Rows = NDArray[np.intp]
+# By the word after the sensor's or the world's name: how many numbers, their unit, and of what.
+CIRCUMSTANCES = {
+    "world.yaw": (1, "rad"),
+    "world.origin": (2, "m"),
+    "position.marker": (3, "m"),
+    "gyro.bias": (3, "rad/s"),
+    "shell_gyro.bias": (3, "rad/s"),
+    "accelerometer.bias": (3, "m/s²"),
+    "accelerometer.place": (3, "m"),
+    "commands.delay": (1, "s"),
+}
+_CLOCK, _ZERO = ".clock", ".zero"
+_AROUND = 1e-3  # s, on either side of a time: the difference by which an accelerometer is read
+_ON_THE_PLANE = 0.05  # of the radius: a height so near 0 is the contact point's
+_VERTICAL = np.array([0.0, 0.0, 1.0])
+
+
+def circumstance(name: str, sensors: Mapping[str, object]) -> tuple[int, str]:
+    """Return how many numbers a circumstance has, and their unit.
+
+    Raises InputError for an unknown one, and for one of a sensor that the log has not.
+    """
+    known = {**CIRCUMSTANCES}
+    known.update({each + _CLOCK: (1, "s") for each in sensors})
+    known.update({each + _ZERO: (1, "rad") for each in sensors if each.endswith("_angle")})
+    of = name.split(".")[0]
+    if name not in known or (of not in ("world", "commands") and of not in sensors):
+        allowed = [each for each in known if each.split(".")[0] in ("world", "commands", *sensors)]
+        raise unknown("circumstance of the log", name, allowed)
+    return known[name]
+
+
+def is_of_readings(name: str) -> bool:
+    """Return whether a circumstance changes the readings alone, and not when they are taken."""
+    return not name.endswith((_CLOCK, ".delay"))
+
+
+def times_of(sensor: Sensor, given: Mapping[str, Array]) -> Array:
+    """Return the times (n,) at which a motion is read for a sensor, or (3n,) for three around."""
+    late = float(given[sensor.name + _CLOCK][0]) if sensor.name + _CLOCK in given else 0.0
+    at = np.maximum(sensor.times - late, 0.0)
+    if sensor.name != "accelerometer":
+        return at
+    return np.concatenate([np.maximum(at - _AROUND, 0.0), at, at + _AROUND])
+
+
+def apart(sensor: Sensor, motion: Motion, rows: Rows, given: Mapping[str, Array]) -> Array:
+    """Return how far a sensor's readings are from a motion's (n, k); turns of an attitude.
+
+    rows: of the motion at `times_of`. Raises InputError for a current of a motor whose stall
+    current the scene does not give.
+    """
+    read = _readings(sensor, motion, rows, given)
+    if sensor.name == "attitude":
+        return turn_between(read, sensor.values)
+    return np.asarray(sensor.values - read)
+
+
+def _readings(sensor: Sensor, motion: Motion, rows: Rows, given: Mapping[str, Array]) -> Array:
+    scene, name = motion.scene, sensor.name
+    if name == "accelerometer":
+        return _specific_force(motion, rows, given)
+    if name == "position":
+        return _position(sensor, motion, rows, given)
+    if name == "attitude":
+        yaw = given.get("world.yaw", np.zeros(1))[0]
+        world = np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
+        return multiply(np.broadcast_to(world, (len(rows), 4)), motion.attitude[rows])
+    bias = given.get(f"{name}.bias", 0.0)
+    if name == "gyro":
+        return motion.angular_velocity[rows] + bias
+    if name == "shell_gyro":
+        axis = scene.ball.shell.axis
+        turning = motion.angular_velocity[rows] - np.outer(motion.hinge_rates[rows, 0], axis)
+        half = motion.hinge_angles[rows, :1] / 2
+        # The frame is turned by its hinge's angle from the shell, whose axes the readings have.
+        from_shell = np.concatenate([np.cos(half), np.sin(half) * axis], axis=1)
+        return np.asarray(np.einsum("nij,nj->ni", rotation_matrix(from_shell), turning)) + bias
+    hinge, _, kind = name.rpartition("_")
+    i = [each.name for each in scene.hinges].index(hinge)
+    if kind == "angle":
+        return motion.hinge_angles[rows, i : i + 1] + given.get(f"{name}{_ZERO}", 0.0)
+    if kind == "rate":
+        return motion.hinge_rates[rows, i : i + 1]
+    torque = motion.loads.motor_torques[rows, i : i + 1]
+    return torque if kind == "torque" else torque / _torque_constant(scene, i)
+
+
+def _torque_constant(scene: Scene, i: int) -> float:
+    """Return a motor's torque on its hinge per current [N m/A]."""
+    motor = scene.hinges[i].motor
+    if not isinstance(motor, DCMotor) or not motor.stall_current:
+        raise InputError(
+            f"{scene.hinges[i].name}_current: give the hinge a dc_motor with a stall_current, "
+            "which says what torque a current is"
+        )
+    return motor.efficiency * motor.gear * motor.stall_torque / motor.stall_current
+
+
+def _position(sensor: Sensor, motion: Motion, rows: Rows, given: Mapping[str, Array]) -> Array:
+    scene, heights = motion.scene, sensor.values[:, 2:]
+    marker = given.get("position.marker", np.zeros(3))
+    radius = scene.ball.radius
+    on_the_plane = len(heights[0]) and np.abs(heights).max() < _ON_THE_PLANE * radius
+    level = 0.0 if on_the_plane and not marker.any() else radius
+    at = rotation_matrix(motion.attitude[rows]) @ marker + [0.0, 0.0, level]
+    at[:, :2] += motion.contact_point[rows]
+    if "world.yaw" in given:
+        c, s = np.cos(given["world.yaw"][0]), np.sin(given["world.yaw"][0])
+        at[:, :2] = at[:, :2] @ np.array([[c, s], [-s, c]])
+    at[:, :2] += given.get("world.origin", 0.0)
+    return at[:, : sensor.values.shape[1]]
+
+
+def _specific_force(motion: Motion, rows: Rows, given: Mapping[str, Array]) -> Array:
+    """Return what an accelerometer on the frame reads (n, 3), frame axes [m/s²].
+
+    It is the acceleration of its place less that of gravity: a ball that lies still reads +g, up.
+    """
+    scene, (before, at, after) = motion.scene, rows.reshape(3, -1)
+    to_world = rotation_matrix(motion.attitude)
+    shell = motion.angular_velocity - np.outer(motion.hinge_rates[:, 0], scene.ball.shell.axis)
+    turning = np.einsum("nij,nj->ni", to_world, shell)
+    velocity = scene.ball.radius * np.cross(turning, _VERTICAL)
+    gap = (motion.times[after] - motion.times[before])[:, None]
+    centre = (velocity[after] - velocity[before]) / gap - scene.gravity_world
+    omega = motion.angular_velocity
+    alpha, omega = (omega[after] - omega[before]) / gap, omega[at]
+    place = np.broadcast_to(given.get("accelerometer.place", np.zeros(3)), omega.shape)
+    force = np.einsum("nji,nj->ni", to_world[at], centre) + np.cross(alpha, place)
+    force += np.cross(omega, np.cross(omega, place))
+    return np.asarray(force + given.get("accelerometer.bias", 0.0))
+
+
+def noise_of(sensor: Sensor) -> float:
+    """Return the noise of a sensor, one standard deviation, from its own readings.
+
+    Each reading is held against the cubic through two neighbours on either side; the median of what
+    is left belongs to the noise, as long as readings follow one another faster than the motion
+    changes. Of readings that are rounded coarsely it is that of the rounding.
+    """
+    values, t = sensor.values, sensor.times
+    if sensor.name == "attitude":
+        values = turn_between(values[:-1], values[1:]).cumsum(axis=0)
+        t = t[1:]
+    i = np.arange(2, len(t) - 2)
+    if not len(i):
+        return 0.0
+    near = np.stack([i - 2, i - 1, i + 1, i + 2])
+    weights = np.ones((4, len(i)))
+    for j in range(4):
+        for k in range(4):
+            if j != k:
+                weights[j] *= (t[i] - t[near[k]]) / (t[near[j]] - t[near[k]])
+    left = values[i] - np.einsum("jn,jnk->nk", weights, values[near])
+    left /= np.sqrt(1 + (weights**2).sum(axis=0))[:, None]
+    spread = float(np.median(np.abs(left), axis=0).max()) / _MEDIAN
+    steps = np.abs(np.diff(values, axis=0))
+    least = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
+    often = (steps == 0).mean() > _OFTEN
+    return max(spread, least / np.sqrt(12)) if often else spread
+
+
+_MEDIAN = 0.6745  # of |x| of the normal distribution, in standard deviations
+_OFTEN = 0.1  # of neighbours that are equal: readings are rounded coarsely

@@ -1,0 +1,315 @@
+"""`robotball fit`: the numbers of a scene that explain a robot's logs, and what the logs tell.
+
+The fit is that of `robotball.fitting`. Here it is asked for, made by other engines too, and shown:
+as text, as a scene file, as a page with the residuals, as JSON.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from rich.console import Console
+from tyro.conf import Positional, arg
+
+from robotball import InputError, Scene
+from robotball.engine import request_of, run_request
+from robotball.files.logs import Log, read_log
+from robotball.files.scene_numbers import numbers_of
+from robotball.film.lines import PRESET_LOOKS, Look
+from robotball.fitting import Fit as Fitted
+from robotball.fitting import Found, Loss, Run, SensorFit, fit
+from robotball.motion import Motion
+from robotball.rotations import Array
+from validation.options import AGREES, DISAGREES, OUT, File, Names, SceneName, check_files, listed
+from validation.output import (
+    known,
+    plain_table,
+    print_whole,
+    program,
+    progress_bar,
+    scientific,
+    versions,
+    writable_folder,
+    write_record,
+    write_text,
+)
+from validation.report import page, paragraph, plot, table, text
+from validation.report.chart import Line
+
+_EQUATIONS = "equations"
+_STRONG = 0.9  # a correlation that is worth a line
+
+
+def _by_engine(engine: str, preset: str) -> Run:
+    """Return what runs a scene by an engine's preset, to its end whatever it does."""
+    request = request_of(engine, preset, keep_going=True)
+
+    def run(scene: Scene, times: Array) -> Motion:
+        return run_request(scene, times, request)
+
+    return run
+
+
+def lines(found: Fitted) -> Iterator[str]:
+    """Yield what a fit says, a line each: the verdict, then what the logs do not tell."""
+    chi2, probability = found.chi2 / found.degrees, found.probability
+    told = f"χ² over {found.degrees} degrees of freedom is {chi2:.3f}"
+    if found.explains:
+        yield f"the model explains the logs: {told}, its probability {probability:.2g}"
+    else:
+        yield f"the model does not explain the logs: {told}"
+    for sensor in found.strays:
+        yield (
+            f"  {sensor.name} of {sensor.log} from t = {sensor.since or 0.0:.3g} s on: it is off "
+            f"by {scientific(sensor.residual)}, and its noise is {scientific(sensor.noise)}"
+        )
+    yield from found.undetermined
+    names = [each.name for each in found.found]
+    for i, j in zip(*np.triu_indices(len(names), 1), strict=True):
+        if abs(found.correlations[i, j]) > _STRONG and not found.undetermined:
+            yield (
+                f"{names[i]} and {names[j]} are told apart badly: their correlation is "
+                f"{found.correlations[i, j]:.3f}"
+            )
+
+
+def _numbers(found: Sequence[Found]) -> Iterator[list[str]]:
+    for each in found:
+        size = 0 if not each.deviation or not np.isfinite(each.deviation) else each.deviation
+        digits = 6 if not size else max(0, int(2 - np.floor(np.log10(size))))
+        value = f"{each.value:.{min(digits, 12)}f}" if digits < 12 else f"{each.value:.6g}"
+        yield [
+            each.name,
+            value if each.determined else "not determined",
+            f"{each.deviation:.2g}" if each.determined else "-",
+            f"{each.began:.6g}",
+            each.unit,
+        ]
+
+
+_HEADINGS = ("number", "value", "±", "began at", "unit")
+_SENSORS = ("log", "sensor", "readings", "noise", "residual", "probability")
+
+
+def _sensor_rows(found: Fitted) -> Iterator[list[str]]:
+    for held_out, sensors in ((False, found.sensors), (True, found.held_out)):
+        for each in sensors:
+            yield [
+                f"{each.log} (held out)" if held_out else each.log,
+                each.name,
+                str(len(each.times)),
+                scientific(each.noise),
+                scientific(each.residual),
+                f"{each.probability:.2g}",
+            ]
+
+
+def _beside(fits: Mapping[str, Fitted]) -> tuple[list[str], list[list[str]]]:
+    """Return a table of what each engine makes of the numbers, beside the equations."""
+    truth = fits[_EQUATIONS]
+    headings = ["fitted by", *(each.name for each in truth.found), "χ²/n"]
+    rows = []
+    for name, each in fits.items():
+        cells = []
+        for own, reference in zip(each.found, truth.found, strict=True):
+            away = own.value - reference.value
+            relative = (
+                f"{100 * away / reference.value:+.2f} %" if reference.value else f"{away:+.3g}"
+            )
+            cells.append(f"{own.value:.6g}" if each is truth else relative)
+        rows.append([name, *cells, f"{each.chi2 / each.degrees:.3g}"])
+    deviations = [
+        f"{100 * each.deviation / abs(each.value):.2f} %" if each.value else f"{each.deviation:.2g}"
+        for each in truth.found
+    ]
+    rows.append(["(one standard deviation)", *deviations, ""])
+    return headings, rows
+
+
+def fit_page(scene: str, fits: Mapping[str, Fitted]) -> str:
+    """Return the page of a fit: what it found, what the logs do not tell, and the residuals."""
+    found = fits[_EQUATIONS]
+    body = [
+        f"<h1>{text(scene)}: fitted to its logs</h1>",
+        paragraph(next(lines(found)), f"verdict {'good' if found.explains else 'bad'}"),
+        *(paragraph(each) for each in [*lines(found)][1:]),
+        "<h2>Numbers</h2>",
+        table(_HEADINGS, _numbers((*found.found, *found.of_logs))),
+        "<h2>Sensors</h2>",
+        table(_SENSORS, _sensor_rows(found)),
+    ]
+    if len(fits) > 1:
+        words = "A wrong contact is paid by the numbers: each engine's, less the equations'."
+        body += ["<h2>By engines</h2>", paragraph(words), table(*_beside(fits))]
+    body.append("<h2>Residuals</h2>")
+    for each in (*found.sensors, *found.held_out):
+        body.append(_residual_plot(each))
+    return page(f"robotball: {scene}, fitted", body)
+
+
+def _residual_plot(sensor: SensorFit) -> str:
+    colours = [colour for colour, _, _ in PRESET_LOOKS.values()]
+    columns = [
+        Line(Look("xyz"[i], colours[i]), sensor.times, column / sensor.noise, width=0.8)
+        for i, column in enumerate(sensor.residuals.T)
+    ]
+    caption = f"{sensor.name} of {sensor.log}: readings less the model's, over the noise"
+    return plot(caption, columns, "t [s]", "residual over noise")
+
+
+def _record(scene: str, fits: Mapping[str, Fitted]) -> dict[str, Any]:
+    found = fits[_EQUATIONS]
+    return {
+        "program": program(),
+        "versions": versions(),
+        "scene": scene,
+        "explains": found.explains,
+        "chi2": found.chi2,
+        "degrees_of_freedom": found.degrees,
+        "probability": found.probability,
+        "numbers": [_plain(each) for each in found.found],
+        "of_logs": [_plain(each) for each in found.of_logs],
+        "correlations": found.correlations.tolist(),
+        "undetermined": list(found.undetermined),
+        "sensors": [
+            {
+                "log": each.log,
+                "name": each.name,
+                "held_out": each in found.held_out,
+                "readings": len(each.times),
+                "noise": each.noise,
+                "residual": each.residual,
+                "probability": each.probability,
+                "since": each.since,
+            }
+            for each in (*found.sensors, *found.held_out)
+        ],
+        "by_engines": [
+            {
+                "name": name,
+                "chi2_per_degree": each.chi2 / each.degrees,
+                "numbers": [_plain(own) for own in each.found],
+            }
+            for name, each in fits.items()
+            if name != _EQUATIONS
+        ],
+    }
+
+
+def _plain(found: Found) -> dict[str, Any]:
+    return {name: known(v) if isinstance(v, float) else v for name, v in asdict(found).items()}
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Find the masses, places, gains and resistances that explain the logs of a robot.
+
+    Several logs are fitted together, but the last, which the fit then has to explain. Exit status:
+    0 the model explains the logs, 1 it does not, 2 the scene or a log cannot be used.
+    docs/fitting.md has the columns of a log, and which motion shows which number.
+
+    Example: robotball fit pendulum_robot run.csv --free battery.mass,frame.kv
+    """
+
+    scene: SceneName
+    """A name from the catalog, or a path to a TOML file, with the numbers to begin with."""
+    logs: Positional[Annotated[tuple[Path, ...], arg(metavar="LOG...")]]
+    """CSV, NPZ or Parquet files of what the robot's sensors read."""
+    free: Names = ()
+    """The numbers to find, by their paths in the scene file or the last words of these; with
+    limits as frame.kv=0.1:0.8."""
+    also: Names = ()
+    """What else to find of each log: world.yaw, world.origin, position.marker, gyro.bias,
+    accelerometer.place, commands.delay, SENSOR.clock, HINGE_angle.zero."""
+    noise: Names = ()
+    """The noise of sensors, as gyro=0.02, one standard deviation in SI units; of the others it is
+    estimated from their readings."""
+    loss: Loss = "linear"
+    """The loss of scipy's least_squares; another than linear bears with outliers."""
+    all: bool = False
+    """Fit all logs, and hold none out."""
+    engine: Annotated[str, arg(metavar="ENGINE")] = "mujoco"
+    """The engine of the presets."""
+    preset: Names = ()
+    """Fit by an engine's presets too: what its contact makes of the numbers."""
+    to: File = None
+    """The fitted scene's file; out/fit-SCENE.toml if not given."""
+    page: File = None
+    """The page; out/fit-SCENE.html if not given."""
+    json: File = None
+    """Also write the result."""
+
+    def run(self) -> int:
+        if not self.logs:
+            raise InputError("fit needs a log: a table of t and what the sensors read")
+        if not listed(self.free):
+            paths = ", ".join(numbers_of(self.scene).places)
+            raise InputError(f"name the numbers to find with --free; the scene has {paths}")
+        check_files(self.to, self.page, self.json)
+        scene = numbers_of(self.scene).scene({})
+        logs = [read_log(path, scene) for path in self.logs]
+        runs: dict[str, Run | None] = {_EQUATIONS: None}
+        for preset in listed(self.preset):
+            runs[f"{self.engine}, {preset}"] = _by_engine(self.engine, preset)
+        fits: dict[str, Fitted] = {}
+        with progress_bar(len(runs)) as bar:
+            for name, run in runs.items():
+
+                def show(part: float, chi2: float, name: str = name) -> None:
+                    bar(len(fits) + part, f"{name}: χ²/n = {chi2:.3g} over {part:.0%} of the logs")
+
+                fits[name] = self._fitted(logs, run, show)
+        return self._present(scene.name, logs, fits)
+
+    def _fitted(self, logs: Sequence[Log], run: Run | None, show: Any) -> Fitted:
+        held_out = len(logs) - 1 if len(logs) > 1 and not self.all else None
+        return fit(
+            self.scene, logs, listed(self.free), circumstances=listed(self.also),
+            noise=_noise_of(listed(self.noise)), loss=self.loss, hold_out=held_out, run=run,
+            progress=show,
+        )  # fmt: skip
+
+    def _present(self, name: str, logs: Sequence[Log], fits: Mapping[str, Fitted]) -> int:
+        found, console = fits[_EQUATIONS], Console()
+        for log in logs:
+            for note in log.notes:
+                print(f"{log.name}: {note}")
+        for headings, rows in (
+            (_HEADINGS, _numbers((*found.found, *found.of_logs))),
+            (_SENSORS, _sensor_rows(found)),
+        ):
+            print_whole(_filled(headings, rows), console)
+        if len(fits) > 1:
+            print_whole(_filled(*_beside(fits)), console)
+        for line in lines(found):
+            print(line)
+        folder = OUT if self.to and self.page else writable_folder(OUT)
+        scene_file, page_file = (
+            given or folder / f"fit-{name}.{end}"
+            for given, end in ((self.to, "toml"), (self.page, "html"))
+        )
+        write_text(scene_file, found.text)
+        write_text(page_file, fit_page(name, fits))
+        write_record(self.json, _record(name, fits))
+        print(scene_file, page_file, sep="\n")
+        return AGREES if found.explains else DISAGREES
+
+
+def _filled(headings: Sequence[str], rows: Any) -> Any:
+    shown = plain_table(headings)
+    for row in rows:
+        shown.add_row(*row)
+    return shown
+
+
+def _noise_of(texts: Sequence[str]) -> dict[str, float]:
+    noise = {}
+    for each in texts:
+        name, _, value = each.partition("=")
+        try:
+            noise[name] = float(value)
+        except ValueError:
+            raise InputError(f"--noise takes SENSOR=NUMBER, as gyro=0.02, not {each!r}") from None
+    return noise

@@ -13,14 +13,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 import numpy as np
 from scipy import stats
 from scipy.optimize import least_squares
 
 from robotball.engine import integrate
-from robotball.errors import InputError, SceneWarning
+from robotball.errors import InputError, SceneWarning, unknown
 from robotball.files.logs import Held, Log
 from robotball.files.scene_numbers import SceneNumbers, numbers_of
 from robotball.motion import Motion
@@ -29,7 +29,14 @@ from robotball.scene import Scene, Start
 from robotball.sensing import Rows, apart, circumstance, is_of_readings, noise_of, times_of
 
 Run = Callable[[Scene, Array], Motion]
-Loss = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
+# By scipy's names, what a squared residual counts.
+_LOSSES: Mapping[str, Callable[[Array], Array]] = {
+    "linear": lambda z: z,
+    "soft_l1": lambda z: 2 * (np.sqrt(1 + z) - 1),
+    "huber": lambda z: np.where(z <= 1, z, 2 * np.sqrt(z) - 1),
+    "cauchy": np.log1p,
+    "arctan": np.arctan,
+}
 _RTOL = 1e-9  # of the equations: over the difference still 1e-5 of what sensors read
 _DIFFERENCE = 1e-3  # of an unknown's size, by which residuals are differentiated
 _PARTS = (0.15, 0.4, 1.0)  # of the logs, to which the fit is made in turn
@@ -56,8 +63,20 @@ class Found:
     began : float
         The value from which the fit began.
     unit : str
+        The unit of the three.
     determined : bool
         Whether the logs tell it at all.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import robotball as rb
+    >>> motion = rb.integrate("pendulum_robot", rb.sample_times(1.0))
+    >>> gyro = rb.Sensor("gyro", motion.times, motion.angular_velocity)
+    >>> log = rb.Log("run", (gyro,), {})
+    >>> found = rb.fit("pendulum_robot", [log], ["frame.kv"], noise={"gyro": 0.02})
+    >>> found.found[0].name, found.found[0].determined
+    ('frame.kv', True)
     """
 
     name: str
@@ -85,8 +104,20 @@ class SensorFit:
     since : float or None
         The time from which on the model does not explain the readings [s]. None if it does.
     times : (n,), s
+        The times of the readings.
     residuals : (n, k)
         The readings less those of the motion; of an attitude the turns [rad].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import robotball as rb
+    >>> motion = rb.integrate("pendulum_robot", rb.sample_times(1.0))
+    >>> gyro = rb.Sensor("gyro", motion.times, motion.angular_velocity)
+    >>> log = rb.Log("run", (gyro,), {})
+    >>> found = rb.fit("pendulum_robot", [log], ["frame.kv"], noise={"gyro": 0.02})
+    >>> found.sensors[0].name, found.sensors[0].since
+    ('gyro', None)
     """
 
     log: str
@@ -120,10 +151,22 @@ class Fit:
     probability : float
         How probable a sum at least as large is, if the model is right.
     sensors : tuple of SensorFit
-        Each sensor of each log; those of a log that was held out are in `held_out`.
+        Each sensor of each log that was fitted.
     held_out : tuple of SensorFit
+        Each sensor of the log that was held out.
     undetermined : tuple of str
         What the logs cannot tell, a line each.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import robotball as rb
+    >>> motion = rb.integrate("pendulum_robot", rb.sample_times(1.0))
+    >>> gyro = rb.Sensor("gyro", motion.times, motion.angular_velocity)
+    >>> log = rb.Log("run", (gyro,), {})
+    >>> found = rb.fit("pendulum_robot", [log], ["frame.kv"], noise={"gyro": 0.02})
+    >>> found.explains, found.undetermined
+    (True, ())
     """
 
     scene: Scene
@@ -175,7 +218,7 @@ _POSITIVE = ("mass", "density", "radius", "kv", "kp", "torque_limit", "stall_tor
 
 
 def _of_scene(numbers: SceneNumbers, free: Sequence[str], radius: float) -> Iterator[_Unknown]:
-    """Yield the unknowns of a scene: `path`, or `path=low:high` within limits."""
+    """Yield the unknowns of a scene: a path, or a path with limits, as path=low:high."""
     for text in free:
         name, _, limits = text.partition("=")
         path = numbers.path_of(name.strip())
@@ -348,8 +391,8 @@ class _Residuals:
         parts = [self._part(k, x) for k in range(len(self.logs))]
         ends = np.cumsum([0, *map(len, parts)])
         derivative = np.zeros((ends[-1], len(x)))
-        for j, unknown in enumerate(self.unknowns):
-            for k in range(len(self.logs)) if unknown.log is None else [unknown.log]:
+        for j, one in enumerate(self.unknowns):
+            for k in range(len(self.logs)) if one.log is None else [one.log]:
                 sides = [
                     (self._part(k, x + step * (np.arange(len(x)) == j)) - parts[k]) / step
                     for step in (_DIFFERENCE, -_DIFFERENCE)[: 2 if central else 1]
@@ -377,7 +420,7 @@ def fit(
     *,
     circumstances: Sequence[str] = (),
     noise: Mapping[str, float] | None = None,
-    loss: Loss = "linear",
+    loss: str = "linear",
     hold_out: int | None = None,
     run: Run | None = None,
     progress: Callable[[float, float], None] | None = None,
@@ -392,16 +435,17 @@ def fit(
         One log or more, as `read_log` returns them.
     free : sequence of str
         The numbers to be found, by their paths in the scene file or the last words of these, such
-        as `battery.mass`; with limits as `frame.kv=0.1:0.8`.
+        as "battery.mass"; with limits as "frame.kv=0.1:0.8".
     circumstances : sequence of str, optional
-        What else is to be found of each log: `world.yaw`, `world.origin`, `position.marker`,
-        `gyro.bias`, `accelerometer.place`, `commands.delay`, `attitude.clock`, `frame_angle.zero`
+        What else is to be found of each log: "world.yaw", "world.origin", "position.marker",
+        "gyro.bias", "accelerometer.place", "commands.delay", "attitude.clock", "frame_angle.zero"
         and their like.
     noise : mapping of str to float, optional
         The noise of sensors, one standard deviation in their units. Without it, it is estimated
         from the readings.
     loss : str, default "linear"
-        The loss of `scipy.optimize.least_squares`; another than the default bears with outliers.
+        The loss of scipy's least squares: "linear", "soft_l1", "huber", "cauchy" or "arctan".
+        Another than the default bears with outliers.
     hold_out : int, optional
         The number of a log that is not fitted, but explained by the fit of the others.
     run : callable, optional
@@ -435,6 +479,8 @@ def fit(
     """
     if not logs:
         raise InputError("a fit needs a log")
+    if loss not in _LOSSES:
+        raise unknown("loss", loss, _LOSSES)
     numbers = numbers_of(scene)
     began = numbers.scene({})
     run = run or (lambda scene, times: integrate(scene, times, _RTOL))
@@ -542,7 +588,7 @@ def _solved(
     logs: Sequence[_Sensed],
     run: Run,
     fixed: Mapping[str, float],
-    loss: Loss,
+    loss: Any,
     progress: Callable[[float, float], None] | None = None,
 ) -> tuple[Array, _Residuals]:
     """Return the unknowns that fit logs best, in their sizes, and the residuals' function."""
@@ -632,9 +678,9 @@ def _told(
     kept = [u for u, felt in zip(unknowns, keep, strict=True) if felt]
     of: list[int] = [i for i, u in enumerate(kept) if not u.name.startswith("start.")]
     named = []
-    for unknown in (kept[i] for i in of):
-        log = "" if unknown.log is None else f"{logs[unknown.log].log.name}: "
-        named.append(replace(unknown, name=log + unknown.name))
+    for one in (kept[i] for i in of):
+        log = "" if one.log is None else f"{logs[one.log].log.name}: "
+        named.append(replace(one, name=log + one.name))
     return covariance[np.ix_(of, of)], named
 
 
@@ -676,16 +722,9 @@ def _sparse(directions: Array) -> Array:
     return rows
 
 
-def _sum(left: Array, loss: Loss) -> float:
+def _sum(left: Array, loss: str) -> float:
     """Return χ², in which outliers count as the loss has them."""
-    z = left**2
-    if loss == "linear":
-        return float(z.sum())
-    if loss == "soft_l1":
-        return float((2 * (np.sqrt(1 + z) - 1)).sum())
-    if loss == "huber":
-        return float(np.where(z <= 1, z, 2 * np.sqrt(z) - 1).sum())
-    return float((np.log1p(z) if loss == "cauchy" else np.arctan(z)).sum())
+    return float(_LOSSES[loss](left**2).sum())
 
 
 def _probability(chi2: float, degrees: float, count: int, estimated: bool) -> float:
@@ -695,7 +734,7 @@ def _probability(chi2: float, degrees: float, count: int, estimated: bool) -> fl
     return float(stats.chi2.sf(chi2, degrees))
 
 
-def _sensor_fits(residuals: _Residuals, x: Array, fitted: float, loss: Loss) -> Iterator[SensorFit]:
+def _sensor_fits(residuals: _Residuals, x: Array, fitted: float, loss: str) -> Iterator[SensorFit]:
     """Yield how well each sensor is explained; fitted: unknowns per reading."""
     for k, sensed in enumerate(residuals.logs):
         found = residuals.of_log(k, x)
@@ -727,7 +766,7 @@ def _explained(
     run: Run,
     fixed: Mapping[str, float],
     circumstances: Sequence[str],
-    loss: Loss,
+    loss: str,
 ) -> tuple[SensorFit, ...]:
     """Return how well fitted numbers explain a log, of which the start alone is found."""
     unknowns = list(_of_log(log.start, log.log, 0, circumstances))

@@ -79,7 +79,7 @@ GROUPS = {
         "model": "validation.commands.scene_commands",
         "design": "validation.commands.building",
         "steer": "validation.commands.building",
-        "fit": "validation.studies.fit",
+        "fit": "validation.commands.fitting",
     },
     "Which settings, and their cost": {
         "ablation": "validation.studies.ablation",

@@ -2,7 +2,7 @@
 
 A log is a table. Any subset of sensors may be in it, each at its own times: a cell that is empty or
 `nan` is no reading. Columns are known by the names and units that `trajectories` knows, those of a
-hinge by the hinge's name: `frame_angle`, `frame_rate`, `frame_torque`, `frame_command`.
+hinge by the hinge's name: "frame_angle", "frame_rate", "frame_torque", "frame_command".
 """
 
 from collections.abc import Iterator, Mapping
@@ -78,6 +78,13 @@ class Sensor:
         Increasing times.
     values : (n, k)
         The readings, SI units; of an attitude the unit quaternions (w, x, y, z).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import robotball as rb
+    >>> rb.Sensor("frame_angle", np.array([0.0, 0.1]), np.array([[0.0], [0.2]])).values.shape
+    (2, 1)
     """
 
     name: str

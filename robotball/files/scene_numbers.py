@@ -1,4 +1,4 @@
-"""The numbers of a scene by their paths, such as `frame.part.battery.mass` or `friction.rolling`.
+"""The numbers of a scene by their paths, such as "frame.part.battery.mass" or "friction.rolling".
 
 Those of a scene file are as the file has them, and its parts stay parts; of another scene they are
 those of the text that `scene_toml` writes.

@@ -160,7 +160,7 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 # Run below, and by the tests of their studies, of the film and of the demo's table.
 ELSEWHERE = "ablation check convergence demo design export extremes judge paper portraits "
-ELSEWHERE += "report steer tradeoff video"
+ELSEWHERE += "fit report steer tradeoff video"
 
 
 def at(record: Any, path: str) -> Any:
@@ -291,8 +291,8 @@ def test_a_controller_of_a_file_closes_the_loop(robotball: Robotball, tmp_path: 
     scene = controlled("pendulum_robot", (), "loop.py:hold")
     sent = pickle.loads(pickle.dumps(scene))
     times = rb.sample_times(0.1)
-    paths = [rb.simulate(each, times, "fast").contact_point for each in (scene, sent)]
-    assert np.array_equal(*paths)
+    one, other = (rb.simulate(each, times, "fast").contact_point for each in (scene, sent))
+    assert np.array_equal(one, other)
 
 
 def test_results_can_be_made_again_from_their_record(robotball: Robotball, tmp_path: Path) -> None:

@@ -21,8 +21,11 @@ AT_REST = (
 )
 # Of every command one.
 MISTYPED = {
-    "--json": ("--jsn", "check judge section lyapunov attractors basins equilibria continue paper"),
-    "--preset": ("--presett", "compare report video view model steer convergence chart"),
+    "--json": (
+        "--jsn",
+        "check judge section lyapunov attractors basins equilibria continue paper",
+    ),
+    "--preset": ("--presett", "compare report fit video view model steer convergence chart"),
     "--keep-going": ("--keepgoing", "compare"),
     "--no-plots": ("--no-plot", "compare"),
     "--out": ("--outt", "demo figures design ablation tradeoff extremes portraits results"),

@@ -19,7 +19,7 @@ from robotball.files.logs import Log, read_log
 from robotball.files.scene_numbers import numbers_of
 from robotball.film.lines import PRESET_LOOKS, Look
 from robotball.fitting import Fit as Fitted
-from robotball.fitting import Found, Loss, Run, SensorFit, fit
+from robotball.fitting import Found, Run, SensorFit, fit
 from robotball.motion import Motion
 from robotball.rotations import Array
 from validation.options import AGREES, DISAGREES, OUT, File, Names, SceneName, check_files, listed
@@ -226,7 +226,7 @@ class Fit:
     noise: Names = ()
     """The noise of sensors, as gyro=0.02, one standard deviation in SI units; of the others it is
     estimated from their readings."""
-    loss: Loss = "linear"
+    loss: Annotated[str, arg(metavar="linear|soft_l1|huber|cauchy|arctan")] = "linear"
     """The loss of scipy's least_squares; another than linear bears with outliers."""
     all: bool = False
     """Fit all logs, and hold none out."""

@@ -1,0 +1,238 @@
+"""Logs are fitted: the numbers come back, and what the logs do not tell is said."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import robotball as rb
+from robotball.files.scene_numbers import numbers_of
+from robotball.motion import Motion
+from robotball.rotations import turned
+from robotball.sensing import apart, noise_of
+
+NOISE = {"position": 1e-3, "attitude": 1e-2, "gyro": 2e-2}
+END = 3.0
+
+
+@cache
+def motion(rate: float = 50.0) -> Motion:
+    """The pendulum robot's motion, by MuJoCo where its contact is nearly ideal."""
+    return rb.simulate("pendulum_robot", rb.sample_times(END, 1 / rate), "balanced")
+
+
+def log(seed: int = 0, of: Motion | None = None, name: str = "run.csv") -> rb.Log:
+    """A log of a motion: positions, attitudes and a gyro, with noise."""
+    m, rng = of or motion(), np.random.default_rng(seed)
+    noisy = [rng.normal(0.0, size, (len(m.times), 3)) for size in NOISE.values()]
+    return rb.Log(
+        name,
+        (
+            rb.Sensor("position", m.times, m.contact_point + noisy[0][:, :2]),
+            rb.Sensor("attitude", m.times, turned(m.attitude, noisy[1])),
+            rb.Sensor("gyro", m.times, m.angular_velocity + noisy[2]),
+        ),
+        {},
+    )
+
+
+def off(folder: Path, **wrong: float) -> Path:
+    """The scene file with some of its numbers multiplied."""
+    numbers = numbers_of("pendulum_robot")
+    paths = {numbers.path_of(name.replace("__", ".")): f for name, f in wrong.items()}
+    values = {path: factor * numbers.value(path) for path, factor in paths.items()}
+    path = folder / "off.toml"
+    path.write_text(numbers.text(values, numbers.scene(values)), encoding="utf-8")
+    return path
+
+
+@pytest.mark.slow
+def test_numbers_that_are_a_third_off_come_back(tmp_path: Path) -> None:
+    """From 30 % off, each within three of its standard deviations; χ² is that of the noise."""
+    scene = off(tmp_path, battery__mass=1.3, battery__centre__z=0.75, frame__kv=0.7)
+    found = rb.fit(scene, [log()], ["battery.mass", "battery.centre.z", "kv"], noise=NOISE)
+    truth = (1.1, -0.085, 0.4)
+    for each, value in zip(found.found, truth, strict=True):
+        # Measured: at most 1.6 of them; the noise of the log is the error.
+        assert abs(each.value - value) < 3 * each.deviation
+        assert each.deviation < 0.02 * abs(value)  # measured at most 0.012
+    assert found.explains
+    assert abs(found.chi2 / found.degrees - 1) < 4 * np.sqrt(2 / found.degrees)
+    assert rb.load_scene(off(tmp_path)).ball.radius == found.scene.ball.radius
+    (tmp_path / "fitted.toml").write_text(found.text, encoding="utf-8")
+    assert rb.load_scene(tmp_path / "fitted.toml").start == found.scene.start
+
+
+@pytest.mark.slow
+def test_a_model_with_another_rolling_is_rejected(tmp_path: Path) -> None:
+    """A log of the classical ball is not explained by the rubber one, and the sensor is named."""
+    scene = replace(rb.load_scene("pendulum_robot"), rolling="classical")
+    classical = rb.integrate(scene, rb.sample_times(END))
+    found = rb.fit("pendulum_robot", [log(of=classical)], ["kv"], noise=NOISE)
+    assert not found.explains
+    assert found.strays[0].since is not None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("free", "circumstances", "said"),
+    [
+        (["frame.torque_limit"], [], "frame.torque_limit is not determined"),
+        (["frame.kv"], ["world.yaw"], "run.csv: world.yaw is not determined"),
+    ],
+    ids=["never reached", "world and start"],
+)
+def test_what_a_log_cannot_tell_is_said(
+    free: list[str], circumstances: list[str], said: str
+) -> None:
+    """A limit that is never reached, a world beside the start."""
+    found = rb.fit("pendulum_robot", [log()], free, circumstances=circumstances, noise=NOISE)
+    assert any(line.startswith(said) for line in found.undetermined)
+    assert found.explains
+
+
+@pytest.mark.slow
+def test_a_log_that_is_held_out_is_explained_too() -> None:
+    """The fit of one explains the other, of which the start alone is found."""
+    logs = [log(0, name="a.csv"), log(1, name="b.csv")]
+    found = rb.fit("pendulum_robot", logs, ["kv"], noise=NOISE, hold_out=1)
+    assert [each.log for each in found.held_out] == ["b.csv"] * 3
+    assert found.explains
+    assert all(each.probability > 1e-3 for each in found.held_out)
+
+
+Read = Callable[[Motion], np.ndarray]
+SENSED: Mapping[str, Read] = {
+    "position": lambda m: m.contact_point,
+    "gyro": lambda m: m.angular_velocity,
+    "frame_angle": lambda m: m.hinge_angles,
+    "frame_rate": lambda m: m.hinge_rates,
+    "frame_torque": lambda m: m.loads.motor_torques,
+}
+
+
+@pytest.mark.parametrize("name", SENSED)
+def test_a_sensor_reads_what_the_motion_has(name: str) -> None:
+    """To the last bit; a bias is what is left of it."""
+    m = motion()
+    sensor = rb.Sensor(name, m.times, SENSED[name](m))
+    assert not apart(sensor, m, np.arange(len(m.times)), {}).any()
+
+
+def test_an_accelerometer_at_rest_reads_gravity_upwards() -> None:
+    """A ball that lies still: +g along the vertical, seen from the frame."""
+    still = rb.load_scene("pendulum_robot").with_hinges(command={"frame": 0.0})
+    still = replace(still, start=rb.Start(np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)))
+    m = rb.integrate(still, np.array([0.0, 1e-3, 2e-3]))
+    sensor = rb.Sensor("accelerometer", m.times[1:2], np.array([[0.0, 0.0, 9.81]]))
+    # Measured 4e-3: the frame's centre of mass is not on its axle, so that it begins to turn.
+    assert np.abs(apart(sensor, m, np.array([0, 1, 2]), {})).max() < 0.3
+
+
+def test_a_shell_gyro_is_turned_by_the_hinge() -> None:
+    """It reads the shell's own rotation, whose part along the axle has no hinge's angle in it."""
+    m = motion()
+    sensor = rb.Sensor("shell_gyro", m.times, np.zeros((len(m.times), 3)))
+    read = -apart(sensor, m, np.arange(len(m.times)), {})
+    along = m.angular_velocity[:, 1] - m.hinge_rates[:, 0]
+    assert np.abs(read[:, 1] - along).max() < 1e-12  # measured 4e-15, rounding
+    turning = m.angular_velocity - np.outer(m.hinge_rates[:, 0], [0.0, 1.0, 0.0])
+    sizes = np.linalg.norm(read, axis=1) - np.linalg.norm(turning, axis=1)
+    assert np.abs(sizes).max() < 1e-12
+
+
+def test_noise_is_estimated_from_the_readings_alone() -> None:
+    """Within a tenth of 1 mm on a path that moves by metres; of rounding, that of the rounding."""
+    times = np.linspace(0.0, 10.0, 1001)
+    path = np.stack([np.sin(times), 3 * np.cos(2 * times)], axis=1)
+    noisy = path + np.random.default_rng(2).normal(0.0, 1e-3, path.shape)
+    assert noise_of(rb.Sensor("position", times, noisy)) == pytest.approx(1e-3, rel=0.1)
+    rounded = np.round(0.01 * path[:, :1], 3)
+    # Of the encoder's resolution of 1e-3 it is 2.9e-4.
+    noise = noise_of(rb.Sensor("frame_angle", times, rounded))
+    assert 2.5e-4 < noise < 6e-4
+
+
+LOGS = {
+    "x,y\n0,0\n": "there is no column of times; there are x, y",
+    "t,foo\n0,1\n1,1\n": "no sensor is in it; there are t, foo; known are x,y,z",
+    "t,qw,qx\n0,1,0\n1,1,0\n": "of qw, qx, qy, qz there is only qw, qx",
+    "t,x,y\n0,0,0\n1,0,0\n": "position has 2 readings, and needs 4 at least",
+    "t,x,y\n0,0,0\n0,0,0\n": "times must increase",
+    "t,wx [foo],wy,wz\n0,0,0,0\n1,0,0,0\n": "wx is in 'foo'; it can be in rad/s",
+    "t,frame_rate [foo]\n0,0\n1,0\n": "frame_rate is in 'foo'; it can be in rad/s",
+    "t,x,y,frame_command\n0,0,0,\n1,0,0,\n2,0,0,\n3,1,1,\n": "frame_command is empty",
+}
+
+
+@pytest.mark.parametrize("text", LOGS)
+def test_a_useless_log_is_refused_in_a_line(text: str, tmp_path: Path) -> None:
+    """With the file, and what is missing."""
+    path = tmp_path / "log.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(rb.InputError, match=r"log\.csv: ") as refused:
+        rb.read_log(path, rb.load_scene("pendulum_robot"))
+    assert LOGS[text] in str(refused.value)
+
+
+def test_sensors_have_times_of_their_own(tmp_path: Path) -> None:
+    """An empty cell is no reading; units of titles are made SI's; commands are held."""
+    rows = ["t,x [mm],y [mm],frame_angle [deg],frame_command"]
+    rows += [f"{i / 10},{i if i % 2 else ''},{i if i % 2 else ''},{9 * i},{i}" for i in range(10)]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(rows), encoding="utf-8")
+    found = rb.read_log(path, rb.load_scene("pendulum_robot"))
+    position, angle = found.sensors
+    assert position.times.tolist() == [0.1, 0.3, 0.5, 0.7, 0.9]
+    assert position.values[0].tolist() == [1e-3, 1e-3]
+    assert angle.values[2, 0] == pytest.approx(np.radians(18.0))
+    assert found.commands["frame"][1].tolist() == list(range(10))
+    assert found.notes == ("x, y: in mm, as the file says, and taken so",)
+
+
+NAMES = {
+    "kv": "frame.kv",
+    "battery.mass": "frame.part.battery.mass",
+    "rolling": "friction.rolling",
+    "battery.centre.z": "frame.part.battery.centre.z",
+}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_last_words_of_a_path_are_enough(name: str) -> None:
+    """As long as they are one path's alone."""
+    assert numbers_of("pendulum_robot").path_of(name) == NAMES[name]
+
+
+@pytest.mark.parametrize(
+    ("free", "said"),
+    [
+        (["mass"], "'mass' may be frame.part.plate.mass, frame.part.motor.mass, frame.part"),
+        (["frame.kw"], "no number of the scene is called 'frame.kw'; did you mean frame.kv"),
+        (["kv=1:2"], "frame.kv begins at 0.4, outside 1:2"),
+        (["kv=a"], "limits are two numbers, as in frame.kv=0.1:0.8"),
+        (["kv", "frame.kv"], "frame.kv is freed twice"),
+        ([], "nothing is free"),
+    ],
+)
+def test_what_cannot_be_freed_is_refused(free: list[str], said: str) -> None:
+    """A number of several or of none, with neighbours; limits beside it; nothing."""
+    with pytest.raises(rb.InputError) as refused:
+        rb.fit("pendulum_robot", [log()], free, noise=NOISE)
+    assert said in str(refused.value)
+
+
+def test_a_circumstance_of_a_sensor_that_is_not_there_is_refused() -> None:
+    """With those that can be."""
+    with pytest.raises(rb.InputError, match="no circumstance of the log is called"):
+        rb.fit("pendulum_robot", [log()], ["kv"], circumstances=["frame_angle.zero"])
+
+
+def test_all_scenes_of_the_catalog_have_their_numbers() -> None:
+    """A scene made again from its tables is the file's, to the last bit."""
+    for name in rb.catalog():
+        if name in ("fig12", "pendulum_robot", "swinging_frame", "wobbling_drive"):
+            assert numbers_of(name).scene({}).ball == rb.load_scene(name).ball

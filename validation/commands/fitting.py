@@ -56,7 +56,9 @@ def lines(found: Fitted) -> Iterator[str]:
     """Yield what a fit says, a line each: the verdict, then what the logs do not tell."""
     chi2, probability = found.chi2 / found.degrees, found.probability
     told = f"χ² over {found.degrees} degrees of freedom is {chi2:.3f}"
-    if found.explains:
+    if found.explains and not _tells(found):
+        yield f"the logs tell none of the numbers, and any model explains them: {told}"
+    elif found.explains:
         yield f"the model explains the logs: {told}, its probability {probability:.2g}"
     else:
         yield f"the model does not explain the logs: {told}"
@@ -73,6 +75,11 @@ def lines(found: Fitted) -> Iterator[str]:
                 f"{names[i]} and {names[j]} are told apart badly: their correlation is "
                 f"{found.correlations[i, j]:.3f}"
             )
+
+
+def _tells(found: Fitted) -> bool:
+    """Return whether the logs tell at least one of the numbers."""
+    return any(each.determined for each in found.found)
 
 
 def _numbers(found: Sequence[Found]) -> Iterator[list[str]]:
@@ -207,7 +214,8 @@ class Fit:
     """Find the masses, places, gains and resistances that explain the logs of a robot.
 
     Several logs are fitted together, but the last, which the fit then has to explain. Exit status:
-    0 the model explains the logs, 1 it does not, 2 the scene or a log cannot be used.
+    0 the model explains the logs, 1 it does not, or they tell none of the numbers, 2 the scene or a
+    log cannot be used.
     docs/fitting.md has the columns of a log, and which motion shows which number.
 
     Example: robotball fit pendulum_robot run.csv --free battery.mass,frame.kv
@@ -294,7 +302,7 @@ class Fit:
         write_text(page_file, fit_page(name, fits))
         write_record(self.json, _record(name, fits))
         print(scene_file, page_file, sep="\n")
-        return AGREES if found.explains else DISAGREES
+        return AGREES if found.explains and _tells(found) else DISAGREES
 
 
 def _filled(headings: Sequence[str], rows: Any) -> Any:

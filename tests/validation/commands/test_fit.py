@@ -48,6 +48,17 @@ def test_a_log_is_fitted_by_the_equations_and_by_an_engine(
     assert page.count("<svg") >= 3
 
 
+@pytest.mark.slow
+def test_a_log_that_tells_nothing_is_no_success(robotball: Robotball, tmp_path: Path) -> None:
+    """Positions that are nothing but noise of a metre: status 1, and a line says so."""
+    rng, times = np.random.default_rng(0), np.arange(0.0, 1.0, 0.02)
+    table = np.column_stack([times, rng.normal(0.0, 1.0, (len(times), 2))])
+    np.savetxt(tmp_path / "n.csv", table, delimiter=",", header="t,x,y", comments="")
+    status, out, _ = robotball("fit", "pendulum_robot", "n.csv", "--free", "kv")
+    assert status == 1
+    assert "the logs tell none of the numbers, and any model explains them" in out
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [

@@ -439,9 +439,9 @@ def as_drive(rate: Rate, end: float) -> Drive:
     elif isinstance(rate, Constant | Ramp | Sine | Total):
         drive = rate
     elif isinstance(rate, Custom | Drive) or callable(rate):
-        from robotball.function_drives import Followed
+        from robotball.function_drives import Followed, Held
 
-        drive = Followed(end, *vars(as_custom(rate)).values())
+        drive = rate if isinstance(rate, Held) else Followed(end, *vars(as_custom(rate)).values())
     else:
         drive = Constant(_number(rate))
     check_size("a drive's rate at t = 0 s", float(drive.rate(0.0)), "rad/s")

@@ -19,10 +19,12 @@ import numpy as np
 from scipy import stats
 from scipy.optimize import least_squares
 
+from robotball.drives import Constant
 from robotball.engine import integrate
 from robotball.errors import InputError, SceneWarning, unknown
-from robotball.files.logs import Held, Log
+from robotball.files.logs import Log
 from robotball.files.scene_numbers import SceneNumbers, numbers_of
+from robotball.function_drives import Held
 from robotball.motion import Motion
 from robotball.rotations import Array, Mask, turned
 from robotball.scene import Scene, Start
@@ -213,8 +215,14 @@ class _Unknown:
     low: float = -np.inf
     high: float = np.inf
 
+    @property
+    def of_start(self) -> bool:
+        """Whether it is of a motion's start, which no user frees."""
+        return self.name.startswith("start.")
 
-_POSITIVE = ("mass", "density", "radius", "kv", "kp", "torque_limit", "stall_torque", "gravity")
+
+_POSITIVE = ("mass", "density", "radius", "kv", "kp", "torque_limit", "stall_torque", "gravity",
+             "rolling")  # fmt: skip
 
 
 def _of_scene(numbers: SceneNumbers, free: Sequence[str], radius: float) -> Iterator[_Unknown]:
@@ -224,12 +232,7 @@ def _of_scene(numbers: SceneNumbers, free: Sequence[str], radius: float) -> Iter
         path = numbers.path_of(name.strip())
         value, unit = numbers.value(path), numbers.unit(path)
         last = path.rpartition(".")[2]
-        low = (
-            0.0
-            if value >= 0 and (last in _POSITIVE or (unit == "m" and last == "rolling"))
-            else -np.inf
-        )
-        high = np.inf
+        low, high = (0.0 if value >= 0 and last in _POSITIVE else -np.inf), np.inf
         if limits:
             low, high = _limits(text, limits)
             if not low <= value <= high:
@@ -326,7 +329,7 @@ class _Residuals:
                 hinges["rate"][hinge.name] = own[f"start.{hinge.name}_rate"]
             if hinge.name in log.commands:
                 times, given = log.commands[hinge.name]
-                hinges["command"][hinge.name] = _held(times + late, given)
+                hinges["command"][hinge.name] = held(times + late, given)
         scene = scene.with_hinges(**{k: v for k, v in hinges.items() if v})
         turn = np.array([own[f"start.turn.{axis}"] for axis in "xyz"])
         momentum = began.start.momentum.copy()
@@ -338,7 +341,7 @@ class _Residuals:
         """Return the circumstances of a log by their names."""
         found: dict[str, list[float]] = {}
         for u, v in zip(self.unknowns, values, strict=True):
-            if u.log == k and not u.name.startswith("start."):
+            if u.log == k and not u.of_start:
                 vector = u.name.count(".") > 1
                 found.setdefault(u.name.rpartition(".")[0] if vector else u.name, []).append(v)
         return {name: np.array(parts) for name, parts in found.items()}
@@ -407,10 +410,14 @@ def _width(values: Array, name: str) -> int:
     return 3 if name == "attitude" else values.shape[1]
 
 
-def _held(times: Array, values: Array) -> Held:
+def held(times: Array, values: Array) -> Held:
+    """Return a log's commands as a drive, each held until the next that differs."""
     changes = np.flatnonzero(np.diff(values)) + 1
-    kept = np.concatenate([[0], changes])
-    return Held(times[kept], values[kept], tuple(times[changes].tolist()))
+    command = Held(Constant(float(values[0])))
+    for t, value in zip(times[changes].tolist(), values[changes].tolist(), strict=True):
+        command.hold(t, Constant(value))
+    command.breakpoints = tuple(command.times)
+    return command
 
 
 def fit(
@@ -500,32 +507,27 @@ def fit(
     covariance = _covariance(J[:, keep])
     deviations = np.full(len(x), np.nan)
     deviations[keep] = np.sqrt(np.diag(covariance))
-    shared = slice(0, len(own))
     degrees = max(len(left) - int(keep.sum()), 1)
     held_out: tuple[SensorFit, ...] = ()
     if hold_out is not None:
         fixed = {u.name: float(v) for u, v in zip(own, values, strict=False)}
         held_out = _explained(sensed[hold_out], numbers, run, fixed, circumstances, loss)
-    found = tuple(_found(unknowns[shared], values[shared], deviations[shared]))
-    of_logs = [
-        each
-        for each, u in zip(_found(unknowns, values, deviations, fitted), unknowns, strict=True)
-        if u.log is not None and not u.name.startswith("start.")
-    ]
+    freed = list(_found(unknowns, values, deviations, fitted))
+    found = tuple(freed[: len(own)])
     fitted_scene = residuals.scene(0, values)
-    block = covariance[shared, shared]
+    block = covariance[: len(own), : len(own)]
     scale = np.sqrt(np.diag(block))
-    sums = [_sum(left, loss), degrees]
+    chi2 = _sum(left, loss)
     estimated = [flag for each in fitted for flag in each.estimated]
     return Fit(
         scene=fitted_scene,
         text=numbers.text({each.name: each.value for each in found}, fitted_scene),
         found=found,
-        of_logs=tuple(of_logs),
+        of_logs=tuple(freed[len(own) :]),
         correlations=block / np.outer(scale, scale),
-        chi2=sums[0],
+        chi2=chi2,
         degrees=degrees,
-        probability=_probability(sums[0], degrees, len(left), any(estimated)),
+        probability=_probability(chi2, degrees, len(left), any(estimated)),
         sensors=tuple(_sensor_fits(residuals, x, len(unknowns) / len(left), loss)),
         held_out=held_out,
         undetermined=tuple(_undetermined(*_told(covariance, keep, unknowns, fitted))),
@@ -560,21 +562,15 @@ def _sensed(scene: Scene, log: Log, noise: Mapping[str, float]) -> _Sensed:
                 "its noise; leave it out, or give its noise"
             )
         sizes.append(given or estimate)
-    angles = {
-        h.name: float(first[f"{h.name}_angle"][0])
-        for h in scene.hinges
-        if h.motor and f"{h.name}_angle" in first
+    moved = [each.name for each in scene.hinges if each.motor is not None]
+    begins = {
+        kind: {n: float(first[f"{n}_{kind}"][0]) for n in moved if f"{n}_{kind}" in first}
+        for kind in ("angle", "rate")
     }
-    rates = {
-        h.name: float(first[f"{h.name}_rate"][0])
-        for h in scene.hinges
-        if h.motor and f"{h.name}_rate" in first
-    }
-    started = scene.with_hinges(**{k: v for k, v in (("angle", angles), ("rate", rates)) if v})
-    attitude = scene.start.attitude
-    for sensor in log.sensors:
-        if sensor.name == "attitude":
-            attitude = sensor.values[0]
+    started = scene.with_hinges(**{kind: each for kind, each in begins.items() if each})
+    # One reading, as the median of quaternions is none.
+    seen = (each.values[0] for each in log.sensors if each.name == "attitude")
+    attitude = next(seen, scene.start.attitude)
     omega = first.get("gyro", scene.angular_velocity_at(scene.start))
     started = replace(started, start=Start(attitude, np.zeros(3)))
     started = replace(started, start=Start(attitude, started.momentum_of(omega)))
@@ -663,12 +659,18 @@ def _found(
     unknowns: Sequence[_Unknown],
     values: Array,
     deviations: Array,
-    logs: Sequence[_Sensed] = (),
+    logs: Sequence[_Sensed],
 ) -> Iterator[Found]:
+    """Yield what was found of all that a user freed, the numbers of the scene first."""
     for u, value, deviation in zip(unknowns, values, deviations, strict=True):
-        log = f"{logs[u.log].log.name}: " if u.log is not None and logs else ""
-        told = bool(deviation < _UNKNOWN)
-        yield Found(log + u.name, float(value), float(deviation * u.size), u.value, u.unit, told)
+        if not u.of_start:
+            name, told = _full_name(u, logs), bool(deviation < _UNKNOWN)
+            yield Found(name, float(value), float(deviation * u.size), u.value, u.unit, told)
+
+
+def _full_name(unknown: _Unknown, logs: Sequence[_Sensed]) -> str:
+    """Return an unknown's name, after that of its log where it belongs to one."""
+    return unknown.name if unknown.log is None else f"{logs[unknown.log].log.name}: {unknown.name}"
 
 
 def _told(
@@ -676,11 +678,8 @@ def _told(
 ) -> tuple[Array, list[_Unknown]]:
     """Return the unknowns that a user freed, with their covariance; whatever the starts are."""
     kept = [u for u, felt in zip(unknowns, keep, strict=True) if felt]
-    of: list[int] = [i for i, u in enumerate(kept) if not u.name.startswith("start.")]
-    named = []
-    for one in (kept[i] for i in of):
-        log = "" if one.log is None else f"{logs[one.log].log.name}: "
-        named.append(replace(one, name=log + one.name))
+    of: list[int] = [i for i, u in enumerate(kept) if not u.of_start]
+    named = [replace(kept[i], name=_full_name(kept[i], logs)) for i in of]
     return covariance[np.ix_(of, of)], named
 
 

@@ -3,9 +3,10 @@
 A function is followed by Chebyshev polynomials of degree 24, a panel each. Panels are halved until
 the last coefficients are rounding and the polynomial passes through every look at the function, so
 that smooth functions are known to rounding, and what still changes within the narrowest panel is a
-jump. In order: the drive, its polynomials.
+jump. In order: the drive, its polynomials, commands that are held.
 """
 
+from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -272,3 +273,39 @@ def _check_continuous(begin: float, end: float, values: Array) -> None:
     if jump > _JUMP * (1 + float(np.abs(values).min())):
         t = (begin + end) / 2
         raise InputError(f"a drive's rate jumps by {jump:g} rad/s at t = {t:.9g} s; ramp it")
+
+
+class Held:
+    """Commands that a run holds, each from a time on until the next; before them, a drive.
+
+    It grows as a controller gives commands. Only a motor takes it, for a rate would jump.
+    """
+
+    # Drives, by whose module this one is imported.
+    def __init__(self, before: Any) -> None:
+        self.times: list[float] = []
+        self.drives = [before]
+        self.breakpoints = before.breakpoints
+
+    def hold(self, t: float, drive: Any) -> None:
+        """Hold another drive from t [s] on, which is not before the last of the times."""
+        self.times.append(t)
+        self.drives.append(drive)
+
+    # Engines ask for one time after another, and often.
+
+    def rate(self, t: Any) -> Any:
+        return self._at(t).rate(t) if isinstance(t, float) else _each(self.rate, t)
+
+    def acceleration(self, t: Any) -> Any:
+        return self._at(t).acceleration(t) if isinstance(t, float) else _each(self.acceleration, t)
+
+    def angle(self, t: Any) -> Any:
+        if not isinstance(t, float):
+            return _each(self.angle, t)
+        edges = pairwise([0.0, *self.times[: bisect_right(self.times, t)], t])
+        pieces = zip(self.drives, edges, strict=False)
+        return sum(drive.angle(end) - drive.angle(begin) for drive, (begin, end) in pieces)
+
+    def _at(self, t: float) -> Any:
+        return self.drives[bisect_right(self.times, t)]

@@ -30,7 +30,7 @@ CIRCUMSTANCES = {
 }
 _CLOCK, _ZERO = ".clock", ".zero"
 _AROUND = 1e-3  # s, on either side of a time: the difference by which an accelerometer is read
-_ON_THE_PLANE = 0.05  # of the radius: a height so near 0 is the contact point's
+ON_THE_PLANE = 0.05  # of the radius: a height so near 0 is the contact point's
 _VERTICAL = np.array([0.0, 0.0, 1.0])
 
 
@@ -120,7 +120,7 @@ def _position(sensor: Sensor, motion: Motion, rows: Rows, given: Mapping[str, Ar
     scene, heights = motion.scene, sensor.values[:, 2:]
     marker = given.get("position.marker", np.zeros(3))
     radius = scene.ball.radius
-    on_the_plane = len(heights[0]) and np.abs(heights).max() < _ON_THE_PLANE * radius
+    on_the_plane = len(heights[0]) and np.abs(heights).max() < ON_THE_PLANE * radius
     level = 0.0 if on_the_plane and not marker.any() else radius
     at = rotation_matrix(motion.attitude[rows]) @ marker + [0.0, 0.0, level]
     at[:, :2] += motion.contact_point[rows]

@@ -2,24 +2,23 @@
 
 A closed loop is a sequence of motions with constant commands. Every engine steps from one change of
 a command to the next, so none calls a controller within a step, and all call it at the same times.
-In order: what engines tell of a state, held commands, the loop.
+In order: what engines tell of a state, the loop.
 """
 
 import copy
 import math
 import traceback
-from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from robotball.controllers import SENSORS, Controller, Reading, Sensors
-from robotball.drives import Constant, Drive
+from robotball.drives import Constant
 from robotball.errors import LARGEST, InputError, unknown
+from robotball.function_drives import Held
 from robotball.motors import Free
 from robotball.rotations import Array, turned
 from robotball.scene import Scene
@@ -36,45 +35,6 @@ class Sensed(NamedTuple):
     angles: Sequence[float]
     rates: Sequence[float]
     contact_point: Array
-
-
-class Held:
-    """Commands that a run holds, each from a time on until the next; before them, a drive.
-
-    It grows as a controller gives commands. Only a motor takes it, for a rate would jump.
-    """
-
-    def __init__(self, before: Drive) -> None:
-        self.times: list[float] = []
-        self.drives = [before]
-        self.breakpoints = before.breakpoints
-
-    def hold(self, t: float, value: float) -> None:
-        """Hold a value from t [s] on, which is not before the last of the times."""
-        self.times.append(t)
-        self.drives.append(Constant(value))
-
-    # Engines ask for one time after another, and often.
-
-    def rate(self, t: Any) -> Any:
-        return self._at(t).rate(t) if isinstance(t, float) else _each(self.rate, t)
-
-    def acceleration(self, t: Any) -> Any:
-        return self._at(t).acceleration(t) if isinstance(t, float) else _each(self.acceleration, t)
-
-    def angle(self, t: Any) -> Any:
-        if not isinstance(t, float):
-            return _each(self.angle, t)
-        edges = pairwise([0.0, *self.times[: bisect_right(self.times, t)], t])
-        pieces = zip(self.drives, edges, strict=False)
-        return sum(drive.angle(end) - drive.angle(begin) for drive, (begin, end) in pieces)
-
-    def _at(self, t: float) -> Drive:
-        return self.drives[bisect_right(self.times, t)]
-
-
-def _each(function: Callable[[float], Any], t: Any) -> Any:
-    return np.array([function(each) for each in np.asarray(t, dtype=float).tolist()])
 
 
 class Loop:
@@ -123,7 +83,7 @@ class Loop:
             self.called += 1
         while self.applied * controller.period + controller.delay <= until:
             for name, value in self.answers.popleft().items():
-                self.held[name].hold(t, value)
+                self.held[name].hold(t, Constant(value))
             self.applied += 1
 
     @property

@@ -45,27 +45,6 @@ _FEWEST = 4  # readings of a sensor, by which its noise is known
 
 
 @dataclass(frozen=True)
-class Held:
-    """A command that a log gives, held from each row to the next; it has no rate of its own."""
-
-    times: Array
-    values: Array
-    breakpoints: tuple[float, ...]
-
-    def rate(self, t: Array | float) -> Array:
-        at = np.searchsorted(self.times, t, side="right") - 1
-        return self.values[np.clip(at, 0, len(self.values) - 1)]
-
-    def acceleration(self, t: Array | float) -> Array:
-        return 0.0 * np.asarray(t)
-
-    def angle(self, t: Array | float) -> Array:
-        areas = np.concatenate([[0.0], np.cumsum(np.diff(self.times) * self.values[:-1])])
-        at = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.values) - 1)
-        return np.asarray(areas[at] + (np.asarray(t) - self.times[at]) * self.values[at])
-
-
-@dataclass(frozen=True)
 class Sensor:
     """Hold the readings of one sensor.
 

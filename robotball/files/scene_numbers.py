@@ -72,12 +72,12 @@ class SceneNumbers:
 
     def scene(self, values: Mapping[str, float]) -> Scene:
         """Return the scene with other numbers at some paths. Raises InputError for impossible."""
-        scene = scene_of_table(self.folder / f"{self.name}.toml", self._table(values))
+        scene = scene_of_table(self.folder / f"{self.name}.toml", _as_table(self._changed(values)))
         return replace(scene, name=self.name)
 
     def text(self, values: Mapping[str, float], start: Scene) -> str:
         """Return the text of a scene file with other numbers, that starts as a scene does."""
-        tables = msgspec.json.decode(msgspec.json.encode(self._table(values)))
+        tables = self._changed(values)
         tables["start"] = {
             "attitude": start.start.attitude.tolist(),
             "momentum_world": start.start.momentum.tolist(),
@@ -89,9 +89,9 @@ class SceneNumbers:
             table["initial_angle"] = hinge.angle
             if hinge.motor is not None:
                 table["initial_rate"] = hinge.rate
-        return text_of(msgspec.convert(tables, SceneTable))
+        return text_of(_as_table(tables))
 
-    def _table(self, values: Mapping[str, float]) -> SceneTable:
+    def _changed(self, values: Mapping[str, float]) -> dict[str, Any]:
         changed: Any = deepcopy(self.tables)
         for path, value in values.items():
             *above, last = self.places[path]
@@ -99,7 +99,11 @@ class SceneNumbers:
             for key in above:
                 table = table[key]
             table[last] = float(value)
-        return msgspec.convert(changed, SceneTable)
+        return dict(changed)
+
+
+def _as_table(tables: Mapping[str, Any]) -> SceneTable:
+    return msgspec.convert(tables, SceneTable)
 
 
 def numbers_of(scene: Scene | str | Path) -> SceneNumbers:
@@ -121,7 +125,7 @@ def numbers_of(scene: Scene | str | Path) -> SceneNumbers:
 
 def _tables_of(what: object, text: str | bytes) -> Mapping[str, Any]:
     with readable(f"{what}: not TOML"):
-        table = msgspec.convert(msgspec.toml.decode(text), SceneTable)
+        table = _as_table(msgspec.toml.decode(text))
     # By way of JSON, which has lists, and the defaults of keys that are not given.
     return dict(msgspec.json.decode(msgspec.json.encode(table)))
 

@@ -10,6 +10,7 @@ import pytest
 
 import robotball as rb
 from robotball.files.scene_numbers import numbers_of
+from robotball.fitting import held
 from robotball.motion import Motion
 from robotball.rotations import turned
 from robotball.sensing import apart, noise_of
@@ -91,6 +92,22 @@ def test_what_a_log_cannot_tell_is_said(
     """A limit that is never reached, a world beside the start."""
     found = rb.fit("pendulum_robot", [log()], free, circumstances=circumstances, noise=NOISE)
     assert any(line.startswith(said) for line in found.undetermined)
+    assert found.explains
+
+
+@pytest.mark.slow
+def test_commands_of_a_log_are_held_and_may_be_late() -> None:
+    """The scene's own are replaced; a delay that the log has not is found, to rounding."""
+    times = np.linspace(0.0, 1.5, 61)
+    given = np.round(rb.load_scene("pendulum_robot").hinges[0].command.rate(times), 1)
+    driven = rb.load_scene("pendulum_robot").with_hinges(
+        command={"frame": held(times + 0.03, given)}
+    )
+    made = replace(log(of=rb.integrate(driven, times)), commands={"frame": (times, given)})
+    found = rb.fit("pendulum_robot", [made], ["kv"], circumstances=["commands.delay"], noise=NOISE)
+    (delay,) = found.of_logs
+    assert abs(delay.value - 0.03) < 3 * delay.deviation  # measured 0.7 of them
+    assert delay.deviation < 0.01
     assert found.explains
 
 

@@ -31,6 +31,7 @@ from robotball.engines import recorded as derivative
 from robotball.errors import LARGEST, check_positive
 from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array
+from robotball.sensing import ON_THE_PLANE
 from validation.options import AGREES, DISAGREES, Controls, File, SceneName, check_files, listed
 from validation.output import (
     known,
@@ -49,7 +50,6 @@ _TOLERANCE = (
     1e-2  # relative, of path, height, momentum and the hinges' rates; of the attitude in rad
 )
 _ENOUGH = 0.1  # of the scene's duration; a file that covers less says too little to agree
-_ON_THE_PLANE = 0.05  # of the radius: a height so near 0 is the contact point's
 _ROWS = 20_000  # that are judged, at most, where the frame turns little between them
 _TURN = 0.1  # rad
 _LONGEST = 100  # times the scene's duration; a longer file is in another unit
@@ -89,7 +89,7 @@ class _Beside:
     def level(self) -> float:
         """Return where the file's z should stay [m]: 0 where it is the contact point's."""
         radius = self.theory.scene.ball.radius
-        return 0.0 if np.abs(self.motion.height).max() < _ON_THE_PLANE * radius else radius
+        return 0.0 if np.abs(self.motion.height).max() < ON_THE_PLANE * radius else radius
 
     @property
     def height_error(self) -> float | None:

@@ -20,7 +20,7 @@ from typing import Any
 
 from PIL import Image
 
-from robotball import sample_times
+from robotball import FaultKind, sample_times
 from robotball.engines.mujoco.limits import LAWS
 from robotball.engines.mujoco.settings import FIRST_ORDER
 from robotball.files.replacing import replacing
@@ -144,7 +144,8 @@ def numbers_of_tradeoff(record: Mapping[str, Any]) -> dict[str, Any]:
     """Return how many configurations there are and are sound, and the best of each kind."""
     runs = record["configurations"]
     servos = [run for run in runs if "gain" in (run["options"]["drive"] or ())]
-    rates = [run for run in servos if "hinge rate" in run["trouble"]]
+    off_rate = FaultKind.RATE_OFF.value.partition("{")[0]
+    rates = [run for run in servos if off_rate in run["trouble"]]
     first = [run for run in runs if run["sound"] and run["options"]["integrator"] in FIRST_ORDER]
     return {
         "configurations": len(runs),

@@ -188,6 +188,7 @@ def test_the_quick_study_writes_its_files(robotball: Robotball, tmp_path: Path) 
     assert len(written["configurations"]) == count
     numbers = numbers_of_tradeoff(written)
     assert numbers["configurations"] == count > numbers["no_result"] >= numbers["servos"] == 6
+    assert numbers["servos_off_their_rates"] == numbers["servos"]
     assert 1e-4 < numbers["best_of_first_order"] < 1e-1
     journal = files[3].read_bytes()
     assert robotball(*arguments)[0] == 0

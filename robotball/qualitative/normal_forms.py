@@ -63,10 +63,10 @@ def linear_part(flow: Flow, size: int) -> Array:
 
 
 def lyapunov_value(flow: Flow, size: int) -> float:
-    """Return the value where a pair of eigenvalues is ±iν: dr/dt = value r³ [1/s].
+    """Return l₁ where a pair of eigenvalues is ±iν: dr/dt = l₁r³ [1/s], the mean over a turn.
 
-    r is a distance from the zero on the surface that the pair belongs to, in axes in which the
-    linear part is a rotation; only the sign does not depend on them: below 0 the motion there
+    The motion is near r Re(q exp(iφ)) in the flow's coordinates, where q is the pair's eigenvector,
+    |q|² = 1. Other coordinates give l₁ another size, of the same sign: below 0 the motion there
     settles, and a cycle that is born attracts. Kuznetsov, Elements of Applied Bifurcation Theory,
     chapter 5, the formula for n dimensions.
     """

@@ -29,10 +29,9 @@ from validation.paper.formulas import paper_scene
 from validation.plots import note
 from validation.study import compiled_motion
 
-LEVELS = (2.0, 3.0)  # f: on either side of the limit for K = (4, 5, 0)
 LINE_K = (4.0, 5.0, 0.0)  # of Fig. 10
 _LIMIT = 2.0806242  # of f there: above it σ₋ and δ₊ are unstable saddle-foci
-_SIDE = 8.0  # of Fig. 9's region [kg m²/s]
+_SIDE = 5.0  # of Fig. 9's region, in √f
 FINENESS = 90  # of the map's grid, each way
 SHOWN, LONG = 80.0, 600.0  # s, of Fig. 10
 _PERIOD = 2.0  # s, at least that of the oscillation about δ₊, 1.95 s
@@ -68,13 +67,14 @@ def line_verticals(f: float, K: Vector) -> dict[str, Array]:
 
 
 def figure9() -> Figure:
-    """Draw where in the plane of K straight-line motions are stable, for two values of f."""
+    """Draw where in the plane of K straight-line motions are stable, in units of √f."""
+    ball, side = paper_scene("fig10").parameters, np.linspace(-_SIDE, _SIDE, FINENESS)
+    edges = np.array(ball.A[:2]) / abs(ball.A[0] - ball.A[1])
     caption = (
         *_BALL_LINES,
         "K = (K₁, K₂, 0) kg m²/s",
-        "Guessed, for the caption has neither:",
-        "  f = 2 and f = 3 (kg m²/s)²,",
-        f"  and the bounds ±{_SIDE:g} of the region.",
+        "The caption has neither f nor the bounds,",
+        f"  which are chosen: ±{_SIDE:g} √f.",
     )
     facts = (
         "ω = 0, (Ω,γ) = 0, M = γ×K, f = M²:",
@@ -82,30 +82,36 @@ def figure9() -> Figure:
         "  straight along Y at ∓a|Ω|.",
         "Shaded: σ₋ and δ₊ are stable; σ₊ and δ₋",
         "  are so nowhere. The size of Ω does not",
-        "  matter.",
+        "  matter, and f scales K alone:",
+        "  K₁K₂ > 0 and (a₁/K₁)² + (a₂/K₂)²",
+        "  < (a₁ - a₂)²/f, with the asymptotes",
+        f"  |K₁| = {edges[0]:g} √f and |K₂| = {edges[1]:g} √f.",
         "E16: at K = (4, 5, 0) they are stable for",
         f"  f < {_LIMIT:.4f} only, not at f = 3.",
     )
     figure, panels = sheet(
-        "Fig. 9: straight lines are stable at large K", caption, facts, [["2", "3"]], (4.2, 4.2)
+        "Fig. 9: straight lines are stable at large K", caption, facts, [["K"]], (6.5,), (5.6,)
     )
-    ball, side = paper_scene("fig10").parameters, np.linspace(-_SIDE, _SIDE, FINENESS)
-    for axes, f in zip(panels.values(), LEVELS, strict=True):
-        # The largest real part changes its sign where stability ends, so its zero is the border.
-        rates = np.array([[growth_rate(ball, (K1, K2, 0.0), f) for K1 in side] for K2 in side])
-        # Grey, as the caption says.
-        axes.contourf(side, side, rates, levels=[-1e9, 0.0], colors=[FAINT], alpha=0.6)
-        axes.contour(side, side, rates, levels=[0.0], colors=[THEORY], linewidths=1.5)
-        for x in (6.5, -6.5):
-            axes.annotate("σ₋, δ₊\nstable", (x, x), color=INK, ha="center", va="center")
-        turn = np.linspace(0, 2 * np.pi, 300)
-        rim = np.sqrt(f) * np.stack([np.cos(turn), np.sin(turn)])
-        axes.fill(*rim, facecolor="none", edgecolor=FAINT, hatch="////", lw=0.8)
-        axes.annotate("K² < f:\nno such line", (0, -2.2), ha="center", va="top", color=INK)
-        axes.plot(*LINE_K[:2], "o", color=INK)
-        note(axes, "Fig. 10", LINE_K[:2], (-6, -4), color=INK, ha="right", va="top")
-        axes.set(xlabel="K₁ [kg m²/s]", ylabel="K₂ [kg m²/s]", aspect="equal")
-        axes.set_title(f"f = {f:g} (kg m²/s)², a guess")
+    axes = panels["K"]
+    # The largest real part changes its sign where stability ends, so its zero is the border.
+    rates = np.array([[growth_rate(ball, (K1, K2, 0.0), 1.0) for K1 in side] for K2 in side])
+    # Grey, as the caption says.
+    axes.contourf(side, side, rates, levels=[-1e9, 0.0], colors=[FAINT], alpha=0.6)
+    axes.contour(side, side, rates, levels=[0.0], colors=[THEORY], linewidths=1.5)
+    for sign in (1.0, -1.0):
+        axes.annotate(
+            "σ₋, δ₊ stable", (3.9 * sign, 4.2 * sign), color=INK, ha="center", va="center"
+        )
+        axes.axvline(sign * edges[0], color=FAINT, linewidth=1, linestyle=":")
+        axes.axhline(sign * edges[1], color=FAINT, linewidth=1, linestyle=":")
+    turn = np.linspace(0, 2 * np.pi, 300)
+    axes.fill(np.cos(turn), np.sin(turn), facecolor="none", edgecolor=FAINT, hatch="////", lw=0.8)
+    axes.annotate("K² < f: no such line", (0, -1.1), ha="center", va="top", color=INK)
+    for f in (2.0, 3.0):
+        at = LINE_K[0] / np.sqrt(f), LINE_K[1] / np.sqrt(f)
+        axes.plot(*at, "o", color=INK)
+        note(axes, f"Fig. 10, f = {f:g}", at, (-6, 4), color=INK, ha="right", va="bottom")
+    axes.set(xlabel="K₁/√f", ylabel="K₂/√f", aspect="equal")
     return figure
 
 

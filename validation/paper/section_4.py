@@ -247,17 +247,21 @@ def _velocity_at_5(twist: float = 1.0) -> Errors:
 def circle(index: int, twist: float = 1.0) -> Errors:
     """Measure how far MuJoCo's contact point is from the circle of radius a√(Ωⱼ² + Ωₖ²)/|Ωᵢ| at Γ.
 
-    The centre is that of the circle that fits best.
+    The centre is that of the circle that fits best. And how far from where robotball's speed and
+    turning lead from its first velocity on.
     """
-    ball = _on_circle(index)
-    path, (one, other) = ball.motion.contact_point, np.delete(_FIG5.Omega, index)
-    radius = sqrt(one**2 + twist * other**2) / abs(_FIG5.Omega[index])
+    ball, n = _on_circle(index), _FIG5
+    path, (one, other) = ball.motion.contact_point, np.delete(n.Omega, index)
+    radius = sqrt(one**2 + twist * other**2) / abs(n.Omega[index])
     # A circle by least squares, |x|² = 2(x, centre) + const: linear, and it knows nothing of the
     # paper's centre.
     table = np.column_stack([2 * path, np.ones(len(path))])
     centre = np.linalg.lstsq(table, (path**2).sum(axis=1), rcond=None)[0][:2]
     yield np.linalg.norm(path - centre, axis=1) - radius
-    yield equilibria.contact_path(f.ball(_FIG5), f.E[index]).radius - radius
+    ours, (alpha, beta, _) = equilibria.contact_path(f.ball(n), f.E[index]), ball.axes[0]
+    ahead = np.angle(complex(-beta @ n.Omega, alpha @ n.Omega)) + ours.turning * ball.motion.times
+    way = ours.speed * (np.exp(1j * ahead) - np.exp(1j * ahead[0])) / (1j * ours.turning)
+    yield path @ [1, 1j] - way
 
 
 # The circle Σ¹ -------------------------------------------------------------------------------

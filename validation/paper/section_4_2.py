@@ -90,7 +90,7 @@ def _criterion(n: Numbers, twist: float = 1.0) -> float:
 
 
 @cache
-def _foci() -> tuple[tuple[Numbers, float], ...]:
+def foci() -> tuple[tuple[Numbers, float], ...]:
     """Return balls with A₁A₂ > 0.01, and by how much r grows in a turn about Γ₅ from r = 0.01.
 
     They are those of 100 in which it changes by over 1e-10.
@@ -100,13 +100,13 @@ def _foci() -> tuple[tuple[Numbers, float], ...]:
         A1, A2 = _A1_A2(n)
         # Near A₁A₂ = 0 a turn takes for ever; and where r changes by less than 1e-10, the
         # integration's error could decide the sign.
-        growth = _growth_in_a_turn(n, 0.01) if A1 * A2 > 0.01 else 0.0
+        growth = growth_in_a_turn(n, 0.01) if A1 * A2 > 0.01 else 0.0
         if abs(growth) > 1e-10:
             found.append((n, growth))
     return tuple(found)
 
 
-def _growth_in_a_turn(n: Numbers, r: float) -> float:
+def growth_in_a_turn(n: Numbers, r: float) -> float:
     """Return r of the next crossing of γ₂ = 0 on the same side, less r."""
     field = f.from_rest(n)
     start = np.array([r, 0.0, sqrt(1 - r * r)])
@@ -127,7 +127,7 @@ _by_a_turn = partial(by, "a turn about Γ₅ by scipy", bound=0, unit="of 84 wro
 @_by_a_turn("the sign of B/A₁", printed=MINUS)
 def _stable_foci(twist: float = 1.0) -> Errors:
     """Count where B/A₁ < 0 mistakes a focus for stable or unstable, and B/A₁ > 0 as printed."""
-    for n, growth in _foci():
+    for n, growth in foci():
         ours = equilibria.fixed_point_at(f.ball(n), f.E[2]).kind
         mistaken = ours != f"slow {'stable' if growth < 0 else 'unstable'} focus"
         yield mistaken or (twist * _criterion(n) < 0) != (growth < 0)
@@ -137,7 +137,7 @@ def _stable_foci(twist: float = 1.0) -> Errors:
 @_by_a_turn("the sign in B", printed={"printed": True})
 def _B_of_the_foci(twist: float = 1.0, printed: bool = False) -> Errors:
     """Count the foci mistaken with B as corrected, and with the factor K₃ as printed."""
-    for n, growth in _foci():
+    for n, growth in foci():
         A1, _, B = equilibria.proposition_2(f.ball(n))
         both = (n.K[2] if printed else 1.0) * _criterion(n, twist), B / A1
         yield any((each < 0) != (growth < 0) for each in both)
@@ -202,7 +202,7 @@ def _components(
 @by("Cauchy's integrals", "the sign of x² in y'", bound=2e-14)
 def _scaled(twist: float = 1.0) -> Errors:
     """Compare x' and y' in γ₁ = √(A₁A₂)x/A₁, γ₂ = y, t = a₃τ/√(A₁A₂) with Taylor's at Γ₅."""
-    for n, _ in _foci()[:20]:
+    for n, _ in foci()[:20]:
         (a1, a2, a3), (Omega1, Omega2, _) = n.moments, n.Omega
         A1, A2 = _A1_A2(n)
         root = sqrt(A1 * A2)
@@ -351,7 +351,7 @@ def kind(n: Numbers, gamma: Array) -> str:
             return "saddle"
         return "stable node" if values[1].real < 0 else "unstable node"
     if abs(values.real).max() < 1e-12:
-        return "slow stable focus" if _growth_in_a_turn(n, 0.01) < 0 else "slow unstable focus"
+        return "slow stable focus" if growth_in_a_turn(n, 0.01) < 0 else "slow unstable focus"
     return "stable focus" if values[1].real < 0 else "unstable focus"
 
 

@@ -229,16 +229,13 @@ def _coefficients(twist: float = 1.0) -> Errors:
             yield [gamma @ gamma - 1, (M @ M - level) / (n.K @ n.K), *at_rest]
 
 
-_FOUR = {"at_zero": 4}
-
-
-@claim("Prop. 3", "four of them for 0 < f < K², two for f = K² and f = 0", "four for f < K²")
-@by("all round Σ¹", "K not ⊥ Ω", {"along": 2.0}, bound=0, unit="of 50 wrong", printed=_FOUR)
-def _number_of_lines(along: float = 0.0, at_zero: int = 2) -> Errors:
+@claim("Prop. 3", "four of them for f < K², two for f = K²; from rest, f = 0, two")
+@by("all round Σ¹", "K not ⊥ Ω", {"along": 2.0}, bound=0, unit="of 50 wrong")
+def _number_of_lines(along: float = 0.0) -> Errors:
     """Count the balls whose Σ¹ does not meet f < K² four times, f > K² never, f = K² and 0 twice.
 
-    Or of which robotball's motions are not Prop. 3's of their names. As printed, f = 0 four times,
-    which is less than K², too. along: the part of K along Ω, over that across it.
+    Or of which robotball's motions are not Prop. 3's of their names. f = 0 is no such level: it is
+    the sphere of section 4. along: the part of K along Ω, over that across it.
     """
     # Off by a thousandth, lest a point lie on a crossing itself.
     angles = np.linspace(0.0, 2 * np.pi, 2000, endpoint=False) + 0.001
@@ -258,7 +255,7 @@ def _number_of_lines(along: float = 0.0, at_zero: int = 2) -> Errors:
         # M = γ×K passes zero where (γ×K, Ω) changes its sign.
         ahead = np.cross(f.sigma(n, angles), n.K) @ n.Omega > 0
         zeros = int(np.count_nonzero((ahead != np.roll(ahead, 1)) & (levels < 1e-4 * K2)))
-        yield off or (*meets, touches, zeros) != (4, 0, 2, at_zero)
+        yield off or (*meets, touches, zeros) != (4, 0, 2, 2)
 
 
 @claim("5.1", "P₃(0) > 0 iff c₁c₂ < 0")
@@ -321,13 +318,32 @@ def _third_bracket(square: bool = True) -> Errors:
         yield _conditions(each, square=square) != stable
 
 
-SECTION_5_1.unchecked("Fig. 9", "where σ₋ and δ₊ are stable", "its f and its bounds are not stated")
-
-
 # Figs 9 and 10 -------------------------------------------------------------------------------
 
 
-@claim("E16, Fig. 10", "σ₋ and δ₊ are stable for f < 16/7.69 only", "stable at f = 3")
+@claim("Fig. 9", "at any f: K₁K₂ > 0 and (a₁/K₁)² + (a₂/K₂)² < (a₁ - a₂)²/f")
+@by("eigenvalues", "the sign of K₁K₂", bound=0, unit="of 900 wrong")
+def _region(twist: float = 1.0) -> Errors:
+    """Count the K at which σ₋ and δ₊ are not stable where that holds, and unstable elsewhere.
+
+    The f is not printed. It scales the region, which has one shape.
+    """
+    n, random = line_ball(), np.random.default_rng(68)
+    a1, a2, _ = n.moments
+    for level in (0.5, 3.0, 20.0):
+        sizes, angles = random.uniform([1.01, 0.0], [8.0, 2 * np.pi], (300, 2)).T
+        for K1, K2 in zip(*(sqrt(level) * sizes * [cos(angles), sin(angles)]), strict=True):
+            inside = (a1 / K1) ** 2 + (a2 / K2) ** 2 < (a1 - a2) ** 2 / level
+            inside = inside and twist * K1 * K2 > 0
+            other = replace(n, K=np.array([K1, K2, 0.0]))
+            yield any(line(other, level, name).stable != inside for name in ("σ₋", "δ₊"))
+
+
+@claim(
+    "E16, Fig. 10",
+    "σ₋ and δ₊ are stable for f < 16/7.69 only",
+    'f = 3, of "parameters in the stability region"',
+)
 @by("eigenvalues", "K₁, by a tenth", {"twist": 1.1})
 def limit(twist: float = 1.0) -> Value:
     """Compute the f at which σ₋ and δ₊ of Fig. 10 lose their stability, and the caption's f."""
@@ -370,13 +386,14 @@ def _arrives(
 def _directions(twist: float = 1.0) -> Errors:
     """Compare X and Y of MuJoCo's ball after 1 s on each line at f = 2 with 0 and ∓a|Ω|.
 
-    - for σ and + for δ; as printed the reverse.
+    - for σ and + for δ; as printed the reverse. And how far it came with robotball's speed.
     """
     for name in _SIGNS:
         each = line(line_ball(), 2.0, name)
         end = _rolled(each.gamma, each.M, duration=1.0).motion.contact_point[-1]
         speed = (-1.0 if name.startswith("σ") else 1.0) * each.n.a * np.linalg.norm(each.n.Omega)
         yield np.linalg.norm(end - [0.0, twist * speed])
+        yield np.linalg.norm(end) - lines.straight_motion(f.ball(each.n), each.gamma).speed
 
 
 # The Poincaré map ---------------------------------------------------------------------------

@@ -122,24 +122,52 @@ def _beside_point(scene: Scene, gamma: Array, run: _Run, x: Array, times: Array)
 
 
 def _straight_lines(quick: bool) -> _Rows:
-    """Yield the rates beside the straight line σ₋ on both sides of f*, and f* by them."""
+    """Yield the rates beside straight lines, P₃ by them, and where σ₋ loses its stability.
+
+    P₃ is (5.2). Its free term is positive, Prop. 4, and so are the others of Routh and Hurwitz,
+    (5.4), where the line is stable.
+    """
     scene = load_scene("fig10")
-    limit, growth = float(straight_motions.stability_limit(scene.parameters) or np.nan), []
+    ball, name = scene.parameters, partial(straight_motions.name_of_line, scene.parameters)
+    lines = partial(straight_motions.straight_motions, ball)
+    limit = float(straight_motions.stability_limit(ball) or np.nan)
+    levels = [(f, own) for f in (2.0, 3.0) for own in lines(f)]
+    for level, own in levels[1:2] if quick else levels:  # σ₊
+        line = partial(_LINE, f"{name(own.gamma)}, f = {level:g}", "5.1, Fig. 10", "balanced")
+        rows = [*_line_rates(line, scene, own)]
+        yield from rows
+        both = own.polynomial, _polynomial(rows)
+        for quantity, unit, of in _CRITERION:
+            yield line(quantity, unit, *map(of, both), 1e-5, "that of the rates")
     # Both sides of f*, whose growths have opposite signs: the chord between them crosses zero at
     # f*.
-    for f in (limit - _SIDES, limit + _SIDES, *(() if quick else (2.0, 3.0))):
-        lines = straight_motions.straight_motions(scene.parameters, f)
-        name = partial(straight_motions.name_of_line, scene.parameters)
-        own = next(each for each in lines if name(each.gamma) == "σ₋")
-        linear = linear_part(flow_near(scene.parameters, own.gamma, own.momentum), 3)
-        start = along_momentum(own.gamma, own.momentum)
-        line = partial(_LINE, f"σ₋, f = {f:.4f}", "5.1, Fig. 10", "balanced")
-        rows = [*rates(line, linear, partial(_beside_line, scene, start))]
+    sides, growth = (limit - _SIDES, limit + _SIDES), []
+    for f in sides:
+        own = next(each for each in lines(f) if name(each.gamma) == "σ₋")
+        line = partial(_LINE, f"σ₋, f = {f:.7f}", "5.1, Fig. 10", "balanced")
+        rows = [*_line_rates(line, scene, own)]
         growth += [row["contact"] for row in rows if "Re" in row["quantity"]]
         yield from rows
-    at = float(np.interp(0.0, growth[:2], [limit - _SIDES, limit + _SIDES]))
     line = partial(_LINE, "σ₋, limit of stability", "5.1, (5.4)", "balanced")
-    yield line("f*", "(kg m²/s)²", limit, at, 1e-5, "step; a chord for the growth over f")
+    words = "step; a chord for the growth over f"
+    yield line("f*", "(kg m²/s)²", limit, float(np.interp(0.0, growth, sides)), 1e-5, words)
+
+
+def _line_rates(line: Any, scene: Scene, own: straight_motions.StraightMotion) -> _Rows:
+    """Yield the rates beside a straight line of a scene's ball."""
+    linear = linear_part(flow_near(scene.parameters, own.gamma, own.momentum), 3)
+    start = along_momentum(own.gamma, own.momentum)
+    return rates(line, linear, partial(_beside_line, scene, start))
+
+
+def _polynomial(rows: Sequence[Row]) -> Array:
+    """Return the polynomial (4,), highest power first, that has the engine's rates as its roots."""
+    real, above, turning = (
+        [row["contact"] for row in rows if row["quantity"] == name]
+        for name in ("λ", "Re λ", "Im λ")
+    )
+    pair = [complex(*each) for each in zip(above, turning, strict=True)]
+    return np.real(np.poly([*real, *pair, *np.conj(pair)]))
 
 
 def _beside_line(scene: Scene, start: Start, turn: Array, times: Array) -> Array:
@@ -278,6 +306,11 @@ PARTS: dict[str, Callable[[bool], Iterable[Row]]] = {
 _SCENES = ("fig05b", "fig06", "fig07", "fig08", "fig10", "fig12", "fig13", "fig14",
            "wobbling_drive", "classical_chaotic", "rubber_chaplygin_gyrostat")  # fmt: skip
 _LIMIT = 1800.0  # s, of a part
+_CRITERION: tuple[tuple[str, str, Callable[[Array], float]], ...] = (
+    ("c₂ of P₃", "1/s", lambda c: c[1]),
+    ("c₀ of P₃", "1/s³", lambda c: c[3]),
+    ("c₂c₁ - c₀ of P₃", "1/s³", lambda c: c[1] * c[2] - c[3]),
+)
 _COLUMNS = (
     Column("result", lambda row: f"{row['result']} ({row['where']})", words=True),
     Column("quantity", lambda row: f"{row['quantity']} [{row['unit']}]", words=True),

@@ -18,6 +18,7 @@ from robotball.designing import masses_allowed
 from robotball.engines.ensembles.orbits import kernel_start
 from robotball.qualitative import straight_motions as lines
 from robotball.qualitative.cycles import Cycle, monodromy_of, nearest
+from robotball.qualitative.equilibria import proposition_2
 from robotball.qualitative.long_run import (
     CHAOS,
     TORUS,
@@ -28,8 +29,9 @@ from robotball.qualitative.long_run import (
     exponents,
     level_points,
 )
+from robotball.qualitative.normal_forms import flow_near, lyapunov_value
 from robotball.qualitative.sections import section
-from robotball.rotations import Array
+from robotball.rotations import Array, on_circle
 from robotball.scene import along_momentum
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS, line_ball
@@ -38,7 +40,7 @@ from validation.paper.engine_ball import CLASSICAL, MOTION, RUBBER, largest, see
 from validation.paper.formulas import Numbers, Velocity, cross, paper_scene
 from validation.paper.point_masses import MASSES, Body, moments
 from validation.paper.section_3 import MOMENTUM, energies
-from validation.paper.section_4_2 import cycle, four_fewer
+from validation.paper.section_4_2 import cycle, foci, four_fewer, growth_in_a_turn
 from validation.paper.section_5 import F, andoyer, line
 from validation.paper.section_5_3 import LONG, chaotic, ensemble, regular, settled, starts
 
@@ -109,6 +111,48 @@ def _straight_classical(twist: float = 1.0) -> Residual:
     path = simulate(scene, sample_times(5.0)).contact_point
     far = 5.0 * n.a * float(np.linalg.norm(cross(gamma, n.Omega)))
     return Residual(float(np.linalg.norm(path[-1])) - far, bound=2e-12, unit="m")
+
+
+@claim("3.2", "classical: the straight lines of an f and a c")
+@by("all round (K + dΩ, γ) = c", "the sign of d", bound=0, unit="of 50 wrong")
+def _classical_lines(twist: float = 1.0) -> Errors:
+    """Count the balls whose lines with an f and a c are not where γ with (M, γ) = c has M² = f.
+
+    There M = K + d(Ω,γ)γ. f and c are those of a random line, so that there is one.
+    """
+    turn = np.linspace(0.0, 2 * np.pi, 20001)
+    for state in f.states(93, 50):
+        n, gamma = f.still(state.n), state.gamma
+        M = n.K + n.d * (n.Omega @ gamma) * gamma
+        level, c, axis = float(M @ M), float(M @ gamma), n.K + n.d * n.Omega
+        across, foot = f.across(f.unit(axis)), c * axis / (axis @ axis)
+        circle = foot + np.sqrt(1 - foot @ foot) * on_circle(across, turn)
+        along = twist * n.d * (circle @ n.Omega)
+        off = ((n.K + along[:, None] * circle) ** 2).sum(axis=1) - level
+        meets = circle[:-1][off[1:] * off[:-1] < 0]
+        found = lines.straight_motions(f.ball(n, classical=True), level, c)
+        apart = [np.linalg.norm(meets - each.gamma, axis=1) for each in found]
+        # As many, and each near one of the others, which are known to a step of the circle.
+        yield len(found) != len(meets) or any(
+            np.min(apart, axis=axis).max() > turn[1] for axis in (0, 1)
+        )
+
+
+@claim("Prop. 2", "dr/dt = l₁r³: l₁ = B/(8a₃A₁A₂(A₁ + A₂))")
+@by("a turn about Γ₅ by scipy", "the sign of A₂", bound=2e-2)
+def _focus_by_how_much(twist: float = 1.0) -> Errors:
+    """Compare how γ₁ grows in a turn from ±0.01 with l₁ by Prop. 2's numbers, and by robotball's.
+
+    Where γ is off by r Re(q e^iφ), with the eigenvector q of length 1, γ₁ has √(A₂/(A₁ + A₂)) of r.
+    """
+    for n, _ in foci()[:6]:
+        A1, A2, B = proposition_2(f.ball(n))
+        rate = B / (8 * n.moments[2] * A1 * A2 * (A1 + twist * A2))
+        period, share = 2 * np.pi * n.moments[2] / np.sqrt(A1 * A2), A2 / (A1 + A2)
+        # The mean of both sides is free of r⁴; r⁵ leaves 0.8 %.
+        growth = (growth_in_a_turn(n, 0.01) - growth_in_a_turn(n, -0.01)) / 2
+        for each in (rate, lyapunov_value(flow_near(f.ball(n), f.E[2]), 2)):
+            yield growth * share / (period * 0.01**3 * each) - 1
 
 
 @claim("5.2", "(M×γ)₃ = -√(f - L²) sin g")

@@ -9,7 +9,7 @@ import pytest
 
 from robotball import ball
 from robotball import equations as eq
-from robotball.qualitative import equilibria, straight_motions
+from robotball.qualitative import equilibria, normal_forms, straight_motions
 from tests.validation.paper import ours
 from validation.paper import SECTIONS, section_5
 from validation.paper.claim import examine
@@ -37,6 +37,19 @@ def with_value(change: Formula) -> Callable[[Formula], Formula]:
 def minus(v: Any) -> Any:
     """The other sign, of a number or a vector."""
     return tuple(-x for x in v) if isinstance(v, tuple) else -v
+
+
+def without_double_phase(taylor: Formula) -> Formula:
+    """Leave out the term by what turns twice as fast as the pair; of a slow focus l₁ then doubles.
+
+    The other terms are at the conjugate of the eigenvector, and at a real vector.
+    """
+
+    def wrong(flow: Any, u: Any, v: Any) -> Any:
+        real = np.abs(v.imag).max() < 1e-9 * np.abs(v).max()
+        return taylor(flow, u, v) * (np.array_equal(v, u.conj()) or real)
+
+    return wrong
 
 
 # What is planted: in which formula, how, and the row that turns, by its place and first words.
@@ -83,6 +96,13 @@ PLANTED: dict[str, tuple[Any, str, Callable[[Formula], Formula], str, str]] = {
         equilibria, "lyapunov_value", with_value(minus), "E6, Prop. 2", "the focus",
     ),
     "κ in closed_form_points": (equilibria, "kappa", with_value(minus), "E10, 4.2", "Δ: φ"),
+    "a term of the first Lyapunov value": (
+        normal_forms, "_taylor", without_double_phase, "Prop. 2", "dr/dt",
+    ),
+    "the sense of a circle": (
+        equilibria, "contact_path",
+        with_value(lambda path: replace(path, turning=-path.turning)), "Prop. 1", "a circle",
+    ),
     "a circle at Γ₅ as at Γ₁": (
         equilibria, "contact_path", with_argument(1, np.flip), "Prop. 1", "a circle",
     ),
@@ -95,6 +115,18 @@ PLANTED: dict[str, tuple[Any, str, Callable[[Formula], Formula], str, str]] = {
         straight_motions, "straight_motion",
         with_value(lambda line: replace(line, polynomial=line.polynomial * [1, 1, 1, -1])),
         "(5.2)", "λ³P₃",
+    ),
+    "a straight line's speed": (
+        straight_motions, "straight_motion",
+        with_value(lambda line: replace(line, speed=1.01 * line.speed)), "E15, 5.1", "X =",
+    ),
+    "one root of the classical lines": (
+        straight_motions, "straight_motions",
+        lambda old: lambda p, f, c: 2 * old(p, f, c)[:2], "3.2", "classical: the straight",
+    ),
+    "c's sign in the classical lines": (
+        straight_motions, "straight_motions", with_argument(2, minus), "3.2",
+        "classical: the straight",
     ),
     "σ for δ": (
         straight_motions, "name_of_line", with_argument(1, minus), "Prop. 3", "four of them",

@@ -65,6 +65,7 @@ from .motors import Law as Law
 from .motors import PositionServo as PositionServo
 from .motors import Servo as Servo
 from .motors import Torque as Torque
+from .plane import in_space as in_space
 from .scene import Scene as Scene
 from .scene import Start as Start
 from .scene import sample_times as sample_times

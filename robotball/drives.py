@@ -8,12 +8,13 @@ scalars or increasing columns, in s from the start of the motion; SI units.
 A hinge without a motor keeps the drive as its rate [rad/s] exactly; to one with a motor it is a
 command, see `motors`.
 
-In order: a drive and its kinds, the drive of what a user gives as a rate, and how steps see drives.
-Users' functions are followed in `function_drives`, which is loaded for scenes that have one.
+In order: a drive and its kinds, the drive of what a user gives as a rate. Users' functions are
+followed in `function_drives`, which is loaded for scenes that have one; how the steps of a run see
+drives that change is in `drive_sampling`.
 """
 
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, Literal, Protocol, runtime_checkable
@@ -22,7 +23,6 @@ import msgspec
 import numpy as np
 
 from robotball.errors import END_ROUNDING, InputError, check_positive, check_size
-from robotball.rotations import uneven
 
 _Time = Any  # a float, or a column (n,)
 _Scalar = Any  # a float, or a column (n,)
@@ -493,35 +493,6 @@ class Total:
 
     def angle(self, t: _Time) -> Any:
         return sum(drive.angle(t) for drive in self.drives)
-
-
-_LOOKS = 256  # steps that are looked at over a run, and as many at each side of breakpoints
-
-
-def sampling_error(drives: Iterable[Drive], stops: Any, timestep: float) -> float:
-    """Return the largest error of a drive's mean over a step as seen at three instants of it.
-
-    It is Simpson's, by the step's begin, middle and end, over the drive's largest value. RK4 makes
-    that error, so the path of a hinge that keeps its rate is off by about as much. Of a sine it is
-    sin(x)/x - (2 + cos x)/3 of the amplitude, x = ω·timestep/2, which is zero at no frequency.
-    Steps are looked at from uneven times on, as one whose period divides the timestep has an error
-    of zero at some phases. They end on the stops (n,) [s], which are 0, breakpoints and the end.
-    """
-    sides = stops[:: -(-len(stops) // _LOOKS)]
-    spread = uneven(stops[-1], stops[-1] / _LOOKS)
-    looks = np.sort(np.concatenate([spread, sides, np.nextafter(sides, 0.0)]))
-    piece = np.searchsorted(stops[1:-1], looks, side="right")
-    length = np.diff(stops)[piece]
-    step = length / np.ceil(length / timestep)
-    begin = np.clip(looks - step / 2, stops[piece], stops[piece] + length - step)
-    worst = 0.0
-    for drive in (each for each in drives if not isinstance(each, Constant)):
-        values = np.array([drive.rate(begin + part * step) for part in (0.0, 0.5, 1.0)])
-        angles = np.array([drive.angle(begin), drive.angle(begin + step)])
-        error = np.abs(np.diff(angles, axis=0)[0] - step * (values.T @ [1, 4, 1]) / 6)
-        error -= 8 * np.finfo(float).eps * np.abs(angles).sum(axis=0)  # their rounding
-        worst = max(worst, float((error / step).max() / (np.abs(values).max() or 1.0)))
-    return worst
 
 
 def turns(drive: Drive) -> bool:

@@ -92,7 +92,7 @@ def loads_of(scene: Scene, times: Array, axes: Array, omega: Array) -> Loads:
     # there while it turns.
     turning, turning_rate = w - Omega, omega_rate - Omega_rate
     acceleration = ball.radius * _cross(turning_rate - _cross(w, Omega), gamma)
-    force = ball.mass * (acceleration + scene.gravity * gamma)
+    force = ball.mass * (acceleration - scene.gravity_at(times)[:, 2] * gamma)
     shell_inertia = to_principal @ ball.shell.inertia @ to_principal.T
     shell_momentum_rate = shell_inertia @ turning_rate + _cross(w, shell_inertia @ turning)
     # Euler's equation of the shell about its centre: the torque that the plane does not give is the

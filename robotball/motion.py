@@ -349,6 +349,9 @@ class ReferenceMotion(Motion):
         The work of the motors since the start. None by the reduced equations.
     rolling_loss : (n,), J, or None
         The work lost to rolling resistance. None by the reduced equations.
+    plane_work : (n,), J, or None
+        The work of a moving plane on the ball since the start, in space. None by the reduced
+        equations.
     ended : str or None
         Which joint's range ended the motion early, and when.
 
@@ -363,6 +366,7 @@ class ReferenceMotion(Motion):
     again: Callable[[], Array] = field(compare=False)
     motor_work: Array | None = None
     rolling_loss: Array | None = None
+    plane_work: Array | None = None
     ended: str | None = None
 
     @cached_property

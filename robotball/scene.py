@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robotball.ball import ROUNDING, Ball, Given, Link, Value, imbalance
-from robotball.drives import Constant, Drive, Rate, as_drive, sampling_error
+from robotball.drives import Constant, Drive, Rate, as_drive, turns
 from robotball.equations import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.errors import LARGEST, InputError, check_not_negative, check_positive, check_size
 from robotball.rotations import Array, from_matrix, normalised, rotation_matrix, uneven
@@ -315,6 +315,10 @@ class Scene(Value):
         Motors that move several hinges by gears, besides what each hinge has of its own.
     controller : Controller, optional
         What commands the motors by the robot's sensors, in place of the commands given here.
+    plane_motion : tuple of 3 rates, optional
+        The plane's acceleration along the world's X, Y and Z, each a rate in m/s². The plane does
+        not turn, and is at rest at time 0. Contact points and velocities are seen from the plane;
+        `in_space` tells where the ball is in space.
 
     Raises
     ------
@@ -346,6 +350,7 @@ class Scene(Value):
     friction: Friction = field(default_factory=Friction)
     actuators: "tuple[Actuator, ...]" = ()
     controller: "Controller | None" = None
+    plane_motion: tuple[Rate, Rate, Rate] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         if self.rolling not in ROLLING_MODELS:
@@ -445,6 +450,17 @@ class Scene(Value):
         """The actuators' commands."""
         return tuple(self._drive(each.name, each.control(self.duration)) for each in self.actuators)
 
+    @cached_property
+    def plane_drives(self) -> tuple[Drive, ...]:
+        """The plane's acceleration along X, Y and Z."""
+        named = zip("XYZ", self.plane_motion, strict=True)
+        return tuple(self._drive(f"the plane along {axis}", each) for axis, each in named)
+
+    @cached_property
+    def _over_time(self) -> tuple[Drive, ...]:
+        """All that is given as a function of time."""
+        return (*self.drives, *self.controls, *self.plane_drives)
+
     def with_hinges(self, **given: Any) -> "Scene":
         """Return the scene with another ball, of `Ball.with_hinges`."""
         return replace(self, ball=self.ball.with_hinges(**given))
@@ -474,6 +490,21 @@ class Scene(Value):
         """G (3,) in world axes [m/s²]."""
         return self.gravity * np.array(self.gravity_direction)
 
+    def gravity_at(self, t: Any) -> Array:
+        """Return gravity (..., 3) as the moving plane has it at times t (...) [s], world axes."""
+        # In a frame that is accelerated, all that is free falls against its acceleration.
+        return self.gravity_world - np.stack([each.rate(t) for each in self.plane_drives], axis=-1)
+
+    @cached_property
+    def plane_moves(self) -> bool:
+        """Whether the plane is ever accelerated."""
+        return any(map(turns, self.plane_drives))
+
+    @cached_property
+    def level(self) -> bool:
+        """Whether gravity is along the plane's normal, as the moving plane has it."""
+        return self.gravity_direction == DOWN and not any(map(turns, self.plane_drives[:2]))
+
     @cached_property
     def not_reduced(self) -> str | None:
         """One line: why (3.2) and (3.3) do not describe the scene; None where they do."""
@@ -485,8 +516,8 @@ class Scene(Value):
             return "its bodies are a tree of links, or its shell is not symmetric"
         if any(hinge.motor for hinge in self.hinges):
             return "a hinge has a motor, which does not keep its rate exactly"
-        if self.gravity_direction != DOWN:
-            return "the plane is inclined"
+        if not self.level:
+            return "the plane is inclined or moves sideways"
         if self.friction.rolling:
             return "the plane resists rolling"
         return None
@@ -499,9 +530,14 @@ class Scene(Value):
                 "(3.2) and (3.3) describe: a balanced ball at given rates on a level plane"
             )
 
-    @cached_property
+    @property
     def load_varies(self) -> bool:
-        """Whether the normal force may change: the centre of mass is or comes off the sphere's."""
+        """Whether the normal force may change."""
+        return self.plane_moves or self._off_centre
+
+    @cached_property
+    def _off_centre(self) -> bool:
+        """Whether the centre of mass is or comes off the sphere's."""
         # A pendulum hung at its centre of mass turns, but moves no mass.
         pivots = [body.pivot - body.centre for body in self.ball.pendulums]
         swings = [np.cross(b.axis, p) for b, p in zip(self.ball.pendulums, pivots, strict=True)]
@@ -511,9 +547,11 @@ class Scene(Value):
 
     @cached_property
     def keeps_momentum(self) -> bool:
-        """Whether M is constant in space: balanced, on a level plane that resists no rolling."""
-        upright = self.gravity_direction == DOWN
-        return upright and not self.load_varies and not self.friction.rolling
+        """Whether M is constant in space: balanced, on a level plane that resists no rolling.
+
+        The plane may move up and down.
+        """
+        return self.level and not self._off_centre and not self.friction.rolling
 
     def until(self, end: float) -> "Scene":
         """Return the scene of a run that ends at `end` [s]; its drives cover 0 to `end`.
@@ -528,10 +566,9 @@ class Scene(Value):
 
     @cached_property
     def breakpoints(self) -> tuple[float, ...]:
-        """Times after 0 at which a drive is not smooth, or the controller acts [s]."""
-        drives = (*self.drives, *self.controls)
-        stops = self.controller.stops(self.duration) if self.controller else ()
-        return tuple(sorted({t for drive in drives for t in drive.breakpoints if t > 0} | {*stops}))
+        """Times after 0 at which a drive or the plane is not smooth, or the controller acts [s]."""
+        stops = {*self.controller.stops(self.duration)} if self.controller else set()
+        return tuple(sorted({t for o in self._over_time for t in o.breakpoints if t > 0} | stops))
 
     @cached_property
     def largest_rates(self) -> tuple[float, ...]:
@@ -541,14 +578,15 @@ class Scene(Value):
 
     @cached_property
     def steady(self) -> bool:
-        """Whether all rates are constant."""
-        drives = (*self.drives, *self.controls)
-        return self.controller is None and all(isinstance(drive, Constant) for drive in drives)
+        """Whether all rates and the plane's acceleration are constant."""
+        return self.controller is None and all(isinstance(o, Constant) for o in self._over_time)
 
     def sampling_error(self, end: float, timestep: float) -> float:
-        """Return `drives.sampling_error` of the commands, in steps [s] of a run to `end` [s]."""
+        """Return `sampling_error` of all that changes, in steps [s] of a run to `end` [s]."""
+        from robotball.drive_sampling import sampling_error  # most scenes are steady
+
         stops = np.array([0.0, *(t for t in self.breakpoints if t < end), end])
-        return sampling_error((*self.drives, *self.controls), stops, timestep)
+        return sampling_error(self._over_time, stops, timestep)
 
     def parameters_at(self, t: float) -> Parameters:
         """Return the numbers of the equations at time t [s], in principal axes."""
@@ -560,7 +598,7 @@ class Scene(Value):
         """The numbers of (3.2) or (3.3), in principal axes; InputError unless they are constant."""
         self.check_reduced()
         if not self.steady:
-            raise InputError(f"{self.name}: the drives change in time; use parameters_at(t)")
+            raise InputError(f"{self.name}: drives or plane change in time; use parameters_at(t)")
         return self.parameters_at(0.0)
 
     @cached_property

@@ -47,6 +47,10 @@ def integrate(
     """
     scene.check_reduced()
     ours = scene.until(float(times[-1]))
+    if scene.plane_moves:
+        from robotball.plane import check_pressed  # few scenes need it
+
+        check_pressed(ours)
     return extended(
         motion_of(ours, times, _states(ours, times, rtol, max_steps, progress=progress)),
         ReferenceMotion,

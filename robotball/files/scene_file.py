@@ -9,7 +9,7 @@ starts, bodies.
 import tomllib
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -46,16 +46,6 @@ _SYMMETRIC = 1e-9
 _THIN = 1e-9  # of m a²: moments of a body whose matter lies on a line
 
 
-@dataclass(frozen=True)
-class _Entry:
-    """The head of a scene's file: its name, title, rolling model and duration [s]."""
-
-    name: str
-    title: str
-    rolling: str
-    duration: float
-
-
 def catalog() -> list[str]:
     """List the names of the scenes that come with robotball.
 
@@ -73,13 +63,9 @@ def catalog() -> list[str]:
     return sorted(path.stem for path in CATALOG.glob("*.toml"))
 
 
-def entries() -> list[_Entry]:
-    """Return the heads of all these scenes. Their balls are not made."""
-    tables = {n: tomllib.loads((CATALOG / f"{n}.toml").read_text("utf-8")) for n in catalog()}
-    return [
-        _Entry(name, table["title"], table["rolling"], table["duration"])
-        for name, table in tables.items()
-    ]
+def heads() -> dict[str, dict[str, Any]]:
+    """Return the tables of all these scenes by their names. Their balls are not made."""
+    return {n: tomllib.loads((CATALOG / f"{n}.toml").read_text("utf-8")) for n in catalog()}
 
 
 def load_scene(name: str | Path, controls: Mapping[str, Rate] | None = None) -> Scene:
@@ -178,6 +164,8 @@ def _check_numbers(key: str, value: object) -> None:
 def scene_of_table(path: Path, table: tables.SceneTable) -> Scene:
     """Return the scene of a file's table; the path names it. Raises InputError."""
     ball = _robot(table, path.parent)
+    with named("plane.motion"):
+        X, Y, Z = (rate_of(each, path.parent) for each in table.plane.motion)
     scene = Scene(
         name=path.stem.encode(errors="replace").decode(),  # bytes that are no text are shown as ?
         title=table.title,
@@ -189,6 +177,7 @@ def scene_of_table(path: Path, table: tables.SceneTable) -> Scene:
         gravity=table.gravity,
         gravity_direction=tuple(_axis("gravity_direction", table.gravity_direction).tolist()),
         friction=Friction(*msgspec.structs.astuple(table.friction)),
+        plane_motion=(X, Y, Z),
     )
     turning = table.start.angular_velocity
     return scene if turning is None else _turning(scene, turning)

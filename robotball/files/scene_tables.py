@@ -45,6 +45,7 @@ class _SamplesTable(Table, frozen=True, tag_field="kind", tag="samples"):
 
 _Told = float | Ramp | Sine | _SamplesTable
 Command = _Told | list[_Told]
+_Three = tuple[Command, Command, Command]
 
 
 def rate_of(given: Command, folder: Path) -> Rate:
@@ -385,6 +386,12 @@ class FrictionTable(Table, frozen=True):
     rolling: Annotated[float, key("torque against rolling over the normal force", "m")] = 0.0
 
 
+class PlaneTable(Table, frozen=True):
+    """How the plane moves, without turning."""
+
+    motion: Annotated[_Three, key("its acceleration along the world's X, Y, Z", "m/s²")] = _ORIGIN
+
+
 class NumbersTable(Table, frozen=True):
     """The numbers of the equations, for which bodies are designed."""
 
@@ -443,6 +450,7 @@ class SceneTable(Table, frozen=True, kw_only=True):
         ),
     ] = DOWN
     friction: Annotated[FrictionTable, key("friction of the plane, see Friction")] = FrictionTable()
+    plane: Annotated[PlaneTable, key("how the plane moves, see Plane")] = PlaneTable()
     shell: Annotated[ShellTable | None, key("the sphere that rolls, see Shell")] = None
     frame: Annotated[FrameTable | None, key("what turns in it, see Frame")] = None
     rotor: Annotated[tuple[RotorTable, ...], key("`[[rotor]]`, any number of them, see Rotor")] = ()

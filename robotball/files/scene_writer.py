@@ -75,6 +75,7 @@ def _scene_table(scene: Scene) -> tables.SceneTable:
         gravity=scene.gravity,
         gravity_direction=scene.gravity_direction,
         friction=tables.FrictionTable(**asdict(scene.friction)),
+        plane=tables.PlaneTable(motion=tuple(map(_command, scene.plane_motion))),
         shell=_shell(ball.shell),
         frame=tables.FrameTable(**_hinge(ball.hinges[0])),
         rotor=tuple(

@@ -3,7 +3,9 @@
 Newton's method acts on a small turn of the start and on the period. Its derivative is the monodromy
 matrix, integrated with the motion by the variational equations; its eigenvalues are the Floquet
 multipliers. See Seydel, Practical Bifurcation and Stability Analysis, chapter 7, for the method.
-Any other map of attitudes whose derivative is known, as a contact engine's, is closed alike.
+Any other map of attitudes whose derivative is known, as a contact engine's, is closed alike. Where
+drives or the plane are periodic, a motion is closed on the stroboscopic map over their period: an
+autonomous motion with their phase as a coordinate, whose section is phase = const.
 """
 
 from collections.abc import Callable
@@ -16,11 +18,16 @@ from robotball.engines.ensembles.orbits import STEP_TOLERANCE, Starts, angular_v
 from robotball.engines.ensembles.steppers import DEVIATION
 from robotball.equations import Parameters
 from robotball.errors import InputError
-from robotball.rotations import Array, rotation_matrix, turned
+from robotball.rotations import Array, rotation_matrix, turn_between, turned
 
 _ITERATIONS = 30  # far more than Newton's method takes near a cycle: beyond, there is none
 _BLIND = 100.0  # times the gap that passes for none: relative errors of a map's derivative
+_SIZE = 3e-6  # rad, and of |M|: the least error, of rounding with it, is between 1e-6 and 1e-5
 _CLOSED = 1e-11  # of γ and M/|M|; what a tolerance of 1e-14 keeps over a period
+
+
+Flow = Callable[[Array, Array], tuple[Array, Array]]
+"""Attitudes (m, 4), principal axes, and M (m, 3), world → both after a stretch."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +35,8 @@ class Cycle:
     """A motion whose γ and M repeat.
 
     attitude (4,), frame to world, and momentum (3,) kg m²/s, world, at some moment of it; period
-    s; multipliers, complex, largest first: two of them where M ≠ 0, one where M = 0.
+    s; multipliers, complex, largest first: two of them where M ≠ 0, one where M = 0, and where
+    drives are periodic those of γ and M, four of a rubber ball and five of a classical one.
     """
 
     attitude: Array
@@ -107,6 +115,77 @@ def close_map(
         period += float(correction[-1])
         if not period > 0:
             break
+    raise InputError("no periodic motion found near the start: Newton's method does not converge")
+
+
+def tangent(
+    flow: Flow, attitudes: Array, momenta: Array, along: Array, scale: float | None = None
+) -> tuple[tuple[Array, Array], Array]:
+    """Return a map's ends, and its derivative (n, 6, k) along deviations (n, 6, k).
+
+    attitudes (n, 4), momenta (n, 3): of the starts. A deviation is a small turn, in the axes that
+    attitudes are of [rad], and a change of M, world, over a scale [kg m²/s], |M| if None.
+    """
+    n, k = len(attitudes), along.shape[2]
+    # The middle motion as well: it is where the map goes on from, and what turns are measured
+    # against.
+    sides = np.concatenate([np.zeros((n, 6, 1)), _SIZE * along, -_SIZE * along], axis=2)
+    moved = sides.transpose(0, 2, 1).reshape(-1, 6)
+    sizes = np.linalg.norm(momenta, axis=1, keepdims=True)
+    if scale is not None:
+        sizes = np.full((n, 1), scale)
+    units = np.repeat(sizes, 1 + 2 * k, axis=0)
+    ends, M = flow(
+        turned(np.repeat(attitudes, 1 + 2 * k, axis=0), moved[:, :3]),
+        np.repeat(momenta, 1 + 2 * k, axis=0) + units * moved[:, 3:],
+    )
+    first = ends[:: 1 + 2 * k]
+    # From rest M stays zero and has no scale.
+    changes = M / np.where(units > 0, units, 1.0)
+    apart = np.concatenate([turn_between(np.repeat(first, 1 + 2 * k, axis=0), ends), changes], 1)
+    apart = apart.reshape(n, 1 + 2 * k, 6).transpose(0, 2, 1)
+    return (first, M[:: 1 + 2 * k]), (apart[:, :, 1 : 1 + k] - apart[:, :, 1 + k :]) / (2 * _SIZE)
+
+
+def close_strobed(
+    flow: Flow, attitude: Array, momentum: Array, period: float, scale: float, free: int = 5
+) -> Cycle:
+    """Return the fixed point near a start (4,), (3,) of a stroboscopic map over a period [s].
+
+    scale: of M [kg m²/s], which may change and be zero; free: as many of the three turns and the
+    three changes of M as the rolling model allows, 5 of rubber, 6 of a classical ball. What the
+    attitude does about the vertical is left free. Raises InputError where Newton's method does not
+    converge.
+    """
+    along, change, last = np.eye(6)[:, :free], np.zeros(6), np.inf
+
+    def vectors(q: Array, M: Array) -> tuple[Array, Array]:
+        """Return γ and M/scale (6,) in frame axes, with their derivative by deviations (6, k)."""
+        axes = rotation_matrix(q)
+        seen = np.stack([axes[2], M @ axes / scale])
+        by_momentum = np.concatenate([np.zeros((3, 3)), axes.T])
+        return seen.ravel(), np.concatenate([by_turn(seen), by_momentum], axis=1) @ along
+
+    for _ in range(_ITERATIONS):
+        (ends, momenta), images = tangent(flow, attitude[None], momentum[None], along[None], scale)
+        (begin, by_start), (end, _) = vectors(attitude, momentum), vectors(ends[0], momenta[0])
+        reached = vectors(ends[0], momenta[0])[1]
+        carried = reached @ images[0][:free]
+        gap = begin - end
+        size = float(np.abs(gap).max())
+        # Rounding of the differences ends it, a little above that of the flow.
+        if size < _CLOSED or (last <= size < _BLIND * _CLOSED):
+            # In γ and M alone: a turn about the vertical moves neither.
+            basis, sizes, _ = np.linalg.svd(by_start)
+            inside = basis[:, : int((sizes > 1e-6 * sizes[0]).sum())]
+            matrix = inside.T @ carried @ np.linalg.pinv(by_start, rcond=1e-6) @ inside
+            values = np.linalg.eigvals(matrix).astype(complex)
+            return Cycle(attitude, momentum, period, values[np.argsort(-np.abs(values))])
+        last = size
+        change = np.zeros(6)
+        change[:free] = np.linalg.lstsq(carried - by_start, gap, rcond=_BLIND * _CLOSED)[0]
+        change *= 0.3 / max(0.3, float(np.abs(change).max()))
+        attitude, momentum = turned(attitude, change[:3]), momentum + scale * change[3:]
     raise InputError("no periodic motion found near the start: Newton's method does not converge")
 
 

@@ -20,6 +20,7 @@ curves, and the integral of the tori that two balls share.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,20 +28,33 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import minimize_scalar
 
 from robotball import equations as eq
+from robotball.ball import Rotor
+from robotball.drives import Constant, Drive, Sine, Total
+from robotball.engine import integrate
+from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.ensembles.crossings import cross
 from robotball.engines.ensembles.flatten import LANES
-from robotball.engines.ensembles.orbits import STEP_TOLERANCE, Balls, Integers, Starts, components
+from robotball.engines.ensembles.orbits import (
+    LONG_RUN_TOLERANCE,
+    STEP_TOLERANCE,
+    Balls,
+    Integers,
+    Starts,
+    components,
+)
 from robotball.engines.ensembles.steppers import BALL, LEVEL, RETURN, SECTION, System, stepper
 from robotball.equations import Parameters
 from robotball.errors import InputError
 from robotball.motion import Motion
 from robotball.processes import Queue, in_threads
 from robotball.qualitative.cycles import Cycle, close
-from robotball.rotations import Array, Mask, rotation_matrix
-from robotball.scene import Scene, along_momentum, section_state
+from robotball.rotations import Array, Mask, conjugate, multiply, rotation_matrix
+from robotball.scene import Scene, Start, along_momentum, section_state
 
 # Allowed between two crossings, where some dozens are usual: an orbit at rest never crosses.
 _STEPS_PER_CROSSING = 100_000
+_MOST_PERIODS = 1000  # of one drive in the common period of all
+_ON_PERIOD = 1e-9  # of a period of any: what rounding leaves, where frequencies have a common one
 _ON_SECTION = 1e-10  # a start that near counts as on the section, and is no crossing
 
 
@@ -170,6 +184,79 @@ def fixed_point(parameters: Parameters, L: float, l: float, f: float) -> Cycle:
     same_way = section(parameters, attitudes, momenta, 2, direction=direction)
     period = float(same_way.times[0, 1] - same_way.times[0, 0])
     return close(parameters, same_way.attitudes[0, 0], momenta[0], period)
+
+
+def period_of(scene: Scene) -> float:
+    """Return the period [s] of all that drives a scene.
+
+    Where mass that turns is not balanced, a mean rate has a period too: a whole turn. Raises
+    InputError where there is none.
+    """
+    if scene.controller is not None or any(hinge.motor for hinge in scene.hinges):
+        raise InputError(
+            f"{scene.name}: a stroboscopic map needs given rates; what a motor moves has a state "
+            "of its own"
+        )
+    parts = [_parts(scene, drive) for drive in scene.drives]
+    frequencies = [p.frequency for each in parts for p in each if isinstance(p, Sine)]
+    if scene.not_reduced:
+        for hinge, own in zip(scene.ball.hinges, parts, strict=True):
+            # Over the periods of its swings a hinge turns by its mean rate alone.
+            mean = sum(p.value if isinstance(p, Constant) else p.mean for p in own)
+            if mean and not isinstance(hinge.body, Rotor):
+                frequencies.append(abs(mean) / (2 * np.pi))
+    if not frequencies:
+        raise InputError(f"{scene.name}: nothing drives it periodically, so it has no period")
+    ratios = [Fraction(f / frequencies[0]).limit_denominator(_MOST_PERIODS) for f in frequencies]
+    period = math.lcm(*(ratio.denominator for ratio in ratios)) / frequencies[0]
+    if any(abs(f * period - round(f * period)) > _ON_PERIOD for f in frequencies):
+        raise InputError(
+            f"{scene.name}: {', '.join(f'{f:g}' for f in frequencies)} Hz have no common period"
+        )
+    return period
+
+
+def _parts(scene: Scene, drive: Drive) -> list[Constant | Sine]:
+    """Return what a drive is the sum of. Raises InputError unless that is constant or sines."""
+    parts = drive.drives if isinstance(drive, Total) else (drive,)
+    known = [part for part in parts if isinstance(part, Constant | Sine)]
+    if len(known) < len(parts):
+        raise InputError(
+            f"{scene.name}: a stroboscopic map needs constant rates and sines, not a ramp, samples "
+            "or a function"
+        )
+    return known
+
+
+def strobed(
+    scene: Scene, attitudes: Array, momenta: Array, count: int, rtol: float = LONG_RUN_TOLERANCE
+) -> tuple[Array, Array]:
+    """Return the attitudes (n, m, 4) and momenta (n, m, 3) once a period, after each of n starts.
+
+    The points of the section phase = 0. attitudes (n, 4), of the principal axes, and momenta
+    (n, 3), world; rtol: the error of a step. Raises InputError where the scene is not periodic, the
+    ball lifts off, or the steps are used up.
+    """
+    times: Array = np.linspace(0.0, count * period_of(scene), count + 1)
+    found = []
+    for q, M in zip(attitudes, momenta, strict=True):
+        motion = integrate(replace(scene, start=own_start(scene, q, M)), times, rtol)
+        found.append((motion.attitude[1:], motion.momentum[1:]))
+    ends, M = (np.array(each) for each in zip(*found, strict=True))
+    return multiply(ends, scene.principal_quaternion), M
+
+
+def stroboscopic_map(
+    scene: Scene, attitudes: Array, momenta: Array, rtol: float = LEAST_RTOL
+) -> tuple[Array, Array]:
+    """Return attitudes (n, 4) and momenta (n, 3) a period later, a `Flow` of a scene."""
+    ends, M = strobed(scene, attitudes, momenta, 1, rtol)
+    return ends[:, 0], M[:, 0]
+
+
+def own_start(scene: Scene, attitude: Array, momentum: Array) -> Start:
+    """Return a start in the frame's own axes, given in principal axes, which the equations have."""
+    return Start(multiply(attitude, conjugate(scene.principal_quaternion)), momentum)
 
 
 @dataclass(frozen=True)

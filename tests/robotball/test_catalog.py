@@ -8,7 +8,7 @@ import pytest
 
 import robotball as rb
 from robotball.equations import ROLLING_MODELS
-from robotball.files.scene_file import entries
+from robotball.files.scene_file import heads
 from tests.motions import pair_of
 from tests.random_balls import ball_of_points
 
@@ -57,12 +57,11 @@ def test_both_engines_agree_on_every_scene(name: str) -> None:
 
 def test_the_head_of_a_file_is_that_of_its_scene() -> None:
     """`robotball scenes` lists what the scenes say, and makes none of them; all have sources."""
-    for entry in entries():
-        scene = rb.load_scene(entry.name)
-        heads = [(each.title, each.rolling, each.duration) for each in (entry, scene)]
-        assert heads[0] == heads[1]
+    for name, head in heads().items():
+        scene = rb.load_scene(name)
+        assert all(head[key] == getattr(scene, key) for key in ("title", "rolling", "duration"))
         assert "=" in scene.source
-    assert [entry.name for entry in entries()] == rb.catalog()
+    assert [*heads()] == rb.catalog()
 
 
 # Any ball -------------------------------------------------------------------------------------

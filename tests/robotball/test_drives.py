@@ -11,7 +11,8 @@ import pytest
 from scipy.integrate import quad
 
 import robotball as rb
-from robotball.drives import Constant, Drive, as_drive, sampling_error
+from robotball.drive_sampling import sampling_error
+from robotball.drives import Constant, Drive, as_drive
 from robotball.motion import path_error
 from robotball.rotations import uneven
 from tests.motions import pair_of

@@ -204,7 +204,7 @@ DRIVES = {
     "Sine(amplitude=1.0, frequency=0.0)":
         r"a sine's frequency must be positive and finite, not 0 Hz",
     "FIG12.with_hinges(command={'frame': Sine(amplitude=1, frequency=1)}).parameters":
-        r"the drives change in time; use parameters_at",
+        r"drives or plane change in time; use parameters_at",
 }  # fmt: skip
 
 MOTORS = {

@@ -23,12 +23,12 @@ class Scenes:
         from rich.markup import escape
         from rich.table import Table
 
-        from robotball.files.scene_file import entries
+        from robotball.files.scene_file import heads
         from validation.output import print_whole
 
         table = Table("scene", "rolling", "duration", "title", box=box.SIMPLE_HEAD)
-        for each in entries():
-            table.add_row(each.name, each.rolling, f"{each.duration:g} s", escape(each.title))
+        for name, head in heads().items():
+            table.add_row(name, head["rolling"], f"{head['duration']:g} s", escape(head["title"]))
         print_whole(table, Console())
         return AGREES
 

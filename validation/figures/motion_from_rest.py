@@ -9,6 +9,7 @@ from robotball import ContactMotion, Motion, sample_times
 from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.equilibria import fixed_circle, fixed_points, name_of
 from robotball.qualitative.portraits import Separatrix, limit_cycles, separatrices
+from robotball.qualitative.sections import own_start
 from robotball.scene import Scene
 from validation.figures import (
     ENGINE_LINE,
@@ -32,7 +33,6 @@ from validation.figures.sphere import (
     draw_separatrices,
 )
 from validation.paper.formulas import paper_scene
-from validation.studies.contact_sections import own_start
 from validation.study import compiled_motion
 
 _BALL_LINES = (

@@ -26,7 +26,7 @@ from robotball.qualitative.long_run import (
     exponents,
 )
 from robotball.qualitative.long_run import TORUS as ON_TORUS
-from robotball.qualitative.sections import fixed_point, section
+from robotball.qualitative.sections import fixed_point, own_start, section
 from validation.options import AGREES, DISAGREES, File, SceneName, Threads, check_files
 from validation.output import Show, progress_bar, write_record
 from validation.studies.contact_sections import (
@@ -38,7 +38,6 @@ from validation.studies.contact_sections import (
     cloud_by_equations,
     distance_to_curve,
     level_starts,
-    own_start,
     rank_probability,
 )
 from validation.studies.contact_tangent import contact_cycle, contact_growth, cycle_crossings

@@ -34,11 +34,14 @@ from robotball.qualitative.sections import (
     Crossings,
     crossings_of_motion,
     joined,
+    own_start,
+    period_of,
     section,
     section_starts,
+    strobed,
 )
 from robotball.qualitative.straight_motions import straight_motions
-from robotball.rotations import Array, conjugate, multiply
+from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Start
 from validation.options import AGREES, OUT, File, Preset, SceneName, Threads
 from validation.output import progress_bar, title, writable_folder, write_picture, write_record
@@ -46,11 +49,6 @@ from validation.results import changed, file_name
 
 _STRETCH = 100.0  # s; in it M drifts by a few millionths at most
 _NO_RETURN = 100  # stretches without enough crossings, after which a run is given up
-
-
-def own_start(scene: Scene, attitude: Array, momentum: Array) -> Start:
-    """Return a start in the frame's own axes, given in principal axes, which the equations have."""
-    return Start(multiply(attitude, conjugate(scene.principal_quaternion)), momentum)
 
 
 def sound_run(model: Model, start: Start, times: Array) -> Motion:
@@ -319,11 +317,19 @@ def _points_of(found: Any, skip: int) -> _Points:
     return {name: getattr(found, name)[..., skip:].ravel() for name in names}
 
 
-def _draw_section(scene: Scene, theory: _Points, engine: _Points | None, g: float) -> Figure:
+def _at_phase(period: float, attitudes: Array, momenta: Array, skip: int) -> _Points:
+    """Return points once a period [s], after the first `skip`: (n, m, 4) and (n, m, 3), joined."""
+    attitudes, momenta = attitudes[:, skip:], momenta[:, skip:]
+    M = np.einsum("nmij,nmi->jnm", rotation_matrix(attitudes), momenta).reshape(3, -1)
+    times = np.tile(period * np.arange(skip + 1, skip + 1 + momenta.shape[1]), len(momenta))
+    return {"times": times, "l": np.arctan2(M[0], M[1]), "L": M[2], "directions": np.sign(times)}
+
+
+def _draw_section(scene: Scene, theory: _Points, engine: _Points | None, where: str) -> Figure:
     """Draw the section's points on the annulus; filled where g grows, paler where it falls."""
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     axes = figure.subplots()
-    title(figure, f"{scene.title}: section g = {g:g}")
+    title(figure, f"{scene.title}: section {where}")
     # Dots shrink with their number, lest they fill what is a curve.
     size = 1.2 if len(theory["l"]) >= 5000 else 3.0 if engine is None else 7.0
     drawn = [(EQUATIONS.name, theory, EQUATIONS.colour, "o", size)]
@@ -335,7 +341,7 @@ def _draw_section(scene: Scene, theory: _Points, engine: _Points | None, g: floa
             axes.plot(points["l"][some] % (2 * np.pi), points["L"][some], mark, color=colour,
                       alpha=alpha, markersize=size, markeredgewidth=0 if mark == "o" else 0.8,
                       label=f"{name}, {words}")  # fmt: skip
-    size = float(np.linalg.norm(scene.start.momentum))
+    size = max(float(np.linalg.norm(scene.start.momentum)), float(np.abs(theory["L"]).max()))
     axes.set(xlabel="l [rad], from 0 to 2π", ylabel="L [kg m²/s]",
              xlim=(0, 2 * np.pi), ylim=(-1.05 * size, 1.05 * size))  # fmt: skip
     axes.grid(alpha=0.3)
@@ -345,7 +351,7 @@ def _draw_section(scene: Scene, theory: _Points, engine: _Points | None, g: floa
 
 @dataclass(frozen=True)
 class Section:
-    """Draw a scene's Poincaré section g = g₀ on the annulus (l, L).
+    """Draw a scene's Poincaré section on the annulus (l, L): g = g₀, or a phase of its drives.
 
     Example: robotball section fig12 --starts 4 --count 500
     """
@@ -371,7 +377,12 @@ class Section:
     """Also write the points."""
 
     def run(self) -> int:
-        scene = moving_scene(self.scene, "a section")
+        scene = load_scene(self.scene)
+        period = None if scene.steady and not scene.not_reduced else period_of(scene)
+        if period is None:
+            scene = moving_scene(self.scene, "a section")
+        elif self.g:
+            raise InputError(f"{scene.name}: its section is a phase of its drives, without a g")
         settings = None if self.preset is None else preset(self.preset)
         words = ["section", *changed(self, "starts", "count", "skip", "g", "seed")]
         by, first = (None, []) if settings is None else (LABEL, [settings.name])
@@ -380,27 +391,47 @@ class Section:
         total = check_count("skip", self.skip, 0) + check_count("count", self.count, 1)
         with progress_bar(1 if settings is None else 2) as show:
             show(0, f"{scene.name}: equations")
-            found = section(scene.parameters, attitudes, momenta, total, self.g)
-            if lost := np.count_nonzero(found.status):
-                raise InputError(f"{lost} motions do not keep crossing g = {self.g:g}")
-            points, engine = _points_of(found, self.skip), None
+            points, engine = self._by_equations(scene, attitudes, momenta, period), None
             if settings is not None:
                 show(1, f"{scene.name}: {LABEL.name}, {settings.name}")
                 model = build(resolved(scene, settings))
-                motion = sound_run(model, scene.start, each_step(model, found.times[0, -1]))
-                engine = _points_of(crossings_of_motion(motion, scene, self.g), self.skip)
-            write_picture(path, _draw_section(scene, points, engine, self.g))
+                if period is None:
+                    times = each_step(model, points["times"][self.count - 1])
+                    motion = sound_run(model, scene.start, times)
+                    engine = _points_of(crossings_of_motion(motion, scene, self.g), self.skip)
+                else:
+                    motion = sound_run(model, scene.start, period * np.arange(total + 1.0))
+                    ends = multiply(motion.attitude[1:], scene.principal_quaternion)
+                    engine = _at_phase(period, ends[None], motion.momentum[None, 1:], self.skip)
+            where = f"g = {self.g:g}" if period is None else f"once in {period:.6g} s"
+            write_picture(path, _draw_section(scene, points, engine, where))
         drawn = {EQUATIONS.name: points} | ({} if engine is None else {LABEL.name: engine})
         for name, each in drawn.items():
             growing, total = np.count_nonzero(each["directions"] == 1), len(each["l"])
+            if period is not None:
+                print(f"{name}: {total} points, {where}")
+                continue
             print(f"{name}: {total} crossings, {growing} with g growing, {total - growing} falling")
-        if _may_come_to_rest(scene):
+        if period is None and _may_come_to_rest(scene):
             print("a straight-line motion with this M² attracts: what ends there crosses only by")
             print(f"rounding; 'robotball equilibria {self.scene}' lists it")
         print(path)
         write_record(
             self.json,
             {"scene": scene.name, "g": self.g, "starts": self.starts, "seed": self.seed}
+            | ({} if period is None else {"period": period})
             | {by: {name: of.tolist() for name, of in each.items()} for by, each in drawn.items()},
         )
         return AGREES
+
+    def _by_equations(
+        self, scene: Scene, attitudes: Array, momenta: Array, period: float | None
+    ) -> _Points:
+        """Return the points of the motions from some starts, as `level_starts` gives them."""
+        if period is not None:
+            ends, M = strobed(scene, attitudes, momenta, self.skip + self.count)
+            return _at_phase(period, ends, M, self.skip)
+        found = section(scene.parameters, attitudes, momenta, self.skip + self.count, self.g)
+        if lost := np.count_nonzero(found.status):
+            raise InputError(f"{lost} motions do not keep crossing g = {self.g:g}")
+        return _points_of(found, self.skip)

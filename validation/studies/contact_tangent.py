@@ -13,14 +13,14 @@ Along the motion, about the vertical (in place of γ², which is 1 of every atti
 and (M, γ), which are constant, deviations do not grow: of the six exponents four are 0.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from robotball import load_scene, preset
+from robotball import Scene, Settings, load_scene, preset
 from robotball.engines.ensembles.orbits import (
     LONG_RUN_TOLERANCE,
     angular_velocity,
@@ -32,11 +32,18 @@ from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.settings import resolved
 from robotball.equations import Parameters
 from robotball.processes import allowed, in_processes
-from robotball.qualitative.cycles import Cycle, Followed, close_map
+from robotball.qualitative.cycles import Cycle, Flow, Followed, close_map, tangent
 from robotball.qualitative.long_run import ANY_TURN, Exponents, exponents, standard_error
 from robotball.qualitative.portraits import limit_cycles
-from robotball.qualitative.sections import Crossings, crossings_of_motion, fixed_point
-from robotball.rotations import Array, multiply, turn_between, turned
+from robotball.qualitative.sections import (
+    Crossings,
+    crossings_of_motion,
+    fixed_point,
+    own_start,
+    period_of,
+    stroboscopic_map,
+)
+from robotball.rotations import Array, multiply, turned
 from validation.options import AGREES, File, Preset, SceneName, Threads
 from validation.output import known, progress_bar, write_record
 from validation.studies.contact_sections import (
@@ -44,14 +51,10 @@ from validation.studies.contact_sections import (
     each_step,
     level_starts,
     moving_scene,
-    own_start,
     sound_run,
 )
 from validation.study import Column, Row, show, table_of
 
-_Flow = Callable[[Array, Array], tuple[Array, Array]]
-"""Attitudes (m, 4), principal axes, and M (m, 3), world → both after a stretch."""
-_SIZE = 3e-6  # rad, and of |M|: the least error, of rounding with it, is between 1e-6 and 1e-5
 _CLOSED = 1e-9  # of γ and M/|M|
 
 
@@ -74,31 +77,6 @@ def integrated(
     """Return the same by the equations."""
     times = np.array([0.0, duration])
     return orbits(parameters, attitudes, momenta, times).attitudes[:, -1], momenta
-
-
-def tangent(
-    flow: _Flow, attitudes: Array, momenta: Array, along: Array, size: float = _SIZE
-) -> tuple[Array, Array]:
-    """Return a map's attitudes (n, 4) and its derivative (n, 6, k) along deviations (n, 6, k).
-
-    attitudes (n, 4), momenta (n, 3): as `rolled` takes them; size: of differences, to both sides.
-    """
-    n, k = len(attitudes), along.shape[2]
-    # The middle motion as well: it is where the map goes on from, and what turns are measured
-    # against.
-    sides = np.concatenate([np.zeros((n, 6, 1)), size * along, -size * along], axis=2)
-    moved = sides.transpose(0, 2, 1).reshape(-1, 6)
-    scale = np.repeat(np.linalg.norm(momenta, axis=1, keepdims=True), 1 + 2 * k, axis=0)
-    ends, M = flow(
-        turned(np.repeat(attitudes, 1 + 2 * k, axis=0), moved[:, :3]),
-        np.repeat(momenta, 1 + 2 * k, axis=0) + scale * moved[:, 3:],
-    )
-    first = ends[:: 1 + 2 * k]
-    # From rest M stays zero and has no scale.
-    changes = M / np.where(scale > 0, scale, 1.0)
-    apart = np.concatenate([turn_between(np.repeat(first, 1 + 2 * k, axis=0), ends), changes], 1)
-    apart = apart.reshape(n, 1 + 2 * k, 6).transpose(0, 2, 1)
-    return first, (apart[:, :, 1 : 1 + k] - apart[:, :, 1 + k :]) / (2 * size)
 
 
 @dataclass(frozen=True)
@@ -149,13 +127,15 @@ class _Growth:
 
 
 def growth(
-    flow: _Flow, stretch: float, skipped: int, count: int, k: int, starts: tuple[Array, Array]
-) -> _Growth:
+    flow: Flow, stretch: float, skipped: int, count: int, k: int, starts: tuple[Array, Array],
+    scale: float | None = None,
+) -> _Growth:  # fmt: skip
     """Follow k deviations of n motions over `count` stretches [s] after some that are skipped.
 
     starts: attitudes (n, 4) and momenta (n, 3), as `rolled` takes them. After every stretch a
     motion is put back on the constraints, with the M that it started from: a contact model slips
-    and spins a little, and its M drifts to levels that are not of interest.
+    and spins a little, and its M drifts to levels that are not of interest. With a scale
+    [kg m²/s] of changes of M, which then is no constant, it goes on with the M that it has.
     """
     attitudes, momenta = starts
     # Changes of M first: begun with turns, which keep M, the others would fall in behind too late.
@@ -164,11 +144,12 @@ def growth(
     along, found = np.tile(first, (len(attitudes), 1, 1)), []
     for _ in range(skipped + count):
         began = attitudes, along
-        attitudes, images = tangent(flow, attitudes, momenta, along)
+        (attitudes, ends), images = tangent(flow, attitudes, momenta, along, scale)
+        momenta = momenta if scale is None else ends
         along, R = np.linalg.qr(images)
         found.append((_logarithms(R), *began))
     late = zip(*found[skipped:], strict=True)
-    return _Growth(stretch, momenta, *(np.stack(each, axis=1) for each in late))
+    return _Growth(stretch, starts[1], *(np.stack(each, axis=1) for each in late))
 
 
 def _logarithms(R: Array) -> Array:
@@ -188,8 +169,18 @@ def contact_growth(
 
     Raises InputError on a fault.
     """
-    k = deviations or (5 if model.scene.rolling == "rubber" else 6)
-    one = partial(growth, partial(rolled, model, stretch), stretch, skipped, count, k)
+    flow = partial(rolled, model, stretch)
+    return _growths(model.scene, flow, stretch, skipped, count, starts, progress, deviations)
+
+
+def _growths(
+    scene: Scene, flow: Flow, stretch: float, skipped: int, count: int,
+    starts: tuple[Array, Array], progress: Callable[[float], object], deviations: int | None = None,
+) -> _Growth:  # fmt: skip
+    """Return a scene's `growth` by a flow, as `contact_growth` does."""
+    k = deviations or (5 if scene.rolling == "rubber" else 6)
+    scale = None if scene.keeps_momentum else scene.momentum_scale
+    one = partial(growth, flow, stretch, skipped, count, k, scale=scale)
     parts = []
     for part in in_processes(one, [(q[None], M[None]) for q, M in zip(*starts, strict=True)]):
         parts.append((part.logarithms, part.attitudes, part.along))
@@ -211,7 +202,7 @@ def contact_cycle(model: Model, cycle: Cycle, parts: int = 1) -> Cycle:
     def follow(attitudes: Array, duration: float) -> Followed:
         # Turns alone: M stays what it is, so that the cycle is sought on its level.
         turns, momenta = np.tile(np.eye(6)[:, :3], (parts, 1, 1)), np.tile(M, (parts, 1))
-        ends, images = tangent(partial(rolled, model, duration), attitudes, momenta, turns)
+        (ends, _), images = tangent(partial(rolled, model, duration), attitudes, momenta, turns)
         monodromies = images[:, :3]
         omegas = np.array([angular_velocity(ball, end, M) for end in ends])
         return ends, monodromies, np.linalg.slogdet(monodromies)[1], omegas
@@ -359,8 +350,11 @@ class Lyapunov:
     """Also write the results, start by start."""
 
     def run(self) -> int:
-        scene = moving_scene(self.scene, "an exponent")
+        scene = load_scene(self.scene)
         settings = None if self.preset is None else preset(self.preset)
+        if not scene.steady or scene.not_reduced:
+            return self._of_map(scene, settings)
+        scene = moving_scene(self.scene, "an exponent")
         attitudes, momenta = level_starts(scene, self.starts, self.seed)
         with progress_bar(self.starts * (1 if settings is None else 2)) as progress:
             parts, together = [], _BATCH * allowed()
@@ -404,6 +398,35 @@ class Lyapunov:
                     "engine_duration": self.duration / 10,
                     "engine_exponents": contact.spectra.tolist(),
                 }
+        return self._told(rows, record)
+
+    def _of_map(self, scene: Scene, settings: Settings | None) -> int:
+        """Measure all exponents of the stroboscopic map of a scene that is driven periodically."""
+        period, starts = period_of(scene), level_starts(scene, self.starts, self.seed)
+        taken = period, round(self.transient / period), max(1, round(self.duration / period))
+        flows: dict[str, Flow] = {
+            "the equations": partial(stroboscopic_map, scene, rtol=LONG_RUN_TOLERANCE)
+        }
+        if settings is not None:
+            model = build(resolved(scene, settings))
+            flows[f"{LABEL.name}, {settings.name}"] = partial(rolled, model, period)
+        rows, spectra = [], {}
+        with progress_bar(self.starts * len(flows)) as progress:
+            for i, (by, flow) in enumerate(flows.items()):
+
+                def say(part: float, done: int = self.starts * i, by: str = by) -> None:
+                    progress(done + self.starts * part, f"{scene.name}: {by}, {taken[2]} periods")
+
+                say(0.0)
+                found = _growths(scene, flow, *taken, starts, say).spectra
+                spectra[by] = found.tolist()
+                for index, each in zip("₁₂₃₄₅₆", found.T, strict=True):
+                    name = f"λ{index} by {by} [1/s]"
+                    rows.append((name, float(each.mean()), standard_error(each)))
+        return self._told(rows, {"scene": scene.name, "period": period, "exponents": spectra})
+
+    def _told(self, rows: Sequence[tuple[str, float, float | None]], record: dict[str, Any]) -> int:
+        """Show rows of a name, a mean and its error, and write the record."""
         columns = (
             Column("", "name", words=True),
             Column("mean", "mean", form=".6g"),

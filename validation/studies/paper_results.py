@@ -26,12 +26,13 @@ from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.equations import speed_bound
 from robotball.qualitative import equilibria, long_run, straight_motions
 from robotball.qualitative.normal_forms import flow_near, linear_part
+from robotball.qualitative.sections import own_start
 from robotball.rotations import Array, multiply, normalised, tangents, turn_between, turned
 from robotball.scene import Start, along_momentum
 from validation.options import AGREES, DISAGREES, Names, Sweep, SweepOptions, chosen, listed
 from validation.output import writable_folder, write_text
 from validation.studies import contact_sections as sections
-from validation.studies.contact_sections import level_starts, own_start, sound_run
+from validation.studies.contact_sections import level_starts, sound_run
 from validation.studies.contact_tangent import compared, exponents_by_both, limit_cycles_by_both
 from validation.study import Column, Row, Study, compiled_motion, scene_cell, table_of
 from validation.sweeps import Cell

@@ -13,10 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from robotball.drive_sampling import seeing_step
 from robotball.engine import as_own
 from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.limits import COST_MODEL, planned, seeing_step
+from robotball.engines.mujoco.limits import COST_MODEL, planned
 from robotball.engines.mujoco.settings import (
     ADAPTIVE,
     BY_ERROR,

@@ -115,6 +115,10 @@ class Control:
         """Set the controls of the hinges at the time of `data`."""
         data.ctrl[:] = controls_at(self.model.scene, self.model.hinges, self.inside(data.time))
 
+    def fall(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Set gravity, as the moving plane has it, at the time of `data`."""
+        model.opt.gravity = self.model.scene.gravity_at(self.inside(data.time))
+
     def __call__(self, _: mujoco.MjModel, data: mujoco.MjData) -> None:
         for each in self.forces:
             each(data)

@@ -461,17 +461,6 @@ def servo_gain(plan: PlannedRun) -> _Found:
     return fastest * plan.timestep, limit
 
 
-_NO_STEP = 1e-9  # s: drives that such steps do not see are no functions of time
-
-
-def seeing_step(scene: Scene, duration: float, timestep: float, limit: float) -> float:
-    """Return a timestep [s], `timestep` at most, that errs about drives by no more than a limit."""
-    while (error := scene.sampling_error(duration, timestep)) > limit and timestep > _NO_STEP:
-        # Simpson's error is of fourth order, where a step sees the drive at all.
-        timestep *= min(0.9, max(0.1, (limit / error) ** 0.25))
-    return timestep
-
-
 @_law(
     "a drive changes between a step's instants, which will put its rate off by about {error}; "
     "{allowed} is allowed: take a timestep below {step:.2g} s, or the adaptive preset"
@@ -487,6 +476,8 @@ def drive_seen(plan: PlannedRun) -> _Found:
     """
     if plan.settings.adaptive or plan.scene.steady:
         return None
+    from robotball.drive_sampling import seeing_step  # most scenes are steady
+
     limit = min(plan.settings.error_tolerance, RATE_ERROR)
     step = seeing_step(plan.scene, plan.duration, plan.timestep, limit)
     return plan.scene.sampling_error(plan.duration, plan.timestep), limit, step

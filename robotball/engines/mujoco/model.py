@@ -193,7 +193,7 @@ def _compose(chosen: Resolved, hinges: tuple[ModelHinge, ...]) -> tuple[Element,
     option, world, contact, tendons, actuators, sensors, keyframe = sections
     world.extend(_bare("floor"))
     own = {name: value for name, value in vars(settings).items() if hasattr(mujoco.MjOption, name)}
-    _set(option, gravity=scene.gravity_world, **own)
+    _set(option, gravity=scene.gravity_at(0.0), **own)
     if settings.adaptive:
         # DOP853 is not MuJoCo's; RK4 comes nearest for whoever steps the MJCF without it.
         _set(option, integrator="RK4")

@@ -42,6 +42,10 @@ def controlled(model: Model) -> Iterator[Control]:
             control.forces.append(resistance.apply)
             control.steps = resistance.steps(control.steps or _whole)
             control.stops = resistance.stop
+        if model.scene.plane_moves:
+            # Controls come too late: forces of gravity are known before they are set.
+            mujoco.set_mjcb_passive(control.fall)
+            stack.callback(mujoco.set_mjcb_passive, None)
         if control.forces:
             mujoco.set_mjcb_control(control)
             stack.callback(mujoco.set_mjcb_control, None)

@@ -46,6 +46,7 @@ from robotball.motion import (
     ReferenceMotion,
     extended,
 )
+from robotball.plane import lift_off
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 
@@ -118,8 +119,9 @@ def integrate(
         ReferenceMotion,
         scene=scene,
         again=again,
-        motor_work=states[:, HINGES + 2 * hinges :],
+        motor_work=states[:, HINGES + 2 * hinges : HINGES + 3 * hinges],
         rolling_loss=states[:, LOSS],
+        plane_work=states[:, -1] if scene.plane_moves else None,
         ended=ended,
     )
 
@@ -212,7 +214,7 @@ def _begin(system: System, t: float, state: Array) -> Array:
     system.modes = modes._replace(motors=sides.astype(np.int64))
     readings = system.readings(t, state)
     if not readings.normal > 0:
-        raise _lift_off(t)
+        raise lift_off(t)
     return _stand(system, t, state, readings)
 
 
@@ -264,7 +266,7 @@ def _switch(system: System, t: float, state: Array, which: int) -> Array:
     """Set the modes that follow where a margin reaches zero at t. Returns the state in them."""
     readings, modes = system.readings(t, state), system.modes
     if which == _LIFT_OFF:
-        raise _lift_off(t)
+        raise lift_off(t)
     which -= 1 + len(system.ranges)
     if which >= len(system.limited):
         return _let_go(system, t, state)
@@ -273,13 +275,6 @@ def _switch(system: System, t: float, state: Array, which: int) -> Array:
     motors[j] = int(np.sign(readings.unlimited[j])) if modes.motors[j] == 0 else 0
     system.modes = modes._replace(motors=motors)
     return state
-
-
-def _lift_off(t: float) -> InputError:
-    return InputError(
-        f"the ball lifts off the plane at t = {t:.9g} s, where its rolling ends; shorten the "
-        "motion, or move the bodies more gently"
-    )
 
 
 def _held(readings: Readings) -> float:

@@ -3,7 +3,7 @@
 A state is (q, X, Y, M, loss, angles, h, work): the frame's attitude, the contact point, the
 momentum M in space axes, the work lost to rolling resistance, and of every hinge its angle, its
 momentum (used where its rate is not given) and the work of its motors. A motor moves one hinge, or
-several by gears. The derivative is computed
+several by gears. Where the plane moves, its work on the ball follows. The derivative is computed
 with readings of the state, the forces and rates that it takes: see `Readings`.
 """
 
@@ -70,9 +70,10 @@ for _module in (eq, mechanics):
 class Machine(NamedTuple):
     """The numbers of a scene that stay while it moves.
 
-    bodies, radius, carrier: of its `Robot`; gravity (3,) m/s², world; motors (m, _MOTOR), the
-    numbers of their laws; gears (m, h); given (3 + h,): whether a rate is given; spin_free: whether
-    the shell may not turn about the vertical; resistance m, of the plane to rolling.
+    bodies, radius, carrier: of its `Robot`; gravity (3,) m/s², world, which changes where the plane
+    moves; motors (m, _MOTOR), the numbers of their laws; gears (m, h); given (3 + h,): whether a
+    rate is given; spin_free: whether the shell may not turn about the vertical; resistance m, of
+    the plane to rolling.
     """
 
     bodies: Array
@@ -401,7 +402,7 @@ class System:
         self.end = np.inf
         self.machine = Machine(
             np.ascontiguousarray(robot.bodies), float(robot.radius), robot.carrier,
-            scene.gravity_world, self.motors, gears, given, scene.rolling == "rubber",
+            scene.gravity_at(0.0), self.motors, gears, given, scene.rolling == "rubber",
             float(scene.friction.rolling),
         )  # fmt: skip
         commands = [*(hinges[i].command for i in own), *scene.controls]
@@ -426,7 +427,7 @@ class System:
 
     @property
     def size(self) -> int:
-        return HINGES + 3 * self.count
+        return HINGES + 3 * self.count + self.scene.plane_moves
 
     @property
     def readings_size(self) -> int:
@@ -440,7 +441,8 @@ class System:
         energy = scene.ball.mass * scene.gravity * scene.ball.radius
         unit, momentum = np.ones(count), scene.momentum_scale
         of_ball = [*np.ones(4), *[scene.ball.radius] * 2, *[momentum] * 3, energy]
-        return np.concatenate([of_ball, unit, momentum * unit, energy * unit])
+        of_plane = [energy] * scene.plane_moves
+        return np.concatenate([of_ball, unit, momentum * unit, energy * unit, of_plane])
 
     def start(self) -> Array:
         """Return the state (size,) at the scene's start."""
@@ -471,7 +473,12 @@ class System:
             self._inputs.accelerations[i] = command.acceleration(min(t, self.end))
         for i, command in self._changing_commands:
             self._inputs.commands[i] = command.rate(min(t, self.end))  # one that is held may jump
+        plane = self.scene.plane_drives if self.scene.plane_moves else ()
+        if plane:
+            self.machine.gravity[:] = self.scene.gravity_at(t)
         rate, readings = np.empty(self.size), np.empty(self.readings_size)
         row = np.ascontiguousarray(state, dtype=float)  # as the entry takes without a look
         _entry()(row, self.machine, self._inputs, self.modes, rate, readings)
+        if plane:
+            rate[-1] = readings[_FORCE:_PLANE_TORQUE] @ [each.angle(t) for each in plane]
         return rate, readings

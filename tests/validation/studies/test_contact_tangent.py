@@ -12,6 +12,7 @@ from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.settings import resolved
 from robotball.equations import scale
 from robotball.processes import at_most
+from robotball.qualitative.cycles import tangent
 from robotball.qualitative.portraits import limit_cycles
 from validation.studies.contact_sections import COARSE, level_starts
 from validation.studies.contact_tangent import (
@@ -21,7 +22,6 @@ from validation.studies.contact_tangent import (
     integrated,
     limit_cycles_by_both,
     rolled,
-    tangent,
 )
 from validation.study import Row
 

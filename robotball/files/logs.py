@@ -155,14 +155,17 @@ def _log_of(table: Table, name: str, scene: Scene) -> Log:
     for group in (("t",), ("x", "y", "z"), ("wx", "wy", "wz")):
         notes += made_si(columns, units, group)
     for hinge in scene.hinges:
-        for kind in (*_OF_HINGES, _COMMAND):
-            title, known = f"{hinge.name}_{kind}", _OF_HINGES.get(kind, {})
+        for kind, known in _OF_HINGES.items():
+            title = f"{hinge.name}_{kind}"
             if title in others:
                 unit = units_of[title]
-                if unit not in ("", "-", "1") and known and unit not in known:
+                if unit not in ("", "-", "1") and unit not in known:
                     raise InputError(f"{title} is in {unit!r}; it can be in {', '.join(known)}")
                 columns[title] = others[title] * known.get(unit, 1.0)
-    columns.update({each: others[each] for each in sum(_SENSORS.values(), ()) if each in others})
+    driven = {hinge.name: hinge.motor is not None for hinge in scene.hinges}
+    driven |= {actuator.name: True for actuator in scene.actuators}
+    taken = (*sum(_SENSORS.values(), ()), *(f"{name}_{_COMMAND}" for name in driven))
+    columns.update({each: others[each] for each in taken if each in others})
     times = columns["t"]
     if not np.isfinite(times).all():
         raise InputError(f"t is {times[~np.isfinite(times)][0]} in a row; each row needs its time")
@@ -176,19 +179,19 @@ def _log_of(table: Table, name: str, scene: Scene) -> Log:
             f"{', '.join(titles)}, and likewise of each hinge"
         )
     commands = {}
-    for hinge in scene.hinges:
-        column = columns.get(f"{hinge.name}_{_COMMAND}")
+    for motor, has_one in driven.items():
+        column = columns.get(f"{motor}_{_COMMAND}")
         if column is None:
             continue
-        if hinge.motor is None:
+        if not has_one:
             raise InputError(
-                f"{hinge.name}_command: {hinge.name} has no motor and keeps its rate exactly; give "
-                "it a motor in the scene file"
+                f"{motor}_command: {motor} has no motor and keeps its rate exactly; give it one in "
+                "the scene file"
             )
         there = np.isfinite(column)
         if not there.any():
-            raise InputError(f"{hinge.name}_command is empty")
-        commands[hinge.name] = times[there], column[there]
+            raise InputError(f"{motor}_command is empty")
+        commands[motor] = times[there], column[there]
     return Log(name, sensors, commands, tuple(notes))
 
 

@@ -134,6 +134,40 @@ class RobotFile:
         moving, (normal, _) = self.moving(data), self.above_plane(data)
         return np.asarray(moving[3:] - self.radius * np.cross(moving[:3], normal))
 
+    def roll(self, data: Any, turning: Array) -> None:
+        """Let the robot as a whole roll besides, by an angular velocity (3,) [rad/s], world."""
+        normal, _ = self.above_plane(data)
+        at, arm = self.drift.start, data.xpos[self.root] - data.geom_xpos[self.sphere]
+        data.qvel[self.drift] += np.cross(turning, arm + self.radius * normal)
+        to_root = data.xmat[self.root].reshape(3, 3).T
+        data.qvel[at + 3 : at + 6] += to_root @ turning
+        mujoco.mj_forward(self.model, data)
+
+    def start_as(self, scene: Scene, key: str | None) -> Any:
+        """Return MjData that starts as a scene of the robot does, with the controls of a keyframe.
+
+        The sphere touches the plane, where the contact may hold it deeper.
+        """
+        model, data, joints = self.model, self.start(key), hinged(self)
+        data.qpos[model.jnt_qposadr[joints]] = [hinge.angle for hinge in scene.hinges]
+        data.qvel[:] = 0.0
+        data.qvel[model.jnt_dofadr[joints]] = [hinge.rate for hinge in scene.hinges]
+        to_world = self.plane_axes(data).T @ rotation_matrix(scene.start.attitude)
+        mujoco.mj_kinematics(model, data)
+        turn = to_world @ data.geom_xmat[self.sphere].reshape(3, 3).T
+        turning = slice(self.free.stop, self.free.stop + 4)
+        data.qpos[turning] = multiply(from_matrix(turn), data.qpos[turning])
+        mujoco.mj_kinematics(model, data)
+        normal, gap = self.above_plane(data)
+        data.qpos[self.free] -= gap * normal
+        mujoco.mj_forward(model, data)
+        # What the hinges' rates make of the sphere, with the root at rest, is taken back.
+        moving = self.moving(data)
+        data.qvel[self.drift] -= self.slip(data)
+        mujoco.mj_forward(model, data)
+        self.roll(data, to_world @ scene.angular_velocity_at(scene.start) - moving[:3])
+        return data
+
     def plane_axes(self, data: Any) -> Array:
         """Return the rotation (3, 3) from world axes to the plane's; the same where it is level."""
         plane = data.geom_xmat[self.plane].reshape(3, 3)
@@ -288,12 +322,16 @@ def scene_of_robot(path: Path, table: dict[str, Any], controls: Mapping[str, Rat
         if each not in RobotTable.__struct_fields__:
             raise unknown("key beside robot", each, RobotTable.__struct_fields__)
     given = msgspec.convert(table, RobotTable)
-    own = {name: rate_of(each, path.parent) for name, each in (given.controls or {}).items()}
     scene = robot_scene(
-        path.parent / given.robot, {**own, **controls}, given.shell, given.rolling, given.keyframe,
-        given.duration,
+        path.parent / given.robot, {**controls_of(given, path.parent), **controls}, given.shell,
+        given.rolling, given.keyframe, given.duration,
     )  # fmt: skip
     return replace(scene, name=path.stem, title=given.title or scene.title)
+
+
+def controls_of(table: RobotTable, folder: Path) -> dict[str, Rate]:
+    """Return the controls of a scene file's table; folder: of files that it names."""
+    return {name: rate_of(each, folder) for name, each in (table.controls or {}).items()}
 
 
 def scene_of(

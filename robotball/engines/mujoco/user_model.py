@@ -75,13 +75,7 @@ class UserModel:
         robot, data = self.robot, self.robot.start(self.key)
         self.control(data)
         if self.push:
-            root, first = robot.root, int(robot.model.body_dofadr[robot.root])
-            turning = np.array([0.0, self.push / self.radius, 0.0])
-            arm = data.xpos[root] - data.geom_xpos[robot.sphere]
-            data.qvel[first : first + 3] = np.cross(turning, arm)
-            data.qvel[first] += self.push
-            data.qvel[first + 3 : first + 6] = data.xmat[root].reshape(3, 3).T @ turning
-            mujoco.mj_forward(robot.model, data)
+            robot.roll(data, np.array([0.0, self.push / self.radius, 0.0]))
         return data
 
     def control(self, data: mujoco.MjData) -> None:
@@ -197,7 +191,7 @@ def observed(
         guess = data.qacc_warmstart.copy()
         mujoco.mj_forward(model, data)
         data.qacc_warmstart[:] = guess
-        rows.append(_row(robot, data))
+        rows.append(row_of(robot, data))
         overlap = set()
         for pair, contact in _others(robot, data):
             if pair in inside or not robot.meeting(data, contact, late=i > 0):
@@ -267,7 +261,7 @@ def wrenches(robot: RobotFile, data: mujoco.MjData) -> Iterator[tuple[mujoco.MjC
             yield data.contact[i], wrench
 
 
-def _row(robot: RobotFile, data: mujoco.MjData) -> Array:
+def row_of(robot: RobotFile, data: mujoco.MjData) -> Array:
     """Return the numbers of a state as they are; they are read at once, after the run."""
     contact = np.full(_OF_CONTACT, np.nan)
     for each, wrench in wrenches(robot, data):
@@ -326,6 +320,13 @@ def _table(user: UserModel, data: mujoco.MjData, rows: Sequence[Array]) -> _Tabl
         depth=of_rows.depth[:, 0],
         friction=of_rows.friction[:, 0],
     )
+
+
+def readings_of(
+    user: UserModel, scene: Scene, data: mujoco.MjData, rows: Sequence[Array]
+) -> Readings:
+    """Return the readings of the states of rows; data: any of the run."""
+    return _readings_of(user, scene, _table(user, data, rows))
 
 
 def _readings_of(user: UserModel, scene: Scene, table: _Table) -> Readings:

@@ -412,7 +412,7 @@ class _Residuals:
 
 
 def _width(values: Array, name: str) -> int:
-    return 3 if name == "attitude" else values.shape[1]
+    return 3 if name.endswith("attitude") else values.shape[1]
 
 
 def held(times: Array, values: Array) -> Held:

@@ -162,9 +162,10 @@ def _log_of(table: Table, name: str, scene: Scene) -> Log:
                 if unit not in ("", "-", "1") and unit not in known:
                     raise InputError(f"{title} is in {unit!r}; it can be in {', '.join(known)}")
                 columns[title] = others[title] * known.get(unit, 1.0)
+    groups = {**_SENSORS, **_of_links(scene)}
     driven = {hinge.name: hinge.motor is not None for hinge in scene.hinges}
     driven |= {actuator.name: True for actuator in scene.actuators}
-    taken = (*sum(_SENSORS.values(), ()), *(f"{name}_{_COMMAND}" for name in driven))
+    taken = (*sum(groups.values(), ()), *(f"{name}_{_COMMAND}" for name in driven))
     columns.update({each: others[each] for each in taken if each in others})
     times = columns["t"]
     if not np.isfinite(times).all():
@@ -195,8 +196,17 @@ def _log_of(table: Table, name: str, scene: Scene) -> Log:
     return Log(name, sensors, commands, tuple(notes))
 
 
+def _of_links(scene: Scene) -> Mapping[str, tuple[str, ...]]:
+    """Return the sensors that the links of a robot's own file carry, with their columns."""
+    return {
+        f"{link.name}_{kind}": tuple(f"{link.name}_{column}" for column in _SENSORS[kind])
+        for link in scene.ball.links
+        for kind in ("attitude", "gyro")
+    }
+
+
 def _sensors(columns: Mapping[str, Array], times: Array, scene: Scene) -> Iterator[Sensor]:
-    groups = dict(_SENSORS)
+    groups = {**_SENSORS, **_of_links(scene)}
     groups.update(
         {
             title: (title,)
@@ -222,6 +232,6 @@ def _sensors(columns: Mapping[str, Array], times: Array, scene: Scene) -> Iterat
                 "columns out"
             )
         at, values = times[read], values[read]
-        if name == "attitude":
+        if name.endswith("attitude"):
             values, _ = to_unit(values, at)
         yield Sensor(name, at, values)

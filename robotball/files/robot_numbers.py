@@ -18,6 +18,7 @@ import numpy as np
 
 from robotball.drives import Rate
 from robotball.equations import Rolling
+from robotball.errors import InputError
 from robotball.files import MODEL_FILES, contents, named
 from robotball.files.mended_file import STILL, before_end, compiled, editable, with_attribute
 from robotball.files.numbers import Numbers
@@ -79,6 +80,14 @@ class RobotNumbers(Numbers):
     def value(self, path: str) -> float:
         """Return the number at a path."""
         return self._found[path][1]
+
+    def path_of(self, name: str) -> str:
+        """Return the one path that a name stands for. Raises InputError as `Numbers.path_of`."""
+        try:
+            return super().path_of(name)
+        except InputError as error:
+            hint = "what the file does not state must be written there first"
+            raise InputError(f"{error}; {hint}") from None
 
     def unit(self, path: str) -> str:
         """Return the unit of the number at a path; "" where it depends on the joint."""

@@ -15,6 +15,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 from operator import attrgetter
 from pathlib import Path
 from types import MappingProxyType
@@ -95,6 +96,17 @@ class RobotFile:
             raise InputError(f"{self.path}: {unknown('keyframe', key, filter(None, names))}")
         return None if not names else names.index(key) if key else 0
 
+    @cached_property
+    def tree(self) -> tuple[Shell, dict[int, Link]]:
+        """The shell, and the links by the numbers of their joints."""
+        return _tree_of(self)
+
+    @property
+    def hinges(self) -> tuple[Array, Array]:
+        """The places of the scene's hinges among qpos and among qvel."""
+        joints = [*self.tree[1]]
+        return self.model.jnt_qposadr[joints], self.model.jnt_dofadr[joints]
+
     @property
     def root(self) -> int:
         """The number of the body with the free joint."""
@@ -148,10 +160,10 @@ class RobotFile:
 
         The sphere touches the plane, where the contact may hold it deeper.
         """
-        model, data, joints = self.model, self.start(key), hinged(self)
-        data.qpos[model.jnt_qposadr[joints]] = [hinge.angle for hinge in scene.hinges]
+        model, data, (angles, rates) = self.model, self.start(key), self.hinges
+        data.qpos[angles] = [hinge.angle for hinge in scene.hinges]
         data.qvel[:] = 0.0
-        data.qvel[model.jnt_dofadr[joints]] = [hinge.rate for hinge in scene.hinges]
+        data.qvel[rates] = [hinge.rate for hinge in scene.hinges]
         to_world = self.plane_axes(data).T @ rotation_matrix(scene.start.attitude)
         mujoco.mj_kinematics(model, data)
         turn = to_world @ data.geom_xmat[self.sphere].reshape(3, 3).T
@@ -350,7 +362,7 @@ def scene_of(
     level = down[2] < -_LEVEL * gravity
     rolling = rolling or rolling_of(contact)
     to_world = to_plane @ data.geom_xmat[robot.sphere].reshape(3, 3)
-    (shell, links), gears, hinges = _tree_of(robot), gears_of(model), []
+    (shell, links), gears, hinges = robot.tree, gears_of(model), []
     for joint, link in links.items():
         angle = float(data.qpos[model.jnt_qposadr[joint]])
         rate = float(data.qvel[model.jnt_dofadr[joint]])
@@ -608,11 +620,6 @@ def _tree_of(robot: RobotFile) -> tuple[Shell, dict[int, Link]]:
             )  # fmt: skip
             waiting.append((other, name))
     return _shell_of(robot.radius, nodes[of_shell][1]), links
-
-
-def hinged(robot: RobotFile) -> list[int]:
-    """Return the numbers of the joints that are a scene's hinges, in their order."""
-    return [*_tree_of(robot)[1]]
 
 
 def _shell_of(radius: float, solid: Solid) -> Shell:

@@ -55,7 +55,7 @@ def _by_engine(engine: str, preset: str) -> Run:
     return run
 
 
-def _as_it_is(numbers: Numbers) -> Iterator[tuple[str, tuple[Run, Any]]]:
+def as_it_is(numbers: Numbers) -> Iterator[tuple[str, tuple[Run, Any]]]:
     """Yield what fits a robot's own file as it is, by the toolbox of its engine, and the name.
 
     Prints a line where the toolbox is not installed.
@@ -242,7 +242,8 @@ class Fit:
     """
 
     scene: SceneName
-    """A name from the catalog, or a path to a TOML file, with the numbers to begin with."""
+    """A name from the catalog, or a path to a TOML, MJCF or URDF file, with the numbers to begin
+    with."""
     logs: Positional[Annotated[tuple[Path, ...], arg(metavar="LOG...")]]
     """CSV, NPZ or Parquet files of what the robot's sensors read."""
     free: Names = ()
@@ -263,7 +264,7 @@ class Fit:
     preset: Names = ()
     """Fit by an engine's presets too: what its contact makes of the numbers."""
     to: File = None
-    """The fitted scene's file; out/fit-SCENE.toml if not given."""
+    """The fitted scene's file; out/fit-SCENE.toml, or .xml of a robot's own file, if not given."""
     page: File = None
     """The page; out/fit-SCENE.html if not given."""
     json: File = None
@@ -280,7 +281,7 @@ class Fit:
         scene = numbers.scene({})
         logs = [read_log(path, scene) for path in self.logs]
         runs: dict[str, tuple[Run | None, Any]] = {_EQUATIONS: (None, least_squares)}
-        runs.update(_as_it_is(numbers))
+        runs.update(as_it_is(numbers))
         for preset in listed(self.preset):
             runs[f"{self.engine}, {preset}"] = _by_engine(self.engine, preset), least_squares
         fits: dict[str, Fitted] = {}

@@ -70,7 +70,7 @@ def roll(scene: Scene, times: Array) -> Motion:
         data.time = times[i]
         mujoco.mj_forward(model, data)
         rows.append(row_of(robot, data))
-        torques.append((data.qfrc_actuator + data.qfrc_passive)[user.hinges[1]])
+        torques.append((data.qfrc_actuator + data.qfrc_passive)[robot.hinges[1]])
     seen = readings_of(user, scene, data, rows)
     unknown = Loads.unknown(len(times), 0)
     return Motion(

@@ -20,7 +20,7 @@ from robotball.engines.observe import Readings, Recording
 from robotball.equations import Rolling
 from robotball.errors import mujoco_silent, unknown
 from robotball.files import named
-from robotball.files.robot_file import RobotFile, gears_of, hinged, scene_of
+from robotball.files.robot_file import RobotFile, gears_of, scene_of
 from robotball.loads import Loads
 from robotball.motion import DIVERGED, ContactMotion, EngineSettings
 from robotball.rotations import Array, Mask, from_matrix, rotation_matrix
@@ -53,12 +53,6 @@ class UserModel:
     def actuators(self) -> dict[str, int]:
         """The numbers of the actuators by name."""
         return {name: i for i, name in enumerate(gears_of(self.robot.model))}
-
-    @cached_property
-    def hinges(self) -> tuple[Any, Any]:
-        """The places of the scene's hinges among qpos and among qvel."""
-        model, joints = self.robot.model, hinged(self.robot)
-        return model.jnt_qposadr[joints], model.jnt_dofadr[joints]
 
     @cached_property
     def steady(self) -> bool:
@@ -342,8 +336,8 @@ def _readings_of(user: UserModel, scene: Scene, table: _Table) -> Readings:
         attitude=attitude,
         angular_velocity=np.einsum("nji,nj->ni", rotation_matrix(attitude), turning),
         momentum=np.full_like(place, np.nan),
-        hinge_angles=table.qpos[:, user.hinges[0]],
-        hinge_rates=table.qvel[:, user.hinges[1]],
+        hinge_angles=table.qpos[:, user.robot.hinges[0]],
+        hinge_rates=table.qvel[:, user.robot.hinges[1]],
         loads=loads,
         slip=np.linalg.norm(slip[:, :2], axis=1),
         spin=turning[:, 2],

@@ -23,7 +23,8 @@ from robotball.drives import Constant
 from robotball.engine import integrate
 from robotball.errors import InputError, SceneWarning, unknown
 from robotball.files.logs import Log
-from robotball.files.scene_numbers import SceneNumbers, numbers_of
+from robotball.files.numbers import Numbers
+from robotball.files.scene_numbers import numbers_of
 from robotball.function_drives import Held
 from robotball.motion import Motion
 from robotball.rotations import Array, Mask, turned
@@ -225,7 +226,7 @@ _POSITIVE = ("mass", "density", "radius", "kv", "kp", "torque_limit", "stall_tor
              "rolling")  # fmt: skip
 
 
-def _of_scene(numbers: SceneNumbers, free: Sequence[str], radius: float) -> Iterator[_Unknown]:
+def _of_scene(numbers: Numbers, free: Sequence[str], radius: float) -> Iterator[_Unknown]:
     """Yield the unknowns of a scene: a path, or a path with limits, as path=low:high."""
     for text in free:
         name, _, limits = text.partition("=")
@@ -298,7 +299,7 @@ class _Residuals:
 
     def __init__(
         self,
-        numbers: SceneNumbers,
+        numbers: Numbers,
         unknowns: Sequence[_Unknown],
         logs: Sequence[_Sensed],
         run: Run,
@@ -322,15 +323,19 @@ class _Residuals:
         began, log = self.logs[k].start, self.logs[k].log
         scene = self.numbers.scene({**self.fixed, **shared})
         late = own.get("commands.delay", 0.0)
+        commands = {name: held(t + late, values) for name, (t, values) in log.commands.items()}
         hinges: dict[str, dict[str, object]] = {"angle": {}, "rate": {}, "command": {}}
         for hinge in scene.hinges:
             if hinge.motor is not None:
                 hinges["angle"][hinge.name] = own[f"start.{hinge.name}_angle"]
                 hinges["rate"][hinge.name] = own[f"start.{hinge.name}_rate"]
-            if hinge.name in log.commands:
-                times, given = log.commands[hinge.name]
-                hinges["command"][hinge.name] = held(times + late, given)
+            if hinge.name in commands:
+                hinges["command"][hinge.name] = commands[hinge.name]
         scene = scene.with_hinges(**{k: v for k, v in hinges.items() if v})
+        if actuators := [
+            replace(each, command=commands.get(each.name, each.command)) for each in scene.actuators
+        ]:
+            scene = replace(scene, actuators=tuple(actuators))
         turn = np.array([own[f"start.turn.{axis}"] for axis in "xyz"])
         momentum = began.start.momentum.copy()
         for i, axis in enumerate("xyz"):
@@ -407,7 +412,7 @@ class _Residuals:
 
 
 def _width(values: Array, name: str) -> int:
-    return 3 if name == "attitude" else values.shape[1]
+    return 3 if name.endswith("attitude") else values.shape[1]
 
 
 def held(times: Array, values: Array) -> Held:
@@ -421,7 +426,7 @@ def held(times: Array, values: Array) -> Held:
 
 
 def fit(
-    scene: Scene | str | Path,
+    scene: Numbers | Scene | str | Path,
     logs: Sequence[Log],
     free: Sequence[str],
     *,
@@ -430,13 +435,14 @@ def fit(
     loss: str = "linear",
     hold_out: int | None = None,
     run: Run | None = None,
+    minimize: Callable[..., Any] = least_squares,
     progress: Callable[[float, float], None] | None = None,
 ) -> Fit:
     """Fit numbers of a scene to the logs of a robot.
 
     Parameters
     ----------
-    scene : Scene, str or Path
+    scene : Numbers, Scene, str or Path
         The robot, with the numbers from which the fit begins.
     logs : sequence of Log
         One log or more, as `read_log` returns them.
@@ -457,6 +463,8 @@ def fit(
         The number of a log that is not fitted, but explained by the fit of the others.
     run : callable, optional
         Returns the motion of a scene at times. The default integrates the equations.
+    minimize : callable, optional
+        Minimizes as scipy's `least_squares`, which is the default.
     progress : callable, optional
         Called with the part of the logs that is fitted and χ² over the degrees of freedom.
 
@@ -498,7 +506,7 @@ def fit(
     for k, each in enumerate(fitted):
         unknowns += _of_log(each.start, each.log, k, circumstances)
     _check_names(own)
-    x, residuals = _solved(numbers, unknowns, fitted, run, {}, loss, progress)
+    x, residuals = _solved(numbers, unknowns, fitted, run, {}, loss, minimize, progress)
     values = residuals.values(x)
     J, left = residuals.jacobian(x), residuals(x)
     if np.linalg.svd(J, compute_uv=False)[-1] < _CLEAR:
@@ -511,7 +519,7 @@ def fit(
     held_out: tuple[SensorFit, ...] = ()
     if hold_out is not None:
         fixed = {u.name: float(v) for u, v in zip(own, values, strict=False)}
-        held_out = _explained(sensed[hold_out], numbers, run, fixed, circumstances, loss)
+        held_out = _explained(sensed[hold_out], numbers, run, fixed, circumstances, loss, minimize)
     freed = list(_found(unknowns, values, deviations, fitted))
     found = tuple(freed[: len(own)])
     fitted_scene = residuals.scene(0, values)
@@ -579,12 +587,13 @@ def _sensed(scene: Scene, log: Log, noise: Mapping[str, float]) -> _Sensed:
 
 
 def _solved(
-    numbers: SceneNumbers,
+    numbers: Numbers,
     unknowns: Sequence[_Unknown],
     logs: Sequence[_Sensed],
     run: Run,
     fixed: Mapping[str, float],
     loss: Any,
+    minimize: Callable[..., Any],
     progress: Callable[[float, float], None] | None = None,
 ) -> tuple[Array, _Residuals]:
     """Return the unknowns that fit logs best, in their sizes, and the residuals' function."""
@@ -602,7 +611,7 @@ def _solved(
         # A part of the logs may tell little of an unknown, which must not go astray on it.
         prior = np.where(shared, 1 / _PRIOR if part < 1 else _NO_EVIDENCE, _HARDLY)
 
-        solved = least_squares(
+        solved = minimize(
             _with_prior, x, _its_jacobian, (low, high), args=(residuals, prior), x_scale=1.0,
             ftol=_ENOUGH if part == 1 else _ROUGHLY, xtol=_ENOUGH, gtol=_LEAST_SLOPE, loss=loss,
             max_nfev=_MOST_TRIALS,
@@ -761,13 +770,14 @@ def _since(times: Array, weighed: Array) -> float:
 
 def _explained(
     log: _Sensed,
-    numbers: SceneNumbers,
+    numbers: Numbers,
     run: Run,
     fixed: Mapping[str, float],
     circumstances: Sequence[str],
     loss: str,
+    minimize: Callable[..., Any],
 ) -> tuple[SensorFit, ...]:
     """Return how well fitted numbers explain a log, of which the start alone is found."""
     unknowns = list(_of_log(log.start, log.log, 0, circumstances))
-    x, residuals = _solved(numbers, unknowns, [log], run, fixed, loss)
+    x, residuals = _solved(numbers, unknowns, [log], run, fixed, loss, minimize)
     return tuple(_sensor_fits(residuals, x, len(unknowns) / len(residuals(x)), loss))

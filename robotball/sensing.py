@@ -23,12 +23,11 @@ CIRCUMSTANCES = {
     "world.origin": (2, "m"),
     "position.marker": (3, "m"),
     "gyro.bias": (3, "rad/s"),
-    "shell_gyro.bias": (3, "rad/s"),
     "accelerometer.bias": (3, "m/s²"),
     "accelerometer.place": (3, "m"),
     "commands.delay": (1, "s"),
 }
-_CLOCK, _ZERO = ".clock", ".zero"
+_CLOCK, _ZERO, _BIAS = ".clock", ".zero", ".bias"
 _AROUND = 1e-3  # s, on either side of a time: the difference by which an accelerometer is read
 ON_THE_PLANE = 0.05  # of the radius: a height so near 0 is the contact point's
 _VERTICAL = np.array([0.0, 0.0, 1.0])
@@ -41,6 +40,7 @@ def circumstance(name: str, sensors: Mapping[str, object]) -> tuple[int, str]:
     """
     known = {**CIRCUMSTANCES}
     known.update({each + _CLOCK: (1, "s") for each in sensors})
+    known.update({each + _BIAS: (3, "rad/s") for each in sensors if each.endswith("_gyro")})
     known.update({each + _ZERO: (1, "rad") for each in sensors if each.endswith("_angle")})
     of = name.split(".")[0]
     if name not in known or (of not in ("world", "commands") and of not in sensors):
@@ -70,7 +70,7 @@ def apart(sensor: Sensor, motion: Motion, rows: Rows, given: Mapping[str, Array]
     current the scene does not give.
     """
     read = _readings(sensor, motion, rows, given)
-    if sensor.name == "attitude":
+    if sensor.name.endswith("attitude"):
         return turn_between(read, sensor.values)
     return np.asarray(sensor.values - read)
 
@@ -81,13 +81,14 @@ def _readings(sensor: Sensor, motion: Motion, rows: Rows, given: Mapping[str, Ar
         return _specific_force(motion, rows, given)
     if name == "position":
         return _position(sensor, motion, rows, given)
-    if name == "attitude":
+    if name.endswith("attitude"):
+        attitude, _ = _carried(motion, rows, name.removesuffix("attitude"))
         yaw = given.get("world.yaw", np.zeros(1))[0]
         world = np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
-        return multiply(np.broadcast_to(world, (len(rows), 4)), motion.attitude[rows])
-    bias = given.get(f"{name}.bias", 0.0)
-    if name == "gyro":
-        return motion.angular_velocity[rows] + bias
+        return multiply(np.broadcast_to(world, (len(rows), 4)), attitude)
+    bias = given.get(f"{name}{_BIAS}", 0.0)
+    if name.endswith("gyro") and not (name == "shell_gyro" and scene.ball.has_frame):
+        return _carried(motion, rows, name.removesuffix("gyro"))[1] + bias
     if name == "shell_gyro":
         axis = scene.ball.shell.axis
         turning = motion.angular_velocity[rows] - np.outer(motion.hinge_rates[rows, 0], axis)
@@ -103,6 +104,24 @@ def _readings(sensor: Sensor, motion: Motion, rows: Rows, given: Mapping[str, Ar
         return motion.hinge_rates[rows, i : i + 1]
     torque = motion.loads.motor_torques[rows, i : i + 1]
     return torque if kind == "torque" else torque / _torque_constant(scene, i)
+
+
+def _carried(motion: Motion, rows: Rows, name: str) -> tuple[Array, Array]:
+    """Return a body's attitude (n, 4), and its angular velocity (n, 3) in its own axes.
+
+    name: "" of the body whose attitude the motion has, or of a link with "_". A link's axes are
+    those that the shell has where all joints are at 0.
+    """
+    names = ["", *(f"{hinge.name}_" for hinge in motion.scene.hinges)]
+    if (i := names.index(name) if name in names else 0) == 0:
+        return motion.attitude[rows], motion.angular_velocity[rows]
+    link, half = motion.scene.ball.tree[i], motion.hinge_angles[rows, i - 1 : i] / 2
+    attitude, turning = _carried(motion, rows, f"{link.parent}_")
+    if link.slides:
+        return attitude, turning
+    turn = np.concatenate([np.cos(half), np.sin(half) * link.axis], axis=1)
+    turning = np.einsum("nji,nj->ni", rotation_matrix(turn), turning)
+    return multiply(attitude, turn), turning + np.outer(motion.hinge_rates[rows, i - 1], link.axis)
 
 
 def _torque_constant(scene: Scene, i: int) -> float:
@@ -138,7 +157,9 @@ def _specific_force(motion: Motion, rows: Rows, given: Mapping[str, Array]) -> A
     """
     scene, (before, at, after) = motion.scene, rows.reshape(3, -1)
     to_world = rotation_matrix(motion.attitude)
-    shell = motion.angular_velocity - np.outer(motion.hinge_rates[:, 0], scene.ball.shell.axis)
+    shell = motion.angular_velocity
+    if scene.ball.has_frame:
+        shell = shell - np.outer(motion.hinge_rates[:, 0], scene.ball.shell.axis)
     turning = np.einsum("nij,nj->ni", to_world, shell)
     velocity = scene.ball.radius * np.cross(turning, _VERTICAL)
     gap = (motion.times[after] - motion.times[before])[:, None]
@@ -159,7 +180,7 @@ def noise_of(sensor: Sensor) -> float:
     changes. Of readings that are rounded coarsely it is that of the rounding.
     """
     values, t = sensor.values, sensor.times
-    if sensor.name == "attitude":
+    if sensor.name.endswith("attitude"):
         values = turn_between(values[:-1], values[1:]).cumsum(axis=0)
         t = t[1:]
     i = np.arange(2, len(t) - 2)

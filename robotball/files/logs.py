@@ -155,14 +155,18 @@ def _log_of(table: Table, name: str, scene: Scene) -> Log:
     for group in (("t",), ("x", "y", "z"), ("wx", "wy", "wz")):
         notes += made_si(columns, units, group)
     for hinge in scene.hinges:
-        for kind in (*_OF_HINGES, _COMMAND):
-            title, known = f"{hinge.name}_{kind}", _OF_HINGES.get(kind, {})
+        for kind, known in _OF_HINGES.items():
+            title = f"{hinge.name}_{kind}"
             if title in others:
                 unit = units_of[title]
-                if unit not in ("", "-", "1") and known and unit not in known:
+                if unit not in ("", "-", "1") and unit not in known:
                     raise InputError(f"{title} is in {unit!r}; it can be in {', '.join(known)}")
                 columns[title] = others[title] * known.get(unit, 1.0)
-    columns.update({each: others[each] for each in sum(_SENSORS.values(), ()) if each in others})
+    groups = {**_SENSORS, **_of_links(scene)}
+    driven = {hinge.name: hinge.motor is not None for hinge in scene.hinges}
+    driven |= {actuator.name: True for actuator in scene.actuators}
+    taken = (*sum(groups.values(), ()), *(f"{name}_{_COMMAND}" for name in driven))
+    columns.update({each: others[each] for each in taken if each in others})
     times = columns["t"]
     if not np.isfinite(times).all():
         raise InputError(f"t is {times[~np.isfinite(times)][0]} in a row; each row needs its time")
@@ -176,24 +180,33 @@ def _log_of(table: Table, name: str, scene: Scene) -> Log:
             f"{', '.join(titles)}, and likewise of each hinge"
         )
     commands = {}
-    for hinge in scene.hinges:
-        column = columns.get(f"{hinge.name}_{_COMMAND}")
+    for motor, has_one in driven.items():
+        column = columns.get(f"{motor}_{_COMMAND}")
         if column is None:
             continue
-        if hinge.motor is None:
+        if not has_one:
             raise InputError(
-                f"{hinge.name}_command: {hinge.name} has no motor and keeps its rate exactly; give "
-                "it a motor in the scene file"
+                f"{motor}_command: {motor} has no motor and keeps its rate exactly; give it one in "
+                "the scene file"
             )
         there = np.isfinite(column)
         if not there.any():
-            raise InputError(f"{hinge.name}_command is empty")
-        commands[hinge.name] = times[there], column[there]
+            raise InputError(f"{motor}_command is empty")
+        commands[motor] = times[there], column[there]
     return Log(name, sensors, commands, tuple(notes))
 
 
+def _of_links(scene: Scene) -> Mapping[str, tuple[str, ...]]:
+    """Return the sensors that the links of a robot's own file carry, with their columns."""
+    return {
+        f"{link.name}_{kind}": tuple(f"{link.name}_{column}" for column in _SENSORS[kind])
+        for link in scene.ball.links
+        for kind in ("attitude", "gyro")
+    }
+
+
 def _sensors(columns: Mapping[str, Array], times: Array, scene: Scene) -> Iterator[Sensor]:
-    groups = dict(_SENSORS)
+    groups = {**_SENSORS, **_of_links(scene)}
     groups.update(
         {
             title: (title,)
@@ -219,6 +232,6 @@ def _sensors(columns: Mapping[str, Array], times: Array, scene: Scene) -> Iterat
                 "columns out"
             )
         at, values = times[read], values[read]
-        if name == "attitude":
+        if name.endswith("attitude"):
             values, _ = to_unit(values, at)
         yield Sensor(name, at, values)

@@ -65,7 +65,7 @@ class Editable:
         text = self.moved if any(each.start for each in changes) else self.text
         if not changes and not self.paired:
             return text
-        return _before_end(text, self._block(changes))
+        return before_end(text, self._block(changes))
 
     def _block(self, changes: Iterable[Change]) -> Iterator[str]:
         pair = dict(self.pair)
@@ -87,7 +87,8 @@ class Editable:
             yield "</contact>"
 
 
-def _before_end(text: str, lines: Iterable[str]) -> str:
+def before_end(text: str, lines: Iterable[str]) -> str:
+    """Return a text of a file with lines at its end."""
     end = text.rindex(_CLOSED)
     own = text[:end].rstrip(" ")
     broken = "" if own.endswith("\n") else "\n"
@@ -123,7 +124,7 @@ class Moves:
     key: int | None
 
 
-_STILL = Moves(np.zeros(3), np.zeros(3), None)
+STILL = Moves(np.zeros(3), np.zeros(3), None)
 
 
 def editable(
@@ -146,9 +147,9 @@ def editable(
     sphere, plane = (named["geom", i] for i in (robot.sphere, robot.plane))
     for write in (_own_text, _written_text):
         try:
-            text, moved = (write(robot, by, new, own_pair) for by in (_STILL, moves))
-            if _is_same(robot, named, text, _STILL) and _is_same(robot, named, moved, moves):
-                source = write(robot, _STILL, {}, None)
+            text, moved = (write(robot, by, new, own_pair) for by in (STILL, moves))
+            if _is_same(robot, named, text, STILL) and _is_same(robot, named, moved, moves):
+                source = write(robot, STILL, {}, None)
                 return Editable(source, text, moved, sphere, plane, pair, own_pair is not None)
         except (InputError, ExpatError, IndexError, UnicodeDecodeError):
             continue
@@ -256,13 +257,13 @@ def _own_text(robot: RobotFile, moves: Moves, names: _Names, pair: int | None) -
     if pair is not None:
         edits.append((elements["pair"][pair].at, "", ""))
     for at, attribute, new in sorted(edits, key=lambda each: -each[0]):
-        data = data[:at] + _with_attribute(data[at:].decode(), attribute, new).encode()
+        data = data[:at] + with_attribute(data[at:].decode(), attribute, new).encode()
     text = data.decode()
     folders = _folders(robot)
-    return _before_end(text, [f"<compiler{_attributes(folders)}/>"]) if folders else text
+    return before_end(text, [f"<compiler{_attributes(folders)}/>"]) if folders else text
 
 
-def _with_attribute(text: str, name: str, new: str) -> str:
+def with_attribute(text: str, name: str, new: str) -> str:
     """Return a text that begins with a start tag, whose attribute gets a new value.
 
     Without a name of an attribute the whole element goes, which has no content.

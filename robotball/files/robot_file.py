@@ -15,6 +15,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 from operator import attrgetter
 from pathlib import Path
 from types import MappingProxyType
@@ -95,6 +96,17 @@ class RobotFile:
             raise InputError(f"{self.path}: {unknown('keyframe', key, filter(None, names))}")
         return None if not names else names.index(key) if key else 0
 
+    @cached_property
+    def tree(self) -> tuple[Shell, dict[int, Link]]:
+        """The shell, and the links by the numbers of their joints."""
+        return _tree_of(self)
+
+    @property
+    def hinges(self) -> tuple[Array, Array]:
+        """The places of the scene's hinges among qpos and among qvel."""
+        joints = [*self.tree[1]]
+        return self.model.jnt_qposadr[joints], self.model.jnt_dofadr[joints]
+
     @property
     def root(self) -> int:
         """The number of the body with the free joint."""
@@ -133,6 +145,40 @@ class RobotFile:
         """Return the velocity (3,) of the sphere's lowest point [m/s], world."""
         moving, (normal, _) = self.moving(data), self.above_plane(data)
         return np.asarray(moving[3:] - self.radius * np.cross(moving[:3], normal))
+
+    def roll(self, data: Any, turning: Array) -> None:
+        """Let the robot as a whole roll besides, by an angular velocity (3,) [rad/s], world."""
+        normal, _ = self.above_plane(data)
+        at, arm = self.drift.start, data.xpos[self.root] - data.geom_xpos[self.sphere]
+        data.qvel[self.drift] += np.cross(turning, arm + self.radius * normal)
+        to_root = data.xmat[self.root].reshape(3, 3).T
+        data.qvel[at + 3 : at + 6] += to_root @ turning
+        mujoco.mj_forward(self.model, data)
+
+    def start_as(self, scene: Scene, key: str | None) -> Any:
+        """Return MjData that starts as a scene of the robot does, with the controls of a keyframe.
+
+        The sphere touches the plane, where the contact may hold it deeper.
+        """
+        model, data, (angles, rates) = self.model, self.start(key), self.hinges
+        data.qpos[angles] = [hinge.angle for hinge in scene.hinges]
+        data.qvel[:] = 0.0
+        data.qvel[rates] = [hinge.rate for hinge in scene.hinges]
+        to_world = self.plane_axes(data).T @ rotation_matrix(scene.start.attitude)
+        mujoco.mj_kinematics(model, data)
+        turn = to_world @ data.geom_xmat[self.sphere].reshape(3, 3).T
+        turning = slice(self.free.stop, self.free.stop + 4)
+        data.qpos[turning] = multiply(from_matrix(turn), data.qpos[turning])
+        mujoco.mj_kinematics(model, data)
+        normal, gap = self.above_plane(data)
+        data.qpos[self.free] -= gap * normal
+        mujoco.mj_forward(model, data)
+        # What the hinges' rates make of the sphere, with the root at rest, is taken back.
+        moving = self.moving(data)
+        data.qvel[self.drift] -= self.slip(data)
+        mujoco.mj_forward(model, data)
+        self.roll(data, to_world @ scene.angular_velocity_at(scene.start) - moving[:3])
+        return data
 
     def plane_axes(self, data: Any) -> Array:
         """Return the rotation (3, 3) from world axes to the plane's; the same where it is level."""
@@ -288,12 +334,16 @@ def scene_of_robot(path: Path, table: dict[str, Any], controls: Mapping[str, Rat
         if each not in RobotTable.__struct_fields__:
             raise unknown("key beside robot", each, RobotTable.__struct_fields__)
     given = msgspec.convert(table, RobotTable)
-    own = {name: rate_of(each, path.parent) for name, each in (given.controls or {}).items()}
     scene = robot_scene(
-        path.parent / given.robot, {**own, **controls}, given.shell, given.rolling, given.keyframe,
-        given.duration,
+        path.parent / given.robot, {**controls_of(given, path.parent), **controls}, given.shell,
+        given.rolling, given.keyframe, given.duration,
     )  # fmt: skip
     return replace(scene, name=path.stem, title=given.title or scene.title)
+
+
+def controls_of(table: RobotTable, folder: Path) -> dict[str, Rate]:
+    """Return the controls of a scene file's table; folder: of files that it names."""
+    return {name: rate_of(each, folder) for name, each in (table.controls or {}).items()}
 
 
 def scene_of(
@@ -312,7 +362,7 @@ def scene_of(
     level = down[2] < -_LEVEL * gravity
     rolling = rolling or rolling_of(contact)
     to_world = to_plane @ data.geom_xmat[robot.sphere].reshape(3, 3)
-    (shell, links), gears, hinges = _tree_of(robot), gears_of(model), []
+    (shell, links), gears, hinges = robot.tree, gears_of(model), []
     for joint, link in links.items():
         angle = float(data.qpos[model.jnt_qposadr[joint]])
         rate = float(data.qvel[model.jnt_dofadr[joint]])
@@ -570,11 +620,6 @@ def _tree_of(robot: RobotFile) -> tuple[Shell, dict[int, Link]]:
             )  # fmt: skip
             waiting.append((other, name))
     return _shell_of(robot.radius, nodes[of_shell][1]), links
-
-
-def hinged(robot: RobotFile) -> list[int]:
-    """Return the numbers of the joints that are a scene's hinges, in their order."""
-    return [*_tree_of(robot)[1]]
 
 
 def _shell_of(radius: float, solid: Solid) -> Shell:

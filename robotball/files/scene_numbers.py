@@ -1,7 +1,7 @@
 """The numbers of a scene by their paths, such as "frame.part.battery.mass" or "friction.rolling".
 
 Those of a scene file are as the file has them, and its parts stay parts; of another scene they are
-those of the text that `scene_toml` writes.
+those of the text that `scene_toml` writes. `robot_numbers` has those of a robot's own file.
 """
 
 from collections.abc import Iterator, Mapping
@@ -14,8 +14,8 @@ from typing import Any
 import msgspec
 
 from robotball.engine import scene_of
-from robotball.errors import InputError, unknown
-from robotball.files import contents, readable
+from robotball.files import MODEL_FILES, contents, readable
+from robotball.files.numbers import Numbers
 from robotball.files.scene_file import CATALOG, catalog, scene_of_table
 from robotball.files.scene_keys import meaning_of, tables_at
 from robotball.files.scene_tables import SceneTable
@@ -29,7 +29,7 @@ _AXES = "xyz"
 
 
 @dataclass(frozen=True)
-class SceneNumbers:
+class SceneNumbers(Numbers):
     """Hold a scene as its file has it, with its numbers by their paths.
 
     name: of the scene; folder: of files that it names; tables: the file's, with defaults.
@@ -38,24 +38,12 @@ class SceneNumbers:
     name: str
     folder: Path
     tables: Mapping[str, Any]
+    suffix: str = ".toml"
 
     @cached_property
     def places(self) -> dict[str, _Place]:
         """Where each number stands, by its path."""
         return dict(_places((), (), {k: v for k, v in self.tables.items() if k not in _NOT}))
-
-    def path_of(self, name: str) -> str:
-        """Return the one path that a name stands for: its last words are enough.
-
-        Raises InputError for a name of none or of several, with its neighbours.
-        """
-        words = name.split(".")
-        found = [path for path in self.places if _follows(words, path.split("."))]
-        if name in found or len(found) == 1:
-            return name if name in found else found[0]
-        if found:
-            raise InputError(f"{name!r} may be {', '.join(found)}; give more of its path")
-        raise unknown("number of the scene", name, self.places)
 
     def value(self, path: str) -> float:
         """Return the number at a path."""
@@ -106,20 +94,21 @@ def _as_table(tables: Mapping[str, Any]) -> SceneTable:
     return msgspec.convert(tables, SceneTable)
 
 
-def numbers_of(scene: Scene | str | Path) -> SceneNumbers:
-    """Return the numbers of a scene, or of the scene of a name or a file.
+def numbers_of(scene: Numbers | Scene | str | Path) -> Numbers:
+    """Return the numbers of a scene, or of the scene of a name or a file, a robot's own too.
 
-    Raises InputError for a robot's own file, and for a scene that no scene file can hold.
+    Raises InputError for a scene that no file can hold.
     """
+    if isinstance(scene, Numbers):
+        return scene
     if isinstance(scene, Scene):
         return SceneNumbers(scene.name, CATALOG, _tables_of(scene.name, scene_toml(scene)))
     path = CATALOG / f"{scene}.toml" if str(scene) in catalog() else Path(scene)
     loaded = scene_of(scene)  # which says what is wrong with the file
-    if loaded.ball.general or loaded.actuators:
-        raise InputError(
-            f"{path}: the numbers of a robot's own file cannot be freed yet; describe the robot as "
-            "a scene, by a shell, a frame, rotors and pendulums"
-        )
+    if path.suffix in MODEL_FILES or "robot" in msgspec.toml.decode(contents(path)):
+        from robotball.files.robot_numbers import robot_numbers  # which loads an engine
+
+        return robot_numbers(path)
     return SceneNumbers(loaded.name, path.parent, _tables_of(path, contents(path)))
 
 
@@ -147,9 +136,3 @@ def _places(words: tuple[str, ...], place: _Place, value: object) -> Iterator[tu
             # Rotors and pendulums as their hinges are named: rotor1, pendulum1.
             own = (f"{words[0]}{word}",) if len(words) == 1 else (*words, word)
             yield from _places(own, (*place, i), inner)
-
-
-def _follows(words: list[str], path: list[str]) -> bool:
-    """Return whether words are a path's, in its order, and the last is its last."""
-    rest = iter(path)
-    return words[-1] == path[-1] and all(word in rest for word in words)

@@ -11,11 +11,14 @@ from typing import Annotated, Any
 
 import numpy as np
 from rich.console import Console
+from scipy.optimize import least_squares
 from tyro.conf import Positional, arg
 
 from robotball import InputError, Scene
 from robotball.engine import request_of, run_request
+from robotball.files import MODEL_FILES
 from robotball.files.logs import Log, read_log
+from robotball.files.numbers import Numbers
 from robotball.files.scene_numbers import numbers_of
 from robotball.film.lines import PRESET_LOOKS, Look
 from robotball.fitting import Fit as Fitted
@@ -50,6 +53,23 @@ def _by_engine(engine: str, preset: str) -> Run:
         return run_request(scene, times, request)
 
     return run
+
+
+def as_it_is(numbers: Numbers) -> Iterator[tuple[str, tuple[Run, Any]]]:
+    """Yield what fits a robot's own file as it is, by the toolbox of its engine, and the name.
+
+    Prints a line where the toolbox is not installed.
+    """
+    if numbers.suffix not in MODEL_FILES:
+        return
+    from robotball.engines.mujoco import toolbox
+
+    try:
+        toolbox.check_toolbox()
+    except InputError as error:
+        print(error)
+        return
+    yield "the file as it is", (toolbox.roll, toolbox.least_squares)
 
 
 def lines(found: Fitted) -> Iterator[str]:
@@ -222,7 +242,8 @@ class Fit:
     """
 
     scene: SceneName
-    """A name from the catalog, or a path to a TOML file, with the numbers to begin with."""
+    """A name from the catalog, or a path to a TOML, MJCF or URDF file, with the numbers to begin
+    with."""
     logs: Positional[Annotated[tuple[Path, ...], arg(metavar="LOG...")]]
     """CSV, NPZ or Parquet files of what the robot's sensors read."""
     free: Names = ()
@@ -243,7 +264,7 @@ class Fit:
     preset: Names = ()
     """Fit by an engine's presets too: what its contact makes of the numbers."""
     to: File = None
-    """The fitted scene's file; out/fit-SCENE.toml if not given."""
+    """The fitted scene's file; out/fit-SCENE.toml, or .xml of a robot's own file, if not given."""
     page: File = None
     """The page; out/fit-SCENE.html if not given."""
     json: File = None
@@ -252,34 +273,40 @@ class Fit:
     def run(self) -> int:
         if not self.logs:
             raise InputError("fit needs a log: a table of t and what the sensors read")
+        numbers = numbers_of(self.scene)
         if not listed(self.free):
-            paths = ", ".join(numbers_of(self.scene).places)
+            paths = ", ".join(numbers.places)
             raise InputError(f"name the numbers to find with --free; the scene has {paths}")
         check_files(self.to, self.page, self.json)
-        scene = numbers_of(self.scene).scene({})
+        scene = numbers.scene({})
         logs = [read_log(path, scene) for path in self.logs]
-        runs: dict[str, Run | None] = {_EQUATIONS: None}
+        runs: dict[str, tuple[Run | None, Any]] = {_EQUATIONS: (None, least_squares)}
+        runs.update(as_it_is(numbers))
         for preset in listed(self.preset):
-            runs[f"{self.engine}, {preset}"] = _by_engine(self.engine, preset)
+            runs[f"{self.engine}, {preset}"] = _by_engine(self.engine, preset), least_squares
         fits: dict[str, Fitted] = {}
         with progress_bar(len(runs)) as bar:
-            for name, run in runs.items():
+            for name, (run, minimize) in runs.items():
 
                 def show(part: float, chi2: float, name: str = name) -> None:
                     bar(len(fits) + part, f"{name}: χ²/n = {chi2:.3g} over {part:.0%} of the logs")
 
-                fits[name] = self._fitted(logs, run, show)
-        return self._present(scene.name, logs, fits)
+                fits[name] = self._fitted(numbers, logs, run, minimize, show)
+        return self._present(scene.name, numbers.suffix, logs, fits)
 
-    def _fitted(self, logs: Sequence[Log], run: Run | None, show: Any) -> Fitted:
+    def _fitted(
+        self, numbers: Numbers, logs: Sequence[Log], run: Run | None, minimize: Any, show: Any
+    ) -> Fitted:
         held_out = len(logs) - 1 if len(logs) > 1 and not self.all else None
         return fit(
-            self.scene, logs, listed(self.free), circumstances=listed(self.also),
+            numbers, logs, listed(self.free), circumstances=listed(self.also),
             noise=_noise_of(listed(self.noise)), loss=self.loss, hold_out=held_out, run=run,
-            progress=show,
+            minimize=minimize, progress=show,
         )  # fmt: skip
 
-    def _present(self, name: str, logs: Sequence[Log], fits: Mapping[str, Fitted]) -> int:
+    def _present(
+        self, name: str, suffix: str, logs: Sequence[Log], fits: Mapping[str, Fitted]
+    ) -> int:
         found, console = fits[_EQUATIONS], Console()
         for log in logs:
             for note in log.notes:
@@ -295,8 +322,8 @@ class Fit:
             print(line)
         folder = OUT if self.to and self.page else writable_folder(OUT)
         scene_file, page_file = (
-            given or folder / f"fit-{name}.{end}"
-            for given, end in ((self.to, "toml"), (self.page, "html"))
+            given or folder / f"fit-{name}{end}"
+            for given, end in ((self.to, suffix), (self.page, ".html"))
         )
         write_text(scene_file, found.text)
         write_text(page_file, fit_page(name, fits))

@@ -20,7 +20,7 @@ from robotball.engines.observe import Readings, Recording
 from robotball.equations import Rolling
 from robotball.errors import mujoco_silent, unknown
 from robotball.files import named
-from robotball.files.robot_file import RobotFile, gears_of, hinged, scene_of
+from robotball.files.robot_file import RobotFile, gears_of, scene_of
 from robotball.loads import Loads
 from robotball.motion import DIVERGED, ContactMotion, EngineSettings
 from robotball.rotations import Array, Mask, from_matrix, rotation_matrix
@@ -55,12 +55,6 @@ class UserModel:
         return {name: i for i, name in enumerate(gears_of(self.robot.model))}
 
     @cached_property
-    def hinges(self) -> tuple[Any, Any]:
-        """The places of the scene's hinges among qpos and among qvel."""
-        model, joints = self.robot.model, hinged(self.robot)
-        return model.jnt_qposadr[joints], model.jnt_dofadr[joints]
-
-    @cached_property
     def steady(self) -> bool:
         """Whether no control changes."""
         return all(isinstance(value, Constant) for value in self.controls.values())
@@ -75,13 +69,7 @@ class UserModel:
         robot, data = self.robot, self.robot.start(self.key)
         self.control(data)
         if self.push:
-            root, first = robot.root, int(robot.model.body_dofadr[robot.root])
-            turning = np.array([0.0, self.push / self.radius, 0.0])
-            arm = data.xpos[root] - data.geom_xpos[robot.sphere]
-            data.qvel[first : first + 3] = np.cross(turning, arm)
-            data.qvel[first] += self.push
-            data.qvel[first + 3 : first + 6] = data.xmat[root].reshape(3, 3).T @ turning
-            mujoco.mj_forward(robot.model, data)
+            robot.roll(data, np.array([0.0, self.push / self.radius, 0.0]))
         return data
 
     def control(self, data: mujoco.MjData) -> None:
@@ -197,7 +185,7 @@ def observed(
         guess = data.qacc_warmstart.copy()
         mujoco.mj_forward(model, data)
         data.qacc_warmstart[:] = guess
-        rows.append(_row(robot, data))
+        rows.append(row_of(robot, data))
         overlap = set()
         for pair, contact in _others(robot, data):
             if pair in inside or not robot.meeting(data, contact, late=i > 0):
@@ -267,7 +255,7 @@ def wrenches(robot: RobotFile, data: mujoco.MjData) -> Iterator[tuple[mujoco.MjC
             yield data.contact[i], wrench
 
 
-def _row(robot: RobotFile, data: mujoco.MjData) -> Array:
+def row_of(robot: RobotFile, data: mujoco.MjData) -> Array:
     """Return the numbers of a state as they are; they are read at once, after the run."""
     contact = np.full(_OF_CONTACT, np.nan)
     for each, wrench in wrenches(robot, data):
@@ -328,6 +316,13 @@ def _table(user: UserModel, data: mujoco.MjData, rows: Sequence[Array]) -> _Tabl
     )
 
 
+def readings_of(
+    user: UserModel, scene: Scene, data: mujoco.MjData, rows: Sequence[Array]
+) -> Readings:
+    """Return the readings of the states of rows; data: any of the run."""
+    return _readings_of(user, scene, _table(user, data, rows))
+
+
 def _readings_of(user: UserModel, scene: Scene, table: _Table) -> Readings:
     """Return the readings of the states."""
     place, turning, depth = table.place, table.turning, table.depth
@@ -341,8 +336,8 @@ def _readings_of(user: UserModel, scene: Scene, table: _Table) -> Readings:
         attitude=attitude,
         angular_velocity=np.einsum("nji,nj->ni", rotation_matrix(attitude), turning),
         momentum=np.full_like(place, np.nan),
-        hinge_angles=table.qpos[:, user.hinges[0]],
-        hinge_rates=table.qvel[:, user.hinges[1]],
+        hinge_angles=table.qpos[:, user.robot.hinges[0]],
+        hinge_rates=table.qvel[:, user.robot.hinges[1]],
         loads=loads,
         slip=np.linalg.norm(slip[:, :2], axis=1),
         spin=turning[:, 2],

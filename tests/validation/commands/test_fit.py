@@ -7,9 +7,13 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.engines.mujoco import toolbox
+from robotball.files.robot_numbers import robot_numbers
+from robotball.files.scene_numbers import numbers_of
 from tests.conftest import Robotball
 from tests.robotball.test_fitting import log
 from tests.validation.json_keys import misfits
+from validation.commands import fitting
 
 
 def written(found: rb.Log, path: Path) -> None:
@@ -77,3 +81,31 @@ def test_what_cannot_be_fitted_is_refused_in_a_line(
     assert status == 2
     assert said in err
     assert err.count("\n") == 1
+
+
+ROBOT = Path("examples/first_robot.xml").absolute()
+
+
+def test_a_robots_own_file_has_numbers_by_its_own_names(
+    robotball: Robotball, tmp_path: Path
+) -> None:
+    """Status 2 and a line with the neighbours of a wrong one; all are listed where none is free."""
+    written(log(), tmp_path / "run.csv")
+    for options, said in (
+        ((), "the scene has floor.size.x, "),
+        (("--free", "plate.maas"), "did you mean plate.geom.mass"),
+    ):
+        status, _, err = robotball("fit", ROBOT, "run.csv", *options)
+        assert status == 2
+        assert said in err
+
+
+def test_a_file_is_not_fitted_as_it_is_without_the_toolbox(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A line says how to install it; the equations are fitted none the less."""
+    robot = robot_numbers(ROBOT)
+    monkeypatch.delattr(toolbox.sysid, "optimize", raising=False)
+    assert [*fitting.as_it_is(robot)] == []
+    assert "install robotball's extra `sysid`" in capsys.readouterr().out
+    assert [*fitting.as_it_is(numbers_of("pendulum_robot"))] == []

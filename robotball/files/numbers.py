@@ -1,0 +1,57 @@
+"""The numbers of a file that holds a scene, by their paths, whatever the file's kind."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any
+
+from robotball.errors import InputError, unknown
+from robotball.scene import Scene
+
+
+class Numbers(ABC):
+    """The numbers of a file by their paths, and the scene and the file's text with others.
+
+    suffix: of the file's name.
+    """
+
+    suffix: str
+
+    @property
+    @abstractmethod
+    def places(self) -> Mapping[str, Any]:
+        """Where each number stands, by its path."""
+
+    @abstractmethod
+    def value(self, path: str) -> float:
+        """Return the number at a path."""
+
+    @abstractmethod
+    def unit(self, path: str) -> str:
+        """Return the unit of the number at a path."""
+
+    @abstractmethod
+    def scene(self, values: Mapping[str, float]) -> Scene:
+        """Return the scene with other numbers at some paths. Raises InputError for impossible."""
+
+    @abstractmethod
+    def text(self, values: Mapping[str, float], start: Scene) -> str:
+        """Return the text of a file with other numbers, that starts as a scene does."""
+
+    def path_of(self, name: str) -> str:
+        """Return the one path that a name stands for: its last words are enough.
+
+        Raises InputError for a name of none or of several, with its neighbours.
+        """
+        words = name.split(".")
+        found = [path for path in self.places if _follows(words, path.split("."))]
+        if name in found or len(found) == 1:
+            return name if name in found else found[0]
+        if found:
+            raise InputError(f"{name!r} may be {', '.join(found)}; give more of its path")
+        raise unknown("number of the scene", name, self.places)
+
+
+def _follows(words: list[str], path: list[str]) -> bool:
+    """Return whether words are a path's, in its order, and the last is its last."""
+    rest = iter(path)
+    return words[-1] == path[-1] and all(word in rest for word in words)

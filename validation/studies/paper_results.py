@@ -26,9 +26,11 @@ from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.equations import speed_bound
 from robotball.qualitative import equilibria, long_run, straight_motions
 from robotball.qualitative.normal_forms import flow_near, linear_part
+from robotball.qualitative.portraits import spread_points
 from robotball.qualitative.sections import own_start
 from robotball.rotations import Array, multiply, normalised, tangents, turn_between, turned
 from robotball.scene import Start, along_momentum
+from robotball.variations import gyrostat
 from validation.options import AGREES, DISAGREES, Names, Sweep, SweepOptions, chosen, listed
 from validation.output import writable_folder, write_text
 from validation.studies import contact_sections as sections
@@ -46,6 +48,8 @@ _ROOM = 5.0  # folds of the fastest growth, which magnify what a step is off
 _NO_RATE = 1e-9  # 1/s: an eigenvalue below it is along a family of equilibria
 _PERIOD, _ITERATIONS = 2.6, 6  # s, of a closed orbit, about; of Newton's method, to rounding
 _CLOUDS = 100  # of the equations: one is the reference, the others its peers
+_SETTLED = np.array([0.0, 100.0])  # s
+_BEFORE = 2e-4  # of K₃ where two equilibria meet, kg m²/s
 _SIDES = 2e-3  # of f*, (kg m²/s)²: between so near values the growth is a straight line
 
 
@@ -137,9 +141,10 @@ def _straight_lines(quick: bool) -> _Rows:
         line = partial(_LINE, f"{name(own.gamma)}, f = {level:g}", "5.1, Fig. 10", "balanced")
         rows = [*_line_rates(line, scene, own)]
         yield from rows
-        both = own.polynomial, _polynomial(rows)
-        for quantity, unit, of in _CRITERION:
-            yield line(quantity, unit, *map(of, both), 1e-5, "that of the rates")
+        both, words = (own.polynomial, _polynomial(rows)), "that of the rates"
+        yield line("c₂ of P₃", "1/s", *(c[1] for c in both), 1e-5, words)
+        yield line("c₀ of P₃", "1/s³", *(c[3] for c in both), 1e-5, words)
+        yield line("c₂c₁ - c₀ of P₃", "1/s³", *(c[1] * c[2] - c[3] for c in both), 1e-5, words)
     # Both sides of f*, whose growths have opposite signs: the chord between them crosses zero at
     # f*.
     sides, growth = (limit - _SIDES, limit + _SIDES), []
@@ -177,6 +182,47 @@ def _beside_line(scene: Scene, start: Start, turn: Array, times: Array) -> Array
     beside = replace(scene, start=own_start(scene, aside, start.momentum))
     own = multiply(_BALANCED(beside, times).attitude, scene.principal_quaternion)
     return turn_between(start.attitude, own)
+
+
+def _portraits(quick: bool) -> _Rows:
+    """Yield how many starts from rest end elsewhere by the engine, and where δ₁ meets δ₃.
+
+    Where they meet a rate of either is 0, as the root of the distance in K₃. So the product of
+    both is straight over K₃.
+    """
+    for name in ("fig06", "fig07", "fig08")[: 1 if quick else 3]:
+        scene, place = load_scene(name), f"4, Fig. {name[-1]}"
+        points = equilibria.fixed_points(scene.parameters)
+        attract = np.array([each.gamma for each in points if "stable" in each.kind.split()])
+        starts = equilibria.attitude_at(spread_points(5 if quick else 30))
+        begun = [replace(scene, start=own_start(scene, q, np.zeros(3))) for q in starts]
+        # The nearest, as near a slow focus nothing arrives.
+        reached = [
+            [np.argmax(attract @ scene.principal_axes.T @ run(each, _SETTLED).gamma[1])
+             for each in begun]
+            for run in (compiled_motion, partial(by_contact, "fast"))
+        ]  # fmt: skip
+        line = partial(_LINE, f"basins of {len(attract)} equilibria", place, "fast")
+        off = float(np.count_nonzero(np.diff(reached, axis=0)))
+        words = f"of {len(starts)} starts, elsewhere after {_SETTLED[1]:g} s"
+        yield line(words, "1", 0.0, off, 0.5, "a start near a border of basins")
+    scene, products = load_scene("fig06"), []
+    # κ₁ is straight over K₃.
+    balls = [replace(scene.parameters, K=(0.0, 0.0, K3)) for K3 in (0.0, 1.0)]
+    zero, one = (equilibria.kappa(each, 1) for each in balls)
+    fold = (-1 - zero) / (one - zero)
+    sides = fold - 2 * _BEFORE, fold - _BEFORE
+    line = partial(_LINE, "δ₁ and δ₃ meet", "4.2, |κ₁| = 1", "balanced")
+    for K3 in sides:
+        ball = gyrostat(scene, K=np.array([0.0, 0.0, K3]))
+        places, slow = equilibria.closed_form_points(ball.parameters), []
+        for gamma in (places["δ₁"], places["δ₃"]):
+            linear = equilibria.jacobian(ball.parameters, gamma)
+            rows = rates(line, linear, partial(_beside_point, ball, gamma, _BALANCED))
+            slow.append(min((row["contact"] for row in rows), key=abs))
+        products.append(np.prod(slow))
+    at = float(np.roots(np.polyfit(sides, products, 1))[0])
+    yield line("K₃", "kg m²/s", fold, at, 1e-5, "a chord for a product of rates over K₃")
 
 
 def _closed_orbits(quick: bool) -> _Rows:
@@ -300,18 +346,14 @@ def _results_picture(drifts: Array) -> Figure:
 
 
 PARTS: dict[str, Callable[[bool], Iterable[Row]]] = {
-    "equilibria": _equilibria, "closed-orbits": _closed_orbits, "straight-lines": _straight_lines,
-    "long-runs": _long_runs, "drift": _drift, "classical-section": _classical_section,
+    "equilibria": _equilibria, "portraits": _portraits, "closed-orbits": _closed_orbits,
+    "straight-lines": _straight_lines, "long-runs": _long_runs, "drift": _drift,
+    "classical-section": _classical_section,
     "limit-cycles": limit_cycles_by_both, "exponents": exponents_by_both,
 }  # fmt: skip
 _SCENES = ("fig05b", "fig06", "fig07", "fig08", "fig10", "fig12", "fig13", "fig14",
            "wobbling_drive", "classical_chaotic", "rubber_chaplygin_gyrostat")  # fmt: skip
 _LIMIT = 1800.0  # s, of a part
-_CRITERION: tuple[tuple[str, str, Callable[[Array], float]], ...] = (
-    ("c₂ of P₃", "1/s", lambda c: c[1]),
-    ("c₀ of P₃", "1/s³", lambda c: c[3]),
-    ("c₂c₁ - c₀ of P₃", "1/s³", lambda c: c[1] * c[2] - c[3]),
-)
 _COLUMNS = (
     Column("result", lambda row: f"{row['result']} ({row['where']})", words=True),
     Column("quantity", lambda row: f"{row['quantity']} [{row['unit']}]", words=True),
@@ -351,7 +393,7 @@ class Results:
     """
 
     only: Names = ()
-    """Parts to run, of equilibria, closed-orbits, straight-lines, long-runs, drift,
+    """Parts to run, of equilibria, portraits, closed-orbits, straight-lines, long-runs, drift,
     classical-section, limit-cycles and exponents; all if not given."""
     sweep: SweepOptions = field(default_factory=Sweep)
 

@@ -13,6 +13,8 @@ from validation.studies import paper_results
 from validation.studies.paper_results import PARTS, holds, tables
 from validation.study import Row
 
+SLOW = pytest.mark.slow
+
 
 @cache
 def quick_rows(part: str) -> list[Row]:
@@ -20,9 +22,11 @@ def quick_rows(part: str) -> list[Row]:
     return [*PARTS[part](True)]
 
 
-@pytest.mark.parametrize("part", ["equilibria", "closed-orbits", "straight-lines"])
+@pytest.mark.parametrize(
+    "part", ["equilibria", "closed-orbits", "straight-lines", pytest.param("portraits", marks=SLOW)]
+)
 def test_a_result_is_the_same_by_both_engines(part: str) -> None:
-    """Rates, periods, integrals and f*, in the quick form."""
+    """Rates, basins, a fold, periods, integrals and f*, in the quick form."""
     rows = quick_rows(part)
     # Measured 3e-7 at most (f*, where the growth over f is not quite straight).
     assert max(row["apart"] for row in rows) < 1e-6
@@ -30,7 +34,12 @@ def test_a_result_is_the_same_by_both_engines(part: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("part", "sign", "factor"), [("equilibria", -1, 1.0), ("straight-lines", 1, 1.001)]
+    ("part", "sign", "factor"),
+    [
+        ("equilibria", -1, 1.0),
+        ("straight-lines", 1, 1.001),
+        pytest.param("portraits", -1, 1.001, marks=SLOW),
+    ],
 )
 def test_another_ball_turns_the_lines(
     part: str, sign: int, factor: float, monkeypatch: pytest.MonkeyPatch
@@ -43,10 +52,11 @@ def test_another_ball_turns_the_lines(
         return build(replace(chosen, scene=chosen.scene.with_hinges(command=rates)))
 
     monkeypatch.setattr(paper_results, "build", other)
-    rates = [row for row in PARTS[part](True) if row["quantity"] in ("λ", "Re λ")]
+    rows = [*PARTS[part](True)]
+    rates = [row for row in rows if part == "portraits" or row["quantity"] in ("λ", "Re λ")]
     assert rates
     assert not any(map(holds, rates))
-    if sign < 0:
+    if part == "equilibria":
         assert rates[0]["contact"] == pytest.approx(-rates[0]["equations"], abs=1e-5)
 
 

@@ -277,6 +277,8 @@ SETTINGS = """
 import contextlib, importlib, os, sys, warnings
 import matplotlib, numba, numpy
 import scipy.sparse, scipy.special, sympy  # which add filters of warnings of their own
+with contextlib.suppress(ImportError):  # as what this one imports does
+    import mujoco.sysid
 
 def settings():
     compiler = {name: repr(each) for name, each in vars(numba.config).items() if name.isupper()}

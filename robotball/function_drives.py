@@ -295,10 +295,10 @@ class Held:
     # Engines ask for one time after another, and often.
 
     def rate(self, t: Any) -> Any:
-        return self._at(t).rate(t) if isinstance(t, float) else _each(self.rate, t)
+        return self.at(t).rate(t) if isinstance(t, float) else _each(self.rate, t)
 
     def acceleration(self, t: Any) -> Any:
-        return self._at(t).acceleration(t) if isinstance(t, float) else _each(self.acceleration, t)
+        return self.at(t).acceleration(t) if isinstance(t, float) else _each(self.acceleration, t)
 
     def angle(self, t: Any) -> Any:
         if not isinstance(t, float):
@@ -307,5 +307,6 @@ class Held:
         pieces = zip(self.drives, edges, strict=False)
         return sum(drive.angle(end) - drive.angle(begin) for drive, (begin, end) in pieces)
 
-    def _at(self, t: float) -> Any:
+    def at(self, t: float) -> Any:
+        """Return the drive at a time [s]."""
         return self.drives[bisect_right(self.times, t)]

@@ -50,7 +50,8 @@ class Compensated:
         self._inside: Any = None
         solver: Any = DOP853  # its types want complex functions and a float atol
         self._solver = solver(
-            lambda t, displacement: rate(t, self._base + displacement),
+            # Of plain numbers drives are computed faster than of NumPy's.
+            lambda t, displacement: rate(float(t), self._base + displacement),
             span[0],
             np.zeros_like(self._base),
             span[1],
@@ -99,15 +100,16 @@ class Compensated:
         # The tolerance goes with the state, and scipy's own rtol would take it from the
         # displacement.
         self._solver.atol, self._inside = self._tolerance, None
-        message: str | None = self._solver.step()
-        return message
+        return message if (message := self._solver.step()) is None else str(message)
 
     def within(self, times: Array) -> Array:
         """Return states (m, n) at times (m,) in the last step."""
+        if len(times) == 1 and times[0] == self.t:  # what the interpolant is there
+            before = self._solver.y_old
+            return np.asarray(self._base + (self._solver.y - before + before))[None]
         if self._inside is None:
             self._inside = self._solver.dense_output()  # takes three more evaluations
-        displacements: Array = self._inside(times).T
-        return self._base + displacements
+        return np.asarray(self._base + self._inside(times).T)
 
 
 def take_step(

@@ -21,9 +21,10 @@ from scipy.optimize import root_scalar
 
 from robotball import InputError, Scene, integrate
 from robotball.drives import Constant, Drive, as_drive
+from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.settings import BY_ERROR, CONSTANT, recipe
-from robotball.engines.mujoco.user_model import Seen, UserModel, observed, wrenches
+from robotball.engines.mujoco.user_model import Met, Seen, UserModel, observed, wrenches
 from robotball.equations import Rolling
 from robotball.errors import SceneWarning, mujoco_silent
 from robotball.files.mended_file import Change, Editable, Moves, compiled, editable
@@ -44,6 +45,9 @@ _STILL = 0.05  # of the equations' reach: a robot that gets no farther stands st
 _PATIENCE = 20.0  # s of processor time for the equations, and for all that is tried
 # Controls of a robot that would not move: rad, rad/s, and of the weight at the radius.
 _ANGLE, _RATE, _TORQUE = 0.3, 2.0, 0.03
+# Of the accuracy: what a step of the equations may be off. In 10 s they err by 1e-6 to 1e-5 of the
+# accuracy then, far less than any contact does.
+_OF_ACCURACY = 1e-6
 _NEARER = 0.5  # times the other's error: a rolling model so near is the one that the file has
 
 
@@ -247,7 +251,7 @@ def check_model(
     motion, seen = observed(own, scene, accuracy, steps, lambda part: show(0.2 * part, "as it is"))
     if not seen.fails:  # as far as it was stepped
         times = times[: max(2, 1 + (len(seen.path) - 1) // every)]
-    theories = _theories(own, rolling, default, times, show)
+    theories = _theories(own, rolling, default, times, accuracy, show)
     path = np.full((len(times), 3), np.nan)
     stepped = seen.path[::every][: len(times)]
     path[: len(stepped)] = stepped
@@ -265,7 +269,6 @@ def check_model(
     moves = Moves(-gap * normal, -robot.slip(data), robot.keyframe(own.key))
     bodies = {int(robot.model.geom_bodyid[each]) for pair in seen.inside for each in pair}
     edit = editable(robot, moves, _pair_of(robot.contact(data)), bodies)
-    paths: dict[frozenset[str], Array] = {}
 
     def with_changes(changes: Iterable[Change]) -> UserModel:
         return _by_text(own, edit.changed(changes))
@@ -275,13 +278,16 @@ def check_model(
         changes = [_overriding(robot.model, each) for each in found]
         return _carrying(changes, with_changes(changes), theory)
 
-    # All changes cost the most; each is tried twice or so.
-    full = changes_at(robot.model.opt.timestep)
     # Whatever the file says of the contact: without what overlaps, and by all of the recipe.
-    apart = with_changes([_apart(robot.model, seen)]) if seen.inside else own
-    both = (apart, with_changes(full))
-    if meetings := [met for each in both if (met := each.meets(float(times[-1])))]:
-        at, words = min(meetings)
+    met = [each for each in seen.met if each[0] <= times[-1] and not seen.inside]
+    if seen.inside:
+        with_changes([_apart(robot.model, seen)]).path(times, met)
+    full, began = changes_at(robot.model.opt.timestep), time.process_time()
+    by_recipe = list[Met]()
+    at_all_times = with_changes(full).path(times, by_recipe)
+    cost = (time.process_time() - began) / len(times)
+    if met or by_recipe:
+        at, words = min([*met, *by_recipe])
         line = f"{words} at t = {at:.3g} s"
         if at < _LEAST_SAMPLES * interval:
             raise InputError(f"{robot.path}: {line}, which the equations do not have")
@@ -289,12 +295,18 @@ def check_model(
         line = f"meeting: {line}, of {duration:.3g} s"
         return replace(checked, asked=(duration, accuracy), short=checked.short or line)
     least = 2 + int(1.2 * since[0]) if len(since) else 2
-    tried = times[: max(least, _affordable(with_changes(full), times, 2 * len(full) + 4))]
+    most = len(full) + 4  # runs, of which those with all changes cost the most
+    tried = times[: max(least, int(_PATIENCE / (most * cost)))]
+
+    def named(changes: Iterable[Change]) -> frozenset[str]:
+        return frozenset(str(each) for each in changes)
+
+    paths = {named(full): at_all_times[: len(tried)]}
 
     def path_of(changes: Sequence[Change]) -> Array:
-        names = frozenset(str(each) for each in changes)
+        names = named(changes)
         if names not in paths:
-            done = len(paths) / (2 * len(full) + 4)
+            done = len(paths) / most
             show(min(0.95, 0.4 + 0.6 * done), "what each choice is worth")
             paths[names] = with_changes(changes).path(tried)
         return paths[names]
@@ -369,15 +381,6 @@ def _why_short(theory: ReferenceMotion, duration: float) -> str | None:
     return None
 
 
-def _affordable(own: UserModel, times: Array, runs: int) -> int:
-    """Return how many of the times so many runs of a model may have, by a short one."""
-    short = times[:20]
-    began = time.process_time()
-    own.path(short)
-    cost = (time.process_time() - began) / (len(short) - 1)
-    return int(min(len(times), _PATIENCE / (runs * cost)))
-
-
 def beside(own: UserModel, checked: Checked) -> list[Motion]:
     """Return the motions of a file as it is, of the mended one, and of the equations.
 
@@ -405,7 +408,12 @@ _Measure = Callable[[Sequence[Change]], float]
 
 
 def _theories(
-    own: UserModel, rolling: Rolling | None, default: Rolling, times: Array, show: Show
+    own: UserModel,
+    rolling: Rolling | None,
+    default: Rolling,
+    times: Array,
+    accuracy: float,
+    show: Show,
 ) -> dict[Rolling, ReferenceMotion]:
     """Return the motions of the rolling models, that of the contact's condim first.
 
@@ -417,7 +425,7 @@ def _theories(
         scene = own.scene(each, float(times[-1]))
         try:
             with warnings.catch_warnings(action="ignore", category=SceneWarning):
-                found[each] = motion = _in_time(scene, times, show)
+                found[each] = motion = _in_time(scene, times, accuracy, show)
         except InputError as error:
             unlikely = "; ".join(_unlikely(scene, level=True))
             refused = InputError(f"{error}{unlikely and f'; perhaps {unlikely}'}")
@@ -433,9 +441,10 @@ class _SlowError(Exception):
     """Raised where equations would take too long, with the part of the motion that is known."""
 
 
-def _in_time(scene: Scene, times: Array, show: Show) -> ReferenceMotion:
+def _in_time(scene: Scene, times: Array, accuracy: float, show: Show) -> ReferenceMotion:
     """Return the motion by the equations, or as much of it as does not take too long."""
     began: list[float] = []
+    rtol = max(_OF_ACCURACY * accuracy, LEAST_RTOL)
 
     def look(part: float) -> None:
         show(0.2 + 0.2 * part, "equations")
@@ -444,7 +453,7 @@ def _in_time(scene: Scene, times: Array, show: Show) -> ReferenceMotion:
             raise _SlowError(part)
 
     try:
-        return integrate(scene, times, progress=look)
+        return integrate(scene, times, rtol, progress=look)
     except _SlowError as slow:
         known: float = slow.args[0]
     count = int(0.8 * known * len(times))
@@ -452,7 +461,7 @@ def _in_time(scene: Scene, times: Array, show: Show) -> ReferenceMotion:
         words = f"its equations take {_PATIENCE / 2:g} s of processor time for "
         words += f"{known * times[-1]:.2g} s; a joint friction or a gain on a light body, or very "
         raise InputError(f"{scene.source}: {words}many bodies, may be the cause")
-    return integrate(scene, times[:count])
+    return integrate(scene, times[:count], rtol)
 
 
 def _enough(
@@ -501,19 +510,17 @@ def _carrying(changes: list[Change], own: UserModel, theory: ReferenceMotion) ->
 def _fewest(changes: Sequence[Change], limit: float, error_of: _Measure) -> list[_Needed]:
     """Return the fewest changes by which the error keeps to the limit, with the error without each.
 
-    The one without which it is largest is the first. Those that are worth least beside all others
-    are left out first, and of those that are worth nothing the finer points, which are the last.
+    The one without which it is largest is the first. The finer points, which are the last, are left
+    out before the others.
     """
 
     def without(change: Change, among: Sequence[Change]) -> float:
         return error_of([each for each in among if each is not change])
 
     needed, before = list(changes), None
-    finer_first = list(changes)[::-1]
-    by_worth = sorted(finer_first, key=lambda each: max(without(each, changes), limit))
     while needed != before:  # as one may be needed only as long as another is there
         before = needed
-        for each in by_worth:
+        for each in changes[::-1]:
             if each in needed and without(each, needed) <= limit:
                 needed = [other for other in needed if other is not each]
     return sorted(((each, without(each, needed)) for each in needed), key=lambda it: -it[1])

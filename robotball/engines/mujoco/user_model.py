@@ -31,6 +31,9 @@ _PATIENCE = 15.0  # s of processor time that a run as it is may take
 _ALOFT_TIME, _ALOFT_HEIGHT = 0.05, 0.01
 
 
+Met = tuple[float, str]  # when [s] a part touches what it should not, and which
+
+
 @dataclass(frozen=True)
 class UserModel:
     """A user's model, how it is controlled, and where it starts.
@@ -89,43 +92,40 @@ class UserModel:
         with named(self.robot.path):
             return scene_of(self.robot, self.begin(), self.controls, rolling, duration)
 
-    def meets(self, duration: float) -> tuple[float, str] | None:
-        """Return when [s] a part first touches another or a fixed body, if any does, and which.
-
-        The model is stepped as its file says, up to a duration [s].
-        """
-        robot, data, began = self.robot, self.begin(), time.process_time()
-        if np.sum(robot.model.geom_contype | robot.model.geom_conaffinity > 0) <= 2:
-            return None  # sphere and plane
-        while data.time < duration and _sound(data):
-            if time.process_time() - began > _PATIENCE:
-                return float(data.time), "it takes too long to step it further"
-            self.step(data)
-            for _, contact in _others(robot, data):
-                if words := robot.meeting(data, contact, late=True):
-                    return float(data.time), words
-        return None
-
-    def path(self, times: Array) -> Array:
+    def path(self, times: Array, met: list[Met] | None = None) -> Array:
         """Return the contact points and heights above the plane (n, 3) [m] at equal times (n,) [s].
 
         They are NaN from where the state diverged. It takes as many steps at once as it can, and
-        reads nothing else.
+        reads nothing else; where `met` is given it looks at every step, ends where a part touches
+        another or a fixed body, or where patience does, and appends that.
         """
-        model, data = self.robot.model, self.begin()
+        robot, data, began = self.robot, self.begin(), time.process_time()
+        model = robot.model
         # A state that diverged would go on from the start.
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         count = round((times[1] - times[0]) / model.opt.timestep)
+        at_once = count if met is None else 1
         centres = np.full((len(times), 3), np.nan)
         for i in range(len(times)):
-            if i:
-                self.step(data, count)
-            if not _sound(data):
+            for _ in range(count // at_once if i else 0):
+                self.step(data, at_once)
+                if met is not None and (words := self._meeting(data, began)):
+                    met.append((float(data.time), words))
+            if met or not _sound(data):
                 break
             mujoco.mj_kinematics(model, data)
-            centres[i] = data.geom_xpos[self.robot.sphere]
-        places = (centres - data.geom_xpos[self.robot.plane]) @ self.robot.plane_axes(data).T
+            centres[i] = data.geom_xpos[robot.sphere]
+        places = (centres - data.geom_xpos[robot.plane]) @ robot.plane_axes(data).T
         return self.points(places)
+
+    def _meeting(self, data: mujoco.MjData, began: float) -> str:
+        """Return what touches that did not at the start, or that patience is at its end."""
+        if data.ncon > 1:  # the sphere's own
+            for _, contact in _others(self.robot, data):
+                if words := self.robot.meeting(data, contact, late=True):
+                    return words
+        late = time.process_time() - began > _PATIENCE
+        return "it takes too long to step it further" if late else ""
 
     def points(self, places: Array) -> Array:
         """Return the contact points and heights (n, 3) of the sphere's centre, in plane axes."""
@@ -145,7 +145,7 @@ class Seen:
     rolling, in words; until: when it does, or the end [s]; inside: by two geoms that overlap from
     the start, the part of the steps in which they do; limits: joints that reach their range, and
     when [s]; delivered: the part of the declared resistance to rolling; lag: of servos by name,
-    root mean square over the command's.
+    root mean square over the command's; met: the first that touches and did not at the start.
     """
 
     path: Array
@@ -155,6 +155,7 @@ class Seen:
     limits: dict[str, float]
     delivered: float | None
     lag: dict[str, float]
+    met: Sequence[Met]
 
 
 @mujoco_silent()  # a state that diverges is said in words
@@ -175,6 +176,7 @@ def observed(
     robot, model, data = user.robot, user.robot.model, user.begin()
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     rows, inside, began = list[Array](), Counter[tuple[int, int]](), time.process_time()
+    met = list[Met]()
     count = round(scene.duration / model.opt.timestep / every)
     for i in range(count + 1):
         if not _sound(data):
@@ -188,8 +190,11 @@ def observed(
         rows.append(row_of(robot, data))
         overlap = set()
         for pair, contact in _others(robot, data):
-            if pair in inside or not robot.meeting(data, contact, late=i > 0):
+            words = pair not in inside and robot.meeting(data, contact, late=i > 0)
+            if not words:
                 overlap.add(pair)
+            elif i and not met:
+                met.append((float(data.time), words))
         inside.update(overlap)
         user.step(data, every)
         if i % _LOOK == 0:
@@ -212,6 +217,7 @@ def observed(
         limits=_limits(model, table),
         delivered=float(given / declared) if declared else None,
         lag=_lags(user, table),
+        met=met,
     )
 
 

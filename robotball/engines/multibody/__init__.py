@@ -209,9 +209,11 @@ def _margins_of(system: System, t: float, state: Array) -> Array:
 def _begin(system: System, t: float, state: Array) -> Array:
     """Set the modes in which a piece begins at t [s]. Returns the state as it is in them."""
     # First the motors' sides, as the load on the plane depends on their torques.
-    modes, unlimited = system.modes, system.readings(t, state).unlimited
-    sides = np.where(np.abs(unlimited) > system.limits, np.sign(unlimited), 0.0)
-    system.modes = modes._replace(motors=sides.astype(np.int64))
+    if system.limited:
+        modes, unlimited = system.modes, system.readings(t, state).unlimited
+        sides = np.where(np.abs(unlimited) > system.limits, np.sign(unlimited), 0.0)
+        if (sides != modes.motors).any():
+            system.modes = modes._replace(motors=sides.astype(np.int64))
     readings = system.readings(t, state)
     if not readings.normal > 0:
         raise lift_off(t)
@@ -332,14 +334,12 @@ class March:
         system = self.system
         samples = Samples(system, times)
         state, t = system.start(), 0.0
-        self._control(t, state)
-        state = _begin(system, t, state)
-        samples.add(0.0, state[None])
         for end in (*(t for t in system.scene.breakpoints if t < times[-1]), float(times[-1])):
-            # A drive's rate may jump at the end, and the piece's last state is before the jump.
-            system.end = float(np.nextafter(end, t))
             self._control(t, state)
+            system.begin(t, end)
             state = _begin(system, t, state)
+            if not samples.done:
+                samples.add(0.0, state[None])
             while t < end and not self.stopped:
                 t, state = self._piece(t, end, state, samples)
             if self.stopped:
@@ -419,7 +419,7 @@ class March:
 
     def _solver(self, begin: float, end: float, state: Array) -> Compensated:
         first = None
-        if self.loop is not None and self.natural is not None:
+        if self.system.holds and self.natural is not None:
             # As many equal steps as the piece before would have taken: to find the first step's
             # length anew, after each of many commands, would take as long as the motion.
             first = (end - begin) / np.ceil((end - begin) / (_LEEWAY * self.natural))

@@ -133,10 +133,6 @@ class _DartDynamics(adapter.IdealWorld):
         )
 
 
-def _world(scene: Scene, settings: _DartSettings, step: float) -> adapter.World:
-    return (_DartDynamics if settings.ideal else _DartWorld)(scene, settings, step)
-
-
 DART = adapter.Adapter(
     label=Label("DART", adapter.version_of("dartpy"), "#8C564B", "v"),
     packages=("dartpy",),
@@ -149,6 +145,6 @@ DART = adapter.Adapter(
         # DOP853 chooses its steps itself; the timestep is only the longest.
         _DartSettings(name="ideal", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
     ),
-    world=_world,
+    world=adapter.either(_DartWorld, _DartDynamics),
     lacks=adapter.spins,
 )

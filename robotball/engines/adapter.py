@@ -212,6 +212,11 @@ class PointSettings(StepSettings):
     rtol: float = 1e-12
 
 
+def either(own: Callable[..., World], ideal: Callable[..., World]) -> Callable[..., World]:
+    """Return what makes a world of the engine's own contact, or one by our constraints."""
+    return lambda scene, settings, step: (ideal if settings.ideal else own)(scene, settings, step)
+
+
 def spin_damping(scene: Scene, settings: PointSettings, step: float) -> float:
     """Return the c of our torque -c (ω, e_z) on a rubber shell [N m s], and 0 where there is none.
 

@@ -5,7 +5,7 @@ by semi-implicit Euler alone.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -15,21 +15,32 @@ from robotball.motion import Label
 from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.scene import Scene
 
+_LEAST = 1e-12  # kg, and kg m²: of a body between two joints, which DART would give 1 kg
+
 
 @dataclass(frozen=True, kw_only=True)
 class _DartSettings(adapter.PointSettings):
-    """Settings of a DART run. friction: of ball and plane."""
+    """Settings of a DART run.
+
+    friction: of ball and plane; root: the shell's joint, a free one, or a translation with Euler
+    angles. A translation with a ball joint has the digits of the free one.
+    """
 
     friction: float | None = None
+    root: Literal["free", "Euler"] = "free"
 
 
-def _skeleton(scene: Scene, dart: Any) -> Any:
+def _skeleton(scene: Scene, dart: Any, root: str = "free") -> Any:
     """Return the ball as a skeleton without collision shapes."""
     ball = dart.dynamics.Skeleton("ball")
     bodies: dict[str, Any] = {}
     for link in links_of(scene):
-        if not link.parent:
+        if not link.parent and root == "free":
             _, body = ball.createFreeJointAndBodyNodePair()
+        elif not link.parent:
+            _, carrier = ball.createTranslationalJointAndBodyNodePair()
+            carrier.setInertia(dart.dynamics.Inertia(_LEAST, np.zeros(3), _LEAST * np.eye(3)))
+            _, body = ball.createEulerJointAndBodyNodePair(carrier)
         else:
             properties = dart.dynamics.RevoluteJointProperties()
             properties.mName = link.name
@@ -41,18 +52,26 @@ def _skeleton(scene: Scene, dart: Any) -> Any:
             # The rate is then a constraint of DART's own, without a gain or an armature to choose.
             joint.setActuatorType(dart.dynamics.ActuatorType.VELOCITY)
         body.setInertia(dart.dynamics.Inertia(link.mass, link.centre, link.inertia))
+        body.setName(link.name)
         bodies[link.name] = body
     return ball
 
 
 def _put(ball: Any, state: State, dart: Any) -> None:
     """Put the ball into a state. A free joint's velocities are (ω, v) in world axes."""
-    place = dart.math.Isometry3()
-    place.set_rotation(rotation_matrix(state.attitude))
-    place.set_translation(state.centre)
-    free = dart.dynamics.FreeJoint.convertToPositions(place)
-    ball.setPositions(np.concatenate([free, state.angles]))
-    ball.setVelocities(np.concatenate([state.turning, state.velocity, state.rates]))
+    R, root = rotation_matrix(state.attitude), ball.getBodyNode("shell").getParentJoint()
+    if isinstance(root, dart.dynamics.FreeJoint):
+        place = dart.math.Isometry3()
+        place.set_rotation(R)
+        place.set_translation(state.centre)
+        ball.setPositions(np.concatenate([root.convertToPositions(place), state.angles]))
+        ball.setVelocities(np.concatenate([state.turning, state.velocity, state.rates]))
+        return
+    angles = dart.math.matrixToEulerXYZ(R)
+    ball.setPositions(np.concatenate([state.centre, angles, state.angles]))
+    # The Jacobian gives ω in the shell's axes.
+    turning = np.linalg.solve(root.getRelativeJacobian()[:3], R.T @ state.turning)
+    ball.setVelocities(np.concatenate([state.velocity, turning, state.rates]))
 
 
 class _DartWorld(adapter.ServoWorld):
@@ -62,7 +81,8 @@ class _DartWorld(adapter.ServoWorld):
         super().__init__(scene)
         import dartpy
 
-        self.world, self.ball = dartpy.simulation.World(), _skeleton(scene, dartpy)
+        self.ball = _skeleton(scene, dartpy, settings.root)
+        self.world, self.shell = dartpy.simulation.World(), self.ball.getBodyNode("shell")
         self.damping = adapter.spin_damping(scene, settings, step)
         self.world.setTimeStep(step)
         self.world.setGravity([0.0, 0.0, -scene.gravity])
@@ -72,7 +92,7 @@ class _DartWorld(adapter.ServoWorld):
         up, shapes = np.array([0.0, 0.0, 1.0]), dartpy.dynamics
         for body, shape in (
             (plane, shapes.PlaneShape(up, 0.0)),
-            (self.ball.getBodyNode(0), shapes.SphereShape(scene.ball.radius)),
+            (self.shell, shapes.SphereShape(scene.ball.radius)),
         ):
             node = body.createShapeNode(shape)
             node.createCollisionAspect()
@@ -95,16 +115,15 @@ class _DartWorld(adapter.ServoWorld):
         self.world.step(False)  # True would reset the commands, and the torque
 
     def _resist_spin(self) -> None:
-        shell = self.ball.getBodyNode(0)
-        shell.setExtTorque([0.0, 0.0, -self.damping * shell.getAngularVelocity()[2]], False)
+        spin = self.shell.getAngularVelocity()[2]
+        self.shell.setExtTorque([0.0, 0.0, -self.damping * spin], False)
 
     def python_seconds(self) -> float:
         torque = adapter.seconds_per_call(self._resist_spin) * self.steps if self.damping else 0.0
         return super().python_seconds() + torque
 
     def state(self) -> State:
-        shell = self.ball.getBodyNode(0)
-        place = shell.getTransform()
+        shell, place = self.shell, self.shell.getTransform()
         q, v = self.ball.getPositions(), self.ball.getVelocities()
         turn, centre = from_matrix(np.array(place.rotation())), np.array(place.translation())
         moving, turning = shell.getLinearVelocity(), shell.getAngularVelocity()
@@ -133,10 +152,6 @@ class _DartDynamics(adapter.IdealWorld):
         )
 
 
-def _world(scene: Scene, settings: _DartSettings, step: float) -> adapter.World:
-    return (_DartDynamics if settings.ideal else _DartWorld)(scene, settings, step)
-
-
 DART = adapter.Adapter(
     label=Label("DART", adapter.version_of("dartpy"), "#8C564B", "v"),
     packages=("dartpy",),
@@ -149,6 +164,6 @@ DART = adapter.Adapter(
         # DOP853 chooses its steps itself; the timestep is only the longest.
         _DartSettings(name="ideal", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
     ),
-    world=_world,
+    world=adapter.either(_DartWorld, _DartDynamics),
     lacks=adapter.spins,
 )

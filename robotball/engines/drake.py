@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
+from scipy.optimize import root_scalar
 
 from robotball.engines import adapter
 from robotball.engines.states import State, lifting, links_of, start_state
@@ -16,9 +17,7 @@ from robotball.motion import Label
 from robotball.rotations import Array
 from robotball.scene import Scene
 
-# Of the radius, where the search for the depth at rest begins, and its steps at most: the load is a
-# smooth function of the depth, and the search ends by itself after fewer.
-_FIRST_DEPTH, _SECANTS = 1e-3, 8
+_FIRST_DEPTH, _DEPTH_ERROR = 1e-3, 1e-12  # of the radius, in the search for the depth at rest
 _Integrator = Literal[
     "runge_kutta3", "radau3", "implicit_euler", "velocity_implicit_euler", "cenic"
 ]
@@ -90,37 +89,38 @@ def _add_plant(
     return plant
 
 
-def _positions(state: State) -> tuple[Array, Array]:
-    """Return Drake's q and v."""
-    q = np.concatenate([state.attitude, state.centre, state.angles])
-    return q, np.concatenate([state.turning, state.velocity, state.rates])
+def _coordinates(state: State) -> Array:
+    """Return Drake's q and v, one after the other."""
+    places = (state.attitude, state.centre, state.angles)
+    return np.concatenate([*places, state.turning, state.velocity, state.rates])
+
+
+def _alone(scene: Scene, settings: _DrakeSettings, depth: float = 0.0) -> tuple[Any, Any, Any]:
+    """Return a plant in continuous time, its context, and what both live in."""
+    from pydrake.systems.framework import DiagramBuilder
+
+    builder = DiagramBuilder()
+    plant = _add_plant(scene, settings, builder, 0.0, depth)
+    diagram = builder.Build()
+    root = diagram.CreateDefaultContext()
+    return plant, plant.GetMyMutableContextFromRoot(root), (diagram, root)
 
 
 def _carrying_depth(scene: Scene, settings: _DrakeSettings) -> float:
-    """Return the depth at which the contact carries the ball's weight [m], by secants."""
-    from pydrake.systems.framework import DiagramBuilder
+    """Return the depth at which the contact carries the ball's weight [m]."""
+    at_rest, a = _coordinates(start_state(scene)), scene.ball.radius
 
     def fall(depth: float) -> float:
-        builder = DiagramBuilder()
-        plant = _add_plant(scene, replace(settings, gain=None, armature=0.0), builder, 0.0, depth)
-        diagram = builder.Build()
-        root = diagram.CreateDefaultContext()
-        context = plant.GetMyMutableContextFromRoot(root)
+        plant, context, _living = _alone(scene, replace(settings, gain=None, armature=0.0), depth)
         plant.get_actuation_input_port().FixValue(context, np.zeros(len(scene.drives)))
-        resting = start_state(scene)
-        plant.SetPositions(context, _positions(resting)[0])
-        plant.SetVelocities(context, np.zeros(plant.num_velocities()))
-        rates = plant.EvalTimeDerivatives(context).CopyToVector()
-        return float(rates[plant.num_positions() + 5])
+        q = plant.num_positions()
+        at_rest[q:] = 0.0
+        plant.SetPositionsAndVelocities(context, at_rest)
+        return float(plant.EvalTimeDerivatives(context).CopyToVector()[q + 5])
 
-    low, high = 0.0, _FIRST_DEPTH * scene.ball.radius
-    at_low, at_high = fall(low), fall(high)
-    for _ in range(_SECANTS):
-        if at_high == at_low or abs(at_high) < 1e-12 * scene.gravity:
-            break
-        low, high = high, high - at_high * (high - low) / (at_high - at_low)
-        at_low, at_high = at_high, fall(high)
-    return high
+    # The load is a smooth function of the depth, of which a secant needs few values.
+    found = root_scalar(fall, x0=0.0, x1=_FIRST_DEPTH * a, xtol=_DEPTH_ERROR * a)
+    return float(found.root)
 
 
 def _motors(scene: Scene, armature: float | None) -> Any:
@@ -147,24 +147,12 @@ def _motors(scene: Scene, armature: float | None) -> Any:
 
 
 def _against_spin(plant: Any, damping: float) -> Any:
-    """Return a system that puts the torque -damping (ω, e_z) on the shell."""
-    from pydrake.common.value import Value
-    from pydrake.multibody.math import SpatialForce
-    from pydrake.multibody.plant import ExternallyAppliedSpatialForce
-    from pydrake.systems.framework import LeafSystem
+    """Return a system that makes of the plant's state the torque -damping (ω, e_z) on the shell."""
+    from pydrake.systems.primitives import MatrixGain
 
-    system, n = LeafSystem(), plant.num_multibody_states()
-    port, first = system.DeclareVectorInputPort("state", n), plant.num_positions()
-    force = ExternallyAppliedSpatialForce()
-    force.body_index = plant.GetBodyByName("shell").index()
-
-    def torque(context: Any, output: Any) -> None:
-        spin = port.Eval(context)[first + 2]
-        force.F_Bq_W = SpatialForce(np.array([0.0, 0.0, -damping * spin]), np.zeros(3))
-        output.set_value([force])
-
-    system.DeclareAbstractOutputPort("torque", lambda: Value([force]), torque)
-    return system
+    D = np.zeros((plant.num_velocities(), plant.num_multibody_states()))
+    D[2, plant.num_positions() + 2] = -damping  # v begins with the shell's ω, in world axes
+    return MatrixGain(D)
 
 
 class _DrakeWorld(adapter.World):
@@ -188,7 +176,8 @@ class _DrakeWorld(adapter.World):
         if damping := adapter.spin_damping(scene, settings, step):
             torque = builder.AddSystem(_against_spin(plant, damping))
             builder.Connect(plant.get_state_output_port(), torque.get_input_port(0))
-            builder.Connect(torque.get_output_port(0), plant.get_applied_spatial_force_input_port())
+            takes = plant.get_applied_generalized_force_input_port()
+            builder.Connect(torque.get_output_port(0), takes)
         self.simulator = Simulator(builder.Build())
         if not discrete:
             config = SimulatorConfig(integration_scheme=settings.integrator, max_step_size=step)
@@ -199,9 +188,7 @@ class _DrakeWorld(adapter.World):
             # Drake's own of 1e-3 in its place (docs/findings/drake_fixed_accuracy.py).
             self.simulator.get_mutable_integrator().set_fixed_step_mode(not settings.error_control)
         self.context = plant.GetMyMutableContextFromRoot(self.simulator.get_mutable_context())
-        q, v = _positions(self.now)
-        plant.SetPositions(self.context, q)
-        plant.SetVelocities(self.context, v)
+        plant.SetPositionsAndVelocities(self.context, _coordinates(self.now))
         self.simulator.Initialize()
 
     def march(self, times: Array, timestep: float) -> Iterator[Callable[[], State]]:
@@ -222,8 +209,8 @@ class _DrakeWorld(adapter.World):
         return lifting(each.contact_force() for each in contacts)
 
     def python_seconds(self) -> float:
-        """Return NaN: Drake itself calls our torque and motors, so their time is unknown."""
-        return float("nan")
+        """Return 0, or NaN where rates change: Drake itself then calls our function of them."""
+        return 0.0 if self.scene.steady else float("nan")
 
 
 class _DrakeDynamics(adapter.IdealWorld):
@@ -231,17 +218,11 @@ class _DrakeDynamics(adapter.IdealWorld):
 
     def __init__(self, scene: Scene, settings: _DrakeSettings, step: float) -> None:
         super().__init__(scene, settings)
-        from pydrake.systems.framework import DiagramBuilder
-
-        builder = DiagramBuilder()
-        self.plant = _add_plant(scene, settings, builder, 0.0)
-        self.diagram = builder.Build()
-        self.root = self.diagram.CreateDefaultContext()
-        self.context = self.plant.GetMyMutableContextFromRoot(self.root)
+        self.plant, self.context, self.living = _alone(scene, settings)
 
     def dynamics(self, state: State) -> tuple[Array, Array]:
         plant, context = self.plant, self.context
-        plant.SetPositionsAndVelocities(context, np.concatenate(_positions(state)))
+        plant.SetPositionsAndVelocities(context, _coordinates(state))
         h = plant.CalcBiasTerm(context) - plant.CalcGravityGeneralizedForces(context)
         return adapter.velocity_first(plant.CalcMassMatrix(context), h)
 
@@ -272,15 +253,11 @@ _IDEAL = _DrakeSettings(
 )
 
 
-def _world(scene: Scene, settings: _DrakeSettings, step: float) -> adapter.World:
-    return (_DrakeDynamics if settings.ideal else _DrakeWorld)(scene, settings, step)
-
-
 DRAKE = adapter.Adapter(
     label=Label("Drake", adapter.version_of("drake"), "#009E73", "s"),
     packages=("pydrake",),
     extra="drake",
     presets=adapter.by_name(_AS_IT_COMES, _DISCRETE, _BEST, _IDEAL),
-    world=_world,
+    world=adapter.either(_DrakeWorld, _DrakeDynamics),
     lacks=adapter.spins,
 )

@@ -160,10 +160,9 @@ _BEST = _GenesisSettings(
 
 def _lacks(scene: Scene, settings: _GenesisSettings) -> str | None:
     """Return that it lacks double precision, or torsional friction, as it comes."""
-    lack = ["its state is in single precision"] if settings.precision == "32" else []
-    if scene.rolling == "rubber" and settings.torsional is None:
-        lack.append("its contact has no torsional friction: the shell spins freely")
-    return "; ".join(lack) or None
+    single = adapter.in_single_precision(scene, settings) if settings.precision == "32" else None
+    free = adapter.no_torsion(scene) if settings.torsional is None else None
+    return "; ".join(filter(None, (single, free))) or None
 
 
 GENESIS = adapter.Adapter(

@@ -207,18 +207,14 @@ def _lacks(scene: Scene, settings: _NewtonSettings) -> str | None:
     if settings.device is not None:
         most = ", ".join(f"{name} of {value:g}" for name, value in _BEARS.items())
         lack += f", and so are its steps, which bear at most an {most}"
-    if scene.rolling == "rubber" and settings.impedance is None:
-        lack += "; its contact has no torsional friction: the shell spins freely"
+    if settings.impedance is None and (free := adapter.no_torsion(scene)):
+        lack += f"; {free}"
     return lack
 
 
+_VERSION = f"{adapter.version_of('newton')} on mujoco {adapter.version_of('mujoco')}"
 NEWTON = adapter.Adapter(
-    label=Label(
-        "Newton",
-        f"{adapter.version_of('newton')} on mujoco {adapter.version_of('mujoco')}",
-        "#117733",
-        "*",
-    ),
+    label=Label("Newton", _VERSION, "#117733", "*"),
     packages=("newton",),
     extra="newton",
     presets=adapter.by_name(_AS_IT_COMES, _BEST, replace(_BEST, name="kept", kept=True)),

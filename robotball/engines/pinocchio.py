@@ -164,10 +164,6 @@ class _Pinocchio(adapter.Adapter):
         return None
 
 
-def _world(scene: Scene, settings: _PinocchioSettings, step: float) -> adapter.World:
-    return (_PinocchioWorld if settings.ideal else _ContactWorld)(scene, settings, step)
-
-
 PINOCCHIO = _Pinocchio(
     label=Label("Pinocchio", adapter.version_of("pin"), "#56B4E9", "D"),
     packages=("pinocchio",),
@@ -184,13 +180,9 @@ PINOCCHIO = _Pinocchio(
             spin_part=0.0,
         ),
         _PinocchioSettings(
-            name="contact",
-            error_tolerance=5e-2,
-            timestep=1e-3,
-            friction=20.0,
-            root="translation",
+            name="contact", error_tolerance=5e-2, timestep=1e-3, friction=20.0, root="translation"
         ),
     ),
-    world=_world,
+    world=adapter.either(_ContactWorld, _PinocchioWorld),
     lacks=adapter.spins,
 )

@@ -76,8 +76,8 @@ EXPECTED = {
     "pybullet_first_order": FIRST_ORDER,
     "drake_first_order": FIRST_ORDER,
     "drake_cenic": "SAP: 1.999 2.001; RK3: 1.999 2.001; CENIC: -2.001 -1.999",
+    # kTamsi, in releases that have it: 7.7e-6 beside either.
     "drake_frozen":
-        "kTamsi, 100 kg m²: 7e-6 8.5e-6; kTamsi, 1e+12 kg m²: 7e-6 8.5e-6; "
         "kSap, 100 kg m²: 3.4e-5 3.9e-5; kSap, 1e+12 kg m²: 1.0 1.0; "
         "kLagged, 100 kg m²: 7.7e-6 9.5e-6; kLagged, 1e+12 kg m²: 1.0 1.0",
     "drake_stiction":

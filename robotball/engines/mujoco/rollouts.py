@@ -1,7 +1,7 @@
 """Many runs at once: by MuJoCo's own loop of steps in threads, or in processes.
 
 Where controls keep their values a run is nothing but steps. Each of some threads takes those of one
-start after another by `mujoco.rollout`, while runs that have ended are monitored from their rows. A
+start after another by `mujoco.rollout`, and reads their rows, which its core still has at hand. A
 drive that changes calls Python at every step, which threads would wait for, and scenes that differ
 in more than the start are built one by one: these go to processes. A motion is that of `run` to the
 last bit.
@@ -59,18 +59,18 @@ def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Itera
     if not (together.size >= 2 * allowed() and together.steps_alone and alike):
         yield from of_each(alone, scenes)
         return
-    ahead = deque[tuple[Scene, _Started | None, Future[tuple[Array, float]] | None]]()
+    ahead = deque[tuple[Scene, Future[ContactMotion | None] | None]]()
 
     def motion() -> ContactMotion:
-        scene, started, stepped = ahead.popleft()
-        read = started and stepped and together.motion(started.model, *stepped.result())
-        return read or alone(scene)
+        scene, ended = ahead.popleft()
+        read = ended and ended.result()
+        return held(read) if read else alone(scene)
 
     threads = ThreadPoolExecutor(allowed())
     try:
         for scene in scenes:
             started = together.started(scene)
-            ahead.append((scene, started, started and threads.submit(together.rows, started)))
+            ahead.append((scene, started and threads.submit(together.motion, started)))
             if len(ahead) == together.size:
                 yield motion()
         while ahead:
@@ -141,7 +141,13 @@ class _Together:
         vars(model).update(scene=scene, hinges=hinges, sensor_columns=columns)
         return _Started(model, state, margin)
 
-    def rows(self, started: _Started) -> tuple[Array, float]:
+    def motion(self, started: _Started) -> ContactMotion | None:
+        """Return the motion of a run, before it is held; None where MuJoCo's loop stopped."""
+        motion = observed(started.model, self.times, self._portions(*self._rows(started)))
+        stopped = _STOPPED & {fault.kind for fault in motion.report.faults}
+        return None if stopped else motion
+
+    def _rows(self, started: _Started) -> tuple[Array, float]:
         """Return the rows (steps + 1, n) of a run, and the processor time of its steps [s]."""
         began, data, rows, begin = thread_time(), self.idle.get(), np.zeros(self.shape), 0
         compiled, state, guess = data.model, started.state, None
@@ -158,12 +164,6 @@ class _Together:
                 begin += count
         self.idle.put(data)
         return rows, thread_time() - began
-
-    def motion(self, model: Model, rows: Array, seconds: float) -> ContactMotion | None:
-        """Return the motion of a run's rows (steps + 1, n); None where MuJoCo's loop stopped."""
-        motion = observed(model, self.times, self._portions(rows, seconds))
-        stopped = _STOPPED & {fault.kind for fault in motion.report.faults}
-        return None if stopped else held(motion)
 
     def _portions(self, rows: Array, seconds: float) -> Iterator[Portion]:
         share = seconds / len(self.parts)

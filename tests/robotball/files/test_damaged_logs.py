@@ -16,11 +16,13 @@ Random = np.random.Generator
 
 def right() -> Array:
     """The rows of a log that is read."""
-    m = rb.integrate(SCENE, rb.sample_times(_END))
+    m, rng = rb.integrate(SCENE, rb.sample_times(_END)), np.random.default_rng(0)
     command = SCENE.hinges[0].command.rate(m.times)
-    return np.column_stack(
-        [m.times, m.contact_point, m.attitude, m.angular_velocity, m.hinge_angles, command]
+    sensed = np.column_stack(
+        [m.contact_point, m.attitude, m.angular_velocity, m.hinge_angles, command]
     )
+    noisy = sensed + rng.normal(0.0, 1e-4, sensed.shape)
+    return np.column_stack([m.times, noisy])
 
 
 RIGHT = right()

@@ -114,7 +114,7 @@ _MOST = (2.0, 1.1)
 # Of path, attitude or ω, the part of the typical error and of its mean square that may be left:
 # 0.09 and 0.30 at most where a planted mistake is undone, of which the rest is the engine's.
 _REMAINING = ((0.1,), (1 / 3,))
-_SURE = 0.1  # the part of its largest error that a mistake may leave if it is said to be made
+SURE = 0.1  # the part of its largest error that a mistake may leave if it is said to be made
 _SPOILS = np.log(3.0)  # by how much it may worsen another one, which is wrong anyway
 _AS_GOOD = np.log(1.5)  # two mistakes so near explain as much as each other
 _SOUND = 1e-3  # errors of path and attitude, below which no other scene is tried
@@ -146,7 +146,7 @@ class Mistake:
     @property
     def sure(self) -> bool:
         """Return whether so little is left that the mistake is said to be made."""
-        return self.left <= _SURE
+        return self.left <= SURE
 
 
 def reference_of(scene: Scene, times: Array) -> Motion:

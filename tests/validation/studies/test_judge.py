@@ -21,7 +21,7 @@ from tests.random_balls import ball_of_points
 from tests.random_robots import random_scene as random_robot_scene
 from validation import judge
 from validation.studies import judge_search
-from validation.studies.judge import FileJudgement, lines
+from validation.studies.judge import FileJudgement, lines, number_of
 
 NAMES = ("fig12", "classical_regular", "wobbling_drive", "three_rotors", "classical_chaotic")
 SCENES = (*map(rb.load_scene, NAMES), *map(ball_of_points, range(1, 6)))
@@ -517,3 +517,15 @@ def test_what_leaves_more_than_a_tenth_is_not_said_to_be_wrong(
     assert found.mistakes[0].left > 0.1  # measured 0.149, of the attitude
     assert not any(line.startswith("WRONG") for line in lines(found))
     assert "a convention is perhaps wrong" in lines(found)[-1]
+
+
+@pytest.mark.slow
+def test_a_number_that_explains_a_file_is_fitted() -> None:
+    """A rate that is 3 % off; of an engine's own error no number is said."""
+    found = judged(FIG12, exact(with_rate(0, 1.03)(FIG12)))
+    assert (found.mistakes, found.agrees) == ((), False)
+    number = number_of(found)
+    assert number is not None
+    assert number.name == "frame.rate"
+    assert number.value == pytest.approx(2.06, abs=1e-6)  # measured 3e-10 off
+    assert number_of(judged(FIG12, run(FIG12, STEPS[0]))) is None

@@ -41,7 +41,7 @@ def numbers(folder: Path, **given: str) -> RobotNumbers:
 
 def log(scene: rb.Scene) -> rb.Log:
     """What sensors read of a motion by the equations, with noise, and the command."""
-    m, rng = rb.integrate(scene, rb.sample_times(1.0)), np.random.default_rng(3)
+    m, rng = rb.integrate(scene, rb.sample_times(1.5)), np.random.default_rng(3)
     noisy = [rng.normal(0.0, size, (len(m.times), 3)) for size in NOISE.values()]
     sensors = (
         rb.Sensor("position", m.times, m.contact_point + noisy[0][:, :2]),
@@ -84,9 +84,9 @@ def test_a_contact_as_it_comes_is_paid_by_the_numbers(tmp_path: Path) -> None:
     )
     equations, as_it_is = (fit(robot, [given], free, noise=NOISE, **each) for each in runs)
     (own,), (other,) = equations.found, as_it_is.found
-    print(own, other, as_it_is.chi2 / as_it_is.degrees)
-    assert abs(own.value + 0.085) < 3 * own.deviation
-    assert abs(other.value + 0.085) > 6 * other.deviation
+    assert abs(own.value + 0.085) < 3 * own.deviation  # measured 0.4 of them
+    assert abs(other.value + 0.085) > 6 * other.deviation  # measured 16
+    assert as_it_is.chi2 > 3 * as_it_is.degrees  # measured 10; the contact slips and spins
 
 
 def test_the_toolbox_finds_the_least_squares() -> None:

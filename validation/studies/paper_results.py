@@ -133,7 +133,7 @@ def _straight_lines(quick: bool) -> _Rows:
         own = next(each for each in lines if name(each.gamma) == "σ₋")
         linear = linear_part(flow_near(scene.parameters, own.gamma, own.momentum), 3)
         start = along_momentum(own.gamma, own.momentum)
-        line = partial(_LINE, f"σ₋, f = {f:.4f}", "5.1, Fig. 10", "balanced")
+        line = partial(_LINE, f"σ₋, f = {f:.8g}", "5.1, Fig. 10", "balanced")
         rows = [*rates(line, linear, partial(_beside_line, scene, start))]
         growth += [row["contact"] for row in rows if "Re" in row["quantity"]]
         yield from rows

@@ -166,12 +166,16 @@ def table_of(
 
 
 def present(study: Study, picture: Path, json: Path | None, csv: Path | None) -> list[Path]:
-    """Write a study's files, print its tables, and return the paths that were written.
-
-    No data is written where its path is None.
-    """
-    written = []
+    """Write a study's files as `write` does, print its tables, and return the files' paths."""
     # Files before tables: what a terminal cannot show is written all the same.
+    written = write(study, picture, json, csv)
+    show(study.shown)
+    return written
+
+
+def write(study: Study, picture: Path, json: Path | None, csv: Path | None) -> list[Path]:
+    """Write a study's files and return their paths. No data is written where its path is None."""
+    written = []
     if study.picture is not None:
         written.append(write_picture(picture, study.picture))
     if json is not None and study.record is not None:
@@ -180,7 +184,6 @@ def present(study: Study, picture: Path, json: Path | None, csv: Path | None) ->
     if csv is not None:
         write_rows(csv, study.rows)
         written.append(csv)
-    show(study.shown)
     return written
 
 

@@ -16,8 +16,9 @@ The parameter s goes from 0 to 1 here; `motion_branches` says what it stands for
 """
 
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import brentq
@@ -31,7 +32,7 @@ _KINDS = (FOLD, BRANCH, DOUBLING, HOPF)  # by the test functions, in their order
 _FIRST_STEP, _LEAST_STEP, _LONGEST_STEP = 0.01, 1e-7, 0.03  # lengths of a step in (u, s)
 _BENT = 0.95  # least cosine between neighbours: of tangents, and of ways to a start between them
 _MOST_POINTS, _MOST_BRANCHES = 1000, 40
-_ALIKE = 0.3  # exponents of neighbours, where a branch comes back to its start
+_ALIKE = 0.3  # exponents of neighbours, beside their change, where a branch is back at its start
 _ITERATIONS = 10
 _CLOSED = 1e-13  # of the equations
 # Of them, if they fall no more: where a cycle rests for long, rounding there moves its end so far.
@@ -59,13 +60,14 @@ class Problem:
 
     look: what is seen of them at u and s; gauge: a direction (n,) in which the same solution goes
     on; end: why a branch is followed no further than u, or ""; identity: the part of (u, s) by
-    which a solution is recognised.
+    which a solution is recognised; told: is given (u, s) of each new point.
     """
 
     look: Callable[[Array, float], Look]
     gauge: Callable[[Array, float], Array] | None = None
     end: Callable[[Array], str] = lambda u: ""
     identity: int = 0
+    told: Callable[[Array], None] = lambda x: None
 
     def rows(self, x: Array) -> Array:
         """Return the gauge at x = (u, s) as (1, n + 1), or (0, n + 1)."""
@@ -75,19 +77,21 @@ class Problem:
         return direction[None] / np.linalg.norm(direction)
 
 
-def steady(residual: Residual, exponents: Residual) -> Problem:
+def steady(
+    residual: Residual, exponents: Residual, told: Callable[[Array], None] = lambda x: None
+) -> Problem:
     """Return the problem of an analytic function's zeros, with the exponents (k,) at each."""
 
     def look(u: Array, s: float) -> Look:
         return residual(u, s), derivatives(residual, u, s), lambda: exponents(u, s)
 
-    return Problem(look)
+    return Problem(look, told=told)
 
 
 def derivatives(residual: Residual, u: Array, s: float) -> Array:
-    """Return the derivatives (m, n + 1) of an analytic function (m,) by u (n,) and s."""
-    by_u = [residual(u + _TINY * e, s).imag / _TINY.imag for e in np.eye(len(u))]
-    return np.stack([*by_u, by_parameter(residual, u, s)], axis=1)
+    """Return the derivatives (m, n + 1) of an analytic function (m, ...) by u (n, ...) and s."""
+    by_u = residual(u[:, None] + _TINY * np.eye(len(u)), s).imag / _TINY.imag
+    return np.column_stack([by_u, by_parameter(residual, u, s)])
 
 
 def by_parameter(residual: Residual, u: Array, s: float) -> Array:
@@ -127,35 +131,52 @@ class Branch:
         """Return its special points of some kinds, or of all."""
         return [point for point in self.points if point.kind in (kinds or _KINDS)]
 
+    def passes(self, s: float) -> int:
+        """Return how often it passes an s that is none of its points'."""
+        above = np.array([point.x[-1] > s for point in self.points])
+        return int(np.count_nonzero(above[1:] != above[:-1]))
+
 
 def explore(
     problem: Problem, starts: Iterable[Array], known: Sequence[Branch] = ()
-) -> list[Branch]:
-    """Return the branches through starts (n + 1,) near (u, s), and those that cross them.
+) -> Iterator[Branch]:
+    """Yield the branches through starts (n + 1,) near (u, s), and those that cross them.
 
-    A start at an end of a branch, a known one or one of these, is not followed again.
+    A start on a branch, a known one or one of these, is not followed again. Raises InputError
+    where Newton's method does not converge from a start.
     """
-    branches: list[Branch] = []
-    crossed: list[Point] = []
+    branches = [*known]
+    crossed = [point for each in known for point in each.special(BRANCH, DOUBLING)]
 
     def among(point: Point, others: Iterable[Point]) -> bool:
         place = point.x[problem.identity :]
         return any(np.abs(place - x.x[problem.identity :]).max() < _SAME for x in others)
 
+    def is_on(branch: Branch, start: Point) -> bool:
+        """Whether a start is on a branch: between neighbours it has a point at the start's s."""
+        s, points = start.x[-1], branch.points
+        for last, new in pairwise(points):
+            if (last.x[-1] - s) * (new.x[-1] - s) < 0:
+                part = (s - last.x[-1]) / (new.x[-1] - last.x[-1])
+                near = last.x + part * (new.x - last.x)
+                if among(start, _reached(problem, near, np.eye(len(near))[-1])):
+                    return True
+        return among(start, points)
+
     queue = deque(Point(np.array(x), np.eye(len(x))[-1], np.zeros(0)) for x in starts)
-    while queue and len(branches) < _MOST_BRANCHES:
+    while queue and len(branches) < len(known) + _MOST_BRANCHES:
         start = queue.popleft()
         if not start.kind:
             start = _corrected(problem, start.x, start.tangent)
-            if among(start, (each.points[i] for each in (*known, *branches) for i in (0, -1))):
+            if any(is_on(each, start) for each in branches):
                 continue
         branches.append(trace(problem, start))
+        yield branches[-1]
         for point in branches[-1].special(BRANCH, DOUBLING):
             if not among(point, crossed):
                 others = _switched(problem, point)
                 crossed += [point, *others]
                 queue.extendleft(others)
-    return branches
 
 
 def trace(problem: Problem, start: Point) -> Branch:
@@ -184,7 +205,7 @@ def half(problem: Problem, start: Point, most: int = _MOST_POINTS) -> tuple[list
                 new = replace(new, tangent=new.tangent * np.sign(new.tangent @ last.tangent))
             # Where two branches cross, the other one is not quite across.
             bent = new.tangent @ last.tangent < _BENT and (len(points) > 1 or not start.kind)
-            special = _between(problem, last, new)
+            special = [] if bent else _between(problem, last, new)
         except ValueError:
             bent = True
         if bent:
@@ -196,14 +217,16 @@ def half(problem: Problem, start: Point, most: int = _MOST_POINTS) -> tuple[list
         if not last.kind and (problem.rows(last.x) * problem.rows(new.x)).sum() < 0:
             return points, "shrinks to a point"
         points += [*special, new]
+        problem.told(new.x)
         if end := problem.end(new.x[:-1]):
             return points, end
         one, other = ((point.x - start.x)[problem.identity :] for point in (last, new))
         between = one @ other < -_BENT * np.linalg.norm(one) * np.linalg.norm(other)
-        if between and np.abs(new.exponents - start.exponents).max() < _ALIKE:
+        here, there, now = (np.sort_complex(each.exponents) for each in (start, last, new))
+        if between and np.abs(now - here).max() < _ALIKE + np.abs(now - there).max():
             return points, CLOSES
         step = min(1.5 * step, _LONGEST_STEP)
-    return points, "most points"
+    return points, f"{most} points"
 
 
 def _corrected(problem: Problem, x: Array, across: Array) -> Point:
@@ -225,6 +248,14 @@ def _corrected(problem: Problem, x: Array, across: Array) -> Point:
             break
         last = size
     raise InputError(f"no branch found near a start: Newton's method leaves {size:.1e}")
+
+
+def _reached(problem: Problem, x: Array, across: Array) -> list[Point]:
+    """Return the point that `_corrected` finds, or nothing."""
+    try:
+        return [_corrected(problem, x, across)]
+    except InputError:
+        return []
 
 
 def _real_parts(exponents: Array) -> Array:

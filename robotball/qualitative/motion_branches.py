@@ -11,21 +11,24 @@ Seydel, chapter 7, p is 1/2 where a saddle and a node come together on the cycle
 period grows as ln |s - s*| only, and p tends to 0.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby
+from typing import TypeVar
 
 import numpy as np
 
 from robotball import equations as eq
 from robotball.engines.ensembles.orbits import angular_velocity, orbits
-from robotball.equations import Parameters
+from robotball.equations import Parameters, as_vector
+from robotball.errors import InputError
 from robotball.qualitative import continuation as co
 from robotball.qualitative.cycles import Cycle, by_turn, level_vectors, monodromy_of, multipliers_of
 from robotball.qualitative.equilibria import attitude_at, fixed_points
-from robotball.qualitative.families import varied
+from robotball.qualitative.families import numbers_of, varied
 from robotball.qualitative.normal_forms import Flow, flow_near, linear_part, lyapunov_value
 from robotball.qualitative.portraits import reversed_in_time
-from robotball.qualitative.straight_motions import straight_motions
+from robotball.qualitative.straight_motions import straight_verticals
 from robotball.rotations import Array, tangents
 from robotball.scene import along_momentum
 
@@ -34,6 +37,13 @@ _TINY = 1e-300  # beside a multiplier that is zero by rounding
 _PHASES = 400  # of a cycle, to start from
 _SPAN = 0.3  # in ln T: between the points by which the growth of a period is measured
 _LOGARITHM = 0.3  # a power below it is falling to 0
+# Values within the range at which fixed points are sought, in 40 ms each, and straight lines, in
+# 0.2 ms: closed branches of lines have been seen as short as a hundredth of a range.
+_POINTS, _LINES = 20, 2000
+_GOLDEN = (np.sqrt(5.0) - 1) / 2
+_Found = TypeVar("_Found")
+Told = Callable[[Array], None]
+"""Is given (u, s) of each new point."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +66,17 @@ class Family:
         size = float(np.linalg.norm(M))
         return parameters, size, float(M[2] / size) if size else 0.0
 
+    def places(self, inside: int) -> list[float]:
+        """Return where solutions are sought: both ends, the ball's own number, `inside` between."""
+        own = numbers_of(self.parameters, self.momentum)[self.name] - self.low
+        own /= self.high - self.low
+        # The golden section keeps off the middle and other round numbers, where a ball may have a
+        # symmetry and its solutions coincide.
+        between = (np.arange(inside) + _GOLDEN) / inside
+        return [0.0, 1.0, *[own] * (0 < own < 1), *between]
+
     def rate(self, u: Array, s: float) -> Array:
-        """Return the rates (3k,) of γ and μ [1/s]."""
+        """Return the rates (3k, ...) of γ and μ [1/s] at u (n, ...)."""
         parameters, size, _ = self.at(s)
         v = vectors_of(u)
         M = size * v[1] if len(v) > 1 else np.zeros(3)
@@ -67,7 +86,9 @@ class Family:
     def constants(self, u: Array, s: float) -> Array:
         """Return what is zero on the level: γ² - 1 and, where M ≠ 0, μ² - 1 and (μ, γ) - c/√f."""
         gamma, *mu = v = vectors_of(u)
-        return np.concatenate([(v * v).sum(axis=1) - 1, [m @ gamma - self.at(s)[2] for m in mu]])
+        return np.stack(
+            [*(v * v).sum(axis=1) - 1, *((m * gamma).sum(axis=0) - self.at(s)[2] for m in mu)]
+        )
 
     def flow(self, u: Array, s: float) -> tuple[Flow, int]:
         """Return the flow near u, and how many coordinates it has."""
@@ -77,14 +98,37 @@ class Family:
 
 
 def vectors_of(u: Array) -> Array:
-    """Return γ, or γ and μ, (k, 3) of a solution."""
-    return u[: len(u) // 3 * 3].reshape(-1, 3)
+    """Return γ, or γ and μ, (k, 3, ...) of a solution u (n, ...)."""
+    return u[: len(u) // 3 * 3].reshape(-1, 3, *u.shape[1:])
 
 
-def resting(family: Family) -> list[co.Branch]:
-    """Return the branches of fixed points from rest, or of straight lines where M ≠ 0.
+def sought(
+    family: Family,
+    inside: int,
+    found: Callable[[Parameters, float, float], Iterable[_Found]],
+    told: Callable[[float], None] = lambda s: None,
+) -> Iterator[tuple[_Found, float]]:
+    """Yield what is found at the family's places, each with its s, which `told` is given before.
 
-    They are all that there are at both ends of the range, and what crosses them.
+    Raises InputError for a number that the ball cannot have, and where every place raises it, as
+    where solutions fill curves: at some places two may be about to coincide.
+    """
+    refused = []
+    for s in (places := family.places(inside)):
+        told(s)
+        ball = family.at(s)
+        try:
+            yield from [(each, s) for each in found(*ball)]
+        except InputError as error:
+            refused.append(error)
+    if len(refused) == len(places):
+        raise refused[0]
+
+
+def resting(family: Family, told: Told = lambda x: None) -> Iterator[co.Branch]:
+    """Yield the branches of fixed points from rest, or of straight lines where M ≠ 0.
+
+    They are all that there are at the family's places, and what crosses them.
     """
 
     def residual(u: Array, s: float) -> Array:
@@ -93,35 +137,62 @@ def resting(family: Family) -> list[co.Branch]:
     def exponents(u: Array, s: float) -> Array:
         return np.linalg.eigvals(linear_part(*family.flow(u, s))).astype(complex)
 
-    starts = []
-    for s in (0.0, 1.0):
-        parameters, size, c = family.at(s)
-        if size:
-            lines = straight_motions(parameters, size * size, c * size)
-            starts += [np.array([*line.gamma, *line.momentum / size, s]) for line in lines]
-        else:
-            starts += [np.array([*point.gamma, s]) for point in fixed_points(parameters)]
-    return co.explore(co.steady(residual, exponents), starts)
+    def found(parameters: Parameters, size: float, c: float) -> list[Array]:
+        if not size:
+            return [point.gamma for point in fixed_points(parameters)]
+        still = straight_verticals(parameters, size * size, c * size)
+        momenta = [parameters.momentum((0.0, 0.0, 0.0), as_vector(gamma)) for gamma in still]
+        return [np.append(g, np.array(M) / size) for g, M in zip(still, momenta, strict=True)]
+
+    problem = co.steady(residual, exponents, told)
+    branches: list[co.Branch] = []
+    places = sought(family, _LINES if family.momentum.any() else _POINTS, found)
+    for s, some in groupby(places, key=lambda each: each[1]):
+        starts = [np.append(u, s) for u, _ in some]
+        # Most have been passed, which is known without a correction.
+        if len(starts) != sum(each.passes(s) for each in branches):
+            for branch in co.explore(problem, starts, branches):
+                branches.append(branch)
+                yield branch
 
 
 def cycling(
-    family: Family, starts: Sequence[tuple[Cycle, float]], longest: float
-) -> list[co.Branch]:
-    """Return the branches of given cycles, each with its s, up to a period of `longest` [s]."""
+    family: Family,
+    starts: Iterable[tuple[Cycle, float]],
+    longest: float,
+    born: Iterable[co.Point] = (),
+    told: Told = lambda x: None,
+) -> Iterator[co.Branch]:
+    """Yield the branches of given cycles, each with its s, and of those born at Hopf points.
+
+    longest: the period beyond which none is followed [s]. A cycle is on one of the branches alone.
+    """
     branches: list[co.Branch] = []
+
+    def through(x: Array, multipliers: Array) -> Iterator[co.Branch]:
+        problem = _closing(family, _repels(multipliers), longest, told)
+        for branch in co.explore(problem, [x], branches):
+            branches.append(branch)
+            yield branch
+
     for cycle, s in starts:
-        backwards = float(np.abs(cycle.multipliers).prod()) > 1
         ball, M = family.at(s)[0], cycle.momentum
-        if backwards:
+        if _repels(cycle.multipliers):
             ball, M = reversed_in_time(ball), -M
         # Where the motion is slowest, an error of the start changes the period least.
         times = np.linspace(0.0, cycle.period, _PHASES)
         along = orbits(ball, cycle.attitude[None], M[None], times).attitudes[0]
         levels = [level_vectors(each, cycle.momentum).ravel() for each in along]
         u = min(levels, key=lambda u: float(np.linalg.norm(family.rate(u, s))))
-        problem = _closing(family, backwards, longest)
-        branches += co.explore(problem, [np.array([*u, np.log(cycle.period), s])], branches)
-    return branches
+        yield from through(np.array([*u, np.log(cycle.period), s]), cycle.multipliers)
+    for hopf in born:
+        for first in born_cycles(family, hopf, longest)[1].points[1:2]:
+            yield from through(first.x, np.exp(first.exponents))
+
+
+def _repels(multipliers: Array) -> bool:
+    """Whether phase volume grows along a cycle."""
+    return float(np.abs(multipliers).prod()) > 1
 
 
 def born_cycles(
@@ -150,7 +221,9 @@ def _logarithms(monodromy: Array, volume: float, momentum: Array) -> Array:
     return np.asarray(np.log(multipliers_of(monodromy, volume, momentum) + _TINY))
 
 
-def _closing(family: Family, backwards: bool, longest: float) -> co.Problem:
+def _closing(
+    family: Family, backwards: bool, longest: float, told: Told = lambda x: None
+) -> co.Problem:
     """Return the problem of motions that end where they start, backwards in time or not."""
 
     def begin(u: Array, s: float) -> tuple[Parameters, Array, Array]:
@@ -191,7 +264,7 @@ def _closing(family: Family, backwards: bool, longest: float) -> co.Problem:
     def end(u: Array) -> str:
         return f"{ENDLESS} {longest:g} s" if np.exp(u[-1]) > longest else ""
 
-    return co.Problem(look, lambda u, s: np.append(family.rate(u, s), 0.0), end, identity=-2)
+    return co.Problem(look, lambda u, s: np.append(family.rate(u, s), 0.0), end, -2, told)
 
 
 def growth(points: Sequence[co.Point]) -> tuple[float, float]:

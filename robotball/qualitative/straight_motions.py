@@ -62,6 +62,14 @@ def straight_motion(parameters: Parameters, gamma: Array) -> StraightMotion:
 def straight_motions(parameters: Parameters, f: float, c: float = 0.0) -> list[StraightMotion]:
     """Return all straight motions with M² = f [(kg m²/s)²] and (M, γ) = c [kg m²/s]: at most four.
 
+    Raises InputError where Ω = 0.
+    """
+    return [straight_motion(parameters, gamma) for gamma in straight_verticals(parameters, f, c)]
+
+
+def straight_verticals(parameters: Parameters, f: float, c: float = 0.0) -> list[Array]:
+    """Return γ (3,) of all straight motions with M² = f and (M, γ) = c, as of `straight_motions`.
+
     At the ends of the range of f they coincide in pairs. In the rubber model, where c is 0, they
     are on the two planes (Ω, γ) = 0, (K, γ) = ±√(K² - f); in the classical one on the two planes
     d(Ω, γ) = c ± √(c² + K² - f), (K, γ) = c - d(Ω, γ).
@@ -70,19 +78,22 @@ def straight_motions(parameters: Parameters, f: float, c: float = 0.0) -> list[S
     """
     Omega, K, d = np.array(parameters.Omega), np.array(parameters.K), parameters.d
     if not Omega.any():
-        raise InputError("straight_motions needs Omega other than zero")
+        raise InputError(
+            "with Omega = 0 the ball rolls straight on nowhere: it rests, with M = K; make Omega "
+            "other than zero"
+        )
     normal = np.cross(Omega, K)
     size = np.linalg.norm(normal)
     square = c * c + float(K @ K) - f
     if square < 0 or size <= _ROUNDING * np.linalg.norm(Omega) * np.linalg.norm(K):
         return []
-    found = []
+    found: list[Array] = []
     for root in (np.sqrt(square), -np.sqrt(square)):
         levels = (0.0, root) if parameters.rolling == "rubber" else ((c + root) / d, -root)
         foot = np.linalg.lstsq(np.stack([Omega, K]), np.array(levels), rcond=None)[0]
         if (off := 1 - foot @ foot) >= 0:
             found += [foot + sign * np.sqrt(off) / size * normal for sign in (1, -1)]
-    return [straight_motion(parameters, gamma) for gamma in found]
+    return found
 
 
 def name_of_line(parameters: Parameters, gamma: Array) -> str:

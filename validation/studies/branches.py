@@ -1,5 +1,6 @@
 """Bifurcation diagrams: branches of a ball's motions in one number, and `robotball continue`."""
 
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -9,9 +10,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from rich.table import Table
 from tyro.conf import arg
 
 from robotball import InputError, Scene
+from robotball.equations import Parameters
 from robotball.errors import unknown
 from robotball.film.looks import ACCENT, INK
 from robotball.qualitative import motion_branches as motions
@@ -21,20 +24,22 @@ from robotball.qualitative.equilibria import name_of
 from robotball.qualitative.families import NUMBERS
 from robotball.qualitative.long_run import basins
 from robotball.qualitative.portraits import limit_cycles
+from robotball.rotations import Array
 from validation.options import AGREES, OUT, File, SceneName, Threads, check_files
-from validation.output import halo, progress_bar, title, writable_folder
+from validation.output import Show, halo, progress_bar, title, writable_folder
 from validation.plots import note
 from validation.results import changed
 from validation.studies.contact_sections import level_starts, steady_scene
-from validation.study import Column, Row, Study, present, table_of
+from validation.study import Column, Row, Study, show, table_of, write
 
 _NO_BOUND = "period without bound"
 _MARKERS = {FOLD: "^", BRANCH: "s", HOPF: "o", DOUBLING: "D", _NO_BOUND: "*"}
 _PLACE = ("value", "gamma1", "gamma2", "gamma3")
 _SENSES = ("supercritical", "subcritical")
 _ROUNDING = 1e-9  # 1/s, of l₁
-_MOST_POINTS = 500  # points of a branch of cycles from its birth on
 _SEARCHED, _STARTS = 100.0, 16  # s, the longest period searched for; random starts where M ≠ 0
+_INSIDE = 3  # values within the range at which cycles are searched for, some seconds each
+_WRITE_EVERY = 5.0  # s between writings of what has been found
 
 
 def _row_of(family: motions.Family, branch: int, point: Point) -> dict[str, Any]:
@@ -58,27 +63,30 @@ def _row_of(family: motions.Family, branch: int, point: Point) -> dict[str, Any]
     }
 
 
-def _special(family: motions.Family, branches: Sequence[Branch]) -> Iterator[Row]:
-    """Yield the special points, and where a period grows without bound, with what they are."""
-    for number, branch in enumerate(branches, 1):
-        for point in branch.special():
-            row, what = _row_of(family, number, point), ""
-            if point.kind == HOPF and row["period"]:
-                what = "a torus is born"
-            elif point.kind == HOPF:
-                value, born = motions.born_cycles(family, point, _SEARCHED)
-                sense = "degenerate" if abs(value) < _ROUNDING else _SENSES[value > 0]
-                what = f"{sense}, l₁ = {value:.3g} 1/s"
-                for first in born.points[1:2]:
-                    what += f", {'' if first.is_stable else 'un'}stable cycles "
-                    what += "above" if first.x[-1] > point.x[-1] else "below"
-            yield {**row, "what": what}
-        for end, points in zip(branch.ends, (branch.points[::-1], branch.points), strict=True):
-            if end.startswith(motions.ENDLESS):
-                s, power = motions.growth(points)
-                law = f"distance^-{power:.3f}: saddle-node" if power else "logarithm: homoclinic"
-                row = _row_of(family, number, points[-1])
-                yield {**row, "kind": _NO_BOUND, "value": family.value(s), "what": law}
+def _special(family: motions.Family, number: int, branch: Branch) -> Iterator[Row]:
+    """Yield a branch's special points, and where its period grows without bound, with words."""
+    for point in branch.special():
+        row, what = _row_of(family, number, point), ""
+        if point.kind == HOPF and row["period"]:
+            what = "a torus is born"
+        elif point.kind == HOPF:
+            value, born = motions.born_cycles(family, point, _SEARCHED)
+            sense = "degenerate" if abs(value) < _ROUNDING else _SENSES[value > 0]
+            what = f"{sense}, l₁ = {value:.3g} 1/s"
+            for first in born.points[1:2]:
+                what += f", {'' if first.is_stable else 'un'}stable cycles "
+                what += "above" if first.x[-1] > point.x[-1] else "below"
+                if value < 0 and not first.is_stable:
+                    what += ": another exponent is positive"
+        yield {**row, "what": what}
+    for end, points in zip(branch.ends, (branch.points[::-1], branch.points), strict=True):
+        if end.startswith(motions.ENDLESS) and len(points) > 1:
+            s, power = motions.growth(points)
+            law = f"distance^-{power:.3f}: saddle-node" if power else "logarithm: homoclinic"
+            row = _row_of(family, number, points[-1])
+            law += f"; extrapolated from {row['period']:.4g} s at {row['value']:.7g}"
+            law += "" if 0 <= s <= 1 else ", to outside the range"
+            yield {**row, "kind": _NO_BOUND, "value": family.value(s), "what": law}
 
 
 def _branch_picture(scene: Scene, over: str, rows: Sequence[Row], special: Sequence[Row]) -> Figure:
@@ -119,9 +127,11 @@ def _draw_branch(axes: Axes, rows: Sequence[Row], key: str, named: bool) -> None
     stable = np.array([row["stable"] for row in rows])
     # A piece of the line is stable if both its ends are.
     both = stable[1:] & stable[:-1]
-    for run in np.split(np.arange(len(both)), np.flatnonzero(np.diff(both)) + 1):
+    for run in np.split(np.arange(len(both)), np.flatnonzero(np.diff(both)) + 1)[: len(both)]:
         part, style = slice(run[0], run[-1] + 2), "-" if both[run[0]] else "--"
         axes.plot(x[part], y[part], style, color=INK, lw=2.2 if style == "-" else 1.6)
+    if len(rows) == 1:
+        axes.plot(x, y, ".", color=INK)
     places = (3 * len(rows) // 4, len(rows) // 4) if named else ()
     for i in {rows[i]["name"]: i for i in places}.values():
         note(axes, rows[i]["name"], (x[i], y[i]), (4, 5), color=INK, path_effects=halo())
@@ -167,64 +177,103 @@ class Continue:
             raise InputError(f"{scene.name} starts from rest: its lines are --of equilibrium")
         family = motions.Family(scene.parameters, momentum, self.over, self.low, self.high)
         writable_folder(self.out)
-        with progress_bar(2) as progress:
-            progress(0, f"{scene.name}: branches")
+        branches: list[Branch] = []
+        special: dict[tuple[Any, ...], Row] = {}
+
+        def written() -> tuple[Study, list[Path]]:
+            study = _study_of(scene, family, self.of, branches, [*special.values()])
+            stem = study.stem(*changed(self, "longest"))
+            return study, write(study, self.out / f"{stem}.png", self.json, self.csv)
+
+        with progress_bar(1) as progress:
+
+            def at(x: Array) -> str:
+                period = f", period {np.exp(x[-2]):.4g} s" if (len(x) - 1) % 3 else ""
+                return f"{NUMBERS[self.over][0]} = {family.value(x[-1]):.4g}{period}"
+
+            def told(x: Array) -> None:
+                progress(0, f"{scene.name}: branch {len(branches) + 1} at {at(x)}")
+
             if self.of == "cycle":
-                branches = motions.cycling(family, [*_cycles(scene, family)], self.longest)
-                if momentum.any() and np.any(scene.parameters.Omega):
-                    branches += _born(family, self.longest)
+                # An unstable cycle is reached by no start, but is born somewhere.
+                still = momentum.any() and not np.any(scene.parameters.Omega)
+                lines = () if still else motions.resting(family)
+                hopf = (point for each in lines for point in each.special(HOPF))
+                starts = _cycles(scene, family, progress)
+                found = motions.cycling(family, starts, self.longest, hopf, told)
             else:
-                branches = motions.resting(family)
-            progress(1, f"{scene.name}: special points")
-            # A branch point is on two branches at least.
-            places = {
-                (row["kind"], *(round(row[key], 5) for key in _PLACE)): row
-                for row in _special(family, branches)
-            }
-            special = [*places.values()]
+                found = motions.resting(family, told)
+            due = time.monotonic() + _WRITE_EVERY
+            try:
+                for branch in found:
+                    branches.append(branch)
+                    # A branch point is on two branches at least.
+                    special |= {
+                        (row["kind"], *(round(row[key], 5) for key in _PLACE)): row
+                        for row in _special(family, len(branches), branch)
+                    }
+                    if time.monotonic() > due:
+                        written()
+                        due = time.monotonic() + _WRITE_EVERY
+            finally:  # of what is ended, too, all that was found
+                if branches:
+                    study, paths = written()
         if not branches:
-            raise InputError(f"{scene.name}: no {self.of} found at either end of the range")
-        rows = [
-            _row_of(family, n, point) for n, each in enumerate(branches, 1) for point in each.points
-        ]
-        columns = (
-            Column("", "kind", words=True),
-            Column(*NUMBERS[self.over][:1], "value", NUMBERS[self.over][1], form=".7g"),
-            *(Column(f"γ{'₁₂₃'[i]}", f"gamma{i + 1}", form=".4f") for i in range(3)),
-            Column("period", "period", "s", form=".6g"),
-            Column("", "what", words=True),
-        )
-        told = f"{len(branches)} branches, {len(rows)} points; γ in principal axes"
-        record = {"scene": scene.name, "of": self.of, "over": self.over, "special": special}
-        record["ends"] = [each.ends for each in branches]
-        study = Study(
-            scene.name, None, ("continue", self.of, self.over), rows, record,
-            (table_of(columns, special), told), _branch_picture(scene, self.over, rows, special),
-        )  # fmt: skip
-        stem = study.stem(*changed(self, "longest"))
-        print(present(study, self.out / f"{stem}.png", self.json, self.csv)[0])
+            raise InputError(
+                f"{scene.name}: no {self.of} found over {self.over} from {self.low:g} to "
+                f"{self.high:g}, at the ends, the scene's own value and some between"
+            )
+        show(study.shown)
+        print(paths[0])
         return AGREES
 
 
-def _born(family: motions.Family, longest: float) -> Iterator[Branch]:
-    """Yield the cycles that are born at Hopf points of straight lines."""
-    # Besides those that starts reach: an unstable cycle is reached by none, but is born somewhere.
-    for line in motions.resting(family):
-        for point in line.special(HOPF):
-            _, born = motions.born_cycles(family, point, longest, _MOST_POINTS)
-            yield Branch(born.points[1:], born.ends)
+def _study_of(
+    scene: Scene, family: motions.Family, of: str, branches: Sequence[Branch], special: list[Row]
+) -> Study:
+    """Return what has been found, with its tables and its picture."""
+    over, (symbol, unit) = family.name, NUMBERS[family.name]
+    rows = [
+        _row_of(family, n, point) for n, each in enumerate(branches, 1) for point in each.points
+    ]
+    columns = (
+        Column("", "kind", words=True),
+        Column(symbol, "value", unit, form=".7g"),
+        *(Column(f"γ{'₁₂₃'[i]}", f"gamma{i + 1}", form=".4f") for i in range(3)),
+        Column("period", "period", "s", form=".6g"),
+        Column("", "what", words=True),
+    )
+    ends = [
+        {"branch": n, "points": len(each.points), "end": why, "at": family.value(point.x[-1])}
+        for n, each in enumerate(branches, 1)
+        for why, point in zip(each.ends, (each.points[0], each.points[-1]), strict=True)
+    ]
+    reasons = (
+        Column("branch", "branch", form="d"), Column("points", "points", form="d"),
+        Column(symbol, "at", unit, form=".7g"), Column("where it ends", "end", words=True),
+    )  # fmt: skip
+    told = f"{len(branches)} branches, {len(rows)} points; γ in principal axes"
+    record = {"scene": scene.name, "of": of, "over": over, "special": special}
+    record["ends"] = [each.ends for each in branches]
+    shown: list[Table | str] = [table_of(columns, special)] if special else []
+    shown += [table_of(reasons, ends, section="branch"), told]
+    picture = _branch_picture(scene, over, rows, special)
+    return Study(scene.name, None, ("continue", of, over), rows, record, shown, picture)
 
 
-def _cycles(scene: Scene, family: motions.Family) -> Iterator[tuple[Cycle, float]]:
-    """Yield cycles at both ends of the range: all from rest, else those that starts reach."""
-    for s in (0.0, 1.0):
-        ball, size, c = family.at(s)
-        if size:
-            attitudes, _ = level_starts(scene, _STARTS, 0)
-            M = size * np.array([np.sqrt(1 - c * c), 0.0, c])
-            # With M ≠ 0 the level of the integrals has three dimensions, too many to search
-            # everywhere; random starts find the cycles that attract.
-            found = basins(ball, attitudes, np.tile(M, (_STARTS, 1))).cycles
-        else:
-            found = tuple(limit_cycles(ball, _SEARCHED))
-        yield from ((each, s) for each in found)
+def _cycles(scene: Scene, family: motions.Family, progress: Show) -> Iterator[tuple[Cycle, float]]:
+    """Return cycles at the family's places: all from rest, else those that starts reach."""
+
+    def found(ball: Parameters, size: float, c: float) -> Sequence[Cycle]:
+        if not size:
+            return limit_cycles(ball, _SEARCHED)
+        attitudes, _ = level_starts(scene, _STARTS, 0)
+        M = size * np.array([np.sqrt(1 - c * c), 0.0, c])
+        # With M ≠ 0 the level of the integrals has three dimensions, too many to search
+        # everywhere; random starts find the cycles that attract.
+        return basins(ball, attitudes, np.tile(M, (_STARTS, 1))).cycles
+
+    def told(s: float) -> None:
+        progress(0, f"{scene.name}: search for cycles at {family.name} = {family.value(s):.4g}")
+
+    return motions.sought(family, _INSIDE, found, told)

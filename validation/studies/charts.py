@@ -64,9 +64,9 @@ _SAME_CROSSING = 1e-3  # of L/√f and of a radian: crossings as near as that ar
 _QUICK = 10  # times fewer points and shorter motions in the quick form
 _SAID = (
     "{points} motions, {minutes:.1f} minutes of processor time. Of the chart {chaotic:.1%} is "
-    "chaotic, {straight:.1%} ends on straight lines. Half of the chaotic λ₁ have a standard error "
-    "below {median_error:.1g} 1/s"
+    "chaotic, {straight:.1%} ends on straight lines."
 )
+_SPREAD = " Half of the chaotic λ₁ have a standard error below {median_error:.1g} 1/s"
 _PAPERS = {"fig12": "Fig. 11a", "fig14": "Fig. 11b"}  # the attractors of these scenes
 
 _Axes = Mapping[str, Array]
@@ -363,7 +363,7 @@ class Chart:
             "median_error": float(np.median(errors or [0.0])),
             "minutes": sum(row.pop("seconds") for row in found) / 60,
         }  # fmt: skip
-        shown: list[Table | str] = [_SAID.format(**record)]
+        shown: list[Table | str] = [(_SAID + _SPREAD * bool(errors)).format(**record)]
         repeated: list[Row] = []
         if settings is not None:
             dozen = {tuple(row[name] for name in axes): row for row in _dozen(found)}

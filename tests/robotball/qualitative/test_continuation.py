@@ -128,7 +128,7 @@ def test_the_first_lyapunov_value_of_a_normal_form(cubic: float) -> None:
 def test_folds_are_where_the_closed_form_has_them() -> None:
     """|κ₁| = 1 at 0.51503, |κ₂| = 1 at 2.08207: to 1e-8, twice each; nothing else is special."""
     family = over_K3(0.1, 2.5)
-    branches = resting(family)
+    branches = [*resting(family)]
     (O1, O2, O3), (a1, a2, a3) = from_rest(0.3).Omega, from_rest(0.3).A
     closed = [(O3 - np.hypot(O, O3)) * (a3 - a) / (2 * a * a3) for O, a in ((O2, a2), (O1, a1))]
     assert found(family, branches) == pytest.approx([closed[0]] * 2 + [closed[1]] * 2, abs=1e-8)
@@ -144,7 +144,7 @@ def test_folds_are_where_the_closed_form_has_them() -> None:
 def test_branches_cross_where_the_types_of_the_poles_change() -> None:
     """Where A₁A₂ = 0, Proposition 2: at K₃ = -4/3, -5/6 to 1e-8, on both branches there."""
     family = over_K3(-1.6, -0.1)
-    at = np.array(found(family, resting(family), BRANCH))
+    at = np.array(found(family, [*resting(family)], BRANCH))
     assert len(at) >= 8
     for K3, i, of in ((-4 / 3, 0, at < -1), (-5 / 6, 1, at > -1)):
         assert np.count_nonzero(of) >= 4
@@ -158,7 +158,7 @@ def test_branches_pass_as_many_points_as_there_are(name: str) -> None:
     some = replace(from_rest(0.6), K=(0.2, -0.3, 0.6))
     low, high = (10.0, 80.0) if len(name.lstrip("KOmega")) > 1 else (0.3, 3.0)
     family = Family(some, REST, name, low, high)
-    branches = resting(family)
+    branches = [*resting(family)]
     for s in (0.217, 0.481, 0.793):
         assert passing(branches, s) == len(fixed_points(family.at(s)[0]))
 
@@ -177,7 +177,7 @@ def test_branches_pass_as_many_points_as_there_are(name: str) -> None:
 )
 def test_branches_of_lines_are_all_that_there_are(family: Family, count: int) -> None:
     """At a value within the range, by the closed form; each has its M² and (M, γ), to 1e-12."""
-    branches, s = resting(family), 0.6180339
+    branches, s = [*resting(family)], 0.6180339
     parameters, size, c = family.at(s)
     lines = straight_motions(parameters, size**2, c * size)
     assert passing(branches, s) == len(lines) == count
@@ -193,7 +193,7 @@ def test_the_hopf_point_of_straight_lines_is_supercritical() -> None:
     the branch has there, of one period to 1e-9 (1e-12); at f = 2.05 it returns to the line.
     """
     family = Family(FIG10, ALONG_X * np.sqrt(2.0), "f", 1.5, 2.2)
-    branches, limit = resting(family), stability_limit(FIG10)
+    branches, limit = [*resting(family)], stability_limit(FIG10)
     assert found(family, branches, HOPF) == pytest.approx([limit, limit], abs=1e-8)
     assert found(family, branches) == found(family, branches, HOPF)
     value, born = born_cycles(family, branches[0].special(HOPF)[0], 10.0, 60)

@@ -56,7 +56,7 @@ def test_the_number_of_a_family_runs_from_its_low_to_its_high_end() -> None:
 @pytest.mark.parametrize("family", [REST, STRAIGHT], ids=["from rest", "straight"])
 def test_branches_at_rest_are_all_that_stand_still(family: Family) -> None:
     """At either end: the fixed points from rest or the straight lines, with their eigenvalues."""
-    branches = resting(family)
+    branches = [*resting(family)]
     for s in (0.0, 1.0):
         parameters, size, c = family.at(s)
         points = [p.x[:-1] for each in branches for p in each.points if p.x[-1] == s]

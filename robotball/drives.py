@@ -178,8 +178,9 @@ class Ramp(_Curve, frozen=True, kw_only=True, tag="ramp"):
         return (self.start, self.end)
 
     def _fraction(self, t: _Time) -> Any:
-        # Of a single time np.clip takes as long as the derivative of a ball.
-        return np.minimum(np.maximum((t - self.start) / (self.end - self.start), 0.0), 1.0)
+        u = (t - self.start) / (self.end - self.start)
+        # Of a single time NumPy takes as long as the derivative of a ball.
+        return min(max(u, 0.0), 1.0) if isinstance(u, float) else np.clip(u, 0.0, 1.0)
 
     def rate(self, t: _Time) -> Any:
         way, _, _ = _SHAPES[self.shape]

@@ -204,7 +204,8 @@ class _Unknown:
     """A number to be found: what it begins with, its size, and its limits.
 
     log: the number of the log that it belongs to, None where all share it; moves: whether it
-    changes the motion, and not the readings alone.
+    changes the motion, and not the readings alone; scaled: whether it is sought by its logarithm;
+    whole: whether it is one of the ten of a body's inertia, which are sought together.
     """
 
     name: str
@@ -215,6 +216,18 @@ class _Unknown:
     moves: bool = True
     low: float = -np.inf
     high: float = np.inf
+    scaled: bool = False
+    whole: bool = False
+
+    def at(self, x: float) -> float:
+        """Return the value that so many sizes from the first one are."""
+        return self.value * float(np.exp(x)) if self.scaled else self.value + self.size * x
+
+    def sizes(self, value: float) -> float:
+        """Return how many sizes a value is from the first one."""
+        if not self.scaled:
+            return (value - self.value) / self.size
+        return float(np.log(value / self.value)) if value > 0 else -np.inf
 
     @property
     def of_start(self) -> bool:
@@ -222,13 +235,17 @@ class _Unknown:
         return self.name.startswith("start.")
 
 
-_POSITIVE = ("mass", "density", "radius", "kv", "kp", "torque_limit", "stall_torque", "gravity",
-             "rolling")  # fmt: skip
+# Of these, products and ratios are what a motion shows, along which logarithms go straight.
+_POSITIVE = ("mass", "density", "radius", "thickness", "kv", "kp", "kd", "torque_limit",
+             "stall_torque", "armature", "gravity", "rolling", "damping", "stiffness")  # fmt: skip
 
 
 def _of_scene(numbers: Numbers, free: Sequence[str], radius: float) -> Iterator[_Unknown]:
     """Yield the unknowns of a scene: a path, or a path with limits, as path=low:high."""
     for text in free:
+        if text.endswith(_WHOLE):
+            yield from _of_body(numbers, text.removesuffix(_WHOLE), radius)
+            continue
         name, _, limits = text.partition("=")
         path = numbers.path_of(name.strip())
         value, unit = numbers.value(path), numbers.unit(path)
@@ -242,7 +259,53 @@ def _of_scene(numbers: Numbers, free: Sequence[str], radius: float) -> Iterator[
         size = abs(value) or (0.01 * radius if unit == "m" else 0.01)
         if unit == "m":
             size = max(size, 0.1 * radius) if last in "xyz" else size
-        yield _Unknown(path, value, size, unit, low=low, high=high)
+        scaled = value > 0 and low >= 0 and last in _POSITIVE
+        yield _Unknown(path, value, size, unit, low=low, high=high, scaled=scaled)
+
+
+_WHOLE = ".inertia"  # after a body's name: its mass, its centre and its inertia
+_MOMENTS = ("x.x", "x.y", "x.z", "y.y", "y.z", "z.z")
+
+
+def _of_body(numbers: Numbers, name: str, radius: float) -> Iterator[_Unknown]:
+    paths = [f"{name}.mass", *(f"{name}.centre.{axis}" for axis in "xyz")]
+    paths += [f"{name}{_WHOLE}.{which}" for which in _MOMENTS]
+    values = np.array([numbers.value(path) for path in paths])
+    mass, centre, moments = values[0], values[1:4], np.sqrt(values[[4, 7, 9]])
+    sizes = [mass, *np.maximum(np.abs(centre), 0.1 * radius), *np.outer(moments, moments)[_UPPER]]
+    try:
+        _other_inertia(values, np.zeros(len(paths)))
+    except np.linalg.LinAlgError:
+        raise InputError(
+            f"{name}{_WHOLE}: no body of any thickness has the mass and inertia from which the fit "
+            "begins; each moment must be less than the two others together"
+        ) from None
+    for path, value, size in zip(paths, values.tolist(), sizes, strict=True):
+        yield _Unknown(path, value, float(size), numbers.unit(path), whole=True)
+
+
+_UPPER = np.triu_indices(3)
+
+
+def _other_inertia(numbers: Array, x: Array) -> Array:
+    """Return the mass, centre and moments (10,) of another body; that of x = 0 is the same one.
+
+    The pseudo-inertia, ∫(r, 1)(r, 1)ᵀdm, is positive definite for any body of any thickness, and
+    for no other: it is sought by the logarithms of its Cholesky factor over the first one's (C.
+    Rucker and P. M. Wensing, IEEE Robotics and Automation Letters 7 (2022) 2709).
+    """
+    first, factor = np.empty((4, 4)), np.diag(np.exp(x[:4]))
+    mass, centre, inertia = numbers[0], numbers[1:4], np.empty((3, 3))
+    inertia[_UPPER] = inertia.T[_UPPER] = numbers[4:]
+    first[:3, :3] = np.trace(inertia) / 2 * np.eye(3) - inertia + mass * np.outer(centre, centre)
+    first[3, :3] = first[:3, 3] = mass * centre
+    first[3, 3] = mass
+    factor[np.tril_indices(4, -1)] = x[4:]
+    factor = np.linalg.cholesky(first) @ factor
+    found = factor @ factor.T
+    mass, centre = found[3, 3], found[3, :3] / found[3, 3]
+    spread = found[:3, :3] - mass * np.outer(centre, centre)
+    return np.array([mass, *centre, *(np.trace(spread) * np.eye(3) - spread)[_UPPER]])
 
 
 def _limits(text: str, limits: str) -> tuple[float, float]:
@@ -314,7 +377,29 @@ class _Residuals:
 
     def values(self, x: Array) -> Array:
         """Return the unknowns in their units."""
-        return np.array([u.value + u.size * a for u, a in zip(self.unknowns, x, strict=True)])
+        found = np.array([u.at(a) for u, a in zip(self.unknowns, x.tolist(), strict=True)])
+        first = np.array([u.value for u in self.unknowns])
+        whole = np.flatnonzero([u.whole for u in self.unknowns]).reshape(-1, 4 + len(_MOMENTS))
+        for body in whole:
+            found[body] = _other_inertia(first[body], x[body])
+        return found
+
+    def ended(self, values: Array) -> list[_Unknown]:
+        """Return the unknowns with their values and sizes as they are where the fit ends."""
+        sizes = (
+            max(abs(v), u.size / 2) if u.size == abs(u.value) else u.size
+            for u, v in zip(self.unknowns, values.tolist(), strict=True)
+        )
+        return [
+            replace(u, value=v, size=size)
+            for u, v, size in zip(self.unknowns, values.tolist(), sizes, strict=True)
+        ]
+
+    def slopes(self, x: Array, sized: Sequence[_Unknown]) -> Array:
+        """Return the derivative (p, p) of the values, in such sizes."""
+        steps = _DIFFERENCE * np.eye(len(x))
+        columns = [self.values(x + step) - self.values(x - step) for step in steps]
+        return np.array(columns).T / (2 * _DIFFERENCE) / [[u.size] for u in sized]
 
     def scene(self, k: int, values: Array) -> Scene:
         """Return the scene of a log. Raises InputError for impossible numbers."""
@@ -448,7 +533,8 @@ def fit(
         One log or more, as `read_log` returns them.
     free : sequence of str
         The numbers to be found, by their paths in the scene file or the last words of these, such
-        as "battery.mass"; with limits as "frame.kv=0.1:0.8".
+        as "battery.mass"; with limits as "frame.kv=0.1:0.8". "frame.inertia" and
+        "pendulum1.inertia" are a body's mass, centre and inertia, in place of its parts.
     circumstances : sequence of str, optional
         What else is to be found of each log: "world.yaw", "world.origin", "position.marker",
         "gyro.bias", "accelerometer.place", "commands.delay", "attitude.clock", "frame_angle.zero"
@@ -496,7 +582,9 @@ def fit(
         raise InputError("a fit needs a log")
     if loss not in _LOSSES:
         raise unknown("loss", loss, _LOSSES)
-    numbers = numbers_of(scene)
+    numbers = numbers_of(scene).with_whole(
+        [name.removesuffix(_WHOLE) for name in free if name.endswith(_WHOLE)]
+    )
     began = numbers.scene({})
     run = run or (lambda scene, times: integrate(scene, times, _RTOL))
     sensed = [_sensed(began, log, noise or {}) for log in logs]
@@ -507,12 +595,11 @@ def fit(
         unknowns += _of_log(each.start, each.log, k, circumstances)
     _check_names(own)
     x, residuals = _solved(numbers, unknowns, fitted, run, {}, loss, minimize, progress)
-    values = residuals.values(x)
-    J, left = residuals.jacobian(x), residuals(x)
-    if np.linalg.svd(J, compute_uv=False)[-1] < _CLEAR:
-        J = residuals.jacobian(x, central=True)
+    values, left, J = residuals.values(x), residuals(x), residuals.jacobian(x, central=True)
     keep = _felt(J, unknowns)
-    covariance = _covariance(J[:, keep])
+    ended = residuals.ended(values)
+    slopes = residuals.slopes(x, ended)[np.ix_(keep, keep)]
+    covariance = slopes @ _covariance(J[:, keep]) @ slopes.T
     deviations = np.full(len(x), np.nan)
     deviations[keep] = np.sqrt(np.diag(covariance))
     degrees = max(len(left) - int(keep.sum()), 1)
@@ -520,7 +607,7 @@ def fit(
     if hold_out is not None:
         fixed = {u.name: float(v) for u, v in zip(own, values, strict=False)}
         held_out = _explained(sensed[hold_out], numbers, run, fixed, circumstances, loss, minimize)
-    freed = list(_found(unknowns, values, deviations, fitted))
+    freed = list(_found(unknowns, ended, deviations, fitted))
     found = tuple(freed[: len(own)])
     fitted_scene = residuals.scene(0, values)
     block = covariance[: len(own), : len(own)]
@@ -538,7 +625,7 @@ def fit(
         probability=_probability(chi2, degrees, len(left), any(estimated)),
         sensors=tuple(_sensor_fits(residuals, x, len(unknowns) / len(left), loss)),
         held_out=held_out,
-        undetermined=tuple(_undetermined(*_told(covariance, keep, unknowns, fitted))),
+        undetermined=tuple(_undetermined(*_told(covariance, keep, ended, fitted))),
     )
 
 
@@ -596,42 +683,48 @@ def _solved(
     minimize: Callable[..., Any],
     progress: Callable[[float, float], None] | None = None,
 ) -> tuple[Array, _Residuals]:
-    """Return the unknowns that fit logs best, in their sizes, and the residuals' function."""
+    """Return the unknowns that fit logs best, and the residuals' function.
+
+    In a narrow valley, differences to one side feign a slope along it that is as large as the one
+    that tells the numbers apart: the last steps are those of central ones.
+    """
     x = np.zeros(len(unknowns))
-    low, high = (
-        np.array([(getattr(u, side) - u.value) / u.size for u in unknowns])
-        for side in ("low", "high")
-    )
+    # Within, as differences are taken to both sides.
+    low = np.array([u.sizes(u.low) + _DIFFERENCE for u in unknowns])
+    high = np.array([u.sizes(u.high) - _DIFFERENCE for u in unknowns])
     shared = np.array([u.log is None for u in unknowns])
     for part in _PARTS:
         residuals = _Residuals(numbers, unknowns, [each.until(part) for each in logs], run, fixed)
-        x = np.clip(x, low + _DIFFERENCE, high - _DIFFERENCE)
+        x = np.clip(x, low, high)
         if not np.isfinite(residuals(x)).all():
             _raise_cause(residuals, x, run)
         # A part of the logs may tell little of an unknown, which must not go astray on it.
         prior = np.where(shared, 1 / _PRIOR if part < 1 else _NO_EVIDENCE, _HARDLY)
-
-        solved = minimize(
-            _with_prior, x, _its_jacobian, (low, high), args=(residuals, prior), x_scale=1.0,
-            ftol=_ENOUGH if part == 1 else _ROUGHLY, xtol=_ENOUGH, gtol=_LEAST_SLOPE, loss=loss,
-            max_nfev=_MOST_TRIALS,
-        )  # fmt: skip
-        x = solved.x
+        for central, enough in (
+            [(False, _ROUGHLY)] if part < 1 else [(False, _NEARLY), (True, _ENOUGH)]
+        ):
+            solved = minimize(
+                _with_prior, x, _its_jacobian, (low, high), args=(residuals, prior, central),
+                x_scale=1.0, ftol=enough, xtol=_ENOUGH, gtol=_LEAST_SLOPE, loss=loss,
+                max_nfev=_MOST_TRIALS,
+            )  # fmt: skip
+            x = solved.x
         if progress is not None:
             progress(part, 2 * solved.cost / len(solved.fun))
     return x, residuals
 
 
-def _with_prior(x: Array, residuals: _Residuals, prior: Array) -> Array:
+def _with_prior(x: Array, residuals: _Residuals, prior: Array, _: bool) -> Array:
     return np.concatenate([residuals(x), prior * x])
 
 
-def _its_jacobian(x: Array, residuals: _Residuals, prior: Array) -> Array:
-    return np.concatenate([residuals.jacobian(x), np.diag(prior)])
+def _its_jacobian(x: Array, residuals: _Residuals, prior: Array, central: bool) -> Array:
+    return np.concatenate([residuals.jacobian(x, central), np.diag(prior)])
 
 
-_ENOUGH = 1e-6  # relative: a change of χ² that is no evidence
-_ROUGHLY = 1e-2  # of a part of the logs, from which the fit goes on
+# Relative: a change of χ² that is no evidence; of differences to one side; of a part of the logs,
+# from which the fit goes on.
+_ENOUGH, _NEARLY, _ROUGHLY = 1e-6, 1e-3, 1e-2
 _MOST_TRIALS = 30
 _HARDLY = 1e-2  # per size: keeps a start that changes nothing where it is
 _LEAST_SLOPE = 1e-15  # no end by it: χ² tells
@@ -654,7 +747,6 @@ def _felt(J: Array, unknowns: Sequence[_Unknown]) -> Mask:
     return np.array([f or u.log is None for f, u in zip(changes, unknowns, strict=True)])
 
 
-_CLEAR = 1e-2 / _DIFFERENCE  # per size: what differences to one side cannot feign
 _NO_EVIDENCE = 1e-3  # per size: a derivative that rounding may have made
 
 
@@ -665,16 +757,17 @@ def _covariance(J: Array) -> Array:
 
 
 def _found(
-    unknowns: Sequence[_Unknown],
-    values: Array,
+    began: Sequence[_Unknown],
+    ended: Sequence[_Unknown],
     deviations: Array,
     logs: Sequence[_Sensed],
 ) -> Iterator[Found]:
     """Yield what was found of all that a user freed, the numbers of the scene first."""
-    for u, value, deviation in zip(unknowns, values, deviations, strict=True):
-        if not u.of_start:
-            name, told = _full_name(u, logs), bool(deviation < _UNKNOWN)
-            yield Found(name, float(value), float(deviation * u.size), u.value, u.unit, told)
+    for first, last, deviation in zip(began, ended, deviations.tolist(), strict=True):
+        if not first.of_start:
+            name, told = _full_name(first, logs), deviation < _UNKNOWN
+            size, unit = deviation * last.size, first.unit
+            yield Found(name, last.value, size, first.value, unit, told)
 
 
 def _full_name(unknown: _Unknown, logs: Sequence[_Sensed]) -> str:

@@ -175,26 +175,27 @@ def _specific_force(motion: Motion, rows: Rows, given: Mapping[str, Array]) -> A
 def noise_of(sensor: Sensor) -> float:
     """Return the noise of a sensor, one standard deviation, from its own readings.
 
-    Each reading is held against the cubic through two neighbours on either side; the median of what
-    is left belongs to the noise, as long as readings follow one another faster than the motion
-    changes. Of readings that are rounded coarsely it is that of the rounding.
+    Each reading is held against the polynomial through three neighbours on either side; the median
+    of what is left belongs to the noise, as long as readings follow one another faster than the
+    motion changes. Of readings that are rounded coarsely it is that of the rounding.
     """
     values, t = sensor.values, sensor.times
     if sensor.name.endswith("attitude"):
         values = turn_between(values[:-1], values[1:]).cumsum(axis=0)
         t = t[1:]
-    i = np.arange(2, len(t) - 2)
+    i = np.arange(3, len(t) - 3)
     if not len(i):
         return 0.0
-    near = np.stack([i - 2, i - 1, i + 1, i + 2])
-    weights = np.ones((4, len(i)))
-    for j in range(4):
-        for k in range(4):
+    near = i + np.array([-3, -2, -1, 1, 2, 3])[:, None]
+    weights = np.ones(near.shape)
+    for j in range(len(near)):
+        for k in range(len(near)):
             if j != k:
                 weights[j] *= (t[i] - t[near[k]]) / (t[near[j]] - t[near[k]])
     left = values[i] - np.einsum("jn,jnk->nk", weights, values[near])
     left /= np.sqrt(1 + (weights**2).sum(axis=0))[:, None]
-    spread = float(np.median(np.abs(left), axis=0).max()) / _MEDIAN
+    medians = np.median(np.abs(left), axis=0)
+    spread = float(np.sqrt((medians**2).mean())) / _MEDIAN  # as χ² takes all columns together
     steps = np.abs(np.diff(values, axis=0))
     least = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
     often = (steps == 0).mean() > _OFTEN

@@ -1,7 +1,7 @@
 """The numbers of a file that holds a scene, by their paths, whatever the file's kind."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from robotball.errors import InputError, unknown
@@ -36,6 +36,18 @@ class Numbers(ABC):
     @abstractmethod
     def text(self, values: Mapping[str, float], start: Scene) -> str:
         """Return the text of a file with other numbers, that starts as a scene does."""
+
+    def with_whole(self, names: Sequence[str]) -> "Numbers":
+        """Return them with the mass, centre and inertia of some bodies in place of their parts.
+
+        Raises InputError where a file of its kind has no such bodies.
+        """
+        if names:
+            raise InputError(
+                f"{names[0]}.inertia: scene files alone have bodies that are sought as a whole; "
+                "give numbers of the body"
+            )
+        return self
 
     def path_of(self, name: str) -> str:
         """Return the one path that a name stands for: its last words are enough.

@@ -4,16 +4,18 @@ Those of a scene file are as the file has them, and its parts stay parts; of ano
 those of the text that `scene_toml` writes. `robot_numbers` has those of a robot's own file.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
+from operator import getitem
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from robotball.engine import scene_of
+from robotball.errors import unknown
 from robotball.files import MODEL_FILES, contents, readable
 from robotball.files.numbers import Numbers
 from robotball.files.scene_file import CATALOG, catalog, scene_of_table
@@ -47,10 +49,8 @@ class SceneNumbers(Numbers):
 
     def value(self, path: str) -> float:
         """Return the number at a path."""
-        found: Any = self.tables
-        for key in self.places[path]:
-            found = found[key]
-        return float(found)
+        tables: Any = self.tables
+        return float(reduce(getitem, self.places[path], tables))
 
     def unit(self, path: str) -> str:
         """Return the unit of the number at a path, as docs/scene.md has it."""
@@ -71,23 +71,49 @@ class SceneNumbers(Numbers):
             "momentum_world": start.start.momentum.tolist(),
         }
         for hinge in start.hinges:
-            kind = hinge.name.rstrip("0123456789")
-            number = hinge.name.removeprefix(kind)
-            table = tables[kind][int(number) - 1] if number else tables[kind]
+            table = _of_body(tables, hinge.name)
             table["initial_angle"] = hinge.angle
             if hinge.motor is not None:
                 table["initial_rate"] = hinge.rate
         return text_of(_as_table(tables))
 
+    def with_whole(self, names: Sequence[str]) -> "SceneNumbers":
+        """Return them with the mass, centre and inertia of some bodies in place of their parts.
+
+        Raises InputError for a body of no such inertia; the shell and rotors are symmetric.
+        """
+        hinges = self.scene({}).hinges if names else ()
+        bodies = {h.name: h.body for h in hinges if not h.name.startswith("rotor")}
+        tables: Any = deepcopy(self.tables)
+        for name in names:
+            if name not in bodies:
+                raise unknown("body of any inertia", name, bodies)
+            body = bodies[name]
+            own = {"mass": body.mass, "centre": body.centre.tolist()}
+            own["inertia"] = body.inertia.tolist()
+            table = _of_body(tables, name)
+            table.update(dict.fromkeys(("part", "mjcf", "urdf")), **own)
+        return replace(self, tables=tables)
+
     def _changed(self, values: Mapping[str, float]) -> dict[str, Any]:
         changed: Any = deepcopy(self.tables)
         for path, value in values.items():
-            *above, last = self.places[path]
-            table = changed
-            for key in above:
-                table = table[key]
-            table[last] = float(value)
+            for *above, last in _same(self.places[path]):
+                reduce(getitem, above, changed)[last] = float(value)
         return dict(changed)
+
+
+def _same(place: _Place) -> list[_Place]:
+    """Return the places of one number: two of a tensor's, whose rows are a list of lists."""
+    symmetric = len(place) > 1 and isinstance(place[-1], int) and isinstance(place[-2], int)
+    return [place, (*place[:-2], place[-1], place[-2])] if symmetric else [place]
+
+
+def _of_body(tables: Any, name: str) -> Any:
+    """Return the table of a body, which has the name of its hinge."""
+    kind = name.rstrip("0123456789")
+    number = name.removeprefix(kind)
+    return tables[kind][int(number) - 1] if number else tables[kind]
 
 
 def _as_table(tables: Mapping[str, Any]) -> SceneTable:
@@ -131,6 +157,8 @@ def _places(words: tuple[str, ...], place: _Place, value: object) -> Iterator[tu
     elif isinstance(value, list | tuple):
         triple = len(value) == len(_AXES) and not isinstance(value[0], dict)
         for i, inner in enumerate(value):
+            if place and isinstance(place[-1], int) and i < place[-1]:
+                continue  # a tensor is symmetric
             named = inner.get("name") if isinstance(inner, dict) else None
             word = named or (_AXES[i] if triple else str(i + 1))
             # Rotors and pendulums as their hinges are named: rotor1, pendulum1.

@@ -453,7 +453,7 @@ class Samples:
             times = self.times[new]
             self.states[new] = solver.within(times) if isinstance(solver, Compensated) else solver
             for i, t in enumerate(times.tolist(), start=new.start):
-                self.readings[i] = self.system.readings(t, self.states[i]).numbers
+                self.readings[i] = self.system.numbers(t, self.states[i])
             self.done = new.stop
 
 

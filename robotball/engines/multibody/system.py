@@ -466,7 +466,11 @@ class System:
 
     def readings(self, t: float, state: Array) -> Readings:
         """Return the readings of a state at time t [s]."""
-        return readings_of(self._run(t, state)[1], self.count)
+        return readings_of(self.numbers(t, state), self.count)
+
+    def numbers(self, t: float, state: Array) -> Array:
+        """Return the numbers of the readings of a state at time t [s]."""
+        return self._run(t, state)[1]
 
     def _run(self, t: float, state: Array) -> tuple[Array, Array]:
         row = np.ascontiguousarray(state, dtype=float)  # as the entry takes without a look

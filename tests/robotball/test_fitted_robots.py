@@ -1,0 +1,82 @@
+"""Fits of many robots: the truth is where the deviations say, and wrong models are rejected."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import robotball as rb
+from robotball.files.numbers import Numbers
+from robotball.files.scene_numbers import numbers_of
+from robotball.motion import Motion
+from robotball.rotations import turned
+
+NOISE = {"position": 1e-3, "attitude": 1e-2, "gyro": 2e-2}
+TIMES = rb.sample_times(2.0, 1 / 40)
+# A ramp that is over within the log.
+QUICK = {"frame.rate.start": 0.1, "frame.rate.end": 1.2}
+FREE = (
+    "frame.part.battery.mass", "frame.kv", "frame.part.battery.centre.z",
+    "frame.part.battery.centre.x", "frame.part.motor.centre.y", "frame.part.plate.centre.z",
+)  # fmt: skip
+
+
+def log_of(motion: Motion, rng: np.random.Generator) -> rb.Log:
+    """A log of a motion: positions, attitudes and a gyro, with noise."""
+    noise = [rng.normal(0.0, size, (len(motion.times), 3)) for size in NOISE.values()]
+    read = {
+        "position": motion.contact_point + noise[0][:, :2],
+        "attitude": turned(motion.attitude, noise[1]),
+        "gyro": motion.angular_velocity + noise[2],
+    }
+    return rb.Log("run.csv", tuple(rb.Sensor(n, motion.times, v) for n, v in read.items()), {})
+
+
+def robot(rng: np.random.Generator) -> tuple[Numbers, dict[str, float], rb.Scene]:
+    """A robot with other masses, places and gains, started with another tilt, and its truth."""
+    numbers = numbers_of("pendulum_robot")
+    truth = {path: numbers.value(path) * rng.uniform(0.85, 1.15) for path in FREE}
+    truth["frame.part.battery.centre.x"] = rng.uniform(-0.02, 0.02)
+    truth["frame.part.plate.centre.z"] = rng.uniform(-0.02, 0.02)
+    truth["frame.rate.final"] = rng.choice([-1.0, 1.0]) * rng.uniform(3.0, 6.0)
+    scene = numbers.scene({**truth, **QUICK})
+    start = rb.Start(turned(scene.start.attitude, rng.normal(0.0, 0.2, 3)), np.zeros(3))
+    return numbers, {**truth, **QUICK}, replace(scene, start=start)
+
+
+def fitted_robot(seed: int, folder: Path) -> tuple[list[float], rb.Fit]:
+    """Return the errors over the deviations, and the fit."""
+    rng = np.random.default_rng(seed)
+    numbers, truth, scene = robot(rng)
+    log = log_of(rb.simulate(scene, TIMES, "accurate"), rng)
+    free = FREE[: rng.integers(3, 7)]
+    wrong = {path: truth[path] * rng.uniform(0.8, 1.2) for path in free}
+    path = folder / f"{seed}.toml"
+    path.write_text(numbers.text({**truth, **wrong}, scene), encoding="utf-8")
+    found = rb.fit(path, [log], list(free), noise=NOISE)
+    return [(each.value - truth[each.name]) / each.deviation for each in found.found], found
+
+
+def within_two(seeds: range, folder: Path) -> tuple[int, int, int]:
+    """How many numbers of the robots are within two deviations, of how many, and χ² misses."""
+    every = [fitted_robot(seed, folder) for seed in seeds]
+    errors = np.concatenate([each for each, _ in every])
+    return int((np.abs(errors) < 2).sum()), len(errors), sum(not f.explains for _, f in every)
+
+
+@pytest.mark.study
+def test_the_truth_is_where_the_deviations_say(tmp_path: Path) -> None:
+    """Of 20 robots, 3 to 6 numbers each: near 95 % within two deviations, and χ² of the noise."""
+    near, count, missed = within_two(range(20), tmp_path)
+    # Errors of one robot's numbers go together: as good as two independent ones each.
+    assert near / count > 0.85
+    assert missed == 0
+
+
+@pytest.mark.slow
+def test_the_truth_of_a_robot_is_where_the_deviations_say(tmp_path: Path) -> None:
+    """The quick form: all within four."""
+    errors, found = fitted_robot(2, tmp_path)
+    assert np.abs(errors).max() < 4  # measured 2.2
+    assert found.explains

@@ -41,7 +41,7 @@ _NO_STEP = 1e-9  # s: drives that such steps do not see are no functions of time
 
 
 def seeing_step(error_of: Callable[[float], float], timestep: float, limit: float) -> float:
-    """Return a timestep [s], `timestep` at most, that errs about drives by no more than a limit."""
+    """Return a timestep [s], `timestep` at most, whose error about drives is within a limit."""
     while (error := error_of(timestep)) > limit and timestep > _NO_STEP:
         # Simpson's error is of fourth order, where a step sees the drive at all.
         timestep *= min(0.9, max(0.1, (limit / error) ** 0.25))

@@ -594,8 +594,8 @@ def fit(
     for k, each in enumerate(fitted):
         unknowns += _of_log(each.start, each.log, k, circumstances)
     _check_names(own)
-    x, residuals = _solved(numbers, unknowns, fitted, run, {}, loss, minimize, progress)
-    values, left, J = residuals.values(x), residuals(x), residuals.jacobian(x, central=True)
+    x, residuals, J = _solved(numbers, unknowns, fitted, run, {}, loss, minimize, progress)
+    values, left = residuals.values(x), residuals(x)
     keep = _felt(J, unknowns)
     ended = residuals.ended(values)
     slopes = residuals.slopes(x, ended)[np.ix_(keep, keep)]
@@ -682,11 +682,11 @@ def _solved(
     loss: Any,
     minimize: Callable[..., Any],
     progress: Callable[[float, float], None] | None = None,
-) -> tuple[Array, _Residuals]:
-    """Return the unknowns that fit logs best, and the residuals' function.
+) -> tuple[Array, _Residuals, Array]:
+    """Return the unknowns that fit logs best, the residuals' function and their derivative there.
 
     In a narrow valley, differences to one side feign a slope along it that is as large as the one
-    that tells the numbers apart: the last steps are those of central ones.
+    that tells the numbers apart: the last step, and the derivative, are those of central ones.
     """
     x = np.zeros(len(unknowns))
     # Within, as differences are taken to both sides.
@@ -700,31 +700,33 @@ def _solved(
             _raise_cause(residuals, x, run)
         # A part of the logs may tell little of an unknown, which must not go astray on it.
         prior = np.where(shared, 1 / _PRIOR if part < 1 else _NO_EVIDENCE, _HARDLY)
-        for central, enough in (
-            [(False, _ROUGHLY)] if part < 1 else [(False, _NEARLY), (True, _ENOUGH)]
-        ):
-            solved = minimize(
-                _with_prior, x, _its_jacobian, (low, high), args=(residuals, prior, central),
-                x_scale=1.0, ftol=enough, xtol=_ENOUGH, gtol=_LEAST_SLOPE, loss=loss,
-                max_nfev=_MOST_TRIALS,
-            )  # fmt: skip
-            x = solved.x
+        solved = minimize(
+            _with_prior, x, _its_jacobian, (low, high), args=(residuals, prior), x_scale=1.0,
+            ftol=_ENOUGH if part == 1 else _ROUGHLY, xtol=_ENOUGH, gtol=_LEAST_SLOPE, loss=loss,
+            max_nfev=_MOST_TRIALS,
+        )  # fmt: skip
+        x = solved.x
         if progress is not None:
             progress(part, 2 * solved.cost / len(solved.fun))
-    return x, residuals
+    J, left = residuals.jacobian(x, central=True), _with_prior(x, residuals, prior)
+    if loss == "linear":
+        step = np.linalg.lstsq(np.concatenate([J, np.diag(prior)]), -left)[0]
+        nearer = np.clip(x + step, low, high)
+        after = _with_prior(nearer, residuals, prior)
+        x = nearer if after @ after < left @ left else x
+    return x, residuals, J
 
 
-def _with_prior(x: Array, residuals: _Residuals, prior: Array, _: bool) -> Array:
+def _with_prior(x: Array, residuals: _Residuals, prior: Array) -> Array:
     return np.concatenate([residuals(x), prior * x])
 
 
-def _its_jacobian(x: Array, residuals: _Residuals, prior: Array, central: bool) -> Array:
-    return np.concatenate([residuals.jacobian(x, central), np.diag(prior)])
+def _its_jacobian(x: Array, residuals: _Residuals, prior: Array) -> Array:
+    return np.concatenate([residuals.jacobian(x), np.diag(prior)])
 
 
-# Relative: a change of χ² that is no evidence; of differences to one side; of a part of the logs,
-# from which the fit goes on.
-_ENOUGH, _NEARLY, _ROUGHLY = 1e-6, 1e-3, 1e-2
+_ENOUGH = 1e-6  # relative: a change of χ² that is no evidence
+_ROUGHLY = 1e-2  # of a part of the logs, from which the fit goes on
 _MOST_TRIALS = 30
 _HARDLY = 1e-2  # per size: keeps a start that changes nothing where it is
 _LEAST_SLOPE = 1e-15  # no end by it: χ² tells
@@ -872,5 +874,5 @@ def _explained(
 ) -> tuple[SensorFit, ...]:
     """Return how well fitted numbers explain a log, of which the start alone is found."""
     unknowns = list(_of_log(log.start, log.log, 0, circumstances))
-    x, residuals = _solved(numbers, unknowns, [log], run, fixed, loss, minimize)
+    x, residuals, _ = _solved(numbers, unknowns, [log], run, fixed, loss, minimize)
     return tuple(_sensor_fits(residuals, x, len(unknowns) / len(residuals(x)), loss))

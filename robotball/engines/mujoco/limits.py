@@ -153,8 +153,7 @@ class PlannedRun(Resolved):
     @cached_property
     def axes(self) -> Array:
         """The rotation (3, 3) from principal axes to world at the start."""
-        attitude = multiply(self.scene.start.attitude, self.scene.principal_quaternion)
-        return rotation_matrix(attitude)
+        return rotation_matrix(multiply(self.scene.start.attitude, self.scene.principal_quaternion))
 
     @cached_property
     def angular_velocity(self) -> Array:

@@ -35,7 +35,8 @@ def _ball(side: float, force: float, nu: float) -> rb.Scene:
     shaken = rb.Sine(amplitude=force * _G, frequency=nu / (2 * np.pi), phase=np.pi / 2)
     return rb.Scene(
         "shaken", "a weighted ball", "", rb.Ball(shell, (rb.Hinge(frame),)), "rubber",
-        rb.Start(np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)), 10.0, plane_motion=(0.0, 0.0, shaken),
+        rb.Start(np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)), 10.0,
+        plane_motion=(0.0, 0.0, shaken),
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""The plane as it moves: where the ball is in space, and where it leaves the plane."""
+"""The plane as it moves: where the ball is in space, where it leaves the plane, who refuses it."""
 
 import numpy as np
 from scipy.optimize import brentq
@@ -45,6 +45,12 @@ def in_space(motion: Motion) -> Array:
         of_plane = polynomials_of(drive.angle, edges)
         place[:, axis] += [of_plane.area(t) for t in motion.times.tolist()]
     return place
+
+
+def check_still(scene: Scene, what: str) -> None:
+    """Raise InputError where the plane moves, which `what` cannot hold."""
+    if scene.plane_moves:
+        raise InputError(f"{scene.name}: {what} cannot hold a plane that moves")
 
 
 def check_pressed(scene: Scene) -> None:

@@ -142,7 +142,7 @@ def _specific_force(motion: Motion, rows: Rows, given: Mapping[str, Array]) -> A
     turning = np.einsum("nij,nj->ni", to_world, shell)
     velocity = scene.ball.radius * np.cross(turning, _VERTICAL)
     gap = (motion.times[after] - motion.times[before])[:, None]
-    centre = (velocity[after] - velocity[before]) / gap - scene.gravity_world
+    centre = (velocity[after] - velocity[before]) / gap - scene.gravity_at(motion.times[at])
     omega = motion.angular_velocity
     alpha, omega = (omega[after] - omega[before]) / gap, omega[at]
     place = np.broadcast_to(given.get("accelerometer.place", np.zeros(3)), omega.shape)

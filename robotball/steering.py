@@ -300,7 +300,7 @@ class Way:
         moving = np.empty((robot.hinges + 1, formulas.MOVING, len(times)))
         formulas.move(now.columns, now.u, moving)
         momenta = np.empty_like(now.u)
-        G = tuple(np.einsum("nji,j->in", now.axes, scene.gravity_world))
+        G = tuple(np.einsum("nji,nj->in", now.axes, scene.gravity_at(times)))
         formulas.momentum_rates(robot.bodies, now.placed, moving, robot.radius, up, G, momenta)
         L_rate = np.einsum("nij,jn->in", now.axes, momenta[:3])
         if scene.rolling == "rubber":

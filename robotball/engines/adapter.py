@@ -77,6 +77,10 @@ class World(ABC):
         """
         return UNKNOWN_FORCE
 
+    def fall(self, gravity: Array) -> None:
+        """Set gravity (3,) [m/s²], world axes; an engine's that says so by `falls`."""
+        raise NotImplementedError
+
     def hinges_at(self, t: float) -> tuple[Array, Array]:
         """Return the hinges' given angles (h,) and rates (h,) at t [s]."""
         drives = self.scene.drives
@@ -147,6 +151,8 @@ class SteppedWorld(World):
             return
         for i in range(count):
             self.control(begin + i * step, step)
+            if self.scene.plane_moves:  # its mean over the step, but for the second order
+                self.fall(self.scene.gravity_at(begin + (i + 0.5) * step))
             take(step)
 
 
@@ -250,8 +256,9 @@ class Adapter(Engine):
     engine's own name and that of its environment, in the folder `environments`; world: what makes
     the ball at its start of a scene, settings and the length of its steps [s]; lacks: what says in
     a line what the engine lacks for a scene under settings, if anything. Both get its own kind of
-    settings, that of its presets. Where these have a `device`, a world can roll many balls there,
-    each as if it were alone; `world` then takes the scenes too, which differ in their starts.
+    settings, that of its presets. falls: whether its worlds set gravity as they go. Where presets
+    have a `device`, a world can roll many balls there, each as if it were alone; `world` then takes
+    the scenes too, which differ in their starts.
     """
 
     label: Label
@@ -262,6 +269,7 @@ class Adapter(Engine):
     lacks: Callable[[Scene, Any], str | None] = lambda *_: None
     default: str = "best"
     least_accuracy: float | None = None
+    falls: bool = False
     environments: Path = ENVIRONMENTS
 
     @property
@@ -284,6 +292,8 @@ class Adapter(Engine):
             )
         if scene.ball.shell.offset:
             return "its adapter has the shell's centre of mass at the shell's centre"
+        if scene.plane_moves and not self.falls:
+            return "its adapter sets gravity once, and the plane moves"
         return None
 
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
@@ -411,6 +421,8 @@ class IdealWorld(World):
         state = self.state_at(t, y)
         hinges = [drive.acceleration(t) for drive in self.scene.drives]
         pushed = np.array([*np.zeros(6), *hinges])
+        if self.scene.plane_moves:
+            self.fall(self.scene.gravity_at(t))
         M, h = self.dynamics(state)
         S, (w, x, y, z) = self.S, state.attitude
         free_rate = np.linalg.solve(S.T @ M @ S, -S.T @ (M @ pushed + h))

@@ -40,7 +40,7 @@ class _BulletWorld(adapter.ServoWorld):
         import pybullet_utils.bullet_client as client
 
         self.p = p = client.BulletClient(connection_mode=pybullet.DIRECT)
-        p.setGravity(0, 0, -scene.gravity)
+        self.fall(scene.gravity_at(0.0))
         p.setTimeStep(step)
         plane = p.createMultiBody(0, p.createCollisionShape(p.GEOM_PLANE))
         self.strength, links = settings.motor_force, links_of(scene)
@@ -88,6 +88,9 @@ class _BulletWorld(adapter.ServoWorld):
         for i, rate in enumerate(start.rates.tolist()):
             p.resetJointState(self.ball, i, 0.0, rate)
         self.turn(start.rates)
+
+    def fall(self, gravity: Array) -> None:
+        self.p.setGravity(*gravity.tolist())
 
     def turn(self, rates: Array) -> None:
         # By motors: with resetJointState at every step the ball's path is off by 3 to 5 times its
@@ -139,4 +142,5 @@ BULLET = adapter.Adapter(
     extra="bullet",
     presets=adapter.by_name(_AS_IT_COMES, _BEST),
     world=_BulletWorld,
+    falls=True,
 )

@@ -65,7 +65,7 @@ class _DartWorld(adapter.ServoWorld):
         self.world, self.ball = dartpy.simulation.World(), _skeleton(scene, dartpy)
         self.damping = adapter.spin_damping(scene, settings, step)
         self.world.setTimeStep(step)
-        self.world.setGravity([0.0, 0.0, -scene.gravity])
+        self.fall(scene.gravity_at(0.0))
         ground = dartpy.dynamics.Skeleton("ground")
         _, plane = ground.createWeldJointAndBodyNodePair()
         ground.setMobile(False)
@@ -84,6 +84,9 @@ class _DartWorld(adapter.ServoWorld):
         self.world.addSkeleton(self.ball)
         _put(self.ball, self.now, dartpy)
         self.turn(self.now.rates)
+
+    def fall(self, gravity: Array) -> None:
+        self.world.setGravity(gravity)
 
     def turn(self, rates: Array) -> None:
         for i, rate in enumerate(rates.tolist(), start=6):
@@ -123,7 +126,10 @@ class _DartDynamics(adapter.IdealWorld):
         import dartpy
 
         self.dart, self.ball = dartpy, _skeleton(scene, dartpy)
-        self.ball.setGravity([0.0, 0.0, -scene.gravity])
+        self.fall(scene.gravity_at(0.0))
+
+    def fall(self, gravity: Array) -> None:
+        self.ball.setGravity(gravity)
 
     def dynamics(self, state: State) -> tuple[Array, Array]:
         _put(self.ball, state, self.dart)
@@ -150,5 +156,6 @@ DART = adapter.Adapter(
         _DartSettings(name="ideal", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
     ),
     world=_world,
+    falls=True,
     lacks=adapter.spins,
 )

@@ -51,7 +51,7 @@ def _model(scene: Scene, pin: Any, root: str) -> Any:
         joints[link.name] = made
         body = pin.Inertia(link.mass, link.centre, link.inertia)
         model.appendBodyToJoint(made, body, pin.SE3.Identity())
-    model.gravity.linear = scene.gravity_world
+    model.gravity.linear = scene.gravity_at(0.0)
     return model
 
 
@@ -74,6 +74,9 @@ class _PinocchioWorld(adapter.IdealWorld):
         self.pin, self.model = pinocchio, _model(scene, pinocchio, "translation")
         self.data = self.model.createData()
         self.T = np.eye(self.model.nv)
+
+    def fall(self, gravity: Array) -> None:
+        self.model.gravity.linear = gravity
 
     def dynamics(self, state: State) -> tuple[Array, Array]:
         R = rotation_matrix(state.attitude)
@@ -112,6 +115,9 @@ class _ContactWorld(adapter.SteppedWorld):
         for kind in ("feasibility", "complementarity"):
             setattr(self.settings, f"absolute_{kind}_tol", 1e-10)
             setattr(self.settings, f"relative_{kind}_tol", 1e-12)
+
+    def fall(self, gravity: Array) -> None:
+        self.model.gravity.linear = gravity
 
     def control(self, t: float, step: float) -> None:
         self.tau[6:] = [_ARMATURE * drive.acceleration(t + step / 2) for drive in self.scene.drives]
@@ -192,5 +198,6 @@ PINOCCHIO = _Pinocchio(
         ),
     ),
     world=_world,
+    falls=True,
     lacks=adapter.spins,
 )

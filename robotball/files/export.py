@@ -107,6 +107,9 @@ def _drives(motion: Motion) -> Table:
         parts = {"command": command.rate, "slope": command.acceleration, "integral": command.angle}
         for what, of in parts.items():
             columns[f"{hinge.name}_{what}"] = np.asarray(of(times), dtype=float)
+    gravity = zip("XYZ", motion.scene.gravity_at(times).T, strict=True)
+    if motion.scene.plane_moves:
+        columns |= {f"gravity_{axis}": along for axis, along in gravity}
     return Table(columns, {"t": "s"}, {"scene": motion.scene.name})
 
 
@@ -126,6 +129,7 @@ def _plain(motion: Motion) -> dict[str, Any]:
         "duration": float(motion.times[-1]),
         "sample_times": {"count": len(motion.times), "file": "reference.csv", "column": "t"},
         "gravity": scene.gravity_world.tolist(),
+        "plane_acceleration": [formula(each) for each in scene.plane_drives],
         "ball": {
             "radius": ball.radius,
             "mass": ball.mass,

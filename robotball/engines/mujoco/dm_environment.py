@@ -16,6 +16,7 @@ from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.settings import Prescribed, Settings, resolved
 from robotball.errors import InputError, check_positive
 from robotball.motion import DIVERGED
+from robotball.plane import check_still
 from robotball.rotations import Array
 from robotball.scene import SAMPLE_INTERVAL, Scene, spans
 
@@ -89,6 +90,7 @@ def dm_environment(
         )
     scene = scene_of(scene)
     scene.check_open("an environment, whose agent drives the ball,")
+    check_still(scene, "an environment")
     check_positive("control_timestep", control_timestep, "s")
     chosen = as_own(request_of("mujoco", settings).settings, Settings, LABEL)
     if chosen.adaptive or scene.friction.rolling:

@@ -20,6 +20,7 @@ from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import START, Model, build, hinges_of
 from robotball.engines.mujoco.settings import Prescribed, Settings, for_load, resolved
 from robotball.film.looks import BLUR, add_materials, looks_of
+from robotball.plane import check_still
 from robotball.rotations import Array, conjugate, rotation_matrix
 from robotball.scene import Scene
 from robotball.shapes import add_geoms
@@ -71,6 +72,7 @@ def write_model(scene: Scene, settings: Settings, *, dressed: bool, stem: str) -
     refer to each other.
     """
     scene.check_open("MJCF")
+    check_still(scene, "MJCF")
     model = build(resolved(scene, settings))
     softness = model.settings.softness
     needs, off = None, None

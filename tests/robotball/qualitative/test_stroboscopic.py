@@ -5,6 +5,7 @@ rubber model, near rest, as θ'' = -(g + z'')/l θ, with the plane's acceleratio
 where J is the moment of inertia about a horizontal axis through the contact point.
 """
 
+from dataclasses import replace
 from functools import cache, partial
 
 import numpy as np
@@ -129,3 +130,20 @@ def test_what_has_no_period_is_refused() -> None:
     for scene, words in table:
         with pytest.raises(InputError, match=words):
             period_of(scene)
+
+
+def _fastest(tilt: float) -> float:
+    """Return the fastest shell [rad/s], once a turn of the capsule, in the first eleven turns."""
+    scene = rb.load_scene("beaver_ball")
+    rolling = scene.momentum_of(np.array([8.0, 6.0, 0.0]))
+    down = (np.sin(tilt), 0.0, -np.cos(tilt))
+    scene = replace(scene, start=rb.Start(scene.start.attitude, rolling), gravity_direction=down)
+    motion = rb.integrate(scene, period_of(scene) * np.arange(12.0), 1e-9)
+    return float(np.linalg.norm(motion.angular_velocity - [0.0, 6.0, 0.0], axis=1).max())
+
+
+def test_a_turning_mass_speeds_no_ball_up_without_bound() -> None:
+    """The toy of the introduction over 11 turns; the control is a plane that falls by 3 degrees."""
+    # Measured 11.7 and 38.6 rad/s; over 10⁴ turns from another start 18.1, on the level plane.
+    assert _fastest(0.0) < 20
+    assert _fastest(0.05) > 30

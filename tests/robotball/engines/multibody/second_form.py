@@ -97,7 +97,9 @@ class SecondForm:
         given = [i for i, hinge in enumerate(self.hinges) if hinge.motor is None]
         J = np.zeros((3 + spin_free + len(given), nv))
         values = np.zeros(len(J))
-        # v - a ω×ẑ = 0 in space, where ω = Rω' has the rate Rω̇' and ω×ẑ = (ω_y, -ω_x, 0).
+        # v - a ω×ẑ is the plane's velocity in space, where ω = Rω' has the rate Rω̇' and
+        # ω×ẑ = (ω_y, -ω_x, 0). Gravity stays as it is.
+        values[:3] = [each.rate(t) for each in self.scene.plane_drives]
         J[:3, :3] = np.eye(3)
         J[:3, 3:6] = -self.scene.ball.radius * np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 0]]) @ R
         if spin_free:

@@ -1,13 +1,12 @@
 """How the steps of a run see drives that change: the error of a step, and one that errs less."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 
 from robotball.drives import Constant, Drive
 from robotball.rotations import uneven
-from robotball.scene import Scene
 
 _LOOKS = 256  # steps that are looked at over a run, and as many at each side of breakpoints
 
@@ -41,9 +40,9 @@ def sampling_error(drives: Iterable[Drive], stops: Any, timestep: float) -> floa
 _NO_STEP = 1e-9  # s: drives that such steps do not see are no functions of time
 
 
-def seeing_step(scene: Scene, duration: float, timestep: float, limit: float) -> float:
-    """Return a timestep [s], `timestep` at most, that errs about drives by no more than a limit."""
-    while (error := scene.sampling_error(duration, timestep)) > limit and timestep > _NO_STEP:
+def seeing_step(error_of: Callable[[float], float], timestep: float, limit: float) -> float:
+    """Return a timestep [s], `timestep` at most, whose error about drives is within a limit."""
+    while (error := error_of(timestep)) > limit and timestep > _NO_STEP:
         # Simpson's error is of fourth order, where a step sees the drive at all.
         timestep *= min(0.9, max(0.1, (limit / error) ** 0.25))
     return timestep

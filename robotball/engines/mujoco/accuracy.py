@@ -10,6 +10,7 @@ good as they say.
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -98,7 +99,8 @@ class _Search:
         timestep = min(longest, _PHASE / self.rate / 2)
         if self.servo_rate > 0:
             timestep = min(timestep, _STABLE / self.servo_rate / 2)
-        timestep = seeing_step(self.scene, float(self.times[-1]), timestep, _SEEN)
+        error_of = partial(self.scene.sampling_error, float(self.times[-1]))
+        timestep = seeing_step(error_of, timestep, _SEEN)
         coarse = self.made(self.pilot(timestep=2 * timestep), apart=2 * timestep)
         fine = self.made(self.pilot(timestep=timestep))
         error = self.rk4_error(coarse, fine)

@@ -14,7 +14,7 @@ and where a law is too rough, they come from short trials, which are loaded only
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, wraps
+from functools import cached_property, partial, wraps
 
 import numpy as np
 
@@ -479,8 +479,8 @@ def drive_seen(plan: PlannedRun) -> _Found:
     from robotball.drive_sampling import seeing_step  # most scenes are steady
 
     limit = min(plan.settings.error_tolerance, RATE_ERROR)
-    step = seeing_step(plan.scene, plan.duration, plan.timestep, limit)
-    return plan.scene.sampling_error(plan.duration, plan.timestep), limit, step
+    error_of = partial(plan.scene.sampling_error, plan.duration)
+    return error_of(plan.timestep), limit, seeing_step(error_of, plan.timestep, limit)
 
 
 _LARGEST_STATE = 1e10  # mjMAXVAL: MuJoCo calls a larger position, velocity or control bad

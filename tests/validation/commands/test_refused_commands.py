@@ -111,7 +111,6 @@ REFUSED = {
     "design fig12 --rotor-speed 0.01": r"rotor speed: at most 0\.01 rad/s is allowed",
     "section fig12 --preset naive --count 2": "MuJoCo's run is no result",
     **{f"{each} wobbling_drive": LATER for each in ("equilibria", "basins")},
-    "section spin_up_from_rest": "needs constant rates and sines, not a ramp",
     "lyapunov pendulum_robot": "what a motor moves has a state of its own",
     "section wobbling_drive --g 1": "its section is a phase of its drives, without a g",
     **{

@@ -197,10 +197,10 @@ def period_of(scene: Scene) -> float:
             f"{scene.name}: a stroboscopic map needs given rates; what a motor moves has a state "
             "of its own"
         )
-    parts = [_parts(scene, drive) for drive in scene.drives]
+    parts = [_parts(scene, drive) for drive in (*scene.drives, *scene.plane_drives)]
     frequencies = [p.frequency for each in parts for p in each if isinstance(p, Sine)]
     if scene.not_reduced:
-        for hinge, own in zip(scene.ball.hinges, parts, strict=True):
+        for hinge, own in zip(scene.ball.hinges, parts, strict=False):
             # Over the periods of its swings a hinge turns by its mean rate alone.
             mean = sum(p.value if isinstance(p, Constant) else p.mean for p in own)
             if mean and not isinstance(hinge.body, Rotor):

@@ -335,12 +335,15 @@ def _draw_section(scene: Scene, theory: _Points, engine: _Points | None, where: 
     drawn = [(EQUATIONS.name, theory, EQUATIONS.colour, "o", size)]
     if engine is not None:
         drawn.append((LABEL.name, engine, LABEL.colour, "+", 5.0))
+    sides = [(1, 1.0, ", g grows"), (-1, 0.4, ", g falls")]
+    if not where.startswith("g"):  # a phase grows always
+        sides = [(1, 1.0, "")]
     for name, points, colour, mark, size in drawn:
-        for direction, alpha, words in ((1, 1.0, "g grows"), (-1, 0.4, "g falls")):
+        for direction, alpha, words in sides:
             some = points["directions"] == direction
             axes.plot(points["l"][some] % (2 * np.pi), points["L"][some], mark, color=colour,
                       alpha=alpha, markersize=size, markeredgewidth=0 if mark == "o" else 0.8,
-                      label=f"{name}, {words}")  # fmt: skip
+                      label=f"{name}{words}")  # fmt: skip
     size = max(float(np.linalg.norm(scene.start.momentum)), float(np.abs(theory["L"]).max()))
     axes.set(xlabel="l [rad], from 0 to 2π", ylabel="L [kg m²/s]",
              xlim=(0, 2 * np.pi), ylim=(-1.05 * size, 1.05 * size))  # fmt: skip

@@ -111,7 +111,9 @@ REFUSED = {
     # scenes that a command is not for, each answered by a command that is
     "design fig12 --rotor-speed 0.01": r"rotor speed: at most 0\.01 rad/s is allowed",
     "section fig12 --preset naive --count 2": "MuJoCo's run is no result",
-    **{f"{each} wobbling_drive": LATER for each in ("equilibria", "section", "lyapunov", "basins")},
+    **{f"{each} wobbling_drive": LATER for each in ("equilibria", "basins")},
+    "lyapunov pendulum_robot": "what a motor moves has a state of its own",
+    "section wobbling_drive --g 1": "its section is a phase of its drives, without a g",
     **{
         f"{each} fig06": AT_REST for each in ("section", "lyapunov", "basins", "chart --over K=0:1")
     },

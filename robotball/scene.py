@@ -65,8 +65,7 @@ def sample_times(duration: float, interval: float | None = None) -> Array:
             f"at most {_MOST_SAMPLES:g}; give times of your own"
         )
     # 10 s are 500 intervals of 0.02 s, though 10/0.02 may round to a little more than 500.
-    intervals = int(np.ceil(duration / interval * (1 - 1e-12)))
-    return np.linspace(0.0, duration, intervals + 1)
+    return np.linspace(0.0, duration, int(np.ceil(duration / interval * (1 - 1e-12))) + 1)
 
 
 def check_times(times: Array) -> Array:

@@ -204,8 +204,8 @@ class _Unknown:
     """A number to be found: what it begins with, its size, and its limits.
 
     log: the number of the log that it belongs to, None where all share it; moves: whether it
-    changes the motion, and not the readings alone; scaled: whether it is sought by its logarithm;
-    whole: whether it is one of the ten of a body's inertia, which are sought together.
+    changes the motion, and not the readings alone; whole: whether it is one of the ten of a body's
+    inertia, which are sought together.
     """
 
     name: str
@@ -216,18 +216,7 @@ class _Unknown:
     moves: bool = True
     low: float = -np.inf
     high: float = np.inf
-    scaled: bool = False
     whole: bool = False
-
-    def at(self, x: float) -> float:
-        """Return the value that so many sizes from the first one are."""
-        return self.value * float(np.exp(x)) if self.scaled else self.value + self.size * x
-
-    def sizes(self, value: float) -> float:
-        """Return how many sizes a value is from the first one."""
-        if not self.scaled:
-            return (value - self.value) / self.size
-        return float(np.log(value / self.value)) if value > 0 else -np.inf
 
     @property
     def of_start(self) -> bool:
@@ -235,9 +224,8 @@ class _Unknown:
         return self.name.startswith("start.")
 
 
-# Of these, products and ratios are what a motion shows, along which logarithms go straight.
-_POSITIVE = ("mass", "density", "radius", "thickness", "kv", "kp", "kd", "torque_limit",
-             "stall_torque", "armature", "gravity", "rolling", "damping", "stiffness")  # fmt: skip
+_POSITIVE = ("mass", "density", "radius", "kv", "kp", "torque_limit", "stall_torque", "gravity",
+             "rolling")  # fmt: skip
 
 
 def _of_scene(numbers: Numbers, free: Sequence[str], radius: float) -> Iterator[_Unknown]:
@@ -259,8 +247,7 @@ def _of_scene(numbers: Numbers, free: Sequence[str], radius: float) -> Iterator[
         size = abs(value) or (0.01 * radius if unit == "m" else 0.01)
         if unit == "m":
             size = max(size, 0.1 * radius) if last in "xyz" else size
-        scaled = value > 0 and low >= 0 and last in _POSITIVE
-        yield _Unknown(path, value, size, unit, low=low, high=high, scaled=scaled)
+        yield _Unknown(path, value, size, unit, low=low, high=high)
 
 
 _WHOLE = ".inertia"  # after a body's name: its mass, its centre and its inertia
@@ -377,7 +364,7 @@ class _Residuals:
 
     def values(self, x: Array) -> Array:
         """Return the unknowns in their units."""
-        found = np.array([u.at(a) for u, a in zip(self.unknowns, x.tolist(), strict=True)])
+        found = np.array([u.value + u.size * a for u, a in zip(self.unknowns, x, strict=True)])
         first = np.array([u.value for u in self.unknowns])
         whole = np.flatnonzero([u.whole for u in self.unknowns]).reshape(-1, 4 + len(_MOMENTS))
         for body in whole:
@@ -689,13 +676,14 @@ def _solved(
     that tells the numbers apart: the last step, and the derivative, are those of central ones.
     """
     x = np.zeros(len(unknowns))
-    # Within, as differences are taken to both sides.
-    low = np.array([u.sizes(u.low) + _DIFFERENCE for u in unknowns])
-    high = np.array([u.sizes(u.high) - _DIFFERENCE for u in unknowns])
+    low, high = (
+        np.array([(getattr(u, side) - u.value) / u.size for u in unknowns])
+        for side in ("low", "high")
+    )
     shared = np.array([u.log is None for u in unknowns])
     for part in _PARTS:
         residuals = _Residuals(numbers, unknowns, [each.until(part) for each in logs], run, fixed)
-        x = np.clip(x, low, high)
+        x = np.clip(x, low + _DIFFERENCE, high - _DIFFERENCE)
         if not np.isfinite(residuals(x)).all():
             _raise_cause(residuals, x, run)
         # A part of the logs may tell little of an unknown, which must not go astray on it.

@@ -61,6 +61,7 @@ def off_by(form: SecondForm, scene: rb.Scene) -> float:
     return float(np.abs(np.concatenate(differences)).max())
 
 
+@pytest.mark.slow
 def test_robots_move_in_space_as_newton_and_euler_say() -> None:
     """In space the constraint has the plane's velocity, and gravity stays: no formula is shared.
 

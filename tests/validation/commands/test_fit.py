@@ -86,6 +86,7 @@ def test_what_cannot_be_fitted_is_refused_in_a_line(
 ROBOT = Path("examples/first_robot.xml").absolute()
 
 
+@pytest.mark.slow
 def test_a_robots_own_file_has_numbers_by_its_own_names(
     robotball: Robotball, tmp_path: Path
 ) -> None:

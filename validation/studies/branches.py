@@ -252,7 +252,7 @@ def _study_of(
         Column("branch", "branch", form="d"), Column("points", "points", form="d"),
         Column(symbol, "at", unit, form=".7g"), Column("where it ends", "end", words=True),
     )  # fmt: skip
-    told = f"{len(branches)} branches, {len(rows)} points; γ in principal axes"
+    told = f"branches: {len(branches)}, points: {len(rows)}; γ in principal axes"
     record = {"scene": scene.name, "of": of, "over": over, "special": special}
     record["ends"] = [each.ends for each in branches]
     shown: list[Table | str] = [table_of(columns, special)] if special else []

@@ -130,9 +130,9 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
             "ends": [["the range ends"] * 2] * 8,
         },
     ),
-    "continue fig07 --of cycle --over K3 --from 2.9 --to 3 --csv a.csv": ("1 branches", {}),
+    "continue fig07 --of cycle --over K3 --from 2.9 --to 3 --csv a.csv": ("branches: 1", {}),
     "continue fig10 --of line --over f --from 2 --to 2.2 --json a.json": (
-        "4 branches",
+        "branches: 4",
         {
             "special/*/kind": ["Hopf point"] * 2,
             "special/*/value": approx([2.080624] * 2, abs=1e-6),

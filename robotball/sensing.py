@@ -90,12 +90,10 @@ def _readings(sensor: Sensor, motion: Motion, rows: Rows, given: Mapping[str, Ar
     if name.endswith("gyro") and not (name == "shell_gyro" and scene.ball.has_frame):
         return _carried(motion, rows, name.removesuffix("gyro"))[1] + bias
     if name == "shell_gyro":
-        axis = scene.ball.shell.axis
-        turning = motion.angular_velocity[rows] - np.outer(motion.hinge_rates[rows, 0], axis)
-        half = motion.hinge_angles[rows, :1] / 2
+        axis, half = scene.ball.shell.axis, motion.hinge_angles[rows, :1] / 2
         # The frame is turned by its hinge's angle from the shell, whose axes the readings have.
-        from_shell = np.concatenate([np.cos(half), np.sin(half) * axis], axis=1)
-        return np.asarray(np.einsum("nij,nj->ni", rotation_matrix(from_shell), turning)) + bias
+        to_shell = rotation_matrix(np.concatenate([np.cos(half), np.sin(half) * axis], axis=1))
+        return np.asarray(np.einsum("nij,nj->ni", to_shell, _of_shell(motion)[rows])) + bias
     hinge, _, kind = name.rpartition("_")
     i = [each.name for each in scene.hinges].index(hinge)
     if kind == "angle":
@@ -104,6 +102,14 @@ def _readings(sensor: Sensor, motion: Motion, rows: Rows, given: Mapping[str, Ar
         return motion.hinge_rates[rows, i : i + 1]
     torque = motion.loads.motor_torques[rows, i : i + 1]
     return torque if kind == "torque" else torque / _torque_constant(scene, i)
+
+
+def _of_shell(motion: Motion) -> Array:
+    """Return the shell's angular velocity (n, 3), in the axes in which the motion has its own."""
+    if not motion.scene.ball.has_frame:
+        return motion.angular_velocity
+    axis = motion.scene.ball.shell.axis
+    return np.asarray(motion.angular_velocity - np.outer(motion.hinge_rates[:, 0], axis))
 
 
 def _carried(motion: Motion, rows: Rows, name: str) -> tuple[Array, Array]:
@@ -157,10 +163,7 @@ def _specific_force(motion: Motion, rows: Rows, given: Mapping[str, Array]) -> A
     """
     scene, (before, at, after) = motion.scene, rows.reshape(3, -1)
     to_world = rotation_matrix(motion.attitude)
-    shell = motion.angular_velocity
-    if scene.ball.has_frame:
-        shell = shell - np.outer(motion.hinge_rates[:, 0], scene.ball.shell.axis)
-    turning = np.einsum("nij,nj->ni", to_world, shell)
+    turning = np.einsum("nij,nj->ni", to_world, _of_shell(motion))
     velocity = scene.ball.radius * np.cross(turning, _VERTICAL)
     gap = (motion.times[after] - motion.times[before])[:, None]
     centre = (velocity[after] - velocity[before]) / gap - scene.gravity_at(motion.times[at])

@@ -162,10 +162,9 @@ def _log_of(table: Table, name: str, scene: Scene) -> Log:
                 if unit not in ("", "-", "1") and unit not in known:
                     raise InputError(f"{title} is in {unit!r}; it can be in {', '.join(known)}")
                 columns[title] = others[title] * known.get(unit, 1.0)
-    groups = {**_SENSORS, **_of_links(scene)}
     driven = {hinge.name: hinge.motor is not None for hinge in scene.hinges}
     driven |= {actuator.name: True for actuator in scene.actuators}
-    taken = (*sum(groups.values(), ()), *(f"{name}_{_COMMAND}" for name in driven))
+    taken = (*sum(_columns_of(scene).values(), ()), *(f"{name}_{_COMMAND}" for name in driven))
     columns.update({each: others[each] for each in taken if each in others})
     times = columns["t"]
     if not np.isfinite(times).all():
@@ -196,9 +195,9 @@ def _log_of(table: Table, name: str, scene: Scene) -> Log:
     return Log(name, sensors, commands, tuple(notes))
 
 
-def _of_links(scene: Scene) -> Mapping[str, tuple[str, ...]]:
-    """Return the sensors that the links of a robot's own file carry, with their columns."""
-    return {
+def _columns_of(scene: Scene) -> dict[str, tuple[str, ...]]:
+    """Return the columns of the sensors of bodies, those on links of a robot's own file too."""
+    return _SENSORS | {
         f"{link.name}_{kind}": tuple(f"{link.name}_{column}" for column in _SENSORS[kind])
         for link in scene.ball.links
         for kind in ("attitude", "gyro")
@@ -206,14 +205,9 @@ def _of_links(scene: Scene) -> Mapping[str, tuple[str, ...]]:
 
 
 def _sensors(columns: Mapping[str, Array], times: Array, scene: Scene) -> Iterator[Sensor]:
-    groups = {**_SENSORS, **_of_links(scene)}
-    groups.update(
-        {
-            title: (title,)
-            for hinge in scene.hinges
-            for title in (f"{hinge.name}_{kind}" for kind in _OF_HINGES)
-        }
-    )
+    groups = _columns_of(scene)
+    groups |= {f"{each.name}_{kind}": (f"{each.name}_{kind}",)
+               for each in scene.hinges for kind in _OF_HINGES}  # fmt: skip
     for name, needed in groups.items():
         there = [each for each in needed if each in columns]
         if name == "position" and there == ["x", "y"]:

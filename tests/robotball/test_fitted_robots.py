@@ -1,6 +1,5 @@
 """Fits of many robots: the truth is where the deviations say, and wrong models are rejected."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +13,6 @@ from robotball.motion import Motion
 from robotball.rotations import turned
 
 NOISE = {"position": 1e-3, "attitude": 1e-2, "gyro": 2e-2}
-TIMES = rb.sample_times(2.0, 1 / 40)
 # A ramp that is over within the log.
 QUICK = {"frame.rate.start": 0.1, "frame.rate.end": 1.2}
 FREE = (
@@ -46,11 +44,14 @@ def robot(rng: np.random.Generator) -> tuple[Numbers, dict[str, float], rb.Scene
     return numbers, {**truth, **QUICK}, replace(scene, start=start)
 
 
-def fitted_robot(seed: int, folder: Path) -> tuple[list[float], rb.Fit]:
+def fitted_robot(
+    seed: int, noise: int, folder: Path, seconds: float = 2.0
+) -> tuple[list[float], rb.Fit]:
     """Return the errors over the deviations, and the fit."""
-    rng = np.random.default_rng(seed)
-    numbers, truth, scene = robot(rng)
-    log = log_of(rb.simulate(scene, TIMES, "accurate"), rng)
+    numbers, truth, scene = robot(np.random.default_rng(seed))
+    rng = np.random.default_rng([seed, noise, 77])
+    motion = rb.simulate(scene, rb.sample_times(seconds, 1 / 40), "accurate")
+    log = log_of(motion, rng)
     free = FREE[: rng.integers(3, 7)]
     wrong = {path: truth[path] * rng.uniform(0.8, 1.2) for path in free}
     path = folder / f"{seed}.toml"
@@ -59,28 +60,41 @@ def fitted_robot(seed: int, folder: Path) -> tuple[list[float], rb.Fit]:
     return [(each.value - truth[each.name]) / each.deviation for each in found.found], found
 
 
-def within_two(seeds: Sequence[int], folder: Path) -> tuple[int, int, int]:
-    """How many numbers of the robots are within two deviations, of how many, and χ² misses."""
-    every = [fitted_robot(seed, folder) for seed in seeds]
-    errors = np.concatenate([each for each, _ in every])
-    return int((np.abs(errors) < 2).sum()), len(errors), sum(not f.explains for _, f in every)
+def along_a_curve(found: rb.Fit) -> bool:
+    """Return whether a fit says that its deviations may be too small."""
+    return any("along a curve" in line for line in found.undetermined)
 
 
 @pytest.mark.study
 def test_the_truth_is_where_the_deviations_say(tmp_path: Path) -> None:
-    """Of 20 robots, 3 to 6 numbers each: near 95 % within two deviations, and χ² of the noise."""
-    # Not the fourth, whose first guess is out of its shell.
-    seeds = [seed for seed in range(21) if seed != 4]
-    near, count, missed = within_two(seeds, tmp_path)
-    # Measured 42 of 49 over the first eleven. A robot's errors go together, all within two
-    # deviations or none, so that 20 robots tell no more than 20 numbers do.
-    assert near / count > 0.8
-    assert missed == 0
+    """Of 21 robots, each with three noises: 95 % of 3 to 6 numbers within two deviations.
+
+    Some ten minutes. The fit of a robot with another noise begins from another guess, too.
+    """
+    every = [(seed, noise) for noise in range(3) for seed in range(21)]
+    # Its guess is out of its shell.
+    every.remove((4, 0))
+    fits = [fitted_robot(seed, noise, tmp_path) for seed, noise in every]
+    near = np.concatenate([np.abs(errors) < 2 for errors, _ in fits])
+    straight = [np.abs(errors) < 2 for errors, found in fits if not along_a_curve(found)]
+    # Measured 259 of 273, which is 0.949, and 145 of 150. A robot's numbers go together, all within
+    # two deviations or none: the share is known to 0.02.
+    assert 0.93 < near.mean() < 0.97
+    assert np.concatenate(straight).mean() > 0.93
+    assert all(found.explains for _, found in fits)
 
 
 @pytest.mark.slow
 def test_the_truth_of_a_robot_is_where_the_deviations_say(tmp_path: Path) -> None:
-    """The quick form: all within four."""
-    errors, found = fitted_robot(2, tmp_path)
-    assert np.abs(errors).max() < 4  # measured 2.2
+    """The quick form: four numbers within three deviations, and none along a curve."""
+    errors, found = fitted_robot(1, 0, tmp_path)
+    assert np.abs(errors).max() < 3  # measured 1.7
     assert found.explains
+    assert found.undetermined == ()
+
+
+@pytest.mark.slow
+def test_numbers_that_are_known_along_a_curve_alone_are_named(tmp_path: Path) -> None:
+    """Of five numbers, one second tells little, and deviations are a tangent."""
+    _, found = fitted_robot(0, 2, tmp_path, seconds=1.0)
+    assert along_a_curve(found)

@@ -251,10 +251,10 @@ def check_model(
     motion, seen = observed(own, scene, accuracy, steps, lambda part: show(0.2 * part, "as it is"))
     if not seen.fails:  # as far as it was stepped
         times = times[: max(2, 1 + (len(seen.path) - 1) // every)]
-    theories = _theories(own, rolling, default, times, accuracy, show)
     path = np.full((len(times), 3), np.nan)
     stepped = seen.path[::every][: len(times)]
     path[: len(stepped)] = stepped
+    theories = _theories(own, rolling, default, path, times, accuracy, show)
     errors = {name: _error(path[: len(each.times)], each) for name, each in theories.items()}
     nearest = min(errors, key=lambda name: errors[name] / (1.0 if name == default else _NEARER))
     theory, as_it_is = theories[nearest], errors[nearest]
@@ -365,10 +365,14 @@ def _standing(path: Array, theory: ReferenceMotion, judged: bool) -> str | None:
     if not judged:
         words = "no verdict: neither it nor the equations move by a tenth of the radius in "
         words += f"{end:.3g} s; see --control and --keyframe"
-    elif reach < _STILL * _reach(theory.contact_point):
+    elif _keeps_still(path, theory):
         words = f"it stands still: it gets {reach:.2g} m away in {end:.3g} s, where the equations "
         words += f"roll {theory.path_length:.3g} m"
     return words
+
+
+def _keeps_still(path: Array, theory: ReferenceMotion) -> bool:
+    return _reach(path) < _STILL * _reach(theory.contact_point)
 
 
 def _why_short(theory: ReferenceMotion, duration: float) -> str | None:
@@ -411,11 +415,14 @@ def _theories(
     own: UserModel,
     rolling: Rolling | None,
     default: Rolling,
+    path: Array,
     times: Array,
     accuracy: float,
     show: Show,
 ) -> dict[Rolling, ReferenceMotion]:
     """Return the motions of the rolling models, that of the contact's condim first.
+
+    A path that stands still tells none, and is held to the first.
 
     Raises InputError where there is no motion.
     """
@@ -432,6 +439,8 @@ def _theories(
             continue
         if len(motion.times) < len(times) and not motion.ended:
             break  # the other model would take as long
+        if _keeps_still(path, motion):
+            break
     if not found:
         raise refused
     return found

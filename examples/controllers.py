@@ -144,7 +144,7 @@ def main() -> None:
             agreement = rb.compare(scene, settings, theory=theory)
             missing, off = missed(agreement.motion), agreement.path_error
             print(f"  {missing:.2g} by {settings}, whose path is off by {off:.1e}")
-        print(f"  a turn of the start by 1 rad, were it small: {agreement.loop_growth:.2g}")
+        print(f"  a start turned by a small δ rad is off by {agreement.loop_growth:.2g} δ")
 
 
 if __name__ == "__main__":

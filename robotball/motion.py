@@ -182,7 +182,7 @@ class ContactReport(Value):
         The fraction of the friction cone that the contact force takes. At 1 the cone is saturated.
         NaN if the engine does not report contact forces.
     hinge_rate_error : (n,)
-        The largest error of a hinge's rate, relative to the rate.
+        The largest error of a rate that is given exactly, relative to it. A motor's lag is none.
     faults : tuple of Fault
         The faults, the earliest first. Empty for a sound run.
     timestep : float, s

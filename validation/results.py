@@ -281,14 +281,18 @@ def show(records: Sequence[Record], console: Console) -> None:
         if each["verdict"] != "agrees":
             below.append((f"{each['scene']}, {each['preset']}: {each['verdict']}", style))
         if each["loop_growth"] is not None:
-            grown = f"path errors of {each['loop_growth']:.3g} for a small turn of the start by 1"
-            below.append((f"{each['scene']}: the closed loop makes {grown}", "dim"))
+            below.append((f"{each['scene']}: {growth_of(each['loop_growth'])}", "dim"))
     print_whole(table, console)
     console.print(SYMBOLS, style="dim", highlight=False)
     asked = {each["preset"]: f"{each['tolerance']:g} ({each['preset']})" for each in records}
     console.print(escape(f"asked for: {', '.join(asked.values())}"), style="dim", highlight=False)
     for line, style in below:
         console.print(escape(line), style=style)
+
+
+def growth_of(growth: float) -> str:
+    """Return in words what a closed loop makes of a small turn of the start."""
+    return f"a start that is turned by a small δ rad makes a path error of {growth:.3g} δ"
 
 
 def _row_numbers(record: Record) -> list[str]:

@@ -168,7 +168,7 @@ class Monitor:
         elapsed = np.diff(readings.time, prepend=self.last_time)
         # A motor of the scene's own may be weak; any other drive has to keep its rate.
         exact = [i for i, hinge in enumerate(self.scene.hinges) if hinge.motor is None]
-        off_rate = np.asarray((rate_errors[:, exact] > RATE_ERROR).any(axis=1))
+        off_rate = np.asarray((rate_errors > RATE_ERROR).any(axis=1))
         if exact and not self.scene.steady:
             off_rate |= self._off_between(readings, elapsed, exact).any(axis=1)
         return [
@@ -216,16 +216,16 @@ class Monitor:
 
 
 def rate_errors_of(scene: Scene, times: Array, rates: Array) -> Array:
-    """Return the errors (n, h) of the hinges' rates (n, h), each over its largest commanded rate.
+    """Return the errors (n, h) of the hinges' rates (n, h), each over its largest given rate.
 
-    A hinge whose motor does not follow a rate has none; one that is to stand has no rate to be
-    compared with, so that its error is in rad/s.
+    A hinge with a motor has none, as how far it lags belongs to the motion; one that is to stand
+    has no rate to be compared with, so that its error is in rad/s.
     """
     errors = np.zeros_like(rates)
     # A diverged state's time may be none, which no drive can be evaluated at.
     times = np.where(np.isfinite(times), times, 0.0)
     for i, (hinge, largest) in enumerate(zip(scene.hinges, scene.largest_rates, strict=True)):
-        if hinge.motor is None or hinge.motor.follows_rate:
+        if hinge.motor is None:
             errors[:, i] = np.abs(rates[:, i] - hinge.command.rate(times)) / (largest or 1.0)
     return errors
 

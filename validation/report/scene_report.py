@@ -1,6 +1,7 @@
 """Report scenes that were compared: agreement, plots, a view, settings, how to repeat it."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from html import escape
 from itertools import groupby, repeat
 from pathlib import Path
@@ -17,7 +18,7 @@ from validation.output import known, scientific, versions
 from validation.plots import framed
 from validation.report import VERDICTS, embedded, folded, page, paragraph, plain, plot, table, text
 from validation.report.chart import Line
-from validation.results import needs
+from validation.results import growth_of, needs
 
 _ERRORS = {
     "path error": "the largest distance of the two contact points, over the path's length",
@@ -70,8 +71,10 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
     if film:
         source = embedded(film.read_bytes(), "video/mp4")
         shown = f'<video controls muted playsinline src="{source}"></video>{shown}'
-    # A scene file holds no links, and no shell that is not symmetric.
-    file = "" if scene.ball.general else f"<pre>{escape(scene_toml(scene))}</pre>"
+    # A scene file holds no links, no shell that is not symmetric, and no controller.
+    file = "" if scene.ball.general else scene_toml(replace(scene, controller=None))
+    without = ", without its controller" if scene.controller else ""
+    grown = [] if first.loop_growth is None else [first.loop_growth]
     return [
         f"<h2>{escape(scene.name)}</h2>",
         paragraph(scene.title),
@@ -84,6 +87,7 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
         "<h3>Agreement</h3>",
         '<div class="charts"><div>',
         *(paragraph(sentence(each), VERDICTS[each.agrees]) for each in group),
+        *(paragraph(f"In the loop {growth_of(growth)}.", "faint") for growth in grown),
         f"</div>{_paths(group)}</div>",
         _ball_numbers(group),
         "<h3>To be looked at</h3>",
@@ -99,7 +103,7 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
             folded(f"Settings of {each.settings.name}", plain(each.settings.plain()), short=True)
             for each in group
         ),
-        folded("The scene's file", file) if file else "",
+        folded(f"The scene's file{without}", f"<pre>{escape(file)}</pre>") if file else "",
     ]
 
 

@@ -21,7 +21,7 @@ ON_CORES := --numprocesses auto --dist loadfile
 test: setup gl browser check
 	$(BIN)/pytest $(ON_CORES) -m "not study"
 
-# Every case of the studies that have many, such as wrong settings that are planted; two minutes.
+# Every case of the studies that have many, such as wrong settings that are planted; half an hour.
 test-studies: setup
 	$(BIN)/pytest $(ON_CORES) -m study
 

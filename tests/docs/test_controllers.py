@@ -28,8 +28,12 @@ def simulated(scene: rb.Scene, theory: Any, settings: str) -> rb.Agreement:
         return rb.compare(scene, settings, theory=theory)
 
 
+# Ten to twenty seconds each: one of them is in every run.
+EACH = [n if n == "damp" else pytest.param(n, marks=pytest.mark.study) for n in LOOPS]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", LOOPS)
+@pytest.mark.parametrize("name", EACH)
 def test_a_closed_loop_agrees_over_ten_seconds_as_the_page_says(name: str) -> None:
     """To 1e-6 of the path by accurate, measured 1e-10 to 4e-10; the row's other numbers as well."""
     scene, (off, growth, misses, naive, says) = LOOPS[name], numbers(name)
@@ -45,7 +49,7 @@ def test_a_closed_loop_agrees_over_ten_seconds_as_the_page_says(name: str) -> No
     assert missed(wrong.motion) == pytest.approx(says, rel=0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_a_gain_that_naive_prefers_is_not_the_best_one() -> None:
     """16, by which the rolling ball misses its point by more than twice as much as by 8."""
     of_naive, rolling = (numbers(f"misses by, {who}") for who in ("*naive* says", "rolling"))

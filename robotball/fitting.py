@@ -10,6 +10,7 @@ In order: what is found, the unknowns, the residuals, the steps of a fit, what i
 
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -40,8 +41,11 @@ _LOSSES: Mapping[str, Callable[[Array], Array]] = {
     "cauchy": np.log1p,
     "arctan": np.arctan,
 }
-_RTOL = 1e-9  # of the equations: over the difference still 1e-5 of what sensors read
+_RTOL = 1e-9  # of the equations: over _DIFFERENCE still 1e-5 of what sensors read
 _DIFFERENCE = 1e-3  # of an unknown's size, by which residuals are differentiated
+# The same, and the tolerance, where the equations move neighbours by the same steps: such motions
+# err alike, and the derivative by 1e-4 of itself.
+_SMALL, _ROUGH_RTOL = 1e-6, 1e-7
 _PARTS = (0.15, 0.4, 1.0)  # of the logs, to which the fit is made in turn
 _PRIOR = 1.0  # of an unknown's size: how far a part of the logs may move it without evidence
 _DOUBT = 1e-3  # a probability below which chance is no explanation
@@ -362,6 +366,7 @@ class _Residuals:
         self._of = [
             [j for j, u in enumerate(unknowns) if u.log in (None, k)] for k in range(len(logs))
         ]
+        self._moving = [[j for j in of if unknowns[j].moves] for of in self._of]
 
     def values(self, x: Array) -> Array:
         """Return the unknowns in their units."""
@@ -424,17 +429,21 @@ class _Residuals:
                 found.setdefault(u.name.rpartition(".")[0] if vector else u.name, []).append(v)
         return {name: np.array(parts) for name, parts in found.items()}
 
+    def _asked(self, k: int, values: Array) -> tuple[Scene, Array, list[Array]]:
+        """Return a log's scene, the times of its motion, and those at which sensors read it."""
+        given = self.given(k, values)
+        wanted = [times_of(each, given) for each in self.logs[k].log.sensors]
+        return self.scene(k, values), np.unique(np.concatenate([[0.0], *wanted])), wanted
+
     def _moved(self, k: int, key: tuple[float, ...]) -> tuple[Motion, list[Rows]] | None:
         """Return a log's motion, and the rows that each sensor reads; None where none."""
         values = np.array([u.value for u in self.unknowns])
-        values[[j for j in self._of[k] if self.unknowns[j].moves]] = key
-        given = self.given(k, values)
-        wanted = [times_of(each, given) for each in self.logs[k].log.sensors]
-        times = np.unique(np.concatenate([[0.0], *wanted]))
+        values[self._moving[k]] = key
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SceneWarning)
             try:
-                motion = self.run(self.scene(k, values), times)
+                scene, times, wanted = self._asked(k, values)
+                motion = self.run(scene, times)
             except InputError:
                 return None
         if len(motion.times) < len(times):
@@ -444,21 +453,56 @@ class _Residuals:
     def of_log(self, k: int, x: Array) -> list[Array] | None:
         """Return how far the readings of a log's sensors are from its motion's; None for none."""
         values = self.values(x)
-        moving = [j for j in self._of[k] if self.unknowns[j].moves]
-        moved = self._motion(k, tuple(values[moving].tolist()))
-        if moved is None:
-            return None
-        given = self.given(k, values)
-        sensors = self.logs[k].log.sensors
-        return [apart(s, moved[0], rows, given) for s, rows in zip(sensors, moved[1], strict=True)]
+        moved = self._motion(k, tuple(values[self._moving[k]].tolist()))
+        return None if moved is None else self._apart(k, values, *moved)
+
+    def _apart(self, k: int, values: Array, motion: Motion, rows: list[Rows]) -> list[Array]:
+        given, sensors = self.given(k, values), self.logs[k].log.sensors
+        return [apart(s, motion, r, given) for s, r in zip(sensors, rows, strict=True)]
 
     def _part(self, k: int, x: Array) -> Array:
         found = self.of_log(k, x)
         if found is None:
             count = sum(len(s.values) * _width(s.values, s.name) for s in self.logs[k].log.sensors)
             return np.full(count, np.inf)
+        return self._weighed(k, found)
+
+    def _weighed(self, k: int, found: list[Array]) -> Array:
         weighted = zip(found, self.logs[k].noise, strict=True)
         return np.concatenate([(each / noise).ravel() for each, noise in weighted])
+
+    def _by_motion(self, k: int, x: Array) -> dict[int, Array]:
+        """Return the derivatives (n,) of a log's residuals by unknowns that change its motion.
+
+        Not by those that change the times of breakpoints and readings; by none of an engine's.
+        """
+        from robotball.engines.multibody import integrate_together  # which loads numba
+
+        if self.run is not _by_equations:
+            return {}
+        values = {j: self.values(x + _SMALL * (np.arange(len(x)) == j)) for j in self._moving[k]}
+        given = self.values(x)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SceneWarning)
+            first, times, wanted = self._asked(k, given)
+            scenes = {}
+            for j, others in values.items():
+                with suppress(InputError):  # no scene there
+                    scene, own, _ = self._asked(k, others)
+                    if np.array_equal(own, times) and scene.breakpoints == first.breakpoints:
+                        scenes[j] = scene
+            try:
+                motions = integrate_together([first, *scenes.values()], times, _ROUGH_RTOL)
+            except InputError:
+                return {}
+        if len(motions[0].times) < len(times):
+            return {}
+        rows = [np.searchsorted(times, each) for each in wanted]
+        before = self._weighed(k, self._apart(k, given, motions[0], rows))
+        return {
+            j: (self._weighed(k, self._apart(k, values[j], motion, rows)) - before) / _SMALL
+            for j, motion in zip(scenes, motions[1:], strict=True)
+        }
 
     def __call__(self, x: Array) -> Array:
         """Return the residuals over their noise (n,); inf where there is no motion."""
@@ -467,17 +511,22 @@ class _Residuals:
     def jacobian(self, x: Array, central: bool = False) -> Array:
         """Return the derivative of the residuals (n, p), by differences.
 
-        Those to one side are as good as a step needs; of where nothing is known, central ones tell.
+        Those of an engine's motions are to one side, as good as a step needs, or central.
         """
         parts = [self._part(k, x) for k in range(len(self.logs))]
         ends = np.cumsum([0, *map(len, parts)])
         derivative = np.zeros((ends[-1], len(x)))
-        for j, one in enumerate(self.unknowns):
-            for k in range(len(self.logs)) if one.log is None else [one.log]:
-                sides = [
-                    (self._part(k, x + step * (np.arange(len(x)) == j)) - parts[k]) / step
-                    for step in (_DIFFERENCE, -_DIFFERENCE)[: 2 if central else 1]
-                ]
+        for k, part in enumerate(parts):
+            known = self._by_motion(k, x)
+            for j in self._of[k]:
+                sides = (
+                    [known[j]]
+                    if j in known
+                    else [
+                        (self._part(k, x + step * (np.arange(len(x)) == j)) - part) / step
+                        for step in (_DIFFERENCE, -_DIFFERENCE)[: 2 if central else 1]
+                    ]
+                )
                 possible = [each for each in sides if np.isfinite(each).all()]
                 if possible:
                     derivative[ends[k] : ends[k + 1], j] = np.mean(possible, axis=0)
@@ -496,6 +545,10 @@ def held(times: Array, values: Array) -> Held:
         command.hold(t, Constant(value))
     command.breakpoints = tuple(command.times)
     return command
+
+
+def _by_equations(scene: Scene, times: Array) -> Motion:
+    return integrate(scene, times, _RTOL)
 
 
 def fit(
@@ -574,7 +627,7 @@ def fit(
         [name.removesuffix(_WHOLE) for name in free if name.endswith(_WHOLE)]
     )
     began = numbers.scene({})
-    run = run or (lambda scene, times: integrate(scene, times, _RTOL))
+    run = run or _by_equations
     sensed = [_sensed(began, log, noise or {}) for log in logs]
     own = list(_of_scene(numbers, free, began.ball.radius))
     fitted = [each for k, each in enumerate(sensed) if k != hold_out]
@@ -699,7 +752,7 @@ def _solved(
         solved = minimize(
             _with_prior, x, _its_jacobian, (low, high), args=(residuals, prior), x_scale=1.0,
             ftol=_ENOUGH if part == 1 else _ROUGHLY, xtol=_ENOUGH, gtol=_LEAST_SLOPE, loss=loss,
-            max_nfev=_MOST_TRIALS,
+            max_nfev=_MOST_TRIALS, method="dogbox",
         )  # fmt: skip
         x = solved.x
         if progress is not None:

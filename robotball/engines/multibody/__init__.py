@@ -12,7 +12,7 @@ reduced equations.
 """
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 
@@ -31,6 +31,7 @@ from robotball.engines.multibody.system import (
     POINT,
     STANDING,
     Modes,
+    Neighbours,
     Readings,
     System,
     readings_of,
@@ -124,6 +125,24 @@ def integrate(
         plane_work=states[:, -1] if scene.plane_moves else None,
         ended=ended,
     )
+
+
+def integrate_together(scenes: Sequence[Scene], times: Array, rtol: float) -> list[Motion]:
+    """Integrate robots whose numbers differ a little by the same steps, in the first one's modes.
+
+    So the motions differ by the numbers alone, and not by the steps, and derivatives by differences
+    are as exact as these are small. They are right where modes change too, as forces are
+    continuous there. The scenes have no controller, and the first one's breakpoints. Raises
+    InputError as `integrate` does.
+    """
+    ours = [scene.until(float(times[-1])) for scene in scenes]
+    march = March(Neighbours(ours), rtol, float(times[-1]), _MAX_STEPS)
+    states, readings = (np.split(each, len(ours), axis=1) for each in march.run(times))
+    hinges, times = len(ours[0].hinges), times[: len(states[0])]
+    return [
+        _motion_of(scene, times, own, readings_of(read, hinges))
+        for scene, own, read in zip(ours, states, readings, strict=True)
+    ]
 
 
 def _check_rates(scene: Scene, duration: float, limit: int) -> None:
@@ -231,7 +250,7 @@ def _stand(system: System, t: float, state: Array, readings: Readings) -> Array:
     system.modes = Modes(modes.motors, standing=True)
     held = system.readings(t, state)
     if _held(held) <= system.resistance * held.normal:
-        return _with_momentum(system, state, held)  # without the last of the rolling
+        return _with_momentum(system, t, state)  # without the last of the rolling
     # It was let go just now, and does not roll faster than STANDING yet.
     if np.any(modes.toward):
         system.modes = modes
@@ -248,7 +267,7 @@ def _let_go(system: System, t: float, state: Array) -> Array:
     the shell was held.
     """
     readings = system.readings(t, state)
-    state = _with_momentum(system, state, readings)
+    state = _with_momentum(system, t, state)
     system.modes = Modes(system.modes.motors)
 
     def ahead() -> Array:
@@ -284,15 +303,17 @@ def _held(readings: Readings) -> float:
     return float(np.linalg.norm(readings.plane_torque[:2]))
 
 
-def _with_momentum(system: System, state: Array, readings: Readings) -> Array:
+def _with_momentum(system: System, t: float, state: Array) -> Array:
     """Return the state with M recomputed from the velocities."""
-    scene, state = system.scene, state.copy()
-    to_world = rotation_matrix(state[:4])
-    angles = state[HINGES : HINGES + system.count]
-    one = scene.robot.states(
-        to_world[None, 2], angles[None], readings.omega[None], readings.rates[None]
-    )
-    state[MOMENTUM : MOMENTUM + 3] = to_world @ one.momentum(scene.rolling)[0]
+    state = state.copy()
+    for each, row in zip(system.robots, state.reshape(-1, system.size), strict=True):
+        each.modes = system.modes
+        readings, to_world = each.readings(t, row), rotation_matrix(row[:4])
+        angles = row[HINGES : HINGES + each.count]
+        one = each.scene.robot.states(
+            to_world[None, 2], angles[None], readings.omega[None], readings.rates[None]
+        )
+        row[MOMENTUM : MOMENTUM + 3] = to_world @ one.momentum(each.scene.rolling)[0]
     return state
 
 
@@ -443,8 +464,9 @@ class Samples:
 
     def __init__(self, system: System, times: Array) -> None:
         self.system, self.times, self.done = system, times, 0
-        self.states = np.empty((len(times), system.size))
-        self.readings = np.empty((len(times), system.readings_size))
+        count = len(system.robots)
+        self.states = np.empty((len(times), count * system.size))
+        self.readings = np.empty((len(times), count * system.readings_size))
 
     def add(self, reached: float, solver: Compensated | Array) -> None:
         """Add those up to `reached` [s], from the solver's last step or the one state there."""

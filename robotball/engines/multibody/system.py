@@ -7,6 +7,7 @@ several by gears. Where the plane moves, its work on the ball follows. The deriv
 with readings of the state, the forces and rates that it takes: see `Readings`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
@@ -383,6 +384,7 @@ class System:
     def __init__(self, scene: Scene) -> None:
         hinges, robot = scene.hinges, scene.robot
         self.scene, self.count = scene, len(hinges)
+        self.robots: tuple[System, ...] = (self,)
         given = np.array([False] * 3 + [hinge.motor is None for hinge in hinges])
         own = [i for i, hinge in enumerate(hinges) if hinge.motor is not None]
         laws = [hinge.motor.law for hinge in hinges if hinge.motor is not None]
@@ -478,6 +480,12 @@ class System:
         text = row.tobytes()
         if self._known and self._known[:2] == (t, text) and self._known[2] is self.modes:
             return self._known[3]
+        rate, readings = np.empty(self.size), np.empty(self.readings_size)
+        self._write(t, row, self.modes, rate, readings)
+        self._known = t, text, self.modes, (rate, readings)
+        return rate, readings
+
+    def _write(self, t: float, row: Array, modes: Modes, rate: Array, readings: Array) -> None:
         for i, command in self._changing_rates:
             self._inputs.rates[i] = command.rate(t)
             # A piece's last state has the acceleration of this piece, not that of the next one.
@@ -487,9 +495,45 @@ class System:
         plane = self.scene.plane_drives if self.scene.plane_moves else ()
         if plane:
             self.machine.gravity[:] = self.scene.gravity_at(t)
-        rate, readings = np.empty(self.size), np.empty(self.readings_size)
-        _entry()(row, self.machine, self._inputs, self.modes, rate, readings)
+        _entry()(row, self.machine, self._inputs, modes, rate, readings)
         if plane:
             rate[-1] = readings[_FORCE:_PLANE_TORQUE] @ [each.angle(t) for each in plane]
-        self._known = t, text, self.modes, (rate, readings)
-        return rate, readings
+
+
+class Neighbours(System):
+    """Robots whose numbers differ a little, in the modes of the first; a state has all of theirs.
+
+    The readings of a state, and so its margins, are those of the first.
+    """
+
+    def __init__(self, scenes: Sequence[Scene]) -> None:
+        super().__init__(scenes[0])
+        self.robots = (self, *map(System, scenes[1:]))
+
+    def begin(self, t: float, end: float) -> None:
+        """Begin a smooth piece of all of them."""
+        super().begin(t, end)
+        for each in self.robots[1:]:
+            each.begin(t, end)
+
+    @cached_property
+    def scale(self) -> Array:
+        """The units in which the errors of all the numbers of a state are measured."""
+        return np.concatenate([super().scale, *(each.scale for each in self.robots[1:])])
+
+    def start(self) -> Array:
+        """Return the state at the starts of the scenes."""
+        return np.concatenate([super().start(), *(each.start() for each in self.robots[1:])])
+
+    def readings(self, t: float, state: Array) -> Readings:
+        """Return the readings of the first one's state at time t [s]."""
+        return super().readings(t, state[: self.size])
+
+    def _run(self, t: float, state: Array) -> tuple[Array, Array]:
+        # A state may be of the first alone.
+        rows = np.ascontiguousarray(state).reshape(-1, self.size)
+        rates = np.empty(rows.shape)
+        numbers = np.empty((len(rows), self.readings_size))
+        for each, row, rate, read in zip(self.robots, rows, rates, numbers, strict=False):
+            each._write(t, row, self.modes, rate, read)
+        return rates.ravel(), numbers.ravel()

@@ -474,7 +474,8 @@ class _Residuals:
     def _by_motion(self, k: int, x: Array) -> dict[int, Array]:
         """Return the derivatives (n,) of a log's residuals by unknowns that change its motion.
 
-        Not by those that change the times of breakpoints and readings; by none of an engine's.
+        Not by those that change the times of breakpoints and readings; by none of a run by an
+        engine, nor of a scene with a controller.
         """
         from robotball.engines.multibody import integrate_together  # which loads numba
 
@@ -485,6 +486,8 @@ class _Residuals:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SceneWarning)
             first, times, wanted = self._asked(k, given)
+            if first.controller is not None:
+                return {}
             scenes = {}
             for j, others in values.items():
                 with suppress(InputError):  # no scene there

@@ -161,6 +161,17 @@ def test_a_wrong_model_is_rejected(case: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("name", "factor"), [("gyro", -1.0), ("position", 1000.0)])
+def test_sensors_that_contradict_each_other_are_named(name: str, factor: float) -> None:
+    """A gyro of the other sign, a capture in another unit: no motion explains it and the others."""
+    made = log(of=rb.integrate("pendulum_robot", SHORT, 1e-9))
+    wrong = [replace(s, values=factor * s.values) if s.name == name else s for s in made.sensors]
+    found = rb.fit("pendulum_robot", [replace(made, sensors=tuple(wrong))], ["kv"], noise=NOISE)
+    # What it contradicts strays too: measured 5 and more of its deviations, of the attitude.
+    assert {"attitude", name} <= {each.name for each in found.strays}
+
+
+@pytest.mark.slow
 def test_a_right_model_is_not_rejected() -> None:
     """The same log of the model's own motion: what the five above differ by is not the fit's."""
     robot = rb.load_scene("pendulum_robot").with_hinges(command={"frame": rb.Ramp(final=-4, end=1)})

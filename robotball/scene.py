@@ -492,7 +492,7 @@ class Scene(Value):
     def gravity_at(self, t: Any) -> Array:
         """Return gravity (..., 3) as the moving plane has it at times t (...) [s], world axes."""
         # In a frame that is accelerated, all that is free falls against its acceleration.
-        return self.gravity_world - np.stack([each.rate(t) for each in self.plane_drives], axis=-1)
+        return self.gravity_world - np.array([each.rate(t) for each in self.plane_drives]).T
 
     @cached_property
     def plane_moves(self) -> bool:

@@ -38,7 +38,6 @@ _CLOSED = 1e-13  # of the equations
 # Of them, if they fall no more: where a cycle rests for long, rounding there moves its end so far.
 _ROUGH = 1e-7
 _DIVERGES = 10.0  # times the residuals before: Newton's method is lost
-_RANK = 1e-9  # of the largest singular value: what is less is zero
 _NEUTRAL = 1e-9  # of an exponent's size: a real part below it is rounding
 _LEVEL = 1e-7  # of a tangent: a part along s below it is rounding
 _SINGULAR = 1e-4  # of the largest singular value: one that small, located, is zero
@@ -60,7 +59,8 @@ class Problem:
 
     look: what is seen of them at u and s; gauge: a direction (n,) in which the same solution goes
     on; end: why a branch is followed no further than u, or ""; identity: the part of (u, s) by
-    which a solution is recognised; told: is given (u, s) of each new point.
+    which a solution is recognised; told: is given (u, s) of each new point; rank: of the largest
+    singular value of the derivatives, what is less is zero.
     """
 
     look: Callable[[Array, float], Look]
@@ -68,6 +68,7 @@ class Problem:
     end: Callable[[Array], str] = lambda u: ""
     identity: int = 0
     told: Callable[[Array], None] = lambda x: None
+    rank: float = 1e-9
 
     def rows(self, x: Array) -> Array:
         """Return the gauge at x = (u, s) as (1, n + 1), or (0, n + 1)."""
@@ -159,7 +160,7 @@ def explore(
             if (last.x[-1] - s) * (new.x[-1] - s) < 0:
                 part = (s - last.x[-1]) / (new.x[-1] - last.x[-1])
                 near = last.x + part * (new.x - last.x)
-                if among(start, _reached(problem, near, np.eye(len(near))[-1])):
+                if among(start, reached(problem, near, np.eye(len(near))[-1])):
                     return True
         return among(start, points)
 
@@ -167,7 +168,7 @@ def explore(
     while queue and len(branches) < len(known) + _MOST_BRANCHES:
         start = queue.popleft()
         if not start.kind:
-            start = _corrected(problem, start.x, start.tangent)
+            start = corrected(problem, start.x, start.tangent)
             if any(is_on(each, start) for each in branches):
                 continue
         branches.append(trace(problem, start))
@@ -196,11 +197,11 @@ def half(problem: Problem, start: Point, most: int = _MOST_POINTS) -> tuple[list
         if (last.x[-1], np.sign(last.tangent[-1])) in ((0, -1), (1, 1)):
             return points, "the range ends"
         try:
-            new = _corrected(problem, last.x + step * last.tangent, last.tangent)
+            new = corrected(problem, last.x + step * last.tangent, last.tangent)
             if (bound := float(np.clip(new.x[-1], 0, 1))) != new.x[-1]:
                 part = (bound - last.x[-1]) / (new.x[-1] - last.x[-1])
                 x = np.append((last.x + part * (new.x - last.x))[:-1], bound)
-                new = _corrected(problem, x, np.eye(len(x))[-1])
+                new = corrected(problem, x, np.eye(len(x))[-1])
                 new.x[-1] = bound  # to the last bit, by which it is known to be the end
                 new = replace(new, tangent=new.tangent * np.sign(new.tangent @ last.tangent))
             # Where two branches cross, the other one is not quite across.
@@ -229,7 +230,7 @@ def half(problem: Problem, start: Point, most: int = _MOST_POINTS) -> tuple[list
     return points, f"{most} points"
 
 
-def _corrected(problem: Problem, x: Array, across: Array) -> Point:
+def corrected(problem: Problem, x: Array, across: Array) -> Point:
     """Return the point of a branch near x (n + 1,), in the plane through x across a direction.
 
     Raises InputError where Newton's method does not converge.
@@ -240,7 +241,9 @@ def _corrected(problem: Problem, x: Array, across: Array) -> Point:
         residual, jacobian, exponents = problem.look(x[:-1], x[-1])
         gap = np.concatenate([residual, rows @ (x - start)])
         sides = np.stack([gap, np.eye(len(gap))[-1]], axis=1)
-        change, tangent = np.linalg.lstsq(np.vstack([jacobian, rows]), sides, rcond=_RANK)[0].T
+        change, tangent = np.linalg.lstsq(np.vstack([jacobian, rows]), sides, rcond=problem.rank)[
+            0
+        ].T
         x, size = x - change, np.abs(gap).max()
         if size < _CLOSED or last <= size < _ROUGH:
             return Point(x, tangent / np.linalg.norm(tangent), exponents())
@@ -250,10 +253,10 @@ def _corrected(problem: Problem, x: Array, across: Array) -> Point:
     raise InputError(f"no branch found near a start: Newton's method leaves {size:.1e}")
 
 
-def _reached(problem: Problem, x: Array, across: Array) -> list[Point]:
-    """Return the point that `_corrected` finds, or nothing."""
+def reached(problem: Problem, x: Array, across: Array) -> list[Point]:
+    """Return the point that `corrected` finds, or nothing."""
     try:
-        return [_corrected(problem, x, across)]
+        return [corrected(problem, x, across)]
     except InputError:
         return []
 
@@ -268,12 +271,12 @@ def _tests(point: Point) -> Array:
     """Return the test functions (4,), by `_KINDS`; NaN where there is no pair."""
     exponents, real = point.exponents, _real_parts(point.exponents)
     doubled = np.abs(np.abs(exponents.imag) - np.pi) < _NEUTRAL
-    # In two or three dimensions there is one pair at most.
+    # Of several pairs, as of a stroboscopic map, the first to lose its stability.
     pair = real[(exponents.imag > 0) & ~doubled]
     along = point.tangent[-1]
     single = (np.where(which, real, 1.0).prod() for which in (exponents.imag == 0, doubled))
     across = along if abs(along) > _LEVEL else 0.0
-    return np.array([across, *single, pair[0] if len(pair) else np.nan])
+    return np.array([across, *single, pair.max() if len(pair) else np.nan])
 
 
 def _between(problem: Problem, last: Point, new: Point) -> list[Point]:
@@ -282,7 +285,7 @@ def _between(problem: Problem, last: Point, new: Point) -> list[Point]:
         return []
 
     def at(length: float) -> Point:
-        return _corrected(problem, last.x + length * last.tangent, last.tangent)
+        return corrected(problem, last.x + length * last.tangent, last.tangent)
 
     whole = float((new.x - last.x) @ last.tangent)
     found: list[tuple[float, Point]] = []
@@ -290,6 +293,8 @@ def _between(problem: Problem, last: Point, new: Point) -> list[Point]:
         if change != -1 or (test == 1 and found):  # an exponent is zero at a fold, too
             continue
         length = brentq(lambda h, i=test: float(_tests(at(h))[i]), 0.0, whole, xtol=_LOCATED)
+        if test == 3 and abs(_tests(at(length))[3]) > _SINGULAR:  # another pair took its place
+            continue
         # At a branch point its own tangent is not determined.
         part = length / whole
         tangent = (1 - part) * last.tangent + part * new.tangent

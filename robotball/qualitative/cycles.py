@@ -147,48 +147,6 @@ def tangent(
     return (first, M[:: 1 + 2 * k]), (apart[:, :, 1 : 1 + k] - apart[:, :, 1 + k :]) / (2 * _SIZE)
 
 
-def close_strobed(
-    flow: Flow, attitude: Array, momentum: Array, period: float, scale: float, free: int = 5
-) -> Cycle:
-    """Return the fixed point near a start (4,), (3,) of a stroboscopic map over a period [s].
-
-    scale: of M [kg m²/s], which may change and be zero; free: as many of the three turns and the
-    three changes of M as the rolling model allows, 5 of rubber, 6 of a classical ball. What the
-    attitude does about the vertical is left free. Raises InputError where Newton's method does not
-    converge.
-    """
-    along, change, last = np.eye(6)[:, :free], np.zeros(6), np.inf
-
-    def vectors(q: Array, M: Array) -> tuple[Array, Array]:
-        """Return γ and M/scale (6,) in frame axes, with their derivative by deviations (6, k)."""
-        axes = rotation_matrix(q)
-        seen = np.stack([axes[2], M @ axes / scale])
-        by_momentum = np.concatenate([np.zeros((3, 3)), axes.T])
-        return seen.ravel(), np.concatenate([by_turn(seen), by_momentum], axis=1) @ along
-
-    for _ in range(_ITERATIONS):
-        (ends, momenta), images = tangent(flow, attitude[None], momentum[None], along[None], scale)
-        (begin, by_start), (end, _) = vectors(attitude, momentum), vectors(ends[0], momenta[0])
-        reached = vectors(ends[0], momenta[0])[1]
-        carried = reached @ images[0][:free]
-        gap = begin - end
-        size = float(np.abs(gap).max())
-        # Rounding of the differences ends it, a little above that of the flow.
-        if size < _CLOSED or (last <= size < _BLIND * _CLOSED):
-            # In γ and M alone: a turn about the vertical moves neither.
-            basis, sizes, _ = np.linalg.svd(by_start)
-            inside = basis[:, : int((sizes > 1e-6 * sizes[0]).sum())]
-            matrix = inside.T @ carried @ np.linalg.pinv(by_start, rcond=1e-6) @ inside
-            values = np.linalg.eigvals(matrix).astype(complex)
-            return Cycle(attitude, momentum, period, values[np.argsort(-np.abs(values))])
-        last = size
-        change = np.zeros(6)
-        change[:free] = np.linalg.lstsq(carried - by_start, gap, rcond=_BLIND * _CLOSED)[0]
-        change *= 0.3 / max(0.3, float(np.abs(change).max()))
-        attitude, momentum = turned(attitude, change[:3]), momentum + scale * change[3:]
-    raise InputError("no periodic motion found near the start: Newton's method does not converge")
-
-
 def by_turn(vectors: Array) -> Array:
     """Return the derivative (3k, 3) of space's vectors (k, 3) in frame axes by a small turn."""
     return np.cross(vectors[:, None], np.eye(3)).transpose(0, 2, 1).reshape(-1, 3)

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from robotball.equations import Parameters, as_vector
+from robotball.equations import Parameters, Rolling, as_vector
 from robotball.errors import InputError, unknown
 from robotball.rotations import Array
 
@@ -67,13 +67,13 @@ def varied(
             raise InputError(f"{name} is zero and has no direction to keep: vary {name}1, 2 or 3")
     K, Omega = map(as_vector, vectors.values())
     if level.keys() & changes.keys():  # else it may be zero
-        momentum = _momentum_across(parameters, momentum, **level)
+        momentum = momentum_across(parameters.rolling, momentum, **level)
     return replace(parameters, K=K, Omega=Omega), momentum
 
 
-def _momentum_across(parameters: Parameters, momentum: Array, f: float, c: float) -> Array:
+def momentum_across(rolling: Rolling, momentum: Array, f: float, c: float) -> Array:
     """Return M (3,) of this f and c, across the vertical along the momentum's own direction."""
-    if parameters.rolling == "rubber" and c != 0:
+    if rolling == "rubber" and c != 0:
         raise InputError(f"c is 0 in the rubber model, by (3.1), not {c:g}: vary f")
     across = float(np.hypot(*momentum[:2]))
     if not (f > c * c and across > 0):

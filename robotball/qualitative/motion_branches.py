@@ -14,7 +14,7 @@ period grows as ln |s - s*| only, and p tends to 0.
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from robotball.errors import InputError
 from robotball.qualitative import continuation as co
 from robotball.qualitative.cycles import Cycle, by_turn, level_vectors, monodromy_of, multipliers_of
 from robotball.qualitative.equilibria import attitude_at, fixed_points
-from robotball.qualitative.families import numbers_of, varied
+from robotball.qualitative.families import NUMBERS, numbers_of, varied
 from robotball.qualitative.normal_forms import Flow, flow_near, linear_part, lyapunov_value
 from robotball.qualitative.portraits import reversed_in_time
 from robotball.qualitative.straight_motions import straight_verticals
@@ -46,8 +46,42 @@ Told = Callable[[Array], None]
 """Is given (u, s) of each new point."""
 
 
+class Range:
+    """A number `name` that goes from low to high as s goes from 0 to 1."""
+
+    name: str
+    low: float
+    high: float
+
+    @property
+    def label(self) -> tuple[str, str]:
+        """The number as it is written, and its unit."""
+        raise NotImplementedError
+
+    @property
+    def own(self) -> float:
+        """The number as it is where nothing is changed."""
+        raise NotImplementedError
+
+    def value(self, s: float) -> float:
+        """Return the number at s."""
+        return self.low + s * (self.high - self.low)
+
+    def at(self, s: float) -> tuple[Any, ...]:
+        """Return what moves at s, with the unit of M [kg m²/s]."""
+        raise NotImplementedError
+
+    def places(self, inside: int) -> list[float]:
+        """Return where solutions are sought: both ends, the ball's own number, `inside` between."""
+        own = (self.own - self.low) / (self.high - self.low)
+        # The golden section keeps off the middle and other round numbers, where a ball may have a
+        # symmetry and its solutions coincide.
+        between = (np.arange(inside) + _GOLDEN) / inside
+        return [0.0, 1.0, *[own] * (0 < own < 1), *between]
+
+
 @dataclass(frozen=True)
-class Family:
+class Family(Range):
     """A ball and its world momentum (3,); s from 0 to 1 is `name` of NUMBERS from low to high."""
 
     parameters: Parameters
@@ -56,24 +90,21 @@ class Family:
     low: float
     high: float
 
-    def value(self, s: float) -> float:
-        """Return the number at s."""
-        return self.low + s * (self.high - self.low)
+    @property
+    def label(self) -> tuple[str, str]:
+        """The number as it is written, and its unit."""
+        return NUMBERS[self.name]
+
+    @property
+    def own(self) -> float:
+        """The ball's own number."""
+        return numbers_of(self.parameters, self.momentum)[self.name]
 
     def at(self, s: float) -> tuple[Parameters, float, float]:
         """Return the ball, √f [kg m²/s] and c/√f at s."""
         parameters, M = varied(self.parameters, self.momentum, {self.name: self.value(s)})
         size = float(np.linalg.norm(M))
         return parameters, size, float(M[2] / size) if size else 0.0
-
-    def places(self, inside: int) -> list[float]:
-        """Return where solutions are sought: both ends, the ball's own number, `inside` between."""
-        own = numbers_of(self.parameters, self.momentum)[self.name] - self.low
-        own /= self.high - self.low
-        # The golden section keeps off the middle and other round numbers, where a ball may have a
-        # symmetry and its solutions coincide.
-        between = (np.arange(inside) + _GOLDEN) / inside
-        return [0.0, 1.0, *[own] * (0 < own < 1), *between]
 
     def rate(self, u: Array, s: float) -> Array:
         """Return the rates (3k, ...) of γ and μ [1/s] at u (n, ...)."""
@@ -103,9 +134,9 @@ def vectors_of(u: Array) -> Array:
 
 
 def sought(
-    family: Family,
+    family: Range,
     inside: int,
-    found: Callable[[Parameters, float, float], Iterable[_Found]],
+    found: Callable[..., Iterable[_Found]],
     told: Callable[[float], None] = lambda s: None,
 ) -> Iterator[tuple[_Found, float]]:
     """Yield what is found at the family's places, each with its s, which `told` is given before.

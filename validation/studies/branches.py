@@ -1,7 +1,7 @@
 """Bifurcation diagrams: branches of a ball's motions in one number, and `robotball continue`."""
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from rich.table import Table
 from tyro.conf import arg
 
-from robotball import InputError, Scene
+from robotball import InputError, Scene, load_scene
 from robotball.equations import Parameters
 from robotball.errors import unknown
 from robotball.film.looks import ACCENT, INK
@@ -24,6 +24,7 @@ from robotball.qualitative.equilibria import name_of
 from robotball.qualitative.families import NUMBERS
 from robotball.qualitative.long_run import basins
 from robotball.qualitative.portraits import limit_cycles
+from robotball.qualitative.strobed_branches import Driven, swinging
 from robotball.rotations import Array
 from validation.options import AGREES, OUT, File, SceneName, Threads, check_files
 from validation.output import Show, halo, progress_bar, title, writable_folder
@@ -42,10 +43,10 @@ _INSIDE = 3  # values within the range at which cycles are searched for, some se
 _WRITE_EVERY = 5.0  # s between writings of what has been found
 
 
-def _row_of(family: motions.Family, branch: int, point: Point) -> dict[str, Any]:
+def _row_of(family: motions.Range, branch: int, point: Point) -> dict[str, Any]:
     """Return a point of a branch as plain data: SI units, principal axes; of cycles exponents/s."""
     u, s = point.x[:-1], float(point.x[-1])
-    ball, size, _ = family.at(s)
+    ball, size, *_ = family.at(s)
     gamma, *mu = motions.vectors_of(u)
     M = size * mu[0] if mu else np.zeros(3)
     period = float(np.exp(u[-1])) if len(u) % 3 else None
@@ -63,13 +64,13 @@ def _row_of(family: motions.Family, branch: int, point: Point) -> dict[str, Any]
     }
 
 
-def _special(family: motions.Family, number: int, branch: Branch) -> Iterator[Row]:
+def _special(family: motions.Range, number: int, branch: Branch) -> Iterator[Row]:
     """Yield a branch's special points, and where its period grows without bound, with words."""
     for point in branch.special():
         row, what = _row_of(family, number, point), ""
         if point.kind == HOPF and row["period"]:
             what = "a torus is born"
-        elif point.kind == HOPF:
+        elif point.kind == HOPF and isinstance(family, motions.Family):
             value, born = motions.born_cycles(family, point, _SEARCHED)
             sense = "degenerate" if abs(value) < _ROUNDING else _SENSES[value > 0]
             what = f"{sense}, l₁ = {value:.3g} 1/s"
@@ -89,22 +90,25 @@ def _special(family: motions.Family, number: int, branch: Branch) -> Iterator[Ro
             yield {**row, "kind": _NO_BOUND, "value": family.value(s), "what": law}
 
 
-def _branch_picture(scene: Scene, over: str, rows: Sequence[Row], special: Sequence[Row]) -> Figure:
+def _branch_picture(
+    scene: Scene, label: tuple[str, str], rows: Sequence[Row], special: Sequence[Row]
+) -> Figure:
     """Draw the branches over the number: of cycles the period, else the γᵢ that varies most."""
-    # A branch of points moves along some axis more than along others; a cycle has no one γ.
+    # A branch of points moves along some axis more than along others; a cycle has no one γ, but
+    # one of what is driven has it at the start of a period.
     key = max(("gamma3", "gamma2", "gamma1"), key=lambda each: np.ptp([row[each] for row in rows]))
-    label = "γ" + "₁₂₃"[int(key[-1]) - 1]
-    if rows[0]["period"] is not None:
-        key, label = "period", "period [s]"
+    along = "γ" + "₁₂₃"[int(key[-1]) - 1]
+    if rows[0]["period"] is not None and scene.steady:
+        key, along = "period", "period [s]"
     figure = Figure(figsize=(9.0, 6.0), layout="constrained")
     values = {kind: [row["value"] for row in special if row["kind"] == kind] for kind in _MARKERS}
     found = ", ".join(
         f"{kind} at {some[0]:.4g}" if len(some) == 1 else f"{len(some)} × {kind}"
         for kind, some in values.items() if some
     )  # fmt: skip
-    title(figure, f"{scene.name}, over {NUMBERS[over][0]}: {found or 'no special point'}")
+    title(figure, f"{scene.name}, over {label[0]}: {found or 'no special point'}")
     axes = figure.subplots()
-    axes.set(xlabel="{} [{}]".format(*NUMBERS[over]), ylabel=label)
+    axes.set(xlabel="{} [{}]".format(*label), ylabel=along)
     axes.set_yscale("log" if key == "period" else "linear")
     axes.grid(alpha=0.3)
     for stable, style in ((True, {"lw": 2.2}), (False, {"lw": 1.6, "ls": "--"})):
@@ -149,7 +153,8 @@ class Continue:
     of: Literal["equilibrium", "line", "cycle"]
     """Fixed points of the motion from rest, straight lines or cycles with the scene's M."""
     over: Annotated[str, arg(metavar="NUMBER")]
-    """K1 to K3, Omega1 to Omega3, K, Omega, f, c; angles K12, K23, K31, Omega12 and so on."""
+    """K1 to K3, Omega1 to Omega3, K, Omega, f, c; angles K12, K23, K31, Omega12 and so on. Of what
+    is driven periodically: frequency, f, c, frame.mean, rotor1.value, plane.Z.amplitude, .phase."""
     low: Annotated[float, arg(name="from")]
     """Its least value, in SI units; angles in degrees."""
     high: Annotated[float, arg(name="to")]
@@ -165,17 +170,11 @@ class Continue:
     """Also write all points of the branches."""
 
     def run(self) -> int:
-        scene = steady_scene(self.scene, "a branch")
+        scene = load_scene(self.scene)
         check_files(self.json, self.csv)
-        if self.over not in NUMBERS:
-            raise unknown("number", self.over, NUMBERS)
         if not self.low < self.high:
             raise InputError(f"--from {self.low:g} must be below --to {self.high:g}")
-        # Fixed points are those of the motion from rest, whatever M the scene starts with.
-        momentum = scene.start.momentum * (self.of != "equilibrium")
-        if self.of == "line" and not momentum.any():
-            raise InputError(f"{scene.name} starts from rest: its lines are --of equilibrium")
-        family = motions.Family(scene.parameters, momentum, self.over, self.low, self.high)
+        family = self._family(scene)
         writable_folder(self.out)
         branches: list[Branch] = []
         special: dict[tuple[Any, ...], Row] = {}
@@ -189,20 +188,12 @@ class Continue:
 
             def at(x: Array) -> str:
                 period = f", period {np.exp(x[-2]):.4g} s" if (len(x) - 1) % 3 else ""
-                return f"{NUMBERS[self.over][0]} = {family.value(x[-1]):.4g}{period}"
+                return f"{family.label[0]} = {family.value(x[-1]):.4g}{period}"
 
             def told(x: Array) -> None:
                 progress(0, f"{scene.name}: branch {len(branches) + 1} at {at(x)}")
 
-            if self.of == "cycle":
-                # An unstable cycle is reached by no start, but is born somewhere.
-                still = momentum.any() and not np.any(scene.parameters.Omega)
-                lines = () if still else motions.resting(family)
-                hopf = (point for each in lines for point in each.special(HOPF))
-                starts = _cycles(scene, family, progress)
-                found = motions.cycling(family, starts, self.longest, hopf, told)
-            else:
-                found = motions.resting(family, told)
+            found = self._branches(scene, family, told, progress)
             due = time.monotonic() + _WRITE_EVERY
             try:
                 for branch in found:
@@ -227,12 +218,48 @@ class Continue:
         print(paths[0])
         return AGREES
 
+    def _family(self, scene: Scene) -> motions.Range:
+        """Return what is followed."""
+        if self.of == "cycle" and (scene.not_reduced or not scene.steady):
+            driven = Driven(scene, self.over, self.low, self.high)
+            driven.at(0.0)  # refused here, not in the midst of a search
+            return driven
+        steady_scene(self.scene, "a branch")
+        if self.over not in NUMBERS:
+            raise unknown("number", self.over, NUMBERS)
+        # Fixed points are those of the motion from rest, whatever M the scene starts with.
+        momentum = scene.start.momentum * (self.of != "equilibrium")
+        if self.of == "line" and not momentum.any():
+            raise InputError(f"{scene.name} starts from rest: its lines are --of equilibrium")
+        return motions.Family(scene.parameters, momentum, self.over, self.low, self.high)
+
+    def _branches(
+        self, scene: Scene, family: motions.Range, told: motions.Told, progress: Show
+    ) -> Iterator[Branch]:
+        """Return the branches, each when it is found."""
+
+        def search(s: float) -> None:
+            what = f"{family.label[0]} = {family.value(s):.4g}"
+            progress(0, f"{scene.name}: search for cycles at {what}")
+
+        if isinstance(family, Driven):
+            return swinging(family, told, search)
+        assert isinstance(family, motions.Family)
+        if self.of != "cycle":
+            return motions.resting(family, told)
+        # An unstable cycle is reached by no start, but is born somewhere.
+        still = family.momentum.any() and not np.any(scene.parameters.Omega)
+        lines = () if still else motions.resting(family)
+        hopf = (point for each in lines for point in each.special(HOPF))
+        starts = _cycles(scene, family, search)
+        return motions.cycling(family, starts, self.longest, hopf, told)
+
 
 def _study_of(
-    scene: Scene, family: motions.Family, of: str, branches: Sequence[Branch], special: list[Row]
+    scene: Scene, family: motions.Range, of: str, branches: Sequence[Branch], special: list[Row]
 ) -> Study:
     """Return what has been found, with its tables and its picture."""
-    over, (symbol, unit) = family.name, NUMBERS[family.name]
+    over, (symbol, unit) = family.name, family.label
     rows = [
         _row_of(family, n, point) for n, each in enumerate(branches, 1) for point in each.points
     ]
@@ -257,11 +284,13 @@ def _study_of(
     record["ends"] = [each.ends for each in branches]
     shown: list[Table | str] = [table_of(columns, special)] if special else []
     shown += [table_of(reasons, ends, section="branch"), told]
-    picture = _branch_picture(scene, over, rows, special)
+    picture = _branch_picture(scene, family.label, rows, special)
     return Study(scene.name, None, ("continue", of, over), rows, record, shown, picture)
 
 
-def _cycles(scene: Scene, family: motions.Family, progress: Show) -> Iterator[tuple[Cycle, float]]:
+def _cycles(
+    scene: Scene, family: motions.Family, search: Callable[[float], None]
+) -> Iterator[tuple[Cycle, float]]:
     """Return cycles at the family's places: all from rest, else those that starts reach."""
 
     def found(ball: Parameters, size: float, c: float) -> Sequence[Cycle]:
@@ -273,7 +302,4 @@ def _cycles(scene: Scene, family: motions.Family, progress: Show) -> Iterator[tu
         # everywhere; random starts find the cycles that attract.
         return basins(ball, attitudes, np.tile(M, (_STARTS, 1))).cycles
 
-    def told(s: float) -> None:
-        progress(0, f"{scene.name}: search for cycles at {family.name} = {family.value(s):.4g}")
-
-    return motions.sought(family, _INSIDE, found, told)
+    return motions.sought(family, _INSIDE, found, search)

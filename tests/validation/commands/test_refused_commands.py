@@ -75,7 +75,9 @@ REFUSED = {
     "continue fig06 --of cycle --over K3 --from 0.1 --to 0.2": "no cycle found over K3 from",
     "continue chaplygin_ball --of line --over K3 --from 0 --to 1": "with Omega = 0 the ball rolls",
     "continue fig06 --of cycle --over f --from 1 --to 2": "no start has c",
-    "continue wobbling_drive --of cycle --over K3 --from 0 --to 1": LATER,
+    "continue wobbling_drive --of cycle --over K3 --from 0 --to 1": "no number is called 'K3'",
+    "continue wobbling_drive --of line --over K3 --from 0 --to 1": LATER,
+    "continue beaver_ball --of cycle --over frequency --from 1 --to 2": "whole turns are in its",
     "figures 2": "no figure 2 to draw; there are 3 to 14, and tori",
     "figures ten": "no figure ten to draw",
     # numbers

@@ -15,7 +15,6 @@ import numpy as np
 from msgspec.structs import replace as changed
 
 from robotball.drives import Constant, Drive, Sine, Total
-from robotball.engines.ensembles.orbits import LONG_RUN_TOLERANCE
 from robotball.errors import InputError, unknown
 from robotball.qualitative import continuation as co
 from robotball.qualitative.cycles import Cycle
@@ -29,8 +28,9 @@ from robotball.scene import Scene, Start
 _FIELDS = ("value", "mean", "amplitude", "phase")
 _SETTLED = 30  # periods after which a motion that is attracted is near what attracts it
 _MOST = 4  # periods of the drives, to which motions are followed over period doublings
-_SIZE = 1e-5  # of differences: truncated, and with rounding, to 1e-9
+_SIZE = 3e-6  # of differences, whose own error and that of rounding are equal about here
 _NEUTRAL = 1e-6  # of their errors: of a multiplier's logarithm a real part below it is zero
+_STEP = 1e-12  # the error of a step: with it multipliers err by 2e-10, and with 1e-9 by 3e-9
 _TINY = 1e-300  # beside a multiplier that is zero
 
 
@@ -146,7 +146,7 @@ class Driven(Range):
             """Return the points (m, n) after some periods."""
             starts = zip(*(self.state(v, scene, scale) for v in points), strict=True)
             attitudes, momenta = map(np.array, starts)
-            q, M = strobed(scene, attitudes, momenta, periods, LONG_RUN_TOLERANCE)
+            q, M = strobed(scene, attitudes, momenta, periods, _STEP)
             return np.array([*map(self.vector, q[:, -1], M[:, -1])])
 
         def look(u: Array, s: float) -> co.Look:
@@ -202,7 +202,7 @@ def swinging(
     def found(scene: Scene, scale: float) -> Iterator[Array]:
         attitude = multiply(scene.start.attitude, scene.principal_quaternion)
         first = scene.start.momentum
-        ends, M = strobed(scene, attitude[None], first[None], _SETTLED, LONG_RUN_TOLERANCE)
+        ends, M = strobed(scene, attitude[None], first[None], _SETTLED)
         starts = [family.vector(attitude, first), family.vector(ends[0, -1], M[0, -1])]
         if not scene.keeps_momentum:
             upright = attitude_at(np.concatenate([np.eye(3), -np.eye(3)]))

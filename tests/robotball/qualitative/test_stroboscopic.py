@@ -86,7 +86,7 @@ def test_the_multipliers_are_those_of_mathieus_equation(
     found = _closed(side, force, nu)
     assert len(found.multipliers) == 4
     sizes = np.abs(found.multipliers)
-    # Measured 1e-11 and 3e-11, of the differences; 0.1 to 0.6 of a plane at rest.
+    # Measured 1e-10 and 2e-10, of the differences; 0.1 to 0.6 of a plane at rest.
     assert sizes == pytest.approx(np.repeat(np.abs(right), 2), abs=1e-8)
     assert found.multipliers.real.sum() == pytest.approx(2 * right.real.sum(), abs=1e-8)
     assert abs(found.multipliers.real.sum() - 2 * still.real.sum()) > 0.05
@@ -108,7 +108,7 @@ def test_a_branch_doubles_its_period_at_the_border_of_mathieus_tongue() -> None:
     x = np.array([*rest, np.log(period_of(scene)), 0.0])
     (_, flip, last), _ = co.half(problem, co.corrected(problem, x, np.eye(len(x))[-1]), 3)
     assert flip.kind == co.DOUBLING
-    # Measured 7e-11, of the differences; a moment of inertia larger by 1 % moves it by 0.02.
+    # Measured 7e-12, of the differences; a moment of inertia larger by 1 % moves it by 0.02.
     assert family.value(flip.x[-1]) / _G == pytest.approx(border, abs=1e-8)
     beyond = np.exp(last.exponents[last.exponents.real != 0]).real
     right = _mathieu(-1.0, family.value(last.x[-1]) / _G, nu).real

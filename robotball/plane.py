@@ -1,7 +1,7 @@
 """The plane as it moves: where the ball is in space, where it leaves the plane, who refuses it."""
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 from robotball.errors import InputError
 from robotball.motion import Motion
@@ -9,6 +9,7 @@ from robotball.rotations import Array, uneven
 from robotball.scene import Scene
 
 _SEEN = 20_001  # times over a scene at which its load is looked at
+_FINE = 1e-12  # s, to which the time of the least load is sought
 
 
 def in_space(motion: Motion) -> Array:
@@ -59,7 +60,13 @@ def check_pressed(scene: Scene) -> None:
     def load(t: float) -> float:
         return float(-scene.gravity_at(t)[2])
 
-    times = uneven(scene.duration, scene.duration / _SEEN)
+    # A ramp and samples are least at breakpoints, and beside the least load that is seen a sine,
+    # which dips alike in every period.
+    times = np.union1d(uneven(scene.duration, scene.duration / _SEEN), scene.breakpoints)
+    i = int(np.clip(scene.gravity_at(times)[:, 2].argmax(), 1, len(times) - 2))
+    beside = (times[i - 1], times[i + 1])
+    least = minimize_scalar(load, bounds=beside, method="bounded", options={"xatol": _FINE}).x
+    times = np.union1d(times, least)
     off = np.flatnonzero(~(-scene.gravity_at(times)[:, 2] > 0))
     if len(off):
         i = int(off[0])

@@ -452,6 +452,9 @@ class Scene(Value):
     @cached_property
     def plane_drives(self) -> tuple[Drive, ...]:
         """The plane's acceleration along X, Y and Z."""
+        if len(self.plane_motion) != 3:
+            count = len(self.plane_motion)
+            raise InputError(f"plane_motion must be 3 rates, along X, Y and Z, not {count}")
         named = zip("XYZ", self.plane_motion, strict=True)
         return tuple(self._drive(f"the plane along {axis}", each) for axis, each in named)
 

@@ -14,6 +14,7 @@ import pytest
 import robotball as rb
 from robotball import ball, designing, drives, errors, motors, processes, scene
 from robotball.ball import Ball, Frame, Hinge, Link, Rotor, Shell
+from robotball.engines.mujoco.mjcf_export import write_model
 from robotball.engines.mujoco.settings import Prescribed
 from robotball.errors import LONGEST_LINE
 from robotball.files import scene_tables
@@ -65,6 +66,11 @@ def hung(link: Link) -> Ball:
 
 def start(**changes: Any) -> rb.Scene:
     return replace(FIG12, start=replace(FIG12.start, **changes))
+
+
+def shaken(amplitude: float) -> rb.Scene:
+    """A balanced ball on a plane that moves up and down, by this acceleration [m/s²]."""
+    return replace(FIG12, plane_motion=(0.0, 0.0, rb.Sine(amplitude=amplitude, frequency=6.466)))
 
 
 def tilted(tilt: float) -> Array:
@@ -122,6 +128,12 @@ SCENES = {
     "replace(FIG12, duration=0.0)": r"duration must be positive and finite, not 0 s",
     "replace(FIG12, gravity=-9.81)": r"gravity must be positive and finite, not -9\.81 m/s²",
     "replace(FIG12, gravity_direction=(0.0, 0.6, 0.8))": r"its Z is 0\.8, and must be negative",
+    "replace(FIG12, plane_motion=(0.0, 1.0))": r"must be 3 rates, along X, Y and Z, not 2",
+    # Over g by 1e-9 of it, for a moment in each period.
+    "rb.integrate(shaken(9.81 * (1 + 1e-9)), np.array([0.0, 1.0]))":
+        r"the ball lifts off the plane at t = 0\.270645\d+ s, where its rolling ends",
+    "rb.dm_environment(shaken(1.0))": r"an environment cannot hold a plane that moves",
+    "write_model(shaken(1.0), FAST, dressed=False, stem='')": r"MJCF cannot hold a plane that",
     "FIG12.with_hinges(command=(1.0,))": r"2 hinges need as many commands, not 1",
     "FIG12.with_hinges(command={'rotor2': 1.0})":
         r"no hinge is called 'rotor2'; did you mean rotor1\?",
@@ -253,7 +265,7 @@ DESIGNS = {
 
 
 MODULES = (ball, designing, designs, drives, errors, motors, processes, random_robots, scene)
-OTHERS = {"Prescribed": Prescribed, "scene_toml": scene_toml}
+OTHERS = {"Prescribed": Prescribed, "scene_toml": scene_toml, "write_model": write_model}
 NAMES = {name: value for each in MODULES for name, value in vars(each).items()} | OTHERS | globals()
 ALL = BODIES | PARTS | SCENES | STARTS | DRIVES | MOTORS | COUNTS | DESIGNS
 

@@ -453,10 +453,8 @@ class Scene(Value):
     def plane_drives(self) -> tuple[Drive, ...]:
         """The plane's acceleration along X, Y and Z."""
         if len(self.plane_motion) != 3:
-            count = len(self.plane_motion)
-            raise InputError(f"plane_motion must be 3 rates, along X, Y and Z, not {count}")
-        named = zip("XYZ", self.plane_motion, strict=True)
-        return tuple(self._drive(f"the plane along {axis}", each) for axis, each in named)
+            raise InputError(f"plane_motion must be 3 rates, X, Y and Z: not {self.plane_motion}")
+        return tuple(map(self._drive, map("the plane along {}".format, "XYZ"), self.plane_motion))
 
     @cached_property
     def _over_time(self) -> tuple[Drive, ...]:
@@ -592,8 +590,7 @@ class Scene(Value):
 
     def parameters_at(self, t: float) -> Parameters:
         """Return the numbers of the equations at time t [s], in principal axes."""
-        rates = [float(drive.rate(t)) for drive in self.drives]
-        return parameters_of(self.ball, self.rolling, rates)
+        return parameters_of(self.ball, self.rolling, [float(each.rate(t)) for each in self.drives])
 
     @cached_property
     def parameters(self) -> Parameters:

@@ -128,7 +128,7 @@ SCENES = {
     "replace(FIG12, duration=0.0)": r"duration must be positive and finite, not 0 s",
     "replace(FIG12, gravity=-9.81)": r"gravity must be positive and finite, not -9\.81 m/s²",
     "replace(FIG12, gravity_direction=(0.0, 0.6, 0.8))": r"its Z is 0\.8, and must be negative",
-    "replace(FIG12, plane_motion=(0.0, 1.0))": r"must be 3 rates, along X, Y and Z, not 2",
+    "replace(FIG12, plane_motion=(0.0, 1.0))": r"must be 3 rates, X, Y and Z: not \(0\.0, 1\.0\)",
     # Over g by 1e-9 of it, for a moment in each period.
     "rb.integrate(shaken(9.81 * (1 + 1e-9)), np.array([0.0, 1.0]))":
         r"the ball lifts off the plane at t = 0\.270645\d+ s, where its rolling ends",

@@ -17,6 +17,9 @@ Robotball = Callable[..., tuple[int, str, str]]
 for asked in ("COLUMNS", "LINES", "FORCE_COLOR", "NO_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE"):
     os.environ.pop(asked, None)
 
+# No engine of a user's home decides a test. ENGINES_OF names the data folder of those to test.
+os.environ["XDG_DATA_HOME"] = os.environ.get("ENGINES_OF", os.devnull)
+
 # Property tests draw the same examples on every machine and at every run.
 settings.register_profile("repeatable", derandomize=True, deadline=None, database=None)
 settings.load_profile("repeatable")

@@ -10,6 +10,7 @@ from scipy.integrate import cumulative_simpson
 
 import robotball as rb
 from robotball.motion import ContactMotion
+from tests.robotball.engines.test_adapters import ADAPTERS, skip_unless_there
 from validation.studies.engine_runs import contact_quality, kinetic_energy
 
 TIMES = rb.sample_times(2.0, 1e-3)
@@ -97,9 +98,8 @@ def test_an_engine_gives_the_force_of_its_contact(
     name: str, preset: str, timestep: float, measured: float
 ) -> None:
     """The normal force is the weight, and friction is within its cone."""
-    engine: Any = rb.engine_named(name)
-    if not engine.installed:
-        pytest.skip(f"needs the extra {name}")
+    engine = ADAPTERS[name]
+    skip_unless_there(name)
     theory = rb.integrate(rb.load_scene("fig12"), rb.sample_times(0.3))
     settings = replace(engine.presets[preset], timestep=timestep, stop_at_fault=False)
     motion = rb.simulate(theory.scene, theory.times, settings, engine=engine)

@@ -259,8 +259,8 @@ class Adapter(Engine):
 
     packages: the names that are imported; extra: the extra of robotball that brings them, the
     engine's own name and that of its environment, in the folder `environments`; world: what makes
-    the ball at its start of a scene, settings and the length of its steps [s]; lacks: what says in
-    a line what the engine lacks for a scene under settings, if anything. Both get its own kind of
+    the ball at its start of a scene, settings and its longest step [s]; lacks: what says in a line
+    what the engine lacks for a scene under settings, if anything. Both get its own kind of
     settings, that of its presets. falls: whether its worlds set gravity as they go. Where presets
     have a `device`, a world can roll many balls there, each as if it were alone; `world` then takes
     the scenes too, which differ in their starts.
@@ -339,7 +339,7 @@ class Adapter(Engine):
         if lack := self.lacks(scene, settings):
             warn(f"{scene.name}, {settings.name}: {self.label.name}: {lack}")
         more = (scenes,) if len(scenes) > 1 else ()
-        step = longest_step(scene, times, settings.timestep)
+        step = float(spans(times, scene.breakpoints, settings.timestep)[1].max())
         missed = scene.sampling_error(float(times[-1]), step)
         if missed > RATE_ERROR and getattr(settings, "ideal", None) != "DOP853":
             lack = f"a drive's error over a step of {step:g} s is {missed:.2g}; take a shorter one"
@@ -386,11 +386,6 @@ def elsewhere(engine: Engine, folder: Path | str) -> Engine:
 def not_installed(engine: str, name: str) -> InputError:
     """Return the error for an engine, called by a name, that is neither here nor elsewhere."""
     return InputError(f"{engine} is not installed: robotball engines --install {name}")
-
-
-def longest_step(scene: Scene, times: Array, timestep: float) -> float:
-    """Return the longest step [s] of a run whose steps are of `timestep` at most."""
-    return float(spans(times, scene.breakpoints, timestep)[1].max())
 
 
 def version_of(distribution: str) -> str:

@@ -163,7 +163,7 @@ class _DrakeWorld(adapter.World):
         from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
         from pydrake.systems.framework import DiagramBuilder
 
-        builder, self.friction = DiagramBuilder(), settings.friction
+        builder, self.friction, self.longest = DiagramBuilder(), settings.friction, step
         discrete = settings.integrator is None
         depth = 0.0 if discrete else _carrying_depth(scene, settings)
         self.plant = plant = _add_plant(scene, settings, builder, step if discrete else 0.0, depth)
@@ -193,7 +193,6 @@ class _DrakeWorld(adapter.World):
 
     def march(self, times: Array, timestep: float) -> Iterator[Callable[[], State]]:
         simulator = self.simulator
-        self.longest = adapter.longest_step(self.scene, times, timestep)
         for t in times[1:].tolist():
             simulator.AdvanceTo(t)
             self.steps = max(simulator.get_num_steps_taken(), simulator.get_num_discrete_updates())

@@ -48,14 +48,14 @@ class _ExudynSettings(adapter.StepSettings):
 class _ExudynWorld(adapter.World):
     """One rigid body, in the frame's axes, with the inertia of the whole ball."""
 
-    def __init__(self, scene: Scene, settings: _ExudynSettings) -> None:
+    def __init__(self, scene: Scene, settings: _ExudynSettings, step: float) -> None:
         super().__init__(scene)
         import exudyn
         import exudyn.itemInterface
         import exudyn.rigidBodyUtilities
 
         self.settings, self.calls, self.turn = settings, [0, 0, 0], self.now.attitude
-        self.exudyn, self.items = exudyn, exudyn.itemInterface
+        self.exudyn, self.items, self.longest = exudyn, exudyn.itemInterface, step
         self.rotations = exudyn.rigidBodyUtilities
         if settings.node == "RigidBodyRotVecLG":
             R = rotation_matrix(self.turn)
@@ -171,7 +171,6 @@ class _ExudynWorld(adapter.World):
 
     def march(self, times: Array, timestep: float) -> Iterator[Callable[[], State]]:
         exudyn, settings = self.exudyn, self.settings
-        self.longest = adapter.longest_step(self.scene, times, timestep)
         self.steps = round(float(times[-1]) / self.longest)
         chosen = exudyn.SimulationSettings()
         chosen.timeIntegration.numberOfSteps = self.steps
@@ -297,7 +296,7 @@ def _lacks(scene: Scene, settings: _ExudynSettings) -> str | None:
 
 
 def _world(scene: Scene, settings: _ExudynSettings, step: float) -> adapter.World:
-    return (_ExudynWorld if settings.friction is None else _ContactWorld)(scene, settings)
+    return (_ExudynWorld if settings.friction is None else _ContactWorld)(scene, settings, step)
 
 
 EXUDYN = adapter.Adapter(

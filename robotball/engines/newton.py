@@ -157,10 +157,8 @@ class _NewtonWorld(adapter.SteppedWorld):
     def control(self, t: float, step: float) -> None:
         # A servo's target is the rate at the step's end, where the step's velocities are. A torque
         # is held over the step, and at the middle's value it keeps order 2.
-        drives = self.scene.drives
-        rates = [float(drive.rate(t + step)) for drive in drives]
-        accelerations = [float(drive.acceleration(t + step / 2)) for drive in drives]
-        self._push(np.array(rates), np.array(accelerations))
+        middle = [drive.acceleration(t + step / 2) for drive in self.scene.drives]
+        self._push(self.hinges_at(t + step)[1], np.array(middle, float))
 
     def step(self, step: float) -> None:
         before, after = self.states

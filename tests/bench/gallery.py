@@ -189,9 +189,9 @@ def engines_table(records: Sequence[Mapping[str, Any]]) -> str:
 
     records: of `robotball engines`, a scene each; costs are those of the first. Bold: on a front.
     """
-    last = ["CPU [ms]", "relative", "spread", "Python", "ours"]
+    last = ["CPU [ms]", "relative", "spread", "Python", "by Python", "ours"]
     head = ["engine, preset", "step or rtol", *(each["scene"] for each in records), *last]
-    lines = [f"| {' | '.join(head)} |", "|---|" + "---:|" * (len(head) - 2) + "---|"]
+    lines = [f"| {' | '.join(head)} |", "|---|" + "---:|" * (len(head) - 3) + "---|---|"]
     found: dict[str, dict[str, Mapping[str, Any]]] = {}
     for record in records:
         for run in record["runs"]:
@@ -203,8 +203,9 @@ def engines_table(records: Sequence[Mapping[str, Any]]) -> str:
             "-" if (number := first.get(key)) is None else f"{number * scale:{form}}"
             for key, scale, form in _COSTS
         ]
+        by = ", ".join(sorted({run["python"].rpartition(".")[0] for run in runs.values()}))
         ours = next(iter(runs.values()))["ours"] or "-"
-        row = [*title.rsplit(", ", 1), *errors, *costs, ours]
+        row = [*title.rsplit(", ", 1), *errors, *costs, by, ours]
         lines.append(f"| {' | '.join(row)} |")
     return "\n".join(lines)
 

@@ -200,12 +200,9 @@ def _engines_study(scene: Scene, results: Sequence[Result], words: Sequence[str]
     return Study(scene.name, None, ["engines", *words], rows_of(results), study, shown, picture)
 
 
-def _front(run: Row) -> str:
-    return "*" if run.get("on_the_pareto_front") else ""
-
-
 COLUMNS = (
-    Column("", _front, words=True), Column("engine, preset, step or rtol", "title", words=True),
+    Column("", lambda run: "*" * bool(run.get("on_the_pareto_front")), words=True),
+    Column("engine, preset, step or rtol", "title", words=True),
     Column("error", "error"), Column("order", "order", form=".2f"),
     Column("M error", "momentum_error"), Column("slip", "slip", "m/s"),
     Column("N error", "normal_force_error"), Column("cone", "cone_violation"),

@@ -44,7 +44,7 @@ def result(value: float, error: float, seconds: float, **changes: Any) -> Result
         "momentum_error": error, "defect": None, "reached": 0.2, "slip": 0.0, "spin": 0.0,
         "longest_step": value, "seconds": seconds, "python_seconds": None, "fixed_work": 1.0,
         "faults": [], "normal_force_error": 0.0, "cone_violation": 0.0, "slip_work": 0.0,
-        "energy_error": 0.0, "spread": None,
+        "energy_error": 0.0, "spread": None, "python": "3.13.0",
     }  # fmt: skip
     return Result({**CELL, "value": value}, {**record, **changes}, None)
 
@@ -143,6 +143,7 @@ def test_the_page_has_a_row_a_run_and_the_picture_an_entry_an_engine() -> None:
         "MuJoCo 4, balanced ", "5 ms ", "**1.0e-07** ", "**1.0e-07** ", "500 ",
     ]  # fmt: skip
     assert others.split("| ")[2:5] == ["5 ms ", "1.0e-02 ", "- "]
+    assert mine.split("| ")[9] == "3.13 "
     figure = _engines_study(FIG12, [own, other], ()).picture
     assert figure is not None
     assert len(figure.legends[0].get_texts()) == 2 + 3

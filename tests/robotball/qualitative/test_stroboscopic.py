@@ -93,7 +93,7 @@ def test_the_multipliers_are_those_of_mathieus_equation(
     assert np.abs(found.gamma - [0, 0, 1]).max() < 1e-9
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_a_branch_doubles_its_period_at_the_border_of_mathieus_tongue() -> None:
     """Over the plane's amplitude, for one of two tilts; the other tilt's tongue is elsewhere.
 

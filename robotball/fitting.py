@@ -50,7 +50,6 @@ _PARTS = (0.15, 0.4, 1.0)  # of the logs, to which the fit is made in turn
 _PRIOR = 1.0  # of an unknown's size: how far a part of the logs may move it without evidence
 _DOUBT = 1e-3  # a probability below which chance is no explanation
 _UNKNOWN = 0.5  # of an unknown's size: a standard deviation that tells nothing
-_BENT = 1.0  # deviations of the readings: more than this from a straight line is a curve
 _SHARE = 0.15  # of the largest part in a direction, below which an unknown has no part in it
 _WINDOWS = 20  # of a log, in which it is looked for the first that the model does not explain
 # Of n readings, as good as so many that are independent, is their noise known by itself.
@@ -643,9 +642,7 @@ def fit(
     keep = _felt(J, unknowns)
     ended = residuals.ended(values)
     slopes = residuals.slopes(x, ended)[np.ix_(keep, keep)]
-    moves = np.zeros((len(x), int(keep.sum())))
-    moves[keep] = _covariance(J[:, keep]) @ slopes.T
-    covariance = slopes @ moves[keep]
+    covariance = slopes @ _covariance(J[:, keep]) @ slopes.T
     deviations = np.full(len(x), np.nan)
     deviations[keep] = np.sqrt(np.diag(covariance))
     degrees = max(len(left) - int(keep.sum()), 1)
@@ -659,8 +656,6 @@ def fit(
     block = covariance[: len(own), : len(own)]
     scale = np.sqrt(np.diag(block))
     chi2 = _sum(left, loss)
-    freed_of, named = _told(keep, ended, fitted)
-    told = covariance[np.ix_(freed_of, freed_of)], named
     estimated = [flag for each in fitted for flag in each.estimated]
     return Fit(
         scene=fitted_scene,
@@ -673,10 +668,7 @@ def fit(
         probability=_probability(chi2, degrees, len(left), any(estimated)),
         sensors=tuple(_sensor_fits(residuals, x, len(unknowns) / len(left), loss)),
         held_out=held_out,
-        undetermined=(
-            *_undetermined(*told),
-            *_curved(residuals, x, J, moves[:, freed_of], *told),
-        ),
+        undetermined=tuple(_undetermined(*_told(covariance, keep, ended, fitted))),
     )
 
 
@@ -830,12 +822,13 @@ def _full_name(unknown: _Unknown, logs: Sequence[_Sensed]) -> str:
 
 
 def _told(
-    keep: Mask, unknowns: Sequence[_Unknown], logs: Sequence[_Sensed]
-) -> tuple[list[int], list[_Unknown]]:
-    """Return which of the unknowns that count a user freed, and these; whatever the starts are."""
+    covariance: Array, keep: Mask, unknowns: Sequence[_Unknown], logs: Sequence[_Sensed]
+) -> tuple[Array, list[_Unknown]]:
+    """Return the unknowns that a user freed, with their covariance; whatever the starts are."""
     kept = [u for u, felt in zip(unknowns, keep, strict=True) if felt]
-    of = [i for i, u in enumerate(kept) if not u.of_start]
-    return of, [replace(kept[i], name=_full_name(kept[i], logs)) for i in of]
+    of: list[int] = [i for i, u in enumerate(kept) if not u.of_start]
+    named = [replace(kept[i], name=_full_name(kept[i], logs)) for i in of]
+    return covariance[np.ix_(of, of)], named
 
 
 def _undetermined(covariance: Array, unknowns: Sequence[_Unknown]) -> Iterator[str]:
@@ -860,39 +853,6 @@ def _undetermined(covariance: Array, unknowns: Sequence[_Unknown]) -> Iterator[s
             for i in parts
         )
         yield f"not determined apart: {changes}, together, change nothing that was measured"
-
-
-def _curved(
-    residuals: _Residuals,
-    x: Array,
-    J: Array,
-    moves: Array,
-    covariance: Array,
-    unknowns: Sequence[_Unknown],
-) -> Iterator[str]:
-    """Yield a line where a deviation leads off the curve on which the best fits lie.
-
-    It is looked for where the unknowns are known worst. moves: the covariance (p, f) of the steps
-    with the unknowns that were freed.
-    """
-    variances, axes = np.linalg.eigh(covariance)
-    known = np.flatnonzero(variances <= _UNKNOWN**2)
-    if not known.size:
-        return
-    worst = axes[:, known[-1]]
-    step = moves @ worst / np.sqrt(variances[known[-1]])
-    here = residuals(x)
-    sides = [(sign, residuals(x + sign * step)) for sign in (1, -1)]
-    sides = [each for each in sides if np.isfinite(each[1]).all()]
-    if all(np.linalg.norm(there - here - sign * J @ step) < _BENT for sign, there in sides):
-        return
-    names = [u.name for u, part in zip(unknowns, worst, strict=True) if abs(part) > _SHARE]
-    grown = max(there @ there - here @ here for _, there in sides)
-    yield (
-        f"{', '.join(names)} are known along a curve alone: one deviation straight on raises χ² by "
-        f"{grown:.0f} and not by 1, so that their deviations may be far too small; make a longer "
-        "log, or free fewer numbers"
-    )
 
 
 def _sparse(directions: Array) -> Array:

@@ -71,7 +71,7 @@ class SceneNumbers(Numbers):
             "momentum_world": start.start.momentum.tolist(),
         }
         for hinge in start.hinges:
-            table = _of_body(tables, hinge.name)
+            table = _body_table(tables, hinge.name)
             table["initial_angle"] = hinge.angle
             if hinge.motor is not None:
                 table["initial_rate"] = hinge.rate
@@ -91,7 +91,7 @@ class SceneNumbers(Numbers):
             body = bodies[name]
             own = {"mass": body.mass, "centre": body.centre.tolist()}
             own["inertia"] = body.inertia.tolist()
-            table = _of_body(tables, name)
+            table = _body_table(tables, name)
             table.update(dict.fromkeys(("part", "mjcf", "urdf")), **own)
         return replace(self, tables=tables)
 
@@ -109,7 +109,7 @@ def _same(place: _Place) -> list[_Place]:
     return [place, (*place[:-2], place[-1], place[-2])] if symmetric else [place]
 
 
-def _of_body(tables: Any, name: str) -> Any:
+def _body_table(tables: Any, name: str) -> Any:
     """Return the table of a body, which has the name of its hinge."""
     kind = name.rstrip("0123456789")
     number = name.removeprefix(kind)

@@ -6,6 +6,7 @@ as text, as a scene file, as a page with the residuals, as JSON.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,7 +15,7 @@ from rich.console import Console
 from scipy.optimize import least_squares
 from tyro.conf import Positional, arg
 
-from robotball import InputError, Scene
+from robotball import InputError
 from robotball.engine import request_of, run_request
 from robotball.files import MODEL_FILES
 from robotball.files.logs import Log, read_log
@@ -23,8 +24,6 @@ from robotball.files.scene_numbers import numbers_of
 from robotball.film.lines import PRESET_LOOKS, Look
 from robotball.fitting import Fit as Fitted
 from robotball.fitting import Found, Run, SensorFit, fit
-from robotball.motion import Motion
-from robotball.rotations import Array
 from validation.options import AGREES, DISAGREES, OUT, File, Names, SceneName, check_files, listed
 from validation.output import (
     known,
@@ -47,12 +46,7 @@ _STRONG = 0.9  # a correlation that is worth a line
 
 def _by_engine(engine: str, preset: str) -> Run:
     """Return what runs a scene by an engine's preset, to its end whatever it does."""
-    request = request_of(engine, preset, keep_going=True)
-
-    def run(scene: Scene, times: Array) -> Motion:
-        return run_request(scene, times, request)
-
-    return run
+    return partial(run_request, request=request_of(engine, preset, keep_going=True))
 
 
 def as_it_is(numbers: Numbers) -> Iterator[tuple[str, tuple[Run, Any]]]:
@@ -104,9 +98,9 @@ def _tells(found: Fitted) -> bool:
 
 def _numbers(found: Sequence[Found]) -> Iterator[list[str]]:
     for each in found:
-        size = 0 if not each.deviation or not np.isfinite(each.deviation) else each.deviation
+        size = known(each.deviation)
         digits = 6 if not size else max(0, int(2 - np.floor(np.log10(size))))
-        value = f"{each.value:.{min(digits, 12)}f}" if digits < 12 else f"{each.value:.6g}"
+        value = f"{each.value:.{digits}f}" if digits < 12 else f"{each.value:.6g}"
         yield [
             each.name,
             value if each.determined else "not determined",
@@ -170,9 +164,7 @@ def fit_page(scene: str, fits: Mapping[str, Fitted]) -> str:
     if len(fits) > 1:
         words = "A wrong contact is paid by the numbers: each engine's, less the equations'."
         body += ["<h2>By engines</h2>", paragraph(words), table(*_beside(fits))]
-    body.append("<h2>Residuals</h2>")
-    for each in (*found.sensors, *found.held_out):
-        body.append(_residual_plot(each))
+    body += ["<h2>Residuals</h2>", *map(_residual_plot, (*found.sensors, *found.held_out))]
     return page(f"robotball: {scene}, fitted", body)
 
 
@@ -184,6 +176,9 @@ def _residual_plot(sensor: SensorFit) -> str:
     ]
     caption = f"{sensor.name} of {sensor.log}: readings less the model's, over the noise"
     return plot(caption, columns, "t [s]", "residual over noise")
+
+
+_MEASURES = ("noise", "residual", "probability", "since")
 
 
 def _record(scene: str, fits: Mapping[str, Fitted]) -> dict[str, Any]:
@@ -206,10 +201,7 @@ def _record(scene: str, fits: Mapping[str, Fitted]) -> dict[str, Any]:
                 "name": each.name,
                 "held_out": each in found.held_out,
                 "readings": len(each.times),
-                "noise": each.noise,
-                "residual": each.residual,
-                "probability": each.probability,
-                "since": each.since,
+                **{name: getattr(each, name) for name in _MEASURES},
             }
             for each in (*found.sensors, *found.held_out)
         ],

@@ -31,7 +31,7 @@ from robotball import (
 from robotball.engines import recorded as derivative
 from robotball.errors import LARGEST, check_positive
 from robotball.files.logs import Log, Sensor
-from robotball.files.scene_numbers import numbers_of as numbers_of_scene
+from robotball.files.scene_numbers import numbers_of
 from robotball.fitting import Found, fit
 from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array
@@ -47,12 +47,11 @@ from validation.output import (
 )
 from validation.results import controlled
 from validation.studies.judge_search import SURE, Lag, Mistake, Search, lag_of, reference_of
-from validation.studies.mistakes import numbers_of, some_of
+from validation.studies.mistakes import rows_of
 from validation.studies.orders import LEAST, fit_order
 
-_TOLERANCE = (
-    1e-2  # relative, of path, height, momentum and the hinges' rates; of the attitude in rad
-)
+# Relative, of path, height, momentum and the hinges' rates; of the attitude in rad.
+_TOLERANCE = 1e-2
 _ENOUGH = 0.1  # of the scene's duration; a file that covers less says too little to agree
 _ROWS = 20_000  # that are judged, at most, where the frame turns little between them
 _TURN = 0.1  # rad
@@ -130,12 +129,6 @@ class _Beside:
                 size = float(b @ b) or len(b) * fastest**2
                 found[hinge.name] = float(np.sqrt((a - b) @ (a - b) / size)), float(a @ b / size)
         return found
-
-    @property
-    def unknown_hinges(self) -> tuple[str, ...]:
-        """Return the hinges with a motor of which the file says nothing."""
-        rates = zip(self.motion.scene.hinges, self.motion.hinge_rates.T, strict=True)
-        return tuple(hinge.name for hinge, own in rates if not np.isfinite(own).all())
 
 
 def _largest(values: Array, errors: Array) -> tuple[float, float] | None:
@@ -323,11 +316,8 @@ def _thinned(trajectory: Trajectory) -> Trajectory:
     while rows < count:
         at = np.linspace(0, count - 1, rows).round().astype(int)
         if derivative.turned_between(trajectory.attitude[at]).max() <= _TURN:
-            parts = vars(trajectory).items()
-            own = {name: each[at] for name, each in parts if isinstance(each, np.ndarray)}
-            others = {name: each[at] for name, each in (trajectory.others or {}).items()}
             note = f"judged by {rows} of its {count} rows"
-            return replace(trajectory, **own, others=others, notes=(*trajectory.notes, note))
+            return replace(rows_of(trajectory, at), notes=(*trajectory.notes, note))
         rows *= 2
     return trajectory
 
@@ -349,9 +339,7 @@ def _judged(
     corrected = None
     if found.mistakes:
         corrected = _Beside(recorded(found.scene, found.corrected), found.theory)
-    at = some_of(len(trajectory.times))
-    numbers = numbers_of(found.corrected, at)
-    lag = lag_of(found.corrected.times[at], numbers, (corrected or plain).theory)
+    lag = lag_of(rows_of(found.corrected, found.at), (corrected or plain).theory)
     return FileJudgement(trajectory, plain, found, corrected, lag, timestep, tolerance)
 
 
@@ -362,12 +350,12 @@ def _orders(judged: Sequence[FileJudgement]) -> Iterator[Order]:
         return
     for measure in ("path_error", "attitude_error"):
         name, errors = measure.replace("_", " "), [getattr(each.best, measure) for each in judged]
-        if len(set(steps)) < LEAST:
+        if len(set(steps)) < LEAST and all(errors):
             fall = np.log(errors[0] / errors[-1]) / np.log(steps[0] / steps[-1])
             yield Order(name, float(fall))
-            continue
-        found = fit_order(steps, errors)
-        yield Order(name, *((found.order, found.stderr) if found else (None, None)))
+        else:
+            found = fit_order(steps, errors)
+            yield Order(name, *((found.order, found.stderr) if found else (None, None)))
 
 
 _EXACT = 1e-9  # of the radius
@@ -399,7 +387,7 @@ def number_of(judged: FileJudgement) -> Found | None:
 
     effects = {}
     with contextlib.suppress(InputError):  # of a scene that no file can hold
-        numbers, before = numbers_of_scene(scene), off(theory)
+        numbers, before = numbers_of(scene), off(theory)
         for path in numbers.places:
             with contextlib.suppress(InputError):  # of a number that cannot be
                 other = numbers.scene({path: numbers.value(path) * (1 + _NUDGE)})
@@ -409,11 +397,9 @@ def number_of(judged: FileJudgement) -> Found | None:
         return None
     found = fit(numbers, [Log(file.name, sensors, {})], [max(effects, key=effects.__getitem__)],
                 noise=noise)  # fmt: skip
-    number, left = found.found[0], np.concatenate([
-        (each.residuals / noise[each.name]).ravel() for each in found.sensors
-    ])  # fmt: skip
+    (number,), left = found.found, np.sqrt(found.chi2)
     another = number.determined and abs(number.value - number.began) > _MEANT * number.deviation
-    return number if another and np.linalg.norm(left) < SURE * np.linalg.norm(before) else None
+    return number if another and left < SURE * np.linalg.norm(before) else None
 
 
 def _show(judgement: Judgement, console: Console) -> None:
@@ -444,7 +430,8 @@ def lines(judged: FileJudgement) -> list[str]:
         f"momentum error {_momentum(plain)}",
         *_contact(plain),
     ]
-    for name in plain.unknown_hinges:
+    hinges = [hinge.name for hinge in plain.motion.scene.hinges]
+    for name in (each for each in hinges if each not in plain.hinge_rates):
         more = " and slip and spin" if name == "frame" else ""
         found.append(
             f"the {name} has a motor, and the file says nothing of it: the momentum{more} need "

@@ -6,9 +6,10 @@ try, and another scene has to be integrated. A shift in time is reported, and un
 """
 
 import contextlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import astuple, dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -17,18 +18,17 @@ from scipy.optimize import minimize_scalar
 from robotball import InputError, Motion, Scene, Trajectory, integrate
 from robotball.engines import recorded as derivative
 from robotball.engines.recorded import sampled_rates
+from robotball.motion import arrays_of, with_arrays
 from robotball.rotations import Array, continuous
 from validation.studies.mistakes import (
     Errors,
-    Numbers,
     Truth,
     conventions,
     errors_at,
     largest,
     mistaken_scenes,
-    numbers_of,
+    rows_of,
     some_of,
-    truth_of,
     typical,
 )
 
@@ -53,25 +53,15 @@ class Lag:
         return self.after * _SHIFT_EXPLAINS < self.before
 
 
-def lag_of(times: Array, numbers: Numbers, reference: Motion) -> Lag:
-    """Return the lag of numbers at times (n,) [s] behind a reference that is sampled as finely."""
-    end = float(reference.times[-1])
+def lag_of(file: Trajectory, reference: Motion) -> Lag:
+    """Return the lag of a trajectory behind a reference that is sampled as finely."""
+    times, end = file.times, float(reference.times[-1])
     most = min(_LONGEST * end, end - float(times[0]))
     step = max(2 * most / _SHIFTS, min(most, float(np.median(np.diff(times)))) / 4)
-    error = _error_at(numbers, reference)
+    error = _error_at(file, reference)
     tried = np.arange(-most, most + step / 2, step)
     shift = _least(lambda shift: error(times - shift), tried, 1e-9)
     return Lag(shift, error(times), error(times - shift))
-
-
-def _stretch_of(times: Array, numbers: Numbers, reference: Motion) -> float:
-    """Return the factor by which the times (n,) [s] of numbers seem too long.
-
-    reference: a motion in fine samples, until after the trajectory's end.
-    """
-    error = _error_at(numbers, reference)
-    tried = np.linspace(1 - _LONGEST, 1 + _LONGEST, _SHIFTS + 1)
-    return _least(lambda stretch: error(times / stretch), tried, 1e-7)
 
 
 def _least(error: Callable[[float], float], tried: Array, to: float) -> float:
@@ -83,25 +73,21 @@ def _least(error: Callable[[float], float], tried: Array, to: float) -> float:
     return float(found.x)
 
 
-def _error_at(numbers: Numbers, reference: Motion) -> Callable[[Array], float]:
-    """Return the error of numbers, as in `Lag`, where the reference is taken at times (n,) [s].
+def _error_at(file: Trajectory, reference: Motion) -> Callable[[Array], float]:
+    """Return the error of a trajectory, as in `Lag`, if its rows are of other times (n,) [s].
 
-    Numbers whose time is beyond the reference's ends do not count.
+    Rows whose time is beyond the reference's ends do not count.
     """
-    known, q = reference.times, continuous(reference.attitude)
-    path, attitude = (
-        CubicHermiteSpline(known, values, sampled_rates(known, values)[0])
-        for values in (reference.contact_point, q)
-    )
+    known = reference.times
+    values = np.column_stack([reference.contact_point, continuous(reference.attitude)])
+    motion = CubicHermiteSpline(known, values, sampled_rates(known, values)[0])
 
     def error(times: Array) -> float:
         inside = (times >= 0) & (times <= known[-1])
-        ours, theirs = numbers.position[inside, :2], path(times[inside])
-        turn = attitude(times[inside])
+        path, turn = np.split(motion(times[inside]), [2], axis=1)
+        apart = ((file.position[inside, :2] - path) ** 2).sum(axis=1) / reference.path_scale**2
         # 2|sin(half the angle)| between them, whatever the signs.
-        cosine = np.abs((turn * numbers.attitude[inside]).sum(axis=1))
-        cosine /= np.linalg.norm(turn, axis=1)
-        apart = ((ours - theirs) ** 2).sum(axis=1) / reference.path_scale**2
+        cosine = np.abs((turn * file.attitude[inside]).sum(axis=1)) / np.linalg.norm(turn, axis=1)
         return float(np.sqrt(np.mean(apart + 2 * (1 - np.minimum(cosine, 1.0)))))
 
     return error
@@ -135,7 +121,7 @@ class Mistake:
     name: str
     before: Errors
     after: Errors
-    as_well: tuple[str, ...] = ()
+    as_well: tuple[str, ...]
 
     @property
     def left(self) -> float:
@@ -149,35 +135,35 @@ class Mistake:
         return self.left <= SURE
 
 
-def reference_of(scene: Scene, times: Array) -> Motion:
-    """Integrate the scene at 0 and at the times (n,) of a trajectory."""
-    return integrate(scene, _from_zero(times))
+def reference_of(scene: Scene, times: Array, **more: Any) -> Motion:
+    """Integrate the scene at 0 and at the times (n,) of a trajectory; more: for `integrate`."""
+    return integrate(scene, times if times[0] == 0 else np.concatenate([[0.0], times]), **more)
 
 
 @dataclass(frozen=True)
 class _Option:
-    """A mistake that may be the next: the numbers without it, and what they should be then."""
+    """A mistake that may be the next: some rows without it, and what they should be then."""
 
     family: str
     name: str
     parts: int
-    numbers: Numbers
+    file: Trajectory
     truth: Truth
     scene: Scene
-    stretch: float = 1.0
 
     @cached_property
     def errors(self) -> tuple[Array, ...]:
-        return errors_at(self.numbers, self.truth)
+        return errors_at(self.file, self.truth)
 
     @cached_property
     def typical(self) -> Array:
-        return typical(self.errors, self.truth.times)
+        return typical(self.errors, self.file.times)
 
-    def mistake(self, before: tuple[Array, ...], as_well: Iterable["_Option"]) -> Mistake:
-        """Return the mistake; before: the errors with it, as_well: options that explain as much."""
-        names = tuple(each.name for each in as_well)
-        return Mistake(self.family, self.name, largest(before), largest(self.errors), names)
+    @property
+    def sizes(self) -> Array:
+        """Return each error's typical size and its root mean square (2, 2 or 3)."""
+        mean_square = np.sqrt(np.mean(np.square(self.errors), axis=1))
+        return np.array([np.exp(self.typical), mean_square])
 
 
 class Search:
@@ -185,7 +171,7 @@ class Search:
 
     plain: the errors of the file as it stands. scene: the one that was simulated, as far as the
     mistakes show; corrected: the file's trajectory in the right conventions; theory: the motion of
-    that scene at its times.
+    that scene at its times; at: the rows that were searched.
     """
 
     def __init__(self, trajectory: Trajectory, theory: Motion, rolling_radius: float) -> None:
@@ -193,14 +179,14 @@ class Search:
 
         rolling_radius: by the file's own path and rotation [m].
         """
-        self.trajectory, self.rolling_radius = trajectory, rolling_radius
+        self.trajectory, self.theory, self.rolling_radius = trajectory, theory, rolling_radius
         self.at = some_of(len(trajectory.times))
-        self.theory = theory
-        self.scene, self.truth = theory.scene, self._truth(theory, self.at.step)
-        self.numbers = numbers_of(trajectory, self.at)
-        self.found: list[_Option] = []
-        self.plain = largest(errors_at(self.numbers, self.truth))
+        rows, truth = rows_of(trajectory, self.at), self._truth(theory, self.at.step)
+        # The file as it stands, then without each mistake as well.
+        self.found = [_Option("", "", 0, rows, truth, theory.scene)]
+        self.plain = largest(self.found[0].errors)
         self.mistakes = tuple(self._mistakes())
+        self.scene = self.found[-1].scene
         self.corrected = self._corrected()
 
     def _mistakes(self) -> list[Mistake]:
@@ -210,65 +196,62 @@ class Search:
         nearly all. Where the mistake is one that is not known, another may undo one of its errors
         by chance, or make one small at the beginning and large later: it is dropped.
         """
-        meant, left = self.scene, [_sizes(errors_at(self.numbers, self.truth), self.truth)]
-        tried = []
-        for mistake in self._lessening():
-            tried.append(mistake)
-            left.append(_sizes(self.found[-1].errors, self.truth))
-        explain = [all(_explain(left[k], each) for each in left[:k]) for k in range(1, len(left))]
-        count = max((k for k, each in enumerate(explain, start=1) if each), default=0)
-        self.found = self.found[:count]
-        self.scene = self.found[-1].scene if self.found else meant
-        return tried[:count]
+        tried = list(self._lessening())
+        left = [each.sizes for each in self.found]
+        explain = [k for k in range(len(left)) if all(_explain(left[k], each) for each in left[:k])]
+        self.found = self.found[: explain[-1] + 1]
+        return tried[: explain[-1]]
 
     def _lessening(self) -> Iterator[Mistake]:
         """Yield mistakes that lessen an error; the next has to explain what each left."""
-        for _ in range(_MOST_MISTAKES):
-            before = errors_at(self.numbers, self.truth)
-            families = {each.family for each in self.found}
-            options = [each for each in self._conventions() if each.family not in families]
-            best = _best(options, before)
-            wrong = max(largest(before).path, largest(before).attitude) > _SOUND
+        while len(self.found) <= _MOST_MISTAKES:
+            now = self.found[-1]
+            before, families = largest(now.errors), {each.family for each in self.found}
+            if before.rate is None:
+                families.add(_RATE)
+            options = [
+                _Option(each.family, each.name, each.parts, each.undo(now.file), now.truth,
+                        now.scene)
+                for each in conventions(now.truth, self._has_height)
+                if each.family not in families
+            ]  # fmt: skip
+            best = _best(options, now)
+            wrong = max(before.path, before.attitude) > _SOUND
             if wrong and not {_SCENE, _TIME} & families and not (best and _is_clear(best[0])):
-                options += [*self._scenes(), *self._stretched()]
-                best = _best(options, before)
-            if _RATE not in families and (largest(before).rate or 0.0) > _ASTRAY:
-                own = _best([self._rate_of_attitude()], before)
+                options += [replace(each, file=now.file) for each in self._scenes]
+                options += self._stretched()
+                best = _best(options, now)
+            if _RATE not in families and (before.rate or 0.0) > _ASTRAY:
+                own = _best([self._rate_of_attitude()], now)
                 if own and (best is None or _is_closer(own[0], best[0])):
                     best = own
             if best is None:
                 return
             chosen, as_well = best
             self.found.append(chosen)
-            self.numbers, self.truth, self.scene = chosen.numbers, chosen.truth, chosen.scene
-            yield chosen.mistake(before, as_well)
+            yield Mistake(chosen.family, chosen.name, before, largest(chosen.errors), as_well)
 
     def _corrected(self) -> Trajectory:
         """Return the whole trajectory without the mistakes found in its conventions.
 
         `theory` is the motion of the scene as found then, at the trajectory's times.
         """
-        if not self.found:
+        first, *found = self.found
+        if not found:
             return self.trajectory
-        times = self.trajectory.times / np.prod([each.stretch for each in self.found])
-        numbers = numbers_of(self.trajectory, slice(None))
+        # A stretch is the same for all rows.
+        times = self.trajectory.times * (found[-1].file.times[-1] / first.file.times[-1])
+        file = replace(self.trajectory, times=times, momentum=None)
         # To integrate at all rows of a long file takes as long as to try many mistakes.
-        if self.theory.scene is not self.scene or self.theory.times[-1] != times[-1]:
-            self.theory = reference_of(self.scene, times)
+        if self.theory.scene is not found[-1].scene or self.theory.times[-1] != times[-1]:
+            self.theory = reference_of(found[-1].scene, times)
         truth = self._truth(self.theory, 1)
         undo = {each.name: each.undo for each in conventions(truth, self._has_height)}
-        undo[_NOT_THE_RATE] = partial(_with_own_rate, times)
-        for each in self.found:
+        undo[_NOT_THE_RATE] = _with_own_rate
+        for each in found:
             if each.name in undo:
-                numbers = undo[each.name](numbers)
-        return replace(
-            self.trajectory,
-            times=times,
-            position=numbers.position,
-            attitude=numbers.attitude,
-            angular_velocity=numbers.rate,
-            momentum=None,
-        )
+                file = undo[each.name](file)
+        return file
 
     @property
     def _has_height(self) -> bool:
@@ -276,69 +259,47 @@ class Search:
 
     def _truth(self, theory: Motion, step: int) -> Truth:
         first = 0 if self.trajectory.times[0] == 0 else 1
-        return truth_of(theory, slice(first, None, step))
-
-    def _conventions(self) -> Iterator[_Option]:
-        for each in conventions(self.truth, self._has_height):
-            if each.family == _RATE and self.numbers.rate is None:
-                continue
-            numbers = each.undo(self.numbers)
-            yield _Option(each.family, each.name, each.parts, numbers, self.truth, self.scene)
-
-    def _scenes(self) -> list[_Option]:
-        """Return the motions of scenes that may have been simulated instead."""
-        return [
-            _Option(_SCENE, name, 1, self.numbers, truth, scene)
-            for name, scene, truth in self._others
-        ]
+        rows = {place: each[first::step] for place, each in arrays_of(theory)}
+        return Truth(with_arrays(theory, rows), theory.path_scale)
 
     @cached_property
-    def _others(self) -> list[tuple[str, Scene, Truth]]:
-        times, found = _from_zero(self.truth.times), []
-        for name, scenes in mistaken_scenes(self.scene, self.rolling_radius):
+    def _scenes(self) -> list[_Option]:
+        """Return the motions of scenes that may have been simulated instead, each made once."""
+        file, found = self.found[-1].file, []
+        for name, scenes in mistaken_scenes(self.found[-1].scene, self.rolling_radius):
             for scene in scenes:
                 with contextlib.suppress(InputError):  # of a ball that nobody can have simulated
-                    theory = integrate(scene, times, rtol=_TRIED)
-                    found.append((name, scene, self._truth(theory, 1)))
+                    truth = self._truth(reference_of(scene, file.times, rtol=_TRIED), 1)
+                    found.append(_Option(_SCENE, name, 1, file, truth, scene))
         return found
 
     def _stretched(self) -> Iterator[_Option]:
         """Yield the scene's own motion, at times that are not the file's."""
-        times = self.truth.times
-        later = np.linspace(0, times[-1] / (1 - _LONGEST), _FINE)
+        file, scene = self.found[-1].file, self.found[-1].scene
+        later = np.linspace(0, file.times[-1] / (1 - _LONGEST), _FINE)
+        tried = np.linspace(1 - _LONGEST, 1 + _LONGEST, _SHIFTS + 1)
         with contextlib.suppress(InputError):  # of a drive that ends before
-            fine = integrate(self.scene, later, rtol=_TRIED)
-            stretch = _stretch_of(times, self.numbers, fine)
-            theory = integrate(self.scene, _from_zero(times / stretch), rtol=_TRIED)
+            error = _error_at(file, integrate(scene, later, rtol=_TRIED))
+            stretch = _least(lambda stretch: error(file.times / stretch), tried, 1e-7)
+            right = replace(file, times=file.times / stretch)
+            truth = self._truth(reference_of(scene, right.times, rtol=_TRIED), 1)
             name = f"the times are {stretch:.5g} times what they should be"
-            truth = self._truth(theory, 1)
-            yield _Option(_TIME, name, 1, self.numbers, truth, self.scene, stretch)
+            yield _Option(_TIME, name, 1, right, truth, scene)
 
     def _rate_of_attitude(self) -> _Option:
-        file = self._corrected()
-        rate = _with_own_rate(file.times, numbers_of(file, slice(None))).rate
-        numbers = replace(self.numbers, rate=None if rate is None else rate[self.at])
-        return _Option(_RATE, _NOT_THE_RATE, 1, numbers, self.truth, self.scene)
+        rate = _with_own_rate(self._corrected()).angular_velocity
+        file = replace(self.found[-1].file, angular_velocity=np.asarray(rate)[self.at])
+        return replace(self.found[-1], family=_RATE, name=_NOT_THE_RATE, parts=1, file=file)
 
 
-def _with_own_rate(times: Array, numbers: Numbers) -> Numbers:
-    return replace(numbers, rate=derivative.angular_velocity(times, numbers.attitude)[0])
-
-
-def _sizes(errors: tuple[Array, ...], truth: Truth) -> Array:
-    """Return each error's typical size and its root mean square (2, 2 or 3)."""
-    mean_square = np.sqrt(np.mean(np.square(errors), axis=1))
-    return np.array([np.exp(typical(errors, truth.times)), mean_square])
+def _with_own_rate(file: Trajectory) -> Trajectory:
+    return replace(file, angular_velocity=derivative.angular_velocity(file.times, file.attitude)[0])
 
 
 def _explain(after: Array, before: Array) -> bool:
     """Return whether sizes are most of those before in all together, and nearly all in one."""
     all_together = np.linalg.norm(after, axis=1) * _MOST < np.linalg.norm(before, axis=1)
     return bool(all_together.all() and (after < _REMAINING * before).all(axis=0).any())
-
-
-def _from_zero(times: Array) -> Array:
-    return times if times[0] == 0 else np.concatenate([[0.0], times])
 
 
 def _is_closer(own: _Option, best: _Option) -> bool:
@@ -351,23 +312,17 @@ def _is_clear(option: _Option) -> bool:
     return bool(np.all(option.typical[:2] < typically) and np.max(option.errors[:2]) < at_most)
 
 
-def _best(
-    options: Sequence[_Option], errors: tuple[Array, ...]
-) -> tuple[_Option, list[_Option]] | None:
-    """Return the simplest of the options that explain most, and the others as good."""
+def _best(options: Sequence[_Option], now: _Option) -> tuple[_Option, tuple[str, ...]] | None:
+    """Return the simplest of the options that explain most, and the names of others as good."""
     gains = []
-    before = typical(errors, options[0].truth.times)
     for option in options:
-        gain = before - option.typical
+        gain = now.typical - option.typical
         if gain.max() >= _LESSENS and gain.min() >= -_SPOILS:
             gains.append((float(gain.sum()), option))
     if not gains:
         return None
-    most = max(gain for gain, _ in gains)
-    good = sorted(
-        (option for gain, option in gains if gain > most - _AS_GOOD), key=lambda each: each.parts
-    )
-    chosen = good[0]
-    others = [each for each in good[1:] if each.parts == chosen.parts]
-    as_well = {each.name: each for each in others if each.name != chosen.name}
-    return chosen, list(as_well.values())
+    least = max(gain for gain, _ in gains) - _AS_GOOD
+    good = [option for gain, option in gains if gain > least]
+    chosen = min(good, key=lambda each: each.parts)
+    names = dict.fromkeys(each.name for each in good if each.parts == chosen.parts)
+    return chosen, tuple(name for name in names if name != chosen.name)

@@ -3,49 +3,43 @@
 Numbers of a file are compared with the reference's sample by sample, under each known mistake.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial, reduce
 from itertools import permutations, product
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robotball import InputError, Motion, Scene, Trajectory
 from robotball.ball import Body, Rotor, Shell
 from robotball.equations import Rolling
-from robotball.files.trajectories import LENGTHS
+from robotball.files.trajectories import LENGTHS, RATES
 from robotball.motors import Servo
 from robotball.poses import poses
-from robotball.rotations import Array, conjugate, from_matrix, multiply, rotation_matrix
-from robotball.variations import scaled_rate, with_bodies
+from robotball.rotations import (
+    Array,
+    angle_between,
+    conjugate,
+    from_matrix,
+    multiply,
+    rotation_matrix,
+)
+from robotball.variations import scaled_body, scaled_rate, with_bodies
 
 _FLOOR = 1e-6  # an error below it explains as little as none
 _MOST = 400  # samples that a convention is tried on
 
 
 @dataclass(frozen=True)
-class Numbers:
-    """position (n, 3) m; attitude (n, 4); rate (n, 3) rad/s, the frame's in its axes, or None."""
-
-    position: Array
-    attitude: Array
-    rate: Array | None
-
-
-@dataclass(frozen=True)
 class Truth:
-    """The right numbers, at the same samples `at` of a motion.
+    """What a trajectory should have in its rows: a reference motion, of these rows alone.
 
-    times (n,) s; contact_point (n, 2) m; attitude (n, 4); rate (n, 3) rad/s; path_scale m, the
-    motion's, which is a sum over all of its samples.
+    path_scale: of the motion at all of its samples [m].
     """
 
     motion: Motion
-    at: slice
-    times: Array
-    contact_point: Array
-    attitude: Array
-    rate: Array
     path_scale: float
 
 
@@ -58,22 +52,15 @@ class Errors:
 
     path: float
     attitude: float
-    rate: float | None
+    rate: float | None = None
 
 
-def numbers_of(trajectory: Trajectory, at: slice) -> Numbers:
-    """Return the numbers of a trajectory, at some of its samples."""
-    rate = trajectory.angular_velocity
-    return Numbers(
-        trajectory.position[at], trajectory.attitude[at], None if rate is None else rate[at]
-    )
-
-
-def truth_of(motion: Motion, at: slice) -> Truth:
-    """Return the numbers of a reference motion that has the trajectory's times."""
-    times, rate = motion.times[at], motion.angular_velocity[at]
-    place, attitude = motion.contact_point[at], motion.attitude[at]
-    return Truth(motion, at, times, place, attitude, rate, motion.path_scale)
+def rows_of(file: Trajectory, at: slice | NDArray[np.intp]) -> Trajectory:
+    """Return some of the rows of a trajectory."""
+    parts = vars(file).items()
+    own: dict[str, Any] = {name: each[at] for name, each in parts if isinstance(each, np.ndarray)}
+    others = {name: each[at] for name, each in (file.others or {}).items()}
+    return replace(file, **own, others=others)
 
 
 def some_of(count: int) -> slice:
@@ -81,24 +68,20 @@ def some_of(count: int) -> slice:
     return slice(None, None, max(1, count // _MOST))
 
 
-def errors_at(numbers: Numbers, truth: Truth) -> tuple[Array, ...]:
+def errors_at(file: Trajectory, truth: Truth) -> tuple[Array, ...]:
     """Return the errors of path, attitude and, if known, ω: (n,) each, in the units of `Errors`."""
-    apart = numbers.position[:, :2] - truth.contact_point
+    apart, right = file.position[:, :2] - truth.motion.contact_point, truth.motion.angular_velocity
     path = np.linalg.norm(apart, axis=1) / truth.path_scale
-    # The vector part of the turn between them has the length |sin(half the angle)|.
-    cosine = np.abs((truth.attitude * numbers.attitude).sum(axis=1))
-    turn = multiply(conjugate(truth.attitude), numbers.attitude)
-    angle = 2 * np.arctan2(np.linalg.norm(turn[:, 1:], axis=1), cosine)
-    if numbers.rate is None:
+    angle = angle_between(truth.motion.attitude, file.attitude)
+    if file.angular_velocity is None:
         return path, angle
-    fastest = np.linalg.norm(truth.rate, axis=1).max()
-    return path, angle, np.linalg.norm(numbers.rate - truth.rate, axis=1) / (fastest or 1.0)
+    fastest = np.linalg.norm(right, axis=1).max()
+    return path, angle, np.linalg.norm(file.angular_velocity - right, axis=1) / (fastest or 1.0)
 
 
 def largest(errors: tuple[Array, ...]) -> Errors:
     """Return the largest of each."""
-    path, attitude, *rate = (float(each.max()) for each in errors)
-    return Errors(path, attitude, rate[0] if rate else None)
+    return Errors(*(float(each.max()) for each in errors))
 
 
 def typical(errors: tuple[Array, ...], times: Array) -> Array:
@@ -112,10 +95,10 @@ def typical(errors: tuple[Array, ...], times: Array) -> Array:
     return np.asarray(np.average(logarithms, axis=1, weights=weights))
 
 
-_Change = Callable[[Numbers], Numbers]
+_Change = Callable[[Trajectory], Trajectory]
 _Parts = dict[str, _Change]  # by their names; "" changes nothing
 _XYZ = "x, y, z"
-_SPELT = {"in": "inches", "ft": "feet", "um": "µm"}
+_SPELT = {"in": "inches", "ft": "feet", "um": "µm", "rev/s": "revolutions per second"}
 _NEAR = 1.3  # a factor of length so near 1 may be an engine's error, and is no unit
 
 
@@ -142,21 +125,18 @@ def conventions(truth: Truth, has_height: bool) -> Iterator[_Convention]:
 
 def _combined(family: str, parts: Sequence[_Parts]) -> Iterator[_Convention]:
     """Yield all combinations with at most one of each kind of part."""
-    for chosen in product(*([("", lambda numbers: numbers), *each.items()] for each in parts)):
+    for chosen in product(*([("", lambda file: file), *each.items()] for each in parts)):
         names = [name for name, _ in chosen if name]
+        undo = partial(reduce, lambda file, change: change(file), [each for _, each in chosen])
         if names:
-            yield _Convention(family, "; ".join(names), _all([f for _, f in chosen]), len(names))
-
-
-def _all(changes: Sequence[_Change]) -> _Change:
-    return lambda numbers: reduce(lambda some, change: change(some), changes, numbers)
+            yield _Convention(family, "; ".join(names), undo, len(names))
 
 
 # Attitude ----------------------------------------------------------------------------------
 
 
 def _attitude(change: Callable[[Array], Array]) -> _Change:
-    return lambda numbers: replace(numbers, attitude=change(numbers.attitude))
+    return lambda file: replace(file, attitude=change(file.attitude))
 
 
 def _right(q: Array) -> _Change:
@@ -187,7 +167,7 @@ def _attitudes(truth: Truth) -> list[_Parts]:
 
 def _in_shell(truth: Truth, sense: int) -> Array:
     """Return the frame's attitude in the shell (n, 4), or for the sense -1 its inverse."""
-    angle, axis = truth.motion.hinge_angles[truth.at, :1], truth.motion.scene.ball.shell.axis
+    angle, axis = truth.motion.hinge_angles[:, :1], truth.motion.scene.ball.shell.axis
     half = sense * angle / 2
     return np.concatenate([np.cos(half), np.sin(half) * axis], axis=1)
 
@@ -198,23 +178,26 @@ def _in_shell(truth: Truth, sense: int) -> Array:
 def _position(change: Callable[[Array], Array]) -> _Change:
     """Return what undoes a change of the horizontal part (n, 2)."""
 
-    def undo(numbers: Numbers) -> Numbers:
-        height = numbers.position[:, 2:]
-        horizontal = change(numbers.position[:, :2])
-        return replace(numbers, position=np.concatenate([horizontal, height], axis=1))
+    def undo(file: Trajectory) -> Trajectory:
+        horizontal = change(file.position[:, :2])
+        return replace(file, position=np.column_stack([horizontal, file.position[:, 2]]))
 
     return undo
 
 
+def _others(units: Mapping[str, float]) -> dict[str, float]:
+    """Return the units that are not SI's, as they are spelt in a sentence."""
+    return {_SPELT.get(unit, unit): size for unit, size in units.items() if size != 1}
+
+
 def _resized(size: float) -> _Change:
-    return lambda numbers: replace(numbers, position=size * numbers.position)
+    return lambda file: replace(file, position=size * file.position)
 
 
 def _positions(truth: Truth) -> list[_Parts]:
     """Return origins, units, axes of the plane, and points of the ball that x, y may be of."""
     a = truth.motion.scene.ball.radius
-    sizes = {_SPELT.get(unit, unit): size for unit, size in LENGTHS.items() if unit != "m"}
-    sizes |= {"radii of the ball": a, "diameters": 2 * a}
+    sizes = _others(LENGTHS) | {"radii of the ball": a, "diameters": 2 * a}
     origins = {"the path does not start at (0, 0)": _position(lambda p: p - p[0])}
     lengths = {
         f"the positions are in {unit}": _resized(size)
@@ -232,7 +215,7 @@ def _positions(truth: Truth) -> list[_Parts]:
     }
     centre, places = truth.motion.contact_point, {}
     for name, each in poses(truth.motion).items():
-        place = (each.position[:, :2] - centre)[truth.at]
+        place = each.position[:, :2] - centre
         if np.abs(place).max() > 1e-6 * a:
             places[f"x, y are of the {name}'s centre of mass"] = _position(partial(np.add, -place))
     return [origins, lengths, planes, places]
@@ -241,11 +224,10 @@ def _positions(truth: Truth) -> list[_Parts]:
 # Angular velocity --------------------------------------------------------------------------
 
 
-def _rated(change: Callable[[Array, Numbers], Array]) -> _Change:
-    def undo(numbers: Numbers) -> Numbers:
-        if numbers.rate is None:
-            return numbers
-        return replace(numbers, rate=change(numbers.rate, numbers))
+def _rated(change: Callable[[Array, Trajectory], Array]) -> _Change:
+    def undo(file: Trajectory) -> Trajectory:
+        omega = file.angular_velocity
+        return replace(file, angular_velocity=None if omega is None else change(omega, file))
 
     return undo
 
@@ -253,10 +235,9 @@ def _rated(change: Callable[[Array, Numbers], Array]) -> _Change:
 def _rates(truth: Truth) -> list[_Parts]:
     """Return units, signs and axes of ω, and the bodies of which it may be."""
     scene, to_frame = truth.motion.scene, _in_shell(truth, -1)
-    more = np.outer(truth.motion.hinge_rates[truth.at, 0], scene.ball.shell.axis)
+    more = np.outer(truth.motion.hinge_rates[:, 0], scene.ball.shell.axis)
     of = "the angular velocity"
-    sizes = {"deg/s": np.pi / 180, "revolutions per second": 2 * np.pi, "rpm": 2 * np.pi / 60}
-    units = {f"{of} is in {unit}": _scaled(size) for unit, size in sizes.items()}
+    units = {f"{of} is in {unit}": _scaled(size) for unit, size in _others(RATES).items()}
     signs = {f"{of} has the other sign": _scaled(-1.0)}
     axes = {
         f"{of} is in world axes": _rated(lambda w, file: _rotated(w, conjugate(file.attitude))),
@@ -312,15 +293,15 @@ def _seen_from(S: Array, both: bool = True) -> _Change:
     proper = S * np.linalg.det(S).round()  # what mirrors, turns vectors of rotation the other way
     turn = from_matrix(proper)
 
-    def undo(numbers: Numbers) -> Numbers:
-        q, w = numbers.attitude, numbers.rate
+    def undo(file: Trajectory) -> Trajectory:
+        q, w = file.attitude, file.angular_velocity
         # A height that the file does not have must not become one of its other coordinates.
-        position = np.where(np.isnan(numbers.position), 0.0, numbers.position) @ S
+        position = np.where(np.isnan(file.position), 0.0, file.position) @ S
         q = multiply(np.broadcast_to(conjugate(turn), q.shape), q)
         if both:
             q = multiply(q, np.broadcast_to(turn, q.shape))
             w = None if w is None else w @ proper
-        return Numbers(position, q, w)
+        return replace(file, position=position, attitude=q, angular_velocity=w)
 
     return undo
 
@@ -347,7 +328,6 @@ def _axes_of(S: Array) -> str:
     return ", ".join(names)
 
 
-_DEGREES = np.pi / 180
 _CLEAR = 1e-3  # relative: a rolling radius nearer to the scene's may be an engine's error
 _LIKELY = 5.0  # times the radius, or less: any other comes of numbers that mean something else
 
@@ -367,7 +347,7 @@ def mistaken_scenes(scene: Scene, rolling_radius: float) -> Iterator[_MistakenSc
         yield (f"{what} {has} the other sign", _with_rates(scene, which, -1.0))
     for which, what, _, are in groups:
         yield (f"{what} {are} zero", _with_rates(scene, which, 0.0))
-        yield (f"{what} {are} taken in degrees", _with_rates(scene, which, _DEGREES))
+        yield (f"{what} {are} taken in degrees", _with_rates(scene, which, RATES["deg/s"]))
     yield from _radii(scene, rolling_radius)
     other: Rolling = "classical" if scene.rolling == "rubber" else "rubber"
     flat = replace(scene.start, momentum=scene.start.momentum * [1.0, 1.0, 0.0])
@@ -395,10 +375,7 @@ def _has_rate(scene: Scene, hinge: int) -> bool:
 
 def _with_rates(scene: Scene, which: list[int], factor: float) -> tuple[Scene, ...]:
     """Return scenes with some rates times a factor: with the same M, frame's ω, or shell's ω."""
-    given = [hinge.command for hinge in scene.ball.hinges]
-    rates = [
-        scaled_rate(scene.drives[i], factor) if i in which else rate for i, rate in enumerate(given)
-    ]
+    rates = {scene.hinges[i].name: scaled_rate(scene.drives[i], factor) for i in which}
     changed = scene.with_hinges(command=rates)
     found = [changed, _kept(changed, scene)]
     if 0 in which:
@@ -408,22 +385,14 @@ def _with_rates(scene: Scene, which: list[int], factor: float) -> tuple[Scene, .
 
 
 def _radii(scene: Scene, rolling_radius: float) -> Iterator[_MistakenScene]:
-    radius = scene.ball.radius
+    radius, shell = scene.ball.radius, scene.ball.shell
     ratio = rolling_radius / radius
-    if not (abs(ratio - 1) > _CLEAR and 1 / _LIKELY < ratio < _LIKELY):
-        return
-    shell = scene.ball.shell
-    larger = replace(shell, radius=rolling_radius)
-    heavier = replace(
-        larger,
-        axial_inertia=ratio**2 * shell.axial_inertia,
-        transverse_inertia=ratio**2 * shell.transverse_inertia,
-    )
-    scenes = [replace(scene, ball=replace(scene.ball, shell=each)) for each in (larger, heavier)]
-    yield (
-        f"the ball's radius is {rolling_radius:.4g} m, not {radius:g} m",
-        tuple(each for changed in scenes for each in (_kept(changed, scene), changed)),
-    )
+    if abs(ratio - 1) > _CLEAR and 1 / _LIKELY < ratio < _LIKELY:
+        larger = _with_body(scene, shell, replace(shell, radius=rolling_radius))
+        heavier = _with_body(scene, shell, scaled_body(shell, 1.0, ratio))
+        yield (
+            f"the ball's radius is {rolling_radius:.4g} m, not {radius:g} m", (*larger, *heavier),
+        )  # fmt: skip
 
 
 def _inertias(scene: Scene) -> Iterator[_MistakenScene]:

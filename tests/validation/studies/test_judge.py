@@ -442,7 +442,10 @@ def test_a_long_file_is_judged_by_some_of_its_rows(monkeypatch: pytest.MonkeyPat
 
 
 def test_files_of_several_steps_have_an_order() -> None:
-    """A path that is off by the step, and an attitude by its square; by the header's steps too."""
+    """A path that is off by the step, and an attitude by its square; by the header's steps too.
+
+    An error of 0 has none.
+    """
     steps, right = (4e-3, 2e-3, 1e-3), exact(FIG12, rows=20)
     files = [
         replace(
@@ -461,6 +464,8 @@ def test_files_of_several_steps_have_an_order() -> None:
         assert found["attitude error"].order == pytest.approx(2.0, abs=1e-4)
         assert (found["path error"].stderr is None) == (given == ())
     assert judge(FIG12, [replace(file, header=None) for file in files]).orders == ()
+    exact_in_attitude = [replace(file, attitude=right.attitude) for file in files[:2]]
+    assert [each.order is None for each in judge(FIG12, exact_in_attitude).orders] == [False, True]
 
 
 def test_a_file_in_milliseconds_is_refused_with_the_unit() -> None:

@@ -23,6 +23,7 @@ from scipy.optimize import least_squares
 from robotball.drives import Constant
 from robotball.engine import integrate
 from robotball.errors import InputError, SceneWarning, unknown
+from robotball.files import named
 from robotball.files.logs import Log
 from robotball.files.numbers import Numbers
 from robotball.files.scene_numbers import numbers_of
@@ -30,7 +31,17 @@ from robotball.function_drives import Held
 from robotball.motion import Motion
 from robotball.rotations import Array, Mask, turned
 from robotball.scene import Scene, Start
-from robotball.sensing import Rows, apart, circumstance, is_of_readings, noise_of, times_of
+from robotball.sensing import (
+    FEWEST,
+    Rows,
+    apart,
+    circumstance,
+    contradictions,
+    is_of_readings,
+    noise_of,
+    stands_still,
+    times_of,
+)
 
 Run = Callable[[Scene, Array], Motion]
 # By scipy's names, what a squared residual counts.
@@ -41,6 +52,7 @@ _LOSSES: Mapping[str, Callable[[Array], Array]] = {
     "cauchy": np.log1p,
     "arctan": np.arctan,
 }
+_STEPS, _STEPS_PER_READING = 10_000, 200  # a gain that is tried may take millions
 _RTOL = 1e-9  # of the equations: over _DIFFERENCE still 1e-5 of what sensors read
 _DIFFERENCE = 1e-3  # of an unknown's size, by which residuals are differentiated
 # The same, and the tolerance, where the equations move neighbours by the same steps: such motions
@@ -163,6 +175,8 @@ class Fit:
         Each sensor of the log that was held out.
     undetermined : tuple of str
         What the logs cannot tell, a line each.
+    contradictions : tuple of str
+        Sensors that do not fit and contradict each other, whatever the model, a line each.
 
     Examples
     --------
@@ -187,6 +201,7 @@ class Fit:
     sensors: tuple[SensorFit, ...]
     held_out: tuple[SensorFit, ...]
     undetermined: tuple[str, ...]
+    contradictions: tuple[str, ...] = ()
 
     @property
     def explains(self) -> bool:
@@ -242,11 +257,16 @@ def _of_scene(numbers: Numbers, free: Sequence[str], radius: float) -> Iterator[
         path = numbers.path_of(name.strip())
         value, unit = numbers.value(path), numbers.unit(path)
         last = path.rpartition(".")[2]
-        low, high = (0.0 if value >= 0 and last in _POSITIVE else -np.inf), np.inf
+        # Not 0 itself, where a motor or a body of a positive number would be none.
+        low = _SMALLEST * value if value >= 0 and last in _POSITIVE else -np.inf
+        high = np.inf
         if limits:
             low, high = _limits(text, limits)
             if not low <= value <= high:
                 raise InputError(f"{path} begins at {value:g}, outside {limits}; change the scene")
+            with named(text):  # a fit may end at a limit
+                for limit in filter(np.isfinite, (low, high)):
+                    numbers.scene({path: limit})
         # A number that is 0 has no size of its own.
         size = abs(value) or (0.01 * radius if unit == "m" else 0.01)
         if unit == "m":
@@ -339,8 +359,9 @@ class _Sensed:
     start: Scene
 
     def until(self, part: float) -> "_Sensed":
-        """Return the first part of the log."""
-        end = part * self.log.end
+        """Return the first part of the log, of some readings at least."""
+        few = min(float(s.times[:_FIRST][-1]) for s in self.log.sensors)
+        end = max(part * self.log.end, few)
         sensors = tuple(
             replace(s, times=s.times[s.times <= end], values=s.values[s.times <= end])
             for s in self.log.sensors
@@ -494,7 +515,9 @@ class _Residuals:
                     if np.array_equal(own, times) and scene.breakpoints == first.breakpoints:
                         scenes[j] = scene
             try:
-                motions = integrate_together([first, *scenes.values()], times, _ROUGH_RTOL)
+                motions = integrate_together(
+                    [first, *scenes.values()], times, _ROUGH_RTOL, _most_steps(times)
+                )
             except InputError:
                 return {}
         if len(motions[0].times) < len(times):
@@ -550,7 +573,12 @@ def held(times: Array, values: Array) -> Held:
 
 
 def _by_equations(scene: Scene, times: Array) -> Motion:
-    return integrate(scene, times, _RTOL)
+    return integrate(scene, times, _RTOL, _most_steps(times))
+
+
+def _most_steps(times: Array) -> int:
+    """Return how many steps a motion may take."""
+    return _STEPS + _STEPS_PER_READING * len(times)
 
 
 def fit(
@@ -650,14 +678,15 @@ def fit(
     if hold_out is not None:
         fixed = {u.name: float(v) for u, v in zip(own, values, strict=False)}
         held_out = _explained(sensed[hold_out], numbers, run, fixed, circumstances, loss, minimize)
-    freed = list(_found(unknowns, ended, deviations, fitted))
+    still = [e.log.name for e in fitted if stands_still({s.name: s for s in e.log.sensors})]
+    freed = list(_found(unknowns, ended, deviations, fitted, len(still) == len(fitted)))
     found = tuple(freed[: len(own)])
     fitted_scene = residuals.scene(0, values)
     block = covariance[: len(own), : len(own)]
     scale = np.sqrt(np.diag(block))
     chi2 = _sum(left, loss)
     estimated = [flag for each in fitted for flag in each.estimated]
-    return Fit(
+    result = Fit(
         scene=fitted_scene,
         text=numbers.text({each.name: each.value for each in found}, fitted_scene),
         found=found,
@@ -668,8 +697,30 @@ def fit(
         probability=_probability(chi2, degrees, len(left), any(estimated)),
         sensors=tuple(_sensor_fits(residuals, x, len(unknowns) / len(left), loss)),
         held_out=held_out,
-        undetermined=tuple(_undetermined(*_told(covariance, keep, ended, fitted))),
+        undetermined=(
+            *(f"{name}: {_STILL}" for name in still),
+            *_undetermined(*_told(covariance, keep, ended, fitted)),
+        ),
     )
+    return replace(result, contradictions=tuple(_contradictions(logs, result.strays)))
+
+
+_STILL = (
+    "its sensors read the same all the time, but for noise; a robot that stands still tells "
+    "nothing of its motion"
+)
+
+
+def _contradictions(logs: Sequence[Log], strays: Sequence[SensorFit]) -> Iterator[str]:
+    """Yield a line for two sensors of a log of which one strays and that contradict each other."""
+    astray = {(each.log, each.name) for each in strays}
+    for log in logs:
+        for pair in contradictions({each.name: each for each in log.sensors}):
+            if astray & {(log.name, name) for name in pair}:
+                yield (
+                    f"{pair[0]} and {pair[1]} of {log.name} contradict each other, whatever the "
+                    "model: check signs, units and axes, and the quaternion's order"
+                )
 
 
 def _check_names(unknowns: Sequence[_Unknown]) -> None:
@@ -694,10 +745,12 @@ def _sensed(scene: Scene, log: Log, noise: Mapping[str, float]) -> _Sensed:
         given = noise.get(sensor.name)
         if given is not None and not given > 0:
             raise InputError(f"the noise of {sensor.name} must be positive, not {given:g}")
-        if given is None and not estimate > 0:
+        few, dead = len(sensor.times) < FEWEST, not np.ptp(sensor.values, axis=0).any()
+        if given is None and (few or dead):
+            what = "reads the same all the time" if dead else f"has {len(sensor.times)} readings"
             raise InputError(
-                f"{log.name}: {sensor.name} reads 0 all the time, which tells neither a motion nor "
-                "its noise; leave it out, or give its noise"
+                f"{log.name}: {sensor.name} {what}, which does not tell its noise; leave its "
+                "columns out, or give its noise"
             )
         sizes.append(given or estimate)
     moved = [each.name for each in scene.hinges if each.motor is not None]
@@ -780,10 +833,11 @@ def _raise_cause(residuals: _Residuals, x: Array, run: Run) -> None:
     """Raise InputError: why the scene has no motion to begin with."""
     values = residuals.values(x)
     for k, each in enumerate(residuals.logs):
-        scene = residuals.scene(k, values)
-        motion = run(scene, np.array([0.0, each.log.end]))
-        if len(motion.times) < 2:
-            raise InputError(f"{each.log.name}: the motion of {scene.name} ends before the log")
+        with named(each.log.name):
+            scene = residuals.scene(k, values)
+            motion = run(scene, np.array([0.0, each.log.end]))
+            if len(motion.times) < 2:
+                raise InputError(f"the motion of {scene.name} ends before the log")
     raise InputError(f"{scene.name} has no motion over the whole of the logs to begin with")
 
 
@@ -807,11 +861,17 @@ def _found(
     ended: Sequence[_Unknown],
     deviations: Array,
     logs: Sequence[_Sensed],
+    still: bool,
 ) -> Iterator[Found]:
-    """Yield what was found of all that a user freed, the numbers of the scene first."""
+    """Yield what was found of all that a user freed, the numbers of the scene first.
+
+    Of a robot that stands still the scene's numbers are not told: what seems so is noise times
+    noise, such as a gain times the rate at which the fit lets the motor start.
+    """
     for first, last, deviation in zip(began, ended, deviations.tolist(), strict=True):
         if not first.of_start:
-            name, told = _full_name(first, logs), deviation < _UNKNOWN
+            name = _full_name(first, logs)
+            told = deviation < _UNKNOWN and not (still and first.log is None)
             size, unit = deviation * last.size, first.unit
             yield Found(name, last.value, size, first.value, unit, told)
 

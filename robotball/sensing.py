@@ -4,7 +4,7 @@ Besides the motion, readings have their circumstances: what stands in a log of r
 clock that is late, a capture's world that is turned, a gyro's bias. Each is 0 unless it is freed.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ CIRCUMSTANCES = {
 _CLOCK, _ZERO, _BIAS = ".clock", ".zero", ".bias"
 _AROUND = 1e-3  # s, on either side of a time: the difference by which an accelerometer is read
 ON_THE_PLANE = 0.05  # of the radius: a height so near 0 is the contact point's
+FEWEST = 7  # readings by which a sensor's noise is known
 _VERTICAL = np.array([0.0, 0.0, 1.0])
 
 
@@ -205,5 +206,57 @@ def noise_of(sensor: Sensor) -> float:
     return max(spread, least / np.sqrt(12)) if often else spread
 
 
+def stands_still(sensors: Mapping[str, Sensor]) -> bool:
+    """Return whether all readings of a log, some of place or attitude, are noise alone."""
+    return bool({"position", "attitude"} & sensors.keys()) and all(
+        np.sqrt(_plain(each).var(axis=0).mean()) <= _STILL * noise_of(each)
+        for each in sensors.values()
+    )
+
+
+def _plain(sensor: Sensor) -> Array:
+    turns = sensor.name.endswith("attitude")
+    return turn_between(sensor.values[:1], sensor.values) if turns else sensor.values
+
+
+def _middle(vectors: Array) -> float:
+    return float(np.median(np.linalg.norm(vectors, axis=1)))
+
+
+def contradictions(sensors: Mapping[str, Sensor]) -> Iterator[tuple[str, str]]:
+    """Yield the gyros and attitudes of one body that no motion has both, whatever moves it.
+
+    By the medians of what the attitude turns, and the gyro's integral, over spans of time in which
+    the attitude turns well beyond its noise, but too little for its axis to matter.
+    """
+    for name, gyro in sensors.items():
+        other = name.removesuffix("gyro") + "attitude"
+        if not name.endswith("gyro") or other not in sensors:
+            continue
+        at, attitude = gyro.times, sensors[other]
+        both = (attitude.times >= at[0]) & (attitude.times <= at[-1])
+        t, attitudes = attitude.times[both], attitude.values[both]
+        if len(t) < FEWEST:
+            continue
+        steps = np.diff(at)[:, None] * (gyro.values[1:] + gyro.values[:-1]) / 2
+        sums = np.concatenate([np.zeros((1, 3)), steps.cumsum(axis=0)])
+        whole = np.stack([np.interp(t, at, column) for column in sums.T], axis=1)
+        for span in 2 ** np.arange(int(np.log2(max(len(t) // 2, 1))) + 1):
+            turns = turn_between(attitudes[:-span], attitudes[span:])
+            if _middle(turns) > _TURN:
+                break
+        off = turns - (whole[span:] - whole[:-span])
+        # A bias of the gyro is none: both are less their median.
+        size, apart = (_middle(each - np.median(each, axis=0)) for each in (turns, off))
+        if apart > max(_CONTRADICTS * size, _BEYOND * noise_of(attitude)):
+            yield name, other
+
+
+_STILL = 1.5  # of the noise, as it is estimated of few readings
+_TURN = 0.3  # rad
+_CONTRADICTS = (
+    0.5  # of a turn: another sign is 2, degrees for radians are 1, axes swapped up to 1.4
+)
+_BEYOND = 10.0  # of the attitude's noise
 _MEDIAN = 0.6745  # of |x| of the normal distribution, in standard deviations
 _OFTEN = 0.1  # of neighbours that are equal: readings are rounded coarsely

@@ -41,7 +41,8 @@ _OF_HINGES = {
     "torque": {"N m": 1.0, "Nm": 1.0, "N*m": 1.0, "N·m": 1.0, "mN m": 1e-3, "mNm": 1e-3},
     "current": {"A": 1.0, "mA": 1e-3},
 }
-_FEWEST = 4  # readings of a sensor, by which its noise is known
+_FEWEST = 4  # readings of a sensor; that its noise is known takes more
+_SPARSEST = 30.0  # times in which a ball falls by its size, from one reading to the next
 
 
 @dataclass(frozen=True)
@@ -127,7 +128,8 @@ def read_log(path: Path, scene: Scene) -> Log:
     ------
     InputError
         If the file has no times or no sensor, a sensor's columns are not all there, a unit is
-        unknown, a number is not finite, times do not increase, or a quaternion has not length one.
+        unknown, a number is not finite, times do not increase or are far apart, or a quaternion has
+        not length one.
         The message names the file.
 
     Examples
@@ -178,6 +180,7 @@ def _log_of(table: Table, name: str, scene: Scene) -> Log:
             f"no sensor is in it; there are {', '.join(table.columns)}; known are "
             f"{', '.join(titles)}, and likewise of each hinge"
         )
+    _check_dense(sensors, scene)
     commands = {}
     for motor, has_one in driven.items():
         column = columns.get(f"{motor}_{_COMMAND}")
@@ -193,6 +196,18 @@ def _log_of(table: Table, name: str, scene: Scene) -> Log:
             raise InputError(f"{motor}_command is empty")
         commands[motor] = times[there], column[there]
     return Log(name, sensors, commands, tuple(notes))
+
+
+def _check_dense(sensors: tuple[Sensor, ...], scene: Scene) -> None:
+    """Raise InputError where readings are so far apart, or so late, that no motion is followed."""
+    most, end = max(len(each.times) for each in sensors), max(each.times[-1] for each in sensors)
+    falls = float(np.sqrt(scene.ball.radius / scene.gravity)) if scene.gravity else np.inf
+    if end / most > _SPARSEST * falls:
+        raise InputError(
+            f"{most} readings until t = {end:.6g} s are one in {end / most:.3g} s, and a motion is "
+            f"followed by one in {_SPARSEST * falls:.2g} s at least; check t, which is in s and "
+            "counts from the scene's start"
+        )
 
 
 def _columns_of(scene: Scene) -> dict[str, tuple[str, ...]]:

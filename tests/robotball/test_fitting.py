@@ -14,7 +14,7 @@ from robotball.files.scene_numbers import numbers_of
 from robotball.fitting import held
 from robotball.motion import Motion
 from robotball.rotations import turned
-from robotball.sensing import apart, noise_of
+from robotball.sensing import apart, contradictions, noise_of, stands_still
 
 NOISE = {"position": 1e-3, "attitude": 1e-2, "gyro": 2e-2}
 END = 3.0
@@ -169,6 +169,68 @@ def test_sensors_that_contradict_each_other_are_named(name: str, factor: float) 
     found = rb.fit("pendulum_robot", [replace(made, sensors=tuple(wrong))], ["kv"], noise=NOISE)
     # What it contradicts strays too: measured 5 and more of its deviations, of the attitude.
     assert {"attitude", name} <= {each.name for each in found.strays}
+    # The gyro and the attitude need no model; a position in mm contradicts how the robot rolls.
+    said = "gyro and attitude of run.csv contradict each other, whatever the model: "
+    assert [line.startswith(said) for line in found.contradictions] == [True] * (name == "gyro")
+
+
+KINEMATICS: Mapping[str, tuple[Callable[[np.ndarray], np.ndarray], bool]] = {
+    "right": (lambda w: w, False),
+    "a bias": (lambda w: w + 0.2, False),
+    "the other sign": (lambda w: -w, True),
+    "deg/s for rad/s": (np.degrees, True),
+    "rad/s for deg/s": (np.radians, True),
+    "swapped axes": (lambda w: w[:, [1, 0, 2]], True),
+}
+
+
+@pytest.mark.parametrize("case", KINEMATICS)
+@pytest.mark.parametrize("rate", [20.0, 50.0])
+def test_a_gyro_and_an_attitude_contradict_each_other_without_a_model(
+    case: str, rate: float
+) -> None:
+    """Measured: by 0.10 of a turn where they agree or have a bias, else by 0.97 and more."""
+    wrong, said = KINEMATICS[case]
+    sensors = {each.name: each for each in log(of=motion(rate)).sensors}
+    sensors["gyro"] = replace(sensors["gyro"], values=wrong(sensors["gyro"].values))
+    assert [*contradictions(sensors)] == [("gyro", "attitude")] * said
+    # A gyro on the shell is one of another body than the attitude's.
+    sensors["shell_gyro"] = replace(sensors.pop("gyro"), name="shell_gyro")
+    assert not [*contradictions(sensors)]
+
+
+def standing() -> rb.Log:
+    """A log of a robot that stands still, whose motor is commanded to."""
+    rng, rest = np.random.default_rng(0), np.tile([1.0, 0.0, 0.0, 0.0], (len(SHORT), 1))
+    noisy = [rng.normal(0.0, size, (len(SHORT), 3)) for size in NOISE.values()]
+    values = (noisy[0][:, :2], turned(rest, noisy[1]), noisy[2])
+    sensors = tuple(rb.Sensor(name, SHORT, v) for name, v in zip(NOISE, values, strict=True))
+    return rb.Log("run.csv", sensors, {"frame": (SHORT[:1], np.zeros(1))})
+
+
+@pytest.mark.slow
+def test_a_robot_that_stands_still_tells_nothing() -> None:
+    """Its log says so, and no number is told, though noise may be fitted by one."""
+    assert not stands_still({each.name: each for each in log().sensors})
+    found = rb.fit("pendulum_robot", [standing()], ["kv", "battery.mass"], noise=NOISE)
+    assert found.undetermined[0].startswith("run.csv: its sensors read the same all the time")
+    assert not any(each.determined for each in found.found)
+
+
+@pytest.mark.parametrize(
+    ("readings", "said"),
+    [
+        (np.full((9, 2), 0.3), "position reads the same all the time, which does not tell its"),
+        (np.arange(8.0).reshape(4, 2), "position has 4 readings, which does not tell its noise"),
+    ],
+)
+def test_readings_of_which_the_noise_is_not_known_are_refused(
+    readings: np.ndarray, said: str
+) -> None:
+    """A sensor that is dead, or reads too seldom, tells no noise of its own."""
+    made = rb.Log("run.csv", (rb.Sensor("position", np.arange(len(readings)) / 10, readings),), {})
+    with pytest.raises(rb.InputError, match=rf"run\.csv: {said}"):
+        rb.fit("pendulum_robot", [made], ["kv"])
 
 
 @pytest.mark.slow
@@ -292,6 +354,7 @@ LOGS = {
     "t,wx [foo],wy,wz\n0,0,0,0\n1,0,0,0\n": "wx is in 'foo'; it can be in rad/s",
     "t,frame_rate [foo]\n0,0\n1,0\n": "frame_rate is in 'foo'; it can be in rad/s",
     "t,x,y,frame_command\n0,0,0,\n1,0,0,\n2,0,0,\n3,1,1,\n": "frame_command is empty",
+    "t,x,y\n0,0,0\n1,0,0\n2,0,0\n3e3,1,1\n": "4 readings until t = 3000 s are one in 750 s, and",
 }
 
 
@@ -340,6 +403,7 @@ def test_the_last_words_of_a_path_are_enough(name: str) -> None:
         (["mass"], "'mass' may be frame.part.plate.mass, frame.part.motor.mass, frame.part"),
         (["frame.kw"], "no number of the scene is called 'frame.kw'; did you mean frame.kv"),
         (["kv=1:2"], "frame.kv begins at 0.4, outside 1:2"),
+        (["kv=0:1"], "kv=0:1: frame: a servo's gain must be positive and finite, not 0 N m s/rad"),
         (["kv=a"], "limits are two numbers, as in frame.kv=0.1:0.8"),
         (["kv", "frame.kv"], "frame.kv is freed twice"),
         ([], "nothing is free"),

@@ -81,6 +81,7 @@ def lines(found: Fitted) -> Iterator[str]:
             f"  {sensor.name} of {sensor.log} from t = {sensor.since or 0.0:.3g} s on: it is off "
             f"by {scientific(sensor.residual)}, and its noise is {scientific(sensor.noise)}"
         )
+    yield from found.contradictions
     yield from found.undetermined
     names = [each.name for each in found.found]
     for i, j in zip(*np.triu_indices(len(names), 1), strict=True):
@@ -195,6 +196,7 @@ def _record(scene: str, fits: Mapping[str, Fitted]) -> dict[str, Any]:
         "of_logs": [_plain(each) for each in found.of_logs],
         "correlations": found.correlations.tolist(),
         "undetermined": list(found.undetermined),
+        "contradictions": list(found.contradictions),
         "sensors": [
             {
                 "log": each.log,

@@ -127,7 +127,9 @@ def integrate(
     )
 
 
-def integrate_together(scenes: Sequence[Scene], times: Array, rtol: float) -> list[Motion]:
+def integrate_together(
+    scenes: Sequence[Scene], times: Array, rtol: float, max_steps: int = _MAX_STEPS
+) -> list[Motion]:
     """Integrate robots whose numbers differ a little by the same steps, in the first one's modes.
 
     So the motions differ by the numbers alone, and not by the steps, and derivatives by differences
@@ -136,7 +138,7 @@ def integrate_together(scenes: Sequence[Scene], times: Array, rtol: float) -> li
     InputError as `integrate` does.
     """
     ours = [scene.until(float(times[-1])) for scene in scenes]
-    march = March(Neighbours(ours), rtol, float(times[-1]), _MAX_STEPS)
+    march = March(Neighbours(ours), rtol, float(times[-1]), max_steps)
     states, readings = (np.split(each, len(ours), axis=1) for each in march.run(times))
     hinges, times = len(ours[0].hinges), times[: len(states[0])]
     return [

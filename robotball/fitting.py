@@ -52,7 +52,6 @@ _LOSSES: Mapping[str, Callable[[Array], Array]] = {
     "cauchy": np.log1p,
     "arctan": np.arctan,
 }
-_STEPS, _STEPS_PER_READING = 10_000, 200  # a gain that is tried may take millions
 _RTOL = 1e-9  # of the equations: over _DIFFERENCE still 1e-5 of what sensors read
 _DIFFERENCE = 1e-3  # of an unknown's size, by which residuals are differentiated
 # The same, and the tolerance, where the equations move neighbours by the same steps: such motions
@@ -515,9 +514,7 @@ class _Residuals:
                     if np.array_equal(own, times) and scene.breakpoints == first.breakpoints:
                         scenes[j] = scene
             try:
-                motions = integrate_together(
-                    [first, *scenes.values()], times, _ROUGH_RTOL, _most_steps(times)
-                )
+                motions = integrate_together([first, *scenes.values()], times, _ROUGH_RTOL)
             except InputError:
                 return {}
         if len(motions[0].times) < len(times):
@@ -573,12 +570,7 @@ def held(times: Array, values: Array) -> Held:
 
 
 def _by_equations(scene: Scene, times: Array) -> Motion:
-    return integrate(scene, times, _RTOL, _most_steps(times))
-
-
-def _most_steps(times: Array) -> int:
-    """Return how many steps a motion may take."""
-    return _STEPS + _STEPS_PER_READING * len(times)
+    return integrate(scene, times, _RTOL)
 
 
 def fit(

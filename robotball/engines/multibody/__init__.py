@@ -127,9 +127,7 @@ def integrate(
     )
 
 
-def integrate_together(
-    scenes: Sequence[Scene], times: Array, rtol: float, max_steps: int = _MAX_STEPS
-) -> list[Motion]:
+def integrate_together(scenes: Sequence[Scene], times: Array, rtol: float) -> list[Motion]:
     """Integrate robots whose numbers differ a little by the same steps, in the first one's modes.
 
     So the motions differ by the numbers alone, and not by the steps, and derivatives by differences
@@ -138,7 +136,7 @@ def integrate_together(
     InputError as `integrate` does.
     """
     ours = [scene.until(float(times[-1])) for scene in scenes]
-    march = March(Neighbours(ours), rtol, float(times[-1]), max_steps)
+    march = March(Neighbours(ours), rtol, float(times[-1]), _MAX_STEPS)
     states, readings = (np.split(each, len(ours), axis=1) for each in march.run(times))
     hinges, times = len(ours[0].hinges), times[: len(states[0])]
     return [

@@ -94,7 +94,7 @@ def _readings(sensor: Sensor, motion: Motion, rows: Rows, given: Mapping[str, Ar
         axis, half = scene.ball.shell.axis, motion.hinge_angles[rows, :1] / 2
         # The frame is turned by its hinge's angle from the shell, whose axes the readings have.
         to_shell = rotation_matrix(np.concatenate([np.cos(half), np.sin(half) * axis], axis=1))
-        return np.asarray(np.einsum("nij,nj->ni", to_shell, _of_shell(motion)[rows])) + bias
+        return np.asarray(np.einsum("nij,nj->ni", to_shell, of_shell(motion)[rows])) + bias
     hinge, _, kind = name.rpartition("_")
     i = [each.name for each in scene.hinges].index(hinge)
     if kind == "angle":
@@ -105,7 +105,7 @@ def _readings(sensor: Sensor, motion: Motion, rows: Rows, given: Mapping[str, Ar
     return torque if kind == "torque" else torque / _torque_constant(scene, i)
 
 
-def _of_shell(motion: Motion) -> Array:
+def of_shell(motion: Motion) -> Array:
     """Return the shell's angular velocity (n, 3), in the axes in which the motion has its own."""
     if not motion.scene.ball.has_frame:
         return motion.angular_velocity
@@ -164,7 +164,7 @@ def _specific_force(motion: Motion, rows: Rows, given: Mapping[str, Array]) -> A
     """
     scene, (before, at, after) = motion.scene, rows.reshape(3, -1)
     to_world = rotation_matrix(motion.attitude)
-    turning = np.einsum("nij,nj->ni", to_world, _of_shell(motion))
+    turning = np.einsum("nij,nj->ni", to_world, of_shell(motion))
     velocity = scene.ball.radius * np.cross(turning, _VERTICAL)
     gap = (motion.times[after] - motion.times[before])[:, None]
     centre = (velocity[after] - velocity[before]) / gap - scene.gravity_at(motion.times[at])
@@ -254,9 +254,7 @@ def contradictions(sensors: Mapping[str, Sensor]) -> Iterator[tuple[str, str]]:
 
 _STILL = 1.5  # of the noise, as it is estimated of few readings
 _TURN = 0.3  # rad
-_CONTRADICTS = (
-    0.5  # of a turn: another sign is 2, degrees for radians are 1, axes swapped up to 1.4
-)
+_CONTRADICTS = 0.5  # of a turn: another sign is 2, degrees are 1, axes swapped up to 1.4
 _BEYOND = 10.0  # of the attitude's noise
 _MEDIAN = 0.6745  # of |x| of the normal distribution, in standard deviations
 _OFTEN = 0.1  # of neighbours that are equal: readings are rounded coarsely

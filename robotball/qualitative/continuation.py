@@ -241,9 +241,8 @@ def corrected(problem: Problem, x: Array, across: Array) -> Point:
         residual, jacobian, exponents = problem.look(x[:-1], x[-1])
         gap = np.concatenate([residual, rows @ (x - start)])
         sides = np.stack([gap, np.eye(len(gap))[-1]], axis=1)
-        change, tangent = np.linalg.lstsq(np.vstack([jacobian, rows]), sides, rcond=problem.rank)[
-            0
-        ].T
+        solved = np.linalg.lstsq(np.vstack([jacobian, rows]), sides, rcond=problem.rank)
+        change, tangent = solved[0].T
         x, size = x - change, np.abs(gap).max()
         if size < _CLOSED or last <= size < _ROUGH:
             return Point(x, tangent / np.linalg.norm(tangent), exponents())

@@ -382,6 +382,8 @@ class _Residuals:
         self.numbers, self.unknowns, self.logs, self.run = numbers, unknowns, logs, run
         self.fixed = fixed
         self._motion = lru_cache(maxsize=2 * len(logs) + 2)(self._moved)
+        # A fit that ends asks once more for those of its last step.
+        self._derivatives = lru_cache(maxsize=len(logs))(self._by_motion)
         self._of = [
             [j for j, u in enumerate(unknowns) if u.log in (None, k)] for k in range(len(logs))
         ]
@@ -490,7 +492,7 @@ class _Residuals:
         weighted = zip(found, self.logs[k].noise, strict=True)
         return np.concatenate([(each / noise).ravel() for each, noise in weighted])
 
-    def _by_motion(self, k: int, x: Array) -> dict[int, Array]:
+    def _by_motion(self, k: int, at: tuple[float, ...]) -> dict[int, Array]:
         """Return the derivatives (n,) of a log's residuals by unknowns that change its motion.
 
         Not by those that change the times of breakpoints and readings; by none of a run by an
@@ -500,6 +502,7 @@ class _Residuals:
 
         if self.run is not _by_equations:
             return {}
+        x = np.array(at)
         values = {j: self.values(x + _SMALL * (np.arange(len(x)) == j)) for j in self._moving[k]}
         given = self.values(x)
         with warnings.catch_warnings():
@@ -539,7 +542,7 @@ class _Residuals:
         ends = np.cumsum([0, *map(len, parts)])
         derivative = np.zeros((ends[-1], len(x)))
         for k, part in enumerate(parts):
-            known = self._by_motion(k, x)
+            known = self._derivatives(k, tuple(x.tolist()))
             for j in self._of[k]:
                 sides = (
                     [known[j]]

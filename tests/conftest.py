@@ -28,6 +28,14 @@ settings.load_profile("repeatable")
 pytest.register_assert_rewrite("tests.robotball.designs", "tests.robotball.files.scene_texts")
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the cases of studies as slow, so that `-m "not slow"` leaves them out."""
+    for each in items:
+        if each.get_closest_marker("study"):
+            each.add_marker("slow")
+
+
 @pytest.fixture
 def screen() -> None:
     """Skips what draws where there is no off-screen OpenGL."""

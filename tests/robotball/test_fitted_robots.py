@@ -1,5 +1,6 @@
 """Fits of many robots: the truth is where the deviations say, and wrong models are rejected."""
 
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -44,6 +45,17 @@ def robot(rng: np.random.Generator) -> tuple[Numbers, dict[str, float], rb.Scene
     return numbers, {**truth, **QUICK}, replace(scene, start=start)
 
 
+def guessed(
+    rng: np.random.Generator, numbers: Numbers, truth: dict[str, float], free: tuple[str, ...]
+) -> dict[str, float]:
+    """Return the truth with free numbers up to 20 % off, with all parts inside the shell."""
+    while True:
+        guess = truth | {path: truth[path] * rng.uniform(0.8, 1.2) for path in free}
+        with suppress(rb.InputError):
+            numbers.scene(guess)
+            return guess
+
+
 def fitted_robot(seed: int, noise: int, folder: Path) -> tuple[list[float], rb.Fit]:
     """Return the errors over the deviations, and the fit."""
     numbers, truth, scene = robot(np.random.default_rng(seed))
@@ -51,9 +63,9 @@ def fitted_robot(seed: int, noise: int, folder: Path) -> tuple[list[float], rb.F
     motion = rb.simulate(scene, rb.sample_times(2.0, 1 / 40), "accurate")
     log = log_of(motion, rng)
     free = FREE[: rng.integers(3, 7)]
-    wrong = {path: truth[path] * rng.uniform(0.8, 1.2) for path in free}
+    guess = guessed(rng, numbers, truth, free)
     path = folder / f"{seed}.toml"
-    path.write_text(numbers.text({**truth, **wrong}, scene), encoding="utf-8")
+    path.write_text(numbers.text(guess, scene), encoding="utf-8")
     found = rb.fit(path, [log], list(free), noise=NOISE)
     return [(each.value - truth[each.name]) / each.deviation for each in found.found], found
 
@@ -64,10 +76,7 @@ def test_the_truth_is_where_the_deviations_say(tmp_path: Path) -> None:
 
     Some ten minutes. The fit of a robot with another noise begins from another guess, too.
     """
-    every = [(seed, noise) for noise in range(3) for seed in range(21)]
-    # Its guess is out of its shell.
-    every.remove((4, 0))
-    fits = [fitted_robot(seed, noise, tmp_path) for seed, noise in every]
+    fits = [fitted_robot(seed, noise, tmp_path) for noise in range(3) for seed in range(21)]
     near = np.concatenate([np.abs(errors) < 2 for errors, _ in fits])
     # Measured 258 of 273, which is 0.945, and 454 of 477 by logs of 6 s at 50 Hz. A robot's numbers
     # go together, all within two deviations or none: the share is known to 0.02.

@@ -142,7 +142,6 @@ def test_a_damaged_log_is_read_or_refused_in_a_line(tmp_path: Path) -> None:
     assert 60 < len(refused) < 160
 
 
-@pytest.mark.slow
 @pytest.mark.study
 def test_what_is_read_of_a_damaged_log_is_fitted_or_refused_in_a_line(tmp_path: Path) -> None:
     """One of each kind of damage; of every kind there are some that can be read."""

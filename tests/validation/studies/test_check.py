@@ -119,11 +119,8 @@ def found_in(own: UserModel, duration: float) -> tuple[list[str], float, float]:
     return causes_of(found), found.error, found.mended_error
 
 
-STUDY = (pytest.mark.slow, pytest.mark.study)
-
-
 @pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=() if n in QUICK else STUDY) for n in PLANTED]
+    "name", [pytest.param(n, marks=() if n in QUICK else pytest.mark.study) for n in PLANTED]
 )
 def test_a_planted_error_is_the_first_cause(name: str, tmp_path: Path) -> None:
     """37 of 37, of errors from 1e-4 (of gravity, which both motions have) to 1.6; mended 4e-4."""

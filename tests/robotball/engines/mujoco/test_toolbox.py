@@ -73,7 +73,6 @@ def test_the_file_as_it_is_moves_as_the_equations_where_its_contact_is_hard(
         assert least < off < most  # measured 9.6e-4 by the softness, and 0.12 by slip and spin
 
 
-@pytest.mark.slow
 @pytest.mark.study
 def test_a_contact_as_it_comes_is_paid_by_the_numbers(tmp_path: Path) -> None:
     """By the equations a number comes back; by the file as it is, it is off by far more."""

@@ -76,7 +76,10 @@ def counted(message: str) -> str:
 
 def _worded(key: str, what: str) -> str:
     if unknown := re.search(r"unknown field `(.*)`", what, re.S):
-        word, known = unknown[1], [each.name for table in tables_at(key) for each in table.fields]
+        word, tables = unknown[1], tables_at(key)
+        if tags := [str(t.tag) for t in tables if any(word == each.name for each in t.fields)]:
+            return f"key {word!r} is of the kinds {', '.join(tags)} alone"
+        known = [each.name for table in tables for each in table.fields]
         meant = _MEANT.get(word)
         near = [meant] if meant in known else difflib.get_close_matches(word, known, n=1)
         return f"unknown key {word!r}" + (f"; did you mean {near[0]!r}?" if near else "")

@@ -161,6 +161,8 @@ BODIES = [
      "frame.part1.kind: unknown value 'bax'; it takes point, sphere, box"),
     ("frame", "[frame]\n" + parts(BALL, '"sphere", mass = 1, raduis = 1'),
      "frame.part2: unknown key 'raduis'; did you mean 'radius'?"),
+    ("frame", "[frame]\n" + parts('"box", mass = 1, size = [0.1, 0.1, 0.1], axis = [1, 0, 0]'),
+     "frame.part1: key 'axis' is of the kinds cylinder, disc, ring alone"),
     ("head", "gravity_direction = [1, 0, 0.5]\n",
      "gravity_direction must press the ball on the plane: its Z is 0.447214, and must be"),
     ("head", "gravity_direction = [0, 0, 0]\n", "gravity_direction must have a length"),

@@ -65,7 +65,7 @@ _SHARE = 0.15  # of the largest part in a direction, below which an unknown has 
 _WINDOWS = 20  # of a log, in which it is looked for the first that the model does not explain
 # Of n readings, as good as so many that are independent, is their noise known by itself.
 _NOISE_KNOWN_BY = 0.2
-_SMALLEST = 1e-12  # of a sensor's readings: no noise is smaller, and rounding is no evidence
+_SMALLEST = 1e-7  # of a sensor's readings: what the equations and engines err by is no evidence
 
 
 @dataclass(frozen=True)

@@ -242,6 +242,16 @@ def test_a_right_model_is_not_rejected() -> None:
 
 
 @pytest.mark.slow
+def test_a_log_without_noise_is_explained() -> None:
+    """What equations and engines err by, 3e-9 of an attitude, does not reject a right model."""
+    m = rb.simulate("pendulum_robot", rb.sample_times(2.0, 0.02), "accurate")
+    exact = rb.Log("run.csv", (rb.Sensor("attitude", m.times, m.attitude),), {})
+    found = rb.fit("pendulum_robot", [exact], ["kv"])
+    assert found.explains
+    assert found.found[0].value == pytest.approx(0.4, abs=1e-7)
+
+
+@pytest.mark.slow
 def test_a_whole_body_is_found_and_stays_a_body(tmp_path: Path) -> None:
     """The frame's ten numbers, from others; what is found is positive definite, told or not."""
     numbers = numbers_of("pendulum_robot").with_whole(["frame"])

@@ -69,7 +69,7 @@ def as_it_is(numbers: Numbers) -> Iterator[tuple[str, tuple[Run, Any]]]:
 def lines(found: Fitted) -> Iterator[str]:
     """Yield what a fit says, a line each: the verdict, then what the logs do not tell."""
     chi2, probability = found.chi2 / found.degrees, found.probability
-    told = f"χ² over {found.degrees} degrees of freedom is {chi2:.3f}"
+    told = f"χ² is {chi2:.3f} for each of {found.degrees} degrees of freedom"
     if found.explains and not _tells(found):
         yield f"the logs tell none of the numbers, and any model explains them: {told}"
     elif found.explains:

@@ -61,6 +61,7 @@ _PARTS = (0.15, 0.4, 1.0)  # of the logs, to which the fit is made in turn
 _PRIOR = 1.0  # of an unknown's size: how far a part of the logs may move it without evidence
 _DOUBT = 1e-3  # a probability below which chance is no explanation
 _UNKNOWN = 0.5  # of an unknown's size: a standard deviation that tells nothing
+_CURVED = 0.02  # of an unknown's size: a deviation within which a model may be far from linear
 _SHARE = 0.15  # of the largest part in a direction, below which an unknown has no part in it
 _WINDOWS = 20  # of a log, in which it is looked for the first that the model does not explain
 # Of n readings, as good as so many that are independent, is their noise known by itself.
@@ -666,6 +667,8 @@ def fit(
     ended = residuals.ended(values)
     slopes = residuals.slopes(x, ended)[np.ix_(keep, keep)]
     covariance = slopes @ _covariance(J[:, keep]) @ slopes.T
+    if loss == "linear":
+        covariance = _widened(covariance, slopes, np.flatnonzero(keep), x, residuals, ended)
     deviations = np.full(len(x), np.nan)
     deviations[keep] = np.sqrt(np.diag(covariance))
     degrees = max(len(left) - int(keep.sum()), 1)
@@ -849,6 +852,56 @@ def _covariance(J: Array) -> Array:
     """Return the covariance (p, p) of unknowns in their sizes, finite where nothing is known."""
     _, singular, axes = np.linalg.svd(J, full_matrices=False)
     return np.asarray((axes.T / np.hypot(singular, _NO_EVIDENCE) ** 2) @ axes)
+
+
+def _widened(
+    covariance: Array,
+    slopes: Array,
+    at: Rows,
+    x: Array,
+    residuals: _Residuals,
+    ended: Sequence[_Unknown],
+) -> Array:
+    """Return the covariance (p, p) with deviations that χ² itself has, by refits of the others.
+
+    A gain times a starting rate may be found of noise alone, and the gain as exactly as the noise
+    makes the rate large. But without that rate, any gain explains the logs nearly as well, and χ²
+    soon rises no more: a deviation is doubled until to either side, three of it raise χ² by 4.
+
+    slopes: (p, p), the derivative of the values by x[at], in the values' sizes.
+    """
+    scale, squares = np.ones(len(at)), _squares(residuals, x)
+    for i, j in enumerate(at):
+        deviation = float(np.sqrt(covariance[i, i]))
+        if ended[j].of_start or deviation < _CURVED:
+            continue
+        along, hold = np.zeros((2, len(x)))
+        along[at] = np.linalg.solve(slopes, covariance[i]) / deviation
+        hold[at] = slopes[i] / (_NO_EVIDENCE * deviation)
+        while scale[i] * deviation < _UNKNOWN and any(
+            _refitted(x + side * scale[i] * along, hold, residuals) < squares + _RISE
+            for side in (_FAR, -_FAR)
+        ):
+            scale[i] *= 2
+    return scale[:, None] * covariance * scale
+
+
+def _refitted(x: Array, hold: Array, residuals: _Residuals) -> float:
+    """Return χ² after a step to the best x of which hold · x is the same; inf for no motion."""
+    before = _squares(residuals, x)
+    if not np.isfinite(before):
+        return before
+    J = np.concatenate([residuals.jacobian(x), [hold], _NO_EVIDENCE * np.eye(len(x))])
+    left = np.concatenate([residuals(x), np.zeros(1 + len(x))])
+    return min(before, _squares(residuals, x - np.linalg.lstsq(J, left)[0]))
+
+
+def _squares(residuals: _Residuals, x: Array) -> float:
+    left = residuals(x)
+    return float(left @ left)
+
+
+_FAR, _RISE = 3.0, 4.0  # deviations, and by how much χ² must rise within them
 
 
 def _found(

@@ -34,8 +34,7 @@ _BENT = 0.95  # least cosine between neighbours: of tangents, and of ways to a s
 _MOST_POINTS, _MOST_BRANCHES = 1000, 40
 _ALIKE = 0.3  # exponents of neighbours, beside their change, where a branch is back at its start
 _ITERATIONS = 10
-_CLOSED = 1e-13  # of the equations
-# Of them, if they fall no more: where a cycle rests for long, rounding there moves its end so far.
+# Of the residuals, if they fall no more: where a cycle rests for long, rounding moves its end so.
 _ROUGH = 1e-7
 _DIVERGES = 10.0  # times the residuals before: Newton's method is lost
 _NEUTRAL = 1e-9  # of an exponent's size: a real part below it is rounding
@@ -60,7 +59,8 @@ class Problem:
     look: what is seen of them at u and s; gauge: a direction (n,) in which the same solution goes
     on; end: why a branch is followed no further than u, or ""; identity: the part of (u, s) by
     which a solution is recognised; told: is given (u, s) of each new point; rank: of the largest
-    singular value of the derivatives, what is less is zero.
+    singular value of the derivatives, what is less is zero; closed: residuals from which a step of
+    Newton's method leaves none.
     """
 
     look: Callable[[Array, float], Look]
@@ -69,6 +69,7 @@ class Problem:
     identity: int = 0
     told: Callable[[Array], None] = lambda x: None
     rank: float = 1e-9
+    closed: float = 1e-13
 
     def rows(self, x: Array) -> Array:
         """Return the gauge at x = (u, s) as (1, n + 1), or (0, n + 1)."""
@@ -244,7 +245,7 @@ def corrected(problem: Problem, x: Array, across: Array) -> Point:
         solved = np.linalg.lstsq(np.vstack([jacobian, rows]), sides, rcond=problem.rank)
         change, tangent = solved[0].T
         x, size = x - change, np.abs(gap).max()
-        if size < _CLOSED or last <= size < _ROUGH:
+        if size < problem.closed or last <= size < _ROUGH:
             return Point(x, tangent / np.linalg.norm(tangent), exponents())
         if size > _DIVERGES * last:
             break
@@ -305,11 +306,25 @@ def _between(problem: Problem, last: Point, new: Point) -> list[Point]:
 
 
 def _across(problem: Problem, point: Point) -> Array | None:
-    """Return the other direction (n + 1,) in which solutions go on from a point, across its own."""
-    jacobian = problem.look(point.x[:-1], point.x[-1])[1]
-    whole = np.vstack([jacobian, problem.rows(point.x), point.tangent])
-    _, sizes, directions = np.linalg.svd(whole)
-    return directions[-1] if sizes[-1] < _SINGULAR * sizes[0] else None
+    """Return the other direction (n + 1,) in which solutions go on from a point, across its own.
+
+    One in which they go on from the points beside it, too, is none: it fills a surface.
+    """
+
+    def directions(x: Array, least: float) -> Array:
+        rows = (problem.look(x[:-1], x[-1])[1], problem.rows(x), point.tangent)
+        _, sizes, found = np.linalg.svd(np.vstack(rows))
+        return np.asarray(found[sizes < least * sizes[0]])
+
+    found = directions(point.x, _SINGULAR)
+    if not len(found):
+        return None
+    inwards = np.copysign(_FIRST_STEP, (0.5 - point.x[-1]) * point.tangent[-1])
+    beside = reached(problem, point.x + inwards * point.tangent, point.tangent)
+    neutral = np.concatenate([found[:0], *(directions(each.x, problem.rank) for each in beside)])
+    if len(found) <= len(neutral):
+        return None
+    return np.asarray(np.linalg.svd(neutral @ found.T)[2][-1] @ found)
 
 
 def _switched(problem: Problem, point: Point) -> list[Point]:

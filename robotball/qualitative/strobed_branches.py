@@ -15,13 +15,14 @@ import numpy as np
 from msgspec.structs import replace as changed
 
 from robotball.drives import Constant, Drive, Sine, Total
+from robotball.engines.multibody import integrate_together
 from robotball.errors import InputError, unknown
 from robotball.qualitative import continuation as co
 from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.equilibria import attitude_at
 from robotball.qualitative.families import momentum_across
 from robotball.qualitative.motion_branches import Range, Told, sought
-from robotball.qualitative.sections import period_of, strobed
+from robotball.qualitative.sections import own_start, period_of, strobed
 from robotball.rotations import Array, from_matrix, multiply, rotation_matrix, tangents
 from robotball.scene import Scene, Start
 
@@ -30,7 +31,8 @@ _SETTLED = 30  # periods after which a motion that is attracted is near what att
 _MOST = 4  # periods of the drives, to which motions are followed over period doublings
 _SIZE = 3e-6  # of differences, whose own error and that of rounding are equal about here
 _NEUTRAL = 1e-6  # of their errors: of a multiplier's logarithm a real part below it is zero
-_STEP = 1e-12  # the error of a step: with it multipliers err by 2e-10, and with 1e-9 by 3e-9
+_STEP = 1e-11  # the error of a step: with it multipliers err by 3e-10, and with 1e-8 by 1e-8
+_CLOSED = 1e-9  # of the map: what is left is the product with an error of the derivative
 _TINY = 1e-300  # beside a multiplier that is zero
 
 
@@ -141,27 +143,42 @@ class Driven(Range):
 
     def problem(self, told: Told = lambda x: None) -> co.Problem:
         """Return the problem of its fixed points."""
+        scale = self.scene.momentum_scale
 
-        def ends(scene: Scene, scale: float, points: Sequence[Array], periods: int) -> Array:
-            """Return the points (m, n) after some periods."""
-            starts = zip(*(self.state(v, scene, scale) for v in points), strict=True)
-            attitudes, momenta = map(np.array, starts)
-            q, M = strobed(scene, attitudes, momenta, periods, _STEP)
-            return np.array([*map(self.vector, q[:, -1], M[:, -1])])
+        def ends(starts: Sequence[tuple[Array, Scene]], periods: int) -> Array:
+            """Return the points (m, n) some periods of their scenes after starts.
+
+            By the same steps, whose errors differences between the ends do not have.
+            """
+            begun = (self.state(v, scene, scale) for v, scene in starts)
+            scenes = [
+                replace(scene, start=own_start(scene, *start))
+                for (_, scene), start in zip(starts, begun, strict=True)
+            ]
+            durations = [periods * period_of(scene) for scene in scenes]
+            times = np.unique([0.0, *durations])
+            found = []
+            for motion, end in zip(
+                integrate_together(scenes, times, _STEP), durations, strict=True
+            ):
+                i = np.searchsorted(times, end)
+                q = multiply(motion.attitude[i], motion.scene.principal_quaternion)
+                found.append(self.vector(q, motion.momentum[i]))
+            return np.array(found)
 
         def look(u: Array, s: float) -> co.Look:
-            v, n, scene = u[:-1], len(u) - 1, self.at(s)
-            periods = max(1, round(np.exp(u[-1]) / period_of(scene[0])))
+            v, n, scene = u[:-1], len(u) - 1, self.at(s)[0]
+            periods = max(1, round(np.exp(u[-1]) / period_of(scene)))
             sides = v + _SIZE * np.concatenate([np.eye(n), -np.eye(n)])
-            near = np.array([self.vector(*self.state(each, *scene)) for each in sides])
+            near = np.array([self.vector(*self.state(each, scene, scale)) for each in sides])
             # Of the ways in which a point is free an orthonormal basis.
             basis, sizes, _ = np.linalg.svd((near[:n] - near[n:]).T)
             basis = basis[:, sizes > _SIZE]
+            beside = [self.at(s + h)[0] for h in (_SIZE, -_SIZE)]
             steps = _SIZE * np.concatenate([basis.T, -basis.T])
-            end, *moved = ends(*scene, [v, *(v + steps)], periods)
-            beside = [self.at(s + h) for h in (_SIZE, -_SIZE)]
-            moved += [ends(*each, [v], periods)[0] for each in beside]
-            T, later, sooner = (np.log(periods * period_of(each)) for each, _ in (scene, *beside))
+            starts = [(w, scene) for w in (v, *(v + steps))] + [(v, each) for each in beside]
+            end, *moved = ends(starts, periods)
+            T, later, sooner = (np.log(periods * period_of(each)) for each in (scene, *beside))
             k = basis.shape[1]
             order = [*range(k), 2 * k, *range(k, 2 * k), 2 * k + 1]
             ahead, behind = np.split(np.array(moved)[order], 2)
@@ -178,7 +195,7 @@ class Driven(Range):
         def end(u: Array) -> str:
             return f"more than {_MOST} periods of the drives" if np.exp(u[-1]) > longest else ""
 
-        return co.Problem(look, end=end, told=told, rank=_NEUTRAL)
+        return co.Problem(look, end=end, told=told, rank=_NEUTRAL, closed=_CLOSED)
 
 
 def _logarithms(matrix: Array) -> Array:

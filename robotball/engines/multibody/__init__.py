@@ -135,8 +135,9 @@ def integrate_together(scenes: Sequence[Scene], times: Array, rtol: float) -> li
     continuous there. The scenes have no controller, and the first one's breakpoints. Raises
     InputError as `integrate` does.
     """
-    ours = [scene.until(float(times[-1])) for scene in scenes]
-    march = March(Neighbours(ours), rtol, float(times[-1]), _MAX_STEPS)
+    end = float(times[-1])
+    ours = [scene.until(end) for scene in scenes]
+    march = March(Neighbours(ours), rtol, end, _MAX_STEPS)
     states, readings = (np.split(each, len(ours), axis=1) for each in march.run(times))
     hinges, times = len(ours[0].hinges), times[: len(states[0])]
     return [

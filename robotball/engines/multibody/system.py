@@ -8,8 +8,9 @@ with readings of the state, the forces and rates that it takes: see `Readings`.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cache, cached_property
+from itertools import pairwise
 from pathlib import Path
 from types import FunctionType
 from typing import Any, NamedTuple
@@ -413,6 +414,7 @@ class System:
         self.holds = any(isinstance(command, Held) for command in self._commands)
         first = [float(hinge.command.rate(0.0)) for hinge in hinges]
         self._inputs = Inputs(np.array(first), np.zeros(self.count), np.zeros(len(self._commands)))
+        self._plane_velocity = np.zeros(3)
         self._changing_rates = [
             (i, hinge.command)
             for i, hinge in enumerate(hinges)
@@ -455,11 +457,12 @@ class System:
         state[:4], state[MOMENTUM : MOMENTUM + 3] = start.attitude, start.momentum
         angles = np.array([hinge.angle for hinge in scene.hinges])
         rates = np.array([hinge.rate for hinge in scene.hinges])
-        gamma = rotation_matrix(start.attitude)[None, 2]
-        omega = scene.angular_velocity_at(start)[None]
-        momenta = scene.robot.states(gamma, angles[None], omega, rates[None]).momenta[3:, 0]
         state[HINGES : HINGES + self.count] = angles
-        state[HINGES + self.count : HINGES + 2 * self.count] = momenta
+        if not self.machine.given[3:].all():
+            gamma = rotation_matrix(start.attitude)[None, 2]
+            omega = scene.angular_velocity_at(start)[None]
+            one = scene.robot.states(gamma, angles[None], omega, rates[None])
+            state[HINGES + self.count : HINGES + 2 * self.count] = one.momenta[3:, 0]
         return state
 
     def rate(self, t: float, state: Array) -> Array:
@@ -481,23 +484,28 @@ class System:
         if self._known and self._known[:2] == (t, text) and self._known[2] is self.modes:
             return self._known[3]
         rate, readings = np.empty(self.size), np.empty(self.readings_size)
-        self._write(t, row, self.modes, rate, readings)
+        self.drive(t)
+        self.write(row, self.modes, rate, readings)
         self._known = t, text, self.modes, (rate, readings)
         return rate, readings
 
-    def _write(self, t: float, row: Array, modes: Modes, rate: Array, readings: Array) -> None:
+    def drive(self, t: float) -> None:
+        """Set the drives and the plane as they are at time t [s]."""
         for i, command in self._changing_rates:
             self._inputs.rates[i] = command.rate(t)
             # A piece's last state has the acceleration of this piece, not that of the next one.
             self._inputs.accelerations[i] = command.acceleration(min(t, self.end))
         for i, command in self._changing_commands:
             self._inputs.commands[i] = command.rate(min(t, self.end))  # one that is held may jump
-        plane = self.scene.plane_drives if self.scene.plane_moves else ()
-        if plane:
+        if self.scene.plane_moves:
             self.machine.gravity[:] = self.scene.gravity_at(t)
+            self._plane_velocity[:] = [each.angle(t) for each in self.scene.plane_drives]
+
+    def write(self, row: Array, modes: Modes, rate: Array, readings: Array) -> None:
+        """Write a state's derivative (size,) and its readings' numbers, at the drives' time."""
         _entry()(row, self.machine, self._inputs, modes, rate, readings)
-        if plane:
-            rate[-1] = readings[_FORCE:_PLANE_TORQUE] @ [each.angle(t) for each in plane]
+        if self.scene.plane_moves:
+            rate[-1] = readings[_FORCE:_PLANE_TORQUE] @ self._plane_velocity
 
 
 class Neighbours(System):
@@ -509,6 +517,13 @@ class Neighbours(System):
     def __init__(self, scenes: Sequence[Scene]) -> None:
         super().__init__(scenes[0])
         self.robots = (self, *map(System, scenes[1:]))
+        # Robots that differ in their starts alone are driven once, by the first of them.
+        self._driven = [True]
+        for last, each in pairwise(self.robots):
+            self._driven.append(not _differ_in_start(last.scene, each.scene))
+            if not self._driven[-1]:
+                each.machine, each._inputs = last.machine, last._inputs
+                each._plane_velocity = last._plane_velocity
 
     def begin(self, t: float, end: float) -> None:
         """Begin a smooth piece of all of them."""
@@ -534,6 +549,16 @@ class Neighbours(System):
         rows = np.ascontiguousarray(state).reshape(-1, self.size)
         rates = np.empty(rows.shape)
         numbers = np.empty((len(rows), self.readings_size))
-        for each, row, rate, read in zip(self.robots, rows, rates, numbers, strict=False):
-            each._write(t, row, self.modes, rate, read)
+        every = zip(self.robots, self._driven, rows, rates, numbers, strict=False)
+        for each, driven, row, rate, read in every:
+            if driven:
+                each.drive(t)
+            each.write(row, self.modes, rate, read)
         return rates.ravel(), numbers.ravel()
+
+
+def _differ_in_start(one: Scene, other: Scene) -> bool:
+    """Return whether two scenes differ in their starts alone, one being made of the other."""
+    new = {f.name for f in fields(one) if getattr(one, f.name) is not getattr(other, f.name)}
+    down = one.gravity_direction == other.gravity_direction  # which is made anew in every scene
+    return down and new <= {"start", "gravity_direction"}

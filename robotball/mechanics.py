@@ -351,7 +351,7 @@ def solve_rolling(
     count, k = len(directions), len(right)
     # Number by number: numba takes seconds to compile one array's copy into a part of another.
     columns = np.zeros((k, 1 + count, *right.shape[1:]))
-    answers = np.zeros_like(columns)
+    answers = np.zeros(columns.shape)
     for i in range(k):
         columns[i, 0], answers[i, 0] = right[i], u[i]
     for c in range(count):
@@ -360,15 +360,15 @@ def solve_rolling(
     _solve(matrix, given, columns, answers)
     small = np.zeros((count, count, *right.shape[1:]))
     off = np.zeros((count, 1, *right.shape[1:]))
-    torques = np.zeros_like(off)
+    torques = np.zeros(off.shape)
     for c in range(count):
         for i in range(3):
             off[c, 0] -= directions[c, i] * answers[i, 0]
             for other in range(count):
                 small[c, other] += directions[c, i] * answers[i, 1 + other]
-    free = np.zeros(count, dtype=np.bool_)
-    eliminate(small, free)
-    _solve(small, free, off, torques)
+    # The first of given are of ω_s, which never is: nor is any torque.
+    eliminate(small, given)
+    _solve(small, given, off, torques)
     for i in range(k):
         u[i] = answers[i, 0]
         for c in range(count):

@@ -32,7 +32,7 @@ from robotball.ball import Rotor
 from robotball.drives import Constant, Drive, Sine, Total
 from robotball.engine import integrate
 from robotball.engines.dop853 import LEAST_RTOL
-from robotball.engines.ensembles.crossings import cross
+from robotball.engines.ensembles.crossings import TRACK, cross
 from robotball.engines.ensembles.flatten import LANES
 from robotball.engines.ensembles.orbits import (
     LONG_RUN_TOLERANCE,
@@ -41,6 +41,7 @@ from robotball.engines.ensembles.orbits import (
     Integers,
     Starts,
     components,
+    work,
 )
 from robotball.engines.ensembles.steppers import BALL, LEVEL, RETURN, SECTION, System, stepper
 from robotball.equations import Parameters
@@ -146,9 +147,9 @@ def crossings(
     lengths = starts.first_lengths(longest, tolerance)
 
     def find(queue: Queue) -> None:
-        cross(
-            step, queue, rows, lengths, tolerance, _STEPS_PER_CROSSING, longest, direction, *results
-        )
+        own = *work(system.size, 5), np.zeros((LANES, TRACK))
+        allowed = tolerance, _STEPS_PER_CROSSING, longest, direction
+        cross(step, queue, rows, lengths, *allowed, *own, *results)
 
     in_threads(find, math.ceil(n / LANES))
     return results

@@ -29,7 +29,8 @@ _STARTING, _MARCHING, _TO_ROOT, _AT_ROOT, _TO_TURN = 0, 1, 2, 3, 4  # what a lan
 # Places on a lane's track at which the section function is known: where the orbit stands, the ends
 # of the bracket, a turning point between two crossings, and the last try. Each is a time, a value
 # and a rate; times count from where the orbit stands, for a small residual needs all their digits.
-_HERE, _LOW, _HIGH, _TURN, _SEEN, _TRACK = 0, 3, 6, 9, 12, 15
+# Then the time of that, and which way the orbit faced there.
+_HERE, _LOW, _HIGH, _TURN, _SEEN, _CLOCK, _FACED, TRACK = 0, 3, 6, 9, 12, 15, 16, 17
 
 
 @inlined
@@ -71,7 +72,7 @@ def _may_hide_two(tracks: Any, lane: int) -> bool:
         return False
     u, span = _turning_part(tracks, lane), tracks[lane, _HIGH] - tracks[lane, _LOW]
     value = (
-        low * (1 + 2 * u) * (1 - u) ** 2
+        low * (1 + 2 * u) * ((1 - u) * (1 - u))
         + high * u * u * (3 - 2 * u)
         + span * u * (1 - u) * (low_rate * (1 - u) - high_rate * u)
     )
@@ -131,26 +132,24 @@ def _aim(w: Any, lane: int, mode: int, tracks: Any, tolerance: float) -> None:
 
 
 @orbits.compiled(
-    f"void({orbits.STEP}, i8[::1], f8[:, ::1], f8[::1], f8, i8, f8, i8, f8[:, ::1], f8[:, :, ::1], "
-    "i8[:, ::1], i8[::1], i8[::1])"
+    f"void({orbits.STEP}, i8[::1], f8[:, ::1], f8[::1], f8, i8, f8, i8, f8[::1], "
+    "UniTuple(i8[::1], 5), f8[:, ::1], f8[:, ::1], f8[:, :, ::1], i8[:, ::1], i8[::1], i8[::1])"
 )
 def cross(
     step: Any, queue: Any, rows: Any, lengths: Any, tolerance: float, step_limit: int,
-    longest: float, direction: int, times: Any, states: Any, directions: Any, found: Any,
-    status: Any,
+    longest: float, direction: int, w: Any, counters: Any, tracks: Any, times: Any, states: Any,
+    directions: Any, found: Any, status: Any,
 ) -> None:  # fmt: skip
     """Write the first m crossings of each of n orbits, after time 0.
 
     queue, rows, lengths: as in `_march_lanes`; step_limit: of steps without a crossing; longest:
-    how far to look [s]; direction: +1 or -1 for crossings of that direction only, 0 for both.
+    how far to look [s]; direction: +1 or -1 for crossings of that direction only, 0 for both; w,
+    counters: of `work`; tracks: (LANES, TRACK).
     Writes times (n, m), states (n, m, size), directions (n, m), found (n,) and status (n,).
     """
     size = states.shape[2]
-    _, new, flag, total = places(size)
-    w = np.zeros(total * LANES)
-    orbit, mode, tries = np.full(LANES, -1), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
-    steps, hidden = np.zeros(LANES, np.int64), np.zeros(LANES, np.bool_)
-    tracks, clock, faced = np.zeros((LANES, _TRACK)), np.zeros(LANES), np.zeros(LANES)
+    _, new, flag, _ = places(size)
+    orbit, mode, tries, steps, hidden = counters
     running = 0
     for lane in range(LANES):
         # Idle lanes compute too, to no end: the step has no branch that could pass over them.
@@ -173,7 +172,7 @@ def cross(
             if mode[lane] == _TO_TURN:
                 mode[lane] = _turning_tried(tracks, lane, tries[lane])
                 if mode[lane] == _TO_ROOT:
-                    hidden[lane], tries[lane] = True, 0
+                    hidden[lane], tries[lane] = 1, 0
             elif mode[lane] == _TO_ROOT:
                 mode[lane] = _root_tried(tracks, lane, tries[lane])
             elif mode[lane] == _STARTING:
@@ -181,21 +180,24 @@ def cross(
                 if abs(tracks[lane, _SEEN + 1]) <= _ON_SECTION:
                     # As if it had crossed just now: no crossing itself, but the next one is.
                     tracks[lane, _HERE + 1] = math.copysign(_TINY, tracks[lane, _SEEN + 2])
-                faced[lane], mode[lane] = facing, _MARCHING
+                tracks[lane, _FACED], mode[lane] = facing, _MARCHING
             elif not rejected:
                 length = w[TIME * LANES + lane]
                 w[TIME * LANES + lane] = 0.0
-                clock[lane] += length
+                tracks[lane, _CLOCK] += length
                 mode[lane] = _marched(tracks, lane, length)
-                if facing < _BEHIND and faced[lane] < _BEHIND:
+                if facing < _BEHIND and tracks[lane, _FACED] < _BEHIND:
                     mode[lane] = _MARCHING  # behind: the other half of the section's circle
-                faced[lane], tries[lane] = facing, 0
+                tracks[lane, _FACED], tries[lane] = facing, 0
 
             if mode[lane] == _AT_ROOT:
                 crossed = 1 if tracks[lane, _SEEN + 2] > 0 else -1
                 if facing > 0 and direction * crossed >= 0:
                     k = found[i]
-                    times[i, k], directions[i, k] = clock[lane] + tracks[lane, _SEEN], crossed
+                    times[i, k], directions[i, k] = (
+                        tracks[lane, _CLOCK] + tracks[lane, _SEEN],
+                        crossed,
+                    )
                     for j in range(size):
                         states[i, k, j] = w[(new + j) * LANES + lane]
                     found[i] += 1
@@ -205,7 +207,7 @@ def cross(
                 if hidden[lane]:
                     # The second of two crossings in one step lies between the turning point and its
                     # end.
-                    mode[lane], hidden[lane], tries[lane] = _TO_ROOT, False, 0
+                    mode[lane], hidden[lane], tries[lane] = _TO_ROOT, 0, 0
                     _put(tracks, lane, _LOW, _TURN)
                     _put(tracks, lane, _HIGH, _HERE)
             # Also after a rejected step, whose lane tries again with the shorter length.
@@ -213,7 +215,9 @@ def cross(
 
             if found[i] == times.shape[1]:
                 status[i] = orbits.DONE
-            elif steps[lane] >= step_limit or (mode[lane] == _MARCHING and clock[lane] > longest):
+            elif steps[lane] >= step_limit or (
+                mode[lane] == _MARCHING and tracks[lane, _CLOCK] > longest
+            ):
                 status[i] = orbits.TOO_MANY_STEPS
             elif rejected and orbits.collapsed(w, LANES, lane):
                 status[i] = orbits.COLLAPSED
@@ -221,7 +225,7 @@ def cross(
                 continue
             if orbits.load_next(w, orbit, lane, queue, rows, lengths, tolerance):
                 mode[lane], steps[lane] = _STARTING, 0
-                clock[lane], hidden[lane] = 0.0, False
+                tracks[lane, _CLOCK], hidden[lane] = 0.0, 0
                 _aim(w, lane, _STARTING, tracks, tolerance)
             else:
                 running -= 1

@@ -67,6 +67,14 @@ def compiled(signature: str) -> Callable[[Function], Function]:
     return compiled_from(_sources(), signature, nogil=True, error_model="numpy")
 
 
+def work(size: int, counters: int) -> tuple[Array, tuple[Array, ...]]:
+    """Return what a loop keeps of its lanes: the step's numbers, and so many integers of each.
+
+    Arrays that compiled code makes by itself would be a quarter of what is compiled.
+    """
+    return np.zeros(places(size)[3] * LANES), tuple(np.zeros((counters, LANES), np.int64))
+
+
 def _take(_: Any, queue: Any) -> Any:
     """Return the number that a queue (1,) holds, which then holds the next, atomically."""
 
@@ -114,21 +122,23 @@ def collapsed(w: Any, lanes: int, lane: int) -> bool:
     return time + w[LENGTH * lanes + lane] == time
 
 
-@compiled(f"void({STEP}, i8[::1], f8[:, ::1], f8[::1], f8[::1], f8, i8, f8[:, :, ::1], i8[::1])")
+@compiled(
+    f"void({STEP}, i8[::1], f8[:, ::1], f8[::1], f8[::1], f8, i8, f8[::1], UniTuple(i8[::1], 3), "
+    "f8[:, :, ::1], i8[::1])"
+)
 def _march_lanes(
     step: Any, queue: Any, rows: Any, lengths: Any, times: Any, tolerance: float, step_limit: int,
-    states: Any, status: Any,
+    w: Any, counters: Any, states: Any, status: Any,
 ) -> None:  # fmt: skip
     """Write the states (n, m, size) of n orbits at m times, all after 0 and increasing.
 
     queue: for `take`, of the orbits that are still to be done; rows: (n, k) as `load` takes them;
-    lengths: (n,) s, of each orbit's first step. Writes states and status (n,) of those that it
-    takes; the states of an orbit that is given up stay as they were.
+    lengths: (n,) s, of each orbit's first step; w, counters: of `work`. Writes states and status
+    (n,) of those that it takes; the states of an orbit that is given up stay as they were.
     """
     size = states.shape[2]
-    _, new, flag, total = places(size)
-    w, orbit = np.zeros(total * LANES), np.full(LANES, -1)
-    sample, steps = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
+    _, new, flag, _ = places(size)
+    orbit, sample, steps = counters
     running = 0
     for lane in range(LANES):
         load(w, LANES, lane, rows[0], lengths[0], tolerance)  # idle lanes compute too, to no end
@@ -163,18 +173,19 @@ def _march_lanes(
                 running -= 1
 
 
-@compiled(f"Tuple((i8, f8))({STEP}, f8[::1], f8, f8[::1], f8, i8, f8[:, ::1])")
+@compiled(f"Tuple((i8, f8))({STEP}, f8[::1], f8, f8[::1], f8, i8, f8[::1], f8[::1], f8[:, ::1])")
 def _follow(
-    step: Any, row: Any, length: float, times: Any, tolerance: float, step_limit: int, states: Any
-) -> tuple[int, float]:
+    step: Any, row: Any, length: float, times: Any, tolerance: float, step_limit: int, w: Any,
+    old: Any, states: Any,
+) -> tuple[int, float]:  # fmt: skip
     """Write the states (m, size) of one orbit at m times, all after 0 and increasing.
 
     step: of FEW lanes. Lane 0 marches; the others look for the outputs within the step that it took
-    before. Returns the status and the time that was reached.
+    before. w, old: for the numbers of the lanes, and of lane 0 before its step. Returns the status
+    and the time that was reached.
     """
     size = states.shape[1]
-    _, new, flag, total = places(size)
-    w, old = np.zeros(total * FEW), np.zeros(new - STATE)
+    _, new, flag, _ = places(size)
     for lane in range(FEW):
         load(w, FEW, lane, row, length, tolerance)
     sample, reached = 0, 0  # outputs found, and outputs that lane 0 has passed
@@ -296,9 +307,11 @@ def orbit_states(
     length = starts.first_lengths(times[-1], tolerance)[0]
     limit = starts.step_limit(times[-1]) if max_steps is None else max_steps
     step, row = stepper(PATH, parameters.rolling, FEW), starts.rows_of(PATH, np.zeros((1, 2)))[0]
+    _, new, _, total = places(PATH.size)
     status, reached = _follow(
-        step, row, length, times[1:], tolerance, limit + len(times), states[1:]
-    )
+        step, row, length, times[1:], tolerance, limit + len(times), np.zeros(total * FEW),
+        np.zeros(new - STATE), states[1:],
+    )  # fmt: skip
     if status == TOO_MANY_STEPS:
         speed = math.hypot(*angular_velocity(parameters, attitude, momentum))
         raise too_many_steps(limit, reached, times[-1], speed)
@@ -384,7 +397,8 @@ class Starts:
         stops, limit = np.ascontiguousarray(times), self.step_limit(times[-1]) + len(times)
 
         def march(queue: Queue) -> None:
-            _march_lanes(step, queue, rows, lengths, stops, tolerance, limit, states, status)
+            own = work(system.size, 3)
+            _march_lanes(step, queue, rows, lengths, stops, tolerance, limit, *own, states, status)
 
         in_threads(march, math.ceil(n / LANES))
         return states, status

@@ -791,13 +791,14 @@ def _solved(
     for part in _PARTS:
         residuals = _Residuals(numbers, unknowns, [each.until(part) for each in logs], run, fixed)
         x = np.clip(x, low + _DIFFERENCE, high - _DIFFERENCE)
-        if not np.isfinite(residuals(x)).all():
+        if not np.isfinite(first := residuals(x)).all():
             _raise_cause(residuals, x, run)
+        enough = _NO_GAIN / len(first) if loss == "linear" else _ENOUGH
         # A part of the logs may tell little of an unknown, which must not go astray on it.
         prior = np.where(shared, 1 / _PRIOR if part < 1 else _NO_EVIDENCE, _HARDLY)
         solved = minimize(
             _with_prior, x, _its_jacobian, (low, high), args=(residuals, prior), x_scale=1.0,
-            ftol=_ENOUGH if part == 1 else _ROUGHLY, xtol=_ENOUGH, gtol=_LEAST_SLOPE, loss=loss,
+            ftol=enough if part == 1 else _ROUGHLY, xtol=_ENOUGH, gtol=_LEAST_SLOPE, loss=loss,
             max_nfev=_MOST_TRIALS, method="dogbox",
         )  # fmt: skip
         x = solved.x
@@ -820,7 +821,8 @@ def _its_jacobian(x: Array, residuals: _Residuals, prior: Array) -> Array:
     return np.concatenate([residuals.jacobian(x), np.diag(prior)])
 
 
-_ENOUGH = 1e-6  # relative: a change of χ² that is no evidence
+_ENOUGH = 1e-6  # relative: a change that is no evidence
+_NO_GAIN = 0.1  # of χ², where one more step, of the last derivative, takes what is left of it
 _ROUGHLY = 1e-2  # of a part of the logs, from which the fit goes on
 _MOST_TRIALS = 30
 _HARDLY = 1e-2  # per size: keeps a start that changes nothing where it is

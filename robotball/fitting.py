@@ -868,7 +868,8 @@ def _widened(
 
     A gain times a starting rate may be found of noise alone, and the gain as exactly as the noise
     makes the rate large. But without that rate, any gain explains the logs nearly as well, and χ²
-    soon rises no more: a deviation is doubled until to either side, three of it raise χ² by 4.
+    soon rises no more: a deviation is doubled until three of it, away from 0, where χ² is flatter,
+    raise χ² by 4.
 
     slopes: (p, p), the derivative of the values by x[at], in the values' sizes.
     """
@@ -880,9 +881,9 @@ def _widened(
         along, hold = np.zeros((2, len(x)))
         along[at] = np.linalg.solve(slopes, covariance[i]) / deviation
         hold[at] = slopes[i] / (_NO_EVIDENCE * deviation)
-        while scale[i] * deviation < _UNKNOWN and any(
-            _refitted(x + side * scale[i] * along, hold, residuals) < squares + _RISE
-            for side in (_FAR, -_FAR)
+        far = np.copysign(_FAR, ended[j].value) * along
+        while scale[i] * deviation < _UNKNOWN and (
+            _refitted(x + scale[i] * far, hold, residuals) < squares + _RISE
         ):
             scale[i] *= 2
     return scale[:, None] * covariance * scale

@@ -223,7 +223,7 @@ def test_a_gain_is_not_told_by_a_rate_that_is_noise(swing: float, told: bool) ->
     """The motor is held at 0: a ball that rocks to the side does not move it, a swing does.
 
     Of the rocking, the linearised deviation of the gain is 0.05, and another start's rate lets χ²
-    rise by 0.2 where the gain is three of them off, in place of 9; of the swing, by 7.6 and 9.7.
+    rise by 0.2 where the gain is three of them off, in place of 9; of the swing, by 7.6.
     """
     robot = rb.load_scene("pendulum_robot").with_hinges(command={"frame": 0.0})
     tilted = turned(robot.start.attitude, np.array([0.0, swing, 0.0]))

@@ -28,6 +28,7 @@ from robotball.scene import Scene, Start
 
 _FIELDS = ("value", "mean", "amplitude", "phase")
 _SETTLED = 30  # periods after which a motion that is attracted is near what attracts it
+_INSIDE = 3  # values within the range at which motions are sought, in some twenty seconds each
 _MOST = 4  # periods of the drives, to which motions are followed over period doublings
 _SIZE = 3e-6  # of differences, whose own error and that of rounding are equal about here
 _NEUTRAL = 1e-6  # of their errors: of a multiplier's logarithm a real part below it is zero
@@ -210,7 +211,7 @@ def swinging(
 ) -> Iterator[co.Branch]:
     """Yield the branches of periodic motions, and what crosses them.
 
-    They are sought at the range's ends and the scene's own number, which `at` is given: from the
+    They are sought at the family's places, `_INSIDE` between, which `at` is given: from the
     scene's start, from where its motion has settled, and from rest about each principal axis where
     M may change.
     """
@@ -227,7 +228,7 @@ def swinging(
         for v in starts:
             yield np.append(v, np.log(period_of(scene)))
 
-    for u, s in sought(family, 0, found, at):
+    for u, s in sought(family, _INSIDE, found, at):
         x = np.append(u, s)
         for point in co.reached(problem, x, np.eye(len(x))[-1]):
             for branch in co.explore(problem, [point.x], branches):

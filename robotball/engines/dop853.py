@@ -51,14 +51,15 @@ class Compensated:
         solver: Any = DOP853  # its types want complex functions and a float atol
         self._solver = solver(
             # Of plain numbers drives are computed faster than of NumPy's.
-            slope := lambda t, displacement: rate(float(t), self._base + displacement),
-            *(span[0], np.zeros_like(self._base), span[1]),
+            lambda t, displacement: rate(float(t), self._base + displacement),
+            span[0],
+            np.zeros_like(self._base),
+            span[1],
             max_step=max_step,
             first_step=first_step,
             rtol=_OF_DISPLACEMENT,
             atol=self._tolerance,
         )
-        self._solver.fun = slope  # without scipy's three wrappers
 
     @property
     def t(self) -> float:

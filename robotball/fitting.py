@@ -62,6 +62,7 @@ _PRIOR = 1.0  # of an unknown's size: how far a part of the logs may move it wit
 _DOUBT = 1e-3  # a probability below which chance is no explanation
 _UNKNOWN = 0.5  # of an unknown's size: a standard deviation that tells nothing
 _CURVED = 0.02  # of an unknown's size: a deviation within which a model may be far from linear
+_AT_LIMIT = 1e-3  # of an unknown's size, from its limit
 _SHARE = 0.15  # of the largest part in a direction, below which an unknown has no part in it
 _WINDOWS = 20  # of a log, in which it is looked for the first that the model does not explain
 # Of n readings, as good as so many that are independent, is their noise known by itself.
@@ -697,6 +698,7 @@ def fit(
         held_out=held_out,
         undetermined=(
             *(f"{name}: {_STILL}" for name in still),
+            *_at_limits(own, values),
             *_undetermined(*_told(covariance, keep, ended, fitted)),
         ),
     )
@@ -930,6 +932,15 @@ def _found(
 def _full_name(unknown: _Unknown, logs: Sequence[_Sensed]) -> str:
     """Return an unknown's name, after that of its log where it belongs to one."""
     return unknown.name if unknown.log is None else f"{logs[unknown.log].log.name}: {unknown.name}"
+
+
+def _at_limits(unknowns: Sequence[_Unknown], values: Array) -> Iterator[str]:
+    """Yield a line for each number that ended at a limit, beyond which nothing was tried."""
+    for each, value in zip(unknowns, values.tolist(), strict=False):
+        for limit in (each.low, each.high):
+            if abs(value - limit) < _AT_LIMIT * each.size:
+                what = f"ended at its limit of {limit:.3g}: the logs would have it beyond"
+                yield f"{each.name} {what}"
 
 
 def _told(

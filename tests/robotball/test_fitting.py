@@ -240,6 +240,15 @@ def test_a_gain_is_not_told_by_a_rate_that_is_noise(swing: float, told: bool) ->
     assert (kv.deviation < 0.05) == told
 
 
+@pytest.mark.slow
+def test_a_number_that_ends_at_its_limit_is_said_to(tmp_path: Path) -> None:
+    """Of a gain of 0.4 that may be 0.45 to 0.6."""
+    found = rb.fit(off(tmp_path, kv=1.2), [log()], ["kv=0.45:0.6"], noise=NOISE)
+    assert found.undetermined == (
+        "frame.kv ended at its limit of 0.45: the logs would have it beyond",
+    )
+
+
 @pytest.mark.parametrize(
     ("readings", "said"),
     [

@@ -91,7 +91,7 @@ class Found:
     --------
     >>> import numpy as np
     >>> import robotball as rb
-    >>> motion = rb.integrate("pendulum_robot", rb.sample_times(1.0))
+    >>> motion = rb.integrate("pendulum_robot", rb.sample_times(2.0))
     >>> gyro = rb.Sensor("gyro", motion.times, motion.angular_velocity)
     >>> log = rb.Log("run", (gyro,), {})
     >>> found = rb.fit("pendulum_robot", [log], ["frame.kv"], noise={"gyro": 0.02})
@@ -132,7 +132,7 @@ class SensorFit:
     --------
     >>> import numpy as np
     >>> import robotball as rb
-    >>> motion = rb.integrate("pendulum_robot", rb.sample_times(1.0))
+    >>> motion = rb.integrate("pendulum_robot", rb.sample_times(2.0))
     >>> gyro = rb.Sensor("gyro", motion.times, motion.angular_velocity)
     >>> log = rb.Log("run", (gyro,), {})
     >>> found = rb.fit("pendulum_robot", [log], ["frame.kv"], noise={"gyro": 0.02})
@@ -183,7 +183,7 @@ class Fit:
     --------
     >>> import numpy as np
     >>> import robotball as rb
-    >>> motion = rb.integrate("pendulum_robot", rb.sample_times(1.0))
+    >>> motion = rb.integrate("pendulum_robot", rb.sample_times(2.0))
     >>> gyro = rb.Sensor("gyro", motion.times, motion.angular_velocity)
     >>> log = rb.Log("run", (gyro,), {})
     >>> found = rb.fit("pendulum_robot", [log], ["frame.kv"], noise={"gyro": 0.02})
@@ -891,6 +891,7 @@ def _widened(
     return scale[:, None] * covariance * scale
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a step may lead to where no body is
 def _refitted(x: Array, hold: Array, residuals: _Residuals) -> float:
     """Return χ² after a step to the best x of which hold · x is the same; inf for no motion."""
     before = _squares(residuals, x)
@@ -961,7 +962,7 @@ def _undetermined(covariance: Array, unknowns: Sequence[_Unknown]) -> Iterator[s
         parts = [i for i in range(len(unknowns)) if abs(direction[i]) > _SHARE]
         names = [unknowns[i].name for i in parts]
         if len(parts) == 1:
-            yield f"{names[0]} is not determined: it changes nothing that was measured"
+            yield f"{names[0]} is not determined: half of its size would not show above the noise"
             continue
         ratio = direction[parts[1]] / direction[parts[0]]
         relative = all(unknowns[i].size == abs(unknowns[i].value) for i in parts)

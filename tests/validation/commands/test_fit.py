@@ -35,7 +35,7 @@ def test_a_log_is_fitted_by_the_equations_and_by_an_engine(
         "fit", "pendulum_robot", "run.csv", *options, "--preset", "naive", "--json", "a.json"
     )
     assert status == 0
-    assert "the model explains the logs: χ² over" in out
+    assert "the model explains the logs: χ² is " in out
     assert "mujoco, naive" in out
     record = json.loads((tmp_path / "a.json").read_text())
     assert misfits("fit", record) == set()

@@ -78,8 +78,8 @@ def test_the_truth_is_where_the_deviations_say(tmp_path: Path) -> None:
     """
     fits = [fitted_robot(seed, noise, tmp_path) for noise in range(3) for seed in range(21)]
     near = np.concatenate([np.abs(errors) < 2 for errors, _ in fits])
-    # Measured 258 of 273, which is 0.945, and 454 of 477 by logs of 6 s at 50 Hz. A robot's numbers
-    # go together, all within two deviations or none: the share is known to 0.02.
+    # Measured 262 of 277, which is 0.946. A robot's numbers go together, all within two deviations
+    # or none: the share is known to 0.02.
     assert 0.93 < near.mean() < 0.97
     assert all(found.explains for _, found in fits)
 

@@ -62,11 +62,13 @@ _PRIOR = 1.0  # of an unknown's size: how far a part of the logs may move it wit
 _DOUBT = 1e-3  # a probability below which chance is no explanation
 _UNKNOWN = 0.5  # of an unknown's size: a standard deviation that tells nothing
 _CURVED = 0.02  # of an unknown's size: a deviation within which a model may be far from linear
+_FAR, _RISE = 3.0, 4.0  # deviations, and by how much χ² must rise within them
 _AT_LIMIT = 1e-3  # of an unknown's size, from its limit
 _SHARE = 0.15  # of the largest part in a direction, below which an unknown has no part in it
 _WINDOWS = 20  # of a log, in which it is looked for the first that the model does not explain
 # Of n readings, as good as so many that are independent, is their noise known by itself.
 _NOISE_KNOWN_BY = 0.2
+_LEAST = 1e-12  # of a positive number, below which it is not sought
 _SMALLEST = 1e-7  # of a sensor's readings: what the equations and engines err by is no evidence
 
 
@@ -259,7 +261,7 @@ def _of_scene(numbers: Numbers, free: Sequence[str], radius: float) -> Iterator[
         value, unit = numbers.value(path), numbers.unit(path)
         last = path.rpartition(".")[2]
         # Not 0 itself, where a motor or a body of a positive number would be none.
-        low = _SMALLEST * value if value >= 0 and last in _POSITIVE else -np.inf
+        low = _LEAST * value if value >= 0 and last in _POSITIVE else -np.inf
         high = np.inf
         if limits:
             low, high = _limits(text, limits)
@@ -875,7 +877,7 @@ def _widened(
 
     slopes: (p, p), the derivative of the values by x[at], in the values' sizes.
     """
-    scale, squares = np.ones(len(at)), _squares(residuals, x)
+    scale, squares = np.ones(len(at)), _sum(residuals(x), "linear")
     for i, j in enumerate(at):
         deviation = float(np.sqrt(covariance[i, i]))
         if ended[j].of_start or deviation < _CURVED:
@@ -894,20 +896,12 @@ def _widened(
 @np.errstate(over="ignore", invalid="ignore")  # a step may lead to where no body is
 def _refitted(x: Array, hold: Array, residuals: _Residuals) -> float:
     """Return χ² after a step to the best x of which hold · x is the same; inf for no motion."""
-    before = _squares(residuals, x)
+    before = _sum(residuals(x), "linear")
     if not np.isfinite(before):
         return before
     J = np.concatenate([residuals.jacobian(x), [hold], _NO_EVIDENCE * np.eye(len(x))])
     left = np.concatenate([residuals(x), np.zeros(1 + len(x))])
-    return min(before, _squares(residuals, x - np.linalg.lstsq(J, left)[0]))
-
-
-def _squares(residuals: _Residuals, x: Array) -> float:
-    left = residuals(x)
-    return float(left @ left)
-
-
-_FAR, _RISE = 3.0, 4.0  # deviations, and by how much χ² must rise within them
+    return min(before, _sum(residuals(x - np.linalg.lstsq(J, left)[0]), "linear"))
 
 
 def _found(

@@ -219,7 +219,7 @@ def parse(arguments: Sequence[str]) -> _Command:
         if not leaving.code:
             raise
         _check_each_is_known(name, arguments)
-        raise InputError(_words_of(refusal.getvalue())) from None
+        raise InputError(_words_of(name, refusal.getvalue())) from None
 
 
 def _check_each_is_given_once(command: type[_Command], arguments: Sequence[str]) -> None:
@@ -314,8 +314,15 @@ def _file_of(name: str) -> Path:
     return Path(__file__).parent / f"{place}.py"
 
 
-def _words_of(refusal: str) -> str:
-    """Return the words in tyro's box: those below its title, above the first rule after it."""
+def _words_of(name: str, refusal: str) -> str:
+    """Return the words in tyro's box: those below its title, above the first rule after it.
+
+    Of what a command lacks it has the whole help, of which the names are enough.
+    """
+    if "Missing from" in refusal:
+        listed = refusal.partition("For full helptext")[0]
+        missing = re.findall(r"^. {5}(\S+)", listed, re.MULTILINE)
+        return f"{name} needs {', '.join(missing)}; `robotball help {name}` says what they are"
     parts = re.split(r"[─-]{4,}", re.sub(r"[│╰╯]", " ", refusal.partition("\n")[2]))
     words = next(" ".join(part.split()) for part in parts if part.strip())
     if re.match("Unrecognized options: [^-]", words):

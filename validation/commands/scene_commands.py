@@ -54,7 +54,7 @@ class Model:
     """Say instead what a run's model leaves out, and why."""
 
     def run(self) -> int:
-        from robotball import preset
+        from robotball import InputError, preset
         from robotball.engines.mujoco.mjcf_export import left_out, write_model
         from robotball.files.replacing import STANDARD_OUTPUT
         from validation.output import writable_file, write_text
@@ -66,6 +66,11 @@ class Model:
             print(*(f"  {line}" for line in left_out(scene, settings)), sep="\n")
             return AGREES
         out = self.out and writable_file(self.out)
+        if out and out != STANDARD_OUTPUT and out.suffix.lower() not in (".xml", ".mjcf"):
+            raise InputError(
+                f"{out}: a model is MJCF, in a file whose name ends in .xml or .mjcf; "
+                "`robotball export` writes URDF, SDF and JSON"
+            )
         file = None if out == STANDARD_OUTPUT else out
         stem = file.stem if file else scene.name
         files = write_model(scene, settings, dressed=not self.bare, stem=stem)

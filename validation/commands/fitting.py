@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+from rich.columns import Columns
 from rich.console import Console
 from scipy.optimize import least_squares
 from tyro.conf import Positional, arg
@@ -269,8 +270,8 @@ class Fit:
             raise InputError("fit needs a log: a table of t and what the sensors read")
         numbers = numbers_of(self.scene)
         if not listed(self.free):
-            paths = ", ".join(numbers.places)
-            raise InputError(f"name the numbers to find with --free; the scene has {paths}")
+            Console().print(Columns(numbers.places))
+            raise InputError("name the numbers to find with --free; the scene has those above")
         check_files(self.to, self.page, self.json)
         scene = numbers.scene({})
         logs = [read_log(path, scene) for path in self.logs]

@@ -31,7 +31,6 @@ from robotball.engines.multibody.system import (
     POINT,
     STANDING,
     Modes,
-    Neighbours,
     Readings,
     System,
     readings_of,
@@ -137,7 +136,7 @@ def integrate_together(scenes: Sequence[Scene], times: Array, rtol: float) -> li
     """
     end = float(times[-1])
     ours = [scene.until(end) for scene in scenes]
-    march = March(Neighbours(ours), rtol, end, _MAX_STEPS)
+    march = March(System(*ours), rtol, end, _MAX_STEPS)
     states, readings = (np.split(each, len(ours), axis=1) for each in march.run(times))
     hinges, times = len(ours[0].hinges), times[: len(states[0])]
     return [
@@ -166,7 +165,7 @@ def _check_rates(scene: Scene, duration: float, limit: int) -> None:
 def _fastest(system: System) -> float:
     """Return the largest |λ| [1/s] of the Jacobian at the start, motors below their limits."""
     # At rest resistance is not smooth, and has no Jacobian.
-    system.machine = system.machine._replace(resistance=0.0)
+    system.machine.resistance[:] = 0.0
     state, end = system.start(), HINGES + 2 * system.count
     # Neither place nor work changes a rate.
     changing = np.r_[:POINT, MOMENTUM:LOSS, HINGES:end]
@@ -307,14 +306,14 @@ def _held(readings: Readings) -> float:
 def _with_momentum(system: System, t: float, state: Array) -> Array:
     """Return the state with M recomputed from the velocities."""
     state = state.copy()
-    for each, row in zip(system.robots, state.reshape(-1, system.size), strict=True):
-        each.modes = system.modes
-        readings, to_world = each.readings(t, row), rotation_matrix(row[:4])
-        angles = row[HINGES : HINGES + each.count]
-        one = each.scene.robot.states(
+    rows, read = state.reshape(-1, system.size), system.numbers(t, state)
+    for scene, row, numbers in zip(system.scenes, rows, read, strict=True):
+        readings = readings_of(numbers, system.count)
+        to_world, angles = rotation_matrix(row[:4]), row[HINGES : HINGES + system.count]
+        one = scene.robot.states(
             to_world[None, 2], angles[None], readings.omega[None], readings.rates[None]
         )
-        row[MOMENTUM : MOMENTUM + 3] = to_world @ one.momentum(each.scene.rolling)[0]
+        row[MOMENTUM : MOMENTUM + 3] = to_world @ one.momentum(scene.rolling)[0]
     return state
 
 
@@ -465,9 +464,8 @@ class Samples:
 
     def __init__(self, system: System, times: Array) -> None:
         self.system, self.times, self.done = system, times, 0
-        count = len(system.robots)
-        self.states = np.empty((len(times), count * system.size))
-        self.readings = np.empty((len(times), count * system.readings_size))
+        self.states = np.empty((len(times), len(system.scenes) * system.size))
+        self.readings = np.empty((len(times), len(system.scenes) * system.readings_size))
 
     def add(self, reached: float, solver: Compensated | Array) -> None:
         """Add those up to `reached` [s], from the solver's last step or the one state there."""
@@ -476,7 +474,7 @@ class Samples:
             times = self.times[new]
             self.states[new] = solver.within(times) if isinstance(solver, Compensated) else solver
             for i, t in enumerate(times.tolist(), start=new.start):
-                self.readings[i] = self.system.numbers(t, self.states[i])
+                self.readings[i] = self.system.numbers(t, self.states[i]).ravel()
             self.done = new.stop
 
 

@@ -7,10 +7,9 @@ several by gears. Where the plane moves, its work on the ball follows. The deriv
 with readings of the state, the forces and rates that it takes: see `Readings`.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import cache, cached_property
-from itertools import pairwise
 from pathlib import Path
 from types import FunctionType
 from typing import Any, NamedTuple
@@ -21,7 +20,7 @@ from numpy.typing import NDArray
 
 from robotball import equations as eq
 from robotball import mechanics
-from robotball.drives import Constant
+from robotball.drives import Constant, Drive
 from robotball.engines.compiled import compiled_from, inlined
 from robotball.equations import Vector
 from robotball.function_drives import Held
@@ -71,27 +70,30 @@ for _module in (eq, mechanics):
 
 
 class Machine(NamedTuple):
-    """The numbers of a scene that stay while it moves.
+    """The numbers of a scene that stay while it moves; of n robots, those of each are in a row.
 
     bodies, radius, carrier: of its `Robot`; gravity (3,) m/s², world, which changes where the plane
-    moves; motors (m, _MOTOR), the numbers of their laws; gears (m, h); given (3 + h,): whether a
-    rate is given; spin_free: whether the shell may not turn about the vertical; resistance m, of
-    the plane to rolling.
+    moves; motors (m, _MOTOR), the numbers of their laws; gears (m, h); resistance m, of the plane
+    to rolling. The same of all robots: carrier; given (3 + h,): whether a rate is given; spin_free:
+    whether the shell may not turn about the vertical.
     """
 
     bodies: Array
-    radius: float
+    radius: Any
     carrier: int
     gravity: Array
     motors: Array
     gears: Array
     given: Mask
     spin_free: bool
-    resistance: float
+    resistance: Any
 
 
 class Inputs(NamedTuple):
-    """The drives at a time: given rates and accelerations (h,), and the motors' commands (m,)."""
+    """The drives at a time: given rates and accelerations (h,), and the motors' commands (m,).
+
+    Of n robots, those of each are in a row.
+    """
 
     rates: Array
     accelerations: Array
@@ -283,26 +285,39 @@ def _write_rates(
         rate[HINGES + 2 * count + j] = torques[j] * u[3 + j]
 
 
-_ROW, _TABLE = types.float64[::1], types.float64[:, ::1]
+_ROW, _TABLE, _TABLES = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
 _MACHINE = (
-    _TABLE, types.float64, types.int64, _ROW, _TABLE, _TABLE, types.boolean[::1], types.boolean,
-    types.float64,
+    _TABLES, _ROW, types.int64, _TABLE, _TABLES, _TABLES, types.boolean[::1], types.boolean, _ROW,
 )  # fmt: skip
 _SIGNATURE = types.void(
-    _ROW,
+    _TABLE,
     types.NamedTuple(_MACHINE, Machine),
-    types.NamedUniTuple(_ROW, 3, Inputs),
+    types.NamedUniTuple(_TABLE, 3, Inputs),
     types.NamedTuple((types.int64[::1], types.boolean, _ROW), Modes),
-    _ROW,
-    _ROW,
+    _TABLE,
+    _TABLE,
 )
 
 
 @compiled_from(_sources(), _SIGNATURE, nogil=True, error_model="numpy")
 def _differentiate(
+    states: Any, machines: Machine, inputs: Inputs, modes: Modes, rates: Any, readings: Any
+) -> None:
+    """Write the derivatives of robots' states into `rates`, and the readings into `readings`."""
+    for i in range(len(states)):
+        machine = Machine(
+            machines.bodies[i], machines.radius[i], machines.carrier, machines.gravity[i],
+            machines.motors[i], machines.gears[i], machines.given, machines.spin_free,
+            machines.resistance[i],
+        )  # fmt: skip
+        own = Inputs(inputs.rates[i], inputs.accelerations[i], inputs.commands[i])
+        _differentiate_one(states[i], machine, own, modes, rates[i], readings[i])
+
+
+@inlined
+def _differentiate_one(
     state: Any, machine: Machine, inputs: Inputs, modes: Modes, rate: Any, readings: Any
 ) -> None:
-    """Write the derivative of a state into `rate`, and the readings into `readings`."""
     count, pose = len(inputs.rates), _pose_of(state, machine, modes.standing)
     right, u = _momenta(state, machine, inputs, pose)
     solve_rolling(pose.matrix, machine.given, pose.directions, right, u)
@@ -380,46 +395,56 @@ def _entry() -> Any:
 
 
 class System:
-    """The derivative of a scene's state in given modes, up to the time `end` of a smooth piece."""
+    """The derivative of a scene's state in given modes, up to the time `end` of a smooth piece.
 
-    def __init__(self, scene: Scene) -> None:
-        hinges, robot = scene.hinges, scene.robot
-        self.scene, self.count = scene, len(hinges)
-        self.robots: tuple[System, ...] = (self,)
+    Of several scenes, which differ by numbers alone, a state has the numbers of all, in the modes
+    of the first. Its readings, and so its margins, are those of the first.
+    """
+
+    def __init__(self, *scenes: Scene) -> None:
+        first, self.scenes = scenes[0], scenes
+        hinges, robot = first.hinges, first.robot
+        self.scene, self.count = first, len(hinges)
         given = np.array([False] * 3 + [hinge.motor is None for hinge in hinges])
-        own = [i for i, hinge in enumerate(hinges) if hinge.motor is not None]
-        laws = [hinge.motor.law for hinge in hinges if hinge.motor is not None]
-        laws += [each.law for each in scene.actuators]
-        self.motors = np.array(laws).reshape(-1, _MOTOR)
-        gears = np.zeros((len(laws), self.count))
-        gears[range(len(own)), own] = 1.0
-        places = {hinge.name: i for i, hinge in enumerate(hinges)}
-        for row, actuator in zip(gears[len(own) :], scene.actuators, strict=True):
-            for name, ratio in actuator.gears:
-                row[places[name]] += ratio
-        self.size = HINGES + 3 * self.count + scene.plane_moves
-        self.readings_size = _PER_HINGE + 2 * self.count + len(self.motors)
-        self.limits = self.motors[:, _LIMIT]
+        motors = np.stack([_laws_of(each) for each in scenes])
+        self.size = HINGES + 3 * self.count + first.plane_moves
+        self.readings_size = _PER_HINGE + 2 * self.count + motors.shape[1]
+        self.limits = motors[0, :, _LIMIT]
         self.limited = np.flatnonzero(np.isfinite(self.limits)).tolist()
         self.ranges = [
-            (HINGES + i, each.range) for i, each in enumerate(scene.ball.tree[1:]) if each.range
+            (HINGES + i, each.range) for i, each in enumerate(first.ball.tree[1:]) if each.range
         ]
-        self.modes = Modes(np.zeros(len(laws), dtype=np.int64))
+        self.modes = Modes(np.zeros(motors.shape[1], dtype=np.int64))
+        # The plane's coefficient of resistance to rolling [m].
+        self.resistance = float(first.friction.rolling)
         self.machine = Machine(
-            np.ascontiguousarray(robot.bodies), float(robot.radius), robot.carrier,
-            scene.gravity_at(0.0), self.motors, gears, given, scene.rolling == "rubber",
-            float(scene.friction.rolling),
-        )  # fmt: skip
-        self._commands = [*(hinges[i].command for i in own), *scene.controls]
-        self.holds = any(isinstance(command, Held) for command in self._commands)
-        first = [float(hinge.command.rate(0.0)) for hinge in hinges]
-        self._inputs = Inputs(np.array(first), np.zeros(self.count), np.zeros(len(self._commands)))
-        self._plane_velocity = np.zeros(3)
-        self._changing_rates = [
-            (i, hinge.command)
-            for i, hinge in enumerate(hinges)
-            if hinge.motor is None and not isinstance(hinge.command, Constant)
+            np.stack([each.robot.bodies for each in scenes]),
+            np.array([float(each.robot.radius) for each in scenes]),
+            robot.carrier,
+            np.stack([each.gravity_at(0.0) for each in scenes]),
+            motors,
+            np.stack([_gears_of(each) for each in scenes]),
+            given,
+            first.rolling == "rubber",
+            np.array([float(each.friction.rolling) for each in scenes]),
+        )
+        self._inputs = Inputs(
+            np.array([[float(hinge.command.rate(0.0)) for hinge in s.hinges] for s in scenes]),
+            np.zeros((len(scenes), self.count)),
+            np.zeros((len(scenes), motors.shape[1])),
+        )
+        self._commands = [
+            [*(hinge.command for hinge in each.hinges if hinge.motor is not None), *each.controls]
+            for each in scenes
         ]
+        self.holds = any(isinstance(command, Held) for command in self._commands[0])
+        self._plane_velocity = np.zeros((len(scenes), 3))
+        self._changing_rates = _alike(
+            (i, hinge.command, k)
+            for k, each in enumerate(scenes)
+            for i, hinge in enumerate(each.hinges)
+            if hinge.motor is None
+        )
         self.begin(0.0, np.inf)
 
     def begin(self, t: float, end: float) -> None:
@@ -427,33 +452,26 @@ class System:
         # A drive's rate may jump at the end, and the piece's last state is before the jump.
         self.end = float(np.nextafter(end, t))
         self._known: tuple[float, bytes, Modes, tuple[Array, Array]] | None = None
-        self._changing_commands = []
-        for i, command in enumerate(self._commands):
-            drive = command.at(t) if isinstance(command, Held) else command
-            self._inputs.commands[i] = drive.rate(t)
-            if not isinstance(drive, Constant):
-                self._changing_commands.append((i, drive))
-
-    @property
-    def resistance(self) -> float:
-        """The plane's coefficient of resistance to rolling [m]."""
-        return self.machine.resistance
+        drives = [
+            (i, command.at(t) if isinstance(command, Held) else command, k)
+            for k, commands in enumerate(self._commands)
+            for i, command in enumerate(commands)
+        ]
+        for i, drive, k in drives:
+            self._inputs.commands[k, i] = drive.rate(t)
+        self._changing_commands = _alike(drives)
 
     @cached_property
     def scale(self) -> Array:
-        """The units (size,) in which the errors of a state's numbers are measured."""
-        # Fixed ones: a ball at rest has no momentum or energy of its own to measure errors by.
-        scene, count = self.scene, self.count
-        energy = scene.ball.mass * scene.gravity * scene.ball.radius
-        unit, momentum = np.ones(count), scene.momentum_scale
-        of_ball = [*np.ones(4), *[scene.ball.radius] * 2, *[momentum] * 3, energy]
-        of_plane = [energy] * scene.plane_moves
-        return np.concatenate([of_ball, unit, momentum * unit, energy * unit, of_plane])
+        """The units in which the errors of a state's numbers are measured."""
+        return np.concatenate([_scale_of(each) for each in self.scenes])
 
     def start(self) -> Array:
-        """Return the state (size,) at the scene's start."""
-        scene, start = self.scene, self.scene.start
-        state = np.zeros(self.size)
+        """Return the state at the start of the scene."""
+        return np.concatenate([self._start_of(each) for each in self.scenes])
+
+    def _start_of(self, scene: Scene) -> Array:
+        state, start = np.zeros(self.size), scene.start
         state[:4], state[MOMENTUM : MOMENTUM + 3] = start.attitude, start.momentum
         angles = np.array([hinge.angle for hinge in scene.hinges])
         rates = np.array([hinge.rate for hinge in scene.hinges])
@@ -466,99 +484,79 @@ class System:
         return state
 
     def rate(self, t: float, state: Array) -> Array:
-        """Return the derivative (size,) of a state at time t [s]."""
+        """Return the derivative of a state at time t [s]."""
         return self._run(t, state)[0]
 
     def readings(self, t: float, state: Array) -> Readings:
         """Return the readings of a state at time t [s]."""
-        return readings_of(self.numbers(t, state), self.count)
+        return readings_of(self.numbers(t, state)[0], self.count)
 
     def numbers(self, t: float, state: Array) -> Array:
-        """Return the numbers of the readings of a state at time t [s]."""
+        """Return the numbers of the readings at time t [s], a row for each scene."""
         return self._run(t, state)[1]
 
     def _run(self, t: float, state: Array) -> tuple[Array, Array]:
-        row = np.ascontiguousarray(state, dtype=float)  # as the entry takes without a look
+        rows = np.ascontiguousarray(state, dtype=float)  # as the entry takes without a look
         # The last one again: a step's end is where margins are read, and the next one begins.
-        text = row.tobytes()
+        text = rows.tobytes()
         if self._known and self._known[:2] == (t, text) and self._known[2] is self.modes:
             return self._known[3]
-        rate, readings = np.empty(self.size), np.empty(self.readings_size)
-        self.drive(t)
-        self.write(row, self.modes, rate, readings)
-        self._known = t, text, self.modes, (rate, readings)
-        return rate, readings
+        rows = rows.reshape(-1, self.size)
+        rates, readings = np.empty(rows.shape), np.empty((len(rows), self.readings_size))
+        self._drive(t)
+        _entry()(rows, self.machine, self._inputs, self.modes, rates, readings)
+        if self.scene.plane_moves:
+            for rate, read, velocity in zip(rates, readings, self._plane_velocity, strict=False):
+                rate[-1] = read[_FORCE:_PLANE_TORQUE] @ velocity
+        self._known = t, text, self.modes, (rates.ravel(), readings)
+        return self._known[3]
 
-    def drive(self, t: float) -> None:
+    def _drive(self, t: float) -> None:
         """Set the drives and the plane as they are at time t [s]."""
-        for i, command in self._changing_rates:
-            self._inputs.rates[i] = command.rate(t)
+        for i, drive, robots in self._changing_rates:
+            rate = drive.rate(t)
             # A piece's last state has the acceleration of this piece, not that of the next one.
-            self._inputs.accelerations[i] = command.acceleration(min(t, self.end))
-        for i, command in self._changing_commands:
-            self._inputs.commands[i] = command.rate(min(t, self.end))  # one that is held may jump
+            acceleration = drive.acceleration(min(t, self.end))
+            for k in robots:
+                self._inputs.rates[k, i], self._inputs.accelerations[k, i] = rate, acceleration
+        for i, drive, robots in self._changing_commands:
+            command = drive.rate(min(t, self.end))  # one that is held may jump
+            for k in robots:
+                self._inputs.commands[k, i] = command
         if self.scene.plane_moves:
-            self.machine.gravity[:] = self.scene.gravity_at(t)
-            self._plane_velocity[:] = [each.angle(t) for each in self.scene.plane_drives]
-
-    def write(self, row: Array, modes: Modes, rate: Array, readings: Array) -> None:
-        """Write a state's derivative (size,) and its readings' numbers, at the drives' time."""
-        _entry()(row, self.machine, self._inputs, modes, rate, readings)
-        if self.scene.plane_moves:
-            rate[-1] = readings[_FORCE:_PLANE_TORQUE] @ self._plane_velocity
+            for k, scene in enumerate(self.scenes):
+                self.machine.gravity[k] = scene.gravity_at(t)
+                self._plane_velocity[k] = [each.angle(t) for each in scene.plane_drives]
 
 
-class Neighbours(System):
-    """Robots whose numbers differ a little, in the modes of the first; a state has all of theirs.
-
-    The readings of a state, and so its margins, are those of the first.
-    """
-
-    def __init__(self, scenes: Sequence[Scene]) -> None:
-        super().__init__(scenes[0])
-        self.robots = (self, *map(System, scenes[1:]))
-        # Robots that differ in their starts alone are driven once, by the first of them.
-        self._driven = [True]
-        for last, each in pairwise(self.robots):
-            self._driven.append(not _differ_in_start(last.scene, each.scene))
-            if not self._driven[-1]:
-                each.machine, each._inputs = last.machine, last._inputs
-                each._plane_velocity = last._plane_velocity
-
-    def begin(self, t: float, end: float) -> None:
-        """Begin a smooth piece of all of them."""
-        super().begin(t, end)
-        for each in self.robots[1:]:
-            each.begin(t, end)
-
-    @cached_property
-    def scale(self) -> Array:
-        """The units in which the errors of all the numbers of a state are measured."""
-        return np.concatenate([super().scale, *(each.scale for each in self.robots[1:])])
-
-    def start(self) -> Array:
-        """Return the state at the starts of the scenes."""
-        return np.concatenate([super().start(), *(each.start() for each in self.robots[1:])])
-
-    def readings(self, t: float, state: Array) -> Readings:
-        """Return the readings of the first one's state at time t [s]."""
-        return super().readings(t, state[: self.size])
-
-    def _run(self, t: float, state: Array) -> tuple[Array, Array]:
-        # A state may be of the first alone.
-        rows = np.ascontiguousarray(state).reshape(-1, self.size)
-        rates = np.empty(rows.shape)
-        numbers = np.empty((len(rows), self.readings_size))
-        every = zip(self.robots, self._driven, rows, rates, numbers, strict=False)
-        for each, driven, row, rate, read in every:
-            if driven:
-                each.drive(t)
-            each.write(row, self.modes, rate, read)
-        return rates.ravel(), numbers.ravel()
+def _alike(drives: Iterable[tuple[int, Drive, int]]) -> list[tuple[int, Drive, list[int]]]:
+    """Return drives that change, each once with its place and the robots that have it."""
+    found: dict[tuple[int, Drive], list[int]] = {}
+    for i, drive, robot in drives:
+        if not isinstance(drive, Constant):
+            found.setdefault((i, drive), []).append(robot)
+    return [(i, drive, each) for (i, drive), each in found.items()]
 
 
-def _differ_in_start(one: Scene, other: Scene) -> bool:
-    """Return whether two scenes differ in their starts alone, one being made of the other."""
-    new = {f.name for f in fields(one) if getattr(one, f.name) is not getattr(other, f.name)}
-    down = one.gravity_direction == other.gravity_direction  # which is made anew in every scene
-    return down and new <= {"start", "gravity_direction"}
+def _laws_of(scene: Scene) -> Array:
+    """Return the laws (m, _MOTOR) of a scene's motors, those of hinges first."""
+    laws = [hinge.motor.law for hinge in scene.hinges if hinge.motor is not None]
+    return np.array([*laws, *(each.law for each in scene.actuators)]).reshape(-1, _MOTOR)
+
+
+def _gears_of(scene: Scene) -> Array:
+    """Return how much each motor (m, h) turns by a hinge's angle."""
+    names = [hinge.name for hinge in scene.hinges]
+    own = [{hinge.name: 1.0} for hinge in scene.hinges if hinge.motor is not None]
+    gears = [*own, *(dict(each.gears) for each in scene.actuators)]
+    rows = [[each.get(name, 0.0) for name in names] for each in gears]
+    return np.array(rows).reshape(-1, len(names))
+
+
+def _scale_of(scene: Scene) -> Array:
+    # Fixed ones: a ball at rest has no momentum or energy of its own to measure errors by.
+    energy, unit = scene.ball.mass * scene.gravity * scene.ball.radius, np.ones(len(scene.hinges))
+    momentum = scene.momentum_scale
+    of_ball = [*np.ones(4), *[scene.ball.radius] * 2, *[momentum] * 3, energy]
+    of_plane = [energy] * scene.plane_moves
+    return np.concatenate([of_ball, unit, momentum * unit, energy * unit, of_plane])

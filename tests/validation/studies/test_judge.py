@@ -152,7 +152,11 @@ PLANTED = [
 ]
 
 
-@pytest.mark.parametrize("number", range(len(PLANTED)))
+# Four seconds each: every third of them is in every run.
+@pytest.mark.parametrize(
+    "number",
+    [pytest.param(n, marks=() if n % 3 == 2 else pytest.mark.study) for n in range(len(PLANTED))],
+)
 def test_a_mistake_in_a_file_is_named(number: int) -> None:
     """Or two of different kinds, and no other; what is left is the first-order engine's error."""
     names, scene = PLANTED[number], SCENES[(number + 5) % len(SCENES)]
@@ -296,7 +300,13 @@ IN_SCENES: list[tuple[str, int | str, InScene]] = [
 ]
 
 
-@pytest.mark.parametrize(("words", "name", "plant"), IN_SCENES)
+@pytest.mark.parametrize(
+    ("words", "name", "plant"),
+    [
+        pytest.param(*e, marks=() if i % 3 == 1 else pytest.mark.study)
+        for i, e in enumerate(IN_SCENES)
+    ],
+)
 def test_a_mistake_in_setting_up_the_scene_is_named(
     words: str, name: int | str, plant: InScene
 ) -> None:

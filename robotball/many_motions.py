@@ -10,7 +10,7 @@ from robotball.engine import DEFAULT, Engine, Request, as_of, request_of, runnab
 from robotball.engines import Progress
 from robotball.errors import InputError
 from robotball.motion import ContactMotion, EngineSettings
-from robotball.processes import in_processes
+from robotball.processes import in_processes, pickled_jobs
 from robotball.rotations import Array
 from robotball.scene import Scene, Start
 
@@ -47,19 +47,21 @@ class FromStarts(Sequence[Scene]):
     def __getitem__(self, at: int | slice) -> "Scene | FromStarts":
         if isinstance(at, slice):
             return FromStarts(self.scene, self.starts[at])
-        return replace(self.scene, start=self.starts[at])
+        return self.scene.from_start(self.starts[at])
 
 
 def of_each(work: Callable[[Scene], _Result], scenes: Sequence[Scene]) -> Iterator[_Result]:
     """Yield what `work` returns of each scene, by processes; here where it cannot be pickled."""
     if isinstance(scenes, FromStarts):
         of_start = partial(_of_start, work, scenes.scene)
-        return in_processes(of_start, scenes.starts, or_here=True)
+        # Any Start can be pickled, and to try it with 1e5 of them takes seconds.
+        here = pickled_jobs(of_start, ()) is None
+        return map(of_start, scenes.starts) if here else in_processes(of_start, scenes.starts)
     return in_processes(work, scenes, or_here=True)
 
 
 def _of_start(work: Callable[[Scene], _Result], scene: Scene, start: Start) -> _Result:
-    return work(replace(scene, start=start))
+    return work(scene.from_start(start))
 
 
 def simulate_many(
@@ -162,16 +164,13 @@ def _each(
     assert request.settings is not None  # as no accuracy is requested
     end = float(times[-1])
     whole: Sequence[Scene]
-    uncut = None
     if isinstance(scenes, FromStarts):
         whole = FromStarts(scenes.scene.until(end), scenes.starts)
-        uncut = scenes.scene.ball if whole.scene is scenes.scene else None
     else:
         whole = [each.until(end) for each in scenes]
     motions = request.engine.run_many(whole, times, request.settings) if whole else ()
     for i, motion in zip(range(len(scenes)), motions, strict=True):
-        # The scene of an uncut run is not made anew. Another process has copied the ball with it.
-        yield as_of(motion.scene if motion.scene.ball is uncut else scenes[i], motion)
+        yield as_of(scenes[i], motion)
         if progress is not None:
             progress((i + 1) / len(scenes))
 
@@ -187,6 +186,6 @@ def differ_in_start(scenes: Sequence[Scene]) -> bool:
     def as_first(scene: Scene) -> Scene:
         if scene.ball is not first.ball and len(scene.hinges) == len(first.hinges):
             scene = scene.with_hinges(angle=angles, rate=rates)
-        return replace(scene, start=first.start)
+        return scene.from_start(first.start)
 
     return all(as_first(each) == first for each in scenes)

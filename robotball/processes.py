@@ -120,7 +120,7 @@ def in_processes(
     them, are done here. Raises ChildProcessError where one of them dies.
     """
     count = min(allowed(), len(jobs))
-    pickled = _pickled(work, jobs) if or_here and count > 1 else None
+    pickled = pickled_jobs(work, jobs) if or_here and count > 1 else None
     if count < 2 or len(jobs) < least or (or_here and pickled is None):
         yield from map(work, jobs)
         return
@@ -141,7 +141,7 @@ def in_processes(
                 yield _answer(in_order.popleft())[0]
 
 
-def _pickled(work: object, jobs: Iterable[object]) -> list[bytes] | None:
+def pickled_jobs(work: object, jobs: Iterable[object]) -> list[bytes] | None:
     """Return the jobs as other processes are given them, None where they or the work cannot be."""
     try:
         pickle.dumps(work)

@@ -6,6 +6,7 @@ take them, the scene.
 """
 
 import math
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -16,11 +17,12 @@ from robotball.ball import ROUNDING, Ball, Given, Link, Value, imbalance
 from robotball.drives import Constant, Drive, Rate, as_drive, turns
 from robotball.equations import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.errors import LARGEST, InputError, check_not_negative, check_positive, check_size
+from robotball.files import named
 from robotball.rotations import Array, from_matrix, normalised, rotation_matrix, uneven
 
 if TYPE_CHECKING:
     from robotball.controllers import Controller
-    from robotball.mechanics import Robot
+    from robotball.mechanics import Robot, States
     from robotball.motors import Actuator, Motor
 
 SAMPLE_INTERVAL = 0.02  # s, of the scene's own times
@@ -85,37 +87,6 @@ def check_times(times: Array) -> Array:
     return times
 
 
-def spans(
-    times: Array, breakpoints: tuple[float, ...], timestep: float
-) -> tuple[Array, Array, Array]:
-    """Cut a run into equal steps that end on its times and on the drives' breakpoints [s].
-
-    Returns the ends (m, 2) between two of these, with the lengths (m,) and the counts (m,) of the
-    fewest steps that are not longer than `timestep`.
-    """
-    inside = [t for t in breakpoints if t < times[-1]]
-    # Most runs have no breakpoints: union1d would sort and copy their times for nothing.
-    stops = times
-    if inside:
-        # One that rounding sets apart from a sample time is that time: no step is so short.
-        apart, given = 1e-9 * timestep, np.array(inside)
-        following = times[np.searchsorted(times, given - apart)]
-        stops = np.union1d(times, given[np.abs(following - given) > apart])
-    ends = np.stack([stops[:-1], stops[1:]], axis=1)
-    lengths = np.diff(stops)
-    if np.ptp(lengths) <= 4 * np.spacing(stops[-1]):  # equal but for the rounding of the times
-        lengths[:] = (stops[-1] - stops[0]) / len(lengths)
-    # Times such as 0.02 i are rounded, and a length that exceeds its steps by that needs no more.
-    counts = np.ceil(lengths / timestep * (1 - 1e-9))
-    return ends, np.minimum(lengths / counts, timestep), counts
-
-
-def step_count(times: Array, breakpoints: tuple[float, ...], timestep: float) -> float:
-    """Count the steps of `spans`."""
-    with np.errstate(over="ignore"):
-        return float(spans(times, breakpoints, timestep)[2].sum())
-
-
 @dataclass(frozen=True)
 class Friction:
     """Coefficients of friction between shell and plane; None is as much as the motion needs.
@@ -165,6 +136,11 @@ class Start(Given):
 
     attitude: Array
     momentum: Array
+
+    @cached_property
+    def to_world(self) -> Array:
+        """The attitude as a matrix (3, 3), frame to world; its rows are α, β, γ."""
+        return rotation_matrix(self.attitude)
 
 
 def section_state(L: float, l: float, g: float, f: float, c: float = 0.0) -> tuple[Array, Array]:
@@ -364,15 +340,16 @@ class Scene(Value):
                 "must be negative"
             )
         object.__setattr__(self, "gravity_direction", tuple(down.tolist()))
-        for part in self.start.momentum.tolist():
-            check_size("the start's momentum", part, "kg m²/s", LARGEST**3)
-        attitude, momentum = unit("attitude", self.start.attitude), self.start.momentum
-        if self.rolling == "rubber":
-            momentum = horizontal(momentum, self.momentum_scale)
-        # Made exact once, here: engines that each normalise it would start from different states.
-        object.__setattr__(self, "start", Start(attitude, momentum))
+        self._begin(self.start)
+        moved = [hinge.name for hinge in self.hinges if hinge.motor]
         for actuator in self.actuators:
-            self._check_actuator(actuator)
+            for name, ratio in actuator.gears:
+                check_size(f"{actuator.name}'s gear", ratio)
+                if name not in moved:
+                    raise InputError(
+                        f"{actuator.name} moves the hinge of {name!r}, which must be one whose "
+                        f"rate is not given; those are {', '.join(moved) or 'none'}"
+                    )
         if self.controller is not None and not self.actuators:
             from robotball.motors import Free  # few scenes have a controller
 
@@ -382,16 +359,18 @@ class Scene(Value):
                     "as Servo"
                 )
 
-    def _check_actuator(self, actuator: "Actuator") -> None:
-        """Raise InputError unless an actuator's gears are on hinges that it can move."""
-        moved = [hinge.name for hinge in self.hinges if hinge.motor]
-        for name, ratio in actuator.gears:
-            check_size(f"{actuator.name}'s gear", ratio)
-            if name not in moved:
-                raise InputError(
-                    f"{actuator.name} moves the hinge of {name!r}, which must be one whose rate is "
-                    f"not given; those are {', '.join(moved) or 'none'}"
-                )
+    def _begin(self, start: Start) -> None:
+        """Set the start, made exact. Raises InputError where it misses the rolling model."""
+        if not isinstance(start, Start):
+            raise InputError(f"a scene's start must be Start(attitude, momentum), not {start!r}")
+        for part in start.momentum.tolist():
+            check_size("the start's momentum", part, "kg m²/s", LARGEST**3)
+        attitude, momentum = unit("attitude", start.attitude), start.momentum
+        object.__setattr__(self, "start", start)  # whose M has the scale of its own rounding
+        if self.rolling == "rubber":
+            momentum = horizontal(momentum, self.momentum_scale)
+        # Made exact once, here: engines that each normalise it would start from different states.
+        object.__setattr__(self, "start", Start(attitude, momentum))
 
     # What a notebook shows is loaded when it is shown.
 
@@ -439,10 +418,8 @@ class Scene(Value):
 
     def _drive(self, name: str, rate: Rate) -> Drive:
         # The message of a drive does not know whose it is.
-        try:
+        with named(name):
             return as_drive(rate, self.duration)
-        except InputError as error:
-            raise InputError(f"{name}: {error}") from error
 
     @cached_property
     def controls(self) -> tuple[Drive, ...]:
@@ -465,6 +442,16 @@ class Scene(Value):
         """Return the scene with another ball, of `Ball.with_hinges`."""
         return replace(self, ball=self.ball.with_hinges(**given))
 
+    def from_start(self, start: Start) -> "Scene":
+        """Return the scene from another start, in a tenth of the time that `replace` takes.
+
+        All that is known already of its bodies and drives is known of the other scene.
+        """
+        scene = copy(self)
+        vars(scene).pop("momentum_scale", None)  # all else that is kept depends on no start
+        scene._begin(start)
+        return scene
+
     def with_controller(self, controller: "Controller") -> "Scene":
         """Return the scene with its loop closed by a controller."""
         return replace(self, controller=controller)
@@ -484,6 +471,11 @@ class Scene(Value):
         from robotball.mechanics import robot_of
 
         return robot_of(self.ball)
+
+    @cached_property
+    def hinged(self) -> Array:
+        """The hinges' angles and rates (2, 1, h) at the start, as `robot` takes one state's."""
+        return np.array([[[h.angle for h in self.hinges]], [[h.rate for h in self.hinges]]])
 
     @property
     def gravity_world(self) -> Array:
@@ -598,6 +590,10 @@ class Scene(Value):
         self.check_reduced()
         if not self.steady:
             raise InputError(f"{self.name}: drives or plane change in time; use parameters_at(t)")
+        return self._first_parameters
+
+    @cached_property
+    def _first_parameters(self) -> Parameters:
         return self.parameters_at(0.0)
 
     @cached_property
@@ -613,24 +609,20 @@ class Scene(Value):
         if self.not_reduced:
             return max(start, falling)
         with np.errstate(over="ignore", invalid="ignore"):  # refused by the equations, not here
-            numbers = self.parameters_at(0.0)
+            numbers = self._first_parameters
         turned = math.hypot(*numbers.K) + numbers.d * math.hypot(*numbers.Omega)
         return max(start, _SMALL * turned) or falling
 
     def angular_velocity_at(self, start: Start) -> Array:
         """Return ω (3,) of the frame, in frame axes, at any start of this ball [rad/s]."""
-        to_frame = rotation_matrix(start.attitude).T
+        to_frame = start.to_world.T
         if self.not_reduced:
-            return self.robot.angular_velocity(
-                to_frame[None, :, 2],
-                np.array([[hinge.angle for hinge in self.hinges]]),
-                (to_frame @ start.momentum)[None],
-                np.array([[hinge.rate for hinge in self.hinges]]),
-                self.rolling,
-            )[0]
+            angles, rates = self.hinged
+            gamma, M = to_frame[None, :, 2], (to_frame @ start.momentum)[None]
+            return self.robot.angular_velocity(gamma, angles, M, rates, self.rolling)[0]
         to_principal = self.principal_axes.T @ to_frame
         M, gamma = to_principal @ start.momentum, to_principal[:, 2]
-        omega = self.parameters_at(0.0).angular_velocity(as_vector(M), as_vector(gamma))
+        omega = self._first_parameters.angular_velocity(as_vector(M), as_vector(gamma))
         return self.principal_axes @ np.array(omega)
 
     def momentum_of(self, omega: Array) -> Array:
@@ -638,8 +630,9 @@ class Scene(Value):
 
         In the rubber model the shell must not spin.
         """
-        to_world = rotation_matrix(self.start.attitude)
-        angles = np.array([[hinge.angle for hinge in self.hinges]])
-        rates = np.array([[hinge.rate for hinge in self.hinges]])
-        one = self.robot.states(to_world[None, 2], angles, omega[None], rates)
-        return np.asarray(to_world @ one.momentum(self.rolling)[0])
+        return np.asarray(self.start.to_world @ self.states_of(omega).momentum(self.rolling)[0])
+
+    def states_of(self, omega: Array) -> "States":
+        """Return the robot at the start, where the frame has ω (3,), in frame axes [rad/s]."""
+        gamma, (angles, rates) = self.start.to_world[None, 2], self.hinged
+        return self.robot.states(gamma, angles, omega[None], rates)

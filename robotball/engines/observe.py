@@ -1,7 +1,7 @@
 """Observe a run: states of the ball → readings, the faults that they show, and the motion.
 
-Every engine's run is judged and recorded here, so that one law holds for all. In order: the
-readings of states, the monitor, the recording.
+Every engine's run is cut into steps, judged and recorded here, so that one law holds for all. In
+order: the steps of a run, the readings of states, the monitor, the recording.
 """
 
 from collections.abc import Sequence
@@ -27,6 +27,37 @@ from robotball.motion import (
 )
 from robotball.rotations import Array, Mask
 from robotball.scene import Scene
+
+
+def spans(
+    times: Array, breakpoints: tuple[float, ...], timestep: float
+) -> tuple[Array, Array, Array]:
+    """Cut a run into equal steps that end on its times and on the drives' breakpoints [s].
+
+    Returns the ends (m, 2) between two of these, with the lengths (m,) and the counts (m,) of the
+    fewest steps that are not longer than `timestep`.
+    """
+    inside = [t for t in breakpoints if t < times[-1]]
+    # Most runs have no breakpoints: union1d would sort and copy their times for nothing.
+    stops = times
+    if inside:
+        # One that rounding sets apart from a sample time is that time: no step is so short.
+        apart, given = 1e-9 * timestep, np.array(inside)
+        following = times[np.searchsorted(times, given - apart)]
+        stops = np.union1d(times, given[np.abs(following - given) > apart])
+    ends = np.stack([stops[:-1], stops[1:]], axis=1)
+    lengths = np.diff(stops)
+    if np.ptp(lengths) <= 4 * np.spacing(stops[-1]):  # equal but for the rounding of the times
+        lengths[:] = (stops[-1] - stops[0]) / len(lengths)
+    # Times such as 0.02 i are rounded, and a length that exceeds its steps by that needs no more.
+    counts = np.ceil(lengths / timestep * (1 - 1e-9))
+    return ends, np.minimum(lengths / counts, timestep), counts
+
+
+def step_count(times: Array, breakpoints: tuple[float, ...], timestep: float) -> float:
+    """Count the steps of `spans`."""
+    with np.errstate(over="ignore"):
+        return float(spans(times, breakpoints, timestep)[2].sum())
 
 
 @dataclass(frozen=True)
@@ -138,18 +169,17 @@ class Monitor:
         """
         # A diverged state's numbers have no squares.
         with np.errstate(all="ignore"):
-            seen = [*self._of_the_state(readings, rate_errors), *own, *self._of_the_path(readings)]
+            elapsed = np.diff(readings.time, prepend=self.last_time)
+            of_the_state = self._of_the_state(readings, rate_errors, elapsed)
+            seen = [*of_the_state, *own, *self._of_the_path(readings, elapsed)]
+        first = [(int(np.argmax(mask)), fault) for mask, fault in seen if mask.any()]
+        # A state that has diverged is the cause; that the integrator gives up there only follows.
+        if failure is not None and not any(fault.fatal for _, fault in first):
+            first.append((len(readings.time), failure))
         found = [
             Found(row, replace(fault, time=_time_of(readings.time, row, self.last_time)))
-            for mask, fault in seen
-            if mask.any()
-            for row in [int(np.argmax(mask))]
+            for row, fault in first
         ]
-        # A state that has diverged is the cause; that the integrator gives up there only follows.
-        if failure is not None and not any(each.fault.fatal for each in found):
-            row = len(readings.time)
-            time = _time_of(readings.time, row, self.last_time)
-            found.append(Found(row, replace(failure, time=time)))
         if len(readings.time):
             self.last_time = float(readings.time[-1])
         found.sort(key=lambda each: (each.row, _ORDER[each.fault.kind]))
@@ -162,10 +192,9 @@ class Monitor:
             ]
         return found
 
-    def _of_the_state(self, readings: Readings, rate_errors: Array) -> list[Sign]:
+    def _of_the_state(self, readings: Readings, rate_errors: Array, elapsed: Array) -> list[Sign]:
         """Return the faults that each state shows by itself."""
         sound, kind = readings.sound, FaultKind
-        elapsed = np.diff(readings.time, prepend=self.last_time)
         # A motor of the scene's own may be weak; any other drive has to keep its rate.
         exact = [i for i, hinge in enumerate(self.scene.hinges) if hinge.motor is None]
         off_rate = np.asarray((rate_errors > RATE_ERROR).any(axis=1))
@@ -191,16 +220,16 @@ class Monitor:
         most = RATE_ERROR * np.outer(np.abs(elapsed), np.array(self.scene.largest_rates)[exact])
         return np.asarray(np.abs(gained) > most + _ROUNDING * np.abs(angles))
 
-    def _of_the_path(self, readings: Readings) -> list[Sign]:
+    def _of_the_path(self, readings: Readings, elapsed: Array) -> list[Sign]:
         """Return the faults by the slip over the path, and by the momentum."""
         if not len(readings.time):
             return []
         scene, tolerance = self.scene, self.settings.error_tolerance
         slip = slip_with_spin(scene, readings.slip, readings.spin)
         before = readings.centre[:1] if self.last_centre is None else self.last_centre
-        last_time = self.last_time if np.isfinite(self.last_time) else readings.time[0]
         moved = lengths(np.diff(readings.centre[:, :2], axis=0, prepend=before[:, :2]))
-        slipped = self.slipped + np.cumsum(slip * np.diff(readings.time, prepend=last_time))
+        # Of the first state no time has elapsed yet.
+        slipped = self.slipped + np.cumsum(slip * np.where(elapsed == np.inf, 0.0, elapsed))
         rolled = self.rolled + np.cumsum(moved)
         self.slipped, self.rolled = float(slipped[-1]), float(rolled[-1])
         self.last_centre = readings.centre[-1:]

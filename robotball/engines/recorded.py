@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotball.errors import InputError, warn
-from robotball.files import readable
+from robotball.files import named, readable
 from robotball.files.columns import read_table
 from robotball.files.trajectories import FORMAT, Trajectory, arrays_of, read_trajectory
 from robotball.loads import Loads, loads_of
@@ -196,10 +196,8 @@ def load_motion(path: str | Path, scene: Scene) -> Motion:
         return recorded(scene, read_trajectory(path))
     if table.header.get("scene", scene.name) != scene.name:
         warn(f"{path} is a motion of {table.header['scene']}, and is taken as one of {scene.name}")
-    try:
+    with named(path):
         arrays = arrays_of(table, scene)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
     loads = {place[1]: array for place, array in arrays.items() if place[0] == "loads"}
     own = {place[0]: array for place, array in arrays.items() if len(place) == 1}
     return Motion(scene=scene, engine=_label(table.header, path.stem), **own, loads=Loads(**loads))

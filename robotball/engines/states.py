@@ -94,7 +94,7 @@ def start_state(scene: Scene) -> State:
     """Return the state of the scene's start on the rolling model."""
     start = scene.start
     rates = np.array([float(drive.rate(0.0)) for drive in scene.drives])
-    R = rotation_matrix(start.attitude)
+    R = start.to_world
     # A scene gives the frame's ω; the shell turns against it at the first hinge's rate.
     turning = R @ (scene.angular_velocity_at(start) - rates[0] * scene.ball.shell.axis)
     centre = np.array([0.0, 0.0, scene.ball.radius])

@@ -164,7 +164,7 @@ class RobotFile:
         data.qpos[angles] = [hinge.angle for hinge in scene.hinges]
         data.qvel[:] = 0.0
         data.qvel[rates] = [hinge.rate for hinge in scene.hinges]
-        to_world = self.plane_axes(data).T @ rotation_matrix(scene.start.attitude)
+        to_world = self.plane_axes(data).T @ scene.start.to_world
         mujoco.mj_kinematics(model, data)
         turn = to_world @ data.geom_xmat[self.sphere].reshape(3, 3).T
         turning = slice(self.free.stop, self.free.stop + 4)

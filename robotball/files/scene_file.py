@@ -303,7 +303,7 @@ def _turning(scene: Scene, omega: tables.Triple) -> Scene:
     """
     turned = np.array(omega)
     if scene.rolling == "rubber":
-        gamma = rotation_matrix(scene.start.attitude)[2]
+        gamma = scene.start.to_world[2]
         starts.check_no_spin(turned - scene.hinges[0].rate * scene.ball.shell.axis, gamma)
     # Hinges turn at the start, so that M follows from ω only when their rates are known.
     return replace(scene, start=replace(scene.start, momentum=scene.momentum_of(turned)))

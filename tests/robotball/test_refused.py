@@ -125,6 +125,7 @@ SCENES = {
     "rb.sample_times(NAN)": r"duration must be positive and finite, not nan s",
     "rb.sample_times(1e6)": r"1e\+06 s would be 1e\+07 samples 0\.1 s apart, of at most 1e\+07",
     "replace(FIG12, rolling='sliding')": r"rolling must be one of .* not 'sliding'",
+    "replace(FIG12, start=42)": r"start must be Start\(attitude, momentum\), not 42",
     "replace(FIG12, duration=0.0)": r"duration must be positive and finite, not 0 s",
     "replace(FIG12, gravity=-9.81)": r"gravity must be positive and finite, not -9\.81 m/s²",
     "replace(FIG12, gravity_direction=(0.0, 0.6, 0.8))": r"its Z is 0\.8, and must be negative",

@@ -55,7 +55,7 @@ def figure3() -> Figure:
     axes = panels["ball"]
     # Both axes come towards the viewer, so that a turn about each is seen.
     camera = Camera(np.array([-0.2, -0.25, 0.92]), 4.6, azimuth=2.34, elevation=0.18)
-    attitude = rotation_matrix(scene.start.attitude)
+    attitude = scene.start.to_world
     shell_axis, rotor_axis = attitude @ ball.shell.axis, attitude @ ball.rotors[0].axis
     arrows = [
         (Z + 1.02 * shell_axis, Z + 1.5 * shell_axis, _OMEGA),

@@ -354,7 +354,7 @@ def mistaken_scenes(scene: Scene, rolling_radius: float) -> Iterator[_MistakenSc
     level = replace(scene, rolling=other, start=flat)
     spin = "may spin (classical)" if other == "classical" else "may not spin (rubber)"
     # The start's spin, where it may not be, is left out, or stopped by the plane.
-    up, omega = rotation_matrix(scene.start.attitude)[2], _omega(scene)
+    up, omega = scene.start.to_world[2], _omega(scene)
     shell = omega - scene.hinges[0].rate * scene.ball.shell.axis
     still = [_kept(level, scene, omega - up * (up @ shell))] if other == "rubber" else []
     yield (f"the ball {spin}", (_kept(level, scene), *still, level))
@@ -428,7 +428,7 @@ def _with_body(scene: Scene, body: Body, other: Body) -> tuple[Scene, ...]:
 
 
 def _starts(scene: Scene) -> Iterator[_MistakenScene]:
-    start, R = scene.start, rotation_matrix(scene.start.attitude)
+    start, R = scene.start, scene.start.to_world
     omega, q = _omega(scene), start.attitude
     yield ("the start's angular velocity is set in world axes", (_kept(scene, scene, R.T @ omega),))
     frames = "the start's angular velocity is set in frame axes where world axes are meant"

@@ -27,6 +27,7 @@ from robotball.engines.mujoco.settings import (
     recipe,
     resolved,
 )
+from robotball.engines.observe import step_count
 from robotball.errors import warn
 from robotball.motion import (
     ContactMotion,
@@ -37,8 +38,8 @@ from robotball.motion import (
     path_errors,
     tolerated,
 )
-from robotball.rotations import Array, rotation_matrix
-from robotball.scene import Scene, step_count
+from robotball.rotations import Array
+from robotball.scene import Scene
 
 _Run = Callable[[Settings, Array], ContactMotion]
 
@@ -307,7 +308,7 @@ def scene_rate(scene: Scene) -> float:
     """
     times = [0.0] if scene.steady else np.linspace(0.0, scene.duration, 50)
     omega = scene.principal_axes.T @ scene.angular_velocity_at(scene.start)
-    M = scene.principal_axes.T @ rotation_matrix(scene.start.attitude).T @ scene.start.momentum
+    M = scene.principal_axes.T @ scene.start.to_world.T @ scene.start.momentum
     squares = []
     for parameters in map(scene.parameters_at, times):
         A = np.array(parameters.A)

@@ -14,11 +14,12 @@ from robotball.engine import as_own, integrate, request_of, scene_of
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.settings import Prescribed, Settings, resolved
+from robotball.engines.observe import spans
 from robotball.errors import InputError, check_positive
 from robotball.motion import DIVERGED
 from robotball.plane import check_still
 from robotball.rotations import Array
-from robotball.scene import SAMPLE_INTERVAL, Scene, spans
+from robotball.scene import SAMPLE_INTERVAL, Scene
 
 try:
     from dm_control.rl.control import Environment, Physics, PhysicsError, Task

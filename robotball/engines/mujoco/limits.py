@@ -21,13 +21,14 @@ import numpy as np
 from robotball import equations as eq
 from robotball.engines.mujoco.model import ModelHinge, hinges_of
 from robotball.engines.mujoco.settings import Prescribed, Resolved, Settings, for_load
+from robotball.engines.observe import step_count
 from robotball.equations import as_vector
 from robotball.errors import InputError, warn
 from robotball.loads import Loads, loads_of
 from robotball.motion import RATE_ERROR, tolerated
 from robotball.motors import Servo
 from robotball.rotations import Array, multiply, rotation_matrix, uneven
-from robotball.scene import Scene, step_count
+from robotball.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -193,7 +194,8 @@ class PlannedRun(Resolved):
         with the drives as they are at a few times.
         """
         if not self.reduced:
-            frame = [h.largest_rate for h in self.hinges if h.index == 0 and h.follows_rate]
+            of_frame = [h for h in self.hinges if h.index == 0 and h.actuation.follows_rate]
+            frame = [h.largest_rate for h in of_frame]
             size = float(np.linalg.norm(self.angular_velocity))
             return max(size, *frame, float(np.abs(self.start_trial[1].imag).max()))
         times = [0.0] if self.scene.steady else uneven(self.duration, self.duration / _DRIVES_SEEN)
@@ -328,15 +330,12 @@ def low_weight(plan: PlannedRun) -> _Found:
     scene = plan.scene
     if plan.integrator.order != 4 or not scene.load_varies:
         return None
-    robot = scene.robot
-    hinges = np.array([(each.angle, each.rate) for each in scene.hinges]).reshape(-1, 2)
-    angles, rates = hinges.T[:, None]
-    gamma, omega = rotation_matrix(scene.start.attitude)[2], scene.angular_velocity_at(scene.start)
-    start = robot.states(gamma[None], angles, omega[None], rates)
-    S, u = scene.ball.mass * start.centre_of_mass[0], start.u[:3, 0]
+    start = scene.states_of(scene.angular_velocity_at(scene.start))
+    S, u, gamma = scene.ball.mass * start.centre_of_mass[0], start.u[:3, 0], start.gamma[:, 0]
     if not (size := float(np.linalg.norm(S))):
         return None
-    low = robot.states(-S[None] / size, angles, 0 * omega[None], 0 * rates).matrix[:3, :3, 0]
+    (angles, rates), still = scene.hinged, np.zeros((1, 3))
+    low = scene.robot.states(-S[None] / size, angles, still, 0 * rates).matrix[:3, :3, 0]
     across = np.linalg.svd(S[None])[2][1:]
     inertia = np.linalg.eigvalsh(across @ low @ across.T)[0]
     energy = u @ start.matrix[:3, :3, 0] @ u / 2 + scene.gravity * (S @ gamma + size)

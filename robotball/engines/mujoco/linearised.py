@@ -18,7 +18,7 @@ from robotball.engines.mujoco.settings import Settings, recipe, resolved
 from robotball.engines.mujoco.stepping import by_steps, controlled
 from robotball.errors import InputError
 from robotball.loads import Loads
-from robotball.rotations import Array, rotation_matrix
+from robotball.rotations import Array
 from robotball.scene import Friction, MovedHinge, Scene
 
 # The central differences' half step, a velocity [m/s or rad/s] or an angle [rad]: rounding over it
@@ -80,7 +80,7 @@ def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
     hinge has such a motor.
     """
     own = [each for each in hinges if each.settles]
-    gamma = rotation_matrix(scene.start.attitude)[2]
+    gamma = scene.start.to_world[2]
     # Rubber does not spin about the vertical, so the shell turns in the plane across γ alone.
     turns = np.linalg.svd(gamma[None])[2][1:] if scene.rolling == "rubber" else np.eye(3)
     angles = np.stack([_angles(scene, each) for each in scene.hinges], axis=1)

@@ -5,9 +5,9 @@ the depth at which its contact carries the weight. The model is composed as text
 double back: `MjSpec.attach` composes too, but `MjSpec.to_xml` writes six digits.
 """
 
-import contextlib
 import warnings
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -78,11 +78,6 @@ class ModelHinge:
     def settles(self) -> bool:
         """True if its torque depends on its angle or rate, as it does of all motors but Torque."""
         return not isinstance(self.actuation, Torque | Prescribed)
-
-    @property
-    def follows_rate(self) -> bool:
-        """True if its command is a rate."""
-        return isinstance(self.actuation, Servo | Prescribed)
 
     def control(self, t: float) -> float:
         """Return its actuator's control at t [s]: the command, or a prescribed rate's slope."""
@@ -267,7 +262,7 @@ def start_state(scene: Scene, root: str, hinges: tuple[ModelHinge, ...]) -> tupl
     attitude, root_turning = start.attitude, scene.angular_velocity_at(start)
     frame = scene.hinges[0] if scene.ball.has_frame else None
     shell_turning = root_turning - frame.rate * shell.axis if frame else root_turning
-    velocity = np.cross(rotation_matrix(start.attitude) @ shell_turning, [0.0, 0.0, shell.radius])
+    x, y, _ = shell.radius * (start.to_world @ shell_turning)
     if root == "shell":
         root_turning = shell_turning
         if frame and frame.angle:
@@ -277,7 +272,7 @@ def start_state(scene: Scene, root: str, hinges: tuple[ModelHinge, ...]) -> tupl
             attitude = multiply(attitude, back)
             root_turning = rotation_matrix(back).T @ shell_turning
     qpos = [0.0, 0.0, shell.radius, *attitude, *(hinge.angle for hinge in turning)]
-    qvel = [*velocity, *root_turning, *(hinge.rate for hinge in turning)]
+    qvel = [y, -x, 0.0, *root_turning, *(hinge.rate for hinge in turning)]
     return np.array(qpos), np.array(qvel)
 
 
@@ -458,11 +453,7 @@ def carrying_depth(chosen: Resolved, data: mujoco.MjData) -> float:
 
     # The acceleration is nearly linear in the depth, g about k times it: a secant needs few steps.
     scale = softness * chosen.scene.gravity / stiffness
-    with (
-        mujoco_silent(),
-        warnings.catch_warnings(),
-        contextlib.suppress(ValueError),
-    ):  # without a secant
+    with mujoco_silent(), warnings.catch_warnings(), suppress(ValueError):  # without a secant
         warnings.simplefilter("ignore")
         found = root_scalar(vertical_acceleration, x0=scale, x1=1.1 * scale, xtol=1e-16)
         if found.converged and 0 < found.root < np.inf:

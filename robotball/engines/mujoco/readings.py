@@ -83,9 +83,9 @@ def _momentum(model: Model, rows: Array) -> Array:
 
 def _force_in_world(contact: Array) -> Array:
     """Return the force (m, 3) of the plane on the shell along the world axes [N]."""
-    normal, tangent = contact[:, 7:10], contact[:, 10:13]
-    basis = np.stack([normal, tangent, _cross(normal, tangent)], axis=1)
-    return np.einsum("ni,nij->nj", contact[:, 1:4], basis)
+    N, T, B, *_, nx, ny, nz, tx, ty, tz = contact[:, 1:13].T
+    axes = zip((nx, ny, nz), (tx, ty, tz), eq.cross((nx, ny, nz), (tx, ty, tz)), strict=True)
+    return np.stack([N * n + T * t + B * b for n, t, b in axes], axis=1)
 
 
 def _friction_used(model: Model, contact: Array) -> Array:

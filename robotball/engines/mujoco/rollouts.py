@@ -50,7 +50,8 @@ def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Itera
     """
     alike = differ_in_start(scenes)
     starts = scenes.starts if isinstance(scenes, FromStarts) else [each.start for each in scenes]
-    by_size = np.argsort([np.linalg.norm(each.momentum) for each in starts], kind="stable")
+    sizes = np.linalg.norm([each.momentum for each in starts], axis=1)
+    by_size = np.argsort(sizes, kind="stable")
     for i in by_size[:: max(1, len(scenes) - 1)] if alike else range(len(scenes)):
         precheck(scenes[int(i)], settings, times)
     model, alone = build(resolved(scenes[0], settings)), partial(_alone, settings, times)
@@ -59,6 +60,9 @@ def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Itera
     if not (together.size >= 2 * allowed() and together.steps_alone and alike):
         yield from of_each(alone, scenes)
         return
+    if isinstance(scenes, FromStarts):
+        # The built scene knows by now all of the ball and its drives that no start changes.
+        scenes = FromStarts(model.scene, scenes.starts)
     ahead = deque[tuple[Scene, Future[ContactMotion | None] | None]]()
 
     def motion() -> ContactMotion:

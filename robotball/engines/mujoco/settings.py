@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, is_dataclass, replace
 from functools import cache, cached_property
 from types import NoneType
-from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
 import mujoco
@@ -94,6 +94,9 @@ _Positive = Annotated[
 _NotNegative = Annotated[
     float, Meta(ge=0, le=LARGEST, description=f"finite and not negative, {LARGEST:g} at most")
 ]
+_Tolerance = Annotated[
+    float, Meta(ge=LEAST_RTOL, le=LARGEST, description=f"finite and {LEAST_RTOL:g} at least")
+]
 # MuJoCo's counters are of 32 bits.
 _Count = Annotated[int, Meta(ge=0, lt=2**31, description="a whole number, 0 at least")]
 _AtLeastOne = Annotated[int, Meta(ge=1, lt=2**31, description="a whole number, 1 at least")]
@@ -169,6 +172,7 @@ class Prescribed:
     """
 
     armature: float
+    follows_rate: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         check_positive("the armature", self.armature, "kg m²")
@@ -298,13 +302,7 @@ class Settings(EngineSettings):
     timestep: _Positive | None = None  # s
     integrator: Annotated[str, _one_of(*INTEGRATORS)] | None = None
     # The error allowed in one step, relative; DOP853's alone.
-    rtol: (
-        Annotated[
-            float,
-            Meta(ge=LEAST_RTOL, le=LARGEST, description=f"finite and {LEAST_RTOL:g} at least"),
-        ]
-        | None
-    ) = None
+    rtol: _Tolerance | None = None
     solver: Annotated[str, _one_of("PGS", "CG", "Newton")] | None = None
     jacobian: Annotated[str, _one_of("dense", "sparse", "auto")] | None = None
     iterations: _AtLeastOne | None = None
@@ -332,9 +330,7 @@ class Settings(EngineSettings):
     # Times the softness of the contact's constraint; set once the model is compiled, for MJCF has
     # no word for it.
     softness: _Positive = 1.0
-    max_steps: _AtLeastOne = (
-        MOST_STEPS  # of a run; a longer one is refused or, if adaptive, stopped
-    )
+    max_steps: _AtLeastOne = MOST_STEPS  # a longer run is refused or, if adaptive, stopped
     drive: Servo | Prescribed
 
     def __post_init__(self) -> None:
@@ -608,10 +604,8 @@ class Resolved:
             return -first / self.impedance**2, -second / self.impedance
         # MuJoCo's flag refsafe raises a time constant to two steps.
         constant = max(first, 2 * self.timestep) if np.isfinite(self.timestep) else first
-        return (
-            1 / (self.impedance * constant * second) ** 2,
-            2 / (self.impedance * constant),
-        )
+        rate = self.impedance * constant
+        return 1 / (rate * second) ** 2, 2 / rate
 
     @property
     def equilibrium_depth(self) -> float:

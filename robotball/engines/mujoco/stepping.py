@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from robotball.engines.mujoco.control import STATE, Control, read_row, state_of
 from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.settings import INTEGRATORS, MUJOCOS_DEFAULT
+from robotball.engines.observe import spans
 from robotball.errors import mujoco_silent
 from robotball.motion import Fault, pieces
 from robotball.rotations import Array
-from robotball.scene import spans
 
 
 @contextmanager

@@ -41,7 +41,7 @@ from robotball.mechanics import (
     vector,
 )
 from robotball.motors import SLOW
-from robotball.rotations import Array, Mask, rotation_matrix
+from robotball.rotations import Array, Mask
 from robotball.scene import Scene
 
 # Places in a state; from HINGES on the angles, the momenta and the work, h numbers each.
@@ -473,13 +473,9 @@ class System:
     def _start_of(self, scene: Scene) -> Array:
         state, start = np.zeros(self.size), scene.start
         state[:4], state[MOMENTUM : MOMENTUM + 3] = start.attitude, start.momentum
-        angles = np.array([hinge.angle for hinge in scene.hinges])
-        rates = np.array([hinge.rate for hinge in scene.hinges])
-        state[HINGES : HINGES + self.count] = angles
+        state[HINGES : HINGES + self.count] = scene.hinged[0, 0]
         if not self.machine.given[3:].all():
-            gamma = rotation_matrix(start.attitude)[None, 2]
-            omega = scene.angular_velocity_at(start)[None]
-            one = scene.robot.states(gamma, angles[None], omega, rates[None])
+            one = scene.states_of(scene.angular_velocity_at(start))
             state[HINGES + self.count : HINGES + 2 * self.count] = one.momenta[3:, 0]
         return state
 

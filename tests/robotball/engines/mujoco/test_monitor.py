@@ -14,10 +14,9 @@ from robotball.engines.mujoco.readings import own_faults, readings_of
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import resolved
 from robotball.engines.mujoco.stepping import by_steps, controlled
-from robotball.engines.observe import Recording
+from robotball.engines.observe import Recording, spans
 from robotball.motors import Servo
 from robotball.rotations import Array
-from robotball.scene import spans
 from tests.motions import pair_of
 
 pytestmark = pytest.mark.core

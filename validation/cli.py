@@ -320,8 +320,7 @@ def _words_of(name: str, refusal: str) -> str:
     Of what a command lacks it has the whole help, of which the names are enough.
     """
     if "Missing from" in refusal:
-        listed = refusal.partition("For full helptext")[0]
-        missing = re.findall(r"^. {5}(\S+)", listed, re.MULTILINE)
+        missing = re.findall(r"^. {5}(\S+)", refusal.partition("For full")[0], re.MULTILINE)
         return f"{name} needs {', '.join(missing)}; `robotball help {name}` says what they are"
     parts = re.split(r"[─-]{4,}", re.sub(r"[│╰╯]", " ", refusal.partition("\n")[2]))
     words = next(" ".join(part.split()) for part in parts if part.strip())

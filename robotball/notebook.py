@@ -79,7 +79,8 @@ def motion_line(motion: Any) -> str:
     """Return one line: scene, engine, settings, duration, length of the path, faults."""
     report = getattr(motion, "report", None)
     by = f"{motion.engine.name} {motion.engine.version}"
-    line = f"{len(motion.times)} times to {motion.times[-1]:g} s, path {motion.path_length:.4g} m"
+    reached = f" to {motion.times[-1]:g} s" if len(motion.times) else ""
+    line = f"{counted(len(motion.times), 'time')}{reached}, path {motion.path_length:.4g} m"
     if report is not None:
         by += f", {report.settings.name}"
         line += f", {counted(len(report.faults), 'fault') if report.faults else 'no fault'}"
@@ -108,8 +109,9 @@ def report_lines(report: Any) -> str:
 
 
 def motion_cell(motion: Any) -> str:
-    """Return HTML of the motion's line and its path."""
-    return cell(motion_line(motion), [motion])
+    """Return HTML of the motion's line and its path; one that broke off at once has no path."""
+    line = motion_line(motion)
+    return cell(line, [motion]) if len(motion.times) else f"<code>{escape(line)}</code>"
 
 
 def cell(line: str, motions: Sequence[Any], above: str = "") -> str:

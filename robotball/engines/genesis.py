@@ -50,7 +50,7 @@ class _GenesisWorld(adapter.ServoWorld):
         import genesis as gs
 
         gs.destroy()  # of a world that did not come to its end
-        gs.init(backend=gs.cpu, precision=settings.precision, logging_level="error")
+        gs.init(backend=gs.cpu, precision=settings.precision, logging_level="warning")
         torsional = settings.torsional if scene.rolling == "rubber" else None
         options: dict[str, Any] = {
             "iterations": settings.iterations,

@@ -54,7 +54,7 @@ def write_motion(
     units: dict[str, str] = {}
     for place, names, unit in _layout(scene):
         array = arrays[place]
-        columns.update(zip(names, array.reshape(len(array), -1).T, strict=True))
+        columns.update(zip(names, array.reshape(len(array), len(names)).T, strict=True))
         units.update(dict.fromkeys(names, unit))
     header = {"format": FORMAT, "engine": json.dumps(dict(engine), ensure_ascii=False)}
     if timestep is not None:

@@ -3,6 +3,7 @@
 from base64 import b64decode
 from dataclasses import dataclass, replace
 from io import BytesIO
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -30,7 +31,7 @@ def test_a_scene_and_a_motion_are_a_line() -> None:
     assert "\n" not in repr(MOTION)
 
 
-def test_a_report_is_a_few_lines_with_its_faults_by_name() -> None:
+def test_a_report_is_a_few_lines_with_its_faults_by_name(tmp_path: Path) -> None:
     """It has the largest reading of each kind and no array, and each fault on a line of its own."""
     assert repr(MOTION.report).count("\n") == 6
     assert repr(MOTION.report).endswith("\n  no fault>")
@@ -38,6 +39,13 @@ def test_a_report_is_a_few_lines_with_its_faults_by_name() -> None:
     nothing = np.empty(0)
     broken = replace(MOTION.report, slip=nothing, spin=nothing, depth=nothing)
     assert repr(broken).count("\n") == 3  # of a run that broke off in its first step
+    start = replace(SCENE.start, momentum=1e12 * SCENE.start.momentum)  # and one at its start
+    none = rb.simulate(replace(SCENE, start=start), np.linspace(0.0, 0.1, 6), "naive")
+    assert repr(none).endswith(", naive: 0 times, path 0 m, 1 fault>")
+    assert "<img" not in none._repr_html_()
+    none.save(tmp_path / "none.csv")
+    with pytest.raises(rb.InputError, match="no rows of numbers"):
+        rb.load_motion(tmp_path / "none.csv", SCENE)
     naive = rb.simulate(SCENE, TIMES, "naive").report
     assert repr(naive).endswith(
         "\n  ".join(["", *(f"fault: {each}" for each in naive.faults)]) + ">"

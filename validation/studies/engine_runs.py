@@ -126,7 +126,7 @@ def run(cell: Mapping[str, Any]) -> dict[str, Any]:
         "path_error": known(path_error(motion, theory)) if finished else None,
         "momentum_error": known(momentum_error(motion, theory)) if finished else None,
         "defect": known(defect),
-        "reached": float(motion.times[-1]),
+        "reached": float(motion.times.max(initial=0.0)),
         "slip": known(report.slip.max()),
         "spin": known(abs(report.spin).max()),
         "hinge_rate_error": known(report.hinge_rate_error.max()),

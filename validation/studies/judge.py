@@ -498,9 +498,10 @@ def _height(judged: FileJudgement) -> list[str]:
         return []
     if error > judged.tolerance:
         z, what = best.motion.height, "contact point" if best.level == 0 else "sphere's centre"
+        of = " to ".join(dict.fromkeys(f"{each:.4g} m" for each in (z.min(), z.max())))
         return [
-            f"z is {z.min():.4g} to {z.max():.4g} m, and the {what} at {best.level:g} m: off by "
-            f"up to {error:.1e} of the radius"
+            f"z is {of}, where the {what} is at {best.level:g} m: off by up to {error:.1e} of the "
+            "radius"
         ]
     if best.level == 0:
         return ["z is the contact point's, and says nothing of the contact"]

@@ -199,6 +199,11 @@ class StepSettings(EngineSettings):
     timestep: float
 
 
+def given(**values: Any) -> dict[str, Any]:
+    """Return the values that are not left to the engine, which None does."""
+    return {name: value for name, value in values.items() if value is not None}
+
+
 def by_name(*presets: Own) -> dict[str, Own]:
     """Return presets by their names."""
     return {each.name: each for each in presets}

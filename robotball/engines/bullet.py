@@ -4,7 +4,6 @@ It steps by semi-implicit Euler alone. Its spinning friction is what a rubber ba
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -60,26 +59,20 @@ class _BulletWorld(adapter.ServoWorld):
             linkParentIndices=[names.index(link.parent) for link in hung],
             linkJointTypes=[p.JOINT_REVOLUTE] * n, linkJointAxis=[link.axis for link in hung],
         )  # fmt: skip
+        kinds = ("linearDamping", "angularDamping", "jointDamping")
+        options = dict.fromkeys(kinds, settings.damping) | {"maxJointVelocity": settings.most_rate}
         for i, each in enumerate(moments, start=-1):
-            options: dict[str, Any] = {"localInertiaDiagonal": each.tolist()}
-            if settings.damping is not None:
-                options |= dict.fromkeys(
-                    ("linearDamping", "angularDamping", "jointDamping"), settings.damping
-                )
-            if settings.most_rate is not None:
-                options["maxJointVelocity"] = settings.most_rate
             # One option a call: of several for a link, Bullet gives some to the base in silence,
             # and the link keeps what it had (docs/findings/pybullet_change_dynamics.py).
-            for name, value in options.items():
+            own = adapter.given(localInertiaDiagonal=each.tolist(), **options)
+            for name, value in own.items():
                 p.changeDynamics(self.ball, i, **{name: value})
-        # Bullet multiplies the coefficients of two bodies. With 1 on the plane the ball's own
-        # counts.
-        if settings.lateral_friction is not None:
-            p.changeDynamics(plane, -1, lateralFriction=1.0)
-            p.changeDynamics(self.ball, -1, lateralFriction=settings.lateral_friction)
-        if settings.spinning_friction is not None and scene.rolling == "rubber":
-            p.changeDynamics(plane, -1, spinningFriction=1.0)
-            p.changeDynamics(self.ball, -1, spinningFriction=settings.spinning_friction)
+        spinning = settings.spinning_friction if scene.rolling == "rubber" else None
+        friction = {"lateralFriction": settings.lateral_friction, "spinningFriction": spinning}
+        for name, value in adapter.given(**friction).items():
+            # Bullet multiplies two bodies' coefficients: with 1 on the plane the ball's own counts.
+            p.changeDynamics(plane, -1, **{name: 1.0})
+            p.changeDynamics(self.ball, -1, **{name: value})
         self.friction = p.getDynamicsInfo(plane, -1)[1] * p.getDynamicsInfo(self.ball, -1)[1]
         p.resetBasePositionAndOrientation(
             self.ball, start.centre, _xyzw(multiply(start.attitude, self.own))

@@ -52,20 +52,16 @@ class _GenesisWorld(adapter.ServoWorld):
         gs.destroy()  # of a world that did not come to its end
         gs.init(backend=gs.cpu, precision=settings.precision, logging_level="warning")
         torsional = settings.torsional if scene.rolling == "rubber" else None
-        options: dict[str, Any] = {
-            "iterations": settings.iterations,
-            "tolerance": settings.tolerance,
-            "impratio": settings.impratio,
-            "integrator": settings.integrator and getattr(gs.integrator, settings.integrator),
-            "friction_cone": settings.cone and getattr(gs.friction_cone, settings.cone),
-            "enable_torsional_friction": torsional is not None,
-        }
+        options = adapter.given(
+            iterations=settings.iterations, tolerance=settings.tolerance,
+            impratio=settings.impratio, enable_torsional_friction=torsional is not None,
+            integrator=settings.integrator and getattr(gs.integrator, settings.integrator),
+            friction_cone=settings.cone and getattr(gs.friction_cone, settings.cone),
+        )  # fmt: skip
         self.world = gs.Scene(
             show_viewer=False,
             sim_options=gs.options.SimOptions(dt=step, gravity=(0.0, 0.0, -scene.gravity)),
-            rigid_options=gs.options.RigidOptions(
-                **{name: value for name, value in options.items() if value is not None}
-            ),
+            rigid_options=gs.options.RigidOptions(**options),
         )
         material = gs.materials.Rigid(friction=settings.friction, friction_torsional=torsional)
         self.world.add_entity(gs.morphs.Plane(), material=material)

@@ -70,7 +70,7 @@ class _NewtonWorld(adapter.SteppedWorld):
         self.depth = scene.gravity * (1 - d) * _TIME_CONSTANT**2 if d is not None else 0.0
         self.starts = [start_state(each) for each in scenes or (scene,)]
         options = ("integrator", "cone", "iterations", "tolerance")
-        chosen = {n: value for n in options if (value := getattr(settings, n)) is not None}
+        chosen = adapter.given(**{each: getattr(settings, each) for each in options})
         if settings.kept:
             chosen["update_data_interval"] = 0
         alone = settings.device is None

@@ -15,9 +15,9 @@ the logarithms of its multipliers, a *torus*. *Period doubling*: a multiplier -1
 The parameter s goes from 0 to 1 here; `motion_branches` says what it stands for in a ball.
 """
 
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -27,9 +27,9 @@ from robotball.errors import InputError
 from robotball.rotations import Array
 
 FOLD, BRANCH, DOUBLING, HOPF = "fold", "branch point", "period doubling", "Hopf point"
-CLOSES = "closes"
+CLOSES, UNFINISHED = "closes", "not followed to its end"
 _KINDS = (FOLD, BRANCH, DOUBLING, HOPF)  # by the test functions, in their order
-_FIRST_STEP, _LEAST_STEP, _LONGEST_STEP = 0.01, 1e-7, 0.03  # lengths of a step in (u, s)
+_FIRST_STEP, _LEAST_STEP = 0.01, 1e-7  # lengths of a step in (u, s)
 _BENT = 0.95  # least cosine between neighbours: of tangents, and of ways to a start between them
 _MOST_POINTS, _MOST_BRANCHES = 1000, 40
 _ALIKE = 0.3  # exponents of neighbours, beside their change, where a branch is back at its start
@@ -53,68 +53,18 @@ Look = tuple[Array, Array, Callable[[], Array]]
 
 
 @dataclass(frozen=True)
-class Problem:
-    """Equations of u (n,) and s, whose zeros make the branches; they may be more than n.
-
-    look: what is seen of them at u and s; gauge: a direction (n,) in which the same solution goes
-    on; end: why a branch is followed no further than u, or ""; identity: the part of (u, s) by
-    which a solution is recognised; told: is given (u, s) of each new point; rank: of the largest
-    singular value of the derivatives, what is less is zero; closed: residuals from which a step of
-    Newton's method leaves none.
-    """
-
-    look: Callable[[Array, float], Look]
-    gauge: Callable[[Array, float], Array] | None = None
-    end: Callable[[Array], str] = lambda u: ""
-    identity: int = 0
-    told: Callable[[Array], None] = lambda x: None
-    rank: float = 1e-9
-    closed: float = 1e-13
-
-    def rows(self, x: Array) -> Array:
-        """Return the gauge at x = (u, s) as (1, n + 1), or (0, n + 1)."""
-        if self.gauge is None:
-            return np.zeros((0, len(x)))
-        direction = np.append(self.gauge(x[:-1], x[-1]), 0.0)
-        return direction[None] / np.linalg.norm(direction)
-
-
-def steady(
-    residual: Residual, exponents: Residual, told: Callable[[Array], None] = lambda x: None
-) -> Problem:
-    """Return the problem of an analytic function's zeros, with the exponents (k,) at each."""
-
-    def look(u: Array, s: float) -> Look:
-        return residual(u, s), derivatives(residual, u, s), lambda: exponents(u, s)
-
-    return Problem(look, told=told)
-
-
-def derivatives(residual: Residual, u: Array, s: float) -> Array:
-    """Return the derivatives (m, n + 1) of an analytic function (m, ...) by u (n, ...) and s."""
-    by_u = residual(u[:, None] + _TINY * np.eye(len(u)), s).imag / _TINY.imag
-    return np.column_stack([by_u, by_parameter(residual, u, s)])
-
-
-def by_parameter(residual: Residual, u: Array, s: float) -> Array:
-    """Return the derivative (m,) of a function by s, from differences small enough to be linear."""
-    step = _APART
-    while np.abs(change := residual(u, s + step) - residual(u, s - step)).max() > _LINEAR:
-        step *= _LINEAR
-    return change / (2 * step)
-
-
-@dataclass(frozen=True)
 class Point:
     """A point x = (u, s) (n + 1,) of a branch, with the tangent (n + 1,) and exponents (k,) there.
 
-    kind: of a special point; else "".
+    kind: of a special point; else ""; free: whether solutions fill a surface here, as where a ball
+    may be turned about its own axis.
     """
 
     x: Array
     tangent: Array
     exponents: Array
     kind: str = ""
+    free: bool = False
 
     @property
     def is_stable(self) -> bool:
@@ -139,46 +89,106 @@ class Branch:
         return int(np.count_nonzero(above[1:] != above[:-1]))
 
 
-def explore(
-    problem: Problem, starts: Iterable[Array], known: Sequence[Branch] = ()
-) -> Iterator[Branch]:
+Told = Callable[[Branch], None]
+"""Is given a branch whenever it has a new point."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Equations of u (n,) and s, whose zeros make the branches; they may be more than n.
+
+    look: what is seen of them at u and s; gauge: a direction (n,) in which the same solution goes
+    on; end: why a branch is followed no further than u, or ""; identity: the part of (u, s) by
+    which a solution is recognised; told: is given a branch whenever it has a new point; rank: of
+    the largest singular value of the derivatives, what is less is zero; closed: residuals from
+    which a step of Newton's method leaves none; longest: of a step along a branch.
+    """
+
+    look: Callable[[Array, float], Look]
+    gauge: Callable[[Array, float], Array] | None = None
+    end: Callable[[Array], str] = lambda u: ""
+    identity: int = 0
+    told: Told = lambda branch: None
+    rank: float = 1e-9
+    closed: float = 1e-13
+    longest: float = 0.03
+
+    def rows(self, x: Array) -> Array:
+        """Return the gauge at x = (u, s) as (1, n + 1), or (0, n + 1)."""
+        if self.gauge is None:
+            return np.zeros((0, len(x)))
+        direction = np.append(self.gauge(x[:-1], x[-1]), 0.0)
+        return direction[None] / np.linalg.norm(direction)
+
+
+def steady(residual: Residual, exponents: Residual, told: Told = lambda branch: None) -> Problem:
+    """Return the problem of an analytic function's zeros, with the exponents (k,) at each."""
+
+    def look(u: Array, s: float) -> Look:
+        return residual(u, s), derivatives(residual, u, s), lambda: exponents(u, s)
+
+    return Problem(look, told=told)
+
+
+def derivatives(residual: Residual, u: Array, s: float) -> Array:
+    """Return the derivatives (m, n + 1) of an analytic function (m, ...) by u (n, ...) and s."""
+    by_u = residual(u[:, None] + _TINY * np.eye(len(u)), s).imag / _TINY.imag
+    return np.column_stack([by_u, by_parameter(residual, u, s)])
+
+
+def by_parameter(residual: Residual, u: Array, s: float) -> Array:
+    """Return the derivative (m,) of a function by s, from differences small enough to be linear."""
+    step = _APART
+    while np.abs(change := residual(u, s + step) - residual(u, s - step)).max() > _LINEAR:
+        step *= _LINEAR
+    return change / (2 * step)
+
+
+def explore(problem: Problem, starts: Iterable[Array], branches: list[Branch]) -> Iterator[Branch]:
     """Yield the branches through starts (n + 1,) near (u, s), and those that cross them.
 
-    A start on a branch, a known one or one of these, is not followed again. Raises InputError
-    where Newton's method does not converge from a start.
+    They are added to `branches`. A start on one of these is not followed again, nor one from which
+    Newton's method does not converge.
     """
-    branches = [*known]
-    crossed = [point for each in known for point in each.special(BRANCH, DOUBLING)]
+    crossed = [point for each in branches for point in each.special(BRANCH, DOUBLING)]
+    most = len(branches) + _MOST_BRANCHES
 
-    def among(point: Point, others: Iterable[Point]) -> bool:
-        place = point.x[problem.identity :]
-        return any(np.abs(place - x.x[problem.identity :]).max() < _SAME for x in others)
-
-    def is_on(branch: Branch, start: Point) -> bool:
-        """Whether a start is on a branch: between neighbours it has a point at the start's s."""
-        s, points = start.x[-1], branch.points
-        for last, new in pairwise(points):
+    @cache
+    def passed(number: int, s: float) -> list[Point]:
+        """Return a branch's points, and those that it has at s."""
+        found = [*branches[number].points]
+        for last, new in pairwise(branches[number].points):
             if (last.x[-1] - s) * (new.x[-1] - s) < 0:
                 part = (s - last.x[-1]) / (new.x[-1] - last.x[-1])
-                near = last.x + part * (new.x - last.x)
-                if among(start, reached(problem, near, np.eye(len(near))[-1])):
-                    return True
-        return among(start, points)
+                found += reached(problem, last.x + part * (new.x - last.x))
+        return found
 
-    queue = deque(Point(np.array(x), np.eye(len(x))[-1], np.zeros(0)) for x in starts)
-    while queue and len(branches) < len(known) + _MOST_BRANCHES:
-        start = queue.popleft()
-        if not start.kind:
-            start = corrected(problem, start.x, start.tangent)
-            if any(is_on(each, start) for each in branches):
-                continue
-        branches.append(trace(problem, start))
-        yield branches[-1]
-        for point in branches[-1].special(BRANCH, DOUBLING):
-            if not among(point, crossed):
-                others = _switched(problem, point)
-                crossed += [point, *others]
-                queue.extendleft(others)
+    def is_known(point: Point) -> bool:
+        numbers = range(len(branches))
+        return any(_same(problem, point, x) for i in numbers for x in passed(i, point.x[-1]))
+
+    for x in starts:
+        if is_known(Point(x, x, np.zeros(0))):
+            continue
+        queue = [point for point in reached(problem, x) if not is_known(point)]
+        while queue and len(branches) < most:
+            branches.append(trace(problem, queue.pop()))
+            yield branches[-1]
+            for point in branches[-1].special(BRANCH, DOUBLING):
+                if not any(_same(problem, point, other) for other in crossed):
+                    others = _switched(problem, point)
+                    crossed += [point, *others]
+                    queue += others
+
+
+def _same(problem: Problem, one: Point, other: Point) -> bool:
+    """Return whether two points are one, or one but for what is free there, as a heading."""
+    apart = np.abs(one.x - other.x)[problem.identity :]
+    if not (one.free and other.free):
+        return bool(apart.max() < _SAME)
+    a, b = (np.sort_complex(point.exponents) for point in (one, other))
+    # Both may be anywhere on a surface, on which a period and exponents are the same.
+    return bool(apart[-2:].max() < _SAME and np.abs(a - b).max() < _SAME)
 
 
 def trace(problem: Problem, start: Point) -> Branch:
@@ -186,23 +196,30 @@ def trace(problem: Problem, start: Point) -> Branch:
     after, last = half(problem, start)
     if last == CLOSES:
         return Branch(tuple(after), (last, last))
-    before, first = half(problem, replace(start, tangent=-start.tangent))
+    before, first = half(problem, replace(start, tangent=-start.tangent), behind=after)
     return Branch((*before[:0:-1], *after), (first, last))
 
 
-def half(problem: Problem, start: Point, most: int = _MOST_POINTS) -> tuple[list[Point], str]:
-    """Return the points from a start on along its tangent, and why there are no more."""
+def half(
+    problem: Problem, start: Point, most: int = _MOST_POINTS, behind: Sequence[Point] = ()
+) -> tuple[list[Point], str]:
+    """Return the points from a start on along its tangent, and why there are no more.
+
+    behind: those the other way, from the start on, which are told of with these.
+    """
     points, step = [start], _FIRST_STEP
+    bend = np.zeros(len(start.x))  # the change of the tangent along the branch
     while len(points) < most:
         last = points[-1]
         if (last.x[-1], np.sign(last.tangent[-1])) in ((0, -1), (1, 1)):
             return points, "the range ends"
         try:
-            new = corrected(problem, last.x + step * last.tangent, last.tangent)
+            near = last.x + step * last.tangent + step**2 / 2 * bend
+            new = corrected(problem, near, last.tangent)
             if (bound := float(np.clip(new.x[-1], 0, 1))) != new.x[-1]:
                 part = (bound - last.x[-1]) / (new.x[-1] - last.x[-1])
                 x = np.append((last.x + part * (new.x - last.x))[:-1], bound)
-                new = corrected(problem, x, np.eye(len(x))[-1])
+                new = corrected(problem, x)
                 new.x[-1] = bound  # to the last bit, by which it is known to be the end
                 new = replace(new, tangent=new.tangent * np.sign(new.tangent @ last.tangent))
             # Where two branches cross, the other one is not quite across.
@@ -218,8 +235,9 @@ def half(problem: Problem, start: Point, most: int = _MOST_POINTS) -> tuple[list
         # A cycle that has shrunk to a point comes out of it half a period later.
         if not last.kind and (problem.rows(last.x) * problem.rows(new.x)).sum() < 0:
             return points, "shrinks to a point"
+        bend = (new.tangent - last.tangent) / np.linalg.norm(new.x - last.x)
         points += [*special, new]
-        problem.told(new.x)
+        problem.told(Branch((*points[::-1], *behind[1:]), (UNFINISHED, UNFINISHED)))
         if end := problem.end(new.x[:-1]):
             return points, end
         one, other = ((point.x - start.x)[problem.identity :] for point in (last, new))
@@ -227,17 +245,17 @@ def half(problem: Problem, start: Point, most: int = _MOST_POINTS) -> tuple[list
         here, there, now = (np.sort_complex(each.exponents) for each in (start, last, new))
         if between and np.abs(now - here).max() < _ALIKE + np.abs(now - there).max():
             return points, CLOSES
-        step = min(1.5 * step, _LONGEST_STEP)
+        step = min(1.5 * step, problem.longest)
     return points, f"{most} points"
 
 
-def corrected(problem: Problem, x: Array, across: Array) -> Point:
+def corrected(problem: Problem, x: Array, across: Array | None = None) -> Point:
     """Return the point of a branch near x (n + 1,), in the plane through x across a direction.
 
-    Raises InputError where Newton's method does not converge.
+    That is along s if none is given. Raises InputError where Newton's method does not converge.
     """
     start, last = x, np.inf
-    rows = np.vstack([problem.rows(x), across])
+    rows = np.vstack([problem.rows(x), np.eye(len(x))[-1] if across is None else across])
     for _ in range(_ITERATIONS):
         residual, jacobian, exponents = problem.look(x[:-1], x[-1])
         gap = np.concatenate([residual, rows @ (x - start)])
@@ -246,14 +264,15 @@ def corrected(problem: Problem, x: Array, across: Array) -> Point:
         change, tangent = solved[0].T
         x, size = x - change, np.abs(gap).max()
         if size < problem.closed or last <= size < _ROUGH:
-            return Point(x, tangent / np.linalg.norm(tangent), exponents())
+            tangent /= np.linalg.norm(tangent)
+            return Point(x, tangent, exponents(), free=bool(solved[2] < len(x)))
         if size > _DIVERGES * last:
             break
         last = size
     raise InputError(f"no branch found near a start: Newton's method leaves {size:.1e}")
 
 
-def reached(problem: Problem, x: Array, across: Array) -> list[Point]:
+def reached(problem: Problem, x: Array, across: Array | None = None) -> list[Point]:
     """Return the point that `corrected` finds, or nothing."""
     try:
         return [corrected(problem, x, across)]
@@ -284,10 +303,12 @@ def _between(problem: Problem, last: Point, new: Point) -> list[Point]:
     if last.kind:  # where the test functions are zero, or are not known
         return []
 
-    def at(length: float) -> Point:
-        return corrected(problem, last.x + length * last.tangent, last.tangent)
-
     whole = float((new.x - last.x) @ last.tangent)
+
+    def at(length: float) -> Point:
+        near = last.x + length / whole * (new.x - last.x)
+        return corrected(problem, near, last.tangent)
+
     found: list[tuple[float, Point]] = []
     for test, change in enumerate(np.sign(_tests(last)) * np.sign(_tests(new))):
         if change != -1 or (test == 1 and found):  # an exponent is zero at a fold, too

@@ -42,8 +42,8 @@ _LOGARITHM = 0.3  # a power below it is falling to 0
 _POINTS, _LINES = 20, 2000
 _GOLDEN = (np.sqrt(5.0) - 1) / 2
 _Found = TypeVar("_Found")
-Told = Callable[[Array], None]
-"""Is given (u, s) of each new point."""
+Searched = Callable[[float, int, int], None]
+"""Is given the s of a place where solutions are sought next, its number, and how many there are."""
 
 
 class Range:
@@ -137,16 +137,16 @@ def sought(
     family: Range,
     inside: int,
     found: Callable[..., Iterable[_Found]],
-    told: Callable[[float], None] = lambda s: None,
+    told: Searched,
 ) -> Iterator[tuple[_Found, float]]:
-    """Yield what is found at the family's places, each with its s, which `told` is given before.
+    """Yield what is found at the family's places, each with its s.
 
     Raises InputError for a number that the ball cannot have, and where every place raises it, as
     where solutions fill curves: at some places two may be about to coincide.
     """
     refused = []
-    for s in (places := family.places(inside)):
-        told(s)
+    for place, s in enumerate(places := family.places(inside), 1):
+        told(s, place, len(places))
         ball = family.at(s)
         try:
             yield from [(each, s) for each in found(*ball)]
@@ -156,7 +156,11 @@ def sought(
         raise refused[0]
 
 
-def resting(family: Family, told: Told = lambda x: None) -> Iterator[co.Branch]:
+def resting(
+    family: Family,
+    told: co.Told = lambda branch: None,
+    searched: Searched = lambda s, place, places: None,
+) -> Iterator[co.Branch]:
     """Yield the branches of fixed points from rest, or of straight lines where M ≠ 0.
 
     They are all that there are at the family's places, and what crosses them.
@@ -177,14 +181,13 @@ def resting(family: Family, told: Told = lambda x: None) -> Iterator[co.Branch]:
 
     problem = co.steady(residual, exponents, told)
     branches: list[co.Branch] = []
-    places = sought(family, _LINES if family.momentum.any() else _POINTS, found)
+    inside = _LINES if family.momentum.any() else _POINTS
+    places = sought(family, inside, found, searched)
     for s, some in groupby(places, key=lambda each: each[1]):
         starts = [np.append(u, s) for u, _ in some]
         # Most have been passed, which is known without a correction.
         if len(starts) != sum(each.passes(s) for each in branches):
-            for branch in co.explore(problem, starts, branches):
-                branches.append(branch)
-                yield branch
+            yield from co.explore(problem, starts, branches)
 
 
 def cycling(
@@ -192,7 +195,7 @@ def cycling(
     starts: Iterable[tuple[Cycle, float]],
     longest: float,
     born: Iterable[co.Point] = (),
-    told: Told = lambda x: None,
+    told: co.Told = lambda branch: None,
 ) -> Iterator[co.Branch]:
     """Yield the branches of given cycles, each with its s, and of those born at Hopf points.
 
@@ -202,9 +205,7 @@ def cycling(
 
     def through(x: Array, multipliers: Array) -> Iterator[co.Branch]:
         problem = _closing(family, _repels(multipliers), longest, told)
-        for branch in co.explore(problem, [x], branches):
-            branches.append(branch)
-            yield branch
+        yield from co.explore(problem, [x], branches)
 
     for cycle, s in starts:
         ball, M = family.at(s)[0], cycle.momentum
@@ -253,7 +254,7 @@ def _logarithms(monodromy: Array, volume: float, momentum: Array) -> Array:
 
 
 def _closing(
-    family: Family, backwards: bool, longest: float, told: Told = lambda x: None
+    family: Family, backwards: bool, longest: float, told: co.Told = lambda branch: None
 ) -> co.Problem:
     """Return the problem of motions that end where they start, backwards in time or not."""
 

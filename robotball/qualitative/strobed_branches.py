@@ -7,9 +7,10 @@ its derivative, by differences, the rank of the point's freedom. With them stand
 period T is one of the drives', or two after a period doubling, and so on.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import cycle, groupby
 
 import numpy as np
 from msgspec.structs import replace as changed
@@ -21,9 +22,16 @@ from robotball.qualitative import continuation as co
 from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.equilibria import attitude_at
 from robotball.qualitative.families import momentum_across
-from robotball.qualitative.motion_branches import Range, Told, sought
-from robotball.qualitative.sections import own_start, period_of, strobed
-from robotball.rotations import Array, from_matrix, multiply, rotation_matrix, tangents
+from robotball.qualitative.motion_branches import Range, Searched, sought
+from robotball.qualitative.sections import period_of, strobed
+from robotball.rotations import (
+    Array,
+    conjugate,
+    from_matrix,
+    multiply,
+    rotation_matrix,
+    tangents,
+)
 from robotball.scene import Scene, Start
 
 _FIELDS = ("value", "mean", "amplitude", "phase")
@@ -32,8 +40,11 @@ _INSIDE = 3  # values within the range at which motions are sought, in some twen
 _MOST = 4  # periods of the drives, to which motions are followed over period doublings
 _SIZE = 3e-6  # of differences, whose own error and that of rounding are equal about here
 _NEUTRAL = 1e-6  # of their errors: of a multiplier's logarithm a real part below it is zero
-_STEP = 1e-11  # the error of a step: with it multipliers err by 3e-10, and with 1e-8 by 1e-8
-_CLOSED = 1e-9  # of the map: what is left is the product with an error of the derivative
+# The error of a step, and of the map from which Newton's method leaves none: what is left is the
+# product with an error of the derivative. Multipliers err by 3e-10, and by 1e-7 where solutions are
+# sought alone. An error e moves a branch point by e^(2/3): it breaks the symmetry that makes one.
+_CLOSED, _SOUGHT = (1e-11, 1e-9), (1e-7, 1e-6)
+_LONGEST = 0.1  # of a step along a branch, as a point costs a hundred times one of what rests
 _TINY = 1e-300  # beside a multiplier that is zero
 
 
@@ -122,81 +133,87 @@ class Driven(Range):
         """Whether a heading matters, at some s."""
         return not all(self.at(s)[0].level for s in (0.0, 0.5, 1.0))
 
-    def state(self, v: Array, scene: Scene, scale: float) -> tuple[Array, Array]:
-        """Return the attitude (4,) and the world momentum (3,) of the point that v (n,) is near."""
-        gamma, mu, *alpha = v.reshape(-1, 3)
-        gamma = gamma / np.linalg.norm(gamma)
-        first = alpha[0] - (alpha[0] @ gamma) * gamma if alpha else tangents(gamma)[0]
-        first = first / np.linalg.norm(first)
-        axes = np.stack([first, np.cross(gamma, first), gamma])
-        M = scale * axes @ mu
+    def state(self, v: Array, scene: Scene) -> tuple[Array, Array]:
+        """Return attitudes (..., 4), world momenta (..., 3) of points that v (..., n) are near."""
+        gamma, mu, *alpha = np.moveaxis(v.reshape(*v.shape[:-1], -1, 3), -2, 0)
+        gamma = gamma / np.linalg.norm(gamma, axis=-1, keepdims=True)
+        first = tangents(gamma)[..., 0, :]
+        for each in alpha:
+            first = each - (each * gamma).sum(axis=-1, keepdims=True) * gamma
+            first /= np.linalg.norm(first, axis=-1, keepdims=True)
+        axes = np.stack([first, np.cross(gamma, first), gamma], axis=-2)
+        M = self.scene.momentum_scale * np.einsum("...ij,...j->...i", axes, mu)
         if scene.keeps_momentum:
             kept = scene.start.momentum
-            M[:2] *= np.hypot(*kept[:2]) / (np.hypot(*M[:2]) or 1.0)
-            M[2] = kept[2]
+            length = np.linalg.norm(M[..., :2], axis=-1, keepdims=True)
+            M[..., :2] *= np.hypot(*kept[:2]) / np.where(length > 0, length, 1.0)
+            M[..., 2] = kept[2]
         return from_matrix(axes), M * ([1.0, 1.0, 0.0] if scene.rolling == "rubber" else 1.0)
 
     def vector(self, attitude: Array, momentum: Array) -> Array:
-        """Return γ, M over its unit and, where a heading matters, α: (n,)."""
-        alpha, _, gamma = axes = rotation_matrix(attitude)
-        of = [gamma, momentum @ axes / self.scene.momentum_scale, alpha]
-        return np.concatenate(of if self._headed else of[:2])
+        """Return γ, M over its unit and, where a heading matters, α: (..., n)."""
+        axes = rotation_matrix(attitude)
+        M = np.einsum("...i,...ij->...j", momentum, axes) / self.scene.momentum_scale
+        of = [axes[..., 2, :], M, axes[..., 0, :]]
+        return np.concatenate(of if self._headed else of[:2], axis=-1)
 
-    def problem(self, told: Told = lambda x: None) -> co.Problem:
-        """Return the problem of its fixed points."""
-        scale = self.scene.momentum_scale
+    def problem(
+        self, errors: tuple[float, float] = _CLOSED, told: co.Told = lambda branch: None
+    ) -> co.Problem:
+        """Return the problem of its fixed points; errors: of a step of the motions, of the map."""
+        step, closed = errors
 
-        def ends(starts: Sequence[tuple[Array, Scene]], periods: int) -> Array:
-            """Return the points (m, n) some periods of their scenes after starts.
+        def ends(parts: Sequence[tuple[Array, Scene]], periods: int) -> Array:
+            """Return the points (m, n) some periods after starts (k, n) in each of the scenes.
 
             By the same steps, whose errors differences between the ends do not have.
             """
-            begun = (self.state(v, scene, scale) for v, scene in starts)
-            scenes = [
-                replace(scene, start=own_start(scene, *start))
-                for (_, scene), start in zip(starts, begun, strict=True)
-            ]
-            durations = [periods * period_of(scene) for scene in scenes]
+            begun = []
+            for starts, scene in parts:
+                attitudes, momenta = self.state(starts, scene)
+                own = multiply(attitudes, conjugate(scene.principal_quaternion))
+                begun += [
+                    replace(scene, start=Start(q, M)) for q, M in zip(own, momenta, strict=True)
+                ]
+            durations = [periods * period_of(scene) for scene in begun]
             times = np.unique([0.0, *durations])
-            found = []
-            for motion, end in zip(
-                integrate_together(scenes, times, _STEP), durations, strict=True
-            ):
-                i = np.searchsorted(times, end)
-                q = multiply(motion.attitude[i], motion.scene.principal_quaternion)
-                found.append(self.vector(q, motion.momentum[i]))
-            return np.array(found)
+            motions = integrate_together(begun, times, step)
+            at = [*zip(motions, np.searchsorted(times, durations), strict=True)]
+            attitudes = np.array([motion.attitude[i] for motion, i in at])
+            momenta = np.array([motion.momentum[i] for motion, i in at])
+            return self.vector(multiply(attitudes, self.scene.principal_quaternion), momenta)
 
         def look(u: Array, s: float) -> co.Look:
             v, n, scene = u[:-1], len(u) - 1, self.at(s)[0]
-            periods = max(1, round(np.exp(u[-1]) / period_of(scene)))
             sides = v + _SIZE * np.concatenate([np.eye(n), -np.eye(n)])
-            near = np.array([self.vector(*self.state(each, scene, scale)) for each in sides])
+            near = self.vector(*self.state(sides, scene))
             # Of the ways in which a point is free an orthonormal basis.
             basis, sizes, _ = np.linalg.svd((near[:n] - near[n:]).T)
             basis = basis[:, sizes > _SIZE]
             beside = [self.at(s + h)[0] for h in (_SIZE, -_SIZE)]
-            steps = _SIZE * np.concatenate([basis.T, -basis.T])
-            starts = [(w, scene) for w in (v, *(v + steps))] + [(v, each) for each in beside]
-            end, *moved = ends(starts, periods)
-            T, later, sooner = (np.log(periods * period_of(each)) for each in (scene, *beside))
-            k = basis.shape[1]
-            order = [*range(k), 2 * k, *range(k, 2 * k), 2 * k + 1]
-            ahead, behind = np.split(np.array(moved)[order], 2)
+            periods = max(1, round(np.exp(u[-1]) / period_of(scene)))
+            ways = _SIZE * np.concatenate([basis.T, -basis.T])
+            parts = [(np.vstack([v, v + ways]), scene), *((v[None], each) for each in beside)]
+            end, *moved, later, sooner = ends(parts, periods)
+            ahead, behind = np.split(np.array(moved), 2)
             images = (ahead - behind).T / (2 * _SIZE)
             jacobian = np.zeros((n + 1, n + 2))
-            jacobian[:n, :n] = images[:, :-1] @ basis.T - np.eye(n)
-            jacobian[:n, -1] = images[:, -1]
-            jacobian[n, n:] = 1.0, (sooner - later) / (2 * _SIZE)
-            residual = np.append(end - v, u[-1] - T)
-            return residual, jacobian, lambda: _logarithms(basis.T @ images[:, :-1])
+            jacobian[:n, :n] = images @ basis.T - np.eye(n)
+            jacobian[:n, -1] = (later - sooner) / (2 * _SIZE)
+            slower = np.log(period_of(beside[1]) / period_of(beside[0])) / (2 * _SIZE)
+            jacobian[n, n:] = 1.0, slower
+            gap = np.append(end - v, u[-1] - np.log(periods * period_of(scene)))
+            return gap, jacobian, lambda: _logarithms(basis.T @ images)
 
         longest = _MOST * max(period_of(self.at(s)[0]) for s in (0.0, 1.0))
 
         def end(u: Array) -> str:
             return f"more than {_MOST} periods of the drives" if np.exp(u[-1]) > longest else ""
 
-        return co.Problem(look, end=end, told=told, rank=_NEUTRAL, closed=_CLOSED)
+        return co.Problem(
+            look, end=end, told=told, rank=_NEUTRAL, closed=closed,
+            longest=_LONGEST,
+        )  # fmt: skip
 
 
 def _logarithms(matrix: Array) -> Array:
@@ -206,34 +223,29 @@ def _logarithms(matrix: Array) -> Array:
     return np.asarray(found)
 
 
-def swinging(
-    family: Driven, told: Told, at: Callable[[float], None] = lambda s: None
-) -> Iterator[co.Branch]:
+def swinging(family: Driven, told: co.Told, searched: Searched) -> Iterator[co.Branch]:
     """Yield the branches of periodic motions, and what crosses them.
 
-    They are sought at the family's places, `_INSIDE` between, which `at` is given: from the
-    scene's start, from where its motion has settled, and from rest about each principal axis where
-    M may change.
+    They are sought at the family's places, `_INSIDE` between: from the scene's start, from where
+    its motion has settled and, where M may change, from rest about each principal axis, up at one
+    place and down at the next.
     """
-    problem, branches = family.problem(told), list[co.Branch]()
+    rough, branches = family.problem(_SOUGHT), list[co.Branch]()
+    sides = cycle(np.stack([np.eye(3), -np.eye(3)]))
 
     def found(scene: Scene, scale: float) -> Iterator[Array]:
         attitude = multiply(scene.start.attitude, scene.principal_quaternion)
         first = scene.start.momentum
-        ends, M = strobed(scene, attitude[None], first[None], _SETTLED)
+        ends, M = strobed(scene, attitude[None], first[None], _SETTLED, _SOUGHT[0])
         starts = [family.vector(attitude, first), family.vector(ends[0, -1], M[0, -1])]
         if not scene.keeps_momentum:
-            upright = attitude_at(np.concatenate([np.eye(3), -np.eye(3)]))
-            starts += [family.vector(q, np.zeros(3)) for q in upright]
+            starts += [*family.vector(attitude_at(next(sides)), np.zeros((3, 3)))]
         for v in starts:
             yield np.append(v, np.log(period_of(scene)))
 
-    for u, s in sought(family, _INSIDE, found, at):
-        x = np.append(u, s)
-        for point in co.reached(problem, x, np.eye(len(x))[-1]):
-            for branch in co.explore(problem, [point.x], branches):
-                branches.append(branch)
-                yield branch
+    for _, some in groupby(sought(family, _INSIDE, found, searched), key=lambda each: each[1]):
+        starts = (point.x for u, s in some for point in co.reached(rough, np.append(u, s)))
+        yield from co.explore(family.problem(told=told), starts, branches)
 
 
 def close_strobed(scene: Scene, attitude: Array, momentum: Array) -> Cycle:
@@ -244,7 +256,7 @@ def close_strobed(scene: Scene, attitude: Array, momentum: Array) -> Cycle:
     frequency = 1 / period_of(scene)
     family = Driven(scene, "frequency", frequency, frequency)
     x = np.array([*family.vector(attitude, momentum), -np.log(frequency), 0.0])
-    point = co.corrected(family.problem(), x, np.eye(len(x))[-1])
+    point = co.corrected(family.problem(), x)
     values = np.exp(point.exponents)
-    state = family.state(point.x[:-2], *family.at(0.0))
+    state = family.state(point.x[:-2], scene)
     return Cycle(*state, 1 / frequency, values[np.argsort(-np.abs(values))])

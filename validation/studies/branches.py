@@ -1,7 +1,7 @@
 """Bifurcation diagrams: branches of a ball's motions in one number, and `robotball continue`."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -18,16 +18,23 @@ from robotball.equations import Parameters
 from robotball.errors import unknown
 from robotball.film.looks import ACCENT, INK
 from robotball.qualitative import motion_branches as motions
-from robotball.qualitative.continuation import BRANCH, DOUBLING, FOLD, HOPF, Branch, Point
+from robotball.qualitative.continuation import (
+    BRANCH,
+    DOUBLING,
+    FOLD,
+    HOPF,
+    Branch,
+    Point,
+    Told,
+)
 from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.equilibria import name_of
 from robotball.qualitative.families import NUMBERS
 from robotball.qualitative.long_run import basins
 from robotball.qualitative.portraits import limit_cycles
 from robotball.qualitative.strobed_branches import Driven, swinging
-from robotball.rotations import Array
 from validation.options import AGREES, OUT, File, SceneName, Threads, check_files
-from validation.output import Show, halo, progress_bar, title, writable_folder
+from validation.output import halo, progress_bar, title, writable_folder
 from validation.plots import note
 from validation.results import changed
 from validation.studies.contact_sections import level_starts, steady_scene
@@ -177,37 +184,60 @@ class Continue:
         family = self._family(scene)
         writable_folder(self.out)
         branches: list[Branch] = []
+        growing: list[Branch] = []  # the one that is being followed
         special: dict[tuple[Any, ...], Row] = {}
 
+        def noted(branch: Branch, number: int) -> None:
+            # A branch point is on two branches at least.
+            special.update(
+                ((row["kind"], *(round(row[key], 5) for key in _PLACE)), row)
+                for row in _special(family, number, branch)
+            )
+
         def written() -> tuple[Study, list[Path]]:
-            study = _study_of(scene, family, self.of, branches, [*special.values()])
+            every = [*branches, *growing]
+            for branch in growing:
+                noted(branch, len(every))
+            study = _study_of(scene, family, self.of, every, [*special.values()])
             stem = study.stem(*changed(self, "longest"))
             return study, write(study, self.out / f"{stem}.png", self.json, self.csv)
 
         with progress_bar(1) as progress:
+            place, places, earlier = 1, 1, 0  # branches that were found at places before
+            done, due = 0.0, time.monotonic() + _WRITE_EVERY
 
-            def at(x: Array) -> str:
-                period = f", period {np.exp(x[-2]):.4g} s" if (len(x) - 1) % 3 else ""
-                return f"{family.label[0]} = {family.value(x[-1]):.4g}{period}"
+            def say(part: float, what: str) -> None:
+                nonlocal done
+                done = max(done, (place - 1 + part) / places)
+                progress(done, f"{scene.name}, place {place} of {places}: {what}")
 
-            def told(x: Array) -> None:
-                progress(0, f"{scene.name}: branch {len(branches) + 1} at {at(x)}")
+            def search(s: float, *which: int) -> None:
+                nonlocal place, places, earlier
+                (place, places), earlier = which, len(branches)
+                say(0.0, f"search at {family.label[0]} = {family.value(s):.4g}")
 
-            found = self._branches(scene, family, told, progress)
-            due = time.monotonic() + _WRITE_EVERY
+            def told(branch: Branch) -> None:
+                nonlocal due
+                growing[:] = [branch]
+                (*_, period, s), many = branch.points[0].x, len(branch.points)
+                at = f"branch {len(branches) + 1}, {many} points, to {family.label[0]} = "
+                at += f"{family.value(s):.4g}"
+                if len(branch.points[0].x) % 3 == 2:
+                    at += f", period {np.exp(period):.4g} s"
+                # As nobody knows how many there are, each takes half of what is left of its place.
+                across = float(np.ptp([point.x[-1] for point in branch.points]))
+                say(1 - (1 - across / 2) / 2 ** (len(branches) - earlier), at)
+                if time.monotonic() > due:
+                    written()
+                    due = time.monotonic() + _WRITE_EVERY
+
             try:
-                for branch in found:
+                for branch in self._branches(scene, family, told, search):
                     branches.append(branch)
-                    # A branch point is on two branches at least.
-                    special |= {
-                        (row["kind"], *(round(row[key], 5) for key in _PLACE)): row
-                        for row in _special(family, len(branches), branch)
-                    }
-                    if time.monotonic() > due:
-                        written()
-                        due = time.monotonic() + _WRITE_EVERY
+                    growing.clear()
+                    noted(branch, len(branches))
             finally:  # of what is ended, too, all that was found
-                if branches:
+                if branches or growing:
                     study, paths = written()
         if not branches:
             raise InputError(
@@ -234,19 +264,14 @@ class Continue:
         return motions.Family(scene.parameters, momentum, self.over, self.low, self.high)
 
     def _branches(
-        self, scene: Scene, family: motions.Range, told: motions.Told, progress: Show
+        self, scene: Scene, family: motions.Range, told: Told, search: motions.Searched
     ) -> Iterator[Branch]:
         """Return the branches, each when it is found."""
-
-        def search(s: float) -> None:
-            what = f"{family.label[0]} = {family.value(s):.4g}"
-            progress(0, f"{scene.name}: search for cycles at {what}")
-
         if isinstance(family, Driven):
             return swinging(family, told, search)
         assert isinstance(family, motions.Family)
         if self.of != "cycle":
-            return motions.resting(family, told)
+            return motions.resting(family, told, search)
         # An unstable cycle is reached by no start, but is born somewhere.
         still = family.momentum.any() and not np.any(scene.parameters.Omega)
         lines = () if still else motions.resting(family)
@@ -289,7 +314,7 @@ def _study_of(
 
 
 def _cycles(
-    scene: Scene, family: motions.Family, search: Callable[[float], None]
+    scene: Scene, family: motions.Family, search: motions.Searched
 ) -> Iterator[tuple[Cycle, float]]:
     """Return cycles at the family's places: all from rest, else those that starts reach."""
 

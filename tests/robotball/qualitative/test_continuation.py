@@ -96,7 +96,8 @@ def test_normal_forms_have_their_special_points(name: str) -> None:
     for s in (0.0, 1.0):
         sizes = [abs(residual(np.array([x]), s)[0]) for x in roots]
         starts += [np.array([x, s]) for x, size in zip(roots, sizes, strict=True) if size < 0.06]
-    points = [p for each in explore(steady(residual, exponents), starts) for p in each.special()]
+    branches = explore(steady(residual, exponents), starts, [])
+    points = [point for each in branches for point in each.special()]
     assert [point.kind for point in points] == kinds
     at = 3 * 0.005 ** (2 / 3) if name == "imperfect" else 0.0
     assert [2 * point.x[-1] - 1 for point in points] == pytest.approx([at] * len(points), abs=1e-9)

@@ -119,7 +119,7 @@ def test_a_branch_doubles_its_period_at_the_border_of_mathieus_tongue() -> None:
     assert np.sort(beyond) == pytest.approx(np.sort(right), abs=1e-7)
     points, _ = co.half(problem, co._switched(problem, flip)[0], 2)
     swings, at = points[-1].x, family.at(points[-1].x[-1])
-    attitude, M = family.state(swings[:-2], *at)
+    attitude, M = family.state(swings[:-2], at[0])
     (ends,), (momenta,) = strobed(at[0], attitude[None], M[None], 2)
     once, twice = (family.vector(q, m) for q, m in zip(ends, momenta, strict=True))
     assert np.abs(once - swings[:-2]).max() > 0.005
@@ -215,7 +215,7 @@ def test_a_torus_is_born_near_the_hopf_point_of_a_line() -> None:
         assert torus.kind == co.HOPF
         moved.append(family.value(torus.x[-1]) - hopf)
         at = family.at(torus.x[-1])
-        attitude, momentum = family.state(torus.x[:-2], *at)
+        attitude, momentum = family.state(torus.x[:-2], at[0])
         turns = np.eye(6)[None, :, :3]
         _, found = tangent(partial(stroboscopic_map, at[0]), attitude[None], momentum[None], turns)
         pair = np.linalg.eigvals(found[0, :3])

@@ -17,12 +17,14 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar
 
 import robotball as rb
+from robotball.drives import Constant
 from robotball.errors import InputError
 from robotball.qualitative import continuation as co
 from robotball.qualitative.cycles import Cycle, tangent
-from robotball.qualitative.sections import period_of, strobed, stroboscopic_map
-from robotball.qualitative.strobed_branches import Driven, close_strobed
-from robotball.rotations import Array
+from robotball.qualitative.sections import own_start, period_of, strobed, stroboscopic_map
+from robotball.qualitative.strobed_branches import Driven, close_strobed, swinging
+from robotball.rotations import Array, multiply
+from robotball.scene import along_momentum
 
 _G, _A, _M, _B = 9.81, 0.1, 0.5, 0.03  # m/s², m, kg, m
 _I = 2 / 3 * 0.2 * _A**2  # kg m², of a thin shell of 0.2 kg; a point of 0.3 kg is 0.05 m off
@@ -158,6 +160,17 @@ def _resonant(theta: float) -> float:
     return float(brentq(last, 0.915 * _OWN, 0.918 * _OWN, xtol=1e-12))
 
 
+def _apart_by_mujoco(family: Driven, x: Array) -> float:
+    """Return how far from a point MuJoCo's motion is from it after its period, by *accurate*."""
+    scene = family.at(x[-1])[0]
+    attitude, M = family.state(x[:-2], scene)
+    scene = replace(scene, start=own_start(scene, attitude, M))
+    motion = rb.simulate(scene, np.linspace(0.0, np.exp(x[-2]), 3), settings="accurate")
+    q = multiply(motion.attitude[-1], scene.principal_quaternion)
+    before, after = family.vector(attitude, M), family.vector(q, motion.momentum[-1])
+    return float(np.abs(after - before).max())
+
+
 @pytest.mark.slow
 def test_a_resonance_that_softens_folds_where_its_swing_in_a_plane_does() -> None:
     """Where no swing follows the plane any more: a motion from there is thrown to large tilts.
@@ -188,6 +201,12 @@ def test_a_resonance_that_softens_folds_where_its_swing_in_a_plane_does() -> Non
     law = np.sqrt(1 - 6 * c * (force / (4 * c)) ** (2 / 3))
     # Measured 1.6e-3, of the next order; without κ, 0.025.
     assert found / _OWN == pytest.approx(law, abs=3e-3)
+    # MuJoCo's motions from points before the fold, at it and beyond it repeat, to 2e-11, 4e-11 and
+    # 1e-11; from beside the branch, with a little more momentum about Y, they do not.
+    for each in (points[0], fold, points[-1]):
+        assert _apart_by_mujoco(family, each.x) < 3e-10
+        beside = each.x + 1e-3 * np.eye(len(each.x))[4]
+        assert _apart_by_mujoco(family, beside) > 1e-5
     tilts = []
     for nu in (0.998 * found, 1.002 * found):
         (ends,), _ = strobed(_sideways(nu), tilted[None], np.zeros((1, 3)), 40, 1e-8)
@@ -224,6 +243,59 @@ def test_a_torus_is_born_near_the_hopf_point_of_a_line() -> None:
         assert np.abs(pair) == pytest.approx([1.0, 1.0], abs=1e-8)
     assert moved[0] == pytest.approx(-1.016e-4, rel=0.01)
     assert moved[1] / moved[0] == pytest.approx(4.0, rel=0.02)  # measured 3.974
+
+
+def _lines_that_close() -> tuple[Driven, float, float, float]:
+    """Return Fig. 10's ball with a slow rotor and a frame whose rate swings, over f, and three f.
+
+    Without the swing straight lines have γ across Ω and f = K² - (K, γ)², from (K, Ω)²/Ω² to K²:
+    one closed branch. Returned are both ends and a line's f near the upper one, where it starts.
+    """
+    rotor = Constant(0.1 * rb.load_scene("fig10").drives[1].rate(0.0))
+    steady = rb.load_scene("fig10").with_hinges(command={"rotor1": rotor})
+    K = np.array(steady.parameters.K)
+    gamma = np.array([-K[1], K[0], 0.0]) + 0.03 * np.array([K[0], K[1], 0.0])
+    M = np.cross(gamma := gamma / np.linalg.norm(gamma), K)
+    swing = rb.Sine(mean=1.0, amplitude=0.02, frequency=2.0)
+    scene = steady.with_hinges(command={"frame": swing})
+    low, high = float(K[2] ** 2), float(K @ K)
+    scene = replace(scene, start=along_momentum(gamma, M))
+    return Driven(scene, "f", 0.5 * low, 1.15 * high), low, high, float(M @ M)
+
+
+def test_a_driven_branch_folds_inside_the_range() -> None:
+    """Nothing is found at either end; from inside, the fold is where the lines' is, to 3e-8.
+
+    The swing moves it by its square: measured 1.3e-8.
+    """
+    family, _, high, own = _lines_that_close()
+    problem, T = family.problem(), np.log(period_of(family.scene))
+    attitude, M = family.scene.start.attitude, family.scene.start.momentum
+    u = np.append(family.vector(multiply(attitude, family.scene.principal_quaternion), M), T)
+    for s in (0.0, 1.0):
+        assert co.reached(problem, np.append(u, s)) == []
+    start = np.append(u, (own - family.low) / (family.high - family.low))
+    points, _ = co.half(problem, co.corrected(problem, start), 6)
+    (fold,) = (each for each in points if each.kind)
+    assert fold.kind == co.FOLD
+    assert family.value(fold.x[-1]) == pytest.approx(high, abs=3e-8)
+
+
+@pytest.mark.study
+def test_a_driven_branch_that_closes_inside_the_range_is_found() -> None:
+    """From the scene's own value, not from the ends; once, though all values inside see it."""
+    family, low, high, _ = _lines_that_close()
+    places: list[float] = []
+    found = []
+    for branch in swinging(family, lambda branch: None, lambda s, *which: places.append(s)):
+        found.append((branch, len(places)))
+    ((branch, at),) = found
+    assert at > 2  # the ends are the first two
+    assert len(places) == 6
+    assert branch.ends == (co.CLOSES, co.CLOSES)
+    folds = sorted(family.value(each.x[-1]) for each in branch.special(co.FOLD))
+    # Measured 1.3e-8, by the swing's square.
+    assert folds == pytest.approx([low, low, high, high], abs=3e-8)
 
 
 @pytest.mark.parametrize("nu", [2.0, 10.0])

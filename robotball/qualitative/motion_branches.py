@@ -73,7 +73,7 @@ class Range:
 
     def places(self, inside: int) -> list[float]:
         """Return where solutions are sought: both ends, the ball's own number, `inside` between."""
-        own = (self.own - self.low) / (self.high - self.low)
+        own = float((self.own - self.low) / (self.high - self.low))
         # The golden section keeps off the middle and other round numbers, where a ball may have a
         # symmetry and its solutions coincide.
         between = (np.arange(inside) + _GOLDEN) / inside

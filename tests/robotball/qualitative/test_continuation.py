@@ -103,6 +103,21 @@ def test_normal_forms_have_their_special_points(name: str) -> None:
     assert [2 * point.x[-1] - 1 for point in points] == pytest.approx([at] * len(points), abs=1e-9)
 
 
+@pytest.mark.parametrize(("differ", "count"), [(0.0, 1), (1.0, 2)])
+def test_solutions_that_differ_by_what_is_free_are_one(differ: float, count: int) -> None:
+    """Of x² + y² = 1 + s, from two headings, as a ball's; unless their exponents differ."""
+
+    def residual(u: Array, s: float) -> Array:
+        off = u[0] ** 2 + u[1] ** 2 - 1 - s
+        return np.array([off * u[0], off * u[1], u[2]])
+
+    def exponents(u: Array, s: float) -> Array:
+        return np.array([-2 * (1 + s), differ * u[0] / np.sqrt(1 + s) - 2])
+
+    starts = [np.array([np.cos(a), np.sin(a), 0.0, 0.0]) for a in (0.3, 1.8)]
+    assert len([*explore(steady(residual, exponents), starts, [])]) == count
+
+
 @pytest.mark.parametrize("cubic", [-2.0, -0.5, 0.5])
 def test_the_first_lyapunov_value_of_a_normal_form(cubic: float) -> None:
     """dr/dt = cubic r³ + rz, dz/dt = r² - z: (cubic + 1) r³ on the centre manifold, in any axes.

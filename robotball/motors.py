@@ -62,9 +62,12 @@ class Law(NamedTuple):
 
     def torque(self, command: _Scalar, angle: _Scalar, rate: _Scalar) -> Any:
         """Return the torque on the child [N m] at an angle [rad] and a rate [rad/s]."""
+        return np.clip(self.unlimited(command, angle, rate), -self.limit, self.limit)
+
+    def unlimited(self, command: _Scalar, angle: _Scalar, rate: _Scalar) -> Any:
+        """Return the torque on the child [N m] as it would be without a limit."""
         free = self.per_command * command - self.per_angle * angle - self.per_rate * rate
-        free = free + self.at_rest - self.friction * np.tanh(rate / SLOW)
-        return np.clip(free, -self.limit, self.limit)
+        return free + self.at_rest - self.friction * np.tanh(rate / SLOW)
 
 
 class Motor(Protocol):

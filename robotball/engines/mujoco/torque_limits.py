@@ -29,7 +29,7 @@ _OWN = 2  # in place of a side: MuJoCo limits the torque itself
 
 @dataclass(frozen=True)
 class _Limited:
-    """A motor with a torque limit: its law without it, and its index and numbers in MjModel.
+    """A motor with a torque limit: its law, and its index and numbers in MjModel.
 
     gears (h,): the ratios of its hinges among the model's.
     """
@@ -46,7 +46,7 @@ class _Limited:
         """Return the torque at t [s] that its law alone would give, over the limit."""
         angle = float(data.qpos[FREE_QPOS:] @ self.gears)
         rate = float(data.qvel[FREE_QVEL:] @ self.gears)
-        return float(self.law.torque(self.command.rate(t), angle, rate)) / self.limit
+        return float(self.law.unlimited(self.command.rate(t), angle, rate)) / self.limit
 
 
 class _Switches:
@@ -166,5 +166,4 @@ def _limited(model: Model) -> Iterator[_Limited]:
         if law.limit < np.inf:
             i = compiled.actuator(name).id
             gain, bias = compiled.actuator_gainprm[i].copy(), compiled.actuator_biasprm[i].copy()
-            unlimited = law._replace(limit=np.inf)
-            yield _Limited(unlimited, law.limit, command, gears, i, gain, bias)
+            yield _Limited(law, law.limit, command, gears, i, gain, bias)

@@ -240,11 +240,16 @@ def half(
         problem.told(Branch((*points[::-1], *behind[1:]), (UNFINISHED, UNFINISHED)))
         if end := problem.end(new.x[:-1]):
             return points, end
-        one, other = ((point.x - start.x)[problem.identity :] for point in (last, new))
+        one, other, *away = (
+            (point.x - start.x)[problem.identity :] for point in (last, new, *special)
+        )
         between = one @ other < -_BENT * np.linalg.norm(one) * np.linalg.norm(other)
         here, there, now = (np.sort_complex(each.exponents) for each in (start, last, new))
         if between and np.abs(now - here).max() < _ALIKE + np.abs(now - there).max():
-            return points, CLOSES
+            # What is special beyond the start is among the first points already.
+            first = len(points) - 1 - len(special)
+            before = [point for point, off in zip(special, away, strict=True) if off @ other < 0]
+            return [*points[:first], *before, new], CLOSES
         step = min(1.5 * step, problem.longest)
     return points, f"{most} points"
 

@@ -546,7 +546,7 @@ def _gears_of(scene: Scene) -> Array:
     own = [{hinge.name: 1.0} for hinge in scene.hinges if hinge.motor is not None]
     gears = [*own, *(dict(each.gears) for each in scene.actuators)]
     rows = [[each.get(name, 0.0) for name in names] for each in gears]
-    return np.array(rows).reshape(-1, len(names))
+    return np.array(rows).reshape(len(rows), len(names))
 
 
 def _scale_of(scene: Scene) -> Array:

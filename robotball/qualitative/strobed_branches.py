@@ -210,10 +210,7 @@ class Driven(Range):
         def end(u: Array) -> str:
             return f"more than {_MOST} periods of the drives" if np.exp(u[-1]) > longest else ""
 
-        return co.Problem(
-            look, end=end, told=told, rank=_NEUTRAL, closed=closed,
-            longest=_LONGEST,
-        )  # fmt: skip
+        return co.Problem(look, end=end, told=told, rank=_NEUTRAL, closed=closed, longest=_LONGEST)
 
 
 def _logarithms(matrix: Array) -> Array:

@@ -219,11 +219,11 @@ class Continue:
             def told(branch: Branch) -> None:
                 nonlocal due
                 growing[:] = [branch]
-                (*_, period, s), many = branch.points[0].x, len(branch.points)
-                at = f"branch {len(branches) + 1}, {many} points, to {family.label[0]} = "
-                at += f"{family.value(s):.4g}"
-                if len(branch.points[0].x) % 3 == 2:
-                    at += f", period {np.exp(period):.4g} s"
+                x, count = branch.points[0].x, len(branch.points)
+                at = f"branch {len(branches) + 1}, {count} points, to {family.label[0]} = "
+                at += f"{family.value(x[-1]):.4g}"
+                if len(x) % 3 == 2:  # (u, s) of a cycle, whose u ends with ln T
+                    at += f", period {np.exp(x[-2]):.4g} s"
                 # As nobody knows how many there are, each takes half of what is left of its place.
                 across = float(np.ptp([point.x[-1] for point in branch.points]))
                 say(1 - (1 - across / 2) / 2 ** (len(branches) - earlier), at)

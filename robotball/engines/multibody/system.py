@@ -439,6 +439,11 @@ class System:
         ]
         self.holds = any(isinstance(command, Held) for command in self._commands[0])
         self._plane_velocity = np.zeros((len(scenes), 3))
+        # The planes that move differently, each by a scene and the robots on it.
+        self._planes: dict[Any, tuple[Scene, list[int]]] = {}
+        for k, each in enumerate(scenes if first.plane_moves else ()):
+            plane = *each.gravity_world.tolist(), *each.plane_drives
+            self._planes.setdefault(plane, (each, []))[1].append(k)
         self._changing_rates = _alike(
             (i, hinge.command, k)
             for k, each in enumerate(scenes)
@@ -519,10 +524,9 @@ class System:
             command = drive.rate(min(t, self.end))  # one that is held may jump
             for k in robots:
                 self._inputs.commands[k, i] = command
-        if self.scene.plane_moves:
-            for k, scene in enumerate(self.scenes):
-                self.machine.gravity[k] = scene.gravity_at(t)
-                self._plane_velocity[k] = [each.angle(t) for each in scene.plane_drives]
+        for scene, robots in self._planes.values():
+            self.machine.gravity[robots] = scene.gravity_at(t)
+            self._plane_velocity[robots] = [each.angle(t) for each in scene.plane_drives]
 
 
 def _alike(drives: Iterable[tuple[int, Drive, int]]) -> list[tuple[int, Drive, list[int]]]:

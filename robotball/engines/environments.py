@@ -212,6 +212,8 @@ def _chosen(home: Path, requirement: str) -> tuple[Path, str]:
     _create(home, next(iter(known.values())))  # for its pip
     found = {each: _newest(home, python, requirement) for each, python in known.items()}
     newest = max(found.values(), key=_numbers)
+    if not newest:
+        return known[next(iter(known))], "the newest here, as none has all of it in wheels"
     version = next(each for each, release in found.items() if release == newest)
     all_of_them = ", ".join(f"{each} has {release or 'none'}" for each, release in found.items())
     return known[version], f"the newest here of those with that release ({all_of_them})"

@@ -275,13 +275,14 @@ def zeros(field: Field, starts: int = 400) -> list[Array]:
     # of the paper for the points, which this search is to confirm.
     for gamma in spread_points(starts):
         for _ in range(30):
-            basis = across(gamma)
-            linear = basis @ jacobian(field, gamma) @ basis.T
-            # On a curve of zeros `linear` is singular; the shortest step goes across the curve.
-            step = np.linalg.lstsq(linear, basis @ field(gamma), rcond=1e-13)[0]
+            flat = np.eye(3) - np.outer(gamma, gamma)
+            linear = flat @ jacobian(field, gamma) @ flat
+            # It is singular along γ, and on a curve of zeros along that: the shortest step of all
+            # that solve it is in the sphere's plane, and goes across the curve.
+            step = np.linalg.lstsq(linear, flat @ field(gamma), rcond=1e-13)[0]
             length = float(np.linalg.norm(step))
             # A long step leaves the neighbourhood in which the linear part is right.
-            gamma = unit(gamma - basis.T @ step * min(1.0, 0.3 / max(length, 1e-300)))
+            gamma = unit(gamma - step * min(1.0, 0.3 / max(length, 1e-300)))
             if length < 1e-13:
                 break
         at_rest = np.linalg.norm(field(gamma)) < 1e-12

@@ -324,6 +324,7 @@ class Engines:
     def run(self) -> int:
         known = engine_runs.contestants()
         for each in chosen("engine", listed(self.install), known) if self.install else ():
+            print(f"{each.name}: pip makes its environment, in minutes", file=sys.stderr)
             home = engine_runs.install(each, writable_folder(self.environments), self.python)
             print(home, *said_of(home), sep="\n  ")
         some = chosen("engine", listed(self.only), known)

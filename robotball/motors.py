@@ -358,6 +358,11 @@ class Actuator:
     within : tuple of 2 floats, optional
         Least and largest command, to which a constant one is clipped.
 
+    Raises
+    ------
+    InputError
+        Where the gears name a hinge twice.
+
     Examples
     --------
     >>> import robotball as rb
@@ -372,6 +377,11 @@ class Actuator:
     command: Rate = 0.0
     activation: "Activation | None" = None
     within: tuple[float, float] = (-math.inf, math.inf)
+
+    def __post_init__(self) -> None:
+        moved = [name for name, _ in self.gears]
+        if len(set(moved)) < len(moved):
+            raise InputError(f"{self.name} must have one gear a hinge, not {self.gears}")
 
     def control(self, end: float) -> Rate:
         """Return what the law takes in a run from 0 to `end` [s].

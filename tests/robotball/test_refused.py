@@ -142,6 +142,8 @@ SCENES = {
         r"rotor1: a drive's rate at t = 0 s must be finite and .*not nan",
     "rb.integrate(replace(FIG12, ball=body('rotor', centre=0.1 * UP)), equations='reduced')":
         r"fig12: the ball is not balanced: its centre of mass is 0\.0142857 m off",
+    "Actuator('pull', (('arm', 1.0), ('arm', 2.0)), Law(1.0, 0.0, 0.0))":
+        r"pull must have one gear a hinge, not \(\('arm', 1\.0\), \('arm', 2\.0\)\)",
     "replace(FIG12, actuators=(Actuator('a', (('frame', 1.0),), Law(1.0, 0.0, 0.0)),))":
         r"a moves the hinge of 'frame', which must be one whose rate is not given; those are none",
     "hung(Link('arm', 'leg', 1.0, np.eye(3), UP, UP))":

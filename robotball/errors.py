@@ -93,9 +93,11 @@ def warn(line: str, kind: type[SceneWarning] = SceneWarning) -> None:
 
 def unknown(kind: str, name: object, known: Iterable[str]) -> InputError:
     """Return the error for an unknown name, with near matches or else the known names."""
-    near = difflib.get_close_matches(str(name), known := list(known))
-    some = f"{len(known)}, as " if len(known) > _FEW else ""
-    all_ = f"there are {some}{', '.join(known[:_FEW])}"
+    # The hyphens with which all options begin make none of them near.
+    words = {each.lstrip("-"): each for each in known}
+    near = [words[each] for each in difflib.get_close_matches(str(name).lstrip("-"), words)]
+    some = f"{len(words)}, as " if len(words) > _FEW else ""
+    all_ = f"there are {some}{', '.join([*words.values()][:_FEW])}"
     hint = f"did you mean {' or '.join(near)}?" if near else all_
     return InputError(f"no {kind} is called {str(name)!r}; {hint}")
 

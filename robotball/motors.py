@@ -379,8 +379,7 @@ class Actuator:
     within: tuple[float, float] = (-math.inf, math.inf)
 
     def __post_init__(self) -> None:
-        moved = [name for name, _ in self.gears]
-        if len(set(moved)) < len(moved):
+        if len({name for name, _ in self.gears}) < len(self.gears):
             raise InputError(f"{self.name} must have one gear a hinge, not {self.gears}")
 
     def control(self, end: float) -> Rate:

@@ -27,7 +27,6 @@ import tyro
 from tyro.conf import subcommand
 
 from robotball.errors import InputError, SceneWarning, UnitWarning, unknown
-from robotball.files.replacing import STANDARD_OUTPUT
 from validation.options import BAD_INPUT, Controls, Names
 
 
@@ -37,6 +36,8 @@ def _standard_output_of(command: object) -> Iterator[None]:
 
     Tables and messages go to standard error then. Raises InputError for more than one such option.
     """
+    from robotball.files.replacing import STANDARD_OUTPUT  # which --help does without
+
     count = sum(path == STANDARD_OUTPUT for path in _paths(command))
     if count > 1:
         raise InputError("standard output takes one result: give `-` to one option alone")
@@ -237,7 +238,7 @@ def _check_each_is_known(name: str, arguments: Sequence[str]) -> None:
     with contextlib.redirect_stdout(helped), contextlib.suppress(SystemExit):
         tyro.cli(class_of(name), args=["--help"])
     lines = re.findall(r"^[│ ] (?:-h, )?(--.*)", helped.getvalue(), re.MULTILINE)
-    known = [option for line in lines for option in re.findall(r"(?:^|, )(--[\w-]+)", line)]
+    known = [each for line in lines for each in re.findall(r"(?:^|, )(--\w[\w-]*)", line)]
     for option in _options_in(arguments):
         if option not in known:
             raise unknown(f"option of {name}", option, [*known, _AS_GIVEN])
@@ -315,15 +316,27 @@ def _file_of(name: str) -> Path:
 
 
 def _words_of(name: str, refusal: str) -> str:
-    """Return the words in tyro's box: those below its title, above the first rule after it.
+    """Return the words in tyro's box, in ours where they are a program's.
 
-    Of what a command lacks it has the whole help, of which the names are enough.
+    They stand below its title, above the first rule after it. Of what a command lacks it has the
+    whole help, of which the names are enough.
     """
     if "Missing from" in refusal:
         missing = re.findall(r"^. {5}(\S+)", refusal.partition("For full")[0], re.MULTILINE)
-        return f"{name} needs {', '.join(missing)}; `robotball help {name}` says what they are"
+        them = "it is" if len(missing) == 1 else "they are"
+        return f"{name} needs {', '.join(missing)}; `robotball help {name}` says what {them}"
     parts = re.split(r"[─-]{4,}", re.sub(r"[│╰╯]", " ", refusal.partition("\n")[2]))
     words = next(" ".join(part.split()) for part in parts if part.strip())
-    if re.match("Unrecognized options: [^-]", words):
-        words += "; names stand together, and values of one option have commas between them"
+    for theirs, ours in _IN_OUR_WORDS.items():
+        words = re.sub(theirs, ours, words)
     return words
+
+
+_IN_OUR_WORDS = {
+    r"Error parsing (\S+): .*to float: (.*)": r"\1 takes a number, not \2",
+    r"Error parsing (\S+): .*for int\(\) with base 10: (.*)": r"\1 takes a whole number, not \2",
+    r"Missing value for argument '(\S+)'.*": r"\1 needs a value",
+    r"invalid choice (.*) for .*'(\S+)'. Expected .*\((.*)\)\.": r"\2 is one of \3, not \1",
+    r"Unrecognized options: ([^-].*)": r"there is no place for \1: names stand together, and "
+    "values of one option have commas between them",
+}

@@ -41,7 +41,7 @@ REFUSED = {
     "--verson": r"did you mean --version\?$",
     "compair fig12": r"^robotball: no command is called 'compair'; did you mean compare\?$",
     "compare": "compare needs a scene",
-    "check": "^robotball: check needs FILE; `robotball help check` says what they are$",
+    "check": "^robotball: check needs FILE; `robotball help check` says what it is$",
     "continue fig07 --over K3": "continue needs --of, --from, --to; `robotball help continue`",
     "model fig12 --out x.urdf": "x.urdf: a model is MJCF, in a file whose name ends in .xml",
     "compare fig112": "no scene is called 'fig112'; did you mean fig12",
@@ -51,8 +51,14 @@ REFUSED = {
     "compare fig12 --preset balancd": r"no preset is called 'balancd'; did you mean balanced\?",
     "compare fig12 fast": "'fast' is a preset and no scene: write --preset fast",
     "compare fig12 --preset naive fast": (
-        "options: fast; names stand together, and values of one option have com"
+        "^robotball: there is no place for fast: names stand together, and values of one option ha"
     ),
+    "compare fig12 --preset": "^robotball: --preset needs a value$",
+    "video fig12 --camera hand": (
+        "^robotball: --camera is one of 'follow', 'above', 'whole', not 'hand'$"
+    ),
+    "section fig12 --at 1": "'--at'; there are --help, --starts, --count, --skip, --g, --preset, -",
+    "convergence fig12 --workers 1": "'--workers'; there are --help, .* --without, --duration, --q",
     "compare fig12 --durration 1": "no option of compare is called '--durration'; did you mean",
     "demo --rubbish=3": "no option of demo is called '--rubbish'; there are --help, --out",
     **{
@@ -89,7 +95,8 @@ REFUSED = {
     "compare fig12 --starts 0": "starts must be at least 1, not 0",
     "compare fig12 --starts 2 --accuracy 1e-6": "random starts run by presets: leave out --acc",
     "compare fig12 --starts 2 --duration 0": f"{POSITIVE} 0 s",
-    "compare fig12 --duration soon": "--duration.*'soon'",
+    "compare fig12 --duration soon": "^robotball: --duration takes a number, not 'soon'$",
+    "compare fig12 --starts 1.5": "^robotball: --starts takes a whole number, not '1.5'$",
     "compare fig12 --duration 0": f"{POSITIVE} 0 s",
     "compare fig12 --duration nan": f"{POSITIVE} nan s",
     "tradeoff fig12 --friction --duration 0": f"{POSITIVE} 0 s",

@@ -138,7 +138,7 @@ def run(cell: Mapping[str, Any]) -> dict[str, Any]:
         "python_seconds": known(report.python_seconds),
         "fixed_work": speed,
         "faults": [str(fault) for fault in report.faults],
-        "lacks": sorted({str(each.message) for each in said}),
+        "warnings": sorted({str(each.message) for each in said}),
         "settings": settings.plain(),
         "python": platform.python_version(),
     }

@@ -36,6 +36,8 @@ from .engines.recorded import load_motion as load_motion
 from .engines.recorded import recorded as recorded
 from .errors import InputError as InputError
 from .errors import SceneWarning as SceneWarning
+from .evidence import Found as Found
+from .evidence import SensorFit as SensorFit
 from .files.export import export_scene as export_scene
 from .files.logs import Log as Log
 from .files.logs import Sensor as Sensor
@@ -46,8 +48,6 @@ from .files.scene_writer import scene_toml as scene_toml
 from .files.trajectories import Trajectory as Trajectory
 from .files.trajectories import read_trajectory as read_trajectory
 from .fitting import Fit as Fit
-from .fitting import Found as Found
-from .fitting import SensorFit as SensorFit
 from .fitting import fit as fit
 from .loads import Loads as Loads
 from .many_motions import simulate_many as simulate_many

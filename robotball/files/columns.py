@@ -133,9 +133,9 @@ def _read_csv(file: BinaryIO, empty: str) -> Table:
     encoding = next((_MARKS[mark] for mark in _MARKS if start.startswith(mark)), None)
     file.seek(0)
     notes = ("it begins with a byte order mark, which is skipped",) if encoding else ()
-    lines = enumerate(io.TextIOWrapper(file, encoding or "utf-8"), 1)
     try:
-        return replace(_table(lines, empty), notes=notes)
+        with io.TextIOWrapper(file, encoding or "utf-8") as text:
+            return replace(_table(enumerate(text, 1), empty), notes=notes)
     except UnicodeDecodeError:
         raise InputError("it is no text in UTF-8 or UTF-16") from None
 

@@ -18,13 +18,15 @@ from tyro.conf import Positional, arg
 
 from robotball import InputError
 from robotball.engine import request_of, run_request
+from robotball.evidence import Found, SensorFit
 from robotball.files import MODEL_FILES
 from robotball.files.logs import Log, read_log
 from robotball.files.numbers import Numbers
 from robotball.files.scene_numbers import numbers_of
 from robotball.film.lines import PRESET_LOOKS, Look
 from robotball.fitting import Fit as Fitted
-from robotball.fitting import Found, Run, SensorFit, fit
+from robotball.fitting import fit
+from robotball.residuals import Run
 from validation.options import AGREES, DISAGREES, OUT, File, Names, SceneName, check_files, listed
 from validation.output import (
     known,
@@ -77,6 +79,8 @@ def lines(found: Fitted) -> Iterator[str]:
         yield f"the model explains the logs: {told}, its probability {probability:.2g}"
     else:
         yield f"the model does not explain the logs: {told}"
+    if not found.complete:
+        yield "the fit stopped before the minimum of χ²: fit again from the scene that it wrote"
     for sensor in found.strays:
         yield (
             f"  {sensor.name} of {sensor.log} from t = {sensor.since or 0.0:.3g} s on: it is off "
@@ -193,6 +197,7 @@ def _record(scene: str, fits: Mapping[str, Fitted]) -> dict[str, Any]:
         "chi2": found.chi2,
         "degrees_of_freedom": found.degrees,
         "probability": found.probability,
+        "complete": found.complete,
         "numbers": [_plain(each) for each in found.found],
         "of_logs": [_plain(each) for each in found.of_logs],
         "correlations": found.correlations.tolist(),

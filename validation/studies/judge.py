@@ -30,9 +30,10 @@ from robotball import (
 )
 from robotball.engines import recorded as derivative
 from robotball.errors import LARGEST, check_positive
+from robotball.evidence import Found
 from robotball.files.logs import Log, Sensor
 from robotball.files.scene_numbers import numbers_of
-from robotball.fitting import Found, fit
+from robotball.fitting import fit
 from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array
 from robotball.sensing import ON_THE_PLANE, apart

@@ -108,6 +108,7 @@ _CLEAR = np.log(1e-2), 0.1  # errors, typical and largest, below which a convent
 _MOST_MISTAKES = 4  # that are looked for in one file
 _TRIED = 1e-9  # of a step, of a mistaken scene's motion: far below what explains anything
 _SCENE, _TIME, _RATE = "scene", "time", "angular velocity"
+_TURNS = "attitude", "world"  # families of conventions that change the attitude
 _NOT_THE_RATE = "the angular velocity is not the attitude's rate"
 _ASTRAY = 1e-2  # of ω, relative; one that is sampled half a step away is less off
 _FINE = 4000  # samples of a motion that is asked between them
@@ -142,7 +143,10 @@ def reference_of(scene: Scene, times: Array, **more: Any) -> Motion:
 
 @dataclass(frozen=True)
 class _Option:
-    """A mistake that may be the next: some rows without it, and what they should be then."""
+    """A mistake that may be the next: some rows without it, and what they should be then.
+
+    angle: the attitude's error (n,), where it is known: most conventions change no attitude.
+    """
 
     family: str
     name: str
@@ -150,10 +154,11 @@ class _Option:
     file: Trajectory
     truth: Truth
     scene: Scene
+    angle: Array | None = None
 
     @cached_property
     def errors(self) -> tuple[Array, ...]:
-        return errors_at(self.file, self.truth)
+        return errors_at(self.file, self.truth, self.angle)
 
     @cached_property
     def typical(self) -> Array:
@@ -211,7 +216,7 @@ class Search:
                 families.add(_RATE)
             options = [
                 _Option(each.family, each.name, each.parts, each.undo(now.file), now.truth,
-                        now.scene)
+                        now.scene, None if each.family in _TURNS else now.errors[1])
                 for each in conventions(now.truth, self._has_height)
                 if each.family not in families
             ]  # fmt: skip

@@ -68,11 +68,15 @@ def some_of(count: int) -> slice:
     return slice(None, None, max(1, count // _MOST))
 
 
-def errors_at(file: Trajectory, truth: Truth) -> tuple[Array, ...]:
-    """Return the errors of path, attitude and, if known, ω: (n,) each, in the units of `Errors`."""
+def errors_at(file: Trajectory, truth: Truth, angle: Array | None = None) -> tuple[Array, ...]:
+    """Return the errors of path, attitude and, if known, ω: (n,) each, in the units of `Errors`.
+
+    angle: the attitude's (n,), where it is known.
+    """
     apart, right = file.position[:, :2] - truth.motion.contact_point, truth.motion.angular_velocity
     path = np.linalg.norm(apart, axis=1) / truth.path_scale
-    angle = angle_between(truth.motion.attitude, file.attitude)
+    if angle is None:
+        angle = angle_between(truth.motion.attitude, file.attitude)
     if file.angular_velocity is None:
         return path, angle
     fastest = np.linalg.norm(right, axis=1).max()

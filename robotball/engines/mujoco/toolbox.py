@@ -7,9 +7,10 @@ step gets its own control. Which numbers are free, and what readings are held ag
 """
 
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from importlib import import_module
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -80,40 +81,24 @@ def roll(scene: Scene, times: Array) -> Motion:
     )  # fmt: skip
 
 
-class Solved(NamedTuple):
-    """The unknowns (p,), the residuals (n,), and half the sum of their squares."""
-
-    x: Array
-    fun: Array
-    cost: float
-
-
 def least_squares(
     residuals: Callable[..., Array],
     x: Array,
     jacobian: Callable[..., Array],
     bounds: tuple[Array, Array],
     *,
-    args: Sequence[Any],
-    loss: str,
     max_nfev: int,
     **_: Any,
-) -> Solved:
-    """Minimize as scipy's function of this name does, by the toolbox.
-
-    Raises InputError for a loss other than squares, which the toolbox has not.
-    """
-    if loss != "linear":
-        raise InputError(f"the toolbox has least squares alone, and no loss {loss!r}")
+) -> SimpleNamespace:
+    """Minimize as scipy's function of this name does, by the toolbox."""
 
     def gaps(x: Array, _: Any) -> tuple[list[Array], list[Any], list[Any]]:
-        return [residuals(x.ravel(), *args)[:, None]], [], []
+        return [residuals(x.ravel())[:, None]], [], []
 
     limits = [np.clip(each, -_FARTHEST, _FARTHEST) for each in bounds]
     free = sysid.ParameterDict({"": sysid.Parameter("", x, *limits)})
     _, found = sysid.optimize(
         free, gaps, verbose=False, output=io.StringIO(), max_iters=max_nfev, xtol=_ENOUGH,
-        jacobian=lambda x, _: jacobian(x.ravel(), *args),
+        jacobian=lambda x, _: jacobian(x.ravel()),
     )  # fmt: skip
-    left = residuals(found.x, *args)
-    return Solved(found.x, left, float(left @ left) / 2)
+    return SimpleNamespace(x=found.x)

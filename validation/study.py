@@ -69,7 +69,8 @@ class Column:
 
     cell: the key of a text or a number in the rows, or a function that gives the text for a row;
     words: whether the column holds words, which begin at its left. A number is shown times `scale`
-    in the format `form`; one that a row has not as `missing`.
+    in the format `form`, one that rounds to zero without a sign; one that a row has not as
+    `missing`.
     """
 
     header: str
@@ -87,7 +88,11 @@ class Column:
         value = row.get(self.cell)
         if value is None:
             return self.missing
-        return value if isinstance(value, str) else f"{value * self.scale:{self.form}}"
+        if isinstance(value, str):
+            return value
+        # Python has no z, which takes the sign from -0.0, for integers.
+        form = self.form if self.form == "d" else f"z{self.form}"
+        return f"{value * self.scale:{form}}"
 
 
 def pareto_front(errors: Sequence[float], costs: Sequence[float]) -> list[int]:

@@ -39,7 +39,8 @@ _ROUGH = 1e-7
 _DIVERGES = 10.0  # times the residuals before: Newton's method is lost
 _NEUTRAL = 1e-9  # of an exponent's size: a real part below it is rounding
 _LEVEL = 1e-7  # of a tangent: a part along s below it is rounding
-_SINGULAR = 1e-4  # of the largest singular value: one that small, located, is zero
+_PARTED = 5.0  # e^(1/3) between branches that cross but for an error e, as far as they are seen to
+_TWO_PAIRS = 1e-4  # 1/s, or of a period: a real part of another pair, where one's is zero
 _LOCATED = 1e-11  # of a step's length
 _SAME = 1e-5  # how near two special points, or two solutions at one s, are one
 _APART = 1e-7  # in s, for differences
@@ -56,15 +57,15 @@ Look = tuple[Array, Array, Callable[[], Array]]
 class Point:
     """A point x = (u, s) (n + 1,) of a branch, with the tangent (n + 1,) and exponents (k,) there.
 
-    kind: of a special point; else ""; free: whether solutions fill a surface here, as where a ball
-    may be turned about its own axis.
+    kind: of a special point; else ""; free: in how many ways solutions go on beside the branch, as
+    where a ball may be turned about its own axis.
     """
 
     x: Array
     tangent: Array
     exponents: Array
     kind: str = ""
-    free: bool = False
+    free: int = 0
 
     @property
     def is_stable(self) -> bool:
@@ -89,8 +90,20 @@ class Branch:
         return int(np.count_nonzero(above[1:] != above[:-1]))
 
 
-Told = Callable[[Branch], None]
-"""Is given a branch whenever it has a new point."""
+class Watch:
+    """Is told what a search for branches does. This one is silent."""
+
+    def seeks(self, s: float, place: int, places: int) -> None:
+        """Solutions are sought at s next, at one of so many places."""
+
+    def grows(self, branch: Branch) -> None:
+        """A branch has a new point."""
+
+    def lost(self, s: float, reason: str) -> None:
+        """What was begun at s is given up."""
+
+
+SILENT = Watch()
 
 
 @dataclass(frozen=True)
@@ -99,16 +112,16 @@ class Problem:
 
     look: what is seen of them at u and s; gauge: a direction (n,) in which the same solution goes
     on; end: why a branch is followed no further than u, or ""; identity: the part of (u, s) by
-    which a solution is recognised; told: is given a branch whenever it has a new point; rank: of
-    the largest singular value of the derivatives, what is less is zero; closed: residuals from
-    which a step of Newton's method leaves none; longest: of a step along a branch.
+    which a solution is recognised; watch: is told of points and of lost starts; rank: of the
+    largest singular value of the derivatives, what is less is zero; closed: residuals from which a
+    step of Newton's method leaves none; longest: of a step along a branch.
     """
 
     look: Callable[[Array, float], Look]
     gauge: Callable[[Array, float], Array] | None = None
     end: Callable[[Array], str] = lambda u: ""
     identity: int = 0
-    told: Told = lambda branch: None
+    watch: Watch = SILENT
     rank: float = 1e-9
     closed: float = 1e-13
     longest: float = 0.03
@@ -121,13 +134,13 @@ class Problem:
         return direction[None] / np.linalg.norm(direction)
 
 
-def steady(residual: Residual, exponents: Residual, told: Told = lambda branch: None) -> Problem:
+def steady(residual: Residual, exponents: Residual, watch: Watch = SILENT) -> Problem:
     """Return the problem of an analytic function's zeros, with the exponents (k,) at each."""
 
     def look(u: Array, s: float) -> Look:
         return residual(u, s), derivatives(residual, u, s), lambda: exponents(u, s)
 
-    return Problem(look, told=told)
+    return Problem(look, watch=watch)
 
 
 def derivatives(residual: Residual, u: Array, s: float) -> Array:
@@ -147,8 +160,8 @@ def by_parameter(residual: Residual, u: Array, s: float) -> Array:
 def explore(problem: Problem, starts: Iterable[Array], branches: list[Branch]) -> Iterator[Branch]:
     """Yield the branches through starts (n + 1,) near (u, s), and those that cross them.
 
-    They are added to `branches`. A start on one of these is not followed again, nor one from which
-    Newton's method does not converge.
+    They are added to `branches`. A start on one of these is not followed again. The watch is told
+    of one from which Newton's method does not converge.
     """
     crossed = [point for each in branches for point in each.special(BRANCH, DOUBLING)]
     most = len(branches) + _MOST_BRANCHES
@@ -170,7 +183,7 @@ def explore(problem: Problem, starts: Iterable[Array], branches: list[Branch]) -
     for x in starts:
         if is_known(Point(x, x, np.zeros(0))):
             continue
-        queue = [point for point in reached(problem, x) if not is_known(point)]
+        queue = [point for point in begun(problem, x) if not is_known(point)]
         while queue and len(branches) < most:
             branches.append(trace(problem, queue.pop()))
             yield branches[-1]
@@ -237,7 +250,7 @@ def half(
             return points, "shrinks to a point"
         bend = (new.tangent - last.tangent) / np.linalg.norm(new.x - last.x)
         points += [*special, new]
-        problem.told(Branch((*points[::-1], *behind[1:]), (UNFINISHED, UNFINISHED)))
+        problem.watch.grows(Branch((*points[::-1], *behind[1:]), (UNFINISHED, UNFINISHED)))
         if end := problem.end(new.x[:-1]):
             return points, end
         one, other, *away = (
@@ -270,7 +283,7 @@ def corrected(problem: Problem, x: Array, across: Array | None = None) -> Point:
         x, size = x - change, np.abs(gap).max()
         if size < problem.closed or last <= size < _ROUGH:
             tangent /= np.linalg.norm(tangent)
-            return Point(x, tangent, exponents(), free=bool(solved[2] < len(x)))
+            return Point(x, tangent, exponents(), free=len(x) - int(solved[2]))
         if size > _DIVERGES * last:
             break
         last = size
@@ -285,22 +298,38 @@ def reached(problem: Problem, x: Array, across: Array | None = None) -> list[Poi
         return []
 
 
+def begun(problem: Problem, x: Array) -> list[Point]:
+    """Return the point that `corrected` finds from a start, or nothing, which the watch is told."""
+    try:
+        return [corrected(problem, x)]
+    except InputError as error:
+        problem.watch.lost(float(x[-1]), str(error))
+        return []
+
+
 def _real_parts(exponents: Array) -> Array:
     """Return real parts (k,), without rounding."""
     real = exponents.real
     return np.where(np.abs(real) < _NEUTRAL * np.abs(exponents).max(), 0.0, real)
 
 
-def _tests(point: Point) -> Array:
-    """Return the test functions (4,), by `_KINDS`; NaN where there is no pair."""
+def _tests(point: Point, free: int) -> Array:
+    """Return the test functions (4,), by `_KINDS`; NaN where there is no pair.
+
+    free: in how many ways solutions go on beside the branch.
+    """
     exponents, real = point.exponents, _real_parts(point.exponents)
     doubled = np.abs(np.abs(exponents.imag) - np.pi) < _NEUTRAL
     # Of several pairs, as of a stroboscopic map, the first to lose its stability.
     pair = real[(exponents.imag > 0) & ~doubled]
     along = point.tangent[-1]
-    single = (np.where(which, real, 1.0).prod() for which in (exponents.imag == 0, doubled))
+    # The product of all but those that are zero everywhere, as a symmetric function: where a pair
+    # meets these, each is the cube root of an error.
+    others = (real + 1j * exponents.imag)[~doubled]
+    product = np.poly(-others)[: len(others) + 1 - free][-1].real if len(others) else 1.0
     across = along if abs(along) > _LEVEL else 0.0
-    return np.array([across, *single, pair.max() if len(pair) else np.nan])
+    flips = real[doubled].prod()
+    return np.array([across, product, flips, pair.max() if len(pair) else np.nan])
 
 
 def _between(problem: Problem, last: Point, new: Point) -> list[Point]:
@@ -309,24 +338,28 @@ def _between(problem: Problem, last: Point, new: Point) -> list[Point]:
         return []
 
     whole = float((new.x - last.x) @ last.tangent)
+    free = min(last.free, new.free)
 
     def at(length: float) -> Point:
         near = last.x + length / whole * (new.x - last.x)
         return corrected(problem, near, last.tangent)
 
     found: list[tuple[float, Point]] = []
-    for test, change in enumerate(np.sign(_tests(last)) * np.sign(_tests(new))):
+    for test, change in enumerate(np.sign(_tests(last, free) * _tests(new, free))):
         if change != -1 or (test == 1 and found):  # an exponent is zero at a fold, too
             continue
-        length = brentq(lambda h, i=test: float(_tests(at(h))[i]), 0.0, whole, xtol=_LOCATED)
-        if test == 3 and abs(_tests(at(length))[3]) > _SINGULAR:  # another pair took its place
+        length = brentq(lambda h, i=test: float(_tests(at(h), free)[i]), 0.0, whole, xtol=_LOCATED)
+        # Of pairs, another one may have taken its place.
+        if test == 3 and abs(_tests(at(length), free)[3]) > _TWO_PAIRS:
             continue
         # At a branch point its own tangent is not determined.
         part = length / whole
         tangent = (1 - part) * last.tangent + part * new.tangent
         point = replace(at(length), kind=_KINDS[test], tangent=tangent / np.linalg.norm(tangent))
-        if test < 2:
-            point = replace(point, kind=FOLD if _across(problem, point) is None else BRANCH)
+        if test < 2 and _across(problem, point) is not None:
+            point = replace(point, kind=BRANCH)
+        elif test == 1:  # what leaves there, if anything, is no solution: its heading turns
+            continue
         found.append((length, point))
     return [point for _, point in sorted(found, key=lambda each: each[0])]
 
@@ -334,7 +367,10 @@ def _between(problem: Problem, last: Point, new: Point) -> list[Point]:
 def _across(problem: Problem, point: Point) -> Array | None:
     """Return the other direction (n + 1,) in which solutions go on from a point, across its own.
 
-    One in which they go on from the points beside it, too, is none: it fills a surface.
+    One in which they go on from the points beside it, too, is none: it fills a surface. An error e
+    of the equations parts two branches that cross, as it does p x - x³ + e, by e^(1/3), and leaves
+    a singular value of that size. Where a fold has one as small, there are solutions on one side
+    of its s alone.
     """
 
     def directions(x: Array, least: float) -> Array:
@@ -342,7 +378,7 @@ def _across(problem: Problem, point: Point) -> Array | None:
         _, sizes, found = np.linalg.svd(np.vstack(rows))
         return np.asarray(found[sizes < least * sizes[0]])
 
-    found = directions(point.x, _SINGULAR)
+    found = directions(point.x, _PARTED * problem.closed ** (1 / 3))
     if not len(found):
         return None
     inwards = np.copysign(_FIRST_STEP, (0.5 - point.x[-1]) * point.tangent[-1])
@@ -350,7 +386,9 @@ def _across(problem: Problem, point: Point) -> Array | None:
     neutral = np.concatenate([found[:0], *(directions(each.x, problem.rank) for each in beside)])
     if len(found) <= len(neutral):
         return None
-    return np.asarray(np.linalg.svd(neutral @ found.T)[2][-1] @ found)
+    across = np.asarray(np.linalg.svd(neutral @ found.T)[2][-1] @ found)
+    steps = (sign * _FIRST_STEP * across for sign in (1, -1))
+    return across if all(reached(problem, point.x + step, across) for step in steps) else None
 
 
 def _switched(problem: Problem, point: Point) -> list[Point]:

@@ -42,8 +42,6 @@ _LOGARITHM = 0.3  # a power below it is falling to 0
 _POINTS, _LINES = 20, 2000
 _GOLDEN = (np.sqrt(5.0) - 1) / 2
 _Found = TypeVar("_Found")
-Searched = Callable[[float, int, int], None]
-"""Is given the s of a place where solutions are sought next, its number, and how many there are."""
 
 
 class Range:
@@ -137,30 +135,27 @@ def sought(
     family: Range,
     inside: int,
     found: Callable[..., Iterable[_Found]],
-    told: Searched,
+    watch: co.Watch = co.SILENT,
 ) -> Iterator[tuple[_Found, float]]:
     """Yield what is found at the family's places, each with its s.
 
     Raises InputError for a number that the ball cannot have, and where every place raises it, as
-    where solutions fill curves: at some places two may be about to coincide.
+    where solutions fill curves. At some places two may be about to coincide: the watch is told.
     """
     refused = []
     for place, s in enumerate(places := family.places(inside), 1):
-        told(s, place, len(places))
+        watch.seeks(s, place, len(places))
         ball = family.at(s)
         try:
             yield from [(each, s) for each in found(*ball)]
         except InputError as error:
             refused.append(error)
+            watch.lost(s, str(error))
     if len(refused) == len(places):
         raise refused[0]
 
 
-def resting(
-    family: Family,
-    told: co.Told = lambda branch: None,
-    searched: Searched = lambda s, place, places: None,
-) -> Iterator[co.Branch]:
+def resting(family: Family, watch: co.Watch = co.SILENT) -> Iterator[co.Branch]:
     """Yield the branches of fixed points from rest, or of straight lines where M ≠ 0.
 
     They are all that there are at the family's places, and what crosses them.
@@ -179,10 +174,10 @@ def resting(
         momenta = [parameters.momentum((0.0, 0.0, 0.0), as_vector(gamma)) for gamma in still]
         return [np.append(g, np.array(M) / size) for g, M in zip(still, momenta, strict=True)]
 
-    problem = co.steady(residual, exponents, told)
+    problem = co.steady(residual, exponents, watch)
     branches: list[co.Branch] = []
     inside = _LINES if family.momentum.any() else _POINTS
-    places = sought(family, inside, found, searched)
+    places = sought(family, inside, found, watch)
     for s, some in groupby(places, key=lambda each: each[1]):
         starts = [np.append(u, s) for u, _ in some]
         # Most have been passed, which is known without a correction.
@@ -195,7 +190,7 @@ def cycling(
     starts: Iterable[tuple[Cycle, float]],
     longest: float,
     born: Iterable[co.Point] = (),
-    told: co.Told = lambda branch: None,
+    watch: co.Watch = co.SILENT,
 ) -> Iterator[co.Branch]:
     """Yield the branches of given cycles, each with its s, and of those born at Hopf points.
 
@@ -204,7 +199,7 @@ def cycling(
     branches: list[co.Branch] = []
 
     def through(x: Array, multipliers: Array) -> Iterator[co.Branch]:
-        problem = _closing(family, _repels(multipliers), longest, told)
+        problem = _closing(family, _repels(multipliers), longest, watch)
         yield from co.explore(problem, [x], branches)
 
     for cycle, s in starts:
@@ -254,7 +249,7 @@ def _logarithms(monodromy: Array, volume: float, momentum: Array) -> Array:
 
 
 def _closing(
-    family: Family, backwards: bool, longest: float, told: co.Told = lambda branch: None
+    family: Family, backwards: bool, longest: float, watch: co.Watch = co.SILENT
 ) -> co.Problem:
     """Return the problem of motions that end where they start, backwards in time or not."""
 
@@ -296,7 +291,7 @@ def _closing(
     def end(u: Array) -> str:
         return f"{ENDLESS} {longest:g} s" if np.exp(u[-1]) > longest else ""
 
-    return co.Problem(look, lambda u, s: np.append(family.rate(u, s), 0.0), end, -2, told)
+    return co.Problem(look, lambda u, s: np.append(family.rate(u, s), 0.0), end, -2, watch)
 
 
 def growth(points: Sequence[co.Point]) -> tuple[float, float]:

@@ -7,7 +7,7 @@ its derivative, by differences, the rank of the point's freedom. With them stand
 period T is one of the drives', or two after a period doubling, and so on.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import cycle, groupby
@@ -18,20 +18,14 @@ from msgspec.structs import replace as changed
 from robotball.drives import Constant, Drive, Sine, Total
 from robotball.engines.multibody import integrate_together
 from robotball.errors import InputError, unknown
+from robotball.motion import Motion
 from robotball.qualitative import continuation as co
 from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.equilibria import attitude_at
 from robotball.qualitative.families import momentum_across
-from robotball.qualitative.motion_branches import Range, Searched, sought
-from robotball.qualitative.sections import period_of, strobed
-from robotball.rotations import (
-    Array,
-    conjugate,
-    from_matrix,
-    multiply,
-    rotation_matrix,
-    tangents,
-)
+from robotball.qualitative.motion_branches import Range, sought
+from robotball.qualitative.sections import own_start, period_of, strobed
+from robotball.rotations import Array, from_matrix, multiply, rotation_matrix, tangents
 from robotball.scene import Scene, Start
 
 _FIELDS = ("value", "mean", "amplitude", "phase")
@@ -157,8 +151,23 @@ class Driven(Range):
         of = [axes[..., 2, :], M, axes[..., 0, :]]
         return np.concatenate(of if self._headed else of[:2], axis=-1)
 
+    def return_error(self, x: Array, engine: Callable[[Scene, Array], Motion]) -> float:
+        """Return how far an engine's motion from a point (n + 2,) is from it after the period.
+
+        That is the largest difference of γ, of M over its unit and, where a heading matters, of α.
+        engine: gives a scene's motion at times (m,) [s].
+        """
+        scene = self.at(x[-1])[0]
+        attitude, M = self.state(x[:-2], scene)
+        motion = engine(
+            replace(scene, start=own_start(scene, attitude, M)), np.array([0.0, np.exp(x[-2])])
+        )
+        end = multiply(motion.attitude[-1], scene.principal_quaternion)
+        moved = self.vector(end, motion.momentum[-1]) - self.vector(attitude, M)
+        return float(np.abs(moved).max())
+
     def problem(
-        self, errors: tuple[float, float] = _CLOSED, told: co.Told = lambda branch: None
+        self, errors: tuple[float, float] = _CLOSED, watch: co.Watch = co.SILENT
     ) -> co.Problem:
         """Return the problem of its fixed points; errors: of a step of the motions, of the map."""
         step, closed = errors
@@ -170,11 +179,8 @@ class Driven(Range):
             """
             begun = []
             for starts, scene in parts:
-                attitudes, momenta = self.state(starts, scene)
-                own = multiply(attitudes, conjugate(scene.principal_quaternion))
-                begun += [
-                    replace(scene, start=Start(q, M)) for q, M in zip(own, momenta, strict=True)
-                ]
+                states = zip(*self.state(starts, scene), strict=True)
+                begun += [replace(scene, start=own_start(scene, q, M)) for q, M in states]
             durations = [periods * period_of(scene) for scene in begun]
             times = np.unique([0.0, *durations])
             motions = integrate_together(begun, times, step)
@@ -210,7 +216,9 @@ class Driven(Range):
         def end(u: Array) -> str:
             return f"more than {_MOST} periods of the drives" if np.exp(u[-1]) > longest else ""
 
-        return co.Problem(look, end=end, told=told, rank=_NEUTRAL, closed=closed, longest=_LONGEST)
+        return co.Problem(
+            look, end=end, watch=watch, rank=_NEUTRAL, closed=closed, longest=_LONGEST
+        )
 
 
 def _logarithms(matrix: Array) -> Array:
@@ -220,14 +228,15 @@ def _logarithms(matrix: Array) -> Array:
     return np.asarray(found)
 
 
-def swinging(family: Driven, told: co.Told, searched: Searched) -> Iterator[co.Branch]:
+def swinging(family: Driven, watch: co.Watch = co.SILENT) -> Iterator[co.Branch]:
     """Yield the branches of periodic motions, and what crosses them.
 
     They are sought at the family's places, `_INSIDE` between: from the scene's start, from where
     its motion has settled and, where M may change, from rest about each principal axis, up at one
     place and down at the next.
     """
-    rough, branches = family.problem(_SOUGHT), list[co.Branch]()
+    rough, fine = (family.problem(errors, watch) for errors in (_SOUGHT, _CLOSED))
+    branches: list[co.Branch] = []
     sides = cycle(np.stack([np.eye(3), -np.eye(3)]))
 
     def found(scene: Scene, scale: float) -> Iterator[Array]:
@@ -240,9 +249,9 @@ def swinging(family: Driven, told: co.Told, searched: Searched) -> Iterator[co.B
         for v in starts:
             yield np.append(v, np.log(period_of(scene)))
 
-    for _, some in groupby(sought(family, _INSIDE, found, searched), key=lambda each: each[1]):
-        starts = (point.x for u, s in some for point in co.reached(rough, np.append(u, s)))
-        yield from co.explore(family.problem(told=told), starts, branches)
+    for _, some in groupby(sought(family, _INSIDE, found, watch), key=lambda each: each[1]):
+        starts = (point.x for u, s in some for point in co.begun(rough, np.append(u, s)))
+        yield from co.explore(fine, starts, branches)
 
 
 def close_strobed(scene: Scene, attitude: Array, momentum: Array) -> Cycle:

@@ -121,6 +121,18 @@ def test_a_study_s_files_and_table_hold_its_rows(
     assert [row.end_section for row in sections] == [False, True, True]
 
 
+@pytest.mark.parametrize(
+    ("form", "value", "text"),
+    [
+        (".4f", -1e-9, "0.0000"), (".4f", -1e-4, "-0.0001"), (".7g", -0.0, "0"),
+        (".1e", -0.0, "0.0e+00"), (".0%", -1e-4, "0%"), ("d", -3, "-3"),
+    ],
+)  # fmt: skip
+def test_a_number_that_rounds_to_zero_has_no_sign(form: str, value: float, text: str) -> None:
+    """In any format; any other keeps its own."""
+    assert Column("x", "x", form=form).text({"x": value}) == text
+
+
 def test_a_name_in_a_table_is_no_formula(tmp_path: Path) -> None:
     """An apostrophe before it has a spreadsheet take it for text; numbers stay as they are."""
     names = ["=1+2", "+1", "-1", "@a", "\ta", "a=1"]

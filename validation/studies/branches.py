@@ -13,7 +13,10 @@ from matplotlib.figure import Figure
 from rich.table import Table
 from tyro.conf import arg
 
-from robotball import InputError, Scene, load_scene
+from robotball import InputError, Motion, Scene, Settings, load_scene, preset
+from robotball.engines.mujoco import LABEL
+from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.settings import resolved
 from robotball.equations import Parameters
 from robotball.errors import unknown
 from robotball.film.looks import ACCENT, INK
@@ -25,7 +28,7 @@ from robotball.qualitative.continuation import (
     HOPF,
     Branch,
     Point,
-    Told,
+    Watch,
 )
 from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.equilibria import name_of
@@ -33,11 +36,12 @@ from robotball.qualitative.families import NUMBERS
 from robotball.qualitative.long_run import basins
 from robotball.qualitative.portraits import limit_cycles
 from robotball.qualitative.strobed_branches import Driven, swinging
-from validation.options import AGREES, OUT, File, SceneName, Threads, check_files
-from validation.output import halo, progress_bar, title, writable_folder
+from robotball.rotations import Array
+from validation.options import AGREES, OUT, File, Preset, SceneName, Threads, check_files
+from validation.output import Show, halo, progress_bar, title, writable_folder
 from validation.plots import note
 from validation.results import changed
-from validation.studies.contact_sections import level_starts, steady_scene
+from validation.studies.contact_sections import level_starts, sound_run, steady_scene
 from validation.study import Column, Row, Study, show, table_of, write
 
 _NO_BOUND = "period without bound"
@@ -48,6 +52,8 @@ _ROUNDING = 1e-9  # 1/s, of l₁
 _SEARCHED, _STARTS = 100.0, 16  # s, the longest period searched for; random starts where M ≠ 0
 _INSIDE = 3  # values within the range at which cycles are searched for, some seconds each
 _WRITE_EVERY = 5.0  # s between writings of what has been found
+_OF_THE_REST = 0.02  # of the search at a place, which each point of a branch is taken for
+_REPEATED = 8  # points of a branch that the engine repeats, half a second each, beside special ones
 
 
 def _row_of(family: motions.Range, branch: int, point: Point) -> dict[str, Any]:
@@ -98,12 +104,24 @@ def _special(family: motions.Range, number: int, branch: Branch) -> Iterator[Row
 
 
 def _branch_picture(
-    scene: Scene, label: tuple[str, str], rows: Sequence[Row], special: Sequence[Row]
+    scene: Scene,
+    label: tuple[str, str],
+    rows: Sequence[Row],
+    special: Sequence[Row],
+    repeated: Sequence[Row] = (),
+    engine: str = "",
 ) -> Figure:
-    """Draw the branches over the number: of cycles the period, else the γᵢ that varies most."""
-    # A branch of points moves along some axis more than along others; a cycle has no one γ, but
+    """Draw the branches over the number: of cycles the period, else the γᵢ that varies most.
+
+    repeated: the points that an engine repeated, which is so called.
+    """
+    branches = [[*of] for _, of in groupby(rows, lambda row: row["branch"])]
+    # Branches of points move along some axis more than along others; a cycle has no one γ, but
     # one of what is driven has it at the start of a period.
-    key = max(("gamma3", "gamma2", "gamma1"), key=lambda each: np.ptp([row[each] for row in rows]))
+    key = max(
+        ("gamma3", "gamma2", "gamma1"),
+        key=lambda each: sum(np.ptp([row[each] for row in some]) for some in branches),
+    )
     along = "γ" + "₁₂₃"[int(key[-1]) - 1]
     if rows[0]["period"] is not None and scene.steady:
         key, along = "period", "period [s]"
@@ -121,15 +139,23 @@ def _branch_picture(
     for stable, style in ((True, {"lw": 2.2}), (False, {"lw": 1.6, "ls": "--"})):
         if any(row["stable"] == stable for row in rows):
             axes.plot([], [], color=INK, label="stable" if stable else "unstable", **style)
-    branches = [[*of] for _, of in groupby(rows, lambda row: row["branch"])]
     for each in branches:
         _draw_branch(axes, each, key, named=len(branches) > 1)
     for kind in dict.fromkeys(row["kind"] for row in special):
         places = [(row["value"], row[key]) for row in special if row["kind"] == kind]
         mark: Any = {"marker": _MARKERS[kind], "color": ACCENT, "mec": INK, "ms": 8, "ls": ""}
         axes.plot(*zip(*places, strict=True), label=kind, zorder=4, **mark)
+    if repeated:
+        axes.plot([row["value"] for row in repeated], [row[key] for row in repeated], "o", ms=9,
+                  mfc="none", mec=LABEL.colour, label=f"{engine}: {_apart(repeated)}")  # fmt: skip
     figure.legend(loc="outside lower center", ncols=6, frameon=False)
     return figure
+
+
+def _apart(repeated: Sequence[Row]) -> str:
+    """Return in words how far motions that an engine repeated are from their start."""
+    errors = [row["apart"] for row in repeated]
+    return f"{len(errors)} motions, after a period off by {min(errors):.0e} to {max(errors):.0e}"
 
 
 def _draw_branch(axes: Axes, rows: Sequence[Row], key: str, named: bool) -> None:
@@ -168,6 +194,8 @@ class Continue:
     """Its largest value."""
     longest: float = 300.0
     """Period beyond which no cycle is followed [s]."""
+    preset: Preset = None
+    """Also repeat motions of driven branches by the engine so set: are they back after a period?"""
     out: Path = OUT
     """Folder for the picture."""
     threads: Threads = None
@@ -182,70 +210,31 @@ class Continue:
         if not self.low < self.high:
             raise InputError(f"--from {self.low:g} must be below --to {self.high:g}")
         family = self._family(scene)
-        writable_folder(self.out)
-        branches: list[Branch] = []
-        growing: list[Branch] = []  # the one that is being followed
-        special: dict[tuple[Any, ...], Row] = {}
-
-        def noted(branch: Branch, number: int) -> None:
-            # A branch point is on two branches at least.
-            special.update(
-                ((row["kind"], *(round(row[key], 5) for key in _PLACE)), row)
-                for row in _special(family, number, branch)
+        settings = None if self.preset is None else preset(self.preset)
+        if settings is not None and not isinstance(family, Driven):
+            raise InputError(
+                f"{scene.name}: --preset repeats cycles of what is driven periodically; these "
+                "branches are of the equations' numbers, for which an engine has no bodies"
             )
-
-        def written() -> tuple[Study, list[Path]]:
-            every = [*branches, *growing]
-            for branch in growing:
-                noted(branch, len(every))
-            study = _study_of(scene, family, self.of, every, [*special.values()])
-            stem = study.stem(*changed(self, "longest"))
-            return study, write(study, self.out / f"{stem}.png", self.json, self.csv)
-
-        with progress_bar(1) as progress:
-            place, places, earlier = 1, 1, 0  # branches that were found at places before
-            done, due = 0.0, time.monotonic() + _WRITE_EVERY
-
-            def say(part: float, what: str) -> None:
-                nonlocal done
-                done = max(done, (place - 1 + part) / places)
-                progress(done, f"{scene.name}, place {place} of {places}: {what}")
-
-            def search(s: float, *which: int) -> None:
-                nonlocal place, places, earlier
-                (place, places), earlier = which, len(branches)
-                say(0.0, f"search at {family.label[0]} = {family.value(s):.4g}")
-
-            def told(branch: Branch) -> None:
-                nonlocal due
-                growing[:] = [branch]
-                x, count = branch.points[0].x, len(branch.points)
-                at = f"branch {len(branches) + 1}, {count} points, to {family.label[0]} = "
-                at += f"{family.value(x[-1]):.4g}"
-                if len(x) % 3 == 2:  # (u, s) of a cycle, whose u ends with ln T
-                    at += f", period {np.exp(x[-2]):.4g} s"
-                # As nobody knows how many there are, each takes half of what is left of its place.
-                across = float(np.ptp([point.x[-1] for point in branch.points]))
-                say(1 - (1 - across / 2) / 2 ** (len(branches) - earlier), at)
-                if time.monotonic() > due:
-                    written()
-                    due = time.monotonic() + _WRITE_EVERY
-
+        writable_folder(self.out)
+        with progress_bar(1) as bar:
+            found = _Findings(self, scene, family, bar)
             try:
-                for branch in self._branches(scene, family, told, search):
-                    branches.append(branch)
-                    growing.clear()
-                    noted(branch, len(branches))
+                for branch in self._branches(scene, family, found):
+                    found.ends(branch)
+                if settings is not None:
+                    found.repeat(settings)
             finally:  # of what is ended, too, all that was found
-                if branches or growing:
-                    study, paths = written()
-        if not branches:
+                written = found.write()
+        if written is None:
             raise InputError(
                 f"{scene.name}: no {self.of} found over {self.over} from {self.low:g} to "
                 f"{self.high:g}, at the ends, the scene's own value and some between"
+                + "".join(f"; {words}" for words in found.losses())
             )
+        study, picture = written
         show(study.shown)
-        print(paths[0])
+        print(picture)
         return AGREES
 
     def _family(self, scene: Scene) -> motions.Range:
@@ -263,59 +252,147 @@ class Continue:
             raise InputError(f"{scene.name} starts from rest: its lines are --of equilibrium")
         return motions.Family(scene.parameters, momentum, self.over, self.low, self.high)
 
-    def _branches(
-        self, scene: Scene, family: motions.Range, told: Told, search: motions.Searched
-    ) -> Iterator[Branch]:
+    def _branches(self, scene: Scene, family: motions.Range, watch: Watch) -> Iterator[Branch]:
         """Return the branches, each when it is found."""
         if isinstance(family, Driven):
-            return swinging(family, told, search)
+            return swinging(family, watch)
         assert isinstance(family, motions.Family)
         if self.of != "cycle":
-            return motions.resting(family, told, search)
+            return motions.resting(family, watch)
         # An unstable cycle is reached by no start, but is born somewhere.
         still = family.momentum.any() and not np.any(scene.parameters.Omega)
         lines = () if still else motions.resting(family)
         hopf = (point for each in lines for point in each.special(HOPF))
-        starts = _cycles(scene, family, search)
-        return motions.cycling(family, starts, self.longest, hopf, told)
+        starts = _cycles(scene, family, watch)
+        return motions.cycling(family, starts, self.longest, hopf, watch)
 
 
-def _study_of(
-    scene: Scene, family: motions.Range, of: str, branches: Sequence[Branch], special: list[Row]
-) -> Study:
-    """Return what has been found, with its tables and its picture."""
-    over, (symbol, unit) = family.name, family.label
-    rows = [
-        _row_of(family, n, point) for n, each in enumerate(branches, 1) for point in each.points
-    ]
-    columns = (
-        Column("", "kind", words=True),
-        Column(symbol, "value", unit, form=".7g"),
-        *(Column(f"γ{'₁₂₃'[i]}", f"gamma{i + 1}", form=".4f") for i in range(3)),
-        Column("period", "period", "s", form=".6g"),
-        Column("", "what", words=True),
-    )
-    ends = [
-        {"branch": n, "points": len(each.points), "end": why, "at": family.value(point.x[-1])}
-        for n, each in enumerate(branches, 1)
-        for why, point in zip(each.ends, (each.points[0], each.points[-1]), strict=True)
-    ]
-    reasons = (
-        Column("branch", "branch", form="d"), Column("points", "points", form="d"),
-        Column(symbol, "at", unit, form=".7g"), Column("where it ends", "end", words=True),
-    )  # fmt: skip
-    told = f"branches: {len(branches)}, points: {len(rows)}; γ in principal axes"
-    record = {"scene": scene.name, "of": of, "over": over, "special": special}
-    record["ends"] = [each.ends for each in branches]
-    shown: list[Table | str] = [table_of(columns, special)] if special else []
-    shown += [table_of(reasons, ends, section="branch"), told]
-    picture = _branch_picture(scene, family.label, rows, special)
-    return Study(scene.name, None, ("continue", of, over), rows, record, shown, picture)
+class _Findings(Watch):
+    """The branches that are found, written while the search goes on, and how far that is."""
+
+    def __init__(self, command: Continue, scene: Scene, family: motions.Range, bar: Show) -> None:
+        self.command, self.scene, self.family, self.bar = command, scene, family, bar
+        self.branches: list[Branch] = []
+        self.growing: list[Branch] = []  # the one that is being followed
+        self.special: dict[tuple[Any, ...], Row] = {}
+        self.repeated: list[Row] = []
+        self.engine = ""  # that repeats
+        self.lost_at: dict[str, list[str]] = {}  # by the reason without its numbers
+        self.place, self.done, self.goal = "", 0.0, 1.0  # of the search, with and without the place
+        self.due = time.monotonic() + _WRITE_EVERY
+
+    def at(self, s: float) -> str:
+        """Return the number at s in words."""
+        return f"{self.family.label[0]} = {self.family.value(s):.4g}"
+
+    def seeks(self, s: float, place: int, places: int) -> None:
+        """Say where solutions are sought next."""
+        self.place = f"{self.scene.name}, place {place} of {places}"
+        self.done, self.goal = (place - 1) / places, place / places
+        self.bar(self.done, f"{self.place}: search at {self.at(s)}")
+
+    def grows(self, branch: Branch) -> None:
+        """Say how far a branch goes, and write it now and then."""
+        self.growing, x = [branch], branch.points[0].x
+        words = f"branch {len(self.branches) + 1}, {len(branch.points)} points, to {self.at(x[-1])}"
+        if len(x) % 3 == 2:  # (u, s) of a cycle, whose u ends with ln T
+            words += f", period {np.exp(x[-2]):.4g} s"
+        # Nobody knows how many points there are.
+        self.done += _OF_THE_REST * (self.goal - self.done)
+        self.bar(self.done, f"{self.place}: {words}")
+        if time.monotonic() > self.due:
+            self.write()
+            self.due = time.monotonic() + _WRITE_EVERY
+
+    def lost(self, s: float, reason: str) -> None:
+        """Note what is given up."""
+        alike = self.lost_at.setdefault("".join(filter(str.isalpha, reason)), [])
+        alike.append(f"first at {self.at(s)}: {reason.partition(';')[0]}")
+
+    def losses(self) -> list[str]:
+        """Return in words how often, where first and why something was given up."""
+        return [f"{len(some)} × given up, {some[0]}" for some in self.lost_at.values()]
+
+    def ends(self, branch: Branch) -> None:
+        """Note a branch that is followed no further."""
+        self.branches.append(branch)
+        self.growing = []
+        self._note(branch, len(self.branches))
+
+    def _note(self, branch: Branch, number: int) -> None:
+        # A branch point is on two branches at least.
+        self.special.update(
+            ((row["kind"], *(round(row[key], 5) for key in _PLACE)), row)
+            for row in _special(self.family, number, branch)
+        )
+
+    def repeat(self, settings: Settings) -> None:
+        """Repeat some motions of each branch, and those at its special points, by the engine."""
+        assert isinstance(self.family, Driven)
+        self.engine = f"{LABEL.name}, {settings.name}"
+
+        def by_engine(scene: Scene, times: Array) -> Motion:
+            return sound_run(build(resolved(scene, settings)), scene.start, times)
+
+        for number, branch in enumerate(self.branches, 1):
+            every = -(-len(branch.points) // _REPEATED)
+            for i, point in enumerate(branch.points):
+                if i % every and not point.kind:
+                    continue
+                self.bar(self.done, f"{self.scene.name}: {self.engine}, {self.at(point.x[-1])}")
+                try:
+                    apart = self.family.return_error(point.x, by_engine)
+                except InputError as error:
+                    self.lost(point.x[-1], str(error))
+                else:
+                    self.repeated.append(_row_of(self.family, number, point) | {"apart": apart})
+
+    def write(self) -> tuple[Study, Path] | None:
+        """Write what has been found, if anything has; return it and the picture's path."""
+        branches = [*self.branches, *self.growing]
+        for branch in self.growing:
+            self._note(branch, len(branches))
+        if not branches:
+            return None
+        study, command = self._study(branches), self.command
+        stem = study.stem(*changed(command, "longest", "preset"))
+        return study, write(study, command.out / f"{stem}.png", command.json, command.csv)[0]
+
+    def _study(self, branches: Sequence[Branch]) -> Study:
+        """Return branches with their tables and their picture."""
+        scene, family, special = self.scene, self.family, [*self.special.values()]
+        of, over, (symbol, unit) = self.command.of, family.name, family.label
+        rows = [
+            _row_of(family, n, point) for n, each in enumerate(branches, 1) for point in each.points
+        ]
+        columns = (
+            Column("", "kind", words=True),
+            Column(symbol, "value", unit, form=".7g"),
+            *(Column(f"γ{'₁₂₃'[i]}", f"gamma{i + 1}", form=".4f") for i in range(3)),
+            Column("period", "period", "s", form=".6g"),
+            Column("", "what", words=True),
+        )
+        ends = [
+            {"branch": n, "points": len(each.points), "end": why, "at": family.value(point.x[-1])}
+            for n, each in enumerate(branches, 1)
+            for why, point in zip(each.ends, (each.points[0], each.points[-1]), strict=True)
+        ]
+        reasons = (
+            Column("branch", "branch", form="d"), Column("points", "points", form="d"),
+            Column(symbol, "at", unit, form=".7g"), Column("where it ends", "end", words=True),
+        )  # fmt: skip
+        told = f"branches: {len(branches)}, points: {len(rows)}; γ in principal axes"
+        record = {"scene": scene.name, "of": of, "over": over, "special": special}
+        record |= {"ends": [each.ends for each in branches], "repeated": self.repeated}
+        shown: list[Table | str] = [table_of(columns, special)] if special else []
+        shown += [table_of(reasons, ends, section="branch"), told, *self.losses()]
+        if self.repeated:
+            shown.append(f"{self.engine}: {_apart(self.repeated)}")
+        picture = _branch_picture(scene, family.label, rows, special, self.repeated, self.engine)
+        return Study(scene.name, None, ("continue", of, over), rows, record, shown, picture)
 
 
-def _cycles(
-    scene: Scene, family: motions.Family, search: motions.Searched
-) -> Iterator[tuple[Cycle, float]]:
+def _cycles(scene: Scene, family: motions.Family, watch: Watch) -> Iterator[tuple[Cycle, float]]:
     """Return cycles at the family's places: all from rest, else those that starts reach."""
 
     def found(ball: Parameters, size: float, c: float) -> Sequence[Cycle]:
@@ -327,4 +404,4 @@ def _cycles(
         # everywhere; random starts find the cycles that attract.
         return basins(ball, attitudes, np.tile(M, (_STARTS, 1))).cycles
 
-    return motions.sought(family, _INSIDE, found, search)
+    return motions.sought(family, _INSIDE, found, watch)

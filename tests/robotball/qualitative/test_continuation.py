@@ -73,6 +73,7 @@ FORMS: dict[str, tuple[Callable[[Any, float], Sequence[Any]], list[str]]] = {
     "imperfect": (lambda x, p: (p * x - x**3 + 0.01, p - 3 * x * x), [FOLD]),
     "Hopf": (lambda x, p: (x, p + 1j), [HOPF]),
     "doubling": (lambda x, p: (x, p + 1j * np.pi), [DOUBLING]),
+    "no crossing": (lambda x, p: (x, p), []),
 }
 
 
@@ -103,6 +104,37 @@ def test_normal_forms_have_their_special_points(name: str) -> None:
     assert [2 * point.x[-1] - 1 for point in points] == pytest.approx([at] * len(points), abs=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("form", "start", "closed", "kind", "count"),
+    [
+        pytest.param(lambda x, p: p * x - x**3 + 3e-9, -0.95, 1e-9, BRANCH, 2, id="its error"),
+        pytest.param(lambda x, p: p * x - x**3 + 3e-9, -0.95, 1e-13, FOLD, 1, id="no error"),
+        pytest.param(lambda x, p: p * x - x**3 + 3e-5, -0.95, 1e-9, FOLD, 1, id="more"),
+        pytest.param(lambda x, p: x * x - 1e-3 * p, -0.03, 1e-9, FOLD, 1, id="a flat fold"),
+    ],
+)
+def test_a_pitchfork_met_from_its_broken_side(
+    form: Callable[[Any, float], Any], start: float, closed: float, kind: str, count: int
+) -> None:
+    """Is a branch point where the error of the equations explains that its branches do not meet.
+
+    It parts them by 1.1e-3 and moves the point by 4e-6. Beyond a flat fold there is no solution.
+    """
+
+    def residual(u: Array, s: float) -> Array:
+        return np.array([form(u[0], 2 * s - 1)])
+
+    def exponents(u: Array, s: float) -> Array:
+        return np.array([form(u[0] + 1e-30j, 2 * s - 1).imag / 1e-30 + 0j])
+
+    problem = replace(steady(residual, exponents), closed=closed)
+    branches = [*explore(problem, [np.array([start, 0.95])], [])]
+    points = [point for each in branches for point in each.special()]
+    assert [point.kind for point in points] == [kind] * count
+    # Of the flat fold 0, of the last pitchfork 1.8e-3 = 3 (3e-5/2)^(2/3), else 3.9e-6.
+    assert [2 * point.x[-1] - 1 for point in points] == pytest.approx([0.0] * count, abs=2e-3)
+
+
 @pytest.mark.parametrize(("differ", "count"), [(0.0, 1), (1.0, 2)])
 def test_solutions_that_differ_by_what_is_free_are_one(differ: float, count: int) -> None:
     """Of x² + y² = 1 + s, from two headings, as a ball's; unless their exponents differ."""
@@ -116,6 +148,27 @@ def test_solutions_that_differ_by_what_is_free_are_one(differ: float, count: int
 
     starts = [np.array([np.cos(a), np.sin(a), 0.0, 0.0]) for a in (0.3, 1.8)]
     assert len([*explore(steady(residual, exponents), starts, [])]) == count
+
+
+@pytest.mark.parametrize("neutral", [0.0, 1e-7, -1e-7])
+def test_branches_that_are_free_beside_them_cross(neutral: float) -> None:
+    """Where an exponent beside that of the freedom is zero, whatever error the latter has.
+
+    Of x² + y² = 1 and pz = z³, with any heading of (x, y); p = 2s - 1.
+    """
+
+    def residual(u: Array, s: float) -> Array:
+        off = u[0] ** 2 + u[1] ** 2 - 1
+        return np.array([off * u[0], off * u[1], (2 * s - 1) * u[2] - u[2] ** 3])
+
+    def exponents(u: Array, s: float) -> Array:
+        return np.array([-2.0, neutral * (1 - 4 * s), 2 * s - 1 - 3 * u[2] ** 2], dtype=complex)
+
+    branches = [*explore(steady(residual, exponents), [np.array([0.6, 0.8, 0.0, 0.1])], [])]
+    assert len(branches) == 2
+    (point,) = branches[0].special()
+    assert point.kind == BRANCH
+    assert point.x[-1] == pytest.approx(0.5, abs=1e-6)  # measured 5e-8 per 1e-7 of the error
 
 
 @pytest.mark.parametrize("cubic", [-2.0, -0.5, 0.5])

@@ -21,7 +21,7 @@ from robotball.drives import Constant
 from robotball.errors import InputError
 from robotball.qualitative import continuation as co
 from robotball.qualitative.cycles import Cycle, tangent
-from robotball.qualitative.sections import own_start, period_of, strobed, stroboscopic_map
+from robotball.qualitative.sections import period_of, strobed, stroboscopic_map
 from robotball.qualitative.strobed_branches import Driven, close_strobed, swinging
 from robotball.rotations import Array, multiply
 from robotball.scene import along_momentum
@@ -160,15 +160,7 @@ def _resonant(theta: float) -> float:
     return float(brentq(last, 0.915 * _OWN, 0.918 * _OWN, xtol=1e-12))
 
 
-def _apart_by_mujoco(family: Driven, x: Array) -> float:
-    """Return how far from a point MuJoCo's motion is from it after its period, by *accurate*."""
-    scene = family.at(x[-1])[0]
-    attitude, M = family.state(x[:-2], scene)
-    scene = replace(scene, start=own_start(scene, attitude, M))
-    motion = rb.simulate(scene, np.linspace(0.0, np.exp(x[-2]), 3), settings="accurate")
-    q = multiply(motion.attitude[-1], scene.principal_quaternion)
-    before, after = family.vector(attitude, M), family.vector(q, motion.momentum[-1])
-    return float(np.abs(after - before).max())
+_ACCURATE = partial(rb.simulate, settings="accurate")
 
 
 @pytest.mark.slow
@@ -204,9 +196,9 @@ def test_a_resonance_that_softens_folds_where_its_swing_in_a_plane_does() -> Non
     # MuJoCo's motions from points before the fold, at it and beyond it repeat, to 2e-11, 4e-11 and
     # 1e-11; from beside the branch, with a little more momentum about Y, they do not.
     for each in (points[0], fold, points[-1]):
-        assert _apart_by_mujoco(family, each.x) < 3e-10
+        assert family.return_error(each.x, _ACCURATE) < 3e-10
         beside = each.x + 1e-3 * np.eye(len(each.x))[4]
-        assert _apart_by_mujoco(family, beside) > 1e-5
+        assert family.return_error(beside, _ACCURATE) > 1e-5
     tilts = []
     for nu in (0.998 * found, 1.002 * found):
         (ends,), _ = strobed(_sideways(nu), tilted[None], np.zeros((1, 3)), 40, 1e-8)
@@ -287,7 +279,12 @@ def test_a_driven_branch_that_closes_inside_the_range_is_found() -> None:
     family, low, high, _ = _lines_that_close()
     places: list[float] = []
     found = []
-    for branch in swinging(family, lambda branch: None, lambda s, *which: places.append(s)):
+
+    class Places(co.Watch):
+        def seeks(self, s: float, *which: int) -> None:
+            places.append(s)
+
+    for branch in swinging(family, Places()):
         found.append((branch, len(places)))
     ((branch, at),) = found
     assert at > 2  # the ends are the first two

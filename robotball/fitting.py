@@ -34,9 +34,9 @@ from robotball.residuals import (
     FIRST,
     LOSSES,
     WHOLE,
+    FittedLog,
     Residuals,
     Run,
-    Sensed,
     Unknown,
     by_equations,
     of_log,
@@ -251,7 +251,7 @@ def fit(
     )
 
 
-def _sensed(scene: Scene, log: Log, noise: Mapping[str, float]) -> Sensed:
+def _sensed(scene: Scene, log: Log, noise: Mapping[str, float]) -> FittedLog:
     """Return a log with its sensors' noise, and the start that its first readings show."""
     sizes, first = [], {}
     for sensor in log.sensors:
@@ -282,13 +282,13 @@ def _sensed(scene: Scene, log: Log, noise: Mapping[str, float]) -> Sensed:
     started = replace(started, start=Start(attitude, np.zeros(3)))
     started = replace(started, start=Start(attitude, started.momentum_of(omega)))
     estimated = tuple(sensor.name not in noise for sensor in log.sensors)
-    return Sensed(log, tuple(sizes), estimated, started)
+    return FittedLog(log, tuple(sizes), estimated, started)
 
 
 def _solved(
     numbers: Numbers,
     own: Sequence[Unknown],
-    logs: Sequence[Sensed],
+    logs: Sequence[FittedLog],
     circumstances: Sequence[str],
     run: Run,
     loss: str,

@@ -80,7 +80,7 @@ class Unknown:
 
 
 @dataclass(frozen=True)
-class Sensed:
+class FittedLog:
     """A log as it is fitted: its sensors' noise, and the start from which its motion is sought."""
 
     log: Log
@@ -96,7 +96,7 @@ class Sensed:
             for s in self.log.sensors
         )
 
-    def until(self, part: float) -> "Sensed":
+    def until(self, part: float) -> "FittedLog":
         """Return the first part of the log, of some readings at least."""
         few = min(float(s.times[:FIRST][-1]) for s in self.log.sensors)
         end = max(part * self.log.end, few)
@@ -232,7 +232,7 @@ class Residuals:
         self,
         numbers: Numbers,
         unknowns: Sequence[Unknown],
-        logs: Sequence[Sensed],
+        logs: Sequence[FittedLog],
         run: Run,
         loss: str,
         fixed: Mapping[str, float],

@@ -33,26 +33,34 @@ def state_of(data: mujoco.MjData) -> Array:
     return state
 
 
-def sensed(model: Model, data: mujoco.MjData) -> "Sensed":
-    """Return what a robot's sensors read in a state, without its forces, which take longest."""
+def senses(model: Model) -> Callable[[mujoco.MjData], "Sensed"]:
+    """Return what reads a robot's sensors in a state, without its forces, which take longest."""
     from robotball.engines.loop import Sensed
 
-    compiled, columns = model.compiled, model.sensor_columns
-    mujoco.mj_kinematics(compiled, data)
-    mujoco.mj_comPos(compiled, data)
-    mujoco.mj_sensorPos(compiled, data)
-    mujoco.mj_comVel(compiled, data)
-    mujoco.mj_sensorVel(compiled, data)
-    # By numbers: to have one of an array, or its rotation matrix, takes as long as all sensors.
-    read = data.sensordata.tolist()
-    angles, rates = [0.0] * len(model.scene.hinges), [0.0] * len(model.scene.hinges)
-    for hinge in model.hinges:
-        (angles[hinge.index],) = read[columns[f"{hinge.body}_angle"]]
-        (rates[hinge.index],) = read[columns[f"{hinge.body}_rate"]]
-    attitude, turning = read[columns["attitude"]], read[columns["angular_velocity"]]
-    gyro = eq.seen_from_frame(tuple(turning), eq.unit_space_axes(tuple(attitude)))
-    point = np.array(read[columns["centre"]][:2])
-    return Sensed(np.array(gyro), np.array(attitude), angles, rates, point)
+    compiled, columns, count = model.compiled, model.sensor_columns, len(model.scene.hinges)
+    attitude_at, turning_at = columns["attitude"], columns["angular_velocity"]
+    x = columns["centre"].start
+    places = [
+        (each.index, *(columns[f"{each.body}_{kind}"].start for kind in ("angle", "rate")))
+        for each in model.hinges
+    ]
+
+    def sensed(data: mujoco.MjData) -> Sensed:
+        mujoco.mj_kinematics(compiled, data)
+        mujoco.mj_comPos(compiled, data)
+        mujoco.mj_sensorPos(compiled, data)
+        mujoco.mj_comVel(compiled, data)
+        mujoco.mj_sensorVel(compiled, data)
+        # By numbers: to have one of an array, or its rotation matrix, takes as long as all sensors.
+        read = data.sensordata.tolist()
+        angles, rates = [0.0] * count, [0.0] * count
+        for i, angle, rate in places:
+            angles[i], rates[i] = read[angle], read[rate]
+        attitude, turning = read[attitude_at], read[turning_at]
+        gyro = eq.seen_from_frame(tuple(turning), eq.unit_space_axes(tuple(attitude)))
+        return Sensed(np.array(gyro), np.array(attitude), angles, rates, np.array(read[x : x + 2]))
+
+    return sensed
 
 
 Steps = Callable[[mujoco.MjData, float], Iterator[float]]
@@ -80,6 +88,7 @@ class Control:
 
             self.loop = loop.Loop(model.scene, model.scene.controller)
             self.model, steady = model.of(self.loop.scene), self.loop.holds
+            self.sensed = senses(self.model)
         # Constant controls are in the keyframe; a call of Python at each evaluation costs 8 µs.
         self.forces = [] if steady else [self.set]
         self.span: Sequence[float] = (0.0, 0.0)
@@ -98,7 +107,7 @@ class Control:
         """
         self.span = span
         if self.loop is not None:
-            self.loop.reach(span[0], lambda: sensed(self.model, data))
+            self.loop.reach(span[0], lambda: self.sensed(data))
             scene = self.model.scene
             data.ctrl[:] = controls_at(scene, self.model.hinges, span[0])
             if self.set in self.forces and self.loop.holds:

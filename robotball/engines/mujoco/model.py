@@ -59,7 +59,7 @@ class ModelHinge:
         """True if the motor is the scene's own, so that its errors belong to the motion."""
         return self.of.motor is not None
 
-    @property
+    @cached_property
     def actuated(self) -> bool:
         """True if it has an actuator; a free hinge has none."""
         return not isinstance(self.actuation, Free)

@@ -38,12 +38,8 @@ def senses(model: Model) -> Callable[[mujoco.MjData], "Sensed"]:
     from robotball.engines.loop import Sensed
 
     compiled, columns, count = model.compiled, model.sensor_columns, len(model.scene.hinges)
-    attitude_at, turning_at = columns["attitude"], columns["angular_velocity"]
-    x = columns["centre"].start
-    places = [
-        (each.index, *(columns[f"{each.body}_{kind}"].start for kind in ("angle", "rate")))
-        for each in model.hinges
-    ]
+    places = [(each.index, columns[f"{each.body}_angle"].start, columns[f"{each.body}_rate"].start)
+              for each in model.hinges]  # fmt: skip
 
     def sensed(data: mujoco.MjData) -> Sensed:
         mujoco.mj_kinematics(compiled, data)
@@ -56,9 +52,10 @@ def senses(model: Model) -> Callable[[mujoco.MjData], "Sensed"]:
         angles, rates = [0.0] * count, [0.0] * count
         for i, angle, rate in places:
             angles[i], rates[i] = read[angle], read[rate]
-        attitude, turning = read[attitude_at], read[turning_at]
+        attitude, turning = read[columns["attitude"]], read[columns["angular_velocity"]]
         gyro = eq.seen_from_frame(tuple(turning), eq.unit_space_axes(tuple(attitude)))
-        return Sensed(np.array(gyro), np.array(attitude), angles, rates, np.array(read[x : x + 2]))
+        point = np.array(read[columns["centre"]][:2])
+        return Sensed(np.array(gyro), np.array(attitude), angles, rates, point)
 
     return sensed
 

@@ -152,7 +152,7 @@ def steer(scene: Scene, path: WantedPath, duration: float) -> _Steered:
     driven = np.array([_is_driven(hinge) for hinge in scene.hinges])
     if driven.sum() < 2:
         raise InputError(
-            f"{scene.name}: {driven.sum()} hinges are driven; to roll anywhere takes two: give "
+            f"{scene.name}: driven hinges: {driven.sum()}; to roll anywhere takes two: give "
             "them a rate or a motor"
         )
     way = Way(scene, path, duration, driven)

@@ -183,7 +183,8 @@ def explore(problem: Problem, starts: Iterable[Array], branches: list[Branch]) -
     for x in starts:
         if is_known(Point(x, x, np.zeros(0))):
             continue
-        queue = [point for point in begun(problem, x) if not is_known(point)]
+        begun = reached(problem, x, lost=problem.watch.lost)
+        queue = [point for point in begun if not is_known(point)]
         while queue and len(branches) < most:
             branches.append(trace(problem, queue.pop()))
             yield branches[-1]
@@ -290,20 +291,17 @@ def corrected(problem: Problem, x: Array, across: Array | None = None) -> Point:
     raise InputError(f"no branch found near a start: Newton's method leaves {size:.1e}")
 
 
-def reached(problem: Problem, x: Array, across: Array | None = None) -> list[Point]:
-    """Return the point that `corrected` finds, or nothing."""
+def reached(
+    problem: Problem,
+    x: Array,
+    across: Array | None = None,
+    lost: Callable[[float, str], None] = SILENT.lost,
+) -> list[Point]:
+    """Return the point that `corrected` finds, or nothing, which `lost` is told."""
     try:
         return [corrected(problem, x, across)]
-    except InputError:
-        return []
-
-
-def begun(problem: Problem, x: Array) -> list[Point]:
-    """Return the point that `corrected` finds from a start, or nothing, which the watch is told."""
-    try:
-        return [corrected(problem, x)]
     except InputError as error:
-        problem.watch.lost(float(x[-1]), str(error))
+        lost(float(x[-1]), str(error))
         return []
 
 

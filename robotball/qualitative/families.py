@@ -78,7 +78,7 @@ def momentum_across(rolling: Rolling, momentum: Array, f: float, c: float) -> Ar
     across = float(np.hypot(*momentum[:2]))
     if not (f > c * c and across > 0):
         raise InputError(
-            f"no start has c = (M, γ) = {c:g} and f = M² = {f:g} as this scene's has: c² must be "
-            "below f, and M not vertical or zero"
+            f"no start has c = (M, γ) = {c:g} and f = M² = {f:g}: c² must be below f, and the "
+            "scene's M not vertical or zero"
         )
     return np.array([*(momentum[:2] * (np.sqrt(f - c * c) / across)), c])

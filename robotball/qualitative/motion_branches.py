@@ -13,7 +13,6 @@ period grows as ln |s - s*| only, and p tends to 0.
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from typing import Any, TypeVar
 
 import numpy as np
@@ -136,8 +135,8 @@ def sought(
     inside: int,
     found: Callable[..., Iterable[_Found]],
     watch: co.Watch = co.SILENT,
-) -> Iterator[tuple[_Found, float]]:
-    """Yield what is found at the family's places, each with its s.
+) -> Iterator[tuple[list[_Found], float]]:
+    """Yield all that is found at each of the family's places, with its s.
 
     Raises InputError for a number that the ball cannot have, and where every place raises it, as
     where solutions fill curves. At some places two may be about to coincide: the watch is told.
@@ -147,7 +146,7 @@ def sought(
         watch.seeks(s, place, len(places))
         ball = family.at(s)
         try:
-            yield from [(each, s) for each in found(*ball)]
+            yield [*found(*ball)], s
         except InputError as error:
             refused.append(error)
             watch.lost(s, str(error))
@@ -177,9 +176,8 @@ def resting(family: Family, watch: co.Watch = co.SILENT) -> Iterator[co.Branch]:
     problem = co.steady(residual, exponents, watch)
     branches: list[co.Branch] = []
     inside = _LINES if family.momentum.any() else _POINTS
-    places = sought(family, inside, found, watch)
-    for s, some in groupby(places, key=lambda each: each[1]):
-        starts = [np.append(u, s) for u, _ in some]
+    for some, s in sought(family, inside, found, watch):
+        starts = [np.append(u, s) for u in some]
         # Most have been passed, which is known without a correction.
         if len(starts) != sum(each.passes(s) for each in branches):
             yield from co.explore(problem, starts, branches)

@@ -207,7 +207,9 @@ def period_of(scene: Scene) -> float:
             if mean and not isinstance(hinge.body, Rotor):
                 frequencies.append(abs(mean) / (2 * np.pi))
     if not frequencies:
-        raise InputError(f"{scene.name}: nothing drives it periodically, so it has no period")
+        raise InputError(
+            f"{scene.name}: nothing drives it periodically, as a stroboscopic map needs"
+        )
     ratios = [Fraction(f / frequencies[0]).limit_denominator(_MOST_PERIODS) for f in frequencies]
     period = math.lcm(*(ratio.denominator for ratio in ratios)) / frequencies[0]
     if any(abs(f * period - round(f * period)) > _ON_PERIOD for f in frequencies):

@@ -10,7 +10,7 @@ period T is one of the drives', or two after a period doubling, and so on.
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import cycle, groupby
+from itertools import cycle
 
 import numpy as np
 from msgspec.structs import replace as changed
@@ -235,8 +235,7 @@ def swinging(family: Driven, watch: co.Watch = co.SILENT) -> Iterator[co.Branch]
     its motion has settled and, where M may change, from rest about each principal axis, up at one
     place and down at the next.
     """
-    rough, fine = (family.problem(errors, watch) for errors in (_SOUGHT, _CLOSED))
-    branches: list[co.Branch] = []
+    rough, fine, branches = family.problem(_SOUGHT), family.problem(watch=watch), list[co.Branch]()
     sides = cycle(np.stack([np.eye(3), -np.eye(3)]))
 
     def found(scene: Scene, scale: float) -> Iterator[Array]:
@@ -249,9 +248,9 @@ def swinging(family: Driven, watch: co.Watch = co.SILENT) -> Iterator[co.Branch]
         for v in starts:
             yield np.append(v, np.log(period_of(scene)))
 
-    for _, some in groupby(sought(family, _INSIDE, found, watch), key=lambda each: each[1]):
-        starts = (point.x for u, s in some for point in co.begun(rough, np.append(u, s)))
-        yield from co.explore(fine, starts, branches)
+    for some, s in sought(family, _INSIDE, found, watch):
+        begun = (co.reached(rough, np.append(u, s), lost=watch.lost) for u in some)
+        yield from co.explore(fine, (point.x for each in begun for point in each), branches)
 
 
 def close_strobed(scene: Scene, attitude: Array, momentum: Array) -> Cycle:

@@ -108,7 +108,7 @@ REFUSED: dict[str, Callable[[], object]] = {
     "the circle's turns must not be 0": lambda: circle(0.5, 0.0),
     "waypoint 1 is where the path is already": lambda: through([(0.0, 0.0)]),
     "waypoints are pairs|inhomogeneous": lambda: through([(1.0, 0.0, 2.0)]),
-    "1 hinges are driven; to roll anywhere takes two": lambda: steer(
+    "driven hinges: 1; to roll anywhere takes two": lambda: steer(
         WEIGHT.with_hinges(motor={"pendulum1": None}), straight(1.0), 5.0
     ),
     "the plane resists rolling": lambda: steer(

@@ -37,6 +37,7 @@ from validation.results import changed, file_name
 from validation.studies.contact_sections import level_starts, steady_scene
 from validation.study import show
 
+_ROUNDING = 1e-7  # 1/s, of an eigenvalue, which may be a double one
 _NEARLY_STRAIGHT = 1e9  # radii of the ball: beyond, what bends a path is rounding
 _Point = tuple[str, FixedPoint, ContactPath]
 _Cells = tuple[str, str, str, str]
@@ -79,13 +80,11 @@ def _cycle_cells(cycle: Cycle) -> _Cells:
 
 
 def _straight_cells(line: StraightMotion, name: str) -> _Cells:
-    kind = "stable" if line.is_stable else "unstable"
-    return (
-        name or "straight",
-        _join(line.gamma),
-        _join(line.eigenvalues),
-        f"{kind},\nstraight line",
-    )
+    # Where the largest real part is zero, the eigenvalues decide nothing.
+    rate = line.eigenvalues.real.max()
+    kind = "neutral" if abs(rate) < _ROUNDING else "stable" if rate < 0 else "unstable"
+    words = f"{kind},\n{'straight line' if line.speed else 'at rest'}"
+    return name or "straight", _join(line.gamma), _join(line.eigenvalues), words
 
 
 def _join(values: Array) -> str:

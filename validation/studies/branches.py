@@ -18,7 +18,7 @@ from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.settings import resolved
 from robotball.equations import Parameters
-from robotball.errors import unknown
+from robotball.errors import check_positive, unknown
 from robotball.film.looks import ACCENT, INK
 from robotball.qualitative import motion_branches as motions
 from robotball.qualitative.continuation import (
@@ -87,7 +87,7 @@ def _special(family: motions.Range, number: int, branch: Branch) -> Iterator[Row
             value, born = motions.born_cycles(family, point, _SEARCHED)
             sense = "degenerate" if abs(value) < _ROUNDING else _SENSES[value > 0]
             what = f"{sense}, l₁ = {value:.3g} 1/s"
-            for first in born.points[1:2]:
+            for first in born.points[1 : 2 if abs(value) > _ROUNDING else 1]:
                 what += f", {'' if first.is_stable else 'un'}stable cycles "
                 what += "above" if first.x[-1] > point.x[-1] else "below"
                 if value < 0 and not first.is_stable:
@@ -207,8 +207,11 @@ class Continue:
     def run(self) -> int:
         scene = load_scene(self.scene)
         check_files(self.json, self.csv)
-        if not self.low < self.high:
-            raise InputError(f"--from {self.low:g} must be below --to {self.high:g}")
+        if not -np.inf < self.low < self.high < np.inf:
+            raise InputError(
+                f"--from {self.low:g} must be below --to {self.high:g}, both of them finite"
+            )
+        check_positive("longest", self.longest, "s")
         family = self._family(scene)
         settings = None if self.preset is None else preset(self.preset)
         if settings is not None and not isinstance(family, Driven):
@@ -246,6 +249,8 @@ class Continue:
         steady_scene(self.scene, "a branch")
         if self.over not in NUMBERS:
             raise unknown("number", self.over, NUMBERS)
+        if self.of == "equilibrium" and self.over in ("f", "c"):
+            raise InputError("--of equilibrium is of motion from rest, M = 0, which has no f and c")
         # Fixed points are those of the motion from rest, whatever M the scene starts with.
         momentum = scene.start.momentum * (self.of != "equilibrium")
         if self.of == "line" and not momentum.any():
@@ -404,4 +409,4 @@ def _cycles(scene: Scene, family: motions.Family, watch: Watch) -> Iterator[tupl
         # everywhere; random starts find the cycles that attract.
         return basins(ball, attitudes, np.tile(M, (_STARTS, 1))).cycles
 
-    return motions.sought(family, _INSIDE, found, watch)
+    return ((each, s) for some, s in motions.sought(family, _INSIDE, found, watch) for each in some)

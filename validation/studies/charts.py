@@ -63,7 +63,7 @@ _KEPT = 100  # crossings of each motion of a diagram
 _SAME_CROSSING = 1e-3  # of L/√f and of a radian: crossings as near as that are one
 _QUICK = 10  # times fewer points and shorter motions in the quick form
 _SAID = (
-    "{points} motions, {minutes:.1f} minutes of processor time. Of the chart {chaotic:.1%} is "
+    "motions: {points}, {minutes:.1f} minutes of processor time. Of the chart {chaotic:.1%} is "
     "chaotic, {straight:.1%} ends on straight lines."
 )
 _SPREAD = " Half of the chaotic λ₁ have a standard error below {median_error:.1g} 1/s"
@@ -277,7 +277,7 @@ def _draw_diagram(scene: Scene, axes: _Axes, rows: Sequence[Row]) -> Figure:
         panel.set_ylabel(label)
         panel.axvline(own[name], color=ACCENT, linestyle="--", linewidth=1)
     below.axhline(0.0, color=FAINT)
-    below.set(xlabel=across, xlim=(rows[0][name], rows[-1][name]))
+    below.set(xlabel=across, xlim=(axes[name].min(), axes[name].max()))
     above.set_title(f"dashed: {_PAPERS.get(scene.name, scene.name)}", fontsize=9)
     figure.align_ylabels()
     return figure

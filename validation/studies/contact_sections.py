@@ -100,6 +100,10 @@ def level_starts(scene: Scene, count: int, seed: int, g: float = 0.0) -> tuple[A
     attitude = multiply(scene.start.attitude, scene.principal_quaternion)
     if count == 1:
         return attitude[None], M[None]
+    if not M.any():
+        raise InputError(
+            f"{scene.name} starts from rest, and random starts have its M²: give it one"
+        )
     # The rubber model's M is horizontal by (3.1).
     c = float(M[2]) if scene.rolling == "classical" else 0.0
     return _random_starts(float(M @ M), count, seed, g, c)

@@ -113,6 +113,8 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
         "A classical ball can roll straight on at any γ",
         {"straight_motions/*/speed": approx([1.44])},
     ),
+    "equilibria chaplygin_ball": ("0, 0, 0 neutral, at rest", {}),
+    "equilibria routh_sphere": ("0, 0 ± 2.722i neutral, straight line", {}),
     "equilibria fig10_stable --longest 0 --json a.json": (
         "Two straight-line motions are stable where M² < 2.08062 (kg m²/s)²",
         {

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from rich.markup import escape
 from rich.table import Table
 from tyro.conf import arg
 
@@ -104,16 +105,11 @@ def _special(family: motions.Range, number: int, branch: Branch) -> Iterator[Row
 
 
 def _branch_picture(
-    scene: Scene,
-    label: tuple[str, str],
-    rows: Sequence[Row],
-    special: Sequence[Row],
-    repeated: Sequence[Row] = (),
-    engine: str = "",
+    scene: Scene, label: tuple[str, str], rows: Sequence[Row], special: Sequence[Row]
 ) -> Figure:
     """Draw the branches over the number: of cycles the period, else the γᵢ that varies most.
 
-    repeated: the points that an engine repeated, which is so called.
+    special: points with their kind; any other than ours is what an engine says of motions repeated.
     """
     branches = [[*of] for _, of in groupby(rows, lambda row: row["branch"])]
     # Branches of points move along some axis more than along others; a cycle has no one γ, but
@@ -143,19 +139,11 @@ def _branch_picture(
         _draw_branch(axes, each, key, named=len(branches) > 1)
     for kind in dict.fromkeys(row["kind"] for row in special):
         places = [(row["value"], row[key]) for row in special if row["kind"] == kind]
-        mark: Any = {"marker": _MARKERS[kind], "color": ACCENT, "mec": INK, "ms": 8, "ls": ""}
+        face, edge = (ACCENT, INK) if kind in _MARKERS else ("none", LABEL.colour)
+        mark: Any = {"marker": _MARKERS.get(kind, "o"), "mfc": face, "mec": edge, "ms": 8, "ls": ""}
         axes.plot(*zip(*places, strict=True), label=kind, zorder=4, **mark)
-    if repeated:
-        axes.plot([row["value"] for row in repeated], [row[key] for row in repeated], "o", ms=9,
-                  mfc="none", mec=LABEL.colour, label=f"{engine}: {_apart(repeated)}")  # fmt: skip
     figure.legend(loc="outside lower center", ncols=6, frameon=False)
     return figure
-
-
-def _apart(repeated: Sequence[Row]) -> str:
-    """Return in words how far motions that an engine repeated are from their start."""
-    errors = [row["apart"] for row in repeated]
-    return f"{len(errors)} motions, after a period off by {min(errors):.0e} to {max(errors):.0e}"
 
 
 def _draw_branch(axes: Axes, rows: Sequence[Row], key: str, named: bool) -> None:
@@ -390,10 +378,14 @@ class _Findings(Watch):
         record = {"scene": scene.name, "of": of, "over": over, "special": special}
         record |= {"ends": [each.ends for each in branches], "repeated": self.repeated}
         shown: list[Table | str] = [table_of(columns, special)] if special else []
-        shown += [table_of(reasons, ends, section="branch"), told, *self.losses()]
-        if self.repeated:
-            shown.append(f"{self.engine}: {_apart(self.repeated)}")
-        picture = _branch_picture(scene, family.label, rows, special, self.repeated, self.engine)
+        shown += [table_of(reasons, ends, section="branch"), told, *map(escape, self.losses())]
+        marked = special
+        if errors := [row["apart"] for row in self.repeated]:
+            words = f"{self.engine}: {len(errors)} motions, after a period off by "
+            words += f"{min(errors):.0e} to {max(errors):.0e}"
+            shown.append(words)
+            marked = [*special, *({**row, "kind": words} for row in self.repeated)]
+        picture = _branch_picture(scene, family.label, rows, marked)
         return Study(scene.name, None, ("continue", of, over), rows, record, shown, picture)
 
 

@@ -22,6 +22,7 @@ from typing import Annotated, Any
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.figure import Figure
+from rich.markup import escape
 from rich.table import Table
 from scipy.ndimage import distance_transform_edt
 from tyro.conf import arg
@@ -334,6 +335,7 @@ class Chart:
             skipped = _FOLLOWED if self.follow else _SKIPPED
             shared |= {"follow": self.follow, "skipped": skipped // less}
         rows: dict[tuple[float, ...], dict[str, Any]] = {}
+        failures: list[str] = []
 
         def measured(places: Integers) -> Array:
             points = np.stack([axes[n][i] for n, i in zip(axes, places.T, strict=True)], axis=1)
@@ -344,14 +346,14 @@ class Chart:
                 varied(ball, momentum, dict(zip(axes, points[-1], strict=True)))
             # Followed motions need each other's ends, in order, so they are one cell.
             size = len(points) if self.follow else _CHUNK
-            rows.update(self._rows_at(measure, shared, points[some].tolist(), size))
+            rows.update(self._rows_at(measure, shared, points[some].tolist(), size, failures))
             there = [rows.get((*point,)) for point in points]
             return np.array([row["largest"] if row else math.nan for row in there])
 
         least = 2 * _GROWTH / shared["duration"]
         largest = refined(tuple(map(len, axes.values())), levels, least, measured)
         if not rows:
-            raise InputError(f"over {self.over} no motion could be followed")
+            raise InputError(f"over {self.over} no motion could be followed: {failures[0]}")
         found = [rows[point] for point in sorted(rows)]
         some = largest[np.isfinite(largest)]
         # A regular motion's λ₁ is its own 0, of which the two halves show no spread.
@@ -367,9 +369,12 @@ class Chart:
         repeated: list[Row] = []
         if settings is not None:
             dozen = {tuple(row[name] for name in axes): row for row in _dozen(found)}
-            engine = self._rows_at(measure_contact, shared | {"preset": settings}, [*dozen], 1)
+            shared["preset"] = settings
+            engine = self._rows_at(measure_contact, shared, [*dozen], 1, failures)
             repeated = [{**dozen[point], **row} for point, row in engine.items()]
             shown.append(table_of(_columns(axes), repeated))
+        if failures:
+            shown.append(escape(f"cells without a result: {len(failures)}; {failures[0]}"))
         if len(axes) == 1:
             picture = _draw_diagram(scene, axes, found)
         else:
@@ -383,14 +388,24 @@ class Chart:
         return self.sweep.present(study, *changed(self, *options))
 
     def _rows_at(
-        self, work: Work, shared: Cell, points: Sequence[Sequence[float]], size: int
+        self,
+        work: Work,
+        shared: Cell,
+        points: Sequence[Sequence[float]],
+        size: int,
+        failures: list[str],
     ) -> dict[tuple[float, ...], dict[str, Any]]:
-        """Return the rows that work makes of points (n, k), so many in a cell, by their points."""
+        """Return the rows that work makes of points (n, k), so many in a cell, by their points.
+
+        Of a cell without a result the reason is added to `failures`.
+        """
         cells = [{**shared, "points": points[i : i + size]} for i in range(0, len(points), size)]
         journal = f"{Path(self.scene).stem}-{work.__name__.replace('measure', 'chart')}"
+        results = self.sweep.results(work, cells, journal, _LIMIT)
+        failures += [each.failure for each in results if each.failure]
         return {
             tuple(point): dict(zip(shared["over"], point, strict=True)) | row
-            for each in self.sweep.results(work, cells, journal, _LIMIT)
+            for each in results
             if each.record
             for point, row in zip(each.cell["points"], each.record["rows"], strict=True)
         }

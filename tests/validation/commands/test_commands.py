@@ -156,7 +156,7 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
         },
     ),
     "chart fig14 --over K=2:4 --count 30 --duration 500 --quick --workers 1 --json a.json": (
-        "3 motions",
+        "motions: 3, ",
         {"over": ["K"], "points": 3, "chaotic": 0.0, "straight": 0.0},
     ),
 }

@@ -20,7 +20,10 @@ from robotball.qualitative.long_run import exponents
 from robotball.qualitative.sections import section
 from robotball.rotations import Array, multiply, rotation_matrix
 from tests.conftest import Robotball
-from validation.studies.charts import measure, measure_contact, refined, word_of
+from validation.options import Sweep
+from validation.studies import charts
+from validation.studies.charts import Chart, measure, measure_contact, refined, word_of
+from validation.sweeps import Result
 
 TIMES = (4.0, 7.0)  # s, over which λ₁ is compared
 
@@ -178,3 +181,28 @@ def test_a_chart_goes_on_where_it_was_ended(robotball: Robotball, tmp_path: Path
     assert all(float(row["f"]) > float(row["c"]) ** 2 for row in rows)
     assert len(rows) < 5 * 5
     assert table.with_suffix(".png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_cells_without_a_result_are_said_with_a_reason(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All of them in the refusal, some below the chart."""
+    lost: list[int] = [0, 1, 2]
+
+    def results(sweep: Sweep, work: Any, cells: Any, *of: Any) -> list[Result]:
+        return [
+            Result(each, None, "it took [3] s") if i in lost else Result(each, work(each), None)
+            for i, each in enumerate(cells)
+        ]
+
+    monkeypatch.setattr(Sweep, "results", results)
+    monkeypatch.setattr(charts, "_CHUNK", 1)
+    times: Any = {"duration": 20.0, "transient": 10.0, "sweep": Sweep(out=tmp_path)}
+    chart = Chart("fig14", "K=2:4", count=3, refine=0, **times)
+    with pytest.raises(rb.InputError, match=r"no motion could be followed: it took \[3\] s$"):
+        chart.run()
+    lost[:] = [1]
+    assert chart.run() == 0
+    printed = capsys.readouterr().out
+    assert "motions: 2, " in printed
+    assert "cells without a result: 1; it took [3] s" in printed

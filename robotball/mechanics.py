@@ -157,9 +157,12 @@ def _before(bodies: _Numbers, i: int) -> int:
 
 
 def mass_matrix(bodies: _Numbers, placed: _Numbers, columns: _Numbers, matrix: _Numbers) -> None:
-    """Write 𝓜 (3 + h, 3 + h, ...): u·𝓜u/2 is the kinetic energy, with that of the armatures."""
+    """Write 𝓜 (3 + h, 3 + h, ...): u·𝓜u/2 is the kinetic energy, with that of the armatures.
+
+    A larger matrix has zeros beyond.
+    """
     matrix[:] = 0.0
-    k = len(matrix)
+    k = columns.shape[1]
     for b in range(len(bodies)):
         # Only the rates that move the body: the columns of all others are zero.
         i = 2 + b
@@ -183,7 +186,7 @@ def move(columns: _Numbers, u: _Numbers, moving: _Numbers) -> None:
     """Write the velocities of moving (b, MOVING, ...) that u (3 + h, ...) gives."""
     for b in range(len(columns)):
         turning, velocity = scale(0.0, vector(u, 0)), scale(0.0, vector(u, 0))
-        for k in range(len(u)):
+        for k in range(columns.shape[1]):
             turning = add(turning, scale(u[k], vector(columns[b, k], _TURN)))
             velocity = add(velocity, scale(u[k], vector(columns[b, k], _MOVE)))
         put(moving[b], TURNING, turning)
@@ -233,7 +236,7 @@ def momentum_rates(
     put(rates, 0, L_rate)
 
 
-def needed(
+def bias(
     bodies: _Numbers,
     placed: _Numbers,
     columns: _Numbers,
@@ -242,52 +245,57 @@ def needed(
     gamma: Vector,
     gravity: Vector,
     u: _Numbers,
-    u_rate: _Numbers,
     torques: _Numbers,
 ) -> Vector:
-    """Write the torques that give u a rate in space (3 + h, ...), by Newton and Euler.
+    """Write the torques that keep u as it is (3 + h, ...), by Newton and Euler.
 
     torques (3 + h, ...): that of the plane about the contact point, then those of the motors; of
-    slides, forces. Returns the plane's force [N]. The accelerations are written into `moving`.
+    slides, forces. Returns the plane's force [N]. For u to change, 𝓜 du/dt is added to them, and
+    `push` of it to the force. The accelerations are written into `moving`.
     """
     force = scale(0.0, gamma)
     torques[:] = 0.0
     for b in range(len(bodies)):
         row, m = placed[b], bodies[b][_MASS]
         turning, r = vector(moving[b], TURNING), vector(row, _FROM_CENTRE)
-        # Of the centre of the sphere, and from there on of the shell's centre of mass.
-        rate = vector(u_rate, 0)
-        acceleration = scale(radius, cross(rate, gamma))
-        if b == 0:
-            acceleration = add(acceleration, _acceleration(rate, turning, r))
-        else:
+        # The centre of the sphere moves steadily, and the shell turns steadily.
+        rate = scale(0.0, gamma)
+        acceleration = rate
+        rho = r
+        if b > 0:
             p = int(bodies[b][_PARENT])
             n, omega = vector(placed[b], _ALONG), vector(moving[p], TURNING)
-            pivot, own, own_rate = vector(row, _AT), u[2 + b], u_rate[2 + b]
+            pivot = vector(row, _AT)
             arm = subtract(pivot, vector(placed[p], _FROM_CENTRE))
             rate = vector(moving[p], _TURNING_RATE)
             acceleration = add(vector(moving[p], _ACCELERATION), _acceleration(rate, omega, arm))
-            # In space n has the rate ω×n, so a hinge gives q̈n + q̇ω×n, a slide 2q̇ω×n.
-            carried = scale(own, cross(omega, n))
+            # In space n has the rate ω×n, which gives a hinge q̇ω×n, a slide 2q̇ω×n.
+            carried = scale(u[2 + b], cross(omega, n))
             if bodies[b][_SLIDES] == 0:
-                rate = add(rate, add(scale(own_rate, n), carried))
+                rate = add(rate, carried)
             else:
-                carried = scale(2.0, carried)
-                acceleration = add(acceleration, add(scale(own_rate, n), carried))
+                acceleration = add(acceleration, scale(2.0, carried))
             rho = subtract(r, pivot)
-            acceleration = add(acceleration, _acceleration(rate, turning, rho))
+        acceleration = add(acceleration, _acceleration(rate, turning, rho))
         put(moving[b], _TURNING_RATE, rate)
         put(moving[b], _ACCELERATION, acceleration)
         f = scale(m, subtract(acceleration, gravity))
         spin = cross(turning, _applied(row, _TENSOR, turning))
         torque = add(_applied(row, _TENSOR, rate), spin)
         force = add(force, f)
-        for k in range(len(torques)):
+        for k in range(columns.shape[1]):
             column = columns[b, k]
             torques[k] += dot(vector(column, _TURN), torque) + dot(vector(column, _MOVE), f)
-    for j in range(1, len(bodies)):
-        torques[2 + j] += bodies[j][_ARMATURE] * u_rate[2 + j]
     return force
+
+
+def push(bodies: _Numbers, columns: _Numbers, u: _Numbers) -> Vector:
+    """Return the momentum Σ m v_b that u (3 + h, ...) gives the bodies, or its rate for du/dt."""
+    total = scale(0.0, vector(u, 0))
+    for b in range(len(bodies)):
+        for k in range(columns.shape[1]):
+            total = add(total, scale(bodies[b][_MASS] * u[k], vector(columns[b, k], _MOVE)))
+    return total
 
 
 def _acceleration(rate: Vector, turning: Vector, r: Vector) -> Vector:
@@ -299,7 +307,8 @@ def eliminate(matrix: _Numbers, given: _Numbers) -> None:
     """Put 𝓜 (k, k, ...), without the rows and columns of given rates (k,), into triangular form.
 
     Gaussian elimination, whose factors take the place of what is eliminated. 𝓜 is positive
-    definite, so that no rows need to be exchanged.
+    definite, and what it leaves of a border by directions negative definite, so that no rows need
+    to be exchanged.
     """
     k = len(matrix)
     for i in range(k):
@@ -312,67 +321,41 @@ def eliminate(matrix: _Numbers, given: _Numbers) -> None:
                     matrix[j, l] -= matrix[j, i] * matrix[i, l]
 
 
-def _solve(matrix: _Numbers, given: _Numbers, right: _Numbers, u: _Numbers) -> None:
-    """Solve 𝓜u = right for u (k, c, ...) in the rows that are not given (k,); the others stay.
+def constrain(matrix: _Numbers, directions: tuple[Vector, ...]) -> None:
+    """Border 𝓜, at the end of a larger matrix, by directions D_k about which no shell may turn.
+
+    The further unknowns are Lagrange multipliers, the torques along D_k but for their sign, and the
+    further rows say (D_k, ω_s) = 0. For momenta as the right side the multipliers are the parts of
+    L along D_k, which M does not have.
+    """
+    first = len(matrix) - len(directions)
+    for c in range(len(directions)):
+        for i in range(3):
+            matrix[first + c, i] = matrix[i, first + c] = directions[c][i]
+
+
+def solve(matrix: _Numbers, given: _Numbers, right: _Numbers, u: _Numbers) -> None:
+    """Solve 𝓜u = right for u (k, ...) in the rows that are not given (k,); the others stay.
 
     matrix: 𝓜 as `eliminate` leaves it, where the rows of given rates are as they were.
     """
-    k, columns = right.shape[0], right.shape[1]
+    k = len(matrix)
     for i in range(k):
         if not given[i]:
-            for c in range(columns):
-                u[i, c] = right[i, c]
-                for j in range(k):
-                    if given[j]:
-                        u[i, c] -= matrix[j, i] * u[j, c]
+            u[i] = right[i]
+            for j in range(k):
+                if given[j]:
+                    u[i] -= matrix[j, i] * u[j]
     for i in range(k):
         for j in range(i + 1, k):
             if not (given[i] or given[j]):
-                for c in range(columns):
-                    u[j, c] -= matrix[j, i] * u[i, c]
+                u[j] -= matrix[j, i] * u[i]
     for i in range(k - 1, -1, -1):
         if not given[i]:
-            for c in range(columns):
-                for j in range(i + 1, k):
-                    if not given[j]:
-                        u[i, c] -= matrix[i, j] * u[j, c]
-                u[i, c] = u[i, c] / matrix[i, i]
-
-
-def solve_rolling(
-    matrix: _Numbers, given: _Numbers, directions: _Numbers, right: _Numbers, u: _Numbers
-) -> None:
-    """Solve as `_solve` for u (k, ...), with torques along D_k (c, 3, ...) for (D_k, ω_s) = 0.
-
-    The torques are Lagrange multipliers: u is that of no torque and that of each torque of unit
-    size, added so that the constraints hold. For momenta as the right side they are the parts of L
-    along D_k, which M does not have.
-    """
-    count, k = len(directions), len(right)
-    # Number by number: numba takes seconds to compile one array's copy into a part of another.
-    columns = np.zeros((k, 1 + count, *right.shape[1:]))
-    answers = np.zeros(columns.shape)
-    for i in range(k):
-        columns[i, 0], answers[i, 0] = right[i], u[i]
-    for c in range(count):
-        for i in range(3):
-            columns[i, 1 + c] = directions[c, i]
-    _solve(matrix, given, columns, answers)
-    small = np.zeros((count, count, *right.shape[1:]))
-    off = np.zeros((count, 1, *right.shape[1:]))
-    torques = np.zeros(off.shape)
-    for c in range(count):
-        for i in range(3):
-            off[c, 0] -= directions[c, i] * answers[i, 0]
-            for other in range(count):
-                small[c, other] += directions[c, i] * answers[i, 1 + other]
-    # The first of given are of ω_s, which never is: nor is any torque.
-    eliminate(small, given)
-    _solve(small, given, off, torques)
-    for i in range(k):
-        u[i] = answers[i, 0]
-        for c in range(count):
-            u[i] += torques[c, 0] * answers[i, 1 + c]
+            for j in range(i + 1, k):
+                if not given[j]:
+                    u[i] -= matrix[i, j] * u[j]
+            u[i] = u[i] / matrix[i, i]
 
 
 @dataclass(frozen=True)
@@ -436,19 +419,19 @@ class Robot:
     ) -> Array:
         """Return ω (n, 3) of the carrier from the momentum M (n, 3), both in its axes."""
         k = 3 + self.hinges
-        given = np.arange(k) > 2
+        given = np.arange(k + 1) > 2
+        given[k] = rolling != "rubber"
         placed = self.placed(angles)
         columns = self.columns(placed, gamma)
-        matrix, right = np.empty((k, k, len(gamma))), np.zeros((k, len(gamma)))
+        matrix = np.empty((k + 1, k + 1, len(gamma)))
+        right, u = np.zeros((2, k + 1, len(gamma)))
         mass_matrix(self.bodies, placed, columns, matrix)
+        constrain(matrix, (tuple(gamma.T),))
         eliminate(matrix, given)
-        # M is γ×L in the rubber model, so L is M×γ but for its part along γ, which `solve_rolling`
-        # finds from the shell's not turning about γ.
+        # M is γ×L in the rubber model, so L is M×γ but for its part along γ, the multiplier.
         right[:3] = (np.cross(M, gamma) if rolling == "rubber" else M).T
-        u = np.zeros_like(right)
-        u[3:] = rates.T
-        fixed = gamma.T[None] if rolling == "rubber" else np.empty((0, 3, len(gamma)))
-        solve_rolling(matrix, given, fixed, right, u)
+        u[3:k] = rates.T
+        solve(matrix, given, right, u)
         return (u[:3] + self._carried(columns, rates)).T
 
 

@@ -27,7 +27,7 @@ import numpy as np
 
 from robotball import equations as eq
 from robotball.engine import Engine, Own, Request, as_own, engine_named
-from robotball.engines.dop853 import Compensated, rk4
+from robotball.engines.dop853 import Compensated, Rate, one_by_one
 from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of
 from robotball.engines.observe import spans
 from robotball.engines.states import UNKNOWN_FORCE, State, motion_of_rows, start_state
@@ -458,7 +458,7 @@ class IdealWorld(World):
     def _rk4(self, times: Array, timestep: float, y: Array) -> Iterator[tuple[float, Array]]:
         for begin, length, count, sample in self.stretches(times, timestep):
             for i in range(count):
-                y = rk4(self.rate, begin + i * length, y, length)
+                y = _rk4(self.rate, begin + i * length, y, length)
             if sample is not None:
                 yield sample, y
 
@@ -467,9 +467,10 @@ class IdealWorld(World):
         stops = np.union1d([t for t in self.scene.breakpoints if t < times[-1]], times[[0, -1]])
         # X and Y do not set the step where they pass zero: their scale is the radius.
         scale = np.array([*[self.scene.ball.radius] * 2, *[1.0] * 4, *[1.0] * (len(y) - 6)])
-        for begin, end in pairwise(stops):
-            solver = Compensated(self.rate, (begin, end), y, self.rtol, scale, timestep)
-            while solver.running:
+        for begin, end in pairwise(stops.tolist()):
+            stages = partial(one_by_one, self.rate)
+            solver = Compensated(stages, begin, end, y, self.rtol, scale, timestep)
+            while solver.t < end:
                 before = solver.t
                 if (why := solver.step()) is not None:
                     raise FloatingPointError(why)
@@ -483,6 +484,15 @@ class IdealWorld(World):
         y, evaluations = self._start, self.evaluations
         whole = seconds_per_call(lambda: self.rate(0.0, y))
         return (whole - seconds_per_call(lambda: self.dynamics(self.now))) * evaluations
+
+
+def _rk4(rate: Rate, t: float, y: Array, h: float) -> Array:
+    """Return the state after a step of the classical Runge-Kutta method from y at t, h long [s]."""
+    k1 = rate(t, y)
+    k2 = rate(t + h / 2, y + h / 2 * k1)
+    k3 = rate(t + h / 2, y + h / 2 * k2)
+    k4 = rate(t + h, y + h * k3)
+    return y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
 
 def velocity_first(M: Array, h: Array) -> tuple[Array, Array]:

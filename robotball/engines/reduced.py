@@ -6,13 +6,14 @@ Short motions take scipy's DOP853, long ones at steady rates the compiled steps 
 
 import math
 from dataclasses import replace
+from functools import partial
 from importlib.metadata import version
 
 import numpy as np
 
 from robotball import equations as eq
 from robotball.engines import Progress
-from robotball.engines.dop853 import LEAST_RTOL, Compensated, Rate, take_step
+from robotball.engines.dop853 import LEAST_RTOL, Compensated, Rate, one_by_one, take_step
 from robotball.equations import as_vector, check_speed
 from robotball.loads import loads_of
 from robotball.motion import Label, Motion, ReferenceMotion, extended, joined, pieces
@@ -164,8 +165,8 @@ def _solve(
     states[0] = (*multiply(scene.start.attitude, scene.principal_quaternion), 0.0, 0.0)
     state, begin, last, steps, done = states[0], 0.0, float(times[-1]), 0, 1
     for end in (*(t for t in scene.breakpoints if t < last), last):
-        solver = Compensated(rate, (begin, end), state, rtol, scale)
-        while solver.running:
+        solver = Compensated(partial(one_by_one, rate), begin, end, state, rtol, scale)
+        while solver.t < end:
             steps = take_step(solver, steps, max_steps, last, progress)
             reached = int(np.searchsorted(times, solver.t, side="right"))
             if reached > done:

@@ -13,7 +13,8 @@ from robotball.engine import OURS, engine_named
 from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.mujoco.control import Control
 from robotball.engines.multibody import March
-from robotball.engines.multibody.system import HINGES, System, readings_of
+from robotball.engines.multibody.derivative import HINGES, readings_of
+from robotball.engines.multibody.system import System
 from robotball.motion import path_error
 from robotball.rotations import Array, rotation_matrix
 from tests.random_robots import random_scene

@@ -5,14 +5,15 @@ cheaper of the two.
 """
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from functools import partial
 from itertools import pairwise
 
 import mujoco
 import numpy as np
 
 from robotball import equations as eq
-from robotball.engines.dop853 import Compensated, Rate
+from robotball.engines.dop853 import Compensated, Rate, one_by_one
 from robotball.engines.mujoco.control import FREE_QPOS, FREE_QVEL, Control, read_row
 from robotball.engines.mujoco.settings import Resolved
 from robotball.engines.mujoco.stepping import Portion
@@ -39,13 +40,13 @@ def by_forward(control: Control, data: mujoco.MjData, times: Array) -> Iterator[
     for span in pairwise((0.0, *inside, times[-1])):
         solver = _solver(control, data, state, span)
         last = span[1] == times[-1]
-        while solver.running:
+        while solver.t < solver.end:
             portion, pending = _portion(control, data, solver, pending, last, left)
             left -= portion.steps
             yield portion
             if portion.failure is not None:
                 return
-            if solver.running and _stopped(control, data, solver):
+            if solver.t < solver.end and _stopped(control, data, solver):
                 state = np.concatenate([data.qpos, data.qvel])
                 solver = _solver(control, data, state, (solver.t, span[1]))
         state = solver.state
@@ -72,7 +73,7 @@ def _portion(
         mujoco.mj_forward(control.model.compiled, data)
         rows.append(read_row(data))
 
-    while solver.running and len(lengths) < _LOOK and failure is None and not stopped:
+    while solver.t < solver.end and len(lengths) < _LOOK and failure is None and not stopped:
         if len(lengths) == left:
             limit = control.model.settings.max_steps
             failure = Fault(FaultKind.OUT_OF_STEPS, np.nan, limit=limit, fatal=True)
@@ -84,7 +85,7 @@ def _portion(
         lengths.append(solver.t - before)
         stopped = _stopped(control, data, solver)
         # A sample at the end of a span but the last is the first of the next.
-        inside = last or solver.running
+        inside = last or solver.t < solver.end
         done = int(np.searchsorted(pending, solver.t, "right" if inside else "left"))
         sampled_end = done > 0 and pending[done - 1] == solver.t
         if done:
@@ -93,7 +94,7 @@ def _portion(
                 read(t, state)
             pending = pending[done:]
         # The monitor sees the end of every step; one on a sample time has its row already.
-        if solver.running and not sampled_end:
+        if solver.t < solver.end and not sampled_end:
             read(solver.t, solver.state)
     portion = Portion(
         np.array(rows).reshape(len(rows), len(read_row(data))),
@@ -121,7 +122,7 @@ def _put(data: mujoco.MjData, t: float, state: Array) -> None:
 
 
 def _solver(
-    control: Control, data: mujoco.MjData, state: Array, span: Sequence[float]
+    control: Control, data: mujoco.MjData, state: Array, span: tuple[float, float]
 ) -> Compensated:
     """Return the integrator of a smooth span [s] from a state (qpos, qvel)."""
     settings, scene = control.model.settings, control.model.scene
@@ -142,14 +143,8 @@ def _solver(
         for column, rate in ((2, 1.0), (len(data.qpos) + 2, stiffness**0.5)):
             scale[column] = max(scale[column], give * rate)
         longest = min(longest, _DAMPED / damping)
-    return Compensated(
-        _right_hand_side(control.model.compiled, data),
-        span,
-        state,
-        settings.rtol,
-        scale,
-        max_step=longest,
-    )
+    stages = partial(one_by_one, _right_hand_side(control.model.compiled, data))
+    return Compensated(stages, *span, state, settings.rtol, scale, longest)
 
 
 def _right_hand_side(compiled: mujoco.MjModel, data: mujoco.MjData) -> Rate:

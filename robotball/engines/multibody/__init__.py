@@ -24,7 +24,7 @@ from robotball.engine import Engine, Request, as_own
 from robotball.engines import Progress
 from robotball.engines.dop853 import LEAST_RTOL, Compensated, take_step
 from robotball.engines.loop import Loop, Sensed
-from robotball.engines.multibody.system import (
+from robotball.engines.multibody.derivative import (
     HINGES,
     LOSS,
     MOMENTUM,
@@ -32,9 +32,9 @@ from robotball.engines.multibody.system import (
     STANDING,
     Modes,
     Readings,
-    System,
     readings_of,
 )
+from robotball.engines.multibody.system import System
 from robotball.errors import InputError, warn
 from robotball.loads import Loads
 from robotball.motion import (
@@ -385,7 +385,7 @@ class March:
         system = self.system
         solver = self._solver(t, end, state)
         margins, longest = _margins_of(system, t, state), 0.0
-        while solver.running:
+        while solver.t < end:
             before = (solver.t, solver.state)
             self.steps = take_step(solver, self.steps, self.max_steps, self.end, self.progress)
             event, margins = self._event(solver, before[0], margins)
@@ -439,22 +439,21 @@ class March:
         return (min(found) if found else None), after
 
     def _solver(self, begin: float, end: float, state: Array) -> Compensated:
-        first = None
-        if self.system.holds and self.natural is not None:
+        system = self.system
+        solver = Compensated(system.stages, begin, end, state, self.rtol, system.scale)
+        if system.holds and self.natural is not None:
             # As many equal steps as the piece before would have taken: to find the first step's
             # length anew, after each of many commands, would take as long as the motion.
-            first = (end - begin) / np.ceil((end - begin) / (_LEEWAY * self.natural))
-        system = self.system
-        return Compensated(
-            system.rate, (begin, end), state, self.rtol, system.scale, first_step=first
-        )
+            count = float(np.ceil((end - begin) / (_LEEWAY * self.natural)))
+            solver.next_step = (end - begin) / count
+        return solver
 
     def _at(self, before: tuple[float, Array], t: float) -> Array:
         """Return the state at t in the last step, by steps that end there."""
         if t <= before[0]:
             return before[1]
         solver = self._solver(before[0], t, before[1])
-        while solver.running:
+        while solver.t < t:
             self.steps = take_step(solver, self.steps, self.max_steps, self.end, self.progress)
         return solver.state
 
@@ -469,7 +468,7 @@ class Samples:
 
     def add(self, reached: float, solver: Compensated | Array) -> None:
         """Add those up to `reached` [s], from the solver's last step or the one state there."""
-        new = slice(self.done, int(np.searchsorted(self.times, reached, side="right")))
+        new = slice(self.done, int(self.times.searchsorted(reached, side="right")))
         if new.start < new.stop:
             times = self.times[new]
             self.states[new] = solver.within(times) if isinstance(solver, Compensated) else solver

@@ -1,9 +1,11 @@
 """The integrator's own rounding."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
-from robotball.engines.dop853 import Compensated
+from robotball.engines.dop853 import Compensated, one_by_one
 
 pytestmark = pytest.mark.core
 
@@ -15,8 +17,14 @@ def test_a_long_sum_rounds_once() -> None:
     """
     far = np.array([1e6])
     path = Compensated(
-        lambda t, _: np.array([np.cos(t)]), (0.0, 10.0), far, 1.0, np.ones(1), max_step=0.01
+        partial(one_by_one, lambda t, _: np.array([np.cos(t)])),
+        0.0,
+        10.0,
+        far,
+        1.0,
+        np.ones(1),
+        longest=0.01,
     )
-    while path.running:
+    while path.t < path.end:
         path.step()
     assert abs(path.state[0] - (1e6 + np.sin(10.0))) <= np.spacing(1e6) / 2

@@ -8,7 +8,8 @@ import pytest
 import robotball as rb
 from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.multibody import March
-from robotball.engines.multibody.system import HINGES, MOMENTUM, POINT, System, readings_of
+from robotball.engines.multibody.derivative import HINGES, MOMENTUM, POINT, readings_of
+from robotball.engines.multibody.system import System
 from robotball.motion import attitude_error, momentum_error, path_error
 from robotball.motors import Free
 from robotball.rotations import multiply

@@ -194,7 +194,8 @@ def _at_limits(unknowns: Sequence[Unknown]) -> Iterator[str]:
     for each in unknowns:
         for limit in (each.low, each.high):
             if each.log is None and abs(each.value - limit) < _AT_LIMIT * each.size:
-                what = f"ended at its limit of {limit:.3g}: the logs would have it beyond"
+                shown = limit if abs(limit) > _AT_LIMIT * each.size else 0.0
+                what = f"ended at its limit of {shown:.3g}: the logs would have it beyond"
                 yield f"{each.name} {what}"
 
 

@@ -72,15 +72,15 @@ def as_it_is(numbers: Numbers) -> Iterator[tuple[str, tuple[Run, Any]]]:
 def lines(found: Fitted) -> Iterator[str]:
     """Yield what a fit says, a line each: the verdict, then what the logs do not tell."""
     chi2, probability = found.chi2 / found.degrees, found.probability
-    told = f"χ² is {chi2:.3f} for each of {found.degrees} degrees of freedom"
+    told = f"χ² is {chi2:.4g} for each of {found.degrees} degrees of freedom"
     if found.explains and not _tells(found):
-        yield f"the logs tell none of the numbers, and any model explains them: {told}"
+        yield f"the logs tell none of the numbers, and are explained whatever these are: {told}"
     elif found.explains:
         yield f"the model explains the logs: {told}, its probability {probability:.2g}"
     else:
-        yield f"the model does not explain the logs: {told}"
+        yield f"the model does not explain the logs; numbers may be off by more than ±: {told}"
     if not found.complete:
-        yield "the fit stopped before the minimum of χ²: fit again from the scene that it wrote"
+        yield "the fit stopped before the minimum of χ²: begin nearer, or from the scene it wrote"
     for sensor in found.strays:
         yield (
             f"  {sensor.name} of {sensor.log} from t = {sensor.since or 0.0:.3g} s on: it is off "
@@ -278,6 +278,8 @@ class Fit:
             Console().print(Columns(numbers.places))
             raise InputError("name the numbers to find with --free; the scene has those above")
         check_files(self.to, self.page, self.json)
+        if self.engine != "mujoco" and not listed(self.preset):
+            raise InputError("--engine is of the presets: name some, as --preset naive,balanced")
         scene = numbers.scene({})
         logs = [read_log(path, scene) for path in self.logs]
         runs: dict[str, tuple[Run | None, Any]] = {_EQUATIONS: (None, least_squares)}

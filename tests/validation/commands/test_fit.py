@@ -60,7 +60,7 @@ def test_a_log_that_tells_nothing_is_no_success(robotball: Robotball, tmp_path: 
     np.savetxt(tmp_path / "n.csv", table, delimiter=",", header="t,x,y", comments="")
     status, out, _ = robotball("fit", "pendulum_robot", "n.csv", "--free", "kv")
     assert status == 1
-    assert "the logs tell none of the numbers, and any model explains them" in out
+    assert "the logs tell none of the numbers, and are explained whatever these are" in out
 
 
 @pytest.mark.parametrize(
@@ -69,6 +69,7 @@ def test_a_log_that_tells_nothing_is_no_success(robotball: Robotball, tmp_path: 
         ((), "fit needs a log: a table of t and what the sensors read"),
         (("run.csv",), "name the numbers to find with --free; the scene has those above"),
         (("run.csv", "--free", "kv", "--noise", "gyro"), "--noise takes SENSOR=NUMBER"),
+        (("run.csv", "--free", "kv", "--engine", "drake"), "--engine is of the presets: name"),
         (("lost.csv", "--free", "kv"), "lost.csv"),
     ],
 )

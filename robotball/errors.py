@@ -146,10 +146,9 @@ def check_size(what: str, value: float, unit: str = "", largest: float = LARGEST
 def check_count(name: str, value: int, least: int, most: int = _MOST_COUNTED) -> int:
     """Return `value`. Raises InputError where it is below `least` or above `most`."""
     _check_number(name, value)
-    if value < least:
-        raise InputError(f"{name} must be at least {least}, not {value}")
-    if value > most:
-        raise InputError(f"{name} must be at most {most}, not {value}")
+    if not least <= value <= most:
+        bound = f"least {least}" if value < least else f"most {most}"
+        raise InputError(f"{name} must be at {bound}, not {value}")
     return value
 
 

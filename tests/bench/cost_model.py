@@ -20,7 +20,7 @@ from robotball import Motion, Scene, SceneWarning, Settings, catalog, integrate,
 from robotball.engine import as_own, simulate
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.accuracy import LOOSER, RK4_EVALUATIONS, scene_rate
-from robotball.engines.mujoco.limits import COST_MODEL
+from robotball.engines.mujoco.cost_model import COST_MODEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import ADAPTIVE, recipe, resolved

@@ -18,7 +18,8 @@ from robotball.drive_sampling import seeing_step
 from robotball.engine import as_own
 from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.limits import COST_MODEL, planned
+from robotball.engines.mujoco.cost_model import COST_MODEL
+from robotball.engines.mujoco.limits import planned
 from robotball.engines.mujoco.settings import (
     ADAPTIVE,
     BY_ERROR,

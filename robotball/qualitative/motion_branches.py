@@ -136,7 +136,7 @@ def sought(
     found: Callable[..., Iterable[_Found]],
     watch: co.Watch = co.SILENT,
 ) -> Iterator[tuple[list[_Found], float]]:
-    """Yield all that is found at each of the family's places, with its s.
+    """Yield all that is found at each of the family's places, until it raises, with its s.
 
     Raises InputError for a number that the ball cannot have, and where every place raises it, as
     where solutions fill curves. At some places two may be about to coincide: the watch is told.
@@ -144,12 +144,13 @@ def sought(
     refused = []
     for place, s in enumerate(places := family.places(inside), 1):
         watch.seeks(s, place, len(places))
-        ball = family.at(s)
+        ball, some = family.at(s), list[_Found]()
         try:
-            yield [*found(*ball)], s
+            some.extend(found(*ball))
         except InputError as error:
-            refused.append(error)
+            refused += [error] * (not some)
             watch.lost(s, str(error))
+        yield some, s
     if len(refused) == len(places):
         raise refused[0]
 

@@ -240,13 +240,14 @@ def swinging(family: Driven, watch: co.Watch = co.SILENT) -> Iterator[co.Branch]
 
     def found(scene: Scene, scale: float) -> Iterator[Array]:
         attitude = multiply(scene.start.attitude, scene.principal_quaternion)
-        first = scene.start.momentum
-        ends, M = strobed(scene, attitude[None], first[None], _SETTLED, _SOUGHT[0])
-        starts = [family.vector(attitude, first), family.vector(ends[0, -1], M[0, -1])]
+        first, period = scene.start.momentum, np.log(period_of(scene))
+        yield np.append(family.vector(attitude, first), period)
         if not scene.keeps_momentum:
-            starts += [*family.vector(attitude_at(next(sides)), np.zeros((3, 3)))]
-        for v in starts:
-            yield np.append(v, np.log(period_of(scene)))
+            for v in family.vector(attitude_at(next(sides)), np.zeros((3, 3))):
+                yield np.append(v, period)
+        # The last, as a motion may be given up before it has settled.
+        ends, M = strobed(scene, attitude[None], first[None], _SETTLED, _SOUGHT[0])
+        yield np.append(family.vector(ends[0, -1], M[0, -1]), period)
 
     for some, s in sought(family, _INSIDE, found, watch):
         begun = (co.reached(rough, np.append(u, s), lost=watch.lost) for u in some)

@@ -181,7 +181,7 @@ class Continue:
     high: Annotated[float, arg(name="to")]
     """Its largest value."""
     longest: float = 300.0
-    """Period beyond which no cycle is followed [s]."""
+    """Period beyond which no cycle is followed [s]; of what is driven it is four of its own."""
     preset: Preset = None
     """Also repeat motions of driven branches by the engine so set: are they back after a period?"""
     out: Path = OUT

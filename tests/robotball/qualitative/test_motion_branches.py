@@ -1,10 +1,14 @@
 """Families of balls: their flow keeps what they call constant, and stands still where they say."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
+from robotball.errors import InputError
+from robotball.qualitative.continuation import Watch
 from robotball.qualitative.equilibria import fixed_points
-from robotball.qualitative.motion_branches import Family, resting, vectors_of
+from robotball.qualitative.motion_branches import Family, resting, sought, vectors_of
 from robotball.qualitative.normal_forms import linear_part
 from robotball.qualitative.straight_motions import straight_motions
 from robotball.rotations import Array
@@ -51,6 +55,27 @@ def test_the_number_of_a_family_runs_from_its_low_to_its_high_end() -> None:
         assert (MOVING.value(s), parameters.K) == (value, (2.0, value, 0.0))
         assert (size, c) == pytest.approx((5.0, 0.6))
         assert parameters.I == CLASSICAL.I
+
+
+def test_what_is_found_before_an_error_is_kept() -> None:
+    """At each place, and the watch is told why no more; where nothing is found, it is raised."""
+    told: list[tuple[float, str]] = []
+
+    class Kept(Watch):
+        def lost(self, s: float, reason: str) -> None:
+            told.append((s, reason))
+
+    def found(*ball: object) -> Iterator[int]:
+        yield from range(count)
+        raise InputError("it lifts off")
+
+    count = 2
+    places = [s for some, s in sought(REST, 0, found, Kept()) if some == [0, 1]]
+    assert places == pytest.approx([0.0, 1.0, 0.5])
+    assert told == [(s, "it lifts off") for s in places]
+    count = 0
+    with pytest.raises(InputError, match="it lifts off"):
+        [*sought(REST, 0, found)]
 
 
 @pytest.mark.parametrize("family", [REST, STRAIGHT], ids=["from rest", "straight"])

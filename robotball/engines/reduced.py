@@ -1,7 +1,7 @@
 """Scene → Motion by the paper's reduced equations (3.2) and (3.3), integrated to round-off.
 
 M is constant in space, so one rotation is integrated, with the contact point as its quadrature.
-Short motions take scipy's DOP853, long ones at steady rates the compiled steps of ensembles/.
+Short motions take DOP853, long ones at steady rates the compiled steps of ensembles/.
 """
 
 import math

@@ -53,9 +53,9 @@ from robotball.scene import Scene
 # The equations' vermillion.
 _LABEL = Label("multibody equations", version("robotball"), "#D55E00", "P")
 
-_MAX_STEPS = 1_000_000  # hours, where motors settle so fast that they set the step
-_MANY_STEPS = 5_000  # a minute
-_SECONDS = 0.012  # s that such a step takes
+_MAX_STEPS = 1_000_000  # ten minutes, where motors settle so fast that they set the step
+_MANY_STEPS = 100_000  # a minute
+_SECONDS = 6e-4  # s that such a step takes, and one of the motion that estimates the error
 _STABLE = 6.3  # over the rate at which anything settles: the longest step of DOP853
 _DIFFERENCE = 1e-6  # of a state's scale, by which its Jacobian is taken
 # Times the error of a step, of the motion by which its own error is estimated: its steps are longer

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import robotball as rb
-from robotball.rotations import rotation_matrix
+from robotball.equations import space_axes
 
 # Roll to a point and stop: one motor rolls, the other leans the weight to steer.
 
@@ -30,7 +30,7 @@ class Stop:
     damping: float = 0.3
 
     def __call__(self, reading: rb.Reading) -> dict[str, float]:
-        axle = rotation_matrix(reading.attitude)[:2, 1]
+        axle = np.array(space_axes(reading.attitude))[:2, 1]
         axle /= np.linalg.norm(axle)  # it points to the left, seen along the way
         way = np.array(self.point) - reading.contact_point
         ahead, left = way @ [axle[1], -axle[0]], way @ axle
@@ -78,7 +78,7 @@ class Eight:
         point, velocity = self.wanted(reading.time)
         x, y = velocity + self.gain * (point - reading.contact_point)
         turning = np.array([-y, x, 0.0]) / self.ball.radius
-        momentum = self.inertia @ (rotation_matrix(reading.attitude).T @ turning)
+        momentum = self.inertia @ (turning @ space_axes(reading.attitude))
         rates = [-momentum @ rotor.axis / rotor.axial_inertia for rotor in self.ball.rotors]
         return {"frame": 0.0, **{f"rotor{i}": rate for i, rate in enumerate(rates, start=1)}}
 

@@ -284,11 +284,12 @@ class Held:
     # Drives, by whose module this one is imported.
     def __init__(self, before: Any) -> None:
         self.times: list[float] = []
-        self.drives = [before]
+        self.drives, self.turned = [before], [0.0]  # turned: rad, where each begins
         self.breakpoints = before.breakpoints
 
     def hold(self, t: float, drive: Any) -> None:
         """Hold another drive from t [s] on, which is not before the last of the times."""
+        self.turned.append(self.angle(t))
         self.times.append(t)
         self.drives.append(drive)
 
@@ -303,9 +304,9 @@ class Held:
     def angle(self, t: Any) -> Any:
         if not isinstance(t, float):
             return _each(self.angle, t)
-        edges = pairwise([0.0, *self.times[: bisect_right(self.times, t)], t])
-        pieces = zip(self.drives, edges, strict=False)
-        return sum(drive.angle(end) - drive.angle(begin) for drive, (begin, end) in pieces)
+        i = bisect_right(self.times, t)
+        begin, drive = self.times[i - 1] if i else 0.0, self.drives[i]
+        return self.turned[i] + (drive.angle(t) - drive.angle(begin))
 
     def at(self, t: float) -> Any:
         """Return the drive at a time [s]."""

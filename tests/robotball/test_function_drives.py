@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
+from robotball.drives import Constant, Ramp
 from robotball.errors import InputError
-from robotball.function_drives import Followed, polynomials_of
+from robotball.function_drives import Followed, Held, polynomials_of
 
 END = 3.0
 TIMES = np.linspace(0.0, END, 1001)
@@ -84,3 +85,16 @@ def test_pieces_follow_one_another_and_end_where_they_should() -> None:
         assert above - below == pytest.approx(2e-9 * np.cos(edge), abs=1e-14)
     assert found.area(4.0) == pytest.approx(np.sin(4.0) - np.sin(0.5), abs=1e-14)
     assert np.diff(found.edges).max() <= 0.5
+
+
+def test_held_commands_turn_as_far_as_each_while_it_is_held() -> None:
+    """A ramp, a command that another replaces at once, and a last one; at some and at all times.
+
+    As exact as the numbers are.
+    """
+    held = Held(Ramp(initial=0.0, final=2.0, start=0.0, end=2.0, shape="linear"))
+    for t, rate in ((2.0, -1.0), (2.0, 3.0), (4.0, 0.5)):
+        held.hold(t, Constant(rate))
+    turned = {0.0: 0.0, 1.0: 0.5, 2.0: 2.0, 3.0: 5.0, 4.0: 8.0, 6.0: 9.0}
+    assert [held.angle(t) for t in turned] == list(turned.values())
+    assert held.angle(np.array([*turned])) == pytest.approx([*turned.values()], abs=0)

@@ -36,6 +36,7 @@ LOSSES: Mapping[str, Callable[[Array], Array]] = {
     "arctan": np.arctan,
 }
 _RTOL = 1e-9  # of the equations: over _DIFFERENCE still 1e-5 of what sensors read
+_MOST_STEPS = 5_000  # a second: a trial that goes astray, to a wild start, is soon given up
 _DIFFERENCE = 1e-3  # of an unknown's size, by which residuals are differentiated
 # The same, and the tolerance, where the equations move neighbours by the same steps: such motions
 # err alike, and the derivative by 1e-4 of itself.
@@ -430,5 +431,8 @@ def held(times: Array, values: Array) -> Held:
 
 
 def by_equations(scene: Scene, times: Array) -> Motion:
-    """Return the motion of a scene at times (n,) [s], as exactly as a fit needs."""
-    return integrate(scene, times, _RTOL)
+    """Return the motion of a scene at times (n,) [s], as exactly as a fit needs.
+
+    Raises InputError where `integrate` does, and for a motion that takes too many steps.
+    """
+    return integrate(scene, times, _RTOL, int(_MOST_STEPS * (1 + times[-1])))

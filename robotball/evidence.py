@@ -270,7 +270,7 @@ def _since(times: Array, weighed: Array) -> float:
     """Return the time from which on readings are not explained [s]."""
     for rows in np.array_split(np.arange(len(times)), min(_WINDOWS, len(times))):
         part = weighed[rows]
-        if stats.chi2.sf(float((part**2).sum()), part.size) < _DOUBT / _WINDOWS:
+        if stats.chi2.sf(chi2_of(part), part.size) < _DOUBT / _WINDOWS:
             return float(times[rows[0]])
     return float(times[0])
 

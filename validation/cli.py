@@ -208,7 +208,7 @@ def parse(arguments: Sequence[str]) -> _Command:
     if not name:
         raise InputError("which command? 'robotball --help' lists them")
     if name not in COMMANDS:
-        raise unknown("command", name, [*COMMANDS, "help", "--help", "--version"])
+        raise unknown("command", name, [*COMMANDS, "help", "--version"])
     helped = not {"-h", "--help"}.isdisjoint(arguments)
     command, refusal = _options_of(name) if helped else class_of(name), io.StringIO()
     _check_each_is_given_once(command, arguments)

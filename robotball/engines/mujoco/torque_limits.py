@@ -108,11 +108,8 @@ class _Switches:
 
     def _wanted(self, data: mujoco.MjData) -> list[float]:
         """Return each motor's torque by its law alone, over the limit."""
-        t, angles, rates = (
-            self.control.inside(data.time),
-            data.qpos[FREE_QPOS:],
-            data.qvel[FREE_QVEL:],
-        )
+        t = self.control.inside(data.time)
+        angles, rates = data.qpos[FREE_QPOS:], data.qvel[FREE_QVEL:]
         return [motor.wanted(angles, rates, t) for motor in self.motors]
 
     def _beyond(self, data: mujoco.MjData) -> list[float]:

@@ -156,10 +156,8 @@ class System:
         for i, drive, robots in self._changing_rates:
             rates, accelerations = drive.rate(times), drive.acceleration(within)
             for k in robots:
-                inputs.rates[k, stages, i], inputs.accelerations[k, stages, i] = (
-                    rates,
-                    accelerations,
-                )
+                inputs.rates[k, stages, i] = rates
+                inputs.accelerations[k, stages, i] = accelerations
         for i, drive, robots in self._changing_commands:
             commands = drive.rate(within)  # one that is held may jump
             for k in robots:

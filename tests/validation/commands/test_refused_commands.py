@@ -39,6 +39,7 @@ REFUSED = {
     "roll": "roll",
     "help compair": r"no command is called 'compair'; did you mean compare\?$",
     "--verson": r"did you mean --version\?$",
+    "hlp": r"^robotball: no command is called 'hlp'; did you mean help\?$",
     "compair fig12": r"^robotball: no command is called 'compair'; did you mean compare\?$",
     "compare": "compare needs a scene",
     "check": "^robotball: check needs FILE; `robotball help check` says what it is$",

@@ -314,6 +314,8 @@ def _solved(
         residuals = Residuals(
             numbers, unknowns, [e.until(part) for e in logs], run, loss, fixed or {}
         )
+        if not np.isfinite(residuals(x)).all():
+            x = np.zeros(len(x))  # a shorter part may lead to where the motion soon ends
         if not np.isfinite(first := residuals(x)).all():
             _raise_cause(residuals, x, run)
         # A part of the logs may tell little of an unknown, which must not go astray on it.

@@ -13,7 +13,6 @@ from typing import Annotated, Any
 import numpy as np
 from rich.columns import Columns
 from rich.console import Console
-from scipy.optimize import least_squares
 from tyro.conf import Positional, arg
 
 from robotball import InputError
@@ -282,10 +281,10 @@ class Fit:
             raise InputError("--engine is of the presets: name some, as --preset naive,balanced")
         scene = numbers.scene({})
         logs = [read_log(path, scene) for path in self.logs]
-        runs: dict[str, tuple[Run | None, Any]] = {_EQUATIONS: (None, least_squares)}
+        runs: dict[str, tuple[Run | None, Any]] = {_EQUATIONS: (None, None)}
         runs.update(as_it_is(numbers))
         for preset in listed(self.preset):
-            runs[f"{self.engine}, {preset}"] = _by_engine(self.engine, preset), least_squares
+            runs[f"{self.engine}, {preset}"] = _by_engine(self.engine, preset), None
         fits: dict[str, Fitted] = {}
         with progress_bar(len(runs)) as bar:
             for name, (run, minimize) in runs.items():

@@ -77,7 +77,9 @@ class Compiled:
     def _compiled(self, folder: Path | None) -> Any:
         before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder or "")
         try:
-            dispatcher = numba.njit(cache=folder is not None, **self._options)(self._function)
+            # Without the interpreter's lock; a division by zero is infinite, and no exception.
+            options = {"nogil": True, "error_model": "numpy", "cache": folder is not None}
+            dispatcher = numba.njit(**options, **self._options)(self._function)
         finally:
             numba.config.CACHE_DIR = before
         # Where numba cannot write it goes on to folders of its own, which are not checked.
@@ -92,10 +94,15 @@ def compiled_from(source: str, signature: str, **options: Any) -> Callable[[Func
     """Return a decorator that makes a function a `Compiled` one, kept on disk.
 
     source: the text of everything that the function is compiled from, its own and that of all it
-    calls; options: of numba.njit. With another source or other options it is compiled anew. Where
-    nothing can be kept, a warning says so, and the function is compiled in memory.
+    calls; options: more of numba.njit. With another source or other options it is compiled anew.
+    Where nothing can be kept, a warning says so, and the function is compiled in memory.
     """
     return lambda function: Compiled(function, source, signature, options)
+
+
+def text_of(*files: str | Path) -> str:
+    """Return the text of all files."""
+    return "".join(Path(file).read_text(encoding="utf-8") for file in files)
 
 
 def _folder_for(source: str, options: dict[str, Any]) -> Path | None:

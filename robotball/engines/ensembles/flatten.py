@@ -9,9 +9,12 @@ loop stays scalar, four times slower. So the functions are run once on symbols t
 operation, and the notes are the body of the loop: the formulas still stand in one place only.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
+
+import numba
+from numba import types
+from numba.extending import intrinsic
 
 from robotball.equations import Vector
 
@@ -80,28 +83,28 @@ FEW = 4
 
 
 class Tape:
-    """The operations noted so far, each distinct one once: common parts are computed once."""
+    """The operations noted so far, each distinct one once: common parts are computed once.
 
-    def __init__(self, lanes: int) -> None:
-        self.lanes = lanes
-        self.names: dict[str, str] = {}
+    notes: what is computed, the name of each result by its operation and operands, which are names
+    and numbers; results: what is written to each row of the workspace after that.
+    """
 
-    def at(self, row: int) -> str:
-        """Return the lane's element of a row of the workspace, in generated code."""
-        return f"w[{row * self.lanes} + i]"
+    def __init__(self) -> None:
+        self.notes: dict[tuple[Any, ...], str] = {}
+        self.results: dict[int, str | float] = {}
+
+    def note(self, operation: str, *operands: Any) -> "Symbol":
+        """Return the symbol of an operation's result."""
+        note = operation, *map(_plain, operands)
+        return Symbol(self, self.notes.setdefault(note, f"t{len(self.notes)}"))
 
     def read(self, row: int) -> "Symbol":
-        """Return the symbol of the lane's element of a row."""
-        return self.input(self.at(row))
+        """Return the symbol of the lane's element of a row of the workspace."""
+        return self.note("load", row)
 
-    def input(self, expression: str) -> "Symbol":
-        """Return the symbol of a value that the generated code finds by `expression`."""
-        return Symbol(self, self.names.setdefault(expression, f"t{len(self.names)}"))
-
-    @property
-    def lines(self) -> list[str]:
-        """One assignment an operation, in an order in which they can run."""
-        return [f"{name} = {expression}" for expression, name in self.names.items()]
+    def write(self, row: int, value: "Symbol | float") -> None:
+        """Write a value to the lane's element of a row, after all is computed."""
+        self.results[row] = _plain(value)
 
 
 class Symbol:
@@ -114,63 +117,63 @@ class Symbol:
         self.name = name
 
     def __add__(self, other: Any) -> Any:
-        return self if _is_number(other, 0) else self._note("+", other, either_way=True)
+        return self if _is_number(other, 0) else self._note("fadd", other, either_way=True)
 
     __radd__ = __add__
 
     def __sub__(self, other: Any) -> Any:
-        return self if _is_number(other, 0) else self._note("-", other)
+        return self if _is_number(other, 0) else self._note("fsub", other)
 
     def __rsub__(self, other: float) -> "Symbol":
-        return -self if other == 0 else self.tape.input(f"{text(other)} - {self.name}")
+        return -self if other == 0 else self.tape.note("fsub", other, self)
 
     def __neg__(self) -> "Symbol":
-        return self.tape.input(f"-{self.name}")
+        # As numba negates: LLVM would add up sums with fneg in another order.
+        return self.tape.note("fsub", -0.0, self)
 
     def __mul__(self, other: Any) -> Any:
         if _is_number(other, 0):
             return 0.0
-        return self if _is_number(other, 1) else self._note("*", other, either_way=True)
+        return self if _is_number(other, 1) else self._note("fmul", other, either_way=True)
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> Any:
         # Exact, and a product is the quicker.
-        return self * 0.5 if _is_number(other, 2) else self._note("/", other)
+        return self * 0.5 if _is_number(other, 2) else self._note("fdiv", other)
 
     def __rtruediv__(self, other: float) -> "Symbol":
-        return self.tape.input(f"{text(other)} / {self.name}")
+        return self.tape.note("fdiv", other, self)
 
     def sqrt(self) -> "Symbol":
         """Return the square root, which equations.py does without but a unit vector needs."""
-        return self.tape.input(f"sqrt({self.name})")
+        return self.tape.note("sqrt", self)
 
-    def at_most(self, other: "Symbol | float") -> "Symbol":
-        """Return whether this <= other, for `choose`; false where either is not a number."""
-        return self.tape.input(f"{self.name} <= {text(other)}")
+    # Conditions, for `choose`; false where either side is not a number.
 
-    def at_least(self, other: "Symbol | float") -> "Symbol":
-        """Return whether this >= other, for `choose`; false where either is not a number."""
-        return self.tape.input(f"{self.name} >= {text(other)}")
+    def __le__(self, other: "Symbol | float") -> "Symbol":
+        return self.tape.note("<=", self, other)
 
-    def below(self, other: "Symbol | float") -> "Symbol":
-        """Return whether this < other, for `choose`; false where either is not a number."""
-        return self.tape.input(f"{self.name} < {text(other)}")
+    def __ge__(self, other: "Symbol | float") -> "Symbol":
+        return self.tape.note(">=", self, other)
+
+    def __lt__(self, other: "Symbol | float") -> "Symbol":
+        return self.tape.note("<", self, other)
 
     def __and__(self, other: "Symbol") -> "Symbol":
-        return self.tape.input(f"{self.name} & {other.name}")
+        return self.tape.note("and_", self, other)
 
     def choose(self, yes: "Symbol | float", no: "Symbol | float") -> "Symbol":
         """Return `yes` where this condition holds, `no` elsewhere."""
-        return self.tape.input(f"{text(yes)} if {self.name} else {text(no)}")
+        return self.tape.note("select", self, yes, no)
 
-    def _note(self, operator: str, other: Any, either_way: bool = False) -> Any:
+    def _note(self, operation: str, other: Any, either_way: bool = False) -> Any:
         if not isinstance(other, Symbol | float | int):
             # The other operand may be a dual number of symbols, which knows what to do.
             return NotImplemented
         # Sorted, a + b and b + a are noted as one operation.
-        operands = [self.name, text(other)]
-        return self.tape.input(f" {operator} ".join(sorted(operands) if either_way else operands))
+        operands = [self, other]
+        return self.tape.note(operation, *sorted(operands, key=_text) if either_way else operands)
 
 
 def _is_number(operand: Any, value: float) -> bool:
@@ -178,24 +181,87 @@ def _is_number(operand: Any, value: float) -> bool:
     return isinstance(operand, float | int) and operand == value
 
 
-def text(operand: "Symbol | float") -> str:
-    """Return the operand in generated code; floats to their last bit."""
+def _plain(operand: "Symbol | float") -> str | float:
+    return operand.name if isinstance(operand, Symbol) else operand
+
+
+def _text(operand: "Symbol | float") -> str:
     return operand.name if isinstance(operand, Symbol) else repr(float(operand))
-
-
-def lane_function(name: str, tape: Tape, results: Mapping[int, "Symbol | float"]) -> str:
-    """Return the source of a function of a workspace (rows·lanes,) that runs a tape in every lane.
-
-    It needs `wide_vectors`, of no arguments, and `sqrt` in its module, where Python runs it.
-    results: the value to write to each row, after all is computed.
-    """
-    # The compiler can see that lanes are independent because the workspace is flat, with rows that
-    # stand a known number of lanes apart.
-    body = [*tape.lines, *(f"{tape.at(row)} = {text(value)}" for row, value in results.items())]
-    head = (f"def {name}(w):", "    wide_vectors()", f"    for i in range({tape.lanes}):")
-    return "\n".join((*head, *(f"        {line}" for line in body)))
 
 
 def least(a: "Symbol", b: "Symbol | float") -> "Symbol":
     """Return the smaller of two numbers; b where a is not a number."""
-    return a.at_most(b).choose(a, b)
+    return (a <= b).choose(a, b)
+
+
+def _wide(_: Any) -> Any:
+    """Let the function that calls this have the widest vectors that the processor has."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        # LLVM holds some processors to half of their vectors' width, a third slower here. numba's
+        # setting would be one of the whole process, while this attribute is of one function alone.
+        # llvmlite's list of attributes has none with a value, so it is added past the check of its
+        # name. A user who sets the features of the processor decides the width as well.
+        if numba.config.CPU_FEATURES is None:
+            set.add(builder.function.attributes, _WIDEST)
+        return context.get_dummy_value()
+
+    return types.void(), generate
+
+
+_WIDEST = '"prefer-vector-width"="512"'
+_wide_vectors: Any = intrinsic(_wide)
+
+
+def lane_function(name: str, tape: Tape, lanes: int) -> Any:
+    """Return a function of a workspace (rows·lanes,), for numba, that runs a tape in every lane.
+
+    name: its own and no other's, by which numba links what it loads. The compiler can see that
+    lanes are independent because the workspace is flat, with rows that stand a known number of
+    lanes apart. The operations are handed to LLVM one by one: numba would look for the types of
+    thousands of names, all floats, for seconds.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        workspace = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        values: dict[str, Any] = {}
+
+        def at(row: int) -> Any:
+            begin = context.get_constant(types.int64, row * lanes)
+            return builder.gep(workspace, [builder.add(begin, arguments[1])])
+
+        def value(operand: str | float) -> Any:
+            if isinstance(operand, str):
+                return values[operand]
+            return context.get_constant(types.float64, operand)
+
+        for (operation, *operands), found in tape.notes.items():
+            if operation == "load":
+                values[found] = builder.load(at(operands[0]))
+                continue
+            given = [value(each) for each in operands]
+            if operation == "sqrt":
+                root = builder.module.declare_intrinsic("llvm.sqrt", [given[0].type])
+                values[found] = builder.call(root, given)
+            elif operation in ("<=", ">=", "<"):
+                values[found] = builder.fcmp_ordered(operation, *given)
+            else:
+                values[found] = getattr(builder, operation)(*given)
+        for row, result in tape.results.items():
+            builder.store(value(result), at(row))
+        return context.get_dummy_value()
+
+    lane = intrinsic(lambda _, w, i: (types.void(w, i), generate))
+    # numba keeps only what has a file and is a module's: the text passes for a part of this one.
+    made: dict[str, Any] = {"__name__": __name__, "wide_vectors": _wide_vectors}
+    made |= {"lane": lane, "lanes": lanes}
+    exec(compile(_IN_EVERY_LANE.format(name=name), __file__, "exec"), made)
+    return made[name]
+
+
+_IN_EVERY_LANE = """
+def {name}(w):
+    wide_vectors()
+    for i in range(lanes):
+        lane(w, i)
+"""

@@ -11,7 +11,6 @@ All axes named "frame" here are the principal axes of the ball's inertia, as in 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from robotball import equations as eq
-from robotball.engines.compiled import Function, compiled_from, inlined
+from robotball.engines.compiled import Function, compiled_from, inlined, text_of
 from robotball.engines.ensembles.flatten import FEW, LANES
 from robotball.engines.ensembles.steppers import (
     ALLOWED,
@@ -52,19 +51,12 @@ from robotball.scene import Scene, check_times
 
 DONE, TOO_MANY_STEPS, COLLAPSED = 0, 1, 2  # the status of an orbit at its end
 STEP = "FunctionType(void(f8[::1]))"
-_COMPILED_FROM = ("flatten", "steppers", "orbits", "crossings")
-
-
-@cache
-def _sources() -> str:
-    """Return all the source that the loops are compiled from."""
-    folder = Path(__file__).parent
-    return "".join((folder / f"{name}.py").read_text(encoding="utf-8") for name in _COMPILED_FROM)
+_SOURCES = text_of(*sorted(Path(__file__).parent.glob("*.py")))
 
 
 def compiled(signature: str) -> Callable[[Function], Function]:
-    """Return a decorator that compiles a loop, which then holds no lock of the interpreter."""
-    return compiled_from(_sources(), signature, nogil=True, error_model="numpy")
+    """Return a decorator that compiles a loop of this folder."""
+    return compiled_from(_SOURCES, signature)
 
 
 def work(size: int, counters: int) -> tuple[Array, tuple[Array, ...]]:

@@ -14,19 +14,14 @@ compiled once a rolling model; a ball is data. Only unit vectors are judged for 
 no tolerance has a unit.
 """
 
-import ast
-import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-import numba
-from numba import types
-from numba.extending import intrinsic
-
 from robotball import equations as eq
-from robotball.engines.compiled import compiled_from, inlined
+from robotball.engines.compiled import compiled_from, inlined, text_of
+from robotball.engines.ensembles import flatten
 from robotball.engines.ensembles.flatten import LANES, Tape, along, lane_function, least, slopes
 from robotball.equations import Parameters, Quaternion, Rolling, Scalar, Vector
 
@@ -149,24 +144,6 @@ ARC = System("arc", 4, (4,), _attitude_rate, section=_arc_function)
 DEVIATION = System("deviation", 9, (4, 3), _deviation_rate, loose=(1.0, _DIRECTION))
 
 
-def _wide(_: Any) -> Any:
-    """Let the function that calls this have the widest vectors that the processor has."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        # LLVM holds some processors to half of their vectors' width, a third slower here. numba's
-        # setting would be one of the whole process, while this attribute is of one function alone.
-        # llvmlite's list of attributes has none with a value, so it is added past the check of its
-        # name. A user who sets the features of the processor decides the width as well.
-        if numba.config.CPU_FEATURES is None:
-            set.add(builder.function.attributes, _WIDEST)
-        return context.get_dummy_value()
-
-    return types.void(), generate
-
-
-_WIDEST = '"prefer-vector-width"="512"'
-_wide_vectors: Any = intrinsic(_wide)
-
 # Rows of a workspace: the length of step to try, the error allowed, the time, where to stop; the
 # ball, the level set, the section; and from STATE on the state, its slope, the new state, the flag
 # and what is seen of a section, which differ in size from system to system.
@@ -271,15 +248,15 @@ def runge_kutta(
     return moved(NINTH), 1 / (h * h * sum(e * e for e in errors) + 1e-200)
 
 
-def _flat_step(name: str, system: System, rolling: Rolling, lanes: int) -> str:
-    """Return the source of a system's step, over the rows of a workspace.
+def _traced(system: System, rolling: Rolling) -> Tape:
+    """Return the tape of a system's step, over the rows of a workspace.
 
     A lane whose target is nearer than its length only looks: it leaves the state there in the
     rows of the new state, and stands still. Otherwise it marches: time, state and slope move, if
     the error is within the tolerance. After the new state come the flag, and what the system sees
     of the section in the new state.
     """
-    tape = Tape(lanes)
+    tape = Tape()
     SLOPE, NEW, FLAG, _ = places(system.size)
     row = [tape.read(i) for i in range(NEW)]
     parameters = ball_of(rolling, row[BALL:LEVEL])
@@ -300,10 +277,10 @@ def _flat_step(name: str, system: System, rolling: Rolling, lanes: int) -> str:
 
     # (tolerance/error)^(1/8): a step longer by this factor would just keep to the tolerance.
     fits = (per_error_squared * (row[ALLOWED] * row[ALLOWED])).sqrt().sqrt().sqrt().sqrt()
-    accepted, marching = fits.at_least(1.0), row[LENGTH].at_most(length)
-    marched, looked = accepted & marching, accepted & length.below(row[LENGTH])
+    accepted, marching = fits >= 1.0, row[LENGTH] <= length
+    marched, looked = accepted & marching, accepted & (length < row[LENGTH])
     change = _SAFETY * fits
-    change = change.at_least(_LEAST_CHANGE).choose(least(change, _MOST_CHANGE), _LEAST_CHANGE)
+    change = (change >= _LEAST_CHANGE).choose(least(change, _MOST_CHANGE), _LEAST_CHANGE)
     flag = marched.choose(MARCHED, looked.choose(LOOKED, REJECTED))
     results = {
         LENGTH: looked.choose(row[LENGTH], length * change),
@@ -316,7 +293,9 @@ def _flat_step(name: str, system: System, rolling: Rolling, lanes: int) -> str:
     if system.section is not None:
         seen = system.section(new, parameters, level, row[SECTION:STATE])
         results |= {FLAG + 1 + i: x for i, x in enumerate(seen)}
-    return lane_function(name, tape, results)
+    for place, result in results.items():
+        tape.write(place, result)
+    return tape
 
 
 def ball_of(rolling: Rolling, row: Sequence[Any]) -> Parameters:
@@ -336,77 +315,11 @@ def row_of(parameters: Parameters) -> list[float]:
     return [*p.I, p.d, p.a, *p.Omega, *p.K]
 
 
-_ARITHMETIC = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
-_COMPARED = {ast.LtE: "<=", ast.GtE: ">=", ast.Lt: "<"}
-
-
-def _lane_of(assignments: Sequence[Any]) -> Any:
-    """Return a function (w, i) for compiled code that runs the body of a `lane_function`.
-
-    Its operations are handed to LLVM one by one: numba would look for the types of thousands of
-    names, all floats, for seconds.
-    """
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        workspace = context.make_array(signature.args[0])(context, builder, arguments[0])
-        names: dict[str, Any] = {}
-
-        def at(element: Any) -> Any:  # w[row + i]
-            row = context.get_constant(types.int64, element.slice.left.value)
-            return builder.gep(workspace.data, [builder.add(row, arguments[1])])
-
-        def value(node: Any) -> Any:
-            match node:
-                case ast.Name():
-                    return names[node.id]
-                case ast.Constant():
-                    return context.get_constant(types.float64, node.value)
-                case ast.Subscript():
-                    return builder.load(at(node))
-                case ast.UnaryOp():
-                    # As numba negates: LLVM would add up sums with fneg in another order.
-                    minus_zero = context.get_constant(types.float64, -0.0)
-                    return builder.fsub(minus_zero, value(node.operand))
-                case ast.BinOp(op=ast.BitAnd()):
-                    return builder.and_(value(node.left), value(node.right))
-                case ast.BinOp():
-                    operation = getattr(builder, _ARITHMETIC[type(node.op)])
-                    return operation(value(node.left), value(node.right))
-                case ast.Compare(left=left, ops=[operator], comparators=[right]):
-                    return builder.fcmp_ordered(
-                        _COMPARED[type(operator)], value(left), value(right)
-                    )
-                case ast.IfExp():
-                    return builder.select(*map(value, (node.test, node.body, node.orelse)))
-                case ast.Call(args=[x]):
-                    number = value(x)
-                    root = builder.module.declare_intrinsic("llvm.sqrt", [number.type])
-                    return builder.call(root, [number])
-
-        for each in assignments:
-            (target,) = each.targets
-            if isinstance(target, ast.Name):
-                names[target.id] = value(each.value)
-            else:
-                builder.store(value(each.value), at(target))
-        return context.get_dummy_value()
-
-    return intrinsic(lambda _, w, i: (types.void(w, i), generate))
-
-
 @cache
 def stepper(system: System, rolling: Rolling, lanes: int = LANES) -> Any:
     """Return the compiled step (workspace) -> None of a system, kept from process to process."""
-    name = f"{system.name}_{rolling}_{lanes}"
-    source = _flat_step(name, system, rolling, lanes)
-    function: Any = ast.parse(source).body[0]
-    loop = function.body[-1]
-    # numba keeps only what has a file and is a module's: the text passes for a part of this one.
-    made: dict[str, Any] = {"__name__": __name__, "wide_vectors": _wide_vectors}
-    made["lane"] = _lane_of(loop.body)
-    loop.body = ast.parse("lane(w, i)").body
-    exec(compile(ast.Module([function], []), __file__, "exec"), made)
-    options = {"nogil": True, "error_model": "numpy", "fastmath": _FREEDOM}
-    made_from = source + inspect.getsource(_lane_of)
+    tape = _traced(system, rolling)
+    function = lane_function(f"{system.name}_{rolling}_{lanes}", tape, lanes)
+    made_from = f"{lanes} {vars(tape)} {text_of(flatten.__file__)}"
     # The loops take the compiled function itself, by its address.
-    return compiled_from(made_from, "void(f8[::1])", **options)(made[name]).code
+    return compiled_from(made_from, "void(f8[::1])", fastmath=_FREEDOM)(function).code

@@ -11,7 +11,6 @@ of one robot or of several.
 """
 
 from functools import cache
-from pathlib import Path
 from types import FunctionType
 from typing import Any, NamedTuple
 
@@ -21,7 +20,7 @@ from numpy.typing import NDArray
 
 from robotball import equations as eq
 from robotball import mechanics
-from robotball.engines.compiled import compiled_from, inlined
+from robotball.engines.compiled import compiled_from, inlined, text_of
 from robotball.equations import Vector
 from robotball.mechanics import (
     COLUMN,
@@ -55,12 +54,6 @@ _PER_COMMAND, _PER_ANGLE, _PER_RATE, _AT_REST, LIMIT, _FRICTION, MOTOR = 0, 1, 2
 # rest, is smoothed below it.
 STANDING = 1e-8
 _Axes = tuple[Vector, Vector, Vector]
-
-
-def _sources() -> str:
-    # All that the derivative is compiled from: kept code is stale where one of them changes.
-    files = (eq.__file__, mechanics.__file__, __file__)
-    return "".join(Path(file).read_text(encoding="utf-8") for file in files)
 
 
 # The formulas call each other by name, and numba compiles only calls of functions that it knows.
@@ -303,7 +296,7 @@ _SIGNATURE = types.void(
 )  # fmt: skip
 
 
-@compiled_from(_sources(), _SIGNATURE, nogil=True, error_model="numpy")
+@compiled_from(text_of(eq.__file__, mechanics.__file__, __file__), _SIGNATURE)
 def _differentiate_stages(
     machines: Machine, modes: Modes, inputs: Inputs, length: float, weights: Any, base: Any,
     begin: Any, slopes: Any, ends: Any, readings: Any, work: Work,

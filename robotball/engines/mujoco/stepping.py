@@ -176,33 +176,18 @@ def _step(
             to[place : place + size] = read
             place += width
     if (warned != warned_before).any():
-        rows[:count, size:] = _warnings(control, start, stretch, warned_before)
+        # To read the counters at every step would slow all runs for the few in which one changes.
+        mujoco.mj_setState(compiled, data, start, STATE)
+        warned[:] = warned_before
+        return _step_in_parts(control, data, stretch)
     return rows, np.arange(count, dtype=np.int64), float(stretch.lengths.max())
-
-
-def _warnings(control: Control, start: Array, stretch: _Stretch, before: Array) -> Array:
-    """Return MuJoCo's counters (m, 7) after each step of a stretch, which is repeated.
-
-    To read them at every step would slow all runs for the few in which one changes.
-    """
-    compiled = control.model.compiled
-    data = mujoco.MjData(compiled)
-    mujoco.mj_setState(compiled, data, start, STATE)
-    data.warning.number[:] = before
-    counters = []
-    for span, compiled.opt.timestep, count in stretch:
-        control.begin(data, span)
-        for _ in range(count):
-            mujoco.mj_step(compiled, data)
-            counters.append(data.warning.number.copy())
-    return np.array(counters)
 
 
 def _step_in_parts(
     control: Control, data: mujoco.MjData, stretch: _Stretch
 ) -> tuple[Array, NDArray[np.int64], float]:
     """Return the same as `_step`, with a row for every part of a step."""
-    assert control.steps is not None
+    steps = control.steps or _whole
     rows: list[Array] = []
     firsts: list[int] = []
     longest = 0.0
@@ -210,7 +195,7 @@ def _step_in_parts(
         control.begin(data, span)
         for _ in range(count):
             firsts.append(len(rows))
-            for taken in control.steps(data, length):
+            for taken in steps(data, length):
                 rows.append(read_row(data))
                 longest = max(longest, taken)
     return np.array([*rows, np.empty_like(rows[0])]), np.array(firsts, np.int64), longest

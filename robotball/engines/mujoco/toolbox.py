@@ -17,7 +17,7 @@ import numpy as np
 
 from robotball.drives import as_drive
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.user_model import UserModel, readings_of, row_of
+from robotball.engines.mujoco.user_model import UserModel, readings_of, row_of, table_of
 from robotball.errors import InputError, mujoco_silent
 from robotball.files.robot_numbers import RobotScene
 from robotball.loads import Loads
@@ -72,7 +72,7 @@ def roll(scene: Scene, times: Array) -> Motion:
         mujoco.mj_forward(model, data)
         rows.append(row_of(robot, data))
         torques.append((data.qfrc_actuator + data.qfrc_passive)[robot.hinges[1]])
-    seen = readings_of(user, scene, data, rows)
+    seen = readings_of(user, scene, table_of(user, data, rows))
     unknown = Loads.unknown(len(times), 0)
     return Motion(
         scene, LABEL, times, seen.centre[:, :2], seen.attitude, seen.momentum,

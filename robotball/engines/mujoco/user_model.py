@@ -175,7 +175,7 @@ def observed(
     """
     robot, model, data = user.robot, user.robot.model, user.begin()
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-    rows, inside, began = list[Array](), Counter[tuple[int, int]](), time.process_time()
+    rows, inside, began = list[_Row](), Counter[tuple[int, int]](), time.process_time()
     met = list[Met]()
     count = round(scene.duration / model.opt.timestep / every)
     for i in range(count + 1):
@@ -204,9 +204,9 @@ def observed(
     diverged = None if _sound(data) else float(data.time)
     seconds = time.process_time() - began
     settings = EngineSettings(name=name, error_tolerance=tolerance, stop_at_fault=False)
-    table = _table(user, data, rows)
+    table = table_of(user, data, rows)
     recording = Recording(LABEL, scene, settings, table.time)
-    recording.add(_readings_of(user, scene, table))
+    recording.add(readings_of(user, scene, table))
     motion = recording.motion(model.opt.timestep, len(rows), seconds)
     path, lost = user.points(table.place), np.isnan(table.depth)
     given, declared = np.nansum(table.resistance, axis=0)
@@ -261,38 +261,21 @@ def wrenches(robot: RobotFile, data: mujoco.MjData) -> Iterator[tuple[mujoco.MjC
             yield data.contact[i], wrench
 
 
-def row_of(robot: RobotFile, data: mujoco.MjData) -> Array:
-    """Return the numbers of a state as they are; they are read at once, after the run."""
-    contact = np.full(_OF_CONTACT, np.nan)
-    for each, wrench in wrenches(robot, data):
-        force = wrench[:3] @ each.frame.reshape(3, 3)
-        resistance = np.nan, np.nan
-        if each.dim == 6:
-            resistance = float(np.linalg.norm(wrench[4:])), wrench[0] * each.friction[3]
-        contact[:] = *force, -each.dist, each.friction[0], *resistance
-    sphere = data.geom_xpos[robot.sphere], data.geom_xmat[robot.sphere], robot.moving(data)
-    servos = data.ctrl, data.act, data.actuator_length, data.actuator_velocity
-    return np.concatenate([[data.time], *sphere, contact, data.qpos, data.qvel, *servos])
+class _Row(NamedTuple):
+    """A state, or those of a run, a row each; NaN of the contact where there is none.
 
-
-_OF_CONTACT = 7
-
-
-class _Table(NamedTuple):
-    """The states of a run; the sphere's in plane axes, NaN where it has no contact.
-
-    resistance (n, 2): of the contact to rolling, given and declared [N m]; the last six: as in
-    MjData.
+    The sphere's numbers are in world axes, in a run's table in plane axes. resistance (2,): of the
+    contact to rolling, given and declared [N m]; the last six: as in MjData.
     """
 
-    time: Array
+    time: Any
     place: Array
     axes: Array
     turning: Array
     velocity: Array
     force: Array
-    depth: Array
-    friction: Array
+    depth: Any
+    friction: Any
     resistance: Array
     qpos: Array
     qvel: Array
@@ -302,34 +285,40 @@ class _Table(NamedTuple):
     speed: Array
 
 
-def _table(user: UserModel, data: mujoco.MjData, rows: Sequence[Array]) -> _Table:
+def row_of(robot: RobotFile, data: mujoco.MjData) -> _Row:
+    """Return the numbers of a state as they are; they are read at once, after the run."""
+    force, depth, friction, resistance = np.full(3, np.nan), np.nan, np.nan, np.full(2, np.nan)
+    for each, wrench in wrenches(robot, data):
+        force, depth, friction = wrench[:3] @ each.frame.reshape(3, 3), -each.dist, each.friction[0]
+        resistance = np.full(2, np.nan)
+        if each.dim == 6:
+            resistance[:] = float(np.linalg.norm(wrench[4:])), wrench[0] * each.friction[3]
+    place, axes, moving = (
+        data.geom_xpos[robot.sphere],
+        data.geom_xmat[robot.sphere],
+        robot.moving(data),
+    )
+    sphere = data.time, place, axes, moving[:3], moving[3:]
+    contact = force, depth, friction, resistance
+    own = data.qpos, data.qvel, data.ctrl, data.act, data.actuator_length, data.actuator_velocity
+    return _Row(*map(np.copy, (*sphere, *contact, *own)))
+
+
+def table_of(user: UserModel, data: mujoco.MjData, rows: Sequence[_Row]) -> _Row:
     """Return the states of rows; data: any of the run, as the plane does not move."""
-    robot, model = user.robot, user.robot.model
-    widths = [1, 3, 9, 3, 3, 3, 1, 1, 2]
-    widths += [model.nq, model.nv, model.nu, model.na, model.nu]
-    of_rows = _Table(*np.split(np.array(rows), np.cumsum(widths), axis=1))
+    robot, of_rows = user.robot, _Row(*map(np.array, zip(*rows, strict=True)))
     to_plane = robot.plane_axes(data)
     force = of_rows.force @ to_plane.T
     return of_rows._replace(
-        time=of_rows.time[:, 0],
         place=(of_rows.place - data.geom_xpos[robot.plane]) @ to_plane.T,
         axes=to_plane @ of_rows.axes.reshape(-1, 3, 3),
         turning=of_rows.turning @ to_plane.T,
         velocity=of_rows.velocity @ to_plane.T,
         force=force * np.copysign(1.0, force[:, 2:]),  # on either body, as that on the ball
-        depth=of_rows.depth[:, 0],
-        friction=of_rows.friction[:, 0],
     )
 
 
-def readings_of(
-    user: UserModel, scene: Scene, data: mujoco.MjData, rows: Sequence[Array]
-) -> Readings:
-    """Return the readings of the states of rows; data: any of the run."""
-    return _readings_of(user, scene, _table(user, data, rows))
-
-
-def _readings_of(user: UserModel, scene: Scene, table: _Table) -> Readings:
+def readings_of(user: UserModel, scene: Scene, table: _Row) -> Readings:
     """Return the readings of the states."""
     place, turning, depth = table.place, table.turning, table.depth
     attitude = from_matrix(table.axes)  # at once: SciPy takes 0.1 ms a call
@@ -353,7 +342,7 @@ def _readings_of(user: UserModel, scene: Scene, table: _Table) -> Readings:
     )
 
 
-def _limits(model: mujoco.MjModel, table: _Table) -> dict[str, float]:
+def _limits(model: mujoco.MjModel, table: _Row) -> dict[str, float]:
     """Return when the joints that reach their range do [s], the first one first."""
     reached = {}
     for j in np.flatnonzero(model.jnt_limited):
@@ -363,7 +352,7 @@ def _limits(model: mujoco.MjModel, table: _Table) -> dict[str, float]:
     return dict(sorted(reached.items(), key=lambda it: it[1]))
 
 
-def _lags(user: UserModel, table: _Table) -> dict[str, float]:
+def _lags(user: UserModel, table: _Row) -> dict[str, float]:
     """Return how far servos are off their commands, root mean square over the command's."""
     model, found = user.robot.model, {}
     # A servo's torque is by how far it is off its command, of which its gain is the factor.

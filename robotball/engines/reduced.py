@@ -52,11 +52,21 @@ def integrate(
         from robotball.plane import check_pressed  # few scenes need it
 
         check_pressed(ours)
+    size = np.array([math.hypot(*ours.start.momentum.tolist())])
+    fastest = check_speed(ours.parameters_at(0.0), size)[0]
+    long = ours.steady and fastest * times[-1] > _LONG
+    limit = (_MAX_COMPILED_STEPS if long else _MAX_STEPS) if max_steps is None else max_steps
+
+    def states(coarser: float, progress: Progress | None = None) -> Array:
+        if long:
+            return compiled_states(ours, times, coarser * max(rtol / 10, LEAST_RTOL), limit)
+        return _solve(ours, times, coarser * rtol, limit, progress)
+
     return extended(
-        motion_of(ours, times, _states(ours, times, rtol, max_steps, progress=progress)),
+        motion_of(ours, times, states(1.0, progress)),
         ReferenceMotion,
         scene=scene,
-        again=lambda: _states(ours, times, rtol, max_steps, _COARSER)[:, 4:],
+        again=lambda: states(_COARSER)[:, 4:],
     )
 
 
@@ -117,28 +127,6 @@ def _right_hand_side(scene: Scene) -> Rate:
     return rate
 
 
-def _states(
-    scene: Scene,
-    times: Array,
-    rtol: float,
-    max_steps: int | None,
-    coarser: float = 1.0,
-    progress: Progress | None = None,
-) -> Array:
-    """Return states (n, 6) at the times, with q from principal axes to world.
-
-    coarser: multiplies the tolerance of a step.
-    """
-    at_start = scene.parameters_at(0.0)
-    size = np.array([math.hypot(*scene.start.momentum.tolist())])
-    fastest = check_speed(at_start, size)[0]
-    if scene.steady and fastest * times[-1] > _LONG:
-        limit = _MAX_COMPILED_STEPS if max_steps is None else max_steps
-        return compiled_states(scene, times, coarser * max(rtol / 10, LEAST_RTOL), limit)
-    limit = _MAX_STEPS if max_steps is None else max_steps
-    return _solve(scene, times, coarser * rtol, limit, progress)
-
-
 def compiled_states(
     scene: Scene, times: Array, tolerance: float | None = None, max_steps: int | None = None
 ) -> Array:
@@ -147,11 +135,11 @@ def compiled_states(
     tolerance: of one step, STEP_TOLERANCE if None. Raises InputError at the limit of steps.
     """
     # numba is slow to import, and short motions do without it.
-    from robotball.engines.ensembles.orbits import STEP_TOLERANCE, kernel_start, orbit_states
+    from robotball.engines.ensembles.orbits import STEP_TOLERANCE, kernel_start, orbit
 
     parameters, attitudes, momenta = kernel_start(scene)
     allowed = STEP_TOLERANCE if tolerance is None else tolerance
-    return orbit_states(parameters, attitudes[0], momenta[0], times, allowed, max_steps)
+    return orbit(parameters, attitudes[0], momenta[0], times, allowed, max_steps)
 
 
 def _solve(

@@ -270,7 +270,7 @@ def reversed_in_time(parameters: Parameters) -> Parameters:
 def curve_of(parameters: Parameters, gamma: Array, period: float) -> Array:
     """Return γ (_SAMPLES, 3) over a period from γ (3,)."""
     times = np.linspace(0.0, period, _SAMPLES)
-    return rotation_matrix(orbit(parameters, attitude_at(gamma), _NO_MOMENTUM, times)[0])[:, 2]
+    return rotation_matrix(orbit(parameters, attitude_at(gamma), _NO_MOMENTUM, times)[:, :4])[:, 2]
 
 
 def lies_on(gamma: Array, curve: Array) -> bool:

@@ -192,13 +192,13 @@ def _median_error(reference: Array) -> Callable[[Array], float]:
 def _one_orbit(attitude: Array, momentum: Array) -> None:
     """Compare one orbit, closely sampled; the error is the path's largest."""
     times = np.linspace(0.0, _DURATION, _OUTPUTS + 1)
-    reference = orbit(_FIG11B, attitude, momentum, times, 1e-15)[1]
+    reference = orbit(_FIG11B, attitude, momentum, times, 1e-15)[:, 4:]
     starts = Starts(_FIG11B, attitude, momentum)
     begin = np.array([*starts.attitudes[0], 0.0, 0.0])
     level = Level(float(starts.rows[0, _BALL_SIZE]), 0.0)
 
     def ours(tolerance: float) -> _Run:
-        return lambda: orbit(_FIG11B, attitude, momentum, times, tolerance)[1]
+        return lambda: orbit(_FIG11B, attitude, momentum, times, tolerance)[:, 4:]
 
     def rate(_: float, state: Array) -> Array:
         q = state[:4] / np.linalg.norm(state[:4])

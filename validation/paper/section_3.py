@@ -279,8 +279,8 @@ def _no_measure(symmetric: bool = False) -> AtLeast:
     # Fig. 12's motion is on the cycle after 600 s, to 1e-9.
     times = np.append(0.0, 600.0 + np.linspace(0.0, period, 201))
     parameters, attitude, momentum = kernel_start(scene)
-    attitudes, _ = orbit(parameters, attitude[0], momentum[0], times)
-    axes = rotation_matrix(attitudes[1:-1])
+    states = orbit(parameters, attitude[0], momentum[0], times)
+    axes = rotation_matrix(states[1:-1, :4])
     growth = [f.divergence(n, momentum[0] @ S, S[2], False, -0.5) for S in axes]
     return AtLeast(abs(float(np.mean(growth))) * period, bound=0.1)
 

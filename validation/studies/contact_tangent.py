@@ -197,7 +197,7 @@ def contact_cycle(model: Model, cycle: Cycle, parts: int = 1) -> Cycle:
     ball, M = model.scene.parameters, cycle.momentum
     times = np.linspace(0.0, cycle.period, parts + 1)
     # Off the equations' motion by far more than both engines are apart: the search is the map's.
-    near = turned(orbit(ball, cycle.attitude, M, times)[0][:-1], np.full((parts, 3), 1e-3))
+    near = turned(orbit(ball, cycle.attitude, M, times)[:-1, :4], np.full((parts, 3), 1e-3))
 
     def follow(attitudes: Array, duration: float) -> Followed:
         # Turns alone: M stays what it is, so that the cycle is sought on its level.

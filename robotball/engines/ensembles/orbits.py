@@ -273,25 +273,13 @@ def orbit(
     momentum: Array,
     times: Array,
     tolerance: float = STEP_TOLERANCE,
-) -> tuple[Array, Array]:
-    """Return attitudes (m, 4) and contact points (m, 2) of one motion, for times close together.
-
-    attitude (4,), momentum (3,), times (m,), tolerance: as for `orbits`. Raises InputError where
-    the motion would be given up.
-    """
-    states = orbit_states(parameters, attitude, momentum, times, tolerance)
-    return states[:, :4], states[:, 4:]
-
-
-def orbit_states(
-    parameters: Parameters,
-    attitude: Array,
-    momentum: Array,
-    times: Array,
-    tolerance: float = STEP_TOLERANCE,
     max_steps: int | None = None,
 ) -> Array:
-    """Return what `orbit` returns, side by side (m, 6), in at most max_steps."""
+    """Return the attitudes and contact points (m, 4 + 2) of one motion, for times close together.
+
+    attitude (4,), momentum (3,), times (m,), tolerance: as for `orbits`. Raises InputError where
+    the motion would be given up, or needs more than max_steps.
+    """
     times = check_times(times)
     starts = Starts(parameters, attitude[None], momentum[None])
     states = np.empty((len(times), PATH.size))

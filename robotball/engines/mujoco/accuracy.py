@@ -124,8 +124,7 @@ class _Search:
     def by_timestep(self, timestep: float, before: ContactMotion) -> ContactMotion:
         """Run RK4 at a timestep, then at finer ones as long as the estimate is too large."""
         for _ in range(1 + _CORRECTIONS):
-            settings = self.settings(timestep=timestep)
-            motion = self.made(settings)
+            motion = self.made(self.settings(timestep=timestep))
             error = self.rk4_error(before, motion)
             if error <= self.accuracy:
                 break
@@ -144,8 +143,7 @@ class _Search:
             looser = rtol * LOOSER
             before = self.made(self.pilot(integrator=ADAPTIVE, rtol=looser), apart=_SPARSE)
         for _ in range(1 + _CORRECTIONS):
-            settings = self.settings(integrator=ADAPTIVE, rtol=rtol)
-            motion = self.made(settings)
+            motion = self.made(self.settings(integrator=ADAPTIVE, rtol=rtol))
             error = self.by_momentum(motion, magnified)
             if before is not None:
                 doubled = self.error(before, motion, looser / rtol, COST_MODEL.rtol_order)

@@ -782,10 +782,6 @@ def check_length(scene: Scene, settings: Settings, times: Array) -> None:
     that the servos need.
     """
     plan = planned(scene, settings, float(times[-1]))
-    # Each span between two samples takes less than one step beyond its length over the timestep.
-    spans = len(times) + len(scene.breakpoints)
-    if not settings.adaptive and times[-1] / plan.timestep + spans <= settings.max_steps:
-        return
     if settings.adaptive and settings.timestep is None:
         least = settling(plan)
         if least is not None and least.value > settings.max_steps:

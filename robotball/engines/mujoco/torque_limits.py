@@ -162,12 +162,9 @@ def at_limits(control: Control) -> Iterator[Steps]:
 
 def _limited(model: Model) -> Iterator[_Limited]:
     """Yield the motors with a limit, with a copy of the numbers that their switches overwrite."""
-    scene, compiled, motors = model.scene, model.compiled, []
-    units = np.eye(len(model.hinges))
-    for hinge, gears in zip(model.hinges, units, strict=True):
-        if hinge.law:
-            motors.append((hinge.body, hinge.law, hinge.drive, gears))
-    places = {hinge.body: gears for hinge, gears in zip(model.hinges, units, strict=True)}
+    scene, compiled = model.scene, model.compiled
+    places = dict(zip([h.body for h in model.hinges], np.eye(len(model.hinges)), strict=True))
+    motors = [(h.body, h.law, h.drive, places[h.body]) for h in model.hinges if h.law]
     for each, command in zip(scene.actuators, scene.controls, strict=True):
         gears = np.sum([ratio * places[name] for name, ratio in each.gears], axis=0)
         motors.append((each.name, each.law, command, gears))

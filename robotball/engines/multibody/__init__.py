@@ -102,17 +102,19 @@ def integrate(
         slides = scene.ball.tree[1 + at - HINGES].slides
         low, high = ends if slides else np.degrees(ends)
         unit = "m" if slides else "deg"
-        reached = f"{joint} reaches its range of {low:g} to {high:g} {unit}"
-        ended = f"{reached} at t = {t:.6g} s"
-        line = f"{scene.name}: {ended}"
-        if len(times) < 2:
-            start = (
-                f"{scene.name}: {joint} starts at its stop, an end of {low:g} to {high:g} {unit}, "
+        allowed = f"{low:g} to {high:g} {unit}"
+        ended = f"{joint} reaches its range of {allowed} at t = {t:.6g} s"
+        if not t > 0:
+            raise InputError(
+                f"{scene.name}: {joint} starts at its stop, an end of {allowed}, and is pushed "
+                "against it; widen its range, or start it elsewhere"
             )
-            start += "and is pushed against it; widen its range, or start it elsewhere"
-            sooner = f"{line}, before the first sample; widen its range, or sample more often"
-            raise InputError(sooner if t > 0 else start)
-        warn(f"{line}, where the motion ends")
+        if len(times) < 2:
+            raise InputError(
+                f"{scene.name}: {ended}, before the first sample; widen its range, or sample more "
+                "often"
+            )
+        warn(f"{scene.name}: {ended}, where the motion ends")
     hinges = len(scene.hinges)
     return extended(
         _motion_of(ours, times, states, readings_of(readings, hinges)),

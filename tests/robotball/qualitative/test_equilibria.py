@@ -263,7 +263,7 @@ def test_a_cycles_multiplier_is_how_its_neighbours_part() -> None:
     ends, times = [], np.array([0.0, cycle.period])
     for gamma in (cycle.gamma, cycle.gamma + 1e-6 * across):
         attitude = attitude_at(gamma / np.linalg.norm(gamma))
-        ends.append(rotation_matrix(orbit(some, attitude, np.zeros(3), times)[0])[-1, 2])
+        ends.append(rotation_matrix(orbit(some, attitude, np.zeros(3), times)[:, :4])[-1, 2])
     assert np.abs(ends[0] - cycle.gamma).max() < 1e-10
     assert (ends[1] - ends[0]) @ across / 1e-6 == pytest.approx(cycle.multipliers[0].real, rel=1e-4)
 

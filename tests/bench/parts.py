@@ -32,7 +32,7 @@ def parts_of(scene: Scene) -> dict[str, mujoco.MjModel]:
     classical = scene.rolling == "classical"
     spin: dict[str, Any] = {"torsional_friction": LEAST_FRICTION} if classical else {}
     roll = {**spin, "condim": 6, "rolling_friction": LEAST_FRICTION}
-    prescribed = any(not hinge.own_motor for hinge in hinges_of(scene, _MINIMAL))
+    prescribed = any(hinge.motor is None for hinge in hinges_of(scene, _MINIMAL))
     servos: dict[str, Any] = {"drive": NAIVE.drive} if prescribed else {}
     parts = {"minimal": _compiled(scene)}
     if scene.ball.rotors:

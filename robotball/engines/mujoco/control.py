@@ -38,7 +38,7 @@ def senses(model: Model) -> Callable[[mujoco.MjData], "Sensed"]:
     from robotball.engines.loop import Sensed
 
     compiled, columns, count = model.compiled, model.sensor_columns, len(model.scene.hinges)
-    places = [(each.index, columns[f"{each.body}_angle"].start, columns[f"{each.body}_rate"].start)
+    places = [(each.index, columns[f"{each.name}_angle"].start, columns[f"{each.name}_rate"].start)
               for each in model.hinges]  # fmt: skip
 
     def sensed(data: mujoco.MjData) -> Sensed:

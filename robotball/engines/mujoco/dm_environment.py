@@ -156,7 +156,7 @@ class _FollowPath(Task):  # type: ignore[misc]
         self, model: Model, path: Array, interval: float, largest: float | Array | None
     ) -> None:
         hinges = [hinge for hinge in model.hinges if hinge.actuated]
-        self.commands = [hinge.drive for hinge in hinges] + list(model.scene.controls)
+        self.commands = [hinge.command for hinge in hinges] + list(model.scene.controls)
         if largest is None:
             sizes = [np.abs(each.rate(model.scene.times)).max() for each in self.commands]
             largest = np.array([2.0 * size or 1.0 for size in sizes])

@@ -668,7 +668,7 @@ def solver_tolerance(plan: PlannedRun) -> _Found:
     drive = plan.settings.drive
     if not isinstance(drive, Prescribed) or plan.option("solver") == "PGS":
         return None
-    prescribed = [each for each in plan.hinges if not each.own_motor]
+    prescribed = [each for each in plan.hinges if each.motor is None]
     d, weight = plan.impedance, plan.scene.ball.mass * plan.scene.gravity
     limit = weight * d / (1 - d) / (1 if plan.option("solver") == "Newton" else 100)
     return plan.option("tolerance") * drive.armature * len(prescribed), limit
@@ -734,8 +734,8 @@ def servo_droop(plan: PlannedRun) -> _Found:
     worst = 0.0
     for hinge, servo in servos:
         torque = float(np.abs(plan.loads.motor_torques[:, hinge.index]).max())
-        if not hinge.own_motor and hinge.of.rate:  # else its error belongs to the motion
-            worst = max(worst, torque / servo.gain / abs(hinge.of.rate))
+        if hinge.motor is None and hinge.rate:  # else its error belongs to the motion
+            worst = max(worst, torque / servo.gain / abs(hinge.rate))
     return worst, plan.settings.error_tolerance
 
 

@@ -94,7 +94,7 @@ def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
     stiffness, damping = map(np.diag, np.array([(law.per_angle, law.per_rate) for law in laws]).T)
     for actuator in scene.actuators:
         gears = dict(actuator.gears)
-        ratios = np.array([gears.get(each.of.name, 0.0) for each in own])
+        ratios = np.array([gears.get(each.name, 0.0) for each in own])
         stiffness = stiffness + actuator.law.per_angle * np.outer(ratios, ratios)
         damping = damping + actuator.law.per_rate * np.outer(ratios, ratios)
     worst = 0.0

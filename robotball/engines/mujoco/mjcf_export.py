@@ -90,7 +90,7 @@ def write_model(scene: Scene, settings: Settings, *, dressed: bool, stem: str) -
     if needs is None:
         return Written(xml)
     rows = _held(model)
-    actuated = [hinge.body for hinge in model.hinges if hinge.actuated]
+    actuated = [hinge.name for hinge in model.hinges if hinge.actuated]
     header = ["time", *actuated, *(each.name for each in scene.actuators)]
     times = np.arange(len(rows)) * model.compiled.opt.timestep
     lines = [",".join(map(repr, row)) for row in np.column_stack([times, rows]).tolist()]
@@ -196,9 +196,9 @@ def _held(model: Model) -> Array:
     edges = np.arange(round(model.scene.duration / step) + 1) * step
     columns = [
         # The control is an acceleration, whose mean is exact by the rates at the edges.
-        np.diff(hinge.drive.rate(edges)) / np.diff(edges)
+        np.diff(hinge.command.rate(edges)) / np.diff(edges)
         if isinstance(hinge.actuation, Prescribed)
-        else _mean(hinge.drive, edges)
+        else _mean(hinge.command, edges)
         for hinge in model.hinges
         if hinge.actuated
     ]
@@ -221,7 +221,7 @@ def left_out(scene: Scene, settings: Settings) -> list[str]:
         lines.append("rotor bodies: the scene has none")
     elif len(scene.ball.rotors) == 1:
         lines.append("more rotor bodies: one along K + (J_s + d)Ω makes the same motion")
-    turning = {hinge.body for hinge in hinges_of(scene, settings)}
+    turning = {hinge.name for hinge in hinges_of(scene, settings)}
     lines += [
         f"the hinge of {hinge.name}: its rate is zero for good, so it is fixed to its parent"
         for hinge in scene.hinges

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import root_scalar
 
 from robotball.ball import PARTS, Frame, Link, Pendulum, Rotor, Shell
-from robotball.drives import Drive, turns
+from robotball.drives import turns
 from robotball.engines.mujoco.settings import Prescribed, Resolved, Settings
 from robotball.errors import InputError, mujoco_silent
 from robotball.motors import Actuator, Free, Law, Motor, PositionServo, Servo, Torque
@@ -28,36 +28,22 @@ from robotball.scene import MovedHinge, Scene
 
 
 @dataclass(frozen=True)
-class ModelHinge:
+class ModelHinge(MovedHinge):
     """A hinge of the scene as the model has it, with its joint and actuator.
+
+    Sensors and actuators have its name. If it has a motor, that is the scene's own, whose errors
+    belong to the motion.
 
     index         its place among the scene's hinges
     joint         the MJCF name of its joint and of the body that hangs on it
-    of            the scene's hinge
     actuation     a motor, or the armature that lets its rate be prescribed
-    largest_rate  of the drive during the scene, by which errors are measured [rad/s]
+    largest_rate  of the command during the scene, by which errors are measured [rad/s]
     """
 
     index: int
     joint: str
-    of: MovedHinge
     actuation: Motor | Prescribed
     largest_rate: float
-
-    @property
-    def body(self) -> str:
-        """The MJCF name of the body that hangs on it, by which sensors are named."""
-        return self.of.name
-
-    @property
-    def drive(self) -> Drive:
-        """The scene's command: a rate, an angle or a torque."""
-        return self.of.command
-
-    @property
-    def own_motor(self) -> bool:
-        """True if the motor is the scene's own, so that its errors belong to the motion."""
-        return self.of.motor is not None
 
     @cached_property
     def actuated(self) -> bool:
@@ -82,7 +68,7 @@ class ModelHinge:
     def control(self, t: float) -> float:
         """Return its actuator's control at t [s]: the command, or a prescribed rate's slope."""
         prescribed = isinstance(self.actuation, Prescribed)
-        return float((self.drive.acceleration if prescribed else self.drive.rate)(t))
+        return float((self.command.acceleration if prescribed else self.command.rate)(t))
 
 
 def hinges_of(scene: Scene, settings: Settings) -> tuple[ModelHinge, ...]:
@@ -94,9 +80,9 @@ def hinges_of(scene: Scene, settings: Settings) -> tuple[ModelHinge, ...]:
     joints = {"frame": "shell"} if settings.root == "frame" else {}
     return tuple(
         ModelHinge(
-            index,
-            joints.get(each.name, each.name),
-            each,
+            **vars(each),
+            index=index,
+            joint=joints.get(each.name, each.name),
             actuation=each.motor or settings.drive,
             largest_rate=scene.largest_rates[index] or 1.0,
         )
@@ -235,9 +221,9 @@ def _compose(chosen: Resolved, hinges: tuple[ModelHinge, ...]) -> tuple[Element,
             _inertial(body, link.mass + least, inertia, link.centre - link.pivot)
         turning["frame" if name == "shell" else name] = (body, axis)
     for hinge in hinges:
-        _add_hinge(actuators, hinge, *turning[hinge.of.name])
+        _add_hinge(actuators, hinge, *turning[hinge.name])
 
-    joints = {hinge.body: hinge.joint for hinge in hinges}
+    joints = {hinge.name: hinge.joint for hinge in hinges}
     for actuator in scene.actuators:
         _add_actuator(tendons, actuators, actuator, joints)
 
@@ -321,7 +307,7 @@ def _inertial(body: Element, mass: float, inertia: Array, centre: Array = _ORIGI
 
 def _add_hinge(actuators: Element, hinge: ModelHinge, body: Element, axis: Array) -> None:
     """Add the joint of `body` with its actuator, which every hinge has that is not free."""
-    slides, motor = hinge.of.body.slides, hinge.actuation
+    slides, motor = hinge.body.slides, hinge.actuation
     # The armature acts on the hinge alone and adds no angular momentum of its own.
     kind, armature = "slide" if slides else "hinge", motor.armature or None
     joint = _add(body, "joint", name=hinge.joint, type=kind, axis=axis, armature=armature)
@@ -330,7 +316,7 @@ def _add_hinge(actuators: Element, hinge: ModelHinge, body: Element, axis: Array
         _set(joint, damping=motor.damping, stiffness=motor.stiffness, springref=rest)
         _set(joint, frictionloss=motor.friction or None)
         return
-    on = {"name": hinge.body, "joint": hinge.joint}
+    on = {"name": hinge.name, "joint": hinge.joint}
     if isinstance(motor, Servo):
         actuator = _add(actuators, "velocity", **on, kv=motor.gain)
     elif isinstance(motor, PositionServo):
@@ -399,15 +385,15 @@ def _add_sensors(sensors: Element, scene: Scene, body: str, hinges: tuple[ModelH
     data = "found force torque normal tangent linvel angvel"
     add("contact", name="contact", geom1="floor", geom2=_SPHERE, data=data)
     for hinge in hinges:
-        add("jointpos", name=f"{hinge.body}_angle", joint=hinge.joint)
-        add("jointvel", name=f"{hinge.body}_rate", joint=hinge.joint)
-        moved = any(hinge.body == name for each in scene.actuators for name, _ in each.gears)
-        if not hinge.own_motor:
-            kind = "force" if hinge.of.body.slides else "torque"
-            add(kind, name=f"{hinge.body}_torque", site=f"{hinge.joint}_hinge")
+        add("jointpos", name=f"{hinge.name}_angle", joint=hinge.joint)
+        add("jointvel", name=f"{hinge.name}_rate", joint=hinge.joint)
+        moved = any(hinge.name == name for each in scene.actuators for name, _ in each.gears)
+        if hinge.motor is None:
+            kind = "force" if hinge.body.slides else "torque"
+            add(kind, name=f"{hinge.name}_torque", site=f"{hinge.joint}_hinge")
         elif hinge.actuated or moved:
             # What the joint carries is less, by what turns the motor's own armature.
-            add("jointactuatorfrc", name=f"{hinge.body}_torque", joint=hinge.joint)
+            add("jointactuatorfrc", name=f"{hinge.name}_torque", joint=hinge.joint)
 
 
 def compiled_model(xml: str, softness: float = 1.0) -> Any:

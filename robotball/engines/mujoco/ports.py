@@ -218,7 +218,7 @@ class _WarpWorld(adapter.SteppedWorld):
         servo = hinge.actuation
         if not isinstance(servo, Servo):
             return hinge.control(t)
-        return hinge.control(t) + servo.armature / servo.gain * hinge.drive.acceleration(t)
+        return hinge.control(t) + servo.armature / servo.gain * hinge.command.acceleration(t)
 
     def step(self, step: float) -> None:
         with self.warp.ScopedDevice(self.device):

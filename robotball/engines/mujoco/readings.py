@@ -127,7 +127,7 @@ def _of_hinges(model: Model, rows: Array, name: str) -> Array:
         if name == "torque":
             values[:, hinge.index] = _torque(model, rows, hinge)
         else:
-            values[:, hinge.index] = rows[:, model.sensor_columns[f"{hinge.body}_{name}"]][:, 0]
+            values[:, hinge.index] = rows[:, model.sensor_columns[f"{hinge.name}_{name}"]][:, 0]
     return values
 
 
@@ -137,9 +137,9 @@ def _torque(model: Model, rows: Array, hinge: ModelHinge) -> Array:
     It is the motor's, or what the joint of a prescribed rate carries, whose site has its z along
     the hinge. A passive hinge has no sensor of its torque.
     """
-    columns, name = model.sensor_columns, f"{hinge.body}_torque"
+    columns, name = model.sensor_columns, f"{hinge.name}_torque"
     if isinstance(hinge.actuation, Free):
-        angle, rate = (rows[:, columns[f"{hinge.body}_{each}"]][:, 0] for each in ("angle", "rate"))
+        angle, rate = (rows[:, columns[f"{hinge.name}_{each}"]][:, 0] for each in ("angle", "rate"))
         passive = np.asarray(hinge.actuation.torque(0.0, angle, rate))
         return passive + rows[:, columns[name]][:, 0] if name in columns else passive
     return rows[:, columns[name]][:, -1]
@@ -170,7 +170,7 @@ def own_faults(model: Model, rows: Array, readings: Readings) -> list[Sign]:
         *(
             (
                 torques[:, hinge.index] >= hinge.torque_limit * _AT_LIMIT,
-                Fault(kind.TORQUE_LIMIT, np.nan, hinge.body, note=hinge.own_motor),
+                Fault(kind.TORQUE_LIMIT, np.nan, hinge.name, note=hinge.motor is not None),
             )
             for hinge in model.hinges
             if hinge.torque_limit < np.inf

@@ -163,8 +163,8 @@ def at_limits(control: Control) -> Iterator[Steps]:
 def _limited(model: Model) -> Iterator[_Limited]:
     """Yield the motors with a limit, with a copy of the numbers that their switches overwrite."""
     scene, compiled = model.scene, model.compiled
-    places = dict(zip([h.body for h in model.hinges], np.eye(len(model.hinges)), strict=True))
-    motors = [(h.body, h.law, h.drive, places[h.body]) for h in model.hinges if h.law]
+    places = dict(zip([h.name for h in model.hinges], np.eye(len(model.hinges)), strict=True))
+    motors = [(h.name, h.law, h.command, places[h.name]) for h in model.hinges if h.law]
     for each, command in zip(scene.actuators, scene.controls, strict=True):
         gears = np.sum([ratio * places[name] for name, ratio in each.gears], axis=0)
         motors.append((each.name, each.law, command, gears))

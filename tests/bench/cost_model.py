@@ -23,7 +23,7 @@ from robotball.engines.mujoco.accuracy import LOOSER, RK4_EVALUATIONS, scene_rat
 from robotball.engines.mujoco.cost_model import COST_MODEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import ADAPTIVE, recipe, resolved
+from robotball.engines.mujoco.settings import ADAPTIVE, recipe
 from robotball.rotations import Array
 from tests.random_balls import ball_of_points
 from validation.agreement import Agreement
@@ -83,7 +83,7 @@ def _search(scene: Scene, theory: Motion, family: Iterable[Settings]) -> list[di
 
 
 def _run(scene: Scene, theory: Motion, settings: Settings) -> dict[str, Any]:
-    agreement = Agreement(theory, run(build(resolved(scene, settings)), theory.times))
+    agreement = Agreement(theory, run(build(scene, settings), theory.times))
     diagnostics = agreement.report
     return {
         "size": settings.rtol if settings.adaptive else settings.timestep,

@@ -13,7 +13,7 @@ import mujoco
 from robotball import PRESETS, Scene, load_scene
 from robotball.engines.mujoco.mjcf_export import DEFAULT_ITERATIONS, dress
 from robotball.engines.mujoco.model import build, hinges_of
-from robotball.engines.mujoco.settings import NAIVE, resolved
+from robotball.engines.mujoco.settings import NAIVE
 from robotball.errors import InputError
 from robotball.motors import Motor, Servo
 from robotball.variations import scaled_body
@@ -94,7 +94,7 @@ def _compiled(
     scene: Scene, *, dressed: bool = False, sensors: bool = False, **changes: Any
 ) -> mujoco.MjModel:
     """Return the model of the minimal settings with some changes."""
-    model = build(resolved(scene, replace(_MINIMAL, **changes)))
+    model = build(scene, replace(_MINIMAL, **changes))
     model = dress(model) if dressed else model
     if not sensors:
         return model.compiled

@@ -32,7 +32,7 @@ from robotball import (
     preset,
 )
 from robotball.ball import Frame, Pendulum, Rotor, Shell
-from robotball.engines.mujoco.limits import exceeded, planned
+from robotball.engines.mujoco.limits import PlannedRun, exceeded
 from robotball.engines.mujoco.settings import ADAPTIVE, OWN, Prescribed, recipe
 from robotball.motors import Servo
 from robotball.rotations import Array
@@ -99,7 +99,7 @@ def robot(seed: int, number: int) -> _RandomRun:
 
 def _short_times(scene: Scene, settings: Settings, random: np.random.Generator) -> Array:
     """Return times that neither the engine nor the equations need long for."""
-    plan = planned(scene, settings, scene.duration)
+    plan = PlannedRun(scene, settings, scene.duration)
     timestep = plan.timestep if np.isfinite(plan.timestep) else 0.02
     turns = _TURNS * random.uniform(0.2, 1.0) / max(plan.rotation_rate, 1e-6)
     duration = min(max(min(turns, _STEPS * timestep, _LONGEST), 10 * timestep), _LONGEST)

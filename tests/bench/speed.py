@@ -24,7 +24,6 @@ from robotball import PRESETS, Motion, Scene, integrate, load_scene
 from robotball.engines.ensembles.orbits import orbits
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import resolved
 from robotball.processes import Answer, allowed, at_most, cores, pool
 from robotball.qualitative.long_run import basins, exponents
 from robotball.qualitative.sections import section, section_starts
@@ -64,7 +63,7 @@ def _main() -> None:
 def _costs(scene: Scene) -> Table:
     """Return a row a preset; all but the first figure are ratios to the preset's own bare loop."""
     models = {
-        preset: build(resolved(scene, settings))
+        preset: build(scene, settings)
         for preset, settings in PRESETS.items()
         if not settings.adaptive  # mj_step is not what it does
     }

@@ -14,7 +14,6 @@ import robotball as rb
 from robotball.activations import Activation
 from robotball.engines.loop import Loop
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.settings import resolved
 from robotball.engines.mujoco.stepping import controlled
 from robotball.engines.multibody import March
 from robotball.engines.multibody.system import System
@@ -300,7 +299,7 @@ def test_a_call_costs_mujoco_no_step_and_no_callback() -> None:
     """As many steps as the open run, and from the first commands on none calls Python."""
     scene = PENDULUM.with_controller(rb.Controller(timed, 0.01))
     assert rb.simulate(scene, TIMES).report.steps == rb.simulate(PENDULUM, TIMES).report.steps
-    with controlled(build(resolved(scene, rb.preset("balanced")))) as control:
+    with controlled(build(scene, rb.preset("balanced"))) as control:
         assert control.forces == [control.set]  # the scene's own ramp
         control.begin(control.model.start_data(), (0.0, 0.005))
         assert control.forces == []

@@ -17,7 +17,6 @@ from robotball import ContactMotion, Motion, Scene, preset
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import resolved
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.film.looks import INK
 from robotball.rotations import Array
@@ -71,7 +70,7 @@ def sheet(
 
 def engine_motion(scene: Scene, times: Array, settings: str = "balanced") -> ContactMotion:
     """Return the engine's motion, by a preset."""
-    return run(build(resolved(scene, preset(settings))), times)
+    return run(build(scene, preset(settings)), times)
 
 
 def draw_paths(axes: Axes, theory: Motion, engine: Motion, title: str) -> None:

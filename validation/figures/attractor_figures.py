@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 
 from robotball import Motion, Scene, load_scene, preset, sample_times
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.settings import resolved
 from robotball.film.lines import line_looks
 from robotball.film.looks import INK
 from robotball.qualitative.sections import (
@@ -70,7 +69,7 @@ _CHAOS_TRANSIENT = 20
 def figure11a() -> Figure:
     """Draw a periodic orbit and a limit torus, with what settles on them, by both engines."""
     scene = load_scene("fig12")
-    ball, balanced = scene.parameters, build(resolved(scene, preset("balanced")))
+    ball, balanced = scene.parameters, build(scene, preset("balanced"))
     cycle = fixed_point(ball, 3.6, 0.6, _F)
     # Two crossings of one orbit, one in each direction of g: which the paper's figure shows as two
     # concentrations (E23).
@@ -78,7 +77,7 @@ def figure11a() -> Figure:
     ours = contact_cycle(balanced, cycle)
     through = cycle_crossings(balanced, ours)[:2]
     curve = cloud_by_equations(ball, TORUS, seed=0)
-    points = cloud_by_contact(build(resolved(scene, preset("fast"))), TORUS_BY_CONTACT, seed=0)
+    points = cloud_by_contact(build(scene, preset("fast")), TORUS_BY_CONTACT, seed=0)
     off = float(distance_to_curve(points.states, curve.states).max())
     facts = (
         "One periodic orbit, crossing twice, once in",
@@ -101,7 +100,7 @@ def figure11a() -> Figure:
     crossed = np.stack([through.l, through.L])
     # On the way to an attractor errors do not add up, as the attractor takes them back, so long
     # steps will do.
-    coarse = cloud_by_contact(build(resolved(scene, COARSE)), REGULAR_BY_CONTACT, seed=2)
+    coarse = cloud_by_contact(build(scene, COARSE), REGULAR_BY_CONTACT, seed=2)
     for each, cloud, count, torus, orbit, colour, name in (
         (axes["theory"], cloud_by_equations(ball, REGULAR, seed=1), REGULAR.count, curve,
          np.stack([own.l[0], own.L[0]]), THEORY, "equations"),
@@ -125,7 +124,7 @@ def figure11b() -> Figure:
     """Draw the strange attractor, by the equations and by the engine side by side."""
     scene = load_scene("fig14")
     theory = cloud_by_equations(scene.parameters, CHAOS, seed=1)
-    engine = cloud_by_contact(build(resolved(scene, COARSE)), CHAOS_BY_CONTACT, seed=2)
+    engine = cloud_by_contact(build(scene, COARSE), CHAOS_BY_CONTACT, seed=2)
     facts = (
         "A strange attractor:",
         "  λ₁ = 0.1160 ± 0.0001, λ₆ = -0.1394 1/s",

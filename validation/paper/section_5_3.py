@@ -22,7 +22,6 @@ from robotball.engines.compiled import inlined
 from robotball.engines.ensembles.orbits import kernel_start, orbit
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import resolved
 from robotball.equations import Parameters
 from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.long_run import Exponents, exponents
@@ -276,7 +275,7 @@ def _strange(name: str = "fig14", count: int = 12) -> Value:
     """
     scene, piece, apart = paper_scene(name), 20.0, 1e-5
     attitude, momentum = scene.start.attitude, scene.start.momentum
-    model, times = build(resolved(scene, preset("balanced"))), np.array([0.0, piece])
+    model, times = build(scene, preset("balanced")), np.array([0.0, piece])
     turn, total = f.E[0], 0.0
     for _ in range(count):
         beside = from_matrix(rotation_matrix(attitude) @ f.turned_about(turn, apart))

@@ -23,7 +23,7 @@ from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.mujoco_engine import MUJOCO
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import NAIVE, resolved
+from robotball.engines.mujoco.settings import NAIVE
 from robotball.errors import unknown
 from robotball.film.looks import INK
 from robotball.rotations import Array
@@ -137,7 +137,7 @@ def _measure_ablation(scene: Scene, times: Array, rounds: int, show: Show) -> St
     if not scene.ball.has_frame:  # on which the shell could hang
         kept = ((way, each) for way, each in directions if each.name != "root")
         directions = [(way, replace(each, root="shell")) for way, each in kept]
-    models = [build(resolved(scene, settings)) for _, settings in directions]
+    models = [build(scene, settings) for _, settings in directions]
     agreements = []
     total = len(models) * (rounds + 2)
     for i, model in enumerate(models):

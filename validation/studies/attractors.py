@@ -13,7 +13,6 @@ from robotball import load_scene, preset, sample_times
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import resolved
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.errors import check_count
 from robotball.qualitative.long_run import (
@@ -82,7 +81,7 @@ def _measure_cycle(show: Show) -> Iterator[Row]:
     attitudes, momenta = cycle.attitude[None], cycle.momentum[None]
     crossing = section(scene.parameters, attitudes, momenta, 1, direction=-1)
     L, l = float(crossing.L[0, 0]), float(crossing.l[0, 0])
-    model = build(resolved(scene, preset("balanced")))
+    model = build(scene, preset("balanced"))
     # Newton's method on the engine's own map, so that its cycle is known to rounding and not to how
     # long a run settles.
     contact = contact_cycle(model, cycle)
@@ -108,7 +107,7 @@ def _measure_torus(show: Show) -> Iterator[Row]:
     show(1, "Fig. 11a: limit torus")
     scene = load_scene("fig13")
     curve = cloud_by_equations(scene.parameters, TORUS, seed=0)
-    contact = cloud_by_contact(build(resolved(scene, preset("balanced"))), TORUS_BY_CONTACT, seed=0)
+    contact = cloud_by_contact(build(scene, preset("balanced")), TORUS_BY_CONTACT, seed=0)
     apart = distance_to_curve(contact.states, curve.states)
     yield _measured("11a: off the torus", apart.max(), 0.0, 5e-6)
     # The mean over 1200 s misses that of all time by a swing of the path, some metres, over that.
@@ -119,7 +118,7 @@ def _measure_torus(show: Show) -> Iterator[Row]:
 def _measure_clouds(show: Show) -> Iterator[Row]:
     """Measure Fig. 11b's strange attractor: its cloud among the equations' own."""
     scene = load_scene("fig14")
-    model = build(resolved(scene, COARSE))
+    model = build(scene, COARSE)
     contact = cloud_by_contact(model, _CLOUD, 0, lambda part: show(2 + part, "Fig. 11b: cloud"))
     show(3, "Fig. 11b: clouds of the equations")
     reference, *peers = (
@@ -141,7 +140,7 @@ def _measure_exponents(show: Show) -> Iterator[Row]:
     """Measure Fig. 11b's largest exponent, and the growth of both engines along one motion."""
     scene = load_scene("fig14")
     contact = contact_growth(
-        build(resolved(scene, COARSE)), 10.0, 10, 400, _PAIRS.points(seed=0),
+        build(scene, COARSE), 10.0, 10, 400, _PAIRS.points(seed=0),
         lambda part: show(4 + 4 * part, "Fig. 11b: exponent"), deviations=1,
     )  # fmt: skip
     largest, error = contact.ends().mean[0], contact.ends().error[0]

@@ -17,7 +17,6 @@ from tyro.conf import arg
 from robotball import InputError, Motion, Scene, Settings, load_scene, preset
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.settings import resolved
 from robotball.equations import Parameters
 from robotball.errors import check_positive, unknown
 from robotball.film.looks import ACCENT, INK
@@ -325,7 +324,7 @@ class _Findings(Watch):
         self.engine = f"{LABEL.name}, {settings.name}"
 
         def by_engine(scene: Scene, times: Array) -> Motion:
-            return sound_run(build(resolved(scene, settings)), scene.start, times)
+            return sound_run(build(scene, settings), scene.start, times)
 
         for number, branch in enumerate(self.branches, 1):
             every = -(-len(branch.points) // _REPEATED)

@@ -32,7 +32,6 @@ from robotball.designing import redesign
 from robotball.engines.ensembles.orbits import DONE, LONG_RUN_TOLERANCE, Integers, kernel_start
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.settings import resolved
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.equations import Parameters
 from robotball.errors import check_count, check_positive, unknown
@@ -153,7 +152,7 @@ def measure_contact(cell: Cell) -> dict[str, Any]:
     # A designed ball has its own principal axes, in which the equations have to start.
     ball, attitudes, momenta = kernel_start(designed)
     skipped, kept = (round(cell[name] / _REJOINED) for name in ("transient", "duration"))
-    model = build(resolved(designed, preset(cell["preset"])))
+    model = build(designed, preset(cell["preset"]))
     turns = partial(rolled, model, _REJOINED)
     found = growth(turns, _REJOINED, skipped, kept, 1, (attitudes, momenta))
     alongside = np.array_split(found.by_equations(ball)[0][0, :, 0], 2)[1].mean() / _REJOINED

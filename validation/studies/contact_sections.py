@@ -25,7 +25,6 @@ from robotball.engines.ensembles.orbits import LONG_RUN_TOLERANCE, Integers
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import resolved
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.equations import Parameters
 from robotball.errors import check_count, check_seed
@@ -401,7 +400,7 @@ class Section:
             points, engine = self._by_equations(scene, attitudes, momenta, period), None
             if settings is not None:
                 show(1, f"{scene.name}: {LABEL.name}, {settings.name}")
-                model = build(resolved(scene, settings))
+                model = build(scene, settings)
                 if period is None:
                     times = each_step(model, points["times"][self.count - 1])
                     motion = sound_run(model, scene.start, times)

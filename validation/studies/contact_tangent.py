@@ -29,7 +29,6 @@ from robotball.engines.ensembles.orbits import (
 )
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
-from robotball.engines.mujoco.settings import resolved
 from robotball.equations import Parameters
 from robotball.processes import allowed, in_processes
 from robotball.qualitative.cycles import Cycle, Flow, Followed, close_map, tangent
@@ -262,7 +261,7 @@ def _cycle_rows(name: str) -> Iterator[Row]:
         cycle = fixed_point(scene.parameters, 3.6, 0.6, 25.0)
     else:
         (cycle,) = limit_cycles(scene.parameters)
-    contact = contact_cycle(build(resolved(scene, preset(settings))), cycle, parts)
+    contact = contact_cycle(build(scene, preset(settings)), cycle, parts)
     own, theirs = (float(abs(each.multipliers[0])) for each in (cycle, contact))
     yield compared(*place, "period", "s", cycle.period, contact.period, None, "step")
     yield compared(*place, "|multiplier|", "1", own, theirs, None, "step")
@@ -282,7 +281,7 @@ def _exponent_rows(name: str, quick: bool) -> Iterator[Row]:
     brought = orbits(ball, attitudes, momenta, np.array([0.0, 3000.0]), LONG_RUN_TOLERANCE)
     begin, skipped = (brought.attitudes[:, -1], momenta), round(aligned / _STRETCH)
     taken = _STRETCH, skipped, round(seconds / _STRETCH)
-    contact = contact_growth(build(resolved(scene, settings)), *taken, begin)
+    contact = contact_growth(build(scene, settings), *taken, begin)
     ours = growth(partial(integrated, ball, _STRETCH), *taken, contact.along.shape[-1], begin)
     found, right = contact.ends(zeros.stop), ours.ends(zeros.stop)
     if zeros.start == 1:
@@ -385,7 +384,7 @@ class Lyapunov:
             if settings is not None:
                 count = max(1, round(self.duration / 10 / _STRETCH))
                 skipped = round(min(100.0, self.transient) / _STRETCH)
-                model = build(resolved(scene, settings))
+                model = build(scene, settings)
                 contact = contact_growth(
                     model, _STRETCH, skipped, count, (attitudes, momenta),
                     lambda part: progress(self.starts * (1 + part), f"{scene.name}: {LABEL.name}"),
@@ -408,7 +407,7 @@ class Lyapunov:
             "the equations": partial(stroboscopic_map, scene, rtol=LONG_RUN_TOLERANCE)
         }
         if settings is not None:
-            model = build(resolved(scene, settings))
+            model = build(scene, settings)
             flows[f"{LABEL.name}, {settings.name}"] = partial(rolled, model, period)
         rows, spectra = [], {}
         with progress_bar(self.starts * len(flows)) as progress:

@@ -36,7 +36,7 @@ from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import ADAPTIVE, INTEGRATORS, MOST_STEPS, OWN, resolved
+from robotball.engines.mujoco.settings import ADAPTIVE, INTEGRATORS, MOST_STEPS, OWN
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.film.looks import INK
 from robotball.motion import path_error
@@ -147,9 +147,7 @@ def measure_convergence(
     finest = _Method("RK4", interval / 2**halvings)
     # A run at long steps may slip or leave the plane: that is a large error, and no reason to stop.
     contact = replace(settings, stop_at_fault=False, max_steps=MOST_STEPS)
-    model = build(
-        resolved(scene, replace(contact, integrator="RK4", timestep=finest.step, rtol=None))
-    )
+    model = build(scene, replace(contact, integrator="RK4", timestep=finest.step, rtol=None))
     methods = _methods(model, interval, halvings)
 
     @cache

@@ -26,10 +26,10 @@ from tyro.conf import Positional, arg
 
 from robotball import Fault, FaultKind, InputError, Motion, Scene, Settings
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.limits import LAWS, exceeded, limit_checks, planned
+from robotball.engines.mujoco.limits import LAWS, PlannedRun, exceeded, limit_checks
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import for_load, resolved
+from robotball.engines.mujoco.settings import for_load
 from robotball.film.looks import ACCENT, INK
 from robotball.rotations import Array
 from validation.agreement import Agreement
@@ -147,10 +147,10 @@ def _measured(this: CellRun) -> dict[str, Any]:
     theory = compiled_motion(scene, times)
     # On a map that does not vary friction, slip would hide what its axes do.
     settings = _ample(this.settings, theory) if this.ample else this.settings
-    motion = run(build(resolved(scene, settings)), times)
+    motion = run(build(scene, settings), times)
     agreement = Agreement(theory, motion)
     # By the loads of the whole motion, so that a law is judged and not the loads it was given.
-    plan = planned(scene, settings, float(times[-1]), theory.loads)
+    plan = PlannedRun(scene, settings, float(times[-1]), theory.loads)
     names = ("path_error", "momentum_error", "gamma_error")
     errors = {name: known(getattr(agreement, name)) for name in names}
     return {

@@ -13,7 +13,7 @@ from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.mujoco_engine import MUJOCO
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import recipe, resolved
+from robotball.engines.mujoco.settings import recipe
 from robotball.equations import Rolling
 from robotball.film.looks import ACCENT, INK
 from robotball.rotations import Array, rotation_matrix
@@ -68,7 +68,7 @@ def friction_run(cell: Cell) -> dict[str, Any]:
     """Run the recipe with the cell's friction; return its errors, and how fast it loses |M|."""
     scene, theory = reference(cell["scene"], cell["duration"], SAMPLE_INTERVAL)
     settings = _friction_settings(scene.rolling, cell)
-    agreement = Agreement(theory, run(build(resolved(scene, settings)), theory.times), MUJOCO)
+    agreement = Agreement(theory, run(build(scene, settings), theory.times), MUJOCO)
     motion = agreement.motion
     sizes = np.linalg.norm(motion.momentum, axis=1)
     until = _until(sizes)

@@ -165,12 +165,12 @@ def _bare(cell: Cell, python: str, preset: str) -> dict[str, Any]:
     from robotball.engines.mujoco import LABEL
     from robotball.engines.mujoco.model import build
     from robotball.engines.mujoco.ports import shell_state
-    from robotball.engines.mujoco.settings import PRESETS, resolved
+    from robotball.engines.mujoco.settings import PRESETS
 
     scene, times = load_scene(cell["scene"]), sample_times(cell["duration"])
     # Of this machine, on both sides of the run: versions are timed hours apart.
     settings, before = replace(PRESETS[preset], stop_at_fault=False), fixed_work()
-    model = build(resolved(scene, settings))
+    model = build(scene, settings)
     # The sensors do not move the ball, and old versions lack some.
     xml = re.sub("<sensor>.*</sensor>", "", model.xml, flags=re.DOTALL)
     found = _stepped(python, xml, times[1], len(times))

@@ -21,7 +21,6 @@ from matplotlib.figure import Figure
 from robotball import Motion, Scene, design, integrate, load_scene, preset, sample_times
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.settings import resolved
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.equations import speed_bound
 from robotball.qualitative import equilibria, long_run, straight_motions
@@ -55,7 +54,7 @@ _SIDES = 2e-3  # of f*, (kg m²/s)²: between so near values the growth is a str
 
 def by_contact(name: str, scene: Scene, times: Array) -> Motion:
     """Return the contact engine's motion by a preset, from the scene's own start."""
-    return sound_run(build(resolved(scene, preset(name))), scene.start, times)
+    return sound_run(build(scene, preset(name)), scene.start, times)
 
 
 _BALANCED = partial(by_contact, "balanced")
@@ -294,9 +293,7 @@ def _classical_section(quick: bool) -> _Rows:
     # Clouds of the equations by other seeds: the same recipe, so that the rank is even if MuJoCo is
     # right.
     reference, *peers = (cloud(seed).states for seed in range(1, _CLOUDS + 1))
-    points = sections.cloud_by_contact(
-        build(resolved(scene, preset("fast"))), recipe, seed=0
-    ).states
+    points = sections.cloud_by_contact(build(scene, preset("fast")), recipe, seed=0).states
     rank = sections.rank_probability(points, peers, reference)
     line = partial(_LINE, "classical ball, chaos", "3.2, section g = 0", "fast")
     yield line("rank of its section", "1", 0.5, rank, 0.49, "chance: even between 0 and 1")

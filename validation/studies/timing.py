@@ -15,7 +15,6 @@ import mujoco
 from robotball import PRESETS, load_scene
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import resolved
 from robotball.rotations import Array
 
 _MINIMAL = PRESETS["accurate"]  # the model of the bare loop, on fig12
@@ -65,7 +64,7 @@ def bare_loop() -> float:
 
 @cache
 def _baseline_model() -> Model:
-    return build(resolved(load_scene("fig12"), _MINIMAL))
+    return build(load_scene("fig12"), _MINIMAL)
 
 
 def one_step(compiled: mujoco.MjModel, steps: int = _STEPS) -> float:

@@ -32,7 +32,6 @@ from robotball.engines.mujoco.settings import (
     NAIVE,
     Prescribed,
     recipe,
-    resolved,
     settings_from,
 )
 from robotball.film.lines import PRESET_LOOKS
@@ -227,7 +226,7 @@ def cells_of(scene: str, settings: Sequence[Settings], duration: float, rounds: 
 def measure_settings(cell: Cell) -> dict[str, Any]:
     """Measure errors against the equations, faults, and the cost of a simulated second."""
     scene, theory = reference(cell["scene"], cell["duration"], _INTERVAL)
-    model = build(resolved(scene, settings_with(cell)))
+    model = build(scene, settings_with(cell))
     logging.getLogger("absl").setLevel(logging.ERROR)  # a process of its own says it again
     agreement = Agreement(theory, run(model, theory.times), MUJOCO)
     # A slow configuration needs less of its motion for the same processor time.

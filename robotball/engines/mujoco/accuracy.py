@@ -19,14 +19,14 @@ from robotball.engine import as_own
 from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.cost_model import COST_MODEL
-from robotball.engines.mujoco.limits import planned
+from robotball.engines.mujoco.limits import PlannedRun
 from robotball.engines.mujoco.settings import (
     ADAPTIVE,
     BY_ERROR,
     PRESETS,
+    Resolved,
     Settings,
     recipe,
-    resolved,
 )
 from robotball.engines.observe import step_count
 from robotball.errors import warn
@@ -73,7 +73,7 @@ class _Search:
         self.scene, self.times, self.accuracy, self.run = scene, times, accuracy, run
         self.seconds = 0.0
         # A ball that hardly moves still has a duration.
-        plan = planned(self.scene, self.settings(timestep=1.0), float(self.times[-1]))
+        plan = PlannedRun(self.scene, self.settings(timestep=1.0), float(self.times[-1]))
         rate = scene_rate(self.scene) if plan.reduced else plan.rotation_rate
         self.rate = max(rate, 1 / plan.duration)
         self.servo_rate = plan.servo_rate
@@ -269,7 +269,7 @@ def checked(motion: ContactMotion, run: _Run) -> ContactMotion:
     """
     report, scene = motion.report, motion.scene
     settings = as_own(report.settings, Settings, LABEL)
-    order = resolved(scene, settings).integrator.order
+    order = Resolved(scene, settings).integrator.order
     if order != 4 or settings.accuracy or report.faults:
         return motion
     time, seconds = 0.0, report.total_seconds

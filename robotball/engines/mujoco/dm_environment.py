@@ -13,7 +13,7 @@ import numpy as np
 from robotball.engine import as_own, integrate, request_of, scene_of
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
-from robotball.engines.mujoco.settings import Prescribed, Settings, resolved
+from robotball.engines.mujoco.settings import Prescribed, Settings
 from robotball.engines.observe import spans
 from robotball.errors import InputError, check_positive
 from robotball.motion import DIVERGED
@@ -105,7 +105,7 @@ def dm_environment(
     path = np.asarray(path, dtype=float)
     if path.ndim != 2 or path.shape[1] != 2 or len(path) < 2 or not np.isfinite(path).all():
         raise InputError(f"path must be finite numbers (n, 2), n > 1; its shape is {path.shape}")
-    model = build(resolved(scene, chosen))
+    model = build(scene, chosen)
     option = model.compiled.opt
     _, (option.timestep,), (count,) = spans(np.array([0, control_timestep]), (), option.timestep)
     task = _FollowPath(model, path, control_timestep, largest_action)

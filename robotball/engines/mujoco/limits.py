@@ -20,7 +20,7 @@ import numpy as np
 
 from robotball import equations as eq
 from robotball.engines.mujoco.model import ModelHinge, hinges_of
-from robotball.engines.mujoco.settings import Prescribed, Resolved, Settings, for_load
+from robotball.engines.mujoco.settings import Prescribed, Resolved, Settings
 from robotball.engines.observe import step_count
 from robotball.equations import as_vector
 from robotball.errors import InputError, warn
@@ -191,13 +191,6 @@ class PlannedRun(Resolved):
         if not np.all(np.isfinite(sides)):
             return np.inf
         return max(float(np.abs(np.linalg.eigvals(np.array(sides))).max()), size)
-
-
-def planned(
-    scene: Scene, settings: Settings, duration: float, loads: Loads | None = None
-) -> PlannedRun:
-    """Return the planned run; open values are those of the recipe for the load."""
-    return PlannedRun(scene, for_load(settings, scene), duration, loads)
 
 
 # The value, the limit and, where the words advise one, a step [s]; None if a law does not apply.
@@ -755,7 +748,7 @@ def exceeded(
     times: (n,) s, the run's; loads: of the whole motion by the equations, if known already, in
     place of the start's.
     """
-    checks = limit_checks(planned(scene, settings, float(times[-1]), loads))
+    checks = limit_checks(PlannedRun(scene, settings, float(times[-1]), loads))
     return {name: check for name, check in checks.items() if check.exceeded}
 
 
@@ -781,7 +774,7 @@ def check_length(scene: Scene, settings: Settings, times: Array) -> None:
     Steps that are chosen by their error are counted as they are taken, but for the least number
     that the servos need.
     """
-    plan = planned(scene, settings, float(times[-1]))
+    plan = PlannedRun(scene, settings, float(times[-1]))
     if settings.adaptive and settings.timestep is None:
         least = settling(plan)
         if least is not None and least.value > settings.max_steps:

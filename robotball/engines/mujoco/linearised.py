@@ -14,7 +14,7 @@ from robotball.ball import Frame, Rotor
 from robotball.engines.mujoco.control import read_row
 from robotball.engines.mujoco.model import ModelHinge, build
 from robotball.engines.mujoco.readings import readings_of
-from robotball.engines.mujoco.settings import Settings, recipe, resolved
+from robotball.engines.mujoco.settings import Settings, recipe
 from robotball.engines.mujoco.stepping import by_steps, controlled
 from robotball.errors import InputError
 from robotball.loads import Loads
@@ -34,9 +34,7 @@ def linearised_start(scene: Scene, settings: Settings) -> tuple[Loads, Array]:
     """
     # Unlimited friction, so that the loads show how much of it the motion needs.
     upright = recipe("look", settings.error_tolerance, timestep=settings.timestep)
-    model = build(
-        resolved(replace(scene, friction=Friction()), replace(upright, drive=settings.drive))
-    )
+    model = build(replace(scene, friction=Friction()), replace(upright, drive=settings.drive))
     compiled, data = model.compiled, model.start_data()
     with controlled(model):
         mujoco.mj_forward(compiled, data)
@@ -137,9 +135,7 @@ def momentum_loss(scene: Scene, timestep: float, duration: float) -> float:
     """
     count = duration / timestep
     steps = float(min(np.ceil(count), _MOST_STEPS))
-    model = build(
-        resolved(replace(scene, friction=Friction()), recipe("look", 1.0, timestep=timestep))
-    )
+    model = build(replace(scene, friction=Friction()), recipe("look", 1.0, timestep=timestep))
     with controlled(model) as control, np.errstate(all="ignore"):
         portions = by_steps(control, model.start_data(), np.array([0.0, steps * timestep]))
         M = np.concatenate([readings_of(model, each.rows).momentum for each in portions])

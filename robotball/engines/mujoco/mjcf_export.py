@@ -18,7 +18,7 @@ from robotball.ball import PARTS
 from robotball.drives import Drive
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import START, Model, build, hinges_of
-from robotball.engines.mujoco.settings import Prescribed, Settings, for_load, resolved
+from robotball.engines.mujoco.settings import Prescribed, Settings, for_load
 from robotball.film.looks import BLUR, add_materials, looks_of
 from robotball.plane import check_still
 from robotball.rotations import Array, conjugate, rotation_matrix
@@ -73,12 +73,12 @@ def write_model(scene: Scene, settings: Settings, *, dressed: bool, stem: str) -
     """
     scene.check_open("MJCF")
     check_still(scene, "MJCF")
-    model = build(resolved(scene, settings))
+    model = build(scene, settings)
     softness = model.settings.softness
     needs, off = None, None
     if not scene.steady:
         step, off = _step_for(scene, settings)
-        model = build(resolved(scene, replace(settings, timestep=step)))
+        model = build(scene, replace(settings, timestep=step))
     # MJCF has no word for the softness, nor for controls that change: a player sets both.
     if not scene.steady or softness != 1:
         needs = _needs(model, f"{stem}-play.py", off)
@@ -158,7 +158,7 @@ def _step_for(scene: Scene, settings: Settings) -> tuple[float, float]:
     The settings' own step is returned where none is, as for settings that are wrong for other
     reasons.
     """
-    first = build(resolved(scene, settings)).compiled.opt.timestep
+    first = build(scene, settings).compiled.opt.timestep
     before, worst = _played(scene, settings, first, 1), 0.0
     # A ball that hardly moves has no path to measure an error by.
     scale = max(float(np.linalg.norm(np.diff(before, axis=0), axis=1).sum()), scene.ball.radius)
@@ -178,7 +178,7 @@ def _played(scene: Scene, settings: Settings, step: float, parts: int) -> Array:
     parts: the number of its steps in one of the run that it is compared with, so that both are
     sampled at the same times.
     """
-    model = build(resolved(scene, replace(settings, timestep=step)))
+    model = build(scene, replace(settings, timestep=step))
     data, rows = model.start_data(), _held(model)
     kept = set((parts * np.linspace(0, len(rows) // parts, _SAMPLES).astype(int)).tolist())
     points = [data.qpos[:2].copy()]

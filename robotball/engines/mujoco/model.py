@@ -149,14 +149,14 @@ class Model:
         return data
 
 
-def build(chosen: Resolved) -> Model:
+def build(scene: Scene, settings: Settings) -> Model:
     """Return the model of a scene under settings, at its start; frames and shapes as in Scene.
 
-    Raises InputError where MuJoCo refuses the model, or where its contact cannot hold the ball up
-    at the start.
+    Open settings are those of the recipe for the scene's load. Raises InputError where MuJoCo
+    refuses the model, or where its contact cannot hold the ball up at the start.
     """
-    scene, settings = chosen.scene, chosen.settings
-    hinges = hinges_of(scene, settings)
+    chosen = Resolved(scene, settings)
+    settings, hinges = chosen.settings, hinges_of(scene, chosen.settings)
     root, pair = _compose(chosen, hinges)
     if settings.start_in_equilibrium:
         trial = compiled_model(_text_of(root), settings.softness)

@@ -16,7 +16,7 @@ from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.limits import precheck
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import held, run
-from robotball.engines.mujoco.settings import PRESETS, Settings, resolved
+from robotball.engines.mujoco.settings import PRESETS, Settings
 from robotball.motion import ContactMotion, EngineSettings
 from robotball.rotations import Array
 from robotball.scene import Scene
@@ -45,11 +45,11 @@ class MuJoCo(Engine):
             return motion
         settings = as_own(request.settings, Settings, LABEL)
         precheck(scene, settings, times, request.loads, strict=request.strict)
-        return held(run(build(resolved(scene, settings)), times, request.progress))
+        return held(run(build(scene, settings), times, request.progress))
 
     def prepare(self, scene: Scene, settings: EngineSettings) -> Runner:
         """Return a function that runs one model, built here, from any state of the scene's ball."""
-        model = build(resolved(scene, as_own(settings, Settings, LABEL)))
+        model = build(scene, as_own(settings, Settings, LABEL))
         return lambda times, started: run(model, times, scene=started)
 
     def run_many(
@@ -75,7 +75,7 @@ def _to_accuracy(scene: Scene, times: Array, request: Request, accuracy: float) 
         nonlocal part
         part /= 2
         share = _share(request.progress, 1 - 2 * part, part)
-        return run(build(resolved(scene, settings)), at, share)
+        return run(build(scene, settings), at, share)
 
     return reach(scene, times, accuracy, another)
 

@@ -15,7 +15,7 @@ import numpy as np
 from robotball.engines import adapter
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, ModelHinge, build, controls_at, start_state
-from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings, resolved
+from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings
 from robotball.engines.states import State, force_in
 from robotball.motion import Label
 from robotball.motors import Servo
@@ -57,7 +57,7 @@ class _MjxWorld(adapter.World):
         import jax
         from mujoco import mjx
 
-        self.built = build(resolved(scene, replace(settings.model, timestep=step)))
+        self.built = build(scene, replace(settings.model, timestep=step))
         start, model = self.built.start_data(), self.built.compiled
         self.friction = model.pair_friction[0, 0]
         # Nothing reads the sensors, and every stage of RK4 would be compiled with them.
@@ -193,7 +193,7 @@ class _WarpWorld(adapter.SteppedWorld):
         warp.config.log_level = warp.LOG_WARNING
         warp.init()
         self.warp, self.engine = warp, mujoco_warp
-        self.built = build(resolved(scene, replace(settings.model, timestep=step)))
+        self.built = build(scene, replace(settings.model, timestep=step))
         start, self.friction = self.built.start_data(), self.built.compiled.pair_friction[0, 0]
         # Warp has no such flag, and resets nothing.
         self.built.compiled.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)

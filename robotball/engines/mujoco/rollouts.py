@@ -25,7 +25,7 @@ from mujoco.rollout import rollout
 from robotball.engines.mujoco.limits import check_length, precheck
 from robotball.engines.mujoco.model import Model, build, carrying_depth, hinges_of, start_state
 from robotball.engines.mujoco.run import held, observed, run
-from robotball.engines.mujoco.settings import Resolved, Settings, resolved
+from robotball.engines.mujoco.settings import Resolved, Settings
 from robotball.engines.mujoco.stepping import Portion, controlled, stretches
 from robotball.errors import mujoco_silent
 from robotball.many_motions import FromStarts, differ_in_start, of_each
@@ -54,7 +54,7 @@ def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Itera
     by_size = np.argsort(sizes, kind="stable")
     for i in by_size[:: max(1, len(scenes) - 1)] if alike else range(len(scenes)):
         precheck(scenes[int(i)], settings, times)
-    model, alone = build(resolved(scenes[0], settings)), partial(_alone, settings, times)
+    model, alone = build(scenes[0], settings), partial(_alone, settings, times)
     check_length(model.scene, model.settings, times)
     together = _Together(model, times)
     if not (together.size >= 2 * allowed() and together.steps_alone and alike):
@@ -84,7 +84,7 @@ def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Itera
 
 
 def _alone(settings: Settings, times: Array, scene: Scene) -> ContactMotion:
-    return held(run(build(resolved(scene, settings)), times))
+    return held(run(build(scene, settings), times))
 
 
 class _Started(NamedTuple):

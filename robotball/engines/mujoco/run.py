@@ -8,7 +8,6 @@ from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.limits import check_length
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.readings import own_faults, readings_of
-from robotball.engines.mujoco.settings import resolved
 from robotball.engines.mujoco.stepping import Portion, by_steps, controlled
 from robotball.engines.observe import Recording
 from robotball.motion import ContactMotion
@@ -77,4 +76,4 @@ def held(motion: ContactMotion) -> ContactMotion:
         return motion
     from robotball.engines.mujoco.accuracy import checked
 
-    return checked(motion, lambda other, at: run(build(resolved(motion.scene, other)), at))
+    return checked(motion, lambda other, at: run(build(motion.scene, other), at))

@@ -489,11 +489,6 @@ VARYING: dict[str, Any] = {
 _BY_STEPS, BY_ERROR = (3e-4, 0.01), (1e-4, 0.004)
 
 
-def _left_open(settings: Settings) -> list[str]:
-    """Return the names of the values that are _BY_LOAD."""
-    return [name for name in CONSTANT if getattr(settings, name) == _BY_LOAD]
-
-
 def for_load(settings: Settings, scene: Scene) -> Settings:
     """Return the settings with each value that is _BY_LOAD taken from the recipe for the load.
 
@@ -501,7 +496,7 @@ def for_load(settings: Settings, scene: Scene) -> Settings:
     softness and the time constant for the kind of steps. Settings without _BY_LOAD are returned as
     they are.
     """
-    left = _left_open(settings)
+    left = [name for name in CONSTANT if getattr(settings, name) == _BY_LOAD]
     if not left:
         return settings
     chosen = CONSTANT
@@ -525,16 +520,17 @@ def _mujocos_own() -> tuple[Any, Any]:
 
 @dataclass(frozen=True)
 class Resolved:
-    """A scene under settings that leave nothing to its load, with the numbers of its model.
+    """A scene under settings, with the numbers of its model.
 
-    `resolved` makes it of any settings. A number that the settings do not have is MuJoCo's default.
+    Open settings become those of the recipe for the scene's load. A number that the settings do not
+    have is MuJoCo's default.
     """
 
     scene: Scene
     settings: Settings
 
     def __post_init__(self) -> None:
-        assert not _left_open(self.settings)
+        object.__setattr__(self, "settings", for_load(self.settings, self.scene))
 
     @property
     def integrator(self) -> _Integrator:
@@ -615,8 +611,3 @@ class Resolved:
             return np.inf
         weight = -self.scene.gravity_world[2]
         return self.settings.softness * weight * (1 - d) / (d * d * stiffness)
-
-
-def resolved(scene: Scene, settings: Settings) -> Resolved:
-    """Return a scene under settings whose open values are those of the recipe for its load."""
-    return Resolved(scene, for_load(settings, scene))

@@ -9,7 +9,6 @@ import robotball as rb
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.readings import readings_of
-from robotball.engines.mujoco.settings import resolved
 from robotball.engines.mujoco.stepping import by_steps, controlled
 from robotball.engines.observe import Recording
 from robotball.engines.states import State, motion_of_rows
@@ -44,7 +43,7 @@ def by_an_adapter(drift: float) -> ContactMotion:
 
 def by_mujoco(drift: float) -> ContactMotion:
     """A run of MuJoCo's whose sensors of momentum show the drift."""
-    model = build(resolved(SCENE, rb.preset("fast")))
+    model = build(SCENE, rb.preset("fast"))
     recording = Recording(LABEL, SCENE, SETTINGS, TIMES)
     with controlled(model) as control:
         for portion in by_steps(control, model.start_data(), TIMES):

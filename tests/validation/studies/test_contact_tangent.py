@@ -9,7 +9,6 @@ import pytest
 
 import robotball as rb
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.settings import resolved
 from robotball.equations import scale
 from robotball.processes import at_most
 from robotball.qualitative.cycles import tangent
@@ -32,9 +31,7 @@ def test_mujocos_tangent_is_the_equations(name: str, numbers: int) -> None:
     scene = rb.load_scene(name)
     attitudes, momenta = level_starts(scene, 1, 0)
     state = attitudes, momenta, np.eye(6)[None, :, :numbers]
-    contact = tangent(partial(rolled, build(resolved(scene, rb.preset("balanced"))), 2.0), *state)[
-        1
-    ]
+    contact = tangent(partial(rolled, build(scene, rb.preset("balanced")), 2.0), *state)[1]
     ball = scene.parameters
     other = replace(ball, Omega=scale(1.001, ball.Omega))
     right, wrong = (tangent(partial(integrated, each, 2.0), *state)[1] for each in (ball, other))
@@ -46,7 +43,7 @@ def test_mujocos_tangent_is_the_equations(name: str, numbers: int) -> None:
 def test_deviations_grow_in_mujoco_as_in_the_equations() -> None:
     """All five of Fig. 14's along MuJoCo's motion, stretch by stretch; their sum is ⟨div⟩."""
     scene = rb.load_scene("fig14")
-    found = contact_growth(build(resolved(scene, COARSE)), 10.0, 3, 5, level_starts(scene, 1, 0))
+    found = contact_growth(build(scene, COARSE), 10.0, 3, 5, level_starts(scene, 1, 0))
     logarithms, divergence = found.by_equations(scene.parameters)
     assert found.spectra.shape == (1, 6)
     # Measured 1.5e-3 of 3, of steps of 50 ms; with the sign of K or of Ω changed 2.7 and 3.4.
@@ -62,8 +59,7 @@ def test_mujoco_has_the_unstable_limit_cycle_of_fig8() -> None:
     (cycle,) = limit_cycles(scene.parameters)
     faster = scene.with_hinges(command={"rotor1": 1.001 * scene.hinges[1].rate})
     own, other = (
-        contact_cycle(build(resolved(each, rb.preset("fast"))), cycle, parts=4)
-        for each in (scene, faster)
+        contact_cycle(build(each, rb.preset("fast")), cycle, parts=4) for each in (scene, faster)
     )
     # Measured 9e-6 s and 2.9e-5, of steps of 20 ms; 2.7e-3 s of the other.
     assert own.period == pytest.approx(cycle.period, abs=5e-5)

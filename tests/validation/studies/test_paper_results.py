@@ -1,13 +1,13 @@
 """The paper's results by both engines: each line holds, and with another ball it does not."""
 
-from dataclasses import replace
 from functools import cache, partial
 
 import numpy as np
 import pytest
 
 from robotball.engines.mujoco.model import Model, build
-from robotball.engines.mujoco.settings import Resolved
+from robotball.engines.mujoco.settings import Settings
+from robotball.scene import Scene
 from tests.imports import PROJECT
 from validation.studies import paper_results
 from validation.studies.paper_results import PARTS, holds, tables
@@ -46,10 +46,10 @@ def test_another_ball_turns_the_lines(
 ) -> None:
     """The engine rolls one whose eigenvalues have the other sign, or with K off by a thousandth."""
 
-    def other(chosen: Resolved) -> Model:
-        frame, *rotors = (sign * drive.rate(0.0) for drive in chosen.scene.drives)
+    def other(scene: Scene, settings: Settings) -> Model:
+        frame, *rotors = (sign * drive.rate(0.0) for drive in scene.drives)
         rates = [frame, *(factor * rate for rate in rotors)]
-        return build(replace(chosen, scene=chosen.scene.with_hinges(command=rates)))
+        return build(scene.with_hinges(command=rates), settings)
 
     monkeypatch.setattr(paper_results, "build", other)
     rows = [*PARTS[part](True)]

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 import robotball as rb
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import NAIVE, recipe, resolved
+from robotball.engines.mujoco.settings import NAIVE, recipe
 from robotball.motors import Servo
 from tests.bench.gallery import numbers_of_tradeoff
 from tests.bench.parts import parts_of, rows_of, split
@@ -145,7 +145,7 @@ def test_a_rotor_split_in_three_moves_the_ball_alike() -> None:
     """The extra bodies of a split rotor are the same inertia and the same K."""
     times = rb.sample_times(2.0)
     one, three = (
-        run(build(resolved(scene, rb.preset("accurate"))), times) for scene in (FIG12, split(FIG12))
+        run(build(scene, rb.preset("accurate")), times) for scene in (FIG12, split(FIG12))
     )
     away = np.abs(one.contact_point - three.contact_point).max()
     assert len(split(FIG12).ball.rotors) == 3
@@ -223,7 +223,7 @@ def test_a_machine_that_slows_down_changes_no_ratio(monkeypatch: pytest.MonkeyPa
 
 def test_cost_is_of_a_simulated_second(monkeypatch: pytest.MonkeyPatch) -> None:
     """A run's time is told per simulated second; of one that broke off, per second it stepped."""
-    times, model = rb.sample_times(2.0), build(resolved(FIG12, rb.preset("fast")))
+    times, model = rb.sample_times(2.0), build(FIG12, rb.preset("fast"))
     motion = run(model, times)
     slow = replace(motion, report=replace(motion.report, seconds=3.0))
     for found in (slow, replace(slow, times=times[:5])):

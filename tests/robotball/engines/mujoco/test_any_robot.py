@@ -11,7 +11,7 @@ from robotball.ball import Ball, Frame, Hinge, Shell, thin_shell_inertia
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.rolling_resistance import Resistance
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import for_load, resolved
+from robotball.engines.mujoco.settings import for_load
 from robotball.scene import Friction
 from tests.motions import Pair, pair_of
 from tests.random_robots import random_scene, random_tree
@@ -147,9 +147,7 @@ def test_a_robot_at_rest_keeps_its_contact() -> None:
     def crept(radius: float, mass: float, settings: rb.Settings) -> float:
         frame = Frame(mass, box_inertia(mass, 0.1, 0.1, 0.05), np.array([0.0, 0.0, -radius / 3]))
         ball = Ball(thin_shell(radius, 1.0), (Hinge(frame),))
-        model = build(
-            resolved(robot("rest", ball, "rubber", [0.0], (1.0, 0.0, 0.0, 0.0)), settings)
-        )
+        model = build(robot("rest", ball, "rubber", [0.0], (1.0, 0.0, 0.0, 0.0)), settings)
         report = run(model, np.linspace(0.0, 0.1, 21)).report
         return float(np.abs(report.depth).max() / model.compiled.pair_margin[0])
 

@@ -19,11 +19,10 @@ from robotball.engines.mujoco.limits import (
     PlannedRun,
     exceeded,
     limit_checks,
-    planned,
 )
 from robotball.engines.mujoco.linearised import linearised_start, momentum_loss
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.settings import Prescribed, recipe, resolved
+from robotball.engines.mujoco.settings import Prescribed, recipe
 from robotball.motors import Actuator, Free, Law, Servo
 from robotball.scene import Friction
 from robotball.variations import scaled
@@ -58,7 +57,7 @@ MEASURES: dict[str, Callable[[Pair], float]] = {
 
 
 def limit_of(predict: Predict, *run: Any) -> LimitCheck:
-    limit = predict(planned(*run))
+    limit = predict(PlannedRun(*run))
     assert limit is not None
     return limit
 
@@ -98,7 +97,7 @@ def swung(frequency: float, amplitude: float = 1.0) -> rb.Scene:
 
 # Rotors at 30 times their rates turn the ball by 2.2 rad in a step inside, 3.0 beyond.
 ROTORS = FIG12.with_hinges(command={"rotor1": 30 * 148.0})
-TURN = planned(ROTORS, FAST, 1.0).rotation_rate
+TURN = PlannedRun(ROTORS, FAST, 1.0).rotation_rate
 STICKY = {"sliding_friction": 1e3, "torsional_friction": 1e3}
 PGS: dict[str, Any] = {"noslip_iterations": 0}
 HARDER = {**PGS, "condim": 6, "solimp": (1 - 1e-9, 1 - 1e-9, 0.001, 0.5, 1.0)}
@@ -257,11 +256,11 @@ def test_a_hinge_gives_way_by_its_load_over_its_armature(name: str, duration: fl
 def test_what_has_no_limit_bears_far_more() -> None:
     """implicit takes the gain into its step; Newton's solver takes no block for singular."""
     settings = replace(FAST, timestep=2e-3, integrator="implicit", drive=Servo(20 * 30.0))
-    assert limits.servo_gain(planned(FIG12, settings, 1.0)) is None
+    assert limits.servo_gain(PlannedRun(FIG12, settings, 1.0)) is None
     assert measured("path", FIG12, settings, 1.0) < 0.2  # measured 0.072: the first order's error
     settings = replace(FAST, noslip_iterations=0, solver="Newton", iterations=50)
     (heaviest,) = heavy(FIG12, 4e8)
-    assert limits.friction_block(planned(heaviest, settings, 1.0)) is None
+    assert limits.friction_block(PlannedRun(heaviest, settings, 1.0)) is None
     assert measured("slip", heaviest, settings, 1.0) < 1.2e-3  # measured 4.0e-4 m/s
 
 
@@ -273,7 +272,7 @@ def test_fast_rotors_are_no_reason_to_warn_of_a_loss() -> None:
     ball = ball_of_points(46)
     scene = ball.with_hinges(command=[(4 if i else 1) * h.rate for i, h in enumerate(ball.hinges)])
     limit = limit_of(limits.momentum_lost, scene, FAST, 10.0)
-    theta = planned(scene, FAST, 10.0).rotation_rate * 0.02
+    theta = PlannedRun(scene, FAST, 10.0).rotation_rate * 0.02
     assert 10.0 / 0.02 * theta**6 / 144 > limit.limit
     assert not limit.exceeded
     assert 0.7 < measured("momentum", scene, FAST, 10.0) / limit.value < 1.3  # measured 0.96
@@ -295,7 +294,7 @@ def test_the_model_of_the_trial_keeps_m(name: str) -> None:
 @pytest.mark.parametrize("name", ["fig12", "wobbling_drive"])
 def test_the_trial_of_a_model_has_the_loads_and_rotations_of_the_equations(name: str) -> None:
     """A robot's come from the trial; on a ball that has both, they are the same."""
-    scene, plan = rb.load_scene(name), planned(rb.load_scene(name), FAST, 1.0)
+    scene, plan = rb.load_scene(name), PlannedRun(rb.load_scene(name), FAST, 1.0)
     loads, eigenvalues = linearised_start(scene, FAST)
     # Measured 7e-14 N and N m of 9: rounding.
     for kind in ("contact_force", "spin_torque", "motor_torques"):
@@ -311,7 +310,7 @@ def test_a_ball_that_starts_just_touching_falls_as_deep_as_predicted() -> None:
         FAST, timestep=2e-3, start_in_equilibrium=False, solref=(0.1, 1.0), solimp=impedance(0.9)
     )
     depth = rb.simulate(FIG12, np.linspace(0.0, 2.0, 51), settings).report.depth[-1]
-    assert depth == pytest.approx(planned(FIG12, settings, 2.0).equilibrium_depth, rel=1e-3)
+    assert depth == pytest.approx(PlannedRun(FIG12, settings, 2.0).equilibrium_depth, rel=1e-3)
     for constant, beyond in ((0.03, False), (0.04, True)):
         soft = replace(settings, solref=(constant, 1.0))
         assert limit_of(limits.start_depth, FIG12, soft, 2.0).exceeded == beyond
@@ -327,7 +326,7 @@ def test_the_recipe_has_friction_for_a_ball_of_any_size() -> None:
         limit = limit_of(limits.torsional_friction, scene, FAST, 2.0)
         assert limit.value == 20.0 * length * FIG12.ball.radius
         assert limit.nearness == pytest.approx(here.nearness, rel=1e-12)
-        friction = build(resolved(scene, FAST)).compiled.pair_friction[0]
+        friction = build(scene, FAST).compiled.pair_friction[0]
         assert friction[:3].tolist() == [20.0, 20.0, limit.value]
 
 
@@ -399,7 +398,7 @@ def test_the_timestep_that_is_advised_sees_the_drive(frequency: float, preset: s
     assert not limit.exceeded
     # Measured 0.7 and 0.6.
     assert 0.2 < pair_of(scene, finer, times).path_error / limit.value < 2.0
-    assert limits.drive_seen(planned(scene, rb.preset("adaptive"), 0.5)) is None
+    assert limits.drive_seen(PlannedRun(scene, rb.preset("adaptive"), 0.5)) is None
 
 
 def test_a_step_that_sees_a_drive_is_found_in_a_few_tries() -> None:
@@ -436,7 +435,7 @@ def test_every_scene_has_all_its_edges_as_numbers() -> None:
     names = ("fig12", "servo_motors", "pendulum_robot", "swinging_frame", "zero_rotor")
     for scene in map(rb.load_scene, names):
         for each in (rb.preset("naive"), rb.preset("adaptive"), recipe("x", 1e-2), other):
-            found = limit_checks(planned(scene, each, 10.0))
+            found = limit_checks(PlannedRun(scene, each, 10.0))
             assert all(limit.nearness >= 0 and limit.warning for limit in found.values())
             applied |= set(found)
     assert applied == set(LAWS)

@@ -9,7 +9,6 @@ import pytest
 import robotball as rb
 from robotball.engines.mujoco.mjcf_export import dress
 from robotball.engines.mujoco.model import Model, build
-from robotball.engines.mujoco.settings import resolved
 from robotball.variations import scaled
 
 pytestmark = pytest.mark.core
@@ -42,7 +41,7 @@ def test_a_model_has_what_its_scene_needs_and_nothing_to_look_at(
 
     Two geoms touch; no light, texture or material is in the model.
     """
-    compiled = build(resolved(scene, BALANCED)).compiled
+    compiled = build(scene, BALANCED).compiled
     assert (compiled.nbody, compiled.nu, compiled.njnt) == (bodies, actuators, actuators + 1)
     assert compiled.pair_dim.tolist() == [condim]
     assert (compiled.ngeom, compiled.nlight, compiled.ntex, compiled.nmat) == (2, 0, 0, 0)
@@ -50,7 +49,7 @@ def test_a_model_has_what_its_scene_needs_and_nothing_to_look_at(
 
 def test_a_model_starts_with_the_plane_carrying_its_weight_and_is_built_alike_twice() -> None:
     """In equilibrium the centre stands at the radius and does not accelerate upwards."""
-    first, second = (build(resolved(FIG12, BALANCED)) for _ in range(2))
+    first, second = (build(FIG12, BALANCED) for _ in range(2))
     assert first.xml == second.xml
     assert moved(first, 200).qpos.tolist() == moved(second, 200).qpos.tolist()
     data = moved(first)
@@ -61,7 +60,7 @@ def test_a_model_starts_with_the_plane_carrying_its_weight_and_is_built_alike_tw
 
 def test_what_settings_leave_open_stays_at_mujocos_default() -> None:
     """The naive preset writes no option and no contact parameter."""
-    compiled = build(resolved(FIG12, rb.preset("naive"))).compiled
+    compiled = build(FIG12, rb.preset("naive")).compiled
     default = mujoco.MjModel.from_xml_string("<mujoco/>")
     for name in ("timestep", "integrator", "cone", "solver", "iterations", "tolerance", "impratio"):
         assert getattr(compiled.opt, name) == getattr(default.opt, name), name
@@ -75,7 +74,7 @@ def test_a_dressed_model_moves_as_the_bare_one(name: str) -> None:
 
     No name has a `/`, which dm_control keeps for itself.
     """
-    bare = build(resolved(rb.load_scene(name), BALANCED))
+    bare = build(rb.load_scene(name), BALANCED)
     dressed, ball = dress(bare), bare.scene.ball
     for model, lights in ((bare, 0), (dressed, 1)):
         assert "/" not in model.xml.replace("/>", "").replace("</", "")
@@ -93,4 +92,4 @@ def test_what_mujoco_refuses_is_one_line() -> None:
     with pytest.raises(rb.InputError, match="MuJoCo refuses the model: "):
         rb.simulate(scaled(FIG12, length=1e-9, gravity=1.0), settings="fast")
     with pytest.raises(rb.InputError, match="the contact cannot carry the ball at any depth"):
-        build(resolved(FIG12, replace(BALANCED, solref=(0.0, -1e-300))))
+        build(FIG12, replace(BALANCED, solref=(0.0, -1e-300)))

@@ -12,7 +12,6 @@ from robotball.engines.mujoco.control import read_row
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.readings import own_faults, readings_of
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import resolved
 from robotball.engines.mujoco.stepping import by_steps, controlled
 from robotball.engines.observe import Recording, spans
 from robotball.motors import Servo
@@ -74,7 +73,7 @@ def test_a_drive_that_steps_see_as_a_constant_is_a_fault(
     The rates at the steps' ends alone are right, but for one of 199 Hz.
     """
     sine = rb.Sine(mean=2.0, amplitude=0.05, frequency=frequency, phase=np.pi / 2)
-    model = build(resolved(FIG12.with_hinges(command={"frame": sine}), rb.preset(preset)))
+    model = build(FIG12.with_hinges(command={"frame": sine}), rb.preset(preset))
     faults = run(model, np.linspace(0.0, 0.4, 21)).report.faults
     assert [fault.text for fault in faults] == [
         "a hinge turns more than 0.1 % too fast or too slow"
@@ -144,7 +143,7 @@ def found_in(model: Model, rows: Array) -> list[tuple[str, float]]:
 
 def test_a_ball_thrown_up_has_lost_contact() -> None:
     """At the first time it is there; its M is about the point below it, so that is another one."""
-    model = build(resolved(FIG12, FAST))
+    model = build(FIG12, FAST)
     data, rows = model.start_data(), []
     for step in range(4):
         if step == 2:
@@ -161,7 +160,7 @@ def test_a_slip_is_a_fault_from_its_limit_on(name: str) -> None:
 
     A monitor that sees the rows in two parts finds it where one look at all of them does.
     """
-    model = build(resolved(rb.load_scene(name), FAST))
+    model = build(rb.load_scene(name), FAST)
     rows = rows_of(model, 1.0)
     steps = np.diff(readings_of(model, rows).centre[:, :2], axis=0, prepend=np.zeros((1, 2)))
     contact = np.arange(rows.shape[1])[model.sensor_columns["contact"]]
@@ -185,7 +184,7 @@ def test_a_slip_before_there_is_a_path_is_held_to_the_radius(
     share: float, faults: list[str]
 ) -> None:
     """As path errors are, or no ball could start from rest: friction that creeps slips at once."""
-    model = build(resolved(rb.load_scene("classical_regular"), FAST))
+    model = build(rb.load_scene("classical_regular"), FAST)
     rows = rows_of(model, 0.1)
     contact = np.arange(rows.shape[1])[model.sensor_columns["contact"]]
     rows[:, contact[14:17]] = 0.0
@@ -196,12 +195,12 @@ def test_a_slip_before_there_is_a_path_is_held_to_the_radius(
 
 def test_a_reset_and_mujocos_own_warnings_are_faults() -> None:
     """Time that goes back gives away a reset; a control that MuJoCo calls bad has a counter."""
-    model = build(resolved(FIG12, FAST))
+    model = build(FIG12, FAST)
     rows = rows_of(model, 0.08)
     (fault,) = faults_of(model, np.array([*rows[:3], *rows[:3]]))
     assert fault.fatal
     assert fault.text == "time went back: the engine reset the state"
-    model = build(resolved(FIG12, replace(FAST, drive=Servo(gain=1.0))))
+    model = build(FIG12, replace(FAST, drive=Servo(gain=1.0)))
     data = model.start_data()
     data.ctrl[0] = np.nan
     mujoco.mj_step(model.compiled, data)
@@ -223,7 +222,7 @@ def test_every_step_is_read_with_the_warnings_so_far() -> None:
     MuJoCo warns first in the tenth step; the last row is of the end, from which no step was taken.
     """
     servo = rb.Servo(gain=10.0)
-    model = build(resolved(FIG12, replace(rb.PRESETS["naive"], timestep=0.02, drive=servo)))
+    model = build(FIG12, replace(rb.PRESETS["naive"], timestep=0.02, drive=servo))
     times = np.linspace(0.0, 0.3, 16)
     with controlled(model) as control:
         (portion,) = by_steps(control, model.start_data(), times)

@@ -6,7 +6,7 @@ import pytest
 import robotball as rb
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import recipe, resolved
+from robotball.engines.mujoco.settings import recipe
 from robotball.engines.mujoco.stepping import stretches
 from tests.motions import pair_of
 
@@ -55,7 +55,7 @@ def test_far_apart_samples_take_the_same_steps_as_near_ones() -> None:
 
     The same model runs twice.
     """
-    model, told = build(resolved(FIG12, rb.preset("accurate"))), list[float]()
+    model, told = build(FIG12, rb.preset("accurate")), list[float]()
     near = run(model, np.linspace(0.0, 5.0, 251), told.append)
     far = run(model, np.array([0.0, 5.0]))
     # Measured 1.6e-13 m: step lengths differ by rounding.

@@ -7,7 +7,6 @@ import pytest
 import robotball as rb
 from robotball.engines.mujoco.control import FREE_QPOS, FREE_QVEL
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.settings import resolved
 from robotball.engines.mujoco.stepping import controlled
 from tests.robots import worked
 
@@ -23,7 +22,7 @@ def test_parts_of_a_step_add_up_and_meet_at_the_switch() -> None:
     To 1e-12 of it; a search that ends sooner is 60 times as far off. The law is within its
     limit at every step before, and beyond it after.
     """
-    model = build(resolved(SCENE, rb.preset("balanced")))
+    model = build(SCENE, rb.preset("balanced"))
     limited, command = SCENE.hinges[0].motor, SCENE.drives[0]
     assert limited is not None
     limit, law = limited.law.limit, limited.law._replace(limit=np.inf)
@@ -51,7 +50,7 @@ def wanted(data: mujoco.MjData, law: rb.Law, command: rb.drives.Drive) -> float:
 
 def test_the_model_is_afterwards_as_it_was() -> None:
     """Its actuators' gains, biases and limits, which the switches set."""
-    compiled = (model := build(resolved(SCENE, rb.preset("balanced")))).compiled
+    compiled = (model := build(SCENE, rb.preset("balanced"))).compiled
     names = ("actuator_gainprm", "actuator_biasprm", "actuator_forcelimited")
     before = [getattr(compiled, name).copy() for name in names]
     with controlled(model) as control:

@@ -230,12 +230,11 @@ Balls = Parameters | Sequence[Parameters]
 class _Orbits:
     """Motions of n starts at m times.
 
-    times (m,) s; attitudes (n, m, 4) quaternions, frame to world; contact_points (n, m, 2) m,
+    attitudes (n, m, 4) quaternions, frame to world; contact_points (n, m, 2) m,
     world, from (0, 0); status (n,): DONE, TOO_MANY_STEPS or COLLAPSED. What was given up is NaN
     from there on.
     """
 
-    times: Array
     attitudes: Array
     contact_points: Array
     status: Integers
@@ -260,7 +259,6 @@ def orbits(
     first = np.concatenate([starts.attitudes, np.zeros((len(states), 2))], axis=1)
     states = np.concatenate([first[:, None], states], axis=1)
     return _Orbits(
-        times=times,
         attitudes=starts.to_world(states[..., :4]),
         contact_points=starts.turned_back(states[..., 4:]),
         status=status,

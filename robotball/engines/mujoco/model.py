@@ -122,9 +122,10 @@ class Model:
         return compiled_model(self.xml, self.settings.softness)
 
     def of(self, scene: Scene) -> "Model":
-        """Return the model with another scene, which differs in its commands alone."""
+        """Return the model with another scene, which differs in its commands or its start."""
         model = replace(self, scene=scene, hinges=hinges_of(scene, self.settings))
-        vars(model)["compiled"] = self.compiled  # the property's own place
+        # The properties' own places.
+        vars(model).update(compiled=self.compiled, sensor_columns=self.sensor_columns)
         return model
 
     @cached_property

@@ -23,7 +23,7 @@ import numpy as np
 from mujoco.rollout import rollout
 
 from robotball.engines.mujoco.limits import check_length, precheck
-from robotball.engines.mujoco.model import Model, build, carrying_depth, hinges_of, start_state
+from robotball.engines.mujoco.model import Model, build, carrying_depth, start_state
 from robotball.engines.mujoco.run import held, observed, run
 from robotball.engines.mujoco.settings import Resolved, Settings
 from robotball.engines.mujoco.stepping import Portion, controlled, stretches
@@ -128,11 +128,11 @@ class _Together:
         It begins as that of `build` does, in a hundredth of the time. Its model's text and MjModel
         are not renewed.
         """
-        settings, hinges = self.model.settings, hinges_of(scene, self.model.settings)
-        if [each.index for each in hinges] != [each.index for each in self.model.hinges]:
+        model, settings = self.model.of(scene), self.model.settings
+        if [each.index for each in model.hinges] != [each.index for each in self.model.hinges]:
             return None
-        data, compiled = self.trial, self.model.compiled
-        qpos, qvel = start_state(scene, settings.root, hinges)
+        data, compiled = self.trial, model.compiled
+        qpos, qvel = start_state(scene, settings.root, model.hinges)
         mujoco.mj_normalizeQuat(compiled, qpos)  # as the compiler does
         compiled.key_qpos[0], compiled.key_qvel[0] = qpos, qvel
         margin = float(compiled.pair_margin[0])
@@ -141,8 +141,6 @@ class _Together:
         mujoco.mj_resetDataKeyframe(compiled, data, 0)
         state = np.empty(mujoco.mj_stateSize(compiled, _STATE))
         mujoco.mj_getState(compiled, data, state, _STATE)
-        model, columns = copy(self.model), self.model.sensor_columns
-        vars(model).update(scene=scene, hinges=hinges, sensor_columns=columns)
         return _Started(model, state, margin)
 
     def motion(self, started: _Started) -> ContactMotion | None:

@@ -36,7 +36,6 @@ class _Limited:
     """
 
     law: Law
-    limit: float
     command: Drive
     gears: Array
     actuator: int
@@ -49,7 +48,7 @@ class _Limited:
         angles, rates (h,): of the model's hinges.
         """
         angle, rate = float(angles @ self.gears), float(rates @ self.gears)
-        return float(self.law.unlimited(self.command.rate(t), angle, rate)) / self.limit
+        return float(self.law.unlimited(self.command.rate(t), angle, rate)) / self.law.limit
 
 
 class _Switches:
@@ -73,7 +72,7 @@ class _Switches:
             compiled.actuator_gainprm[i] = 0.0 if at_limit else motor.gain
             compiled.actuator_biasprm[i] = 0.0 if at_limit else motor.bias
             if at_limit:
-                compiled.actuator_biasprm[i, 0] = side * motor.limit
+                compiled.actuator_biasprm[i, 0] = side * motor.law.limit
 
     def steps(self, data: mujoco.MjData, length: float) -> Iterator[float]:
         """Take one step, in parts that end at its switches. Yields the length of each part [s]."""
@@ -172,4 +171,4 @@ def _limited(model: Model) -> Iterator[_Limited]:
         if law.limit < np.inf:
             i = compiled.actuator(name).id
             gain, bias = compiled.actuator_gainprm[i].copy(), compiled.actuator_biasprm[i].copy()
-            yield _Limited(law, law.limit, command, gears, i, gain, bias)
+            yield _Limited(law, command, gears, i, gain, bias)

@@ -114,40 +114,38 @@ def gyroscopic_torque(n: Numbers, omega: Array, gamma: Array) -> Array:
     return carried + n.d * ((omega - n.Omega) @ gamma) * cross(gamma, omega)
 
 
-def spin_torque(n: Numbers, omega: Array, gamma: Array) -> float:
-    """Return λ₀ of (2.5)."""
+def full_rates(n: Numbers, omega: Array, gamma: Array, spun: float = 1.0) -> tuple[Array, float]:
+    """Return dω/dt of (2.4), with λ₀ of (2.5) times `spun`, and that λ₀."""
     # (2.5) is right as printed: E3 is a sign in the line before it alone.
-    per_gamma = np.linalg.solve(contact_inertia(n, gamma), gamma)
     torque = gyroscopic_torque(n, omega, gamma) + drive_torque(n, omega, gamma)
+    sides = np.stack([torque, gamma], axis=1)
+    per_torque, per_gamma = np.linalg.solve(contact_inertia(n, gamma), sides).T
     drive = n.Omega @ cross(gamma, omega) + n.Omega_rate @ gamma
-    return float((-per_gamma @ torque + drive) / (per_gamma @ gamma))
-
-
-def acceleration(n: Numbers, omega: Array, gamma: Array, lambda_0: float) -> Array:
-    """Return dω/dt of (2.4)."""
-    torque = gyroscopic_torque(n, omega, gamma) + lambda_0 * gamma + drive_torque(n, omega, gamma)
-    return np.asarray(np.linalg.solve(contact_inertia(n, gamma), torque), dtype=float)
+    lambda_0 = float((-per_gamma @ torque + drive) / (per_gamma @ gamma))
+    return per_torque + spun * lambda_0 * per_gamma, lambda_0
 
 
 def rubber_velocity(n: Numbers, M: Array, gamma: Array) -> Array:
-    """Return ω of (3.2)."""
+    """Return ω of (3.2), for M and γ (3,) or (3, n)."""
     A_gamma = n.A @ gamma
-    Z = (n.Omega + n.A @ n.K) @ gamma / (A_gamma @ gamma)
-    return n.A @ (cross(M, A_gamma) / (A_gamma @ gamma) - n.K + Z * gamma)
+    along = (A_gamma * gamma).sum(axis=0)
+    Z = (n.Omega + n.A @ n.K) @ gamma / along
+    return n.A @ ((cross(M, A_gamma) / along + Z * gamma).T - n.K).T
 
 
 def classical_velocity(n: Numbers, M: Array, gamma: Array) -> Array:
-    """Return ω of (3.3)."""
-    Z = (n.A @ (M - n.K) - n.Omega) @ gamma / (1 / n.d - n.A @ gamma @ gamma)
-    return n.A @ (M - n.K + Z * gamma)
+    """Return ω of (3.3), for M and γ (3,) or (3, n)."""
+    free = n.A @ (M.T - n.K).T
+    Z = ((free.T - n.Omega).T * gamma).sum(axis=0) / (1 / n.d - (n.A @ gamma * gamma).sum(axis=0))
+    return free + n.A @ (Z * gamma)
 
 
 def from_rest(n: Numbers) -> Field:
-    """Return dγ/dt of (4.1), as a function of γ."""
+    """Return dγ/dt of (4.1), as a function of γ (3,) or (3, n)."""
 
     def rate(gamma: Array) -> Array:
-        Z = (n.Omega + n.A @ n.K) @ gamma / (n.A @ gamma @ gamma)
-        return cross(gamma, n.A @ (Z * gamma - n.K))
+        Z = (n.Omega + n.A @ n.K) @ gamma / (n.A @ gamma * gamma).sum(axis=0)
+        return cross(gamma, n.A @ ((Z * gamma).T - n.K).T)
 
     return rate
 
@@ -156,7 +154,7 @@ Velocity = Callable[[Numbers, Array, Array], Array]
 
 
 def reduced(velocity: Velocity, n: Numbers) -> Field:
-    """Return d/dt of (M, γ) (6,) by (3.2) or (3.3), as a function of both."""
+    """Return d/dt of (M, γ) by (3.2) or (3.3), as a function of both (6,) or (6, n)."""
 
     def rate(state: Array) -> Array:
         M, gamma = state[:3], state[3:]
@@ -173,10 +171,11 @@ def velocity_of(classical: bool) -> Velocity:
 
 def unreduced(n: Numbers, rubber: bool) -> Field:
     """Return d/dt of (ω, γ) (6,) by (2.4), with λ₀ of (2.5) if `rubber`, as a function of both."""
+    spun = float(rubber)
 
     def rate(x: Array) -> Array:
-        spin = spin_torque(n, x[:3], x[3:]) if rubber else 0.0
-        return np.concatenate([acceleration(n, x[:3], x[3:], spin), cross(x[3:], x[:3])])
+        omega, gamma = x[:3], x[3:]
+        return np.concatenate([full_rates(n, omega, gamma, spun)[0], cross(gamma, omega)])
 
     return rate
 
@@ -195,7 +194,7 @@ def divergence(n: Numbers, M: Array, gamma: Array, classical: bool, power: float
     """
 
     def weight(x: Array) -> Array:
-        A_gamma_gamma = n.A @ x[3:] @ x[3:]
+        A_gamma_gamma = (n.A @ x[3:] * x[3:]).sum(axis=0)
         return np.asarray((1 / n.d - A_gamma_gamma if classical else A_gamma_gamma) ** power)
 
     rate = reduced(velocity_of(classical), n)
@@ -234,15 +233,17 @@ def returns(field: Field, start: Array, normal: Array, duration: float, rtol: fl
     return np.asarray(found.y_events[0][found.t_events[0] > 1e-3]).reshape(-1, len(start))
 
 
-def slope(field: Field, at: Array, along: Array) -> Array:
-    """Return the derivative of a rational function along a direction, by a complex step."""
-    # A complex step subtracts nothing, so it can be as small as this and is exact to rounding.
-    return np.imag(field(at + 1e-30j * along)) / 1e-30
-
-
 def jacobian(field: Field, at: Array) -> Array:
-    """Return ∂field/∂x (k, k)."""
-    return np.stack([slope(field, at, e) for e in np.eye(len(at))], axis=1)
+    """Return ∂field/∂x (k, k) of rational functions at x (k,), or (n, k, k) at x (k, n).
+
+    By complex steps, of all points side by side.
+    """
+    # A complex step subtracts nothing, so it can be as small as this and is exact to rounding.
+    k, tiny = len(at), 1e-30
+    beside = at.reshape(k, -1, 1) + 1j * tiny * np.eye(k)[:, None]
+    slopes = np.imag(field(beside.reshape(k, -1))).reshape(beside.shape) / tiny
+    found: Array = slopes.transpose(1, 0, 2)
+    return found if at.ndim > 1 else found[0]
 
 
 def across(gamma: Array) -> Array:
@@ -268,27 +269,26 @@ def eigenvalues(field: Field, gamma: Array) -> Array:
 def zeros(field: Field, starts: int = 400) -> list[Array]:
     """Find the isolated zeros (3,) of a field on the sphere, by Newton's method from everywhere.
 
-    Where the zeros fill a curve, some of its points come along.
+    Where the zeros fill a curve, some of its points come along. The field takes γ (3, n).
     """
-    found: list[Array] = []
     # A start leads to one zero, so starts are spread over the sphere. The search knows no formula
     # of the paper for the points, which this search is to confirm.
-    for gamma in spread_points(starts):
-        for _ in range(30):
-            flat = np.eye(3) - np.outer(gamma, gamma)
-            linear = flat @ jacobian(field, gamma) @ flat
-            # It is singular along γ, and on a curve of zeros along that: the shortest step of all
-            # that solve it is in the sphere's plane, and goes across the curve.
-            step = np.linalg.lstsq(linear, flat @ field(gamma), rcond=1e-13)[0]
-            length = float(np.linalg.norm(step))
-            # A long step leaves the neighbourhood in which the linear part is right.
-            gamma = unit(gamma - step * min(1.0, 0.3 / max(length, 1e-300)))
-            if length < 1e-13:
-                break
-        at_rest = np.linalg.norm(field(gamma)) < 1e-12
-        # Newton converges quadratically, so one zero comes within rounding of itself each time.
-        if at_rest and all(np.linalg.norm(gamma - other) > 1e-6 for other in found):
-            found.append(gamma)
+    gamma = spread_points(starts).T
+    for _ in range(30):
+        flat = E - np.einsum("in,jn->nij", gamma, gamma)
+        linear = flat @ jacobian(field, gamma) @ flat
+        # It is singular along γ, and on a curve of zeros along that: the shortest step of all that
+        # solve it is in the sphere's plane, and goes across the curve.
+        across = flat @ field(gamma).T[:, :, None]
+        step = (np.linalg.pinv(linear, rcond=1e-13) @ across)[:, :, 0].T
+        # A long step leaves the neighbourhood in which the linear part is right.
+        gamma = gamma - step * np.minimum(1.0, 0.3 / np.linalg.norm(step, axis=0).clip(1e-300))
+        gamma /= np.linalg.norm(gamma, axis=0)
+    found: list[Array] = []
+    # Newton converges quadratically, so one zero comes within rounding of itself each time.
+    for at in gamma.T[np.linalg.norm(field(gamma), axis=0) < 1e-12]:
+        if all(np.linalg.norm(at - other) > 1e-6 for other in found):
+            found.append(at)
     return found
 
 

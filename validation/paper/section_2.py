@@ -222,7 +222,7 @@ def _ours(n: Numbers, omega: Array, gamma: Array) -> Array:
 def _driven_equations(twist: float = 1.0) -> Errors:
     """Compare dω/dt of (2.4)-(2.5) with differences of MuJoCo's ω, while the rates swing."""
     ball = seen(DRIVEN)
-    found = ball.of(lambda n, w, g: f.acceleration(n, w, g, twist * f.spin_torque(n, w, g)))
+    found = ball.of(lambda n, w, g: f.full_rates(n, w, g, twist)[0])
     yield largest(rate(ball.omega) - found[INNER])
     yield largest(rate(ball.omega) - ball.of(_ours)[INNER, :3])
 
@@ -246,7 +246,7 @@ def _multiplier(twist: float = 1.0) -> Errors:
     """Compare λ₀ of (2.5) with the spin torque of Newton and Euler's equations."""
     for moment, n, omega, _, spin_torque in _by_masses(25, rubber=True):
         change = twist * n.Omega_rate
-        found = f.spin_torque(replace(n, Omega_rate=change), omega, moment.gamma)
+        found = f.full_rates(replace(n, Omega_rate=change), omega, moment.gamma)[1]
         yield found - spin_torque
 
 
@@ -255,7 +255,8 @@ def _multiplier(twist: float = 1.0) -> Errors:
 def _contact_torque(twist: float = 1.0) -> Errors:
     """Compare λ₀ of (2.5) with the torque that MuJoCo's contact feels, while the rates swing."""
     ball = seen(DRIVEN)
-    for found in (twist * ball.of(f.spin_torque), ball.of(_ours)[:, 3]):
+    paper = ball.of(lambda *state: f.full_rates(*state)[1])
+    for found in (twist * paper, ball.of(_ours)[:, 3]):
         yield largest(found - ball.motion.loads.spin_torque)
 
 

@@ -85,16 +85,26 @@ def _gyrostats(seed: int) -> list[tuple[Numbers, Array]]:
     ]
 
 
+@cache
+def _paths() -> list[tuple[Numbers, Array]]:
+    """Return balls with Ω = 0, and γ (41, 3) of each over 20 s from rest.
+
+    By (2.4), not by (4.1) from which the paper derives the integral: else a wrong (4.1) and its own
+    integral would agree.
+    """
+    found, times = [], np.linspace(0.0, 20.0, 41)
+    for n, gamma in _gyrostats(41):
+        start = np.append(f.rubber_velocity(n, np.zeros(3), gamma), gamma)
+        path = f.followed(f.unreduced(n, rubber=True), start, times, rtol=1e-10)
+        found.append((n, path[:, 3:]))
+    return found
+
+
 @SECTION.claim("4", "Ω = 0: (AK,γ)²/(Aγ,γ) stays")
 @by("(2.4)-(2.5) by scipy", "the power of (Aγ,γ)", bound=5e-8)
 def _integral_without_turning(twist: float = 1.0) -> Errors:
     """Compute the change of (AK,γ)²/(Aγ,γ) over 20 s by (2.4)-(2.5), which do not use (4.1)."""
-    for n, gamma in _gyrostats(41):
-        start = np.append(f.rubber_velocity(n, np.zeros(3), gamma), gamma)
-        # By (2.4), not by (4.1) from which the paper derives the integral: else a wrong (4.1) and
-        # its own integral would agree.
-        field, times = f.unreduced(n, rubber=True), np.linspace(0.0, 20.0, 41)
-        path = f.followed(field, start, times, rtol=1e-10)[:, 3:]
+    for n, path in _paths():
         kept = (path @ n.A @ n.K) ** 2 / ((path @ n.A * path).sum(axis=1)) ** twist
         yield np.ptp(kept)
 

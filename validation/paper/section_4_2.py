@@ -151,12 +151,11 @@ def _taylor(n: Numbers, top: float) -> Array:
     # Aliasing is of the order of radius^count, rounding of 1e-16/radius² at second order.
     count, radius = 16, 0.05
     circle = radius * np.exp(2j * np.pi * np.arange(count) / count)
-    field = f.from_rest(n)
-    places = [(x, y, top * sqrt(1 - x * x - y * y)) for x in circle for y in circle]
-    values = np.array([field(np.array(each))[:2] for each in places]).reshape(count, count, 2)
+    x, y = np.repeat(circle, count), np.tile(circle, count)
+    values = f.from_rest(n)(np.array([x, y, top * sqrt(1 - x * x - y * y)]))[:2]
     # A coefficient of order m is the mean of the values by the circle's phase, over radius^m.
     powers = radius ** np.add.outer(np.arange(3), np.arange(3))
-    return np.moveaxis(np.fft.fft2(values, axes=(0, 1))[:3, :3] / count**2, 2, 0).real / powers
+    return np.fft.fft2(values.reshape(2, count, count))[:, :3, :3].real / count**2 / powers
 
 
 def _expansion(n: Numbers, top: float, twist: float = 1.0, printed: bool = False) -> Array:
@@ -222,8 +221,8 @@ def _scaled(twist: float = 1.0) -> Errors:
 def _no_circle(name: str = "fig06") -> AtLeast:
     """Compute the fastest dγ/dt of (4.1) on (Ω,γ) = 0 for a figure."""
     n = CAPTIONS[name].n
-    rates = [f.from_rest(n)(gamma) for gamma in f.sigma(n, np.linspace(0.0, 2 * np.pi, 100))]
-    return AtLeast(float(np.linalg.norm(rates, axis=1).max()), bound=0.05, unit="1/s")
+    rates = f.from_rest(n)(f.sigma(n, np.linspace(0.0, 2 * np.pi, 100)).T)
+    return AtLeast(float(np.linalg.norm(rates, axis=0).max()), bound=0.05, unit="1/s")
 
 
 # Δ and Θ ------------------------------------------------------------------------------------
@@ -432,7 +431,8 @@ def _unstable_cycle(name: str) -> AtLeast:
     # Forward in time any error would leave an unstable cycle by the growth that is measured.
     path = f.followed(lambda x: -field(x), found.gamma, np.linspace(0.0, found.period, 4001))
     # The divergence on the sphere is the trace less the part along γ.
-    rates = [np.trace(J) - x @ J @ x for x in path[1:] for J in [f.jacobian(field, x)]]
+    J = f.jacobian(field, path[1:].T)
+    rates = np.trace(J, axis1=1, axis2=2) - np.einsum("ni,nij,nj->n", path[1:], J, path[1:])
     growth = float(np.exp(found.period * np.mean(rates)))
     same = np.linalg.norm(path[-1] - found.gamma) < 1e-8
     same = same and abs(found.multipliers[0] / growth - 1) < 1e-6

@@ -135,7 +135,7 @@ def _of_path(numbers: Numbers, text: str, radius: float) -> Unknown:
     """Return the number at a path, which may have limits, as path=low:high."""
     name, _, limits = text.partition("=")
     path = numbers.path_of(name.strip())
-    value, unit = numbers.value(path), numbers.unit(path)
+    value, unit, _ = numbers.known[path]
     last = path.rpartition(".")[2]
     # Not 0 itself, where a motor or a body of a positive number would be none.
     low, high = _LEAST * value if value >= 0 and last in _POSITIVE else -np.inf, np.inf
@@ -166,7 +166,8 @@ def _limits(text: str, limits: str) -> tuple[float, float]:
 def _of_body(numbers: Numbers, name: str, radius: float) -> Iterator[Unknown]:
     paths = [f"{name}.mass", *(f"{name}.centre.{axis}" for axis in "xyz")]
     paths += [f"{name}{WHOLE}.{which}" for which in _MOMENTS]
-    values = np.array([numbers.value(path) for path in paths])
+    known = [numbers.known[path] for path in paths]
+    values = np.array([each.value for each in known])
     mass, centre, moments = values[0], values[1:4], np.sqrt(values[[4, 7, 9]])
     sizes = [mass, *np.maximum(np.abs(centre), 0.1 * radius), *np.outer(moments, moments)[_UPPER]]
     try:
@@ -176,8 +177,8 @@ def _of_body(numbers: Numbers, name: str, radius: float) -> Iterator[Unknown]:
             f"{name}{WHOLE}: no body of any thickness has the mass and inertia from which the fit "
             "begins; each moment must be less than the two others together"
         ) from None
-    for path, value, size in zip(paths, values.tolist(), sizes, strict=True):
-        yield Unknown(path, value, float(size), numbers.unit(path), whole=True)
+    for path, (value, unit, _), size in zip(paths, known, sizes, strict=True):
+        yield Unknown(path, value, float(size), unit, whole=True)
 
 
 def _other_inertia(numbers: Array, x: Array) -> Array:

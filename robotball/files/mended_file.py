@@ -7,7 +7,6 @@ this way (a URDF, one with includes or copies) is first written by MuJoCo itself
 """
 
 import re
-from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -202,24 +201,28 @@ def _written_text(robot: RobotFile, moves: Moves, names: _Names, pair: int | Non
     return str(spec.to_xml())
 
 
-class _Element(NamedTuple):
-    """A start tag: where it, and that of its nearest body or worldbody, stand in the bytes."""
+class Element(NamedTuple):
+    """A start tag: at which byte it stands, and the number of the element that owns it.
 
+    That is the nearest body, worldbody or default around it; -1 where there is none.
+    """
+
+    tag: str
     at: int
     owner: int
     attributes: Mapping[str, str]
 
 
-def _elements(data: bytes) -> Mapping[str, list[_Element]]:
-    """Return the elements by their tags; owner: -1 outside of all bodies."""
-    found: defaultdict[str, list[_Element]] = defaultdict(list)
+def elements_of(data: bytes) -> list[Element]:
+    """Return the elements of an MJCF text, in its order."""
+    found: list[Element] = []
     owners = [-1]
     parser = ParserCreate()
 
     def begin(tag: str, attributes: Mapping[str, str]) -> None:
-        at = parser.CurrentByteIndex
-        found[tag].append(_Element(at, owners[-1], attributes))
-        owners.append(at if tag in ("body", "worldbody") else owners[-1])
+        found.append(Element(tag, parser.CurrentByteIndex, owners[-1], attributes))
+        owns = tag in ("body", "worldbody", "default")
+        owners.append(len(found) - 1 if owns else owners[-1])
 
     parser.StartElementHandler = begin
     parser.EndElementHandler = lambda _: owners.pop()
@@ -230,44 +233,52 @@ def _elements(data: bytes) -> Mapping[str, list[_Element]]:
 def _own_text(robot: RobotFile, moves: Moves, names: _Names, pair: int | None) -> str:
     """Return the author's own text, with names and without a pair, moved."""
     data, model = robot.path.read_bytes(), robot.model
-    elements = _elements(data)
-    bodies = [each for each in elements["body"] if each.owner >= 0]
+    elements = elements_of(data)
 
-    def element(kind: str, number: int) -> _Element:
+    def tagged(tag: str) -> list[Element]:
+        return [each for each in elements if each.tag == tag]
+
+    bodies = [each for each in tagged("body") if each.owner >= 0]
+
+    def element(kind: str, number: int) -> Element:
         if kind == "body":
             return bodies[number - 1]
         body = int(model.geom_bodyid[number])
-        owners = [each.at for each in ([bodies[body - 1]] if body else elements["worldbody"])]
-        own = [each for each in elements["geom"] if each.owner in owners]
+        owners = [bodies[body - 1]] if body else tagged("worldbody")
+        own = [each for each in tagged("geom") if elements[each.owner] in owners]
         return own[number - int(model.body_geomadr[body])]
 
-    # Each with the place of its element; without an attribute the whole element goes.
     edits = [(element(kind, i).at, "name", name) for (kind, i), name in names.items()]
     if np.any(moves.shift):
         root, shift = element("body", robot.root), moves.shift
         edits.append((root.at, "pos", _added(root.attributes.get("pos", "0 0 0"), shift)))
         # A key without qpos has that of the bodies.
-        for key in elements["key"]:
+        for key in tagged("key"):
             if old := key.attributes.get("qpos"):
                 edits.append((key.at, "qpos", _added(old, shift, robot.free)))
     if np.any(moves.kick) and moves.key is not None:
-        key = elements["key"][moves.key]
+        key = tagged("key")[moves.key]
         if old := key.attributes.get("qvel"):
             edits.append((key.at, "qvel", _added(old, moves.kick, robot.drift)))
     if pair is not None:
-        edits.append((elements["pair"][pair].at, "", ""))
-    for at, attribute, new in sorted(edits, key=lambda each: -each[0]):
-        data = data[:at] + with_attribute(data[at:].decode(), attribute, new).encode()
-    text = data.decode()
-    folders = _folders(robot)
+        edits.append((tagged("pair")[pair].at, "", ""))
+    text, folders = edited(data, edits), _folders(robot)
     return before_end(text, [f"<compiler{_attributes(folders)}/>"]) if folders else text
 
 
-def with_attribute(text: str, name: str, new: str) -> str:
-    """Return a text that begins with a start tag, whose attribute gets a new value.
+def edited(data: bytes, edits: Iterable[tuple[int, str, str]]) -> str:
+    """Return a text with edits: the byte of an element, an attribute of it, and its new value.
 
     Without a name of an attribute the whole element goes, which has no content.
     """
+    # From the last to the first, as an edit moves what follows it.
+    for at, attribute, new in sorted(edits, key=lambda each: -each[0]):
+        data = data[:at] + _with_attribute(data[at:].decode(), attribute, new).encode()
+    return data.decode()
+
+
+def _with_attribute(text: str, name: str, new: str) -> str:
+    """Return a text that begins with a start tag, whose attribute gets a new value."""
     tag = re.match(r"<[^\s/>]+(\s+[^\s=]+\s*=\s*(\"[^\"]*\"|'[^']*'))*", text)
     assert tag is not None
     if not name:
@@ -278,8 +289,13 @@ def with_attribute(text: str, name: str, new: str) -> str:
     return f'{tag.group()} {name}="{new}"{text[tag.end() :]}'
 
 
+def digits(numbers: Iterable[float]) -> str:
+    """Return numbers as the value of an attribute."""
+    return " ".join(f"{each:.12g}" for each in numbers)
+
+
 def _added(numbers: str, shift: Array, places: slice = slice(3)) -> str:
-    return " ".join(f"{value:.12g}" for value in _shifted(numbers.split(), shift, places))
+    return digits(_shifted(numbers.split(), shift, places))
 
 
 def _shifted(numbers: Iterable[str | float], shift: Array, places: slice) -> Array:

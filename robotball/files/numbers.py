@@ -2,10 +2,18 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from robotball.errors import InputError, unknown
 from robotball.scene import Scene
+
+
+class Number(NamedTuple):
+    """A number of a file, its unit, "" where that depends on others, and where it stands."""
+
+    value: float
+    unit: str
+    place: Any
 
 
 class Numbers(ABC):
@@ -18,16 +26,8 @@ class Numbers(ABC):
 
     @property
     @abstractmethod
-    def places(self) -> Mapping[str, Any]:
-        """Where each number stands, by its path."""
-
-    @abstractmethod
-    def value(self, path: str) -> float:
-        """Return the number at a path."""
-
-    @abstractmethod
-    def unit(self, path: str) -> str:
-        """Return the unit of the number at a path."""
+    def known(self) -> Mapping[str, Number]:
+        """Each number, by its path."""
 
     @abstractmethod
     def scene(self, values: Mapping[str, float]) -> Scene:
@@ -55,12 +55,12 @@ class Numbers(ABC):
         Raises InputError for a name of none or of several, with its neighbours.
         """
         words = name.split(".")
-        found = [path for path in self.places if _follows(words, path.split("."))]
+        found = [path for path in self.known if _follows(words, path.split("."))]
         if name in found or len(found) == 1:
             return name if name in found else found[0]
         if found:
             raise InputError(f"{name!r} may be {', '.join(found)}; give more of its path")
-        raise unknown("number of the scene", name, self.places)
+        raise unknown("number of the scene", name, self.known)
 
 
 def _follows(words: list[str], path: list[str]) -> bool:

@@ -275,33 +275,6 @@ def geom_name(model: Any, geom: int) -> str:
     return model.geom(geom).name or f"a geom of {model.body(body).name or f'body{body}'}"
 
 
-def robot_scene(
-    path: Path,
-    controls: Mapping[str, Rate] = MappingProxyType({}),
-    shell: str | None = None,
-    rolling: Rolling | None = None,
-    key: str | None = None,
-    duration: float | None = None,
-) -> Scene:
-    """Return the scene of an MJCF or URDF file, as it starts and with the controls that it has.
-
-    controls: of actuators by name, over time, instead of the file's constant ones; shell: the body
-    or geom that rolls, where several could; rolling: instead of what the contact's condim says;
-    key: the keyframe to start at, the first one if not given; duration [s]: if not given 10 s, or
-    as long as the controls are given. Warns of what is added or left out.
-    Raises InputError for a file that cannot roll, or has what the equations do not describe.
-    """
-    robot = open_robot(path, shell)
-    data = robot.start(key)
-    if duration is None:
-        ends = [each.times[-1] for each in controls.values() if isinstance(each, Samples)]
-        duration = min([_DURATION, *ends])
-    with named(path):
-        for note in (*robot.notes, *starts_off(robot, data)):
-            warn(f"{path.name}: {note}")
-        return scene_of(robot, data, controls, rolling, duration)
-
-
 class RobotTable(Table, frozen=True, kw_only=True):
     """The table of a scene file whose robot is in a file of its own."""
 
@@ -323,10 +296,16 @@ class RobotTable(Table, frozen=True, kw_only=True):
     ] = None
 
 
-def scene_of_robot(path: Path, table: dict[str, Any], controls: Mapping[str, Rate]) -> Scene:
-    """Return the scene of a TOML file's table; controls: in place of those that it gives.
+def scene_of_robot(
+    path: Path, table: Mapping[str, Any], controls: Mapping[str, Rate] = MappingProxyType({})
+) -> Scene:
+    """Return the scene of a robot's own file, as it starts and with the controls that it has.
 
-    Raises InputError for a key that says what the robot's file says, and as `robot_scene`.
+    path: of the scene; table: of its TOML file, or one that names the robot's file alone; controls:
+    of actuators by name, over time, in place of those that the table or the robot's file gives. The
+    scene lasts 10 s, or as long as the controls are given, where the table does not say. Warns of
+    what is added or left out. Raises InputError for a key that says what the robot's file says, for
+    a file that cannot roll, and for what the equations do not describe.
     """
     if "robot" not in table:
         raise InputError("controls are those of a robot's own file, and the scene names none")
@@ -334,10 +313,16 @@ def scene_of_robot(path: Path, table: dict[str, Any], controls: Mapping[str, Rat
         if each not in RobotTable.__struct_fields__:
             raise unknown("key beside robot", each, RobotTable.__struct_fields__)
     given = msgspec.convert(table, RobotTable)
-    scene = robot_scene(
-        path.parent / given.robot, {**controls_of(given, path.parent), **controls}, given.shell,
-        given.rolling, given.keyframe, given.duration,
-    )  # fmt: skip
+    file, controls = path.parent / given.robot, {**controls_of(given, path.parent), **controls}
+    robot = open_robot(file, given.shell)
+    data, duration = robot.start(given.keyframe), given.duration
+    if duration is None:
+        ends = [each.times[-1] for each in controls.values() if isinstance(each, Samples)]
+        duration = min([_DURATION, *ends])
+    with named(file):
+        for note in (*robot.notes, *starts_off(robot, data)):
+            warn(f"{file.name}: {note}")
+        scene = scene_of(robot, data, controls, given.rolling, duration)
     return replace(scene, name=path.stem, title=given.title or scene.title)
 
 

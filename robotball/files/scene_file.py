@@ -107,9 +107,9 @@ def load_scene(name: str | Path, controls: Mapping[str, Rate] | None = None) -> 
     if str(name) not in catalog():
         path = Path(name)
     if path.suffix in MODEL_FILES:
-        from robotball.files.robot_file import robot_scene
+        from robotball.files.robot_file import scene_of_robot
 
-        scene = robot_scene(path, controls or {})
+        scene = scene_of_robot(path, {"robot": path.name}, controls or {})
     elif path.suffix == ".toml":
         scene = read_scene(path, contents(path), controls)
     else:

@@ -17,7 +17,7 @@ import msgspec
 from robotball.engine import scene_of
 from robotball.errors import unknown
 from robotball.files import MODEL_FILES, contents, readable
-from robotball.files.numbers import Numbers
+from robotball.files.numbers import Number, Numbers
 from robotball.files.scene_file import CATALOG, catalog, scene_of_table
 from robotball.files.scene_keys import meaning_of, tables_at
 from robotball.files.scene_tables import SceneTable
@@ -43,20 +43,9 @@ class SceneNumbers(Numbers):
     suffix: str = ".toml"
 
     @cached_property
-    def places(self) -> dict[str, _Place]:
-        """Where each number stands, by its path."""
-        return dict(_places((), (), {k: v for k, v in self.tables.items() if k not in _NOT}))
-
-    def value(self, path: str) -> float:
-        """Return the number at a path."""
-        tables: Any = self.tables
-        return float(reduce(getitem, self.places[path], tables))
-
-    def unit(self, path: str) -> str:
-        """Return the unit of the number at a path, as docs/scene.md has it."""
-        *above, last = [key for key in self.places[path] if isinstance(key, str)]
-        fields = (field for table in tables_at(".".join(above)) for field in table.fields)
-        return next((meaning_of(field)[1] for field in fields if field.name == last), "")
+    def known(self) -> dict[str, Number]:
+        """Each number, by its path."""
+        return dict(_numbers((), (), {k: v for k, v in self.tables.items() if k not in _NOT}))
 
     def scene(self, values: Mapping[str, float]) -> Scene:
         """Return the scene with other numbers at some paths. Raises InputError for impossible."""
@@ -98,7 +87,7 @@ class SceneNumbers(Numbers):
     def _changed(self, values: Mapping[str, float]) -> dict[str, Any]:
         changed: Any = deepcopy(self.tables)
         for path, value in values.items():
-            for *above, last in _same(self.places[path]):
+            for *above, last in _same(self.known[path].place):
                 reduce(getitem, above, changed)[last] = float(value)
         return dict(changed)
 
@@ -145,15 +134,15 @@ def _tables_of(what: object, text: str | bytes) -> Mapping[str, Any]:
     return dict(msgspec.json.decode(msgspec.json.encode(table)))
 
 
-def _places(words: tuple[str, ...], place: _Place, value: object) -> Iterator[tuple[str, _Place]]:
-    """Yield the paths of the numbers in a value of TOML, and where they stand."""
+def _numbers(words: tuple[str, ...], place: _Place, value: object) -> Iterator[tuple[str, Number]]:
+    """Yield the numbers in a value of TOML with their paths."""
     if isinstance(value, bool):
         return
     if isinstance(value, int | float):
-        yield ".".join(words), place
+        yield ".".join(words), Number(float(value), _unit(place), place)
     elif isinstance(value, dict):
         for key, inner in value.items():
-            yield from _places((*words, key), (*place, key), inner)
+            yield from _numbers((*words, key), (*place, key), inner)
     elif isinstance(value, list | tuple):
         triple = len(value) == len(_AXES) and not isinstance(value[0], dict)
         for i, inner in enumerate(value):
@@ -163,4 +152,11 @@ def _places(words: tuple[str, ...], place: _Place, value: object) -> Iterator[tu
             word = named or (_AXES[i] if triple else str(i + 1))
             # Rotors and pendulums as their hinges are named: rotor1, pendulum1.
             own = (f"{words[0]}{word}",) if len(words) == 1 else (*words, word)
-            yield from _places(own, (*place, i), inner)
+            yield from _numbers(own, (*place, i), inner)
+
+
+def _unit(place: _Place) -> str:
+    """Return the unit of the number at a place, as docs/scene.md has it."""
+    *above, last = [key for key in place if isinstance(key, str)]
+    fields = (field for table in tables_at(".".join(above)) for field in table.fields)
+    return next((meaning_of(field)[1] for field in fields if field.name == last), "")

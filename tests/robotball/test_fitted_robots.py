@@ -36,7 +36,7 @@ def log_of(motion: Motion, rng: np.random.Generator) -> rb.Log:
 def robot(rng: np.random.Generator) -> tuple[Numbers, dict[str, float], rb.Scene]:
     """A robot with other masses, places and gains, started with another tilt, and its truth."""
     numbers = numbers_of("pendulum_robot")
-    truth = {path: numbers.value(path) * rng.uniform(0.85, 1.15) for path in FREE}
+    truth = {path: numbers.known[path].value * rng.uniform(0.85, 1.15) for path in FREE}
     truth["frame.part.battery.centre.x"] = rng.uniform(-0.02, 0.02)
     truth["frame.part.plate.centre.z"] = rng.uniform(-0.02, 0.02)
     truth["frame.rate.final"] = rng.choice([-1.0, 1.0]) * rng.uniform(3.0, 6.0)

@@ -45,7 +45,7 @@ def off(folder: Path, **wrong: float) -> Path:
     """The scene file with some of its numbers multiplied."""
     numbers = numbers_of("pendulum_robot")
     paths = {numbers.path_of(name.replace("__", ".")): f for name, f in wrong.items()}
-    values = {path: factor * numbers.value(path) for path, factor in paths.items()}
+    values = {path: factor * numbers.known[path].value for path, factor in paths.items()}
     path = folder / "off.toml"
     path.write_text(numbers.text(values, numbers.scene(values)), encoding="utf-8")
     return path
@@ -304,8 +304,8 @@ def test_a_log_without_noise_is_explained() -> None:
 def test_a_whole_body_is_found_and_stays_a_body(tmp_path: Path) -> None:
     """The frame's ten numbers, from others; what is found is positive definite, told or not."""
     numbers = numbers_of("pendulum_robot").with_whole(["frame"])
-    paths = [path for path in numbers.places if path.startswith(WHOLE)]
-    truth = {path: numbers.value(path) for path in paths}
+    paths = [path for path in numbers.known if path.startswith(WHOLE)]
+    truth = {path: numbers.known[path].value for path in paths}
     wrong = {path: 1.05 * value for path, value in truth.items()}
     path = tmp_path / "wrong.toml"
     path.write_text(numbers.text(wrong, numbers.scene({})), encoding="utf-8")

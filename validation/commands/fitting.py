@@ -274,7 +274,7 @@ class Fit:
             raise InputError("fit needs a log: a table of t and what the sensors read")
         numbers = numbers_of(self.scene)
         if not listed(self.free):
-            Console().print(Columns(numbers.places))
+            Console().print(Columns(numbers.known))
             raise InputError("name the numbers to find with --free; the scene has those above")
         check_files(self.to, self.page, self.json)
         if self.engine != "mujoco" and not listed(self.preset):

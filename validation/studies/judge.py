@@ -389,9 +389,9 @@ def number_of(judged: FileJudgement) -> Found | None:
     effects = {}
     with contextlib.suppress(InputError):  # of a scene that no file can hold
         numbers, before = numbers_of(scene), off(theory)
-        for path in numbers.places:
+        for path, (value, *_) in numbers.known.items():
             with contextlib.suppress(InputError):  # of a number that cannot be
-                other = numbers.scene({path: numbers.value(path) * (1 + _NUDGE)})
+                other = numbers.scene({path: value * (1 + _NUDGE)})
                 effect = off(integrate(other, theory.times)) - before
                 effects[path] = abs(effect @ before) / (np.linalg.norm(effect) or np.inf)
     if not effects or max(effects.values()) < np.sqrt(_LIKELY) * np.linalg.norm(before):

@@ -13,7 +13,7 @@ import pytest
 
 import robotball as rb
 from robotball.files import robot_file
-from robotball.files.robot_file import RobotFile, open_robot
+from robotball.files.robot_file import RobotFile, open_robot, scene_of_robot
 from robotball.rotations import Array
 from tests.motions import pair_of
 from tests.robotball.files.scene_texts import PLATE
@@ -135,7 +135,7 @@ def test_a_robots_scene_rolls_as_its_own_model_in_fine_steps(name: str, tmp_path
 
     assert off(rb.load_scene(str(path))) < 2.1e-4
     changed = written(tmp_path, f"changed_{name}", text.replace(old, new))
-    assert off(robot_file.robot_scene(changed)) > 1e-3
+    assert off(rb.load_scene(changed)) > 1e-3
 
 
 @pytest.mark.usefixtures("trusted")
@@ -143,7 +143,9 @@ def test_controls_change_in_time(tmp_path: Path) -> None:
     """Through a filter and an integrator; measured 4.3e-5 of the path, as of constant ones."""
     path, times = written(tmp_path, "filtered.xml", FILTERED), np.linspace(0.0, 0.6, 13)
     drive, fly = rb.Sine(amplitude=0.15, frequency=2.0), rb.Ramp(final=6.0, end=0.4)
-    scene = robot_file.robot_scene(path, {"drive": drive, "fly": fly}, duration=0.6)
+    scene = scene_of_robot(
+        path, {"robot": path.name, "duration": 0.6}, {"drive": drive, "fly": fly}
+    )
     theory = rb.integrate(scene, times)
     points = own_steps(open_robot(path), times, {"drive": drive.rate, "fly": fly.rate})
     away = np.linalg.norm(points - theory.contact_point, axis=1)
@@ -169,7 +171,8 @@ def test_a_scene_file_names_a_robots(tmp_path: Path) -> None:
     own, path = written(tmp_path, "mybot.xml", PLATE), written(tmp_path, "mine.toml", NAMED)
     drive = rb.Sine(amplitude=0.02, frequency=0.5)
     for controls, fly in ((None, 15.0), ({"fly": 7.0}, 7.0)):
-        scene = robot_file.robot_scene(own, {"drive": drive, "fly": fly}, None, "rubber", None, 3.0)
+        table = {"robot": own.name, "rolling": "rubber", "duration": 3}
+        scene = scene_of_robot(own, table, {"drive": drive, "fly": fly})
         assert rb.load_scene(path, controls) == replace(scene, name="mine", title="Mine")
     for change, line in {
         ('title = "Mine"', "gravity = 9"): "no key beside robot is called 'gravity'; there are",
@@ -218,7 +221,8 @@ def test_shell_rolling_model_and_keyframe_are_chosen_by_name(tmp_path: Path) -> 
     two = PLATE.replace("<freejoint/>", '<freejoint/><geom name="other" type="sphere" size=".15"/>')
     two = two.replace("<key ", '<key name="level" qpos="0 0 .15 1 0 0 0 0 0"/><key ')
     path = written(tmp_path, "two.xml", two)
-    scene = robot_file.robot_scene(path, shell="other", rolling="rubber", key="tilted")
+    table = {"robot": path.name, "shell": "other"}
+    scene = scene_of_robot(path, {**table, "rolling": "rubber", "keyframe": "tilted"})
     other = open_robot(path, "other")
     assert other.model.geom(other.sphere).name == "other"
     assert scene.rolling == "rubber"
@@ -226,12 +230,12 @@ def test_shell_rolling_model_and_keyframe_are_chosen_by_name(tmp_path: Path) -> 
     refused: list[tuple[dict[str, Any], str]] = [
         ({"shell": "ball"}, "several spheres of 0.15 m could roll: other of ball, hull of ball"),
         ({"shell": "plate"}, "no sphere that can roll, or its body, is called 'plate'"),
-        ({"shell": "other", "key": "up"}, "no keyframe is called 'up'; there are level, tilted"),
-        ({"shell": "other", "controls": {"x": 1.0}}, "no actuator is called 'x'; there are drive"),
+        ({"keyframe": "up"}, "no keyframe is called 'up'; there are level, tilted"),
+        ({"controls": {"x": 1.0}}, "no actuator is called 'x'; there are drive"),
     ]
     for choice, line in refused:
         with pytest.raises(rb.InputError, match=line):
-            robot_file.robot_scene(path, **choice)
+            scene_of_robot(path, table | choice)
 
 
 WARNED = {

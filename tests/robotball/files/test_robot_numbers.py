@@ -79,7 +79,7 @@ def test_a_scene_file_may_name_the_robot(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(f'robot = "{FIRST}"\nduration = 2.0\ncontrols.drive = 0.01\n')
     found = numbers_of(path)
-    assert found.value("wheel.kv") == 0.01
+    assert found.known["wheel.kv"].value == 0.01
     scene = found.scene({})
     assert (scene.actuators[0].command, scene.duration) == (0.01, 2.0)
 

@@ -41,7 +41,7 @@ _PARQUET_EXTRA = (
     "Parquet needs pyarrow: install robotball's extra `parquet`, or use .csv or .npz instead"
 )
 # Units that need no conversion: whether the value is a rate, an angle or a torque, the drive says.
-_TIME, _VALUE = ("s",), ("rad/s", "rad", "N m", "Nm", "N*m", "N·m")
+_TIME, VALUES = ("s",), ("rad/s", "rad", "N m", "Nm", "N*m", "N·m")
 
 
 _Line = tuple[int, str]  # its number in the file, from 1, and its text
@@ -103,7 +103,7 @@ def read_samples(path: Path) -> Samples:
         raise InputError(
             f"{path}: samples take two columns, time and value, not {', '.join(table.columns)}"
         )
-    for name, known in zip(table.columns, (_TIME, _VALUE), strict=True):
+    for name, known in zip(table.columns, (_TIME, VALUES), strict=True):
         if (unit := table.units.get(name)) and unit not in known:
             raise InputError(f"{path}: {name} is in {unit}; samples take {', '.join(known[:3])}")
     times, values = (tuple(column.tolist()) for column in table.columns.values())

@@ -13,15 +13,16 @@ import numpy as np
 
 from robotball.errors import LARGEST, InputError
 from robotball.files import named
-from robotball.files.columns import Table, read_table
+from robotball.files.columns import VALUES, Table, read_table
 from robotball.files.trajectories import (
+    LENGTHS,
     RATES,
     TAU,
+    Units,
     check_increasing,
-    made_si,
     recognized,
     to_unit,
-    without_unit,
+    together,
 )
 from robotball.rotations import Array
 from robotball.scene import Scene
@@ -33,14 +34,20 @@ _SENSORS = {
     "shell_gyro": ("shell_wx", "shell_wy", "shell_wz"),
     "accelerometer": ("ax", "ay", "az"),
 }
+_OF_HINGES = ("angle", "rate", "torque", "current")
 _COMMAND = "command"
-_ANGLES = {"rad": 1.0, "deg": TAU / 360, "rev": TAU, "°": TAU / 360}
-_OF_HINGES = {
-    "angle": _ANGLES,
+# By the last word of a sensor's name.
+_UNITS: dict[str, Units] = {
+    "position": LENGTHS,
+    "attitude": {"1": 1.0},
+    "gyro": RATES,
+    "accelerometer": {"m/s²": 1.0, "m/s^2": 1.0, "g": 9.80665},
+    "angle": {"rad": 1.0, "deg": TAU / 360, "rev": TAU, "°": TAU / 360},
     "rate": RATES,
     "torque": {"N m": 1.0, "Nm": 1.0, "N*m": 1.0, "N·m": 1.0, "mN m": 1e-3, "mNm": 1e-3},
     "current": {"A": 1.0, "mA": 1e-3},
 }
+_COMMANDS: Units = dict.fromkeys(VALUES, 1.0)  # they need no conversion
 _FEWEST = 4  # readings of a sensor; that its noise is known takes more
 _SPARSEST = 30.0  # times in which a ball falls by its size, from one reading to the next
 
@@ -147,32 +154,20 @@ def read_log(path: Path, scene: Scene) -> Log:
 
 
 def _log_of(table: Table, name: str, scene: Scene) -> Log:
-    columns, units, others = recognized(table)
-    plain = {title: without_unit(title) for title in others}
-    units_of = {bare: unit or table.units.get(title, "") for title, (bare, unit) in plain.items()}
-    others = {bare: others[title] for title, (bare, _) in plain.items()}
-    if "t" not in columns:
-        raise InputError(f"there is no column of times; there are {', '.join(table.columns)}")
-    notes = [*table.notes]
-    for group in (("t",), ("x", "y", "z"), ("wx", "wy", "wz")):
-        notes += made_si(columns, units, group)
-    for hinge in scene.hinges:
-        for kind, known in _OF_HINGES.items():
-            title = f"{hinge.name}_{kind}"
-            if title in others:
-                unit = units_of[title]
-                if unit not in ("", "-", "1") and unit not in known:
-                    raise InputError(f"{title} is in {unit!r}; it can be in {', '.join(known)}")
-                columns[title] = others[title] * known.get(unit, 1.0)
+    known = _columns_of(scene)
     driven = {hinge.name: hinge.motor is not None for hinge in scene.hinges}
     driven |= {actuator.name: True for actuator in scene.actuators}
-    taken = (*sum(_columns_of(scene).values(), ()), *(f"{name}_{_COMMAND}" for name in driven))
-    columns.update({each: others[each] for each in taken if each in others})
+    units = dict.fromkeys((f"{motor}_{_COMMAND}" for motor in driven), _COMMANDS)
+    for of, needed in known.items():
+        units |= dict.fromkeys(needed, _UNITS[of.rpartition("_")[2]])
+    columns, _, notes = recognized(table, units)
+    if "t" not in columns:
+        raise InputError(f"there is no column of times; there are {', '.join(table.columns)}")
     times = columns["t"]
     if not np.isfinite(times).all():
         raise InputError(f"t is {times[~np.isfinite(times)][0]} in a row; each row needs its time")
     check_increasing(times)
-    sensors = tuple(_sensors(columns, times, scene))
+    sensors = tuple(_sensors(columns, times, known))
     if not sensors:
         titles = [",".join(each) for each in _SENSORS.values()]
         titles += [f"{scene.hinges[0].name}_{kind}" for kind in _OF_HINGES]
@@ -211,27 +206,24 @@ def _check_dense(sensors: tuple[Sensor, ...], scene: Scene) -> None:
 
 
 def _columns_of(scene: Scene) -> dict[str, tuple[str, ...]]:
-    """Return the columns of the sensors of bodies, those on links of a robot's own file too."""
-    return _SENSORS | {
+    """Return the columns of sensors, those on links of a robot's own file and of hinges too."""
+    of_links = {
         f"{link.name}_{kind}": tuple(f"{link.name}_{column}" for column in _SENSORS[kind])
         for link in scene.ball.links
         for kind in ("attitude", "gyro")
     }
+    of_hinges = (f"{hinge.name}_{kind}" for hinge in scene.hinges for kind in _OF_HINGES)
+    return _SENSORS | of_links | {each: (each,) for each in of_hinges}
 
 
-def _sensors(columns: Mapping[str, Array], times: Array, scene: Scene) -> Iterator[Sensor]:
-    groups = _columns_of(scene)
-    groups |= {f"{each.name}_{kind}": (f"{each.name}_{kind}",)
-               for each in scene.hinges for kind in _OF_HINGES}  # fmt: skip
-    for name, needed in groups.items():
-        there = [each for each in needed if each in columns]
-        if name == "position" and there == ["x", "y"]:
+def _sensors(
+    columns: Mapping[str, Array], times: Array, known: Mapping[str, tuple[str, ...]]
+) -> Iterator[Sensor]:
+    for name, needed in known.items():
+        if name == "position" and "z" not in columns:
             needed = ("x", "y")
-        if not there:
+        if (values := together(columns, needed)) is None:
             continue
-        if len(there) < len(needed):
-            raise InputError(f"of {', '.join(needed)} there is only {', '.join(there)}")
-        values = np.stack([columns[each] for each in needed], axis=1)
         read = ~np.isnan(values).any(axis=1)
         if (worst := np.abs(values[read])).size and not worst.max() <= LARGEST:
             raise InputError(f"{name} has a reading of {worst.max():g}; check its unit")

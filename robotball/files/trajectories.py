@@ -22,6 +22,7 @@ from robotball.scene import Scene
 
 FORMAT = "robotball motion 1"  # by which `recorded` knows a file that has all arrays
 _Place = tuple[str, ...]
+Units = dict[str, float]  # what each is in SI's
 
 
 def _layout(scene: Scene) -> Iterator[tuple[_Place, tuple[str, ...], str]]:
@@ -116,6 +117,7 @@ LENGTHS = {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254
 _TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
 TAU = 2 * np.pi
 RATES = {"rad/s": 1.0, "1/s": 1.0, "deg/s": TAU / 360, "rpm": TAU / 60, "rev/s": TAU}
+# A quaternion has no unit, and momentum is taken in kg m²/s alone.
 _UNITS = {"t": _TIMES, **dict.fromkeys("xyz", LENGTHS), **dict.fromkeys(("wx", "wy", "wz"), RATES)}
 _AS_WRITTEN = {"°/s": "deg/s", "µm": "um", "μm": "um", "rad/sec": "rad/s", "rad s^-1": "rad/s"}
 _NO_QUATERNION = 0.02  # off length one: more is no rounding
@@ -212,17 +214,13 @@ def read_trajectory(path: Path) -> Trajectory:
 
 def _trajectory_of(table: Table, name: str) -> Trajectory:
     """Return the trajectory of a table. Raises InputError as `read_trajectory` does."""
-    columns, units, others = recognized(table)
+    columns, others, notes = recognized(table, {})
     missing = [each for each in _NEEDED if each not in columns]
     if missing:
         there, needed = ", ".join(table.columns) or "none", ",".join(_NEEDED)
         raise InputError(
             f"the columns {','.join(missing)} are missing; there are {there}, and needed {needed}"
         )
-    notes = list(table.notes)
-    # A quaternion has no unit, and momentum is taken in kg m²/s alone.
-    for group in (("t",), ("x", "y", "z"), ("wx", "wy", "wz")):
-        notes += made_si(columns, units, group)
     for each, column in columns.items():
         _check_finite(each, column, columns["t"])
     times = columns["t"]
@@ -235,22 +233,29 @@ def _trajectory_of(table: Table, name: str) -> Trajectory:
         times=times,
         position=np.stack([columns["x"], columns["y"], height], axis=1),
         attitude=attitude,
-        angular_velocity=_triple(columns, ("wx", "wy", "wz")),
-        momentum=_triple(columns, ("Mx", "My", "Mz")),
+        angular_velocity=together(columns, ("wx", "wy", "wz")),
+        momentum=together(columns, ("Mx", "My", "Mz")),
         others=others,
         header=table.header,
         notes=(*notes, *rounded),
     )
 
 
-def recognized(table: Table) -> tuple[dict[str, Array], dict[str, str], dict[str, Array]]:
-    """Return the known columns and their units, by our names; the others by their own."""
+def recognized(
+    table: Table, more: dict[str, Units]
+) -> tuple[dict[str, Array], dict[str, Array], list[str]]:
+    """Return the known columns by our names, in SI units, the others by their own, and notes.
+
+    more: further columns that are known, by this name alone, with the units that they can have.
+    """
     columns: dict[str, Array] = {}
     units: dict[str, str] = {}
     others: dict[str, Array] = {}
     came_as: dict[str, str] = {}
     for title, column in table.columns.items():
         name, unit = _parsed(title)
+        if name is None and without_unit(title)[0] in more:
+            name, unit = without_unit(title)
         if name is None:
             others[title] = column
             continue
@@ -258,7 +263,7 @@ def recognized(table: Table) -> tuple[dict[str, Array], dict[str, str], dict[str
             raise InputError(f"{came_as[name]!r} and {title!r} are both the column {name}")
         columns[name], came_as[name] = column, title
         units[name] = unit or table.units.get(title, "")
-    return columns, units, others
+    return columns, others, [*table.notes, *_made_si(columns, units, _UNITS | more)]
 
 
 def _parsed(title: str) -> tuple[str | None, str | None]:
@@ -289,13 +294,15 @@ def _unit_name(unit: str) -> str:
     return _AS_WRITTEN.get(unit.strip(), unit.strip())
 
 
-def made_si(columns: dict[str, Array], units: Mapping[str, str], group: _Place) -> list[str]:
-    """Turn columns of a group into SI units, in place. Returns a note for each other unit."""
+def _made_si(
+    columns: dict[str, Array], units: Mapping[str, str], units_of: Mapping[str, Units]
+) -> list[str]:
+    """Turn columns into SI units, in place. Returns a note for each other unit."""
     changed: dict[str, list[str]] = {}
-    for name in group:
-        unit, known = _unit_name(units.get(name, "")), _UNITS[name]
+    for name, known in units_of.items():
+        unit = _unit_name(units.get(name, ""))
         # Without a unit it is SI's.
-        if name not in columns or unit in _NO_UNIT:
+        if unit in _NO_UNIT:
             continue
         if unit not in known:
             raise InputError(f"{name} is in {unit!r}; it can be in {', '.join(known)}")
@@ -352,7 +359,8 @@ def to_unit(attitude: Array, times: Array) -> tuple[Array, list[str]]:
     return attitude / length[:, None], [note]
 
 
-def _triple(columns: Mapping[str, Array], names: tuple[str, ...]) -> Array | None:
+def together(columns: Mapping[str, Array], names: tuple[str, ...]) -> Array | None:
+    """Return the columns of these names (n, k), None where there is none of them."""
     there = [name for name in names if name in columns]
     if there and len(there) < len(names):
         raise InputError(f"of {', '.join(names)} there is only {', '.join(there)}")

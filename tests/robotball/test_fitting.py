@@ -412,9 +412,12 @@ LOGS = {
     "t,x,y\n0,0,0\n0,0,0\n": "times must increase",
     "t,wx [foo],wy,wz\n0,0,0,0\n1,0,0,0\n": "wx is in 'foo'; it can be in rad/s",
     "t,frame_rate [foo]\n0,0\n1,0\n": "frame_rate is in 'foo'; it can be in rad/s",
+    "t,ax [foo],ay,az\n0,0,0,0\n1,0,0,0\n": "ax is in 'foo'; it can be in m/s²",
+    "t,frame_rate,frame_command [rpm]\n0,0,0\n1,0,0\n":
+        "frame_command is in 'rpm'; it can be in rad/s",
     "t,x,y,frame_command\n0,0,0,\n1,0,0,\n2,0,0,\n3,1,1,\n": "frame_command is empty",
     "t,x,y\n0,0,0\n1,0,0\n2,0,0\n3e3,1,1\n": "4 readings until t = 3000 s are one in 750 s, and",
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("text", LOGS)
@@ -429,17 +432,24 @@ def test_a_useless_log_is_refused_in_a_line(text: str, tmp_path: Path) -> None:
 
 def test_sensors_have_times_of_their_own(tmp_path: Path) -> None:
     """An empty cell is no reading; units of titles are made SI's; commands are held."""
-    rows = ["t,x [mm],y [mm],frame_angle [deg],frame_command"]
-    rows += [f"{i / 10},{i if i % 2 else ''},{i if i % 2 else ''},{9 * i},{i}" for i in range(10)]
+    rows = ["t,x [mm],y [mm],frame_angle [deg],frame_command,shell_wx [deg/s],shell_wy,shell_wz"]
+    rows += [
+        f"{i / 10},{i if i % 2 else ''},{i if i % 2 else ''},{9 * i},{i},{9 * i},0,0"
+        for i in range(10)
+    ]
     path = tmp_path / "log.csv"
     path.write_text("\n".join(rows), encoding="utf-8")
     found = rb.read_log(path, rb.load_scene("pendulum_robot"))
-    position, angle = found.sensors
+    position, gyro, angle = found.sensors
     assert position.times.tolist() == [0.1, 0.3, 0.5, 0.7, 0.9]
     assert position.values[0].tolist() == [1e-3, 1e-3]
-    assert angle.values[2, 0] == pytest.approx(np.radians(18.0))
+    assert angle.values[2, 0] == gyro.values[2, 0] == pytest.approx(np.radians(18.0))
     assert found.commands["frame"][1].tolist() == list(range(10))
-    assert found.notes == ("x, y: in mm, as the file says, and taken so",)
+    assert found.notes == (
+        "x, y: in mm, as the file says, and taken so",
+        "shell_wx: in deg/s, as the file says, and taken so",
+        "frame_angle: in deg, as the file says, and taken so",
+    )
 
 
 NAMES = {

@@ -144,12 +144,14 @@ def editable(
     pairs = zip(model.pair_geom1, model.pair_geom2, strict=True)
     own_pair = next((i for i, each in enumerate(pairs) if {*map(int, each)} == ours), None)
     sphere, plane = (named["geom", i] for i in (robot.sphere, robot.plane))
-    for write in (_own_text, _written_text):
+    # The author's own text, or else the file as MuJoCo writes it.
+    for read in (robot.path.read_bytes, lambda: robot.spec.to_xml().encode()):
         try:
-            text, moved = (write(robot, by, new, own_pair) for by in (STILL, moves))
+            source = read()
+            text, moved = (_prepared(source, robot, by, new, own_pair) for by in (STILL, moves))
             if _is_same(robot, named, text, STILL) and _is_same(robot, named, moved, moves):
-                source = write(robot, STILL, {}, None)
-                return Editable(source, text, moved, sphere, plane, pair, own_pair is not None)
+                whole = _prepared(source, robot, STILL, {}, None)
+                return Editable(whole, text, moved, sphere, plane, pair, own_pair is not None)
         except (InputError, ExpatError, IndexError, UnicodeDecodeError):
             continue
     raise InputError(f"{robot.path} cannot be mended: written again, it is another robot")
@@ -178,27 +180,6 @@ def _folders(robot: RobotFile) -> dict[str, str]:
     if not (model.nmesh or model.ntex or model.nhfield or model.nskin):
         return {}
     return {"meshdir": str(here / spec.meshdir), "texturedir": str(here / spec.texturedir)}
-
-
-def _written_text(robot: RobotFile, moves: Moves, names: _Names, pair: int | None) -> str:
-    """Return the file as MuJoCo writes it, with names and without a pair, moved."""
-    spec = robot.spec.copy()
-    if pair is not None:
-        spec.delete(spec.pairs[pair])
-    for (kind, i), name in names.items():
-        (spec.geoms if kind == "geom" else spec.bodies)[i].name = name
-    for name, folder in _folders(robot).items():
-        setattr(spec, name, folder)
-    root = spec.bodies[robot.root]
-    root.pos = root.pos + moves.shift
-    for key in filter(lambda each: len(each.qpos), spec.keys):
-        key.qpos = _shifted(key.qpos, moves.shift, robot.free)
-    if np.any(moves.kick) and moves.key is not None:
-        key = spec.keys[moves.key]
-        if len(key.qvel):
-            key.qvel = _shifted(key.qvel, moves.kick, robot.drift)
-    spec.compile()
-    return str(spec.to_xml())
 
 
 class Element(NamedTuple):
@@ -230,10 +211,11 @@ def elements_of(data: bytes) -> list[Element]:
     return found
 
 
-def _own_text(robot: RobotFile, moves: Moves, names: _Names, pair: int | None) -> str:
-    """Return the author's own text, with names and without a pair, moved."""
-    data, model = robot.path.read_bytes(), robot.model
-    elements = elements_of(data)
+def _prepared(
+    source: bytes, robot: RobotFile, moves: Moves, names: _Names, pair: int | None
+) -> str:
+    """Return a text of a robot's file, with names and without a pair, moved."""
+    model, elements = robot.model, elements_of(source)
 
     def tagged(tag: str) -> list[Element]:
         return [each for each in elements if each.tag == tag]
@@ -262,7 +244,7 @@ def _own_text(robot: RobotFile, moves: Moves, names: _Names, pair: int | None) -
             edits.append((key.at, "qvel", _added(old, moves.kick, robot.drift)))
     if pair is not None:
         edits.append((tagged("pair")[pair].at, "", ""))
-    text, folders = edited(data, edits), _folders(robot)
+    text, folders = edited(source, edits), _folders(robot)
     return before_end(text, [f"<compiler{_attributes(folders)}/>"]) if folders else text
 
 

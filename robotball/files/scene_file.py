@@ -164,6 +164,7 @@ def _check_numbers(key: str, value: object) -> None:
 def scene_of_table(path: Path, table: tables.SceneTable) -> Scene:
     """Return the scene of a file's table; the path names it. Raises InputError."""
     ball = _robot(table, path.parent)
+    down = direction("gravity_direction", np.array(table.gravity_direction))
     with named("plane.motion"):
         X, Y, Z = (rate_of(each, path.parent) for each in table.plane.motion)
     scene = Scene(
@@ -175,7 +176,7 @@ def scene_of_table(path: Path, table: tables.SceneTable) -> Scene:
         start=_start(table.start, ball),
         duration=table.duration,
         gravity=table.gravity,
-        gravity_direction=tuple(_axis("gravity_direction", table.gravity_direction).tolist()),
+        gravity_direction=tuple(down.tolist()),
         friction=Friction(*msgspec.structs.astuple(table.friction)),
         plane_motion=(X, Y, Z),
     )
@@ -196,22 +197,11 @@ def _robot(table: tables.SceneTable, folder: Path) -> Ball:
     if table.shell is None or table.frame is None:
         missing = "frame" if table.shell else "shell"
         raise InputError(f"key {missing!r} is missing; a scene takes shell and frame, or numbers")
-    radius = table.shell.outer
-    shell, solid = _shell(table.shell, folder), _solid("frame", table.frame, radius, folder)
-    frame = Frame(solid.mass, solid.inertia, solid.centre, shapes=solid.shapes)
-    hinges = [_hinge("frame", table.frame, frame, folder)]
-    for i, rotor in enumerate(table.rotor, start=1):
-        name = f"rotor{i}"
-        hinges.append(_hinge(name, rotor, _rotor(name, rotor, radius, folder), folder))
-    for i, pendulum in enumerate(table.pendulum, start=1):
-        name = f"pendulum{i}"
-        hinges.append(_hinge(name, pendulum, _pendulum(name, pendulum, radius, folder), folder))
-    return Ball(shell, tuple(hinges))
-
-
-def _axis(name: str, v: tables.Triple) -> Array:
-    """Return the unit vector (3,) along one of any length."""
-    return direction(name, np.array(v))
+    shell = _shell(table.shell, folder)
+    bodies: list[tuple[str, _Body]] = [("frame", table.frame)]
+    bodies += [(f"rotor{i}", each) for i, each in enumerate(table.rotor, start=1)]
+    bodies += [(f"pendulum{i}", each) for i, each in enumerate(table.pendulum, start=1)]
+    return Ball(shell, tuple(_hinge(name, each, shell.radius, folder) for name, each in bodies))
 
 
 def _tensor(what: str, rows: tables.Rows) -> Array:
@@ -222,10 +212,12 @@ def _tensor(what: str, rows: tables.Rows) -> Array:
     return np.array(rows) if kinds == {True} else np.diag(np.array(rows, dtype=float))
 
 
-def _hinge(
-    name: str, table: tables.HingeTable, body: Frame | Rotor | Pendulum, folder: Path
-) -> Hinge:
-    """Return a body's hinge. Raises InputError for keys of its table that do not combine."""
+def _hinge(name: str, table: _Body, radius: float, folder: Path) -> Hinge:
+    """Return the hinge of a body in a shell of this radius [m].
+
+    Raises InputError for keys of its table that do not combine.
+    """
+    body = _body(name, table, radius, folder)
     _check_keys(name, table)
     kind = DRIVES[table.drive]
     command = None if kind.command is None else getattr(table, kind.command)
@@ -327,7 +319,7 @@ def _check_one_way(name: str, what: str, keys: list[str], table: tables.ShellTab
 def _shell(table: tables.ShellTable, folder: Path) -> Shell:
     """Return the shell. Raises InputError for no mass, or no symmetry about its axis."""
     check_positive("the shell's radius", table.outer, "m")
-    radius, axis = table.outer, _axis("shell.axis", table.axis)
+    radius, axis = table.outer, direction("shell.axis", np.array(table.axis))
     wall = table.given("mass", "density", "material", "thickness", "inertia")
     if file := table.mjcf or table.urdf:
         _check_one_way("shell", "mass and thickness", wall, table)
@@ -384,9 +376,15 @@ def _wall(table: tables.ShellTable) -> tuple[float, float, float]:
     return table.mass, given.axial, given.transverse
 
 
-def _rotor(name: str, table: tables.RotorTable, radius: float, folder: Path) -> Rotor:
-    """Return a rotor in a shell of this radius [m]. Raises InputError for no symmetry."""
-    axis = _axis(f"{name}'s axis", table.axis)
+def _body(name: str, table: _Body, radius: float, folder: Path) -> Frame | Rotor | Pendulum:
+    """Return the body of a table. Raises InputError for a rotor of no symmetry."""
+    if isinstance(table, tables.FrameTable):
+        solid = _solid(name, table, radius, folder)
+        return Frame(solid.mass, solid.inertia, solid.centre, shapes=solid.shapes)
+    axis = direction(f"{name}'s axis", np.array(table.axis))
+    if isinstance(table, tables.PendulumTable):
+        solid, pivot = _solid(name, table, radius, folder), np.array(table.pivot)
+        return Pendulum(solid.mass, solid.inertia, solid.centre, axis, pivot, shapes=solid.shapes)
     solid = _solid(name, table, radius, folder, axis)
     # As given, where they are: those of the tensor would be rounded.
     if isinstance(table.inertia, tables.Axial):
@@ -394,13 +392,6 @@ def _rotor(name: str, table: tables.RotorTable, radius: float, folder: Path) -> 
     else:
         axial, transverse = _symmetric(name, solid.inertia, axis)
     return Rotor(solid.mass, axial, transverse, axis, solid.centre, shapes=solid.shapes)
-
-
-def _pendulum(name: str, table: tables.PendulumTable, radius: float, folder: Path) -> Pendulum:
-    """Return a pendulum in a shell of this radius [m]."""
-    solid = _solid(name, table, radius, folder)
-    axis, pivot = _axis(f"{name}'s axis", table.axis), np.array(table.pivot)
-    return Pendulum(solid.mass, solid.inertia, solid.centre, axis, pivot, shapes=solid.shapes)
 
 
 def _solid(name: str, table: _Body, radius: float, folder: Path, axis: Array = Z) -> Solid:

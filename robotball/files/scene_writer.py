@@ -67,6 +67,8 @@ def _scene_table(scene: Scene) -> tables.SceneTable:
             f"{scene.name}: a scene file holds a symmetric shell, a frame, rotors and pendulums, "
             "but no links or actuators; keep the model file, or the Python that made the scene"
         )
+    kinds = (Rotor, Pendulum)
+    hung = {kind: [each for each in ball.hinges if isinstance(each.body, kind)] for kind in kinds}
     return tables.SceneTable(
         title=scene.title,
         source=scene.source,
@@ -78,18 +80,8 @@ def _scene_table(scene: Scene) -> tables.SceneTable:
         plane=tables.PlaneTable(motion=tuple(map(_command, scene.plane_motion))),
         shell=_shell(ball.shell),
         frame=tables.FrameTable(**_hinge(ball.hinges[0])),
-        rotor=tuple(
-            tables.RotorTable(axis=_numbers(each.body.axis), **_hinge(each))
-            for each in ball.hinges
-            if isinstance(each.body, Rotor)
-        ),
-        pendulum=tuple(
-            tables.PendulumTable(
-                axis=_numbers(each.body.axis), pivot=_numbers(each.body.pivot), **_hinge(each)
-            )
-            for each in ball.hinges
-            if isinstance(each.body, Pendulum)
-        ),
+        rotor=tuple(tables.RotorTable(**_hinge(each)) for each in hung[Rotor]),
+        pendulum=tuple(tables.PendulumTable(**_hinge(each)) for each in hung[Pendulum]),
         start=tables.StartTable(
             attitude=_numbers(scene.start.attitude), momentum_world=_numbers(scene.start.momentum)
         ),
@@ -116,7 +108,7 @@ def _numbers(values: Array) -> Any:
 
 
 def _hinge(hinge: Hinge) -> dict[str, Any]:
-    """Return the keys of a hinge and of its body, but for their places."""
+    """Return the keys of a hinge and of its body."""
     body, motor = hinge.body, hinge.motor
     if isinstance(body, Rotor):
         # Its moments, not its tensor, which would come back rounded.
@@ -136,6 +128,10 @@ def _hinge(hinge: Hinge) -> dict[str, Any]:
         "initial_angle": hinge.angle,
         "initial_rate": hinge.rate,
     }
+    if isinstance(body, Rotor | Pendulum):
+        keys["axis"] = _numbers(body.axis)
+    if isinstance(body, Pendulum):
+        keys["pivot"] = _numbers(body.pivot)
     if kind.command is not None:
         keys[kind.command] = _command(hinge.command)
     if motor is not None:

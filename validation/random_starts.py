@@ -176,7 +176,8 @@ def _reference(times: Array, scene: Scene) -> Motion:
 
 def of_cell(cell: Cell, progress: Progress | None = None) -> Mapping[str, Any]:
     """Return the rows of a cell of `many_runs`."""
-    scene, first = controlled(cell["scene"], cell["control"], cell.get("controller")), cell["first"]
+    scene = controlled(cell["scene"], cell.get("control", ()), cell.get("controller"))
+    first = cell["first"]
     # A seed for each start by its own number: the same starts, however they are shared among cells.
     seeds = ([cell["seed"], i] for i in range(first, first + cell["count"]))
     starts = [random_start(scene, np.random.default_rng(each)) for each in seeds]

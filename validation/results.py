@@ -95,25 +95,6 @@ def controlled(name: str, texts: Sequence[str], controller: str | None = None) -
     return replace(scene, name=file_name(scene.name, None, words)) if words else scene
 
 
-def with_controls(name: str, texts: Sequence[str], folder: Path) -> str:
-    """Return the path of a scene file, written to a folder, that has the controls of `texts` too.
-
-    Without controls it is the name itself.
-    """
-    if not texts:
-        return name
-    if Path(name).suffix == ".toml":
-        raise InputError(f"{name}: write the controls into it, in its table [controls]")
-    lines = [f"robot = {json.dumps(str(Path(name).absolute()))}", "[controls]"]
-    for key, value in controls_of(texts).items():
-        file = next(text for text in texts if text.startswith(f"{key}=")).partition("=")[2]
-        samples = f'{{ kind = "samples", file = {json.dumps(str(Path(file).absolute()))} }}'
-        lines.append(f"{json.dumps(key)} = {value if isinstance(value, float) else samples}")
-    path = folder / f"{controlled(name, texts).name}.toml"
-    write_text(path, "\n".join([*lines, ""]))
-    return str(path)
-
-
 def scenes_of(
     names: Sequence[str], controls: Sequence[str] = (), controller: str | None = None
 ) -> dict[str, Scene]:

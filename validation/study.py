@@ -19,12 +19,13 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from robotball import Motion, Scene, integrate, load_scene, sample_times, scene_toml
+from robotball import Motion, Scene, integrate, sample_times, scene_toml
 from robotball.engines.reduced import compiled_states, motion_of
 from robotball.motion import Label
 from robotball.rotations import Array
 from validation.output import print_whole, title, write_picture, write_record, write_rows
-from validation.results import file_name
+from validation.results import controlled, file_name
+from validation.sweeps import Cell
 
 CANCELLED = 100.0
 """Times that M may be less accurate than the path: sound runs reach 20, and where it is more, the
@@ -33,24 +34,32 @@ Row = Mapping[str, Any]
 """Plain data of one run; what has no number is None or left out."""
 
 
-def scene_cell(scene: str, duration: float) -> dict[str, Any]:
+def scene_cell(scene: str, duration: float, control: Sequence[str] = ()) -> dict[str, Any]:
     """Return the part of a sweep's cell that describes its scene, a catalog name or a path.
 
-    The ball is in it by a digest, so that no result outlives a change of the file.
+    The ball and the values of its controls are in it by a digest, so that no result outlives a
+    change of their files. control: as `controlled` takes it, and a key only where there is some.
     """
     # Of the scene as it was read, not of the file: a comment in it changes no motion.
-    loaded = load_scene(scene)
+    loaded = controlled(scene, control)
     # A scene file cannot hold a robot of a file of its own.
     general = loaded.ball.general
     text = pickle.dumps(loaded) if general else scene_toml(loaded).encode()
     digest = hashlib.sha256(text).hexdigest()[:12]
-    return {"scene": scene, "digest": digest, "duration": duration}
+    cell = {"scene": scene, "digest": digest, "duration": duration}
+    return {**cell, "control": [*control]} if control else cell
+
+
+def reference(cell: Cell, interval: float) -> tuple[Scene, Motion]:
+    """Return a cell's scene and its motion by the equations, sampled every `interval` s; cached."""
+    return _reference(cell["scene"], (*cell.get("control", ()),), cell["duration"], interval)
 
 
 @cache
-def reference(name: str, duration: float, interval: float) -> tuple[Scene, Motion]:
-    """Return a scene and its motion by the equations, sampled every `interval` s; cached."""
-    scene = load_scene(name)
+def _reference(
+    name: str, control: tuple[str, ...], duration: float, interval: float
+) -> tuple[Scene, Motion]:
+    scene = controlled(name, control)
     return scene, integrate(scene, sample_times(duration, interval))
 
 

@@ -56,7 +56,7 @@ def test_a_broken_run_is_counted_and_has_no_error() -> None:
 
 def whole() -> dict[str, Any]:
     more = {"engine": "mujoco", "preset": "fast", "keep_going": False, "environments": None}
-    return scene_cell("fig12", 0.5) | more | {"seed": 3, "control": (), "device": None}
+    return scene_cell("fig12", 0.5) | more | {"seed": 3, "device": None}
 
 
 def without_seconds(rows: Any) -> list[dict[str, Any]]:

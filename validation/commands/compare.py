@@ -136,7 +136,7 @@ class Compare:
             raise InputError("random starts run by presets: leave out --accuracy and --strict")
         check_files(self.json, self.csv)
         same = {"engine": options.engine, "keep_going": options.keep_going, "device": self.device}
-        same |= {"seed": self.seed, "control": self.control, "environments": None}
+        same |= {"seed": self.seed, "environments": None}
         if self.controller is not None:
             same["controller"] = str(Path(self.controller).absolute())
         if options.environments is not None:
@@ -145,7 +145,7 @@ class Compare:
         for name, preset in product(self.scenes, presets):
             scene = controlled(name, self.control, self.controller)
             seconds = seconds_of(options.duration, quick=False, scene=scene)
-            cell = scene_cell(name, seconds) | same | {"preset": preset}
+            cell = scene_cell(name, seconds, self.control) | same | {"preset": preset}
             found = many_runs(cell, starts, self.cluster, options.out)
             runs[f"{name}, {preset}"] = found.rows
             for error in ERRORS:

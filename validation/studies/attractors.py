@@ -6,6 +6,7 @@ scene that reach each of its attractors.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -39,7 +40,7 @@ from validation.studies.contact_sections import (
     level_starts,
     rank_probability,
 )
-from validation.studies.contact_tangent import contact_cycle, contact_growth, cycle_crossings
+from validation.studies.contact_tangent import contact_cycle, cycle_crossings, growths, rolled
 from validation.study import Column, Row, show, table_of
 
 _F = 25.0  # of Figs 11 to 14, (kg m²/s)²
@@ -139,9 +140,9 @@ def _measure_clouds(show: Show) -> Iterator[Row]:
 def _measure_exponents(show: Show) -> Iterator[Row]:
     """Measure Fig. 11b's largest exponent, and the growth of both engines along one motion."""
     scene = load_scene("fig14")
-    contact = contact_growth(
-        build(scene, COARSE), 10.0, 10, 400, _PAIRS.points(seed=0),
-        lambda part: show(4 + 4 * part, "Fig. 11b: exponent"), deviations=1,
+    contact = growths(
+        scene, partial(rolled, build(scene, COARSE), 10.0), 10.0, 10, 400,
+        _PAIRS.points(seed=0), lambda part: show(4 + 4 * part, "Fig. 11b: exponent"), deviations=1,
     )  # fmt: skip
     largest, error = contact.ends().mean[0], contact.ends().error[0]
     reference, _ = exponents(scene.parameters, *_PAIRS.points(seed=0), _LONG_RUN).mean

@@ -13,7 +13,7 @@ Along the motion, about the vertical (in place of γ², which is 1 of every atti
 and (M, γ), which are constant, deviations do not grow: of the six exponents four are 0.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -155,8 +155,9 @@ def _logarithms(R: Array) -> Array:
     return np.log(np.abs(np.diagonal(R, axis1=1, axis2=2)))
 
 
-def contact_growth(
-    model: Model,
+def growths(
+    scene: Scene,
+    flow: Flow,
     stretch: float,
     skipped: int,
     count: int,
@@ -164,19 +165,10 @@ def contact_growth(
     progress: Callable[[float], object] = lambda part: None,
     deviations: int | None = None,
 ) -> _Growth:
-    """Return MuJoCo's `growth`, on all cores, of some deviations, or of all there are.
+    """Return a scene's `growth` by a flow, on all cores, of some deviations, or of all there are.
 
-    Raises InputError on a fault.
+    Raises InputError where the flow does, as `rolled` does on a fault.
     """
-    flow = partial(rolled, model, stretch)
-    return _growths(model.scene, flow, stretch, skipped, count, starts, progress, deviations)
-
-
-def _growths(
-    scene: Scene, flow: Flow, stretch: float, skipped: int, count: int,
-    starts: tuple[Array, Array], progress: Callable[[float], object], deviations: int | None = None,
-) -> _Growth:  # fmt: skip
-    """Return a scene's `growth` by a flow, as `contact_growth` does."""
     k = deviations or (5 if scene.rolling == "rubber" else 6)
     scale = None if scene.keeps_momentum else scene.momentum_scale
     one = partial(growth, flow, stretch, skipped, count, k, scale=scale)
@@ -243,28 +235,22 @@ _ALIGNED = 200.0  # s, in which the deviations turn to where they belong
 
 def limit_cycles_by_both(quick: bool = False) -> Iterator[Row]:
     """Yield the period and the multiplier of each figure's limit cycle; quick: without Fig. 7's."""
-    for name in list(_CYCLES)[quick:]:
-        yield from _cycle_rows(name)
+    for name, (where, parts, settings) in [*_CYCLES.items()][quick:]:
+        scene, place = load_scene(name), ("limit cycle", where, settings)
+        if np.any(scene.start.momentum):
+            cycle = fixed_point(scene.parameters, 3.6, 0.6, 25.0)
+        else:
+            (cycle,) = limit_cycles(scene.parameters)
+        contact = contact_cycle(build(scene, preset(settings)), cycle, parts)
+        own, theirs = (float(abs(each.multipliers[0])) for each in (cycle, contact))
+        yield compared(*place, "period", "s", cycle.period, contact.period, None, "step")
+        yield compared(*place, "|multiplier|", "1", own, theirs, None, "step")
 
 
 def exponents_by_both(quick: bool = False) -> Iterator[Row]:
     """Yield the exponents and dimensions of attractors; quick: of Fig. 14's, over short times."""
     for name in ("fig14",) if quick else _ATTRACTORS:
         yield from _exponent_rows(name, quick)
-
-
-def _cycle_rows(name: str) -> Iterator[Row]:
-    """Yield the period and the multiplier of a figure's limit cycle."""
-    where, parts, settings = _CYCLES[name]
-    scene, place = load_scene(name), ("limit cycle", where, settings)
-    if np.any(scene.start.momentum):
-        cycle = fixed_point(scene.parameters, 3.6, 0.6, 25.0)
-    else:
-        (cycle,) = limit_cycles(scene.parameters)
-    contact = contact_cycle(build(scene, preset(settings)), cycle, parts)
-    own, theirs = (float(abs(each.multipliers[0])) for each in (cycle, contact))
-    yield compared(*place, "period", "s", cycle.period, contact.period, None, "step")
-    yield compared(*place, "|multiplier|", "1", own, theirs, None, "step")
 
 
 def _exponent_rows(name: str, quick: bool) -> Iterator[Row]:
@@ -281,7 +267,8 @@ def _exponent_rows(name: str, quick: bool) -> Iterator[Row]:
     brought = orbits(ball, attitudes, momenta, np.array([0.0, 3000.0]), LONG_RUN_TOLERANCE)
     begin, skipped = (brought.attitudes[:, -1], momenta), round(aligned / _STRETCH)
     taken = _STRETCH, skipped, round(seconds / _STRETCH)
-    contact = contact_growth(build(scene, settings), *taken, begin)
+    by_contact = partial(rolled, build(scene, settings), _STRETCH)
+    contact = growths(scene, by_contact, *taken, begin)
     ours = growth(partial(integrated, ball, _STRETCH), *taken, contact.along.shape[-1], begin)
     found, right = contact.ends(zeros.stop), ours.ends(zeros.stop)
     if zeros.start == 1:
@@ -322,6 +309,8 @@ def compared(
     }  # fmt: skip
 
 
+_Mean = tuple[str, float, float | None]
+"""A row: a name, a mean and its standard error, if that is known."""
 _BATCH = 16  # starts a core followed at once, between two moves of the progress bar
 
 
@@ -355,48 +344,41 @@ class Lyapunov:
             return self._of_map(scene, settings)
         scene = moving_scene(self.scene, "an exponent")
         attitudes, momenta = level_starts(scene, self.starts, self.seed)
-        with progress_bar(self.starts * (1 if settings is None else 2)) as progress:
-            parts, together = [], _BATCH * allowed()
+        parts, together = [], _BATCH * allowed()
+        with progress_bar(self.starts) as progress:
             for i in range(0, self.starts, together):
                 progress(i, f"{scene.name}: equations")
                 some = attitudes[i : i + together], momenta[i : i + together]
                 parts.append(exponents(scene.parameters, *some, self.duration, self.transient))
-            found = Exponents(
-                np.concatenate([part.halves for part in parts]),
-                np.concatenate([part.divergence for part in parts]),
-                self.duration,
-            )
-            rows = [
-                ("λ₁ [1/s]", found.mean[0], found.error[0]),
-                ("λ₆ [1/s]", found.mean[1], found.error[1]),
-                ("sum [1/s]", float(found.divergence.mean()), None),
-                ("dimension of the section", found.dimension, found.dimension_error),
-            ]
-            record: dict[str, object] = {
-                "scene": scene.name,
-                "starts": self.starts,
-                "seed": self.seed,
-                "duration": self.duration,
-                "largest": found.largest.tolist(),
-                "smallest": found.smallest.tolist(),
-                "dimension": found.dimension,
-            }
-            if settings is not None:
-                count = max(1, round(self.duration / 10 / _STRETCH))
-                skipped = round(min(100.0, self.transient) / _STRETCH)
-                model = build(scene, settings)
-                contact = contact_growth(
-                    model, _STRETCH, skipped, count, (attitudes, momenta),
-                    lambda part: progress(self.starts * (1 + part), f"{scene.name}: {LABEL.name}"),
-                )  # fmt: skip
-                for index, each in zip("₁₂₃₄₅₆", contact.spectra.T, strict=True):
-                    name = f"λ{index} by {LABEL.name}, {settings.name} [1/s]"
-                    rows.append((name, float(each.mean()), standard_error(each)))
-                record |= {
-                    "engine": LABEL.name,
-                    "engine_duration": self.duration / 10,
-                    "engine_exponents": contact.spectra.tolist(),
-                }
+        found = Exponents(
+            np.concatenate([part.halves for part in parts]),
+            np.concatenate([part.divergence for part in parts]),
+            self.duration,
+        )
+        rows = [
+            ("λ₁ [1/s]", found.mean[0], found.error[0]),
+            ("λ₆ [1/s]", found.mean[1], found.error[1]),
+            ("sum [1/s]", float(found.divergence.mean()), None),
+            ("dimension of the section", found.dimension, found.dimension_error),
+        ]
+        record: dict[str, Any] = {
+            "scene": scene.name,
+            "starts": self.starts,
+            "seed": self.seed,
+            "duration": self.duration,
+            "largest": found.largest.tolist(),
+            "smallest": found.smallest.tolist(),
+            "dimension": found.dimension,
+        }
+        if settings is not None:
+            skipped = round(min(100.0, self.transient) / _STRETCH)
+            taken = _STRETCH, skipped, max(1, round(self.duration / 10 / _STRETCH))
+            flow = partial(rolled, build(scene, settings), _STRETCH)
+            by = f"{LABEL.name}, {settings.name}"
+            own, spectra = self._spectra(scene, {by: flow}, taken, (attitudes, momenta))
+            rows += own
+            record |= {"engine": LABEL.name, "engine_duration": self.duration / 10}
+            record["engine_exponents"] = spectra[by]
         return self._told(rows, record)
 
     def _of_map(self, scene: Scene, settings: Settings | None) -> int:
@@ -409,23 +391,39 @@ class Lyapunov:
         if settings is not None:
             model = build(scene, settings)
             flows[f"{LABEL.name}, {settings.name}"] = partial(rolled, model, period)
-        rows, spectra = [], {}
+        rows, spectra = self._spectra(scene, flows, taken, starts)
+        return self._told(rows, {"scene": scene.name, "period": period, "exponents": spectra})
+
+    def _spectra(
+        self,
+        scene: Scene,
+        flows: Mapping[str, Flow],
+        taken: tuple[float, int, int],
+        starts: tuple[Array, Array],
+    ) -> tuple[list[_Mean], dict[str, Any]]:
+        """Return rows of the six exponents by each flow, and those of every start.
+
+        taken: the stretch [s], how many are skipped and how many are followed.
+        """
+        rows: list[_Mean] = []
+        spectra: dict[str, Any] = {}
         with progress_bar(self.starts * len(flows)) as progress:
             for i, (by, flow) in enumerate(flows.items()):
 
                 def say(part: float, done: int = self.starts * i, by: str = by) -> None:
-                    progress(done + self.starts * part, f"{scene.name}: {by}, {taken[2]} periods")
+                    words = f"{scene.name}: {by}, {taken[2]} stretches of {taken[0]:.3g} s"
+                    progress(done + self.starts * part, words)
 
                 say(0.0)
-                found = _growths(scene, flow, *taken, starts, say).spectra
+                found = growths(scene, flow, *taken, starts, say).spectra
                 spectra[by] = found.tolist()
                 for index, each in zip("₁₂₃₄₅₆", found.T, strict=True):
                     name = f"λ{index} by {by} [1/s]"
                     rows.append((name, float(each.mean()), standard_error(each)))
-        return self._told(rows, {"scene": scene.name, "period": period, "exponents": spectra})
+        return rows, spectra
 
-    def _told(self, rows: Sequence[tuple[str, float, float | None]], record: dict[str, Any]) -> int:
-        """Show rows of a name, a mean and its error, and write the record."""
+    def _told(self, rows: Sequence[_Mean], record: dict[str, Any]) -> int:
+        """Show the rows, and write the record."""
         columns = (
             Column("", "name", words=True),
             Column("mean", "mean", form=".6g"),

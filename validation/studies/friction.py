@@ -21,7 +21,7 @@ from robotball.scene import SAMPLE_INTERVAL
 from validation.agreement import Agreement
 from validation.output import title
 from validation.plots import note
-from validation.study import Study, reference, scene_cell
+from validation.study import Study, reference
 from validation.sweeps import Cell, Result, rows_of
 
 _RECIPE = recipe("recipe", 1.0, timestep=PRESETS["balanced"].timestep)  # no error is a fault
@@ -44,9 +44,8 @@ _STIFF: dict[str, Any] = {
 }
 
 
-def friction_cells(scene: str, duration: float, quick: bool = False) -> list[Cell]:
-    """Return every run of the study: rolling friction, then torsional."""
-    shared = scene_cell(scene, duration)
+def friction_cells(shared: Cell, quick: bool = False) -> list[Cell]:
+    """Return every run of the study: rolling friction, then torsional; shared: its scene."""
     return [
         {**shared, "friction": friction, "rows": rows, "length": length}
         for friction, rows, ends in (
@@ -66,7 +65,7 @@ def _lengths(ends: tuple[float, float], per_decade: int) -> list[float]:
 
 def friction_run(cell: Cell) -> dict[str, Any]:
     """Run the recipe with the cell's friction; return its errors, and how fast it loses |M|."""
-    scene, theory = reference(cell["scene"], cell["duration"], SAMPLE_INTERVAL)
+    scene, theory = reference(cell, SAMPLE_INTERVAL)
     settings = _friction_settings(scene.rolling, cell)
     agreement = Agreement(theory, run(build(scene, settings), theory.times), MUJOCO)
     motion = agreement.motion

@@ -19,7 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.markup import escape
 
-from robotball import PRESETS, Scene, Settings, load_scene
+from robotball import PRESETS, Scene, Settings
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.mujoco_engine import MUJOCO
@@ -41,7 +41,7 @@ from validation.agreement import Agreement
 from validation.options import Controls, Duration, SceneName, Sweep, SweepOptions, seconds_of
 from validation.output import known, scientific, writable_folder
 from validation.plots import note
-from validation.results import changed, with_controls
+from validation.results import changed, controlled
 from validation.studies.friction import friction_cells, friction_run, friction_study
 from validation.studies.orders import fit_order
 from validation.studies.timing import measure_costs, simulated_second
@@ -217,15 +217,17 @@ _ORDER = 1.25  # of a line that is taken for first order: the steeper ones cance
 _TIMED = 0.05  # s of processor time that is timed at every turn
 
 
-def cells_of(scene: str, settings: Sequence[Settings], duration: float, rounds: int) -> list[Cell]:
-    """Return a cell for each of the settings, plain data with all their options."""
-    shared = {**scene_cell(scene, duration), "rounds": rounds}
-    return [{**shared, **options_of(each)} for each in settings]
+def cells_of(shared: Cell, settings: Sequence[Settings], rounds: int) -> list[Cell]:
+    """Return a cell for each of the settings, plain data with all their options.
+
+    shared: the scene's part of each; rounds: of timing.
+    """
+    return [{**shared, "rounds": rounds, **options_of(each)} for each in settings]
 
 
 def measure_settings(cell: Cell) -> dict[str, Any]:
     """Measure errors against the equations, faults, and the cost of a simulated second."""
-    scene, theory = reference(cell["scene"], cell["duration"], _INTERVAL)
+    scene, theory = reference(cell, _INTERVAL)
     model = build(scene, settings_with(cell))
     logging.getLogger("absl").setLevel(logging.ERROR)  # a process of its own says it again
     agreement = Agreement(theory, run(model, theory.times), MUJOCO)
@@ -507,20 +509,14 @@ class Tradeoff:
     sweep: SweepOptions = field(default_factory=Sweep)
 
     def run(self) -> int:
-        # Other processes load the scene, from a file that has the controls too.
-        name = with_controls(self.scene, self.control, writable_folder(self.sweep.out))
-        scene = load_scene(name)
-        seconds = seconds_of(self.duration, self.sweep.quick, scene)
-        measured = self._friction if self.friction else self._front
-        return self.sweep.present(measured(name, scene, seconds), *changed(self, "duration"))
-
-    def _front(self, name: str, scene: Scene, seconds: float) -> Study:
-        quick = self.sweep.quick
-        cells = cells_of(name, configurations(quick), seconds, 2 if quick else _ROUNDS)
-        results = self.sweep.results(measure_settings, cells, f"{scene.name}-tradeoff", _LIMIT)
-        return _tradeoff_study(scene, results)
-
-    def _friction(self, name: str, scene: Scene, seconds: float) -> Study:
-        cells = friction_cells(name, seconds, self.sweep.quick)
-        results = self.sweep.results(friction_run, cells, f"{scene.name}-friction", _LIMIT)
-        return friction_study(scene, results)
+        writable_folder(self.sweep.out)
+        scene, quick = controlled(self.scene, self.control), self.sweep.quick
+        shared = scene_cell(self.scene, seconds_of(self.duration, quick, scene), self.control)
+        if self.friction:
+            cells, work, study = friction_cells(shared, quick), friction_run, friction_study
+        else:
+            cells = cells_of(shared, configurations(quick), 2 if quick else _ROUNDS)
+            work, study = measure_settings, _tradeoff_study
+        kind = "friction" if self.friction else "tradeoff"
+        results = self.sweep.results(work, cells, f"{scene.name}-{kind}", _LIMIT)
+        return self.sweep.present(study(scene, results), *changed(self, "duration"))

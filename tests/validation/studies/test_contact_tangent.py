@@ -16,8 +16,8 @@ from robotball.qualitative.portraits import limit_cycles
 from validation.studies.contact_sections import COARSE, level_starts
 from validation.studies.contact_tangent import (
     contact_cycle,
-    contact_growth,
     exponents_by_both,
+    growths,
     integrated,
     limit_cycles_by_both,
     rolled,
@@ -43,7 +43,8 @@ def test_mujocos_tangent_is_the_equations(name: str, numbers: int) -> None:
 def test_deviations_grow_in_mujoco_as_in_the_equations() -> None:
     """All five of Fig. 14's along MuJoCo's motion, stretch by stretch; their sum is ⟨div⟩."""
     scene = rb.load_scene("fig14")
-    found = contact_growth(build(scene, COARSE), 10.0, 3, 5, level_starts(scene, 1, 0))
+    flow = partial(rolled, build(scene, COARSE), 10.0)
+    found = growths(scene, flow, 10.0, 3, 5, level_starts(scene, 1, 0))
     logarithms, divergence = found.by_equations(scene.parameters)
     assert found.spectra.shape == (1, 6)
     # Measured 1.5e-3 of 3, of steps of 50 ms; with the sign of K or of Ω changed 2.7 and 3.4.

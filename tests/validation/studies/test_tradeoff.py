@@ -64,7 +64,7 @@ def test_every_option_that_is_no_default_is_recorded() -> None:
     """A cell, read from JSON, gives the same settings to the last digit; none is there twice."""
     settings = configurations()
     assert len({repr(options_of(each)) for each in settings}) == len(settings)
-    for each, cell in zip(settings, cells_of("fig12", settings, 1.0, 1), strict=True):
+    for each, cell in zip(settings, cells_of(scene_cell("fig12", 1.0), settings, 1), strict=True):
         again = settings_with(json.loads(json.dumps(cell)))
         assert not again.stop_at_fault  # what a run does after its fault is seen too
         assert replace(each, stop_at_fault=False, name=again.name, error_tolerance=1.0) == again
@@ -106,7 +106,7 @@ def test_first_order_is_extrapolated_along_its_own_slope() -> None:
 
 def test_no_result_is_on_the_front() -> None:
     """Neither a faulty run, nor a broken one, nor a path that is good while |M| is not."""
-    (cell,) = cells_of("fig12", [rb.preset("fast")], 1.0, 1)
+    (cell,) = cells_of(scene_cell("fig12", 1.0), [rb.preset("fast")], 1)
     good: Any = {"path_error": 1e-3, "momentum_error": 1e-3, "faults": [], "baseline": 1.0}
     good |= dict.fromkeys(("ratio", "ratio_least", "ratio_most"), 1.0)
     others: Any = (
@@ -125,7 +125,7 @@ def test_a_configuration_is_measured_by_its_cell_alone() -> None:
 
     A run that failed is recorded with its reason, has no numbers, and is on no front.
     """
-    naive, balanced, lost = cells_of("fig12", configurations()[:5:2], 0.5, 1)
+    naive, balanced, lost = cells_of(scene_cell("fig12", 0.5), configurations()[:5:2], 1)
     results = [Result(dict(c), dict(measure_settings(c)), None) for c in (naive, balanced)]
     results.append(Result(dict(lost), None, "took longer than 60 s"))
     study = json.loads(json.dumps(tradeoff_of(FIG12, results), allow_nan=False))
@@ -300,4 +300,4 @@ def test_the_quick_friction_study_writes_its_files(robotball: Robotball, tmp_pat
     assert {path.name for path in tmp_path.iterdir()} == {*names, "fig12-friction.jsonl", "a.json"}
     record = json.loads((tmp_path / f"{stem}.json").read_text())
     assert record["torsional_friction_needed"] == pytest.approx(1.873, abs=1e-3)
-    assert len(record["runs"]) == len(friction_cells("fig12", 0.2, quick=True))
+    assert len(record["runs"]) == len(friction_cells(scene_cell("fig12", 0.2), quick=True))

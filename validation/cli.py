@@ -15,7 +15,7 @@ import sys
 import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import is_dataclass
 from importlib import import_module
 from pathlib import Path
 from shutil import get_terminal_size
@@ -27,18 +27,20 @@ import tyro
 from tyro.conf import subcommand
 
 from robotball.errors import InputError, SceneWarning, UnitWarning, unknown
-from validation.options import BAD_INPUT, Controls, Names
+from validation.options import BAD_INPUT, Controls, File, Names
 
 
 @contextlib.contextmanager
 def _standard_output_of(command: object) -> Iterator[None]:
     """Keep standard output for one result, where an option of a command is `-`.
 
-    Tables and messages go to standard error then. Raises InputError for more than one such option.
+    Tables and messages go to standard error then. Raises InputError for more than one such option,
+    and, before any work, for a file that cannot be written.
     """
     from robotball.files.replacing import STANDARD_OUTPUT  # which --help does without
+    from validation.output import writable_file
 
-    count = sum(path == STANDARD_OUTPUT for path in _paths(command))
+    count = [*map(writable_file, _files(command))].count(STANDARD_OUTPUT)
     if count > 1:
         raise InputError("standard output takes one result: give `-` to one option alone")
     # Else the tables would stand in the middle of the JSON that is piped on.
@@ -46,14 +48,14 @@ def _standard_output_of(command: object) -> Iterator[None]:
         yield
 
 
-def _paths(options: Any) -> Iterator[Path]:
-    """Yield the paths among the options of a command, in groups of them too."""
-    for field in fields(options):
-        value = getattr(options, field.name)
-        if isinstance(value, Path):
+def _files(options: Any) -> Iterator[Path]:
+    """Yield the files that a command is to write by its options, in groups of them too."""
+    kinds = get_type_hints(type(options), include_extras=True)
+    for name, value in vars(options).items():
+        if is_dataclass(value):
+            yield from _files(value)
+        elif value is not None and kinds[name] == File:
             yield value
-        elif is_dataclass(value):
-            yield from _paths(value)
 
 
 class _Command(Protocol):

@@ -26,11 +26,14 @@ OUT = Path("out")
 _QUICK = 1.0  # s, simulated by a quick form of a study
 
 SceneName = Positional[Annotated[str, arg(metavar="SCENE")]]
-# An option that is None says in its own words what is done then.
-Duration = DisallowNone[Annotated[float | None, arg(metavar="SECONDS", help_behavior_hint="")]]
-File = DisallowNone[Annotated[Path | None, arg(metavar="FILE|-", help_behavior_hint="")]]
+# An option that is None says in its own words what is done then, as names do of which there are
+# none.
+Given = DisallowNone[Annotated[_T | None, arg(help_behavior_hint="")]]
+Several = Positional[Annotated[tuple[str, ...], arg(help_behavior_hint="")]]
+Duration = Annotated[Given[float], arg(metavar="SECONDS")]
+File = Annotated[Given[Path], arg(metavar="FILE|-")]
 PRESET = "naive|fast|balanced|accurate|adaptive"
-Preset = DisallowNone[Annotated[str | None, arg(metavar=PRESET, help_behavior_hint="")]]
+Preset = Annotated[Given[str], arg(metavar=PRESET)]
 # One value an option, so that it never takes the scenes that follow; `listed` reads it.
 Names = UseAppendAction[Annotated[tuple[str, ...], arg(metavar="NAME,…", help_behavior_hint="")]]
 _CONTROL_HELP = (
@@ -48,27 +51,21 @@ _LOOP_HELP = (
     "A controller (rb.Controller) of a Python file, which is run: it commands the scene's motors "
     "by what the robot's sensors read, in place of the scene's own commands."
 )
-ControllerName = DisallowNone[
-    Annotated[str | None, arg(metavar="FILE.py:NAME", help=_LOOP_HELP, help_behavior_hint="")]
-]
+ControllerName = Annotated[Given[str], arg(metavar="FILE.py:NAME", help=_LOOP_HELP)]
 
 _THREADS_HELP = (
     "How many cores to work on; all that this process may use if not given. The numbers are the "
     "same with any."
 )
-Threads = DisallowNone[
-    Annotated[int | None, arg(metavar="N", help=_THREADS_HELP, help_behavior_hint="")]
-]
-
-
-Cluster = DisallowNone[Annotated[str | None, arg(metavar="tcp://HOST:PORT", help_behavior_hint="")]]
+Threads = Annotated[Given[int], arg(metavar="N", help=_THREADS_HELP)]
+Cluster = Annotated[Given[str], arg(metavar="tcp://HOST:PORT")]
 
 
 @dataclass(frozen=True)
 class Sweep:
     """Options of a study that sweeps over many runs."""
 
-    workers: DisallowNone[Annotated[int | None, arg(metavar="N", help_behavior_hint="")]] = None
+    workers: Annotated[Given[int], arg(metavar="N")] = None
     """Processes on this machine; as many as it has cores if not given."""
     cluster: Cluster = None
     """The scheduler of a dask cluster to run on instead."""
@@ -89,7 +86,6 @@ class Sweep:
         from validation.output import progress_bar
         from validation.sweeps import sweep
 
-        check_files(self.json)
         place: Any = {"workers": self.workers, "cluster": self.cluster}
         with progress_bar(len(cells)) as show:
             return sweep(
@@ -123,9 +119,7 @@ class Run:
 
     engine: Annotated[str, arg(metavar="ENGINE")] = "mujoco"
     """The engine; `robotball engines` lists them."""
-    accuracy: DisallowNone[Annotated[float | None, arg(metavar="ERROR", help_behavior_hint="")]] = (
-        None
-    )
+    accuracy: Annotated[Given[float], arg(metavar="ERROR")] = None
     """Instead of a preset, the path error to reach: settings are chosen for it."""
     duration: Duration = None
     """Simulated time; the scene's own if not given."""
@@ -135,9 +129,7 @@ class Run:
     """Refuse settings that are predicted to fail, in place of a warning."""
     keep_going: bool = False
     """Go on after a fault, as long as there is a state."""
-    environments: DisallowNone[
-        Annotated[Path | None, arg(metavar="FOLDER", help_behavior_hint="")]
-    ] = None
+    environments: Annotated[Given[Path], arg(metavar="FOLDER")] = None
     """Folder of the engines' environments; if not given, where `engines --install` makes them."""
 
     def request(self, preset: str | None) -> Request:
@@ -186,11 +178,10 @@ class Once:
     """Also write the table as CSV."""
 
     def times(self, scene: Scene) -> Array:
-        """Return the sample times (n,) [s]. Raises InputError if no files can be written."""
+        """Return the sample times (n,) [s]. Raises InputError if no picture can be written."""
         from robotball import sample_times
         from validation.output import writable_folder
 
-        check_files(self.json, self.csv)
         times = sample_times(seconds_of(self.duration, self.quick, scene))
         writable_folder(self.out)
         return times
@@ -242,11 +233,3 @@ def times_of(duration: float | None) -> Array | None:
     from robotball import sample_times
 
     return None if duration is None else sample_times(duration)
-
-
-def check_files(*paths: Path | None) -> None:
-    """Raise InputError, before any work, for a path that cannot be written."""
-    from validation.output import writable_file
-
-    for path in filter(None, paths):
-        writable_file(path)

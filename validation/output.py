@@ -12,7 +12,7 @@ import os
 import platform
 import sys
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
@@ -90,6 +90,23 @@ def title(figure: "Figure", text: str) -> None:
     figure.suptitle(in_picture("\n".join(lines)), fontsize=9 if small else 12)
 
 
+def panels(
+    heading: str, size: tuple[float, float], rows: int = 1, columns: int = 1, **more: Any
+) -> "tuple[Figure, Any]":
+    """Return a figure with a user's title, and its panels as `subplots` has them, each with a grid.
+
+    size: inches; more: for `subplots`.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size, layout="constrained")
+    title(figure, heading)
+    axes = figure.subplots(rows, columns, **more)
+    for each in figure.axes:
+        each.grid(alpha=0.3)
+    return figure, axes
+
+
 def write_picture(path: Path, figure: "Figure") -> Path:
     """Write a picture as PNG, and return its path."""
     with replacing(path) as temporary:
@@ -126,8 +143,13 @@ def scientific(value: float | None) -> str:
     return "-" if value is None else f"{value:.1e}"
 
 
-def plain_table(headings: Sequence[str], left: Collection[int] = (0,), **style: Any) -> "Table":
-    """Return a table without rows; columns begin at the right but for those whose place is `left`.
+def plain_table(
+    headings: Sequence[str],
+    left: Collection[int] = (0,),
+    rows: Iterable[Sequence[str]] = (),
+    **style: Any,
+) -> "Table":
+    """Return a table; columns begin at the right but for those whose place is `left`.
 
     style: of `rich.table.Table`, a padding of 0 and no edge as far as it says nothing else.
     """
@@ -137,6 +159,8 @@ def plain_table(headings: Sequence[str], left: Collection[int] = (0,), **style: 
     table = Table(box=box.SIMPLE_HEAD, **{"padding": 0, "show_edge": False, **style})
     for i, heading in enumerate(headings):
         table.add_column(heading, justify="left" if i in left else "right")
+    for row in rows:
+        table.add_row(*row)
     return table
 
 

@@ -23,7 +23,7 @@ from robotball import Motion, Scene, integrate, sample_times, scene_toml
 from robotball.engines.reduced import compiled_states, motion_of
 from robotball.motion import Label
 from robotball.rotations import Array
-from validation.output import print_whole, title, write_picture, write_record, write_rows
+from validation.output import panels, print_whole, write_picture, write_record, write_rows
 from validation.results import controlled, file_name
 from validation.sweeps import Cell
 
@@ -118,12 +118,9 @@ def pareto_front(errors: Sequence[float], costs: Sequence[float]) -> list[int]:
 
 def cost_axes(heading: str, xlabel: str) -> tuple[Figure, Axes]:
     """Return a figure of errors across against their cost upwards, both by their logarithms."""
-    figure = Figure(figsize=(10.0, 7.2), layout="constrained")
-    title(figure, heading)
-    axes = figure.subplots()
+    figure, axes = panels(heading, (10.0, 7.2))
     axes.set(xscale="log", yscale="log", xlabel=xlabel)
     axes.set_ylabel("processor time of a simulated second [s]")
-    axes.grid(alpha=0.3)
     return figure, axes
 
 
@@ -177,6 +174,13 @@ def table_of(
             end_section=section is not None and last,
         )
     return table
+
+
+def markdown(columns: Sequence[Column], rows: Sequence[Row]) -> list[str]:
+    """Return the lines of the table of the rows in Markdown."""
+    cells = [[column.header for column in columns], ["---"] * len(columns)]
+    cells += [[column.text(row).replace("|", "\\|") for column in columns] for row in rows]
+    return [f"| {' | '.join(each)} |" for each in cells]
 
 
 def present(study: Study, picture: Path, json: Path | None, csv: Path | None) -> list[Path]:

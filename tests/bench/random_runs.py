@@ -40,7 +40,7 @@ from robotball.variations import scaled, scaled_body, with_bodies
 from validation.agreement import compare
 from validation.output import Show, progress_bar
 from validation.random_starts import random_start
-from validation.studies.extreme_maps import WRONG
+from validation.studies.extremes import WRONG
 
 _LONGEST = 100.0  # s
 _STEPS, _TURNS = 3000, 40.0  # a run is cut to so many steps, and radians of its fastest rotation

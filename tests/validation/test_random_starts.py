@@ -9,6 +9,7 @@ import pytest
 
 import robotball as rb
 from robotball.processes import at_most
+from tests.robotball.files.scene_texts import PLATE
 from validation import ManyRuns, compare, compare_many, random_starts
 from validation.study import scene_cell
 from validation.sweeps import Result, sweep
@@ -57,6 +58,20 @@ def test_a_broken_run_is_counted_and_has_no_error() -> None:
 def whole() -> dict[str, Any]:
     more = {"engine": "mujoco", "preset": "fast", "keep_going": False, "environments": None}
     return scene_cell("fig12", 0.5) | more | {"seed": 3, "device": None}
+
+
+def test_a_cell_knows_the_values_of_its_controls(tmp_path: Path) -> None:
+    """So that a journal has no results of another table under the same name."""
+    robot, table = tmp_path / "mybot.xml", tmp_path / "fly.csv"
+    robot.write_text(PLATE)
+    cells = []
+    for end in (20, 30):
+        table.write_text(f"t,value\n0,0\n1,{end}\n")
+        cells.append(scene_cell(str(robot), 0.5, [f"fly={table}"]))
+    first, other = cells
+    assert first["control"] == [f"fly={table}"]
+    assert first | {"digest": other["digest"]} == other != first
+    assert "control" not in scene_cell("fig12", 0.5)
 
 
 def without_seconds(rows: Any) -> list[dict[str, Any]]:

@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from tyro.conf import DisallowNone, arg
+from tyro.conf import arg
 
 from robotball import InputError, Limits, load_scene, scene_toml
 from robotball import steering as paths
 from robotball.designing import describe, redesign
 from robotball.steering import WantedPath, shortfalls, steer
 from validation.agreement import compare
-from validation.options import AGREES, DISAGREES, OUT, Preset, SceneName
+from validation.options import AGREES, DISAGREES, OUT, Given, Preset, SceneName
 from validation.output import writable_folder, write_text
 from validation.plots import draw
 from validation.results import changed, file_name
@@ -30,13 +30,11 @@ class Design:
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
-    mass: DisallowNone[Annotated[float | None, arg(metavar="KG", help_behavior_hint="")]] = None
+    mass: Annotated[Given[float], arg(metavar="KG")] = None
     """Mass of the ball; the best one if not given."""
     rotor_speed: Annotated[float, arg(metavar="RAD/S")] = math.inf
     """The fastest that a rotor may turn."""
-    frame_radius: DisallowNone[Annotated[float | None, arg(metavar="M", help_behavior_hint="")]] = (
-        None
-    )
+    frame_radius: Annotated[Given[float], arg(metavar="M")] = None
     """Within which the frame must lie; the shell's if not given."""
     shell_thickness: Annotated[float, arg(metavar="M")] = 0.0
     """The thickness of a homogeneous shell; 0 for a thin one."""

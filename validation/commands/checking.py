@@ -6,7 +6,7 @@ from html import escape
 from pathlib import Path
 from typing import Annotated, Literal
 
-from tyro.conf import DisallowNone, Positional, arg
+from tyro.conf import Positional, arg
 
 from robotball.drives import as_drive
 from robotball.engines.mujoco.user_model import UserModel
@@ -16,7 +16,7 @@ from robotball.files.robot_file import open_robot, starts_off
 from robotball.files.scene_keys import ask
 from robotball.film.web import view_fragment, view_head
 from robotball.motion import Motion
-from validation.options import AGREES, DISAGREES, OUT, Controls, Duration, File, check_files
+from validation.options import AGREES, DISAGREES, OUT, Controls, Duration, File, Given
 from validation.output import progress_bar, versions, writable_folder, write_text
 from validation.report import folded, page, paragraph, plain, table, text
 from validation.report import picture as figure
@@ -34,14 +34,12 @@ class Check:
 
     file: Positional[Annotated[Path, arg(metavar="FILE")]]
     """The MJCF or URDF file of the robot, of which nothing is overwritten."""
-    shell: DisallowNone[Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")]] = None
+    shell: Annotated[Given[str], arg(metavar="NAME")] = None
     """The body or geom that rolls; the largest sphere if not given."""
     # Spelled out, as `--help` would load NumPy for the type that equations.py has.
-    rolling: DisallowNone[
-        Annotated[Literal["rubber", "classical"] | None, arg(help_behavior_hint="")]
-    ] = None
+    rolling: Given[Literal["rubber", "classical"]] = None
     """The rolling model; the nearer one if not given."""
-    keyframe: DisallowNone[Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")]] = None
+    keyframe: Annotated[Given[str], arg(metavar="NAME")] = None
     """The keyframe to start at; the first one if not given."""
     control: Controls = ()
     accuracy: float = 1e-3
@@ -55,7 +53,6 @@ class Check:
 
     def run(self) -> int:
         check_positive("accuracy", self.accuracy, "")
-        check_files(self.json)
         writable_folder(self.out)
         own, checked, notes = self.checked()
         study = check.study_of(own, checked, notes)

@@ -4,14 +4,13 @@ Imports stand within the functions: drawing begins in other processes before the
 """
 
 import sys
-from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Annotated
 
-from tyro.conf import DisallowNone, Positional, arg
+from tyro.conf import arg
 
 from validation.options import (
     AGREES,
@@ -22,11 +21,12 @@ from validation.options import (
     ControllerName,
     Controls,
     File,
+    Given,
     Names,
     Run,
     RunOptions,
+    Several,
     Threads,
-    check_files,
     listed,
     seconds_of,
     times_of,
@@ -43,7 +43,7 @@ class Compare:
     Example: robotball compare fig12 --preset fast,accurate
     """
 
-    scenes: Positional[Annotated[tuple[str, ...], arg(metavar="SCENE...", help_behavior_hint="")]]
+    scenes: Annotated[Several, arg(metavar="SCENE...")]
     """Names from the catalog, or paths to TOML files."""
     preset: Names = ()
     """The engine's settings to run each scene with. Several: naive,fast. There are
@@ -58,15 +58,13 @@ class Compare:
     """Also write the results as a list of objects, one a scene and preset."""
     csv: File = None
     """Also write the table as CSV."""
-    starts: DisallowNone[Annotated[int | None, arg(metavar="N", help_behavior_hint="")]] = None
+    starts: Annotated[Given[int], arg(metavar="N")] = None
     """Run from so many random starts in place of the scene's own, and say how the errors spread."""
     seed: int = 0
     """The seed of the random starts."""
     cluster: Cluster = None
     """The scheduler of a dask cluster to run the random starts on."""
-    device: DisallowNone[Annotated[str | None, arg(metavar="cpu|cuda", help_behavior_hint="")]] = (
-        None
-    )
+    device: Annotated[Given[str], arg(metavar="cpu|cuda")] = None
     """Where an engine that rolls many balls abreast (newton, mjx, mujoco-warp) runs them."""
 
     def run(self) -> int:
@@ -79,7 +77,7 @@ class Compare:
 
         from rich.console import Console
 
-        from robotball import InputError
+        from robotball import InputError, catalog
         from validation.comparing import Comparing, compare_all
         from validation.output import writable_folder
         from validation.results import scenes_of, show, write_csv, write_json
@@ -91,10 +89,13 @@ class Compare:
             raise InputError("compare needs a scene; `robotball scenes` lists the catalog")
         options = self.run_options
         requests = [partial(options.request, name) for name in listed(self.preset) or (None,)]
-        presets = [make().engine.presets for make in requests]
-        self._check_no_preset_is_a_scene(presets[0])
+        # All are made once here, so that a wrong name is refused before the first run.
+        presets, *_ = [make().engine.presets for make in requests]
+        for name in self.scenes:
+            if name in presets and name not in catalog():
+                several = ",".join([*listed(self.preset), name])
+                raise InputError(f"{name!r} is a preset and no scene: write --preset {several}")
         scenes = scenes_of(self.scenes, self.control, self.controller)
-        check_files(self.json, self.csv)
         out = writable_folder(options.out)
         times = times_of(options.duration)
         comparing = Comparing(requests, times, options.strict, out, self.plots)
@@ -134,7 +135,6 @@ class Compare:
         check_count("seed", self.seed, 0)
         if options.accuracy is not None or options.strict:
             raise InputError("random starts run by presets: leave out --accuracy and --strict")
-        check_files(self.json, self.csv)
         same = {"engine": options.engine, "keep_going": options.keep_going, "device": self.device}
         same |= {"seed": self.seed, "environments": None}
         if self.controller is not None:
@@ -162,14 +162,6 @@ class Compare:
         present(Study("", None, (), rows, record, [table]), options.out, self.json, self.csv)
         agree = all(each["agrees"] for some in runs.values() for each in some)
         return AGREES if agree else DISAGREES
-
-    def _check_no_preset_is_a_scene(self, presets: Collection[str]) -> None:
-        from robotball import InputError, catalog
-
-        for name in self.scenes:
-            if name in presets and name not in catalog():
-                several = ",".join([*listed(self.preset), name])
-                raise InputError(f"{name!r} is a preset and no scene: write --preset {several}")
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,7 @@ from robotball.files.scene_numbers import numbers_of
 from robotball.film.lines import PRESET_LOOKS, Look
 from robotball.fitting import Fit as Fitted
 from robotball.fitting import fit
-from robotball.residuals import Run
-from validation.options import AGREES, DISAGREES, OUT, File, Names, SceneName, check_files, listed
+from validation.options import AGREES, DISAGREES, OUT, File, Names, SceneName, listed
 from validation.output import (
     known,
     plain_table,
@@ -46,13 +45,8 @@ _EQUATIONS = "equations"
 _STRONG = 0.9  # a correlation that is worth a line
 
 
-def _by_engine(engine: str, preset: str) -> Run:
-    """Return what runs a scene by an engine's preset, to its end whatever it does."""
-    return partial(run_request, request=request_of(engine, preset, keep_going=True))
-
-
-def as_it_is(numbers: Numbers) -> Iterator[tuple[str, tuple[Run, Any]]]:
-    """Yield what fits a robot's own file as it is, by the toolbox of its engine, and the name.
+def as_it_is(numbers: Numbers) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield how `fit` fits a robot's own file as it is, by the toolbox of its engine, and the name.
 
     Prints a line where the toolbox is not installed.
     """
@@ -65,7 +59,7 @@ def as_it_is(numbers: Numbers) -> Iterator[tuple[str, tuple[Run, Any]]]:
     except InputError as error:
         print(error)
         return
-    yield "the file as it is", (toolbox.roll, toolbox.least_squares)
+    yield "the file as it is", {"run": toolbox.roll, "minimize": toolbox.least_squares}
 
 
 def lines(found: Fitted) -> Iterator[str]:
@@ -138,20 +132,19 @@ def _beside(fits: Mapping[str, Fitted]) -> tuple[list[str], list[list[str]]]:
     headings = ["fitted by", *(each.name for each in truth.found), "χ²/n"]
     rows = []
     for name, each in fits.items():
-        cells = []
-        for own, reference in zip(each.found, truth.found, strict=True):
-            away = own.value - reference.value
-            relative = (
-                f"{100 * away / reference.value:+.2f} %" if reference.value else f"{away:+.3g}"
-            )
-            cells.append(f"{own.value:.6g}" if each is truth else relative)
+        cells = [f"{own.value:.6g}" for own in each.found]
+        if each is not truth:
+            pairs = zip(each.found, truth.found, strict=True)
+            cells = [_relative(own.value - of.value, of.value, "+") for own, of in pairs]
         rows.append([name, *cells, f"{each.chi2 / each.degrees:.3g}"])
-    deviations = [
-        f"{100 * each.deviation / abs(each.value):.2f} %" if each.value else f"{each.deviation:.2g}"
-        for each in truth.found
-    ]
+    deviations = [_relative(each.deviation, abs(each.value)) for each in truth.found]
     rows.append(["(one standard deviation)", *deviations, ""])
     return headings, rows
+
+
+def _relative(part: float, of: float, sign: str = "") -> str:
+    """Return a part of a number in percent; of zero the part itself."""
+    return f"{part / of:{sign}.2%}".replace("%", " %") if of else f"{part:{sign}.3g}"
 
 
 def fit_page(scene: str, fits: Mapping[str, Fitted]) -> str:
@@ -276,34 +269,29 @@ class Fit:
         if not listed(self.free):
             Console().print(Columns(numbers.known))
             raise InputError("name the numbers to find with --free; the scene has those above")
-        check_files(self.to, self.page, self.json)
         if self.engine != "mujoco" and not listed(self.preset):
             raise InputError("--engine is of the presets: name some, as --preset naive,balanced")
         scene = numbers.scene({})
         logs = [read_log(path, scene) for path in self.logs]
-        runs: dict[str, tuple[Run | None, Any]] = {_EQUATIONS: (None, None)}
-        runs.update(as_it_is(numbers))
+        runs: dict[str, dict[str, Any]] = {_EQUATIONS: {}, **dict(as_it_is(numbers))}
         for preset in listed(self.preset):
-            runs[f"{self.engine}, {preset}"] = _by_engine(self.engine, preset), None
+            # To its end, whatever the engine does.
+            request = request_of(self.engine, preset, keep_going=True)
+            runs[f"{self.engine}, {preset}"] = {"run": partial(run_request, request=request)}
+        held_out = len(logs) - 1 if len(logs) > 1 and not self.all else None
+        fitted = partial(
+            fit, numbers, logs, listed(self.free), circumstances=listed(self.also),
+            noise=_noise_of(listed(self.noise)), loss=self.loss, hold_out=held_out,
+        )  # fmt: skip
         fits: dict[str, Fitted] = {}
         with progress_bar(len(runs)) as bar:
-            for name, (run, minimize) in runs.items():
+            for name, how in runs.items():
 
                 def show(part: float, chi2: float, name: str = name) -> None:
                     bar(len(fits) + part, f"{name}: χ²/n = {chi2:.3g} over {part:.0%} of the logs")
 
-                fits[name] = self._fitted(numbers, logs, run, minimize, show)
+                fits[name] = fitted(**how, progress=show)
         return self._present(scene.name, numbers.suffix, logs, fits)
-
-    def _fitted(
-        self, numbers: Numbers, logs: Sequence[Log], run: Run | None, minimize: Any, show: Any
-    ) -> Fitted:
-        held_out = len(logs) - 1 if len(logs) > 1 and not self.all else None
-        return fit(
-            numbers, logs, listed(self.free), circumstances=listed(self.also),
-            noise=_noise_of(listed(self.noise)), loss=self.loss, hold_out=held_out, run=run,
-            minimize=minimize, progress=show,
-        )  # fmt: skip
 
     def _present(
         self, name: str, suffix: str, logs: Sequence[Log], fits: Mapping[str, Fitted]
@@ -312,13 +300,10 @@ class Fit:
         for log in logs:
             for note in log.notes:
                 print(f"{log.name}: {note}")
-        for headings, rows in (
-            (_HEADINGS, _numbers((*found.found, *found.of_logs))),
-            (_SENSORS, _sensor_rows(found)),
-        ):
-            print_whole(_filled(headings, rows), console)
-        if len(fits) > 1:
-            print_whole(_filled(*_beside(fits)), console)
+        numbers = _HEADINGS, _numbers((*found.found, *found.of_logs))
+        others = [_beside(fits)] if len(fits) > 1 else []
+        for headings, rows in (numbers, (_SENSORS, _sensor_rows(found)), *others):
+            print_whole(plain_table(headings, rows=rows), console)
         for line in lines(found):
             print(line)
         folder = OUT if self.to and self.page else writable_folder(OUT)
@@ -331,13 +316,6 @@ class Fit:
         write_record(self.json, _record(name, fits))
         print(scene_file, page_file, sep="\n")
         return AGREES if found.explains and _tells(found) else DISAGREES
-
-
-def _filled(headings: Sequence[str], rows: Any) -> Any:
-    shown = plain_table(headings)
-    for row in rows:
-        shown.add_row(*row)
-    return shown
 
 
 def _noise_of(texts: Sequence[str]) -> dict[str, float]:

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from tyro.conf import Positional, arg
+from tyro.conf import arg
 
-from validation.options import AGREES, OUT, File, Threads, check_files
+from validation.options import AGREES, OUT, File, Several, Threads
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,6 @@ class Paper:
         from validation.paper import SECTIONS
         from validation.paper.claim import examine_all, show_findings, write_findings
 
-        check_files(self.json)
         parts = examine_all(SECTIONS)
         if self.json:
             write_findings(self.json, parts)
@@ -47,7 +46,7 @@ class Figures:
     Example: robotball figures 5 12
     """
 
-    names: Positional[Annotated[tuple[str, ...], arg(metavar="N...", help_behavior_hint="")]] = ()
+    names: Annotated[Several, arg(metavar="N...")] = ()
     """Which figures, 3 to 14 or tori (both rolling models' trajectories on the same tori); all of
     them if none is given."""
     out: Path = OUT

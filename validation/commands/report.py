@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 from rich.console import Console
-from tyro.conf import Positional, arg
+from tyro.conf import arg
 
 from robotball import InputError
 from validation.comparing import film, motions_of
@@ -20,6 +20,7 @@ from validation.options import (
     Names,
     Run,
     RunOptions,
+    Several,
     listed,
 )
 from validation.output import program, writable_folder, write_text
@@ -42,7 +43,7 @@ class Report:
     Example: robotball report fig12 --preset fast,accurate
     """
 
-    scenes: Positional[Annotated[tuple[str, ...], arg(metavar="SCENE...", help_behavior_hint="")]]
+    scenes: Annotated[Several, arg(metavar="SCENE...")]
     """Names from the catalog, or paths to TOML files; or the JSON file that a study wrote."""
     preset: Names = ()
     """The engine's settings to run each scene with, its default if none. Several: naive,fast."""

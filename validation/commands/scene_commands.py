@@ -57,7 +57,7 @@ class Model:
         from robotball import InputError, preset
         from robotball.engines.mujoco.mjcf_export import left_out, write_model
         from robotball.files.replacing import STANDARD_OUTPUT
-        from validation.output import writable_file, write_text
+        from validation.output import write_text
         from validation.results import controlled
 
         scene, settings = controlled(self.scene, self.control), preset(self.preset)
@@ -65,7 +65,7 @@ class Model:
             print(f"{scene.name}, {settings.name}: not in the model:")
             print(*(f"  {line}" for line in left_out(scene, settings)), sep="\n")
             return AGREES
-        out = self.out and writable_file(self.out)
+        out = self.out
         if out and out != STANDARD_OUTPUT and out.suffix.lower() not in (".xml", ".mjcf"):
             raise InputError(
                 f"{out}: a model is MJCF, in a file whose name ends in .xml or .mjcf; "

@@ -29,7 +29,7 @@ from robotball.film.looks import INK
 from robotball.rotations import Array
 from validation.agreement import Agreement
 from validation.options import Controls, Once, OnceOptions, SceneName
-from validation.output import Show, progress_bar, scientific, title
+from validation.output import Show, panels, progress_bar, scientific
 from validation.plots import beside
 from validation.results import controlled, record
 from validation.studies.timing import Cost, measure_costs, simulated_second
@@ -228,11 +228,9 @@ _COLUMNS = (
 
 def _ablation_picture(name: str, rows: Sequence[Row]) -> Figure:
     """Draw path error (dots) and momentum error (diamonds) of every variant, its cost beside."""
-    figure = Figure(figsize=_INCHES, layout="constrained")
     first, best = _of(rows, _BUILT_UP)[0]["path_error"], _of(rows, _UNDONE)[0]["path_error"]
     words = f"the recipe takes the path error from {scientific(first)} to {scientific(best)}"
-    title(figure, f"{name}: {words}")
-    left, right = figure.subplots(1, 2, sharex=True)
+    figure, (left, right) = panels(f"{name}: {words}", _INCHES, 1, 2, sharex=True)
     _panel(left, _of(rows, _BUILT_UP))
     _panel(right, _of(rows, _UNDONE))
     if best is not None:
@@ -257,7 +255,6 @@ def _panel(axes: Axes, rows: Sequence[Row]) -> None:
     axes.set(xscale="log", xlabel="path error and momentum error, relative")
     # The first variant stands at the top, as in the table.
     axes.set_ylim(len(rows) - 0.4, -0.6)
-    axes.grid(alpha=0.3)
     axes.set_axisbelow(True)
     for i, row in enumerate(rows):
         error, off, faulty = row["path_error"], row["momentum_error"], bool(row["faults"])

@@ -27,7 +27,7 @@ from robotball.qualitative.long_run import (
 )
 from robotball.qualitative.long_run import TORUS as ON_TORUS
 from robotball.qualitative.sections import fixed_point, own_start, section
-from validation.options import AGREES, DISAGREES, File, SceneName, Threads, check_files
+from validation.options import AGREES, DISAGREES, File, SceneName, Threads
 from validation.output import Show, progress_bar, write_record
 from validation.studies.contact_sections import (
     COARSE,
@@ -188,7 +188,6 @@ class Attractors:
     """Also write the measurements."""
 
     def run(self) -> int:
-        check_files(self.json)
         with progress_bar(8) as progress:
             some = _STUDIES[:1] if self.quick else _STUDIES
             measurements = [each for study in some for each in study(progress)]

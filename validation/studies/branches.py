@@ -21,15 +21,7 @@ from robotball.equations import Parameters
 from robotball.errors import check_positive, unknown
 from robotball.film.looks import ACCENT, INK
 from robotball.qualitative import motion_branches as motions
-from robotball.qualitative.continuation import (
-    BRANCH,
-    DOUBLING,
-    FOLD,
-    HOPF,
-    Branch,
-    Point,
-    Watch,
-)
+from robotball.qualitative.continuation import BRANCH, DOUBLING, FOLD, HOPF, Branch, Point, Watch
 from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.equilibria import name_of
 from robotball.qualitative.families import NUMBERS
@@ -37,8 +29,8 @@ from robotball.qualitative.long_run import basins
 from robotball.qualitative.portraits import limit_cycles
 from robotball.qualitative.strobed_branches import Driven, swinging
 from robotball.rotations import Array
-from validation.options import AGREES, OUT, File, Preset, SceneName, Threads, check_files
-from validation.output import Show, halo, progress_bar, title, writable_folder
+from validation.options import AGREES, OUT, File, Preset, SceneName, Threads
+from validation.output import Show, halo, panels, progress_bar, writable_folder
 from validation.plots import note
 from validation.results import changed
 from validation.studies.contact_sections import level_starts, sound_run, steady_scene
@@ -120,17 +112,15 @@ def _branch_picture(
     along = "γ" + "₁₂₃"[int(key[-1]) - 1]
     if rows[0]["period"] is not None and scene.steady:
         key, along = "period", "period [s]"
-    figure = Figure(figsize=(9.0, 6.0), layout="constrained")
     values = {kind: [row["value"] for row in special if row["kind"] == kind] for kind in _MARKERS}
     found = ", ".join(
         f"{kind} at {some[0]:.4g}" if len(some) == 1 else f"{len(some)} × {kind}"
         for kind, some in values.items() if some
     )  # fmt: skip
-    title(figure, f"{scene.name}, over {label[0]}: {found or 'no special point'}")
-    axes = figure.subplots()
+    heading = f"{scene.name}, over {label[0]}: {found or 'no special point'}"
+    figure, axes = panels(heading, (9.0, 6.0))
     axes.set(xlabel="{} [{}]".format(*label), ylabel=along)
     axes.set_yscale("log" if key == "period" else "linear")
-    axes.grid(alpha=0.3)
     for stable, style in ((True, {"lw": 2.2}), (False, {"lw": 1.6, "ls": "--"})):
         if any(row["stable"] == stable for row in rows):
             axes.plot([], [], color=INK, label="stable" if stable else "unstable", **style)
@@ -193,7 +183,6 @@ class Continue:
 
     def run(self) -> int:
         scene = load_scene(self.scene)
-        check_files(self.json, self.csv)
         if not -np.inf < self.low < self.high < np.inf:
             raise InputError(
                 f"--from {self.low:g} must be below --to {self.high:g}, both of them finite"

@@ -43,7 +43,7 @@ from robotball.qualitative.straight_motions import straight_motions
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Start
 from validation.options import AGREES, OUT, File, Preset, SceneName, Threads
-from validation.output import progress_bar, title, writable_folder, write_picture, write_record
+from validation.output import panels, progress_bar, writable_folder, write_picture, write_record
 from validation.results import changed, file_name
 
 _STRETCH = 100.0  # s; in it M drifts by a few millionths at most
@@ -330,9 +330,7 @@ def _at_phase(period: float, attitudes: Array, momenta: Array, skip: int) -> _Po
 
 def _draw_section(scene: Scene, theory: _Points, engine: _Points | None, where: str) -> Figure:
     """Draw the section's points on the annulus; filled where g grows, paler where it falls."""
-    figure = Figure(figsize=(8.0, 6.0), layout="constrained")
-    axes = figure.subplots()
-    title(figure, f"{scene.title}: section {where}")
+    figure, axes = panels(f"{scene.title}: section {where}", (8.0, 6.0))
     # Dots shrink with their number, lest they fill what is a curve.
     size = 1.2 if len(theory["l"]) >= 5000 else 3.0 if engine is None else 7.0
     drawn = [(EQUATIONS.name, theory, EQUATIONS.colour, "o", size)]
@@ -350,7 +348,6 @@ def _draw_section(scene: Scene, theory: _Points, engine: _Points | None, where: 
     size = max(float(np.linalg.norm(scene.start.momentum)), float(np.abs(theory["L"]).max()))
     axes.set(xlabel="l [rad], from 0 to 2π", ylabel="L [kg m²/s]",
              xlim=(0, 2 * np.pi), ylim=(-1.05 * size, 1.05 * size))  # fmt: skip
-    axes.grid(alpha=0.3)
     axes.legend(loc="best", markerscale=2 if engine is None else 1)
     return figure
 

@@ -23,15 +23,7 @@ from matplotlib.figure import Figure
 from rich.markup import escape
 from tyro.conf import arg
 
-from robotball import (
-    ContactMotion,
-    InputError,
-    Motion,
-    Scene,
-    Settings,
-    integrate,
-    preset,
-)
+from robotball import ContactMotion, InputError, Motion, Scene, Settings, integrate, preset
 from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
@@ -42,7 +34,7 @@ from robotball.film.looks import INK
 from robotball.motion import path_error
 from robotball.rotations import Array
 from validation.options import PRESET, Controls, Names, Once, OnceOptions, SceneName, listed
-from validation.output import Show, progress_bar, scientific, title
+from validation.output import Show, panels, progress_bar, scientific
 from validation.plots import note
 from validation.results import controlled
 from validation.studies.ablation import without
@@ -317,7 +309,6 @@ def _order_text(order: Order | None) -> str:
 
 def _convergence_picture(study: Runs) -> Figure:
     """Draw path error over step, the fitted slopes and their lower ends, for each reference."""
-    figure = Figure(figsize=_INCHES, layout="constrained")
     falls: dict[int, list[float]] = {}
     for name in study.by_name:
         order, _ = study.order(name, "own")
@@ -325,22 +316,21 @@ def _convergence_picture(study: Runs) -> Figure:
             falls.setdefault(ORDERS[name], []).append(order.order)
     found = [f"{2 ** np.mean(some):.0f} at order {claim}" for claim, some in falls.items()]
     words = f"half the step divides errors by {', '.join(found)}" if found else "no order is known"
-    title(figure, f"{study.scene.name}, {study.settings.name}: {words}")
-    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    heading = f"{study.scene.name}, {study.settings.name}: {words}"
+    figure, both = panels(heading, _INCHES, 1, 2, sharex=True, sharey=True)
     levels = (study.limit["known_to"], study.limit["model_error"])
     for axes, level, (against, (_, heading, words)) in zip(
-        panels, levels, _REFERENCES.items(), strict=True
+        both, levels, _REFERENCES.items(), strict=True
     ):
         _draw_orders(axes, study, against)
         axes.axhline(level, color=EQUATIONS.colour, linestyle=":", linewidth=2, label=words)
         axes.set_title(heading, loc="left", fontsize=11)
         axes.set(xscale="log", yscale="log", xlabel="step, or its mean [ms]")
-        axes.grid(alpha=0.3)
         axes.legend(
             loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, fontsize=9, frameon=False,
             title="order: fitted (dashed) ± standard error",
         )  # fmt: skip
-    panels[0].set_ylabel("largest path error over path length")
+    both[0].set_ylabel("largest path error over path length")
     return figure
 
 

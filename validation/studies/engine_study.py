@@ -18,7 +18,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.markup import escape
 from scipy.stats import qmc
-from tyro.conf import Positional, arg
+from tyro.conf import arg
 
 from robotball import InputError, Scene, engine_named, engine_names, load_scene
 from robotball.engine import DEFAULT
@@ -30,6 +30,7 @@ from validation.options import (
     AGREES,
     Duration,
     Names,
+    Several,
     Sweep,
     SweepOptions,
     chosen,
@@ -298,9 +299,7 @@ class Engines:
     Example: robotball engines fig12 --only mujoco --quick
     """
 
-    scenes: Positional[
-        Annotated[tuple[str, ...], arg(metavar="[SCENE…]", help_behavior_hint="")]
-    ] = ()
+    scenes: Annotated[Several, arg(metavar="[SCENE…]")] = ()
     """Names from the catalog, or paths to TOML files; without any the engines are listed."""
     only: Names = ()
     """Engines to run; all that are there if not given. Several: drake,bullet."""

@@ -20,10 +20,7 @@ from validation.sweeps import Cell
 _SCENES = {"rubber": "fig12", "classical": "classical_regular"}
 TIMESTEP = 2e-3  # s, MuJoCo's default, on maps that do not vary it
 _RTOL = 1e-8  # of the adaptive integrator's steps, where it is not varied
-DURATION = 3.0  # s, on maps that do not vary it: a few turns of the ball
-ACCURATE = 1e-4  # largest error of an accurate run, relative; the recipe's coarsest keeps 1e-6
 ERROR_TOLERANCE = 1e-2  # the error that a cell is held to
-WRONG = 0.1  # an error above it is no result at all
 _ADAPTIVE_STEPS = 2000  # at most; of the cells that end well none takes 1800
 _COUNT = 8  # values of an axis, if no other number is given
 _QUICK_INTEGRATORS = ("Euler", "RK4", ADAPTIVE)
@@ -82,26 +79,13 @@ class Map:
         return _ADAPTIVE_AXES.get(self.x, self.x) if integrator == ADAPTIVE else self.x
 
 
-@dataclass(frozen=True)
-class CellRun:
-    """The run of one cell; duration: s, None for a few turns of the ball; ample: as in Map."""
-
-    scene: Scene
-    settings: Settings
-    ample: bool
-    duration: float | None
-
-
-def cell_run(chosen: Map, rolling: str, integrator: str, x: float, y: float) -> CellRun:
-    """Return the run of a cell. Raises InputError where there is no such ball."""
+def cell_run(
+    chosen: Map, rolling: str, integrator: str, x: float, y: float
+) -> tuple[Scene, Settings]:
+    """Return what a cell runs. Raises InputError where there is no such ball."""
     scene = base(rolling)
     settings = _settings(integrator, x if chosen.x in _ADAPTIVE_AXES else None)
-    return CellRun(
-        chosen.ball(scene, x, y),
-        replace(settings, **chosen.options(scene, x, y)),
-        chosen.ample,
-        y if chosen.lasting else None,
-    )
+    return chosen.ball(scene, x, y), replace(settings, **chosen.options(scene, x, y))
 
 
 @cache

@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from rich.table import Table
-from tyro.conf import Positional, arg
+from tyro.conf import arg
 
 from robotball import Fault, FaultKind, InputError, Motion, Scene, Settings
 from robotball.engines.mujoco import LABEL
@@ -33,18 +33,14 @@ from robotball.engines.mujoco.settings import for_load
 from robotball.film.looks import ACCENT, INK
 from robotball.rotations import Array
 from validation.agreement import Agreement
-from validation.options import AGREES, DISAGREES, Sweep, SweepOptions, chosen
+from validation.options import AGREES, DISAGREES, Several, Sweep, SweepOptions, chosen
 from validation.output import halo, known
 from validation.studies.extreme_maps import (
-    ACCURATE,
-    DURATION,
     ERROR_TOLERANCE,
     MAPS,
     QUICK,
     TIMESTEP,
     WHOLE,
-    WRONG,
-    CellRun,
     Map,
     cell_run,
     cells_of,
@@ -52,6 +48,9 @@ from validation.studies.extreme_maps import (
 from validation.studies.maps import MapStudy, draw_cells, draw_level
 from validation.study import Column, Row, compiled_motion, table_of
 from validation.sweeps import Result
+
+ACCURATE = 1e-4  # largest error of an accurate run, relative; the recipe's coarsest keeps 1e-6
+WRONG = 0.1  # an error above it is no result at all
 
 
 class Outcome(Enum):
@@ -117,6 +116,7 @@ def classify(faults: Sequence[Fault], error: float | None) -> Outcome:
     return Outcome.ACCURATE if error <= ACCURATE else Outcome.DEGRADED
 
 
+_DURATION = 3.0  # s, on maps that do not vary it: a few turns of the ball
 _TURNING = 200.0  # rad: no cell that turns fast needs more to show its error
 _LEAST_STEPS = 50  # at least, for an instability to grow in
 _MOST_SAMPLES = 100  # at most, at which the two motions are compared
@@ -133,20 +133,21 @@ def measure_cell(cell: Mapping[str, Any]) -> dict[str, Any]:
     began = time.process_time()
     # In a process of its own nothing else keeps MuJoCo and NumPy quiet about what is recorded.
     logging.getLogger("absl").setLevel(logging.ERROR)
-    place = (cell[key] for key in ("rolling", "integrator", "x", "y"))
+    chosen, place = MAPS[cell["map"]], (cell[key] for key in ("rolling", "integrator", "x", "y"))
     with warnings.catch_warnings(action="ignore"), np.errstate(all="ignore"):
         try:
-            record = _measured(cell_run(MAPS[cell["map"]], *place))
+            scene, settings = cell_run(chosen, *place)
+            times = _sample_times(scene, settings, cell["y"] if chosen.lasting else None)
+            record = _measured(scene, settings, times, chosen.ample)
         except InputError as error:
             record = {"outcome": Outcome.REFUSED.name, "refusal": str(error)}
     return {**record, "seconds": time.process_time() - began}
 
 
-def _measured(this: CellRun) -> dict[str, Any]:
-    scene, times = this.scene, _sample_times(this)
+def _measured(scene: Scene, settings: Settings, times: Array, ample: bool) -> dict[str, Any]:
     theory = compiled_motion(scene, times)
-    # On a map that does not vary friction, slip would hide what its axes do.
-    settings = _ample(this.settings, theory) if this.ample else this.settings
+    if ample:  # on a map that does not vary friction, slip would hide what its axes do
+        settings = _ample(settings, theory)
     motion = run(build(scene, settings), times)
     agreement = Agreement(theory, motion)
     # By the loads of the whole motion, so that a law is judged and not the loads it was given.
@@ -171,18 +172,19 @@ def _speed_scale(scene: Scene) -> float:
     return float(max(numbers.A) * size + np.linalg.norm(numbers.Omega))
 
 
-def _sample_times(this: CellRun) -> Array:
+def _sample_times(scene: Scene, settings: Settings, duration: float | None) -> Array:
     """Return the times (n,) of a cell, whole timesteps apart [s].
 
     They cover a few turns of the ball, unless the cell has a duration, and enough steps of a fixed
     length.
     """
-    step = this.settings.timestep or TIMESTEP
-    duration = this.duration or min(DURATION, _TURNING / _speed_scale(this.scene))
-    if not this.settings.adaptive and this.duration is None:
-        duration = max(duration, _LEAST_STEPS * step)
+    step = settings.timestep or TIMESTEP
+    if duration is None:
+        duration = min(_DURATION, _TURNING / _speed_scale(scene))
+        if not settings.adaptive:
+            duration = max(duration, _LEAST_STEPS * step)
     interval = step * max(1.0, np.ceil(duration / step / _MOST_SAMPLES))
-    if this.settings.adaptive:
+    if settings.adaptive:
         interval = duration / _MOST_SAMPLES
     return interval * np.arange(max(2, round(duration / interval) + 1))
 
@@ -440,23 +442,20 @@ def _exceeded(panels: Iterable[Sequence[Result]]) -> list[str]:
 
 def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> None:
     xs, ys = (sorted({each.cell[key] for each in results}) for key in ("x", "y"))
-    # Where a law does not apply, and where a cell has no result, there is no line.
-    grids = {name: np.full((len(ys), len(xs)), np.nan) for name in styles}
+    # Cells come row by row, in the order of the axes.
+    shape, outcomes = (len(ys), len(xs)), [*map(_outcome_of, results)]
     # Even steps for values that are decades apart, so that each cell is seen.
-    looks = [_outcome_of(each).look for each in results]
-    draw_cells(axes, range(len(xs)), range(len(ys)), looks)
-    for each in results:
-        i, j = xs.index(each.cell["x"]), ys.index(each.cell["y"])
+    draw_cells(axes, range(len(xs)), range(len(ys)), [each.look for each in outcomes])
+    for (j, i), each in zip(np.ndindex(shape), results, strict=True):
         for words in _marks(each):
             axes.add_line(_mark(words, i, j))
-        for name, value in _nearness(each).items():
-            if name in grids:
-                # No contour passes beside an infinite value; far off only the side counts.
-                grids[name][j, i] = np.clip(value, 1e-6, 1e6)
-    for name, grid in grids.items():
-        _draw_limit(axes, np.log10(grid), *styles[name])
-    # Cells come row by row, in the order of the axes.
-    _name_regions(axes, np.array([*map(_outcome_of, results)]).reshape(len(ys), len(xs)))
+    numbers = [*map(_nearness, results)]
+    for name, style in styles.items():
+        # Where a law does not apply, and where a cell has no result, there is no line.
+        grid = np.reshape([each.get(name, np.nan) for each in numbers], shape)
+        # No contour passes beside an infinite value; far off only the side counts.
+        _draw_limit(axes, np.log10(np.clip(grid, 1e-6, 1e6)), *style)
+    _name_regions(axes, np.array(outcomes).reshape(shape))
     axes.set(xlim=(-0.5, len(xs) - 0.5), ylim=(-0.5, len(ys) - 0.5))
     for axis, values in ((axes.xaxis, xs), (axes.yaxis, ys)):
         axis.set_ticks(*round_ticks(values), size=8.5)
@@ -579,7 +578,7 @@ class Extremes:
     Example: robotball extremes momentum --quick
     """
 
-    maps: Positional[Annotated[tuple[str, ...], arg(metavar="MAP...", help_behavior_hint="")]] = ()
+    maps: Annotated[Several, arg(metavar="MAP...")] = ()
     """Which maps; all of them if none is given. There are
     momentum, frame, rotor, masses, scale, friction, torsion, gravity, contact, servo, duration."""
     sweep: SweepOptions = field(default_factory=Sweep)

@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from robotball import PRESETS, Motion, Scene, Settings, integrate
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.mujoco_engine import MUJOCO
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import recipe
 from robotball.equations import Rolling
@@ -19,12 +18,12 @@ from robotball.film.looks import ACCENT, INK
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import SAMPLE_INTERVAL
 from validation.agreement import Agreement
-from validation.output import title
+from validation.output import panels
 from validation.plots import note
 from validation.study import Study, reference
 from validation.sweeps import Cell, Result, rows_of
 
-_RECIPE = recipe("recipe", 1.0, timestep=PRESETS["balanced"].timestep)  # no error is a fault
+RECIPE = recipe("recipe", 1.0, timestep=PRESETS["balanced"].timestep)  # no error is a fault
 ROLLING, TORSIONAL = "rolling", "torsional"
 _ROLLING_LENGTHS = (1e-6, 1.0)  # m, the ends of the study
 _TORSIONAL_LENGTHS = (5e-3, 1e3)  # m; the first is MuJoCo's default
@@ -67,7 +66,7 @@ def friction_run(cell: Cell) -> dict[str, Any]:
     """Run the recipe with the cell's friction; return its errors, and how fast it loses |M|."""
     scene, theory = reference(cell, SAMPLE_INTERVAL)
     settings = _friction_settings(scene.rolling, cell)
-    agreement = Agreement(theory, run(build(scene, settings), theory.times), MUJOCO)
+    agreement = Agreement(theory, run(build(scene, settings), theory.times))
     motion = agreement.motion
     sizes = np.linalg.norm(motion.momentum, axis=1)
     until = _until(sizes)
@@ -89,7 +88,7 @@ def friction_run(cell: Cell) -> dict[str, Any]:
 
 def _friction_settings(rolling: Rolling, cell: Cell) -> Settings:
     """Return the recipe with the cell's friction; a classical ball still spins freely."""
-    goes_on = replace(_RECIPE, stop_at_fault=False)
+    goes_on = replace(RECIPE, stop_at_fault=False)
     if cell["friction"] == TORSIONAL:
         return replace(goes_on, condim=4, torsional_friction=cell["length"])
     changes: dict[str, Any] = {"condim": 6, "rolling_friction": cell["length"]}
@@ -145,14 +144,12 @@ def _friction_picture(scene: Scene, results: Sequence[Result], needed: float) ->
 
     needed: the torsional friction that the motion demands [m].
     """
-    figure = Figure(figsize=_INCHES, layout="constrained")
     rubber = f", torsional friction from {needed:.3g} m on makes it rubber"
     more = rubber if scene.rolling == "rubber" else ""
-    title(figure, f"{scene.name}, the recipe: rolling friction brakes the ball{more}")
-    left, right = figure.subplots(1, 2)
+    heading = f"{scene.name}, the recipe: rolling friction brakes the ball{more}"
+    figure, (left, right) = panels(heading, _INCHES, 1, 2)
     for axes in (left, right):
         axes.set(xscale="log", yscale="log")
-        axes.grid(alpha=0.3)
     _rolling(left, scene, results)
     _torsional(right, results, needed if scene.rolling == "rubber" else None)
     return figure

@@ -21,7 +21,7 @@ from zipfile import ZipFile
 import numpy as np
 from matplotlib.figure import Figure
 from rich.markup import escape
-from tyro.conf import DisallowNone, Positional, arg
+from tyro.conf import Positional, arg
 
 from robotball import InputError, engine_named, integrate, load_scene, sample_times
 from robotball.engine import DEFAULT
@@ -31,14 +31,14 @@ from robotball.engines.states import motion_of_rows
 from robotball.errors import unknown
 from robotball.film.looks import ACCENT, INK
 from robotball.motion import path_error
-from validation.options import AGREES, Sweep, SweepOptions, seconds_of
-from validation.output import writable_folder, write_record, write_text
+from validation.options import AGREES, Given, Sweep, SweepOptions, seconds_of
+from validation.output import panels, writable_folder, write_record, write_text
 from validation.results import changed
 from validation.studies import bare_steps, engine_study
 from validation.studies.engine_rows import row_of
 from validation.studies.engine_runs import fixed_work
-from validation.study import Column, Row, Study, scene_cell, show, table_of
-from validation.sweeps import Cell, Result
+from validation.study import Column, Row, Study, markdown, scene_cell, show, table_of
+from validation.sweeps import Cell, Result, rows_of
 
 _HOME = ENVIRONMENTS.with_name("history")  # of all environments
 _SCENE = "fig12"  # its rates are steady and its load constant: plain MJCF has all of it
@@ -222,11 +222,9 @@ def changes_of(rows: Sequence[Row]) -> list[tuple[str, Row, Row]]:
     ]
 
 
-def rows_of(results: Sequence[Result]) -> list[Row]:
+def version_rows(results: Sequence[Result]) -> list[Row]:
     """Return a row a version, with its speed over the newest's and what changed in it."""
-    # A version without a record has the same columns, empty.
-    empty = dict.fromkeys(key for each in results for key in each.record or ())
-    rows = [{**r.cell, **empty, **(r.record or {}), "failure": r.failure} for r in results]
+    rows = rows_of(results)
     newest = next((row["recipe_cost"] for row in rows[::-1] if row.get("recipe_cost")), None)
     changes = changes_of(rows)
     for row in rows:
@@ -269,20 +267,11 @@ _COLUMNS = (
 )  # fmt: skip
 
 
-def _page(rows: Sequence[Row], lines: Sequence[str]) -> str:
-    """Return the table and the changes as Markdown."""
-    table = [[each.header for each in _COLUMNS], ["---"] * len(_COLUMNS)]
-    table += [[each.text(row) for each in _COLUMNS] for row in rows]
-    cells = map("| {} |".format, map(" | ".join, table))
-    return "\n".join([*cells, "", *map("* {}".format, lines), ""])
-
-
 def _history_picture(title: str, rows: Sequence[Row]) -> Figure:
     """Draw errors and speed over the dates, or over the versions in order where one has none."""
-    figure = Figure(figsize=(10.0, 6.6), layout="constrained")
     news = [row["version"] for row in rows if row["changed"]]
-    figure.suptitle(f"{title}: numbers changed in {', '.join(news) or 'none'}")
-    axes, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    heading = f"{title}: numbers changed in {', '.join(news) or 'none'}"
+    figure, (axes, below) = panels(heading, (10.0, 6.6), 2, sharex=True, height_ratios=(3, 1))
     dated = all(row["date"] for row in rows)
     at: list[Any] = [np.datetime64(row["date"]) if dated else row["version"] for row in rows]
     for (number, words), (style, colour) in zip(_NUMBERS.items(), _STYLES.items(), strict=True):
@@ -295,13 +284,11 @@ def _history_picture(title: str, rows: Sequence[Row]) -> Figure:
             axes.text(place, 0.5, f"{row['version']} ", rotation=90, ha="right", transform=inside)
     axes.set(ylabel="path error; |gain| of the free body")
     below.set(xlabel="release", ylabel="speed, newest = 1", ylim=(0, None))
-    axes.grid(alpha=0.3)
     figure.legend(loc="outside lower center", ncols=3, frameon=False)
     return figure
 
 
 _Version = Annotated[str, arg(metavar="VERSION", help_behavior_hint="")]
-_Pair = Annotated[tuple[str, str] | None, arg(metavar="A B", help_behavior_hint="")]
 
 
 @dataclass(frozen=True)
@@ -321,7 +308,7 @@ class History:
     """The last version; pip's last if not given."""
     every: bool = False
     """Take all versions, not only the last patch of each minor one."""
-    bisect: DisallowNone[_Pair] = None
+    bisect: Annotated[Given[tuple[str, str]], arg(metavar="A B")] = None
     """Name instead the versions between two that changed a number, by a few measurements."""
     sweep: SweepOptions = field(default_factory=Sweep)
 
@@ -347,7 +334,8 @@ class History:
         home = None if quick else str(_HOME)
         shared = {**cell, "engine": self.engine, "environments": home}
         cells = [{**shared, "version": each} for each in versions]
-        return rows_of(self.sweep.results(measure_version, cells, f"{self.engine}-history", _LIMIT))
+        journal = f"{self.engine}-history"
+        return version_rows(self.sweep.results(measure_version, cells, journal, _LIMIT))
 
     def _table(self, versions: Sequence[str]) -> int:
         rows, label = self._rows(versions), engine_named(self.engine).label
@@ -360,7 +348,8 @@ class History:
             _SCENE, label, ["history"], rows, record, (title, table, *map(escape, lines)), picture
         )
         stem = study.stem(*words, *changed(self.sweep, "quick"))
-        write_text(self.sweep.out / f"{stem}.md", _page(rows, lines))
+        page = [*markdown(_COLUMNS, rows), "", *(f"* {line}" for line in lines), ""]
+        write_text(self.sweep.out / f"{stem}.md", "\n".join(page))
         return self.sweep.present(study, *words)
 
     def _bisect(self, versions: Sequence[str]) -> int:

@@ -37,7 +37,7 @@ from robotball.fitting import fit
 from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array
 from robotball.sensing import ON_THE_PLANE, apart
-from validation.options import AGREES, DISAGREES, Controls, File, SceneName, check_files, listed
+from validation.options import AGREES, DISAGREES, Controls, File, SceneName, listed
 from validation.output import (
     known,
     plain_table,
@@ -604,7 +604,6 @@ class Judge:
         if not self.files:
             raise InputError("judge needs a file with a trajectory: t,x,y,qw,qx,qy,qz")
         check_positive("tolerance", self.tolerance, "")
-        check_files(self.json)
         scene = controlled(self.scene, self.control)
         with progress_bar(1) as bar:
             judgement = judge(

@@ -84,15 +84,12 @@ def _fitted_line(x: Array, y: Array) -> Order | None:
     """Return the least-squares line, if the points are near it and it rises."""
     if x[0] == x[-1]:  # one step alone has no order
         return None
-    deviation = x - x.mean()
-    spread = float((deviation**2).sum())
-    slope = float((deviation * y).sum()) / spread
-    residual = y - y.mean() - slope * deviation
-    # The deviation is that in ln(error) over the slope, so that a bound in ln(step) holds for any
+    (slope, height), covariance = np.polyfit(x, y, 1, cov=True)
+    off = np.sqrt(np.mean((y - slope * x - height) ** 2))
+    # The distance is that in ln(error) over the slope, so that a bound in ln(step) holds for any
     # order.
-    if slope < _STALLED or np.sqrt(np.mean(residual**2)) > _STRAIGHT * slope:
+    if slope < _STALLED or off > _STRAIGHT * slope:
         return None
-    # A line has two parameters.
-    stderr = np.sqrt((residual**2).sum() / (len(x) - 2) / spread)
+    stderr = float(np.sqrt(covariance[0, 0]))
     ends = float(np.exp(x.min())), float(np.exp(x.max()))
-    return Order(slope, float(stderr), float(x.mean()), float(y.mean()), *ends, len(x))
+    return Order(float(slope), stderr, float(x.mean()), float(y.mean()), *ends, len(x))

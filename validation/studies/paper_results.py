@@ -31,11 +31,11 @@ from robotball.rotations import Array, multiply, normalised, tangents, turn_betw
 from robotball.scene import Start, along_momentum
 from robotball.variations import gyrostat
 from validation.options import AGREES, DISAGREES, Names, Sweep, SweepOptions, chosen, listed
-from validation.output import writable_folder, write_text
+from validation.output import panels, writable_folder, write_text
 from validation.studies import contact_sections as sections
 from validation.studies.contact_sections import level_starts, sound_run
 from validation.studies.contact_tangent import compared, exponents_by_both, limit_cycles_by_both
-from validation.study import Column, Row, Study, compiled_motion, scene_cell, table_of
+from validation.study import Column, Row, Study, compiled_motion, markdown, scene_cell, table_of
 from validation.sweeps import Cell
 
 _Rows = Iterator[dict[str, Any]]
@@ -327,17 +327,15 @@ def _drift(quick: bool) -> _Rows:
 
 def _results_picture(drifts: Array) -> Figure:
     """Draw the drifts over |Ω| by both: rows of |Ω|, the equations', the engine's."""
-    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
-    axes = figure.subplots()
+    words = "The same drift by both; two values where a start decides between attractors"
+    figure, axes = panels(words, (8.0, 5.0))
     for i, of, size, alpha in ((1, EQUATIONS, 13, 0.5), (2, LABEL, 5, 1.0)):
         style: Any = {"color": of.colour, "ms": size, "alpha": alpha, "mew": 0, "label": of.name}
         axes.plot(drifts[:, 0], drifts[:, i], "o", **style)
     axes.set(xlabel="|Ω| [rad/s]", ylabel="mean drift along OX [m/s]")
-    figure.suptitle("The same drift by both; two values where a start decides between attractors")
     axes.set_title(
         "A = diag(.7, .6, .8), K = (2, 2, 0), M² = 25 (SI); darker: more starts", fontsize=10
     )
-    axes.grid(alpha=0.3)
     axes.legend(frameon=False)
     return figure
 
@@ -373,12 +371,9 @@ def holds(row: Row) -> bool:
 
 def tables(parts: Mapping[str, Sequence[Row]]) -> str:
     """Return the tables of docs/results.md, one a part, in Markdown."""
-    lines = []
+    lines: list[str] = []
     for name, rows in parts.items():
-        cells = [[column.header for column in _COLUMNS], ["---"] * len(_COLUMNS)]
-        cells += [[column.text(row).replace("|", "\\|") for column in _COLUMNS] for row in rows]
-        lines += ["", f"### {name.replace('-', ' ').capitalize()}", ""]
-        lines += [f"| {' | '.join(each)} |" for each in cells]
+        lines += ["", f"### {name.replace('-', ' ').capitalize()}", "", *markdown(_COLUMNS, rows)]
     return "\n".join(lines) + "\n"
 
 

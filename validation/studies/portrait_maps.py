@@ -15,13 +15,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from rich.table import Table
-from tyro.conf import Positional, arg
+from tyro.conf import arg
 
 from robotball.equations import Parameters, Vector
 from robotball.film.looks import ACCENT, INK
 from robotball.qualitative.equilibria import kappa, name_of, proposition_2
 from robotball.rotations import Array
-from validation.options import AGREES, DISAGREES, Sweep, SweepOptions, chosen
+from validation.options import AGREES, DISAGREES, Several, Sweep, SweepOptions, chosen
 from validation.output import halo
 from validation.plots import note
 from validation.studies.maps import MapStudy, draw_cells, draw_level, grid_cells
@@ -286,7 +286,7 @@ class Portraits:
     Example: robotball portraits axial --quick
     """
 
-    maps: Positional[Annotated[tuple[str, ...], arg(metavar="MAP...", help_behavior_hint="")]] = ()
+    maps: Annotated[Several, arg(metavar="MAP...")] = ()
     """Which maps, axial (K₃ and Ω₃) or azimuth (K₃ and the angle of Ω₁, Ω₂); both if none."""
     sweep: SweepOptions = field(default_factory=Sweep)
 

@@ -22,7 +22,6 @@ from rich.markup import escape
 from robotball import PRESETS, Scene, Settings
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.mujoco_engine import MUJOCO
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import (
     ADAPTIVE,
@@ -31,7 +30,6 @@ from robotball.engines.mujoco.settings import (
     MUJOCOS_DEFAULT,
     NAIVE,
     Prescribed,
-    recipe,
     settings_from,
 )
 from robotball.film.lines import PRESET_LOOKS
@@ -42,7 +40,7 @@ from validation.options import Controls, Duration, SceneName, Sweep, SweepOption
 from validation.output import known, scientific, writable_folder
 from validation.plots import note
 from validation.results import changed, controlled
-from validation.studies.friction import friction_cells, friction_run, friction_study
+from validation.studies.friction import RECIPE, friction_cells, friction_run, friction_study
 from validation.studies.orders import fit_order
 from validation.studies.timing import measure_costs, simulated_second
 from validation.study import (
@@ -61,8 +59,6 @@ from validation.sweeps import Cell, Result, rows_of
 _Options = dict[str, Any]
 
 _ALL = ("RK4", *FIRST_ORDER)
-_NO_TOLERANCE = 1.0  # an error is what is measured here, so none is a fault
-_RECIPE = recipe("recipe", _NO_TOLERANCE, timestep=PRESETS["balanced"].timestep)
 _INTERVAL = 0.1  # s, between samples; no step is longer
 
 # s; a power of two apart, so that few make a slope. Nothing is left to gain for RK4 below 1 ms.
@@ -79,7 +75,7 @@ _ROUNDS = 3  # of timing, after one that warms up
 
 def _both(*names: str) -> tuple[_Options, _Options]:
     """Return the recipe's choice and the naive model's, of settings that go together."""
-    return {n: getattr(_RECIPE, n) for n in names}, {n: getattr(NAIVE, n) for n in names}
+    return {n: getattr(RECIPE, n) for n in names}, {n: getattr(NAIVE, n) for n in names}
 
 
 _EXACT = {"tolerance": 0.0, "jacobian": "dense"}  # of any solver with hinges of a huge inertia
@@ -115,17 +111,17 @@ _CHOICES: Mapping[str, Sequence[_Options]] = {
 def configurations(quick: bool = False) -> list[Settings]:
     """Return the study's settings, each once, presets first; the quick form has a few a kind."""
     if quick:
-        every = [*PRESETS.values(), *_lines((_RECIPE,), _LINE[3:6], ("RK4", "Euler"))]
+        every = [*PRESETS.values(), *_lines((RECIPE,), _LINE[3:6], ("RK4", "Euler"))]
         every += [*_adaptive(_RTOLS[2::4]), *_star(NAIVE, STEPS[1:2], ("RK4",))][::4]
     else:
         every = [
             *PRESETS.values(),
-            *_lines((_RECIPE, NAIVE), _LINE, _ALL),
+            *_lines((RECIPE, NAIVE), _LINE, _ALL),
             *_adaptive(_RTOLS),
-            *_star(_RECIPE, STEPS, ("RK4",)),
+            *_star(RECIPE, STEPS, ("RK4",)),
             # First-order integrators of long steps are wrong whatever the contact, which would hide
             # what a choice is worth.
-            *_star(_RECIPE, _FINE_STEPS, FIRST_ORDER),
+            *_star(RECIPE, _FINE_STEPS, FIRST_ORDER),
             *_star(NAIVE, STEPS[1:], _ALL),
             *_sample(),
         ]
@@ -145,7 +141,7 @@ def _lines(
 
 
 def _adaptive(rtols: Sequence[float]) -> list[Settings]:
-    return [replace(_RECIPE, integrator=ADAPTIVE, timestep=None, rtol=rtol) for rtol in rtols]
+    return [replace(RECIPE, integrator=ADAPTIVE, timestep=None, rtol=rtol) for rtol in rtols]
 
 
 def _star(base: Settings, steps: Sequence[float], integrators: Sequence[str]) -> Iterator[Settings]:
@@ -162,7 +158,7 @@ def _sample() -> Iterator[Settings]:
         level = {
             name: value for levels in _CHOICES.values() for name, value in pick(levels).items()
         }
-        yield replace(_RECIPE, integrator=pick(_ALL), timestep=pick(STEPS), **level)
+        yield replace(RECIPE, integrator=pick(_ALL), timestep=pick(STEPS), **level)
 
 
 _NOT_OPTIONS = ("name", "error_tolerance", "stop_at_fault", "max_steps")  # no options of MuJoCo
@@ -182,7 +178,7 @@ def options_of(settings: Settings) -> _Options:
 
 def describe(options: Mapping[str, Any]) -> str:
     """Name the recipe or the naive model, whichever is nearer, and the changes but the steps."""
-    described = ([base.name, *_changes(options, options_of(base))] for base in (_RECIPE, NAIVE))
+    described = ([base.name, *_changes(options, options_of(base))] for base in (RECIPE, NAIVE))
     name, *changes = min(described, key=len)
     said = changes if len(changes) <= _FEW else [f"{len(changes)} changes"]
     return ", ".join([name, *said])
@@ -208,8 +204,8 @@ def _changes(options: Mapping[str, Any], base: _Options) -> list[str]:
 def settings_with(options: Mapping[str, Any]) -> Settings:
     """Return settings with these options that go on after a fault; other keys are left out."""
     known = {key: value for key, value in options.items() if key in _DEFAULTS}
-    named = {"name": describe(options), "error_tolerance": _NO_TOLERANCE, "stop_at_fault": False}
-    return settings_from({**known, **named})
+    held = {"error_tolerance": RECIPE.error_tolerance, "stop_at_fault": False}
+    return settings_from({**known, **held, "name": describe(options)})
 
 
 TARGET = 1e-6  # the path error at which first order and the front are compared
@@ -230,7 +226,7 @@ def measure_settings(cell: Cell) -> dict[str, Any]:
     scene, theory = reference(cell, _INTERVAL)
     model = build(scene, settings_with(cell))
     logging.getLogger("absl").setLevel(logging.ERROR)  # a process of its own says it again
-    agreement = Agreement(theory, run(model, theory.times), MUJOCO)
+    agreement = Agreement(theory, run(model, theory.times))
     # A slow configuration needs less of its motion for the same processor time.
     part = min(1.0, _TIMED / agreement.report.seconds)
     timed = theory.times[: max(2, math.ceil(len(theory.times) * part))]

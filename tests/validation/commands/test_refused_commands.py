@@ -171,6 +171,10 @@ REFUSED = {
     # files to write
     "compare fig12 --out /dev/null/x": "/dev/null/x cannot be made",
     "compare fig12 --json /dev/null/x/a.json": "/dev/null/x cannot be made",
+    **{
+        f"{each} --json /dev/null/x/a.json": "/dev/null/x cannot be made"
+        for each in ("lyapunov fig12", "ablation fig12", "portraits")
+    },
     "compare fig12 --json .": r"\. cannot be written: it is a folder",
     "export fig12 --to a.csv": r"a\.csv cannot be made",
     f"compare fig12 --json {LONG}": "File name too long",

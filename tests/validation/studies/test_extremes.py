@@ -154,8 +154,8 @@ def test_the_adaptive_integrator_has_its_rtol_where_others_have_a_timestep() -> 
     """On the axis, and in the settings of a cell."""
     chosen = MAPS["momentum"]
     assert "rtol" in chosen.x_of(ADAPTIVE).label
-    assert cell_run(chosen, "rubber", ADAPTIVE, 1e-7, 5.0).settings.rtol == 1e-7
-    assert cell_run(chosen, "rubber", "RK4", 1e-3, 5.0).settings.timestep == 1e-3
+    assert cell_run(chosen, "rubber", ADAPTIVE, 1e-7, 5.0)[1].rtol == 1e-7
+    assert cell_run(chosen, "rubber", "RK4", 1e-3, 5.0)[1].timestep == 1e-3
 
 
 @pytest.mark.slow

@@ -19,7 +19,7 @@ from validation.studies.history import (
     differ,
     last_patches,
     places_of,
-    rows_of,
+    version_rows,
 )
 from validation.study import Row
 from validation.sweeps import Result
@@ -102,7 +102,7 @@ def result(version: str, recipe: float | None, cost: float = 1.0) -> Result:
 def test_a_row_says_what_changed_and_why_there_is_no_number() -> None:
     """A version that cannot be installed is a row with the reason, and hides no change."""
     missing = Result({"version": "2"}, None, "InputError: no wheel")
-    rows = rows_of([result("1", 1e-5, cost=0.5), missing, result("3", 1e-9)])
+    rows = version_rows([result("1", 1e-5, cost=0.5), missing, result("3", 1e-9)])
     assert [row["changed"] for row in rows] == ["", "", "recipe"]
     assert [row["fault"] for row in rows] == ["slip", "no wheel", "slip"]
     assert [row["speed"] for row in rows] == [2.0, None, 1.0]
@@ -134,7 +134,7 @@ def test_each_change_is_found_among_all_releases_between(
     numbers = {each: 1e-9 if each in ("3.9.1", "3.10.0") else 7e-6 for each in VERSIONS}
 
     def rows(_: History, versions: Sequence[str]) -> list[Row]:
-        return rows_of([result(each, numbers[each]) for each in versions])
+        return version_rows([result(each, numbers[each]) for each in versions])
 
     monkeypatch.setattr(History, "_rows", rows)
     monkeypatch.setattr(history, "_with_pip", lambda _: Path("python"))

@@ -491,27 +491,16 @@ def _name_regions(axes: Axes, outcomes: Array) -> None:
 
 
 def _draw_limit(axes: Axes, nearness: Array, colour: str, dashes: Any) -> None:
-    if nearness.shape[1] == 1:  # one column, of which a second one is beyond the border
-        nearness = np.repeat(nearness, 2, axis=1)
     inside = nearness[np.isfinite(nearness)]
-    if min(nearness.shape) < 2 or not len(inside) or not inside.min() < 0 < inside.max():
+    if not len(inside) or not inside.min() < 0 < inside.max():
         return
+    # Half a cell on, to the borders, by the slope between the last two cells, if that makes no line
+    # which no two cells show.
+    edge = np.pad(nearness, 1, mode="edge")
+    onward = (np.pad(nearness, 1, mode="reflect", reflect_type="odd") + edge) / 2
+    grid = np.ma.masked_invalid(np.where(onward * edge > 0, onward, edge))
     rows, columns = (np.array([-0.5, *range(n), n - 0.5]) for n in nearness.shape)
-    grid = np.ma.masked_invalid(_to_the_borders(nearness))
     draw_level(axes, columns, rows, grid, colour, dashes=dashes, rim=3.2)
-
-
-def _to_the_borders(grid: Array) -> Array:
-    """Return the grid with one value more on every side, half a cell on by its slope.
-
-    A line that no two cells show is not made by that.
-    """
-    for _ in range(2):
-        ends, slopes = grid[[0, -1]], np.diff(grid, axis=0)[[0, -1]] / 2
-        beyond = ends + slopes * [[-1.0], [1.0]]
-        beyond = np.where(np.sign(beyond) == np.sign(ends), beyond, ends)
-        grid = np.concatenate([beyond[:1], grid, beyond[1:]]).T
-    return grid
 
 
 def round_ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:

@@ -82,10 +82,12 @@ class Sweep:
         """Sweep a study's runs, none of which may take longer than `limit` [s].
 
         journal: the name, without its end, of the file that keeps the results for another time.
+        Raises InputError, before the first run, if the folder cannot be written.
         """
-        from validation.output import progress_bar
+        from validation.output import progress_bar, writable_folder
         from validation.sweeps import sweep
 
+        writable_folder(self.out)
         place: Any = {"workers": self.workers, "cluster": self.cluster}
         with progress_bar(len(cells)) as show:
             return sweep(

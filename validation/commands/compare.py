@@ -181,29 +181,20 @@ class Demo:
         from rich.markup import escape
 
         from robotball import PRESETS, InputError, load_scene
-        from robotball.engine import request_of
         from robotball.film.lines import label_of
         from robotball.film.render import Film
         from validation import results
         from validation.commands.report import FILM
-        from validation.comparing import agreements_of, film, motions_of
-        from validation.output import program, progress_bar, writable_folder, write_text
+        from validation.comparing import film, motions_of
+        from validation.output import program, writable_folder, write_text
         from validation.report.scene_report import report
 
         out, console = writable_folder(self.out), Console(soft_wrap=True)
-        requests = [request_of(settings=name) for name in PRESETS]
-        records: list[results.Record] = []
-        shown = []
         # naive is there to fail: what is predicted of it stands behind the table.
-        with (
-            progress_bar(len(_DEMO_SCENES)) as progress,
-            warnings.catch_warnings(record=True) as said,
-        ):
-            for i, name in enumerate(_DEMO_SCENES):
-                progress(i, name)
-                agreements = agreements_of(load_scene(name), requests)
-                records += map(results.record, agreements)
-                shown += [each for each in agreements if each.settings.name in _SHOWN]
+        with warnings.catch_warnings(record=True) as said:
+            agreements = Run().agreements([*map(load_scene, _DEMO_SCENES)], [*PRESETS])
+            records = [*map(results.record, agreements)]
+        shown = [each for each in agreements if each.settings.name in _SHOWN]
         results.show(records, console)
         console.print("Predicted before the runs:", *(f"  {each.message}" for each in said),
                       sep="\n", markup=False, highlight=False)  # fmt: skip

@@ -77,7 +77,7 @@ def figure11a() -> Figure:
     ours = contact_cycle(balanced, cycle)
     through = cycle_crossings(balanced, ours)[:2]
     curve = cloud_by_equations(ball, TORUS, seed=0)
-    points = cloud_by_contact(build(scene, preset("fast")), TORUS_BY_CONTACT, seed=0)
+    points = cloud_by_contact(scene, preset("fast"), TORUS_BY_CONTACT, seed=0)
     off = float(distance_to_curve(points.states, curve.states).max())
     facts = (
         "One periodic orbit, crossing twice, once in",
@@ -100,7 +100,7 @@ def figure11a() -> Figure:
     crossed = np.stack([through.l, through.L])
     # On the way to an attractor errors do not add up, as the attractor takes them back, so long
     # steps will do.
-    coarse = cloud_by_contact(build(scene, COARSE), REGULAR_BY_CONTACT, seed=2)
+    coarse = cloud_by_contact(scene, COARSE, REGULAR_BY_CONTACT, seed=2)
     for each, cloud, count, torus, orbit, colour, name in (
         (axes["theory"], cloud_by_equations(ball, REGULAR, seed=1), REGULAR.count, curve,
          np.stack([own.l[0], own.L[0]]), THEORY, "equations"),
@@ -124,7 +124,7 @@ def figure11b() -> Figure:
     """Draw the strange attractor, by the equations and by the engine side by side."""
     scene = load_scene("fig14")
     theory = cloud_by_equations(scene.parameters, CHAOS, seed=1)
-    engine = cloud_by_contact(build(scene, COARSE), CHAOS_BY_CONTACT, seed=2)
+    engine = cloud_by_contact(scene, COARSE, CHAOS_BY_CONTACT, seed=2)
     facts = (
         "A strange attractor:",
         "  λ₁ = 0.1160 ± 0.0001, λ₆ = -0.1394 1/s",

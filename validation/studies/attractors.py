@@ -5,7 +5,7 @@ scene that reach each of its attractors.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -13,7 +13,6 @@ import numpy as np
 from robotball import load_scene, preset, sample_times
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.run import run
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.errors import check_count
 from robotball.qualitative.long_run import (
@@ -39,6 +38,7 @@ from validation.studies.contact_sections import (
     distance_to_curve,
     level_starts,
     rank_probability,
+    sound_run,
 )
 from validation.studies.contact_tangent import contact_cycle, cycle_crossings, growths, rolled
 from validation.study import Column, Row, show, table_of
@@ -95,8 +95,7 @@ def _measure_cycle(show: Show) -> Iterator[Row]:
     ):
         yield _measured(claim, a, b, 1e-6)
     start = own_start(scene, cycle.attitude, cycle.momentum)
-    once = sample_times(cycle.period, 5e-3)
-    moved = run(model, once, scene=replace(scene, start=start)).contact_point[-1]
+    moved = sound_run(model, start, sample_times(cycle.period, 5e-3)).contact_point[-1]
     periods = drift(scene.parameters, attitudes, momenta, 100 * cycle.period, cycle.period)
     # OX is against M by (3.3), and |M| is 5.
     along = -float(moved @ cycle.momentum[:2]) / 5 / cycle.period
@@ -108,7 +107,7 @@ def _measure_torus(show: Show) -> Iterator[Row]:
     show(1, "Fig. 11a: limit torus")
     scene = load_scene("fig13")
     curve = cloud_by_equations(scene.parameters, TORUS, seed=0)
-    contact = cloud_by_contact(build(scene, preset("balanced")), TORUS_BY_CONTACT, seed=0)
+    contact = cloud_by_contact(scene, preset("balanced"), TORUS_BY_CONTACT, seed=0)
     apart = distance_to_curve(contact.states, curve.states)
     yield _measured("11a: off the torus", apart.max(), 0.0, 5e-6)
     # The mean over 1200 s misses that of all time by a swing of the path, some metres, over that.
@@ -119,8 +118,9 @@ def _measure_torus(show: Show) -> Iterator[Row]:
 def _measure_clouds(show: Show) -> Iterator[Row]:
     """Measure Fig. 11b's strange attractor: its cloud among the equations' own."""
     scene = load_scene("fig14")
-    model = build(scene, COARSE)
-    contact = cloud_by_contact(model, _CLOUD, 0, lambda part: show(2 + part, "Fig. 11b: cloud"))
+    contact = cloud_by_contact(
+        scene, COARSE, _CLOUD, 0, lambda part: show(2 + part, "Fig. 11b: cloud")
+    )
     show(3, "Fig. 11b: clouds of the equations")
     reference, *peers = (
         cloud_by_equations(scene.parameters, _CLOUD, seed).states for seed in range(1, _PEERS + 2)

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -14,9 +15,8 @@ from rich.markup import escape
 from rich.table import Table
 from tyro.conf import arg
 
-from robotball import InputError, Motion, Scene, Settings, load_scene, preset
+from robotball import InputError, Scene, Settings, load_scene, preset
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.model import build
 from robotball.equations import Parameters
 from robotball.errors import check_positive, unknown
 from robotball.film.looks import ACCENT, INK
@@ -28,12 +28,11 @@ from robotball.qualitative.families import NUMBERS
 from robotball.qualitative.long_run import basins
 from robotball.qualitative.portraits import limit_cycles
 from robotball.qualitative.strobed_branches import Driven, swinging
-from robotball.rotations import Array
 from validation.options import AGREES, OUT, File, Preset, SceneName, Threads
 from validation.output import Show, halo, panels, progress_bar, writable_folder
 from validation.plots import note
 from validation.results import changed
-from validation.studies.contact_sections import level_starts, sound_run, steady_scene
+from validation.studies.contact_sections import by_contact, level_starts, steady_scene
 from validation.study import Column, Row, Study, show, table_of, write
 
 _NO_BOUND = "period without bound"
@@ -312,9 +311,6 @@ class _Findings(Watch):
         assert isinstance(self.family, Driven)
         self.engine = f"{LABEL.name}, {settings.name}"
 
-        def by_engine(scene: Scene, times: Array) -> Motion:
-            return sound_run(build(scene, settings), scene.start, times)
-
         for number, branch in enumerate(self.branches, 1):
             every = -(-len(branch.points) // _REPEATED)
             for i, point in enumerate(branch.points):
@@ -322,7 +318,7 @@ class _Findings(Watch):
                     continue
                 self.bar(self.done, f"{self.scene.name}: {self.engine}, {self.at(point.x[-1])}")
                 try:
-                    apart = self.family.return_error(point.x, by_engine)
+                    apart = self.family.return_error(point.x, partial(by_contact, settings))
                 except InputError as error:
                     self.lost(point.x[-1], str(error))
                 else:

@@ -41,7 +41,7 @@ from robotball.qualitative.long_run import exponents
 from robotball.qualitative.sections import section
 from robotball.rotations import Array
 from validation.options import Preset, SceneName, Sweep, SweepOptions
-from validation.output import halo, title, writable_folder
+from validation.output import halo, title
 from validation.plots import note
 from validation.results import changed
 from validation.studies.contact_sections import moving_scene
@@ -323,7 +323,6 @@ class Chart:
         for option in ("duration", "transient"):
             check_positive(option, getattr(self, option), "s")
         settings = None if self.preset is None else preset(self.preset).name
-        writable_folder(self.sweep.out)
         ball, _, (momentum,) = kernel_start(scene)
         # Refused before the work; with an f that allows any c.
         varied(ball, momentum, {name: max(axes[name], key=abs) for name in axes} | {"f": 1e99})

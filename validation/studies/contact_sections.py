@@ -58,6 +58,11 @@ def sound_run(model: Model, start: Start, times: Array) -> Motion:
     return motion
 
 
+def by_contact(settings: Settings, scene: Scene, times: Array) -> Motion:
+    """Return a scene's motion as `sound_run` does, from its own start."""
+    return sound_run(build(scene, settings), scene.start, times)
+
+
 def each_step(model: Model, duration: float) -> Array:
     """Return the times (n,) of a model's steps [s]."""
     return sample_times(duration, model.compiled.opt.timestep)
@@ -239,15 +244,16 @@ def cloud_by_equations(parameters: Parameters, recipe: Recipe, seed: int) -> _Cl
 
 
 def cloud_by_contact(
-    model: Model,
+    scene: Scene,
+    settings: Settings,
     recipe: Recipe,
     seed: int,
     progress: Callable[[float], object] = lambda part: None,
 ) -> _Cloud:
     """Return the recipe's cloud by MuJoCo. Raises InputError where a run has a fault."""
-    parts, velocities = [], []
+    parts, velocities, model = [], [], build(scene, settings)
     for i, (attitude, momentum) in enumerate(zip(*recipe.points(seed), strict=True)):
-        start = own_start(model.scene, attitude, momentum)
+        start = own_start(scene, attitude, momentum)
         found, duration, moved = _returns(
             model, start, recipe.skipped + recipe.count, recipe.direction
         )

@@ -23,8 +23,9 @@ from robotball import InputError, engine_named, engine_names, integrate, load_sc
 from robotball.engine import DEFAULT, Request, run_request
 from robotball.engines.adapter import Adapter, not_installed
 from robotball.engines.environments import interpreter_of, make, python_named
-from robotball.motion import ContactMotion, EngineSettings, Motion, momentum_error, path_error
+from robotball.motion import ContactMotion, EngineSettings, Motion
 from robotball.rotations import Array, rotation_matrix
+from validation.agreement import Agreement
 from validation.output import known
 from validation.sensitivity import total_defect
 
@@ -116,17 +117,17 @@ def run(cell: Mapping[str, Any]) -> dict[str, Any]:
         if cell["stretches"]:
             defect = total_defect(engine.prepare(scene, settings), theory)
     motion, report = motions[0], motions[0].report
-    finished = len(motion.times) == len(theory.times)
+    agreement = Agreement(theory, motion)
     spent = [each.report.seconds for each in motions]
     return {
         "label": engine.label.name,
         "colour": engine.label.colour,
         "marker": engine.label.marker,
         "version": engine.label.version,
-        "path_error": known(path_error(motion, theory)) if finished else None,
-        "momentum_error": known(momentum_error(motion, theory)) if finished else None,
+        "path_error": known(agreement.path_error),
+        "momentum_error": known(agreement.momentum_error),
         "defect": known(defect),
-        "reached": float(motion.times.max(initial=0.0)),
+        "reached": agreement.end,
         "slip": known(report.slip.max()),
         "spin": known(abs(report.spin).max()),
         "hinge_rate_error": known(report.hinge_rate_error.max()),

@@ -335,7 +335,6 @@ class Engines:
             raise InputError("--json takes one study: name one scene, with --tune one engine too")
         if self.only or self.tune:
             engine_runs.check_installed(some, self.environments)
-        writable_folder(self.sweep.out)
         for name in self.scenes:
             for each in some if self.tune else ():
                 self._tune(name, each)

@@ -30,7 +30,7 @@ from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of, m
 from robotball.engines.states import motion_of_rows
 from robotball.errors import unknown
 from robotball.film.looks import ACCENT, INK
-from robotball.motion import path_error
+from validation.agreement import Agreement
 from validation.options import AGREES, Given, Sweep, SweepOptions, seconds_of
 from validation.output import panels, writable_folder, write_record, write_text
 from validation.results import changed
@@ -179,8 +179,7 @@ def _bare(cell: Cell, python: str, preset: str) -> dict[str, Any]:
     state = shell_state(model, np.array(found["qpos"]), np.array(found["qvel"]))
     run = {"timestep": step, "steps": round(times[-1] / step), "seconds": seconds}
     motion = motion_of_rows(LABEL, scene, times, state.row, settings, **run)
-    whole = len(motion.times) == len(times)
-    error = path_error(motion, integrate(scene, times)) if whole else None
+    error = Agreement(integrate(scene, times), motion).path_error
     fault, without = "; ".join(map(str, motion.report.faults[:1])), ", ".join(found["left_out"])
     return {"error": error, "fault": fault, "cost": cost, "without": without}
 

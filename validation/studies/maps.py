@@ -14,7 +14,7 @@ from rich.table import Table
 
 from robotball.rotations import Array
 from validation.options import Sweep
-from validation.output import halo, writable_folder, write_record
+from validation.output import halo, write_record
 from validation.study import Study, show
 from validation.sweeps import Cell, Result, Work, rows_of
 
@@ -36,8 +36,6 @@ class MapStudy:
 
     def results(self, maps: Mapping[str, tuple[Sequence[Cell], float]]) -> dict[str, list[Result]]:
         """Sweep the cells of each map, none of which may take longer than its limit [s]."""
-        # Refused before the first cell, which may take minutes.
-        writable_folder(self.sweep.out)
         return {
             name: self.sweep.results(self.work, cells, self.name, limit)
             for name, (cells, limit) in maps.items()

@@ -20,7 +20,6 @@ from matplotlib.figure import Figure
 
 from robotball import Motion, Scene, design, integrate, load_scene, preset, sample_times
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.model import build
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.equations import speed_bound
 from robotball.qualitative import equilibria, long_run, straight_motions
@@ -31,9 +30,9 @@ from robotball.rotations import Array, multiply, normalised, tangents, turn_betw
 from robotball.scene import Start, along_momentum
 from robotball.variations import gyrostat
 from validation.options import AGREES, DISAGREES, Names, Sweep, SweepOptions, chosen, listed
-from validation.output import panels, writable_folder, write_text
+from validation.output import panels, write_text
 from validation.studies import contact_sections as sections
-from validation.studies.contact_sections import level_starts, sound_run
+from validation.studies.contact_sections import by_contact, level_starts
 from validation.studies.contact_tangent import compared, exponents_by_both, limit_cycles_by_both
 from validation.study import Column, Row, Study, compiled_motion, markdown, scene_cell, table_of
 from validation.sweeps import Cell
@@ -52,12 +51,7 @@ _BEFORE = 2e-4  # of K₃ where two equilibria meet, kg m²/s
 _SIDES = 2e-3  # of f*, (kg m²/s)²: between so near values the growth is a straight line
 
 
-def by_contact(name: str, scene: Scene, times: Array) -> Motion:
-    """Return the contact engine's motion by a preset, from the scene's own start."""
-    return sound_run(build(scene, preset(name)), scene.start, times)
-
-
-_BALANCED = partial(by_contact, "balanced")
+_BALANCED, _FAST = (partial(by_contact, preset(name)) for name in ("balanced", "fast"))
 
 
 def rates(line: Any, linear: Array, displaced: Callable[[Array, Array], Array]) -> _Rows:
@@ -199,7 +193,7 @@ def _portraits(quick: bool) -> _Rows:
         reached = [
             [np.argmax(attract @ scene.principal_axes.T @ run(each, _SETTLED).gamma[1])
              for each in begun]
-            for run in (compiled_motion, partial(by_contact, "fast"))
+            for run in (compiled_motion, _FAST)
         ]  # fmt: skip
         line = partial(_LINE, f"basins of {len(attract)} equilibria", place, "fast")
         off = float(np.count_nonzero(np.diff(reached, axis=0)))
@@ -259,7 +253,7 @@ def _long_runs(quick: bool) -> _Rows:
     for name, seconds in (("fig14", 4000.0), ("wobbling_drive", 1000.0)):
         scene, times = load_scene(name), sample_times(seconds / 100 if quick else seconds)
         theory = (compiled_motion if scene.steady else integrate)(scene, times)
-        motions = theory, by_contact("fast", scene, times)
+        motions = theory, _FAST(scene, times)
         line = partial(_LINE, f"{scene.title}, {times[-1]:g} s", "3.3", "fast")
         if scene.steady:
             # The drift of one run is a sample: what runs of the equations scatter says how near two
@@ -293,8 +287,8 @@ def _classical_section(quick: bool) -> _Rows:
     # Clouds of the equations by other seeds: the same recipe, so that the rank is even if MuJoCo is
     # right.
     reference, *peers = (cloud(seed).states for seed in range(1, _CLOUDS + 1))
-    points = sections.cloud_by_contact(build(scene, preset("fast")), recipe, seed=0).states
-    rank = sections.rank_probability(points, peers, reference)
+    contact = sections.cloud_by_contact(scene, preset("fast"), recipe, seed=0)
+    rank = sections.rank_probability(contact.states, peers, reference)
     line = partial(_LINE, "classical ball, chaos", "3.2, section g = 0", "fast")
     yield line("rank of its section", "1", 0.5, rank, 0.49, "chance: even between 0 and 1")
 
@@ -312,7 +306,7 @@ def _drift(quick: bool) -> _Rows:
         other = replace(scene, ball=bodies.ball)
         for start in zip(*level_starts(other, 2 if quick else 6, seed=0), strict=True):
             begun = replace(other, start=own_start(other, *start))
-            run, duration = by_contact("fast", begun, times), float(times[2] - times[1])
+            run, duration = _FAST(begun, times), float(times[2] - times[1])
             # M as it was at the start, as its drift over the transient would lead to another level.
             late = replace(other, start=Start(run.attitude[1], begun.start.momentum))
             theory = compiled_motion(late, np.array([0.0, duration]))
@@ -390,7 +384,7 @@ class Results:
     sweep: SweepOptions = field(default_factory=Sweep)
 
     def run(self) -> int:
-        out, names, quick = writable_folder(self.sweep.out), listed(self.only), self.sweep.quick
+        names, quick = listed(self.only), self.sweep.quick
         chosen("part", names, PARTS)
         # A cell knows its balls, so that a changed scene file makes its result anew.
         shared = {"quick": quick, "balls": [scene_cell(name, 0)["digest"] for name in _SCENES]}
@@ -403,5 +397,5 @@ class Results:
         table = table_of(_COLUMNS, rows, lambda row: not holds(row), "result")
         study = Study("results", LABEL, [], rows, {"parts": parts}, [table, *failed], *picture)
         self.sweep.present(study, *names)
-        write_text(out / "results.md", tables(parts))
+        write_text(self.sweep.out / "results.md", tables(parts))
         return AGREES if all(map(holds, rows)) and not failed else DISAGREES

@@ -37,7 +37,7 @@ from robotball.film.looks import ACCENT, FAINT, INK
 from robotball.motors import Servo
 from validation.agreement import Agreement
 from validation.options import Controls, Duration, SceneName, Sweep, SweepOptions, seconds_of
-from validation.output import known, scientific, writable_folder
+from validation.output import known, scientific
 from validation.plots import note
 from validation.results import changed, controlled
 from validation.studies.friction import RECIPE, friction_cells, friction_run, friction_study
@@ -505,7 +505,6 @@ class Tradeoff:
     sweep: SweepOptions = field(default_factory=Sweep)
 
     def run(self) -> int:
-        writable_folder(self.sweep.out)
         scene, quick = controlled(self.scene, self.control), self.sweep.quick
         shared = scene_cell(self.scene, seconds_of(self.duration, quick, scene), self.control)
         if self.friction:

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engines.mujoco.model import build
 from robotball.qualitative.sections import crossings_of_motion, section
 from robotball.rotations import Array, multiply
 from validation.studies.contact_sections import (
@@ -58,7 +57,7 @@ def test_mujocos_limit_torus_is_the_equations() -> None:
     torus = Torus(L=0.0, l=1.96, spread=0.2, f=F, starts=24, skipped=250, count=1000)
     curve = cloud_by_equations(scene.parameters, torus, seed=0)
     short = Torus(L=0.0, l=1.96, spread=0.0, f=F, starts=1, skipped=50, count=15)
-    contact = cloud_by_contact(build(scene, BALANCED), short, seed=0)
+    contact = cloud_by_contact(scene, BALANCED, short, seed=0)
     apart = distance_to_curve(contact.states, curve.states)
     # Measured 1e-6 of vectors of length one: the way from the start, dying out by e in 57 s.
     assert apart.max() < 1e-5
@@ -74,7 +73,7 @@ def test_mujocos_strange_attractor_is_the_equations() -> None:
     """
     scene = rb.load_scene("fig14")
     ball = scene.parameters
-    contact = cloud_by_contact(build(scene, COARSE), CLOUD, seed=0)
+    contact = cloud_by_contact(scene, COARSE, CLOUD, seed=0)
     reference, *peers = (cloud_by_equations(ball, CLOUD, seed).states for seed in range(1, 51))
     assert len(contact.states) == 500
     # Measured 0.34; of right clouds, uniform between 0.02 and 1.

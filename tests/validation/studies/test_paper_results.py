@@ -1,6 +1,6 @@
 """The paper's results by both engines: each line holds, and with another ball it does not."""
 
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 import pytest
@@ -63,7 +63,7 @@ def test_another_ball_turns_the_lines(
 def test_what_decides_is_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
     """Steps four times as long leave 4⁴ times the difference."""
     balanced = quick_rows("equilibria")
-    monkeypatch.setattr(paper_results, "_BALANCED", partial(paper_results.by_contact, "fast"))
+    monkeypatch.setattr(paper_results, "_BALANCED", paper_results._FAST)
     fast = [*PARTS["equilibria"](True)]
     left = [rows[0]["apart"] for rows in (fast, balanced)]  # of γ in 10 s; rates have rounding too
     assert left[0] / left[1] == pytest.approx(256, rel=0.1)  # measured 262

@@ -34,18 +34,14 @@ Duration = Annotated[Given[float], arg(metavar="SECONDS")]
 File = Annotated[Given[Path], arg(metavar="FILE|-")]
 PRESET = "naive|fast|balanced|accurate|adaptive"
 Preset = Annotated[Given[str], arg(metavar=PRESET)]
-# One value an option, so that it never takes the scenes that follow; `listed` reads it.
-Names = UseAppendAction[Annotated[tuple[str, ...], arg(metavar="NAME,…", help_behavior_hint="")]]
+# One value an option, so that it never takes the scenes that follow.
+_Repeated = UseAppendAction[Annotated[tuple[str, ...], arg(help_behavior_hint="")]]
+Names = Annotated[_Repeated, arg(metavar="NAME,…")]  # `listed` reads them
 _CONTROL_HELP = (
     "A control of an actuator of a robot's own file, in place of the file's: a number, or a table "
     "(.csv, .npz) of time and value, by smooth curves between; once for each actuator."
 )
-Controls = UseAppendAction[
-    Annotated[
-        tuple[str, ...],
-        arg(name="control", metavar="NAME=VALUE|FILE", help=_CONTROL_HELP, help_behavior_hint=""),
-    ]
-]
+Controls = Annotated[_Repeated, arg(name="control", metavar="NAME=VALUE|FILE", help=_CONTROL_HELP)]
 
 _LOOP_HELP = (
     "A controller (rb.Controller) of a Python file, which is run: it commands the scene's motors "

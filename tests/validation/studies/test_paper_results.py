@@ -9,7 +9,7 @@ from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.settings import Settings
 from robotball.scene import Scene
 from tests.imports import PROJECT
-from validation.studies import paper_results
+from validation.studies import contact_sections, paper_results
 from validation.studies.paper_results import PARTS, holds, tables
 from validation.study import Row
 
@@ -51,7 +51,7 @@ def test_another_ball_turns_the_lines(
         rates = [frame, *(factor * rate for rate in rotors)]
         return build(scene.with_hinges(command=rates), settings)
 
-    monkeypatch.setattr(paper_results, "build", other)
+    monkeypatch.setattr(contact_sections, "build", other)
     rows = [*PARTS[part](True)]
     rates = [row for row in rows if part == "portraits" or row["quantity"] in ("λ", "Re λ")]
     assert rates

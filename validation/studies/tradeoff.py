@@ -19,7 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.markup import escape
 
-from robotball import PRESETS, Scene, Settings
+from robotball import PRESETS, InputError, Scene, Settings
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
@@ -507,6 +507,8 @@ class Tradeoff:
     def run(self) -> int:
         scene, quick = controlled(self.scene, self.control), self.sweep.quick
         shared = scene_cell(self.scene, seconds_of(self.duration, quick, scene), self.control)
+        if self.friction and not scene.start.momentum.any():
+            raise InputError(f"{scene.name} starts from rest: there is no M for friction to take")
         if self.friction:
             cells, work, study = friction_cells(shared, quick), friction_run, friction_study
         else:

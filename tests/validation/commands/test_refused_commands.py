@@ -106,6 +106,7 @@ REFUSED = {
     "compare fig12 --duration 0": f"{POSITIVE} 0 s",
     "compare fig12 --duration nan": f"{POSITIVE} nan s",
     "tradeoff fig12 --friction --duration 0": f"{POSITIVE} 0 s",
+    "tradeoff fig06 --friction --quick": "fig06 starts from rest: there is no M for friction to ta",
     "export fig12 --duration 0": f"{POSITIVE} 0 s",
     "lyapunov fig12 --duration -1": "duration and transient must be positive",
     "basins fig12 --threads 0": "threads must be at least 1, not 0",

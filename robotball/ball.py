@@ -50,8 +50,6 @@ def _equal(one: Any, other: Any) -> Any:
 def _same(one: Any, other: Any) -> bool:
     """Return whether two values are equal; arrays, also in tuples, are compared by number."""
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
-        if np.shape(one) != np.shape(other):
-            return False
         one, other = np.asarray(one), np.asarray(other)
         return np.array_equal(one, other, equal_nan=one.dtype.kind in "fc")
     if isinstance(one, tuple) and isinstance(other, tuple):
@@ -77,11 +75,6 @@ def axial_tensor(axial: float, transverse: float, axis: Array) -> Array:
     return transverse * np.eye(3) + (axial - transverse) * np.outer(axis, axis)
 
 
-def thin_shell_inertia(radius: float, mass: float) -> float:
-    """Return 2/3 m a², a shell of no thickness about any diameter [kg m²]."""
-    return 2 / 3 * mass * radius * radius
-
-
 def thick_shell_inertia(radius: float, mass: float, thickness: float) -> float:
     """Return 2/5 m (a⁵ - b⁵)/(a³ - b³), a homogeneous shell from b = a - thickness to a [kg m²].
 
@@ -98,10 +91,10 @@ def thick_shell_inertia(radius: float, mass: float, thickness: float) -> float:
     return 2 / 5 * mass * radius * radius * ratio
 
 
-def shell_inertia(radius: float, mass: float, thickness: float) -> float:
-    """Return the moment of a homogeneous shell of any thickness about a diameter [kg m²]."""
+def shell_inertia(radius: float, mass: float, thickness: float = 0.0) -> float:
+    """Return the moment of a homogeneous shell about a diameter, 2/3 m a² of a thin one [kg m²]."""
     if thickness == 0:  # the limit of a thick shell, whose formula takes none
-        return thin_shell_inertia(radius, mass)
+        return 2 / 3 * mass * radius * radius
     return thick_shell_inertia(radius, mass, thickness)
 
 
@@ -125,12 +118,12 @@ def composed(solids: Iterable[Solid]) -> Solid:
     solids = list(solids)
     mass = sum(each.mass for each in solids)
     centre = np.array([each.mass / mass * each.centre for each in solids]).sum(axis=0)
-    inertia = np.array([_about(centre, each) for each in solids]).sum(axis=0)
+    inertia = np.array([inertia_about(centre, each) for each in solids]).sum(axis=0)
     shapes = tuple(shape for each in solids for shape in each.shapes)
     return Solid(mass, centre, inertia, max(each.reach for each in solids), shapes)
 
 
-def _about(point: Array, body: "Solid | Body") -> Array:
+def inertia_about(point: Array, body: "Solid | Body") -> Array:
     """Return a body's inertia (3, 3) about a point (3,), by Steiner's theorem [kg m²]."""
     r = body.centre - point
     return body.inertia + body.mass * (r @ r * np.eye(3) - np.outer(r, r))
@@ -466,7 +459,7 @@ class Ball(Value):
                 check_size(f"{name}'s centre", coordinate, "m")
             if isinstance(body, Shell | Rotor):
                 _check_entries(name, np.array([body.axial_inertia, body.transverse_inertia]))
-            if isinstance(body, Link):
+            if isinstance(body, Link | Pendulum):
                 for coordinate in body.pivot.tolist():
                     check_size(f"{name}'s pivot", coordinate, "m")
             if isinstance(body, Rotor):
@@ -601,7 +594,8 @@ class Ball(Value):
     @cached_property
     def inertia(self) -> Array:
         """The whole ball's inertia (3, 3) about the sphere's centre, frame axes [kg m²]."""
-        return np.array([_about(np.zeros(3), body) for _, body in self.named_bodies]).sum(axis=0)
+        about_centre = [inertia_about(np.zeros(3), body) for _, body in self.named_bodies]
+        return np.array(about_centre).sum(axis=0)
 
     @cached_property
     def centre_of_mass(self) -> Array:

@@ -34,7 +34,7 @@ from scipy.optimize import brentq
 
 from robotball.ball import ROUNDING, Ball, Frame, Hinge, Rotor, Shell, shell_inertia
 from robotball.equations import Parameters
-from robotball.errors import InputError, check_positive, check_size
+from robotball.errors import InputError, check_not_negative, check_positive, check_size
 from robotball.rotations import Array
 from robotball.scene import Scene
 
@@ -300,9 +300,7 @@ def _check_sizes(radius: float, mass: float | None, limits: Limits) -> None:
     if not limits.rotor_speed > 0:
         raise InputError(f"rotor_speed must be positive, not {limits.rotor_speed:g} rad/s")
     for name in ("shell_mass", "frame_mass", "rotor_mass"):
-        value = getattr(limits, name)
-        if not (math.isfinite(value) and value >= 0):
-            raise InputError(f"{name} must be finite and not negative, not {value:g} kg")
+        check_not_negative(name, getattr(limits, name), "kg")
     if not 0 <= limits.shell_thickness < radius:
         raise InputError(
             f"shell_thickness must be at least 0 and less than the radius {radius:g} m, not "
@@ -567,7 +565,11 @@ def _margin(request: _DesignRequest, n: int, frame_radius: float, s: Array, T: A
     trace = (1 - 3 * s) / 2 - T  # of Σ_frame: tr P is 1 - 3s, and a ring takes 2j of tr 2Σ
     # A bound is kept by t where its left side less its growth with t is at least t: hence the
     # divisors 1 + growth.
-    for rotors, per_t in _rotor_masses(request, n, T, slower):
+    # Of the rotors' mass by their inertia and by their least masses, with the growth of each; for
+    # two the first is too large by no more than one's least mass.
+    by_inertia = T / request.rotor_radius**2 + (n - 1) * request.rotor
+    least = np.asarray(n * request.rotor)
+    for rotors, per_t in ((by_inertia, slower / request.rotor_radius**2), (least, 0.0)):
         frame, frame_per_t = others - rotors, others_per_t + per_t
         bounds.append((frame - request.frame) / (1 + frame_per_t))
         if np.isfinite(frame_radius):
@@ -584,20 +586,6 @@ def _Z(request: _DesignRequest, s: Array, T: Array) -> tuple[Array, Array]:
     given_back = per_T[..., None, None] * g[..., :, None] * g[..., None, :]
     P_less_T = (1 - s - T)[..., None, None] * np.eye(3) - 2 * request.B
     return P_less_T + given_back, T - per_T * (g * g).sum(axis=-1)
-
-
-def _rotor_masses(
-    request: _DesignRequest, n: int, T: Array, slower: float
-) -> list[tuple[Array, float]]:
-    """Return bounds of the rotors' mass, by inertia and least masses, with their growth with t.
-
-    For two the first is an upper bound, too large by no more than one's least mass.
-    """
-    if n == 0:
-        return [(np.zeros_like(T), 0.0)]
-    inertia = T / request.rotor_radius**2 + (n - 1) * request.rotor
-    least = np.full_like(T, n * request.rotor)
-    return [(inertia, slower / request.rotor_radius**2), (least, 0.0)]
 
 
 def _bodies(request: _DesignRequest, n: int, s: float, T: float, margin: float) -> _Share:

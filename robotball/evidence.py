@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
+from scipy.linalg import qr
 
 from robotball.files.logs import Log
 from robotball.residuals import Residuals, Unknown
@@ -224,16 +225,8 @@ def _undetermined(covariance: Array, unknowns: Sequence[Unknown]) -> Iterator[st
 
 def _sparse(directions: Array) -> Array:
     """Return a basis (m, p) of the same space, in which each direction has a part of its own."""
-    rows = directions.copy()
-    for i in range(len(rows)):
-        rest = np.abs(rows[i:])
-        r, c = np.unravel_index(int(rest.argmax()), rest.shape)
-        rows[[i, i + int(r)]] = rows[[i + int(r), i]]
-        rows[i] /= rows[i, c]
-        for other in range(len(rows)):
-            if other != i:
-                rows[other] -= rows[other, c] * rows[i]
-    return rows
+    own = qr(directions, mode="r", pivoting=True)[1][: len(directions)]
+    return np.asarray(np.linalg.solve(directions[:, own], directions))
 
 
 def chi2_of(left: Array) -> float:

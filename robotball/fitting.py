@@ -274,7 +274,7 @@ def _sensed(scene: Scene, log: Log, noise: Mapping[str, float]) -> FittedLog:
         kind: {n: float(first[f"{n}_{kind}"][0]) for n in moved if f"{n}_{kind}" in first}
         for kind in ("angle", "rate")
     }
-    started = scene.with_hinges(**{kind: each for kind, each in begins.items() if each})
+    started = scene.with_hinges(**begins)
     # One reading, as the median of quaternions is none.
     seen = (each.values[0] for each in log.sensors if each.name == "attitude")
     attitude = next(seen, scene.start.attitude)

@@ -545,14 +545,10 @@ class Joined(Generic[_AnyMotion]):
         self._count, self._done = count, 0
         self._whole: dict[_Place, NDArray[Any]] = {}
         self._last: _AnyMotion | None = None
-        self._only: _AnyMotion | None = None
 
     def add(self, part: _AnyMotion) -> None:
         """Append the next part."""
         size = len(part.times)
-        if size == self._count:  # the only part with samples, which need not be copied
-            self._only = part
-            return
         for place, array in arrays_of(part):
             if place not in self._whole:
                 self._whole[place] = np.empty((self._count, *array.shape[1:]), array.dtype)
@@ -562,8 +558,6 @@ class Joined(Generic[_AnyMotion]):
     @property
     def motion(self) -> _AnyMotion:
         """The motion of the parts so far, which are one at least."""
-        if self._only is not None:
-            return self._only
         assert self._last is not None
         whole = {place: array[: self._done] for place, array in self._whole.items()}
         motion: _AnyMotion = with_arrays(self._last, whole)

@@ -260,13 +260,9 @@ class Residuals:
 
     def ended(self, values: Array) -> list[Unknown]:
         """Return the unknowns with their values and sizes as they are where the fit ends."""
-        sizes = (
-            max(abs(v), u.size / 2) if u.size == abs(u.value) else u.size
-            for u, v in zip(self.unknowns, values.tolist(), strict=True)
-        )
         return [
-            replace(u, value=v, size=size)
-            for u, v, size in zip(self.unknowns, values.tolist(), sizes, strict=True)
+            replace(u, value=v, size=max(abs(v), u.size / 2) if u.size == abs(u.value) else u.size)
+            for u, v in zip(self.unknowns, values.tolist(), strict=True)
         ]
 
     def slopes(self, x: Array, sized: Sequence[Unknown]) -> Array:
@@ -283,14 +279,13 @@ class Residuals:
         scene = self.numbers.scene({**self.fixed, **shared})
         late = own.get("commands.delay", 0.0)
         commands = {name: held(t + late, values) for name, (t, values) in log.commands.items()}
-        hinges: dict[str, dict[str, object]] = {"angle": {}, "rate": {}, "command": {}}
-        for hinge in scene.hinges:
-            if hinge.motor is not None:
-                hinges["angle"][hinge.name] = own[f"start.{hinge.name}_angle"]
-                hinges["rate"][hinge.name] = own[f"start.{hinge.name}_rate"]
-            if hinge.name in commands:
-                hinges["command"][hinge.name] = commands[hinge.name]
-        scene = scene.with_hinges(**{k: v for k, v in hinges.items() if v})
+        moved = [hinge.name for hinge in scene.hinges if hinge.motor is not None]
+        hung = {hinge.name for hinge in scene.hinges}
+        scene = scene.with_hinges(
+            angle={name: own[f"start.{name}_angle"] for name in moved},
+            rate={name: own[f"start.{name}_rate"] for name in moved},
+            command={name: command for name, command in commands.items() if name in hung},
+        )
         if actuators := [
             replace(each, command=commands.get(each.name, each.command)) for each in scene.actuators
         ]:

@@ -39,14 +39,13 @@ def circumstance(name: str, sensors: Mapping[str, object]) -> tuple[int, str]:
 
     Raises InputError for an unknown one, and for one of a sensor that the log has not.
     """
-    known = {**CIRCUMSTANCES}
-    known.update({each + _CLOCK: (1, "s") for each in sensors})
-    known.update({each + _BIAS: (3, "rad/s") for each in sensors if each.endswith("_gyro")})
-    known.update({each + _ZERO: (1, "rad") for each in sensors if each.endswith("_angle")})
-    of = name.split(".")[0]
-    if name not in known or (of not in ("world", "commands") and of not in sensors):
-        allowed = [each for each in known if each.split(".")[0] in ("world", "commands", *sensors)]
-        raise unknown("circumstance of the log", name, allowed)
+    there = ("world", "commands", *sensors)
+    known = {name: what for name, what in CIRCUMSTANCES.items() if name.split(".")[0] in there}
+    known |= {each + _CLOCK: (1, "s") for each in sensors}
+    known |= {each + _BIAS: (3, "rad/s") for each in sensors if each.endswith("_gyro")}
+    known |= {each + _ZERO: (1, "rad") for each in sensors if each.endswith("_angle")}
+    if name not in known:
+        raise unknown("circumstance of the log", name, known)
     return known[name]
 
 

@@ -65,15 +65,9 @@ class Shape:
 
     def encloses(self, points: Array) -> bool:
         """Return whether points (n, 3) are all in the box around the shape, along its own axes."""
-        low, high, turned = self._box
-        own = (points - self.pos) @ turned
-        return len(points) > 0 and bool(((own >= low) & (own <= high)).all())
-
-    @cached_property
-    def _box(self) -> tuple[Array, Array, Array]:
-        """The ends (3,) of the box around the shape along its own axes, and their rotation."""
-        corners = self._own.reshape(-1, 3)
-        return corners.min(axis=0), corners.max(axis=0), rotation_matrix(self.turn)
+        corners, own = self._own.reshape(-1, 3), (points - self.pos) @ rotation_matrix(self.turn)
+        inside = (own >= corners.min(axis=0)) & (own <= corners.max(axis=0))
+        return len(points) > 0 and bool(inside.all())
 
     @cached_property
     def _own(self) -> Array:
@@ -161,10 +155,7 @@ def _asset(assets: Element, shape: Shape, unit: float) -> str:
         params = f"{_RESOLUTION} {tube / radius:.6g} 1 1"
         own = {"builtin": "supertorus", "params": params}
     else:
-        vertices, faces = (
-            _digits(shape.vertices.ravel()),
-            " ".join(map(str, shape.faces.ravel())),
-        )
+        vertices, faces = _digits(shape.vertices.ravel()), " ".join(map(str, shape.faces.ravel()))
         scale = shape.size * unit
         name = f"mesh_{crc32((vertices + faces + _digits(scale)).encode()):08x}"
         # Of a shell, as a mesh that only is looked at may be open.

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from robotball.ball import Ball, Frame, Hinge, Pendulum, Shell, thin_shell_inertia
+from robotball.ball import Ball, Frame, Hinge, Pendulum, Shell, shell_inertia
 from robotball.drives import Ramp, Rate, Sine
 from robotball.equations import Rolling
 from robotball.mechanics import States
@@ -128,7 +128,7 @@ def _w1() -> Scene:
 
 
 def _thin_shell(a: float, mass: float, axis: Array) -> Shell:
-    inertia = thin_shell_inertia(a, mass)
+    inertia = shell_inertia(a, mass)
     return Shell(a, mass, inertia, inertia, axis)
 
 

@@ -73,9 +73,7 @@ def opened(path: Path, longest: int = _MOST_CHARACTERS) -> Iterator[BinaryIO]:
             size, limit = found.st_size / MB, longest / MB
             raise OSError(errno.EFBIG, f"it has {size:.4g} MB, and may have {limit:g}; shorten it")
         file = path.open("rb")
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
-    except ValueError as error:  # a null byte in the name
-        raise InputError(f"{path}: {error}") from None
+    except (OSError, ValueError) as error:  # of a null byte in the name, the latter
+        raise InputError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
     with file:
         yield file

@@ -195,12 +195,8 @@ def _header(comments: list[str]) -> dict[str, str]:
 
 def _units_of(text: str) -> dict[str, str]:
     """Return units that are given as JSON, or as `t s, x mm`."""
-    try:
-        given: Any = json.loads(text)
-    except ValueError:
-        pairs = (part.replace(":", " ").replace("=", " ").split() for part in text.split(","))
-        return {pair[0]: pair[1] for pair in pairs if len(pair) == 2}
-    return {str(k): str(v) for k, v in given.items()} if isinstance(given, dict) else {}
+    pairs = (part.replace(":", " ").replace("=", " ").split() for part in text.split(","))
+    return _texts(text) or {pair[0]: pair[1] for pair in pairs if len(pair) == 2}
 
 
 def _delimiter(line: str) -> str | None:

@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from robotball.ball import inertia_about
 from robotball.drives import Constant, Drive, Ramp, Samples, Sine, Total
 from robotball.engine import integrate
 from robotball.engines.states import links_of
@@ -173,17 +174,12 @@ def _bodies(motion: Motion) -> list[dict[str, Any]]:
             "mass": link.mass,
             "centre_of_mass": link.centre.tolist(),
             "inertia": link.inertia.tolist(),
-            "inertia_about_centre": _about_centre(link.mass, link.centre, link.inertia).tolist(),
+            "inertia_about_centre": inertia_about(np.zeros(3), link).tolist(),
             "hinge": _hinge(hinges[link.name], link.parent) if link.parent else None,
             "start": {what: each[0].tolist() for what, each in vars(placed[link.name]).items()},
         }
         for link in scene.ball.tree
     ]
-
-
-def _about_centre(mass: float, centre: Array, inertia: Array) -> Array:
-    """Return the inertia (3, 3) about the sphere's centre, by Steiner's theorem."""
-    return inertia + mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
 
 
 def _hinge(hinge: MovedHinge, parent: str) -> dict[str, Any]:

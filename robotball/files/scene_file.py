@@ -28,8 +28,8 @@ from robotball.ball import (
     axial_tensor,
     beyond_the_shell,
     composed,
+    shell_inertia,
     thick_shell_inertia,
-    thin_shell_inertia,
 )
 from robotball.drives import Rate
 from robotball.errors import InputError, check_positive, check_size, unknown, warn
@@ -369,7 +369,7 @@ def _wall(table: tables.ShellTable) -> tuple[float, float, float]:
     if given is None:
         raise InputError("shell: key 'thickness' is missing, or 'inertia' instead of it")
     if given == "thin":
-        moment = thin_shell_inertia(table.outer, table.mass)
+        moment = shell_inertia(table.outer, table.mass)
         return table.mass, moment, moment
     if given.axial is None or given.transverse is None:
         raise InputError('shell.inertia takes "thin", or thickness, or axial and transverse')

@@ -12,7 +12,7 @@ from typing import Any, cast
 import msgspec
 import numpy as np
 
-from robotball.ball import Hinge, Pendulum, Rotor, Shell, thin_shell_inertia
+from robotball.ball import Hinge, Pendulum, Rotor, Shell, shell_inertia
 from robotball.drives import Ramp, Rate, Samples, Sine, Sum
 from robotball.errors import InputError
 from robotball.files import scene_tables as tables
@@ -90,7 +90,7 @@ def _scene_table(scene: Scene) -> tables.SceneTable:
 
 def _shell(shell: Shell) -> tables.ShellTable:
     # A word where it is exact: so is the reader's formula, and the file says what is meant.
-    thin = thin_shell_inertia(shell.radius, shell.mass)
+    thin = shell_inertia(shell.radius, shell.mass)
     axial, transverse = shell.axial_inertia, shell.transverse_inertia
     is_thin = (axial, transverse) == (thin, thin)
     return tables.ShellTable(
@@ -180,8 +180,6 @@ def _value(value: Any) -> str:
     """Return the text of a value, on one line but for a tensor's rows."""
     if isinstance(value, str):
         return f'"{_escaped(value)}"'
-    if isinstance(value, bool):
-        return str(value).lower()
     if isinstance(value, msgspec.Struct):
         builtins = msgspec.to_builtins(value, enc_hook=float)  # msgspec knows no NumPy numbers
         keys = {k: v for k, v in builtins.items() if v is not None}

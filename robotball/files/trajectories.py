@@ -352,11 +352,10 @@ def to_unit(attitude: Array, times: Array) -> tuple[Array, list[str]]:
             f"the quaternion in row {worst + 1} (t = {times[worst]:g} s) has length "
             f"{length[worst]:.6g}, and must have 1"
         )
-    if off[worst] <= _ROUNDED:
-        # Those of length one but for rounding stay as they are, to the last bit.
-        return np.where(off[:, None] <= 1e-15, attitude, attitude / length[:, None]), []
     note = f"quaternions are off length 1 by up to {off[worst]:.1g}; they are made so"
-    return attitude / length[:, None], [note]
+    # Those of length one but for rounding stay as they are, to the last bit.
+    exact = np.where(off[:, None] <= 1e-15, attitude, attitude / length[:, None])
+    return exact, [note] if off[worst] > _ROUNDED else []
 
 
 def together(columns: Mapping[str, Array], names: tuple[str, ...]) -> Array | None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from robotball import Design, design
-from robotball.ball import thick_shell_inertia, thin_shell_inertia
+from robotball.ball import shell_inertia
 from robotball.rotations import Array
 
 A12, OMEGA12, K12 = np.diag([0.7, 0.6, 0.8]), np.array([0.0, 0.0, 2.0]), np.array([2.0, 2.0, 0.0])
@@ -43,10 +43,7 @@ def check_bodies(made: Design, mass: float | None) -> None:
     assert mass is None or ball.mass == pytest.approx(mass, rel=1e-14)
     assert shell.axial_inertia == shell.transverse_inertia
     assert shell.axial_inertia == pytest.approx(
-        thick_shell_inertia(ball.radius, shell.mass, thickness)
-        if thickness
-        else thin_shell_inertia(ball.radius, shell.mass),
-        rel=1e-14,
+        shell_inertia(ball.radius, shell.mass, thickness), rel=1e-14
     )
     assert limits.shell_mass <= shell.mass * rounding
     assert limits.frame_mass <= ball.frame.mass * rounding

@@ -22,7 +22,7 @@ from robotball.ball import (
     Value,
     axial_tensor,
     beyond_the_shell,
-    thin_shell_inertia,
+    shell_inertia,
 )
 from robotball.equations import parameters_of
 from robotball.motors import Servo
@@ -164,7 +164,7 @@ def test_thin_shell_has_the_inertia_of_points_on_the_sphere() -> None:
     """⅔ m a²: that of six equal points where the coordinate axes meet the sphere."""
     places = 0.3 * np.concatenate([np.eye(3), -np.eye(3)])
     inertia = inertia_of(np.full(6, 0.7 / 6), places)
-    assert gap(inertia, thin_shell_inertia(0.3, 0.7) * np.eye(3)) < 1e-16
+    assert gap(inertia, shell_inertia(0.3, 0.7) * np.eye(3)) < 1e-16
 
 
 def test_hinges_change_by_name_or_each_in_order() -> None:

@@ -54,6 +54,11 @@ def body(name: str, **changes: Any) -> Ball:
     return Ball(bodies["shell"], (Hinge(bodies["frame"]), Hinge(bodies["rotor"])))
 
 
+def bob(pivot: Array) -> Hinge:
+    """A pendulum with this pivot."""
+    return Hinge(rb.Pendulum(1.0, np.eye(3), UP, UP, pivot))
+
+
 def part(kind: str, **sizes: Any) -> None:
     """A part of this kind; by a mass of 1 kg where nothing else is given."""
     solid_of(getattr(scene_tables, kind)(**({} if "density" in sizes else {"mass": 1.0}) | sizes))
@@ -94,6 +99,8 @@ BODIES = {
     "body('rotor', axial_inertia=0.5, transverse_inertia=0.2)":
         r"rotor1 is flatter than a disk: .* exceeds twice the transverse 0\.2 by 0\.1 kg m²",
     "body('rotor', axis=0 * UP)": r"rotor1's axis must be a unit vector; its length is 0",
+    "replace(FIG12.ball, hinges=(*FIG12.ball.hinges, bob(NAN * UP)))":
+        r"pendulum1's pivot must be finite and at most 1e\+50 in size, not nan m",
     "body('frame', centre=(0.01, 0.0))":
         r"a frame's centre must be numbers of shape \(3,\), not \(0\.01, 0\.0\)",
     "body('rotor', axis='up')": r"a rotor's axis must be numbers of shape \(3,\), not 'up'",
@@ -251,7 +258,8 @@ DESIGNS = {
     "fig12(radius=-1.0)": r"radius must be positive and finite, not -1 m",
     "fig12(mass=0.0)": r"mass must be positive and finite, not 0 kg",
     "fig12(limits=Limits(rotor_speed=NAN))": r"rotor_speed must be positive, not nan rad/s",
-    "fig12(limits=Limits(shell_mass=-1))": r"shell_mass must be finite and not negative, not -1 kg",
+    "fig12(limits=Limits(shell_mass=-1))":
+        r"shell_mass, where it is not 0, must be positive and finite, not -1 kg",
     "fig12(mass=0.8, limits=Limits(shell_mass=0.2, frame_mass=0.3, rotor_mass=0.4))":
         r"masses: the least of shell, frame and rotor are 0\.9 kg together, and the ball is to "
         r"have 0\.8 kg: 0\.1 kg too much",

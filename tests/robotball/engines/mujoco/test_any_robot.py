@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.ball import Ball, Frame, Hinge, Shell, thin_shell_inertia
+from robotball.ball import Ball, Frame, Hinge, Shell, shell_inertia
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.rolling_resistance import Resistance
 from robotball.engines.mujoco.run import run
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.core
 
 
 def thin_shell(radius: float, mass: float) -> Shell:
-    inertia = thin_shell_inertia(radius, mass)
+    inertia = shell_inertia(radius, mass)
     return Shell(radius, mass, inertia, inertia, Y)
 
 

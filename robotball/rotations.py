@@ -21,13 +21,6 @@ def conjugate(q: Array) -> Array:
     return q * np.array([1.0, -1.0, -1.0, -1.0])
 
 
-def angle_between(p: Array, q: Array) -> Array:
-    """Return the angles (...) [rad] of the turns from unit quaternions p to q (..., 4)."""
-    turn = multiply(conjugate(p), q)
-    # Precise for small angles, where an arccosine of the scalar part is not.
-    return 2 * np.arctan2(np.linalg.norm(turn[..., 1:], axis=-1), np.abs(turn[..., 0]))
-
-
 def turned(q: Array, turn: Array) -> Array:
     """Return unit quaternions q (..., 4) after turns (..., 3) [rad] about axes of the frame."""
     return (_rotation(q) * Rotation.from_rotvec(turn)).as_quat(scalar_first=True)
@@ -36,6 +29,11 @@ def turned(q: Array, turn: Array) -> Array:
 def turn_between(p: Array, q: Array) -> Array:
     """Return turns (..., 3) [rad] about axes of the frame from unit quaternions p to q (..., 4)."""
     return (_rotation(p).inv() * _rotation(q)).as_rotvec()
+
+
+def angle_between(p: Array, q: Array) -> Array:
+    """Return the angles (...) [rad] of the turns from unit quaternions p to q (..., 4)."""
+    return np.linalg.norm(turn_between(p, q), axis=-1)
 
 
 def rotation_matrix(q: Array) -> Array:

@@ -24,7 +24,7 @@ from robotball.drives import Ramp, Samples, turns
 from robotball.errors import InputError, check_positive, check_size
 from robotball.motion import Motion
 from robotball.motors import Free
-from robotball.rotations import Array, Mask, multiply, rotation_matrix, turned
+from robotball.rotations import Array, Mask, continuous, rotation_matrix, turned
 from robotball.scene import MovedHinge, Scene, Start
 
 _FINE = 2001  # points, of whose chords a path's length is the sum: a circle's is short by 4e-7
@@ -374,7 +374,7 @@ def _hanging(way: Way, times: Array) -> Array:
     robot, start = way.robot, way.start()
     e = way.scene.ball.shell.axis
     y = np.tile(start[:, None], len(times))
-    shell = _turned_back(start[:4], e, start[7])
+    shell = turned(start[:4], -start[7] * e)
     # The shell does not slip: its attitude depends on all of the way, and is stepped along it.
     fine = 8  # turns between two times: a guess need not be better
     y[7:, 0] = start[7:]
@@ -387,10 +387,8 @@ def _hanging(way: Way, times: Array) -> Array:
                 turn = way.shell(now, axes[:, 2], axes)[0] * step
                 shell = turned(shell, turn)
         y[7:, i] = _balanced(way, shell, y[7:, max(i - 1, 0)])
-        y[:4, i] = _turned_back(shell, e, -y[7, i])
-        # q and -q are one attitude; the solver needs one that does not jump.
-        if i and y[:4, i] @ y[:4, i - 1] < 0:
-            y[:4, i] *= -1
+        y[:4, i] = turned(shell, y[7, i] * e)
+    y[:4] = continuous(y[:4].T).T
     rates = np.gradient(y[7:], times, axis=1)
     axes = rotation_matrix(y[:4].T)
     gamma = axes[:, 2]
@@ -400,23 +398,18 @@ def _hanging(way: Way, times: Array) -> Array:
     return y
 
 
-def _turned_back(attitude: Array, axis: Array, angle: float) -> Array:
-    turn = np.array([np.cos(angle / 2), *(-np.sin(angle / 2) * axis)])
-    return multiply(attitude, turn)
-
-
 def _balanced(way: Way, shell: Array, angles: Array) -> Array:
     """Return hinge angles (h,) near others at which the centre of mass is below the ball's."""
     scene, e = way.scene, way.scene.ball.shell.axis
-    to_world, masses = rotation_matrix(shell), scene.robot.bodies[:, 0]
+    masses = scene.robot.bodies[:, 0]
 
     def off(driven: Array) -> Array:
         """Return the centre of mass (3,) in space, over the radius."""
         trial = angles.copy()
         trial[way.driven] = driven
-        frame = rotation_matrix(_turned_back(np.array([1.0, 0.0, 0.0, 0.0]), e, -trial[0]))
+        frame = rotation_matrix(turned(shell, trial[0] * e))
         centre = masses @ way.robot.placed(trial[None])[:, :3, 0] / masses.sum()
-        return np.asarray(to_world @ frame @ centre / scene.ball.radius)
+        return np.asarray(frame @ centre / scene.ball.radius)
 
     def height(driven: Array) -> float:
         return float(off(driven)[2])

@@ -35,7 +35,7 @@ from robotball.drives import Rate
 from robotball.errors import InputError, check_positive, check_size, unknown, warn
 from robotball.files import MODEL_FILES, contents, named, readable
 from robotball.files import scene_tables as tables
-from robotball.files.scene_tables import DRIVES, rate_of
+from robotball.files.scene_tables import DRIVES, numbers_in, rate_of
 from robotball.rotations import Array, Z, direction, rotation_matrix
 from robotball.scene import Friction, Scene, Start
 
@@ -139,26 +139,15 @@ def read_scene(path: Path, text: bytes | str, controls: Mapping[str, Rate] | Non
 
             return scene_of_robot(path, given, controls or {})
         table = msgspec.convert(given, tables.SceneTable)
-        _check_numbers("", msgspec.to_builtins(table))
+        # TOML has `nan` and `inf`, and no check of a range refuses NaN.
+        for key, value in numbers_in(msgspec.to_builtins(table)):
+            check_size(key, value)
         return scene_of_table(path, table)
     except (msgspec.ValidationError, InputError) as error:
         from robotball.files.scene_keys import counted, explained
 
         line = str(error) if isinstance(error, InputError) else explained(str(error))
         raise InputError(f"{path}: {counted(line)}") from None
-
-
-def _check_numbers(key: str, value: object) -> None:
-    """Raise InputError, with the key, for a number of a TOML value that is NaN or too large."""
-    # TOML has `nan` and `inf`, and no check of a range refuses NaN.
-    if isinstance(value, float):
-        check_size(key, value)
-    if isinstance(value, dict):
-        for name, inner in value.items():
-            _check_numbers(f"{key}.{name}" if key else name, inner)
-    if isinstance(value, list | tuple):
-        for i, inner in enumerate(value):
-            _check_numbers(f"{key}[{i}]", inner)
 
 
 def scene_of_table(path: Path, table: tables.SceneTable) -> Scene:
@@ -232,9 +221,9 @@ def _check_keys(name: str, table: tables.HingeTable) -> None:
     drive = table.drive
     for each in DRIVES[drive].needed:
         if getattr(table, each) is None:
-            from robotball.files.scene_keys import unit_of
+            from robotball.files.scene_keys import unit_at
 
-            unit = unit_of(tables.HingeTable, each)
+            unit = unit_at(f"frame.{each}")  # which all hinges have
             raise InputError(f'{name}: drive = "{drive}" needs the key {each!r} [{unit}]')
     # A key of another drive would do nothing, and its author thinks that it does.
     for each in table.given(*(key for kind in DRIVES.values() for key in kind.allowed)):

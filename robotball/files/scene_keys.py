@@ -17,7 +17,7 @@ from msgspec import inspect
 from robotball.drives import COMMAND
 from robotball.errors import UnitWarning, warn
 from robotball.files import contents
-from robotball.files.scene_tables import SceneTable, Table
+from robotball.files.scene_tables import SceneTable, numbers_in
 from robotball.scene import Scene
 
 _WORDS = {  # msgspec's names of types, in the words of TOML's users
@@ -146,10 +146,12 @@ def _parts_of(kind: inspect.Type) -> Iterator[inspect.Type]:
         yield kind
 
 
-def unit_of(table: type[Table], name: str) -> str:
-    """Return the unit of a key of a table."""
-    (field,) = (each for each in struct_of(table).fields if each.name == name)
-    return meaning_of(field)[1]
+def unit_at(path: str) -> str:
+    """Return the unit of the key at a path, of a command's numbers that of the command."""
+    above, _, name = re.sub(r"\[.*?\]", "", path).rpartition(".")
+    fields = (field for table in tables_at(above) for field in table.fields)
+    unit = next((meaning_of(field)[1] for field in fields if field.name == name), "")
+    return unit_at(above) if unit == COMMAND else unit
 
 
 @cache
@@ -173,7 +175,7 @@ def ask(path: Path, scene: Scene) -> None:
     given = msgspec.toml.decode(contents(path)) if path.suffix == ".toml" else {}
     limits = _limits_of(scene)
     if "start" in given:
-        found = [*_doubts("", "", msgspec.convert(given, SceneTable), limits)]
+        found = [*_doubts(msgspec.convert(given, SceneTable), limits)]
     else:
         numbers = _numbers_of(scene)
         found = [line for each in numbers for line in _question(*each, limits.get(each[1]))]
@@ -207,27 +209,15 @@ def _numbers_of(scene: Scene) -> Iterator[tuple[str, str, float]]:
             yield f"the command of {each.name}", "rad" if angle else "N m", value
 
 
-def _doubts(
-    path: str, unit: str, value: object, limits: dict[str, float], times: float = 1.0
-) -> Iterator[str]:
-    """Yield a question for each number at a path that is unlikely in the unit.
-
-    times: what the hinge has of a motor's number, behind the gear.
-    """
-    if isinstance(value, msgspec.Struct):
-        gear = getattr(value, "gear", None) or 1.0
-        behind = {"stall_torque": gear, "no_load_speed": 1 / gear}
-        for field in struct_of(type(value)).fields:
-            own = meaning_of(field)[1]
-            inner = getattr(value, field.name)
-            at = f"{path}.{field.name}" if path else field.name
-            its = unit if own == COMMAND else own
-            yield from _doubts(at, its, inner, limits, behind.get(field.name, times))
-    elif isinstance(value, list | tuple):
-        for i, inner in enumerate(value):
-            yield from _doubts(f"{path}[{i}]", unit, inner, limits, times)
-    elif isinstance(value, float):
-        body, key = path.partition(".")[0], path.rpartition(".")[2]
+def _doubts(table: SceneTable, limits: dict[str, float]) -> Iterator[str]:
+    """Yield a question for each number of a scene file that is unlikely in its unit."""
+    numbers = dict(numbers_in(msgspec.to_builtins(table)))
+    for path, value in numbers.items():
+        above, _, key = path.rpartition(".")
+        body, unit = path.partition(".")[0], unit_at(path)
+        # What the hinge has of a motor's number, behind the gear.
+        gear = numbers.get(f"{above}.gear") or 1.0
+        times = {"stall_torque": gear, "no_load_speed": 1 / gear}.get(key, 1.0)
         most = next((limits[i] for i in (key, f"{body} {unit}", unit) if i in limits), None)
         yield from _question(path, key if key in _OTHERS else unit, value, most, times, unit)
 

@@ -19,7 +19,7 @@ from robotball.errors import unknown
 from robotball.files import MODEL_FILES, contents, readable
 from robotball.files.numbers import Number, Numbers
 from robotball.files.scene_file import CATALOG, catalog, scene_of_table
-from robotball.files.scene_keys import meaning_of, tables_at
+from robotball.files.scene_keys import unit_at
 from robotball.files.scene_tables import SceneTable
 from robotball.files.scene_writer import scene_toml, text_of
 from robotball.scene import Scene
@@ -139,7 +139,8 @@ def _numbers(words: tuple[str, ...], place: _Place, value: object) -> Iterator[t
     if isinstance(value, bool):
         return
     if isinstance(value, int | float):
-        yield ".".join(words), Number(float(value), _unit(place), place)
+        unit = unit_at(".".join(key for key in place if isinstance(key, str)))
+        yield ".".join(words), Number(float(value), unit, place)
     elif isinstance(value, dict):
         for key, inner in value.items():
             yield from _numbers((*words, key), (*place, key), inner)
@@ -153,10 +154,3 @@ def _numbers(words: tuple[str, ...], place: _Place, value: object) -> Iterator[t
             # Rotors and pendulums as their hinges are named: rotor1, pendulum1.
             own = (f"{words[0]}{word}",) if len(words) == 1 else (*words, word)
             yield from _numbers(own, (*place, i), inner)
-
-
-def _unit(place: _Place) -> str:
-    """Return the unit of the number at a place, as docs/scene.md has it."""
-    *above, last = [key for key in place if isinstance(key, str)]
-    fields = (field for table in tables_at(".".join(above)) for field in table.fields)
-    return next((meaning_of(field)[1] for field in fields if field.name == last), "")

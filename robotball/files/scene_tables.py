@@ -6,6 +6,7 @@ its meaning and unit beside it. In order: hinges, bodies, friction, numbers, sta
 scene.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -29,6 +30,18 @@ class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     def given(self, *keys: str) -> list[str]:
         """Return those of the keys that the table has."""
         return [each for each in keys if getattr(self, each) is not None]
+
+
+def numbers_in(value: object, path: str = "") -> Iterator[tuple[str, float]]:
+    """Yield the numbers in a value of TOML with their paths, such as `rotor[0].axis[2]`."""
+    if isinstance(value, float):
+        yield path, value
+    elif isinstance(value, dict):
+        for name, inner in value.items():
+            yield from numbers_in(inner, f"{path}.{name}" if path else name)
+    elif isinstance(value, list | tuple):
+        for i, inner in enumerate(value):
+            yield from numbers_in(inner, f"{path}[{i}]")
 
 
 # Not `drives.Samples` itself: that one has numbers, and no file.

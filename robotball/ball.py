@@ -140,15 +140,15 @@ class Given(Value):
 
     def __post_init__(self) -> None:
         for each in fields(self):  # type: ignore[arg-type]
-            value = getattr(self, each.name)
-            if value is None or each.type not in (Array, Array | None):
+            if each.type is not Array:
                 continue
+            value = getattr(self, each.name)
             try:
                 array = np.asarray(value, float)
             except (TypeError, ValueError):
                 array = np.empty(0)
             shape = _SHAPES.get(each.name, (3,))
-            if array.shape != shape and not each.name.startswith("hinge"):
+            if array.shape != shape:
                 what = f"a {type(self).__name__.lower()}'s {each.name}"
                 raise InputError(f"{what} must be numbers of shape {shape}, not {value!r}")
             object.__setattr__(self, each.name, array)

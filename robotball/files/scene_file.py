@@ -6,7 +6,6 @@ the author's words, and is loaded when there is one. In order: the catalog, the 
 starts, bodies.
 """
 
-import tomllib
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import fields, replace
@@ -65,7 +64,7 @@ def catalog() -> list[str]:
 
 def heads() -> dict[str, dict[str, Any]]:
     """Return the tables of all these scenes by their names. Their balls are not made."""
-    return {n: tomllib.loads((CATALOG / f"{n}.toml").read_text("utf-8")) for n in catalog()}
+    return {n: msgspec.toml.decode(contents(CATALOG / f"{n}.toml")) for n in catalog()}
 
 
 def load_scene(name: str | Path, controls: Mapping[str, Rate] | None = None) -> Scene:

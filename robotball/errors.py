@@ -117,8 +117,8 @@ def _check_number(what: str, value: object) -> None:
         raise InputError(f"{what} must be a number, not {value!r}")
 
 
-def check_positive(what: str, value: float, unit: str) -> None:
-    """Raise InputError unless `value` is positive and finite, and neither tiny nor huge."""
+def check_positive(what: str, value: float, unit: str) -> float:
+    """Return `value`. Raises InputError unless it is positive and finite, not tiny or huge."""
     _check_number(what, value)
     if not (math.isfinite(value) and value > 0):
         raise InputError(f"{what} must be positive and finite, not {value:g} {unit}")
@@ -126,6 +126,7 @@ def check_positive(what: str, value: float, unit: str) -> None:
         raise InputError(
             f"{what} must lie between {1 / LARGEST:g} and {LARGEST:g} {unit}, not at {value:g}"
         )
+    return value
 
 
 def check_not_negative(what: str, value: float, unit: str) -> None:

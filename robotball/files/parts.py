@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from robotball.ball import Solid, axial_tensor, thick_shell_inertia
-from robotball.errors import InputError, check_not_negative, check_positive, check_size, unknown
+from robotball.errors import InputError, check_not_negative, check_positive, unknown
 from robotball.files import scene_tables as tables
 from robotball.rotations import Array, Z, direction, rotation_matrix, z_along
 from robotball.scene import unit
@@ -35,23 +35,24 @@ def solid_of(part: tables.Part, axis: Array = Z) -> Solid:
     match part:
         case tables.Point():
             # It has no inertia of its own, but one by its place once it is put to other parts.
-            mass, reach = _positive(f"{name}'s mass", part.mass, "kg"), math.hypot(*part.centre)
-            dot = Shape("sphere", np.zeros(3), np.array(part.centre))
-            return Solid(mass, np.array(part.centre), np.zeros((3, 3)), reach, (dot,))
+            mass, middle = check_positive(f"{name}'s mass", part.mass, "kg"), np.array(part.centre)
+            dot = Shape("sphere", np.zeros(3), middle)
+            return Solid(mass, middle, np.zeros((3, 3)), math.hypot(*part.centre), (dot,))
         case tables.Sphere():
             return _sphere(name, part)
         case tables.Box():
             return _box(name, part)
         case tables.Cylinder():
-            a, b, h = part.outer, part.inner_radius, _positive(f"{name}'s length", part.length)
+            a, b, h = part.outer, part.inner_radius, part.length
+            check_positive(f"{name}'s length", h, "m")
             mass = _mass_of_tube(name, part, a, b, h)
         case tables.Disc():
             a, b, h = part.outer, part.inner_radius, part.thickness
             check_not_negative(f"{name}'s thickness", h, "m")
             mass = _mass_of_tube(name, part, a, b, h)
         case tables.Ring():
-            mass = _positive(f"{name}'s mass", part.mass, "kg")
-            a = b = _positive(f"{name}'s radius", part.radius)
+            mass = check_positive(f"{name}'s mass", part.mass, "kg")
+            a = b = check_positive(f"{name}'s radius", part.radius, "m")
             h = 0.0
         case tables.Rod():
             return _rod(name, part)
@@ -61,13 +62,8 @@ def solid_of(part: tables.Part, axis: Array = Z) -> Solid:
     return _tube(mass, a, b, h, part.centre, axis)
 
 
-def _positive(what: str, value: float, unit: str = "m") -> float:
-    check_positive(what, value, unit)
-    return value
-
-
 def _sphere(name: str, sphere: tables.Sphere) -> Solid:
-    a = _positive(f"{name}'s radius", sphere.outer)
+    a = check_positive(f"{name}'s radius", sphere.outer, "m")
     wall = a if sphere.thickness is None else sphere.thickness
     # Of unit mass: the wall is checked before its volume is taken.
     moment = thick_shell_inertia(a, 1.0, wall)
@@ -78,7 +74,7 @@ def _sphere(name: str, sphere: tables.Sphere) -> Solid:
 
 
 def _box(name: str, box: tables.Box) -> Solid:
-    x, y, z = (_positive(f"{name}'s size", edge) for edge in box.size)
+    x, y, z = (check_positive(f"{name}'s size", edge, "m") for edge in box.size)
     mass = mass_of(name, box, x * y * z)
     moments = mass / 12 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
     R = rotation_matrix(unit("attitude", np.array(box.attitude)))
@@ -89,8 +85,6 @@ def _box(name: str, box: tables.Box) -> Solid:
 
 
 def _rod(name: str, rod: tables.Rod) -> Solid:
-    for coordinate in (*rod.begin, *rod.end):
-        check_size(f"{name}'s end", coordinate, "m")
     check_not_negative(f"{name}'s radius", rod.outer, "m")
     begin, end = np.array(rod.begin), np.array(rod.end)
     x, y, z = ((begin + end) / 2).tolist()
@@ -147,8 +141,7 @@ def mass_of(name: str, given: tables.Matter, volume: float) -> float:
         mass = density * volume
     if mass is None:
         raise InputError(f"{name} needs a mass [kg], a density [kg/m³] or a material")
-    check_positive(f"{name}'s mass", mass, "kg")
-    return mass
+    return check_positive(f"{name}'s mass", mass, "kg")
 
 
 def volume_of_wall(radius: float, thickness: float) -> float:

@@ -299,7 +299,7 @@ class _Painter:
 
     def _drawn(self, k: int) -> Pixels:
         last = k * self.finer
-        then = [track.sample(last) for track in self.tracks]
+        then = [track.sampled[last : last + 1] for track in self.tracks]
         stands = [track.stands(each) for track, each in zip(self.tracks, then, strict=True)]
         self._stage.place(stands, [self._blurred(i, each) for i, each in enumerate(then)])
         pictures, words = [], []

@@ -14,7 +14,7 @@ drawn as they are in the model. Four things are added to MuJoCo's scene for each
 Lengths are in radii of the ball.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 from xml.etree import ElementTree
@@ -63,12 +63,19 @@ def build_stage(looks: Looks, colours: Sequence[str], opacities: Sequence[float]
     return mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
 
 
-def pose(data: mujoco.MjData, stands: Sequence[_Stands]) -> None:
-    """Place the balls, each by the rotations and shifts of `Track.stands` at one time."""
-    bodies = [body for each in stands for body in each.values()]
+def pose(
+    model: mujoco.MjModel, data: mujoco.MjData, names: Collection[str], stands: Sequence[_Stands]
+) -> None:
+    """Place the named bodies of each ball, by what `Track.stands` returns of one time.
+
+    By hand, so that of MuJoCo's forward dynamics only two parts are needed.
+    """
+    bodies = [each[name] for each in stands for name in names]
     data.mocap_pos[:] = np.array([shift[0] for _, shift in bodies])
     turns = Rotation.from_matrix(np.array([turn[0] for turn, _ in bodies]))
     data.mocap_quat[:] = turns.as_quat(scalar_first=True)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_camlight(model, data)
 
 
 @dataclass(frozen=True)
@@ -175,10 +182,8 @@ class Stage:
 
         blurred: for each body 0, where its marks are seen, to 1, where it turns too fast for them.
         """
-        model, data = self._model, self._data
-        pose(data, [{name: each[name] for name in self._bodies} for each in stands])
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_camlight(model, data)
+        model = self._model
+        pose(model, self._data, self._bodies, stands)
         self._centres = np.array([each["shell"][1][0] for each in stands])
         self._seen = self._opacity.copy()
         for i, fasts in enumerate(blurred):

@@ -30,6 +30,10 @@ class Moments:
     hinge_rates: Array
     contact_force: Array
 
+    def __getitem__(self, some: slice) -> "Moments":
+        """Return some of the times."""
+        return Moments(*(getattr(self, each.name)[some] for each in fields(Moments)))
+
 
 @dataclass(frozen=True)
 class Track:
@@ -53,8 +57,7 @@ class Track:
         inside = np.minimum(times, self.times[-1])
         first, last = np.searchsorted(self.times, inside[[0, -1]])
         samples = slice(max(first - MARGIN, 0), last + MARGIN + 1)
-        known = self.times[samples]
-        here = {each.name: getattr(self.sampled, each.name)[samples] for each in fields(Moments)}
+        known, here = self.times[samples], vars(self.sampled[samples]).copy()
         # Splines of a quaternion's parts would leave the unit sphere.
         attitude = Rotation.from_quat(here.pop("attitude"), scalar_first=True)
         return Moments(
@@ -65,12 +68,6 @@ class Track:
     def sampled_at(self, times: Array) -> "Track":
         """Return the track resampled at ascending times (m,) [s]."""
         return replace(self, times=times, sampled=self.at(times))
-
-    def sample(self, k: int) -> Moments:
-        """Return the sample with that number."""
-        return Moments(
-            **{each.name: getattr(self.sampled, each.name)[k : k + 1] for each in fields(Moments)}
-        )
 
     def stands(self, then: Moments) -> dict[str, tuple[Array, Array]]:
         """Return each body's rotation (m, 3, 3) and shift (m, 3) in radii."""

@@ -97,10 +97,7 @@ def view(motions: Sequence[Motion]) -> None:
             stands = [track.stands(track.at(at)) for track in tracks]
             # The viewer draws from the same data in a thread of its own.
             with window.lock():
-                pose(data, [{name: each[name] for name in looks} for each in stands])
-                # Placed by hand, so that of MuJoCo's forward dynamics only these two are needed.
-                mujoco.mj_kinematics(model, data)
-                mujoco.mj_camlight(model, data)
+                pose(model, data, looks, stands)
                 window.cam.lookat[:] = np.mean([each["shell"][1][0] for each in stands], axis=0)
             place = mujoco.mjtFontScale.mjFONTSCALE_150, mujoco.mjtGridPos.mjGRID_TOPLEFT
             window.set_texts((*place, f"t = {clock.t:.2f} s   {clock.speed:g} x", ""))

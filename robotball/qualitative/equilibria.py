@@ -226,9 +226,7 @@ def _polished(parameters: Parameters, gamma: Array) -> Array | None:
 
 def fixed_point_at(parameters: Parameters, gamma: Array) -> FixedPoint:
     """Return the fixed point γ (3,) with its eigenvalues and type."""
-    linear = jacobian(parameters, gamma)
-    values = np.linalg.eigvals(linear).astype(complex)
-    values = values[np.lexsort((values.imag, values.real))]
+    values = np.asarray(np.sort_complex(np.linalg.eigvals(jacobian(parameters, gamma))))
     return FixedPoint(gamma, values, _kind_of(parameters, gamma, values))
 
 

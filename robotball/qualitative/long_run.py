@@ -219,9 +219,7 @@ def basins(
         parameters, ends, momenta[followed], _CROSSINGS, tolerance=LONG_RUN_TOLERANCE
     )
     labels[followed[crossings.status > 0]] = LOST
-    # What does not cross is somewhere, but nowhere that counts.
-    crossed = np.where(np.isnan(crossings.attitudes), ends[:, None], crossings.attitudes)
-    points = level_points(crossed, momenta[followed])
+    points = crossings.states
     cycles: list[Cycle] = []
     for i, start in enumerate(followed):
         if labels[start] != TORUS:
@@ -234,8 +232,7 @@ def basins(
             continue
         # All starts that have reached this cycle are labelled at once, so that it is closed once.
         own = section(parameters, cycle.attitude[None], cycle.momentum[None], _CROSSINGS)
-        through = level_points(own.attitudes, cycle.momentum[None])[0]
-        reached: Mask = nearest(points[:, -1], through) < _REACHED
+        reached: Mask = nearest(points[:, -1], own.states[0]) < _REACHED
         if reached[i]:
             labels[followed[reached & (labels[followed] == TORUS)]] = len(cycles)
             cycles.append(cycle)
@@ -278,11 +275,3 @@ def _attracting(
         return None
     # Newton's method closes repelling cycles as well, and no motion ends on one.
     return cycle if abs(cycle.multipliers[0]) < 1 else None
-
-
-def level_points(attitudes: Array, momenta: Array) -> Array:
-    """Return γ and M/|M| (n, m, 6) at attitudes (n, m, 4), with world momenta (n, 3)."""
-    axes = rotation_matrix(attitudes.reshape(-1, 4)).reshape(*attitudes.shape[:2], 3, 3)
-    M = np.einsum("nmij,ni->nmj", axes, momenta)
-    size = np.linalg.norm(momenta, axis=1)[:, None, None]
-    return np.concatenate([axes[:, :, 2], M / size], axis=2)

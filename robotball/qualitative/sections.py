@@ -60,17 +60,67 @@ _ON_SECTION = 1e-10  # a start that near counts as on the section, and is no cro
 
 
 @dataclass(frozen=True)
-class Section:
+class Crossings:
+    """Hold the m crossings of a motion, in principal axes; or (n, m) of n motions.
+
+    times (m,) s; gamma (m, 3); momenta (m, 3) kg m²/s; directions (m,): +1 where g grows, -1
+    where it falls.
+    """
+
+    times: Array
+    gamma: Array
+    momenta: Array
+    directions: Integers
+
+    @property
+    def l(self) -> Array:  # noqa: E743
+        """l (m,) of (5.5), rad."""
+        return np.arctan2(self.momenta[..., 0], self.momenta[..., 1])
+
+    @property
+    def L(self) -> Array:
+        """L (m,) of (5.5), kg m²/s."""
+        return self.momenta[..., 2]
+
+    @property
+    def states(self) -> Array:
+        """γ and M/|M| (m, 6), whose distance needs no angle.
+
+        On the annulus (l, L) two near states may lie far apart, at L = ±√f or at l = ±π.
+        """
+        # Unscaled, the longer of the two vectors would decide the distance alone.
+        sizes = np.linalg.norm(self.momenta, axis=-1, keepdims=True)
+        return np.concatenate([self.gamma, self.momenta / sizes], axis=-1)
+
+    def __getitem__(self, which: slice | Mask | tuple[int, slice]) -> "Crossings":
+        """Return some of the crossings."""
+        return Crossings(*(getattr(self, each.name)[which] for each in fields(Crossings)))
+
+    def only(self, direction: int) -> "Crossings":
+        """Return the crossings of one direction; all of them for 0."""
+        return self[(self.directions == direction) | (direction == 0)]
+
+    def later(self, time: float) -> "Crossings":
+        """Return the crossings `time` [s] later."""
+        return replace(self, times=self.times + time)
+
+
+def joined(parts: Sequence[Crossings]) -> Crossings:
+    """Return crossings one after the other."""
+    names = [each.name for each in fields(Crossings)]
+    return Crossings(*(np.concatenate([getattr(of, name) for of in parts]) for name in names))
+
+
+@dataclass(frozen=True)
+class Section(Crossings):
     """Hold the first m crossings of g = g₀ by n orbits, after their start.
 
     Attributes
     ----------
     times : (n, m), s
         The times. What was not found is NaN.
-    l : (n, m), rad
-        The coordinate l of (5.5).
-    L : (n, m), kg m²/s
-        The coordinate L of (5.5).
+    gamma, momenta : (n, m, 3), principal axes
+        The vectors γ and M, of which `l`, `L` and `states` are made.
     directions : (n, m)
         1 where g grows, -1 where it falls, 0 where nothing was found.
     attitudes : (n, m, 4), frame to world
@@ -81,13 +131,13 @@ class Section:
         How each orbit ended, as `orbits` says it.
     """
 
-    times: Array
-    l: Array
-    L: Array
-    directions: Integers
     attitudes: Array
     found: Integers
     status: Integers
+
+    def after(self, skipped: int) -> Crossings:
+        """Return each orbit's crossings but the first ones, orbit by orbit."""
+        return joined([self[i, skipped:] for i in range(len(self.times))])
 
 
 def section(
@@ -117,8 +167,9 @@ def section(
     times, states, directions, number, status = found
     world = starts.to_world(states)
     MX, MY, MZ = np.asarray(momenta, dtype=float).T[:, :, None]
-    M = eq.seen_from_frame((MX, MY, MZ), eq.unit_space_axes(components(world)))
-    return Section(times, np.arctan2(M[0], M[1]), M[2], directions, world, number, status)
+    axes = eq.unit_space_axes(components(world))
+    M, gamma = eq.seen_from_frame((MX, MY, MZ), axes), np.stack(axes[2], axis=-1)
+    return Section(times, gamma, np.stack(M, axis=-1), directions, world, number, status)
 
 
 def crossings(
@@ -260,52 +311,6 @@ def stroboscopic_map(
 def own_start(scene: Scene, attitude: Array, momentum: Array) -> Start:
     """Return a start in the frame's own axes, given in principal axes, which the equations have."""
     return Start(multiply(attitude, conjugate(scene.principal_quaternion)), momentum)
-
-
-@dataclass(frozen=True)
-class Crossings:
-    """The m crossings of one motion, in principal axes.
-
-    times (m,) s; gamma (m, 3); momenta (m, 3) kg m²/s; directions (m,): +1 where g grows, -1
-    where it falls.
-    """
-
-    times: Array
-    gamma: Array
-    momenta: Array
-    directions: Integers
-
-    @property
-    def l(self) -> Array:  # noqa: E743
-        """l (m,) of (5.5), rad."""
-        return np.arctan2(self.momenta[:, 0], self.momenta[:, 1])
-
-    @property
-    def L(self) -> Array:
-        """L (m,) of (5.5), kg m²/s."""
-        return self.momenta[:, 2]
-
-    def __getitem__(self, which: slice | Mask) -> "Crossings":
-        """Return some of the crossings."""
-        return Crossings(*(getattr(self, each.name)[which] for each in fields(self)))
-
-    def only(self, direction: int) -> "Crossings":
-        """Return the crossings of one direction; all of them for 0."""
-        return self[(self.directions == direction) | (direction == 0)]
-
-    def later(self, time: float) -> "Crossings":
-        """Return the crossings `time` [s] later."""
-        return replace(self, times=self.times + time)
-
-
-def joined(parts: Sequence[Crossings]) -> Crossings:
-    """Return crossings one after the other."""
-    return Crossings(
-        *(
-            np.concatenate([getattr(part, field.name) for part in parts])
-            for field in fields(Crossings)
-        )
-    )
 
 
 def crossings_of_motion(motion: Motion, scene: Scene, g: float = 0.0) -> Crossings:

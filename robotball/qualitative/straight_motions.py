@@ -49,12 +49,11 @@ def straight_motion(parameters: Parameters, gamma: Array) -> StraightMotion:
         raise InputError("a rubber ball rolls straight on only where (Omega, gamma) = 0, by (2.2)")
     M = p.momentum((0.0, 0.0, 0.0), vertical)
     linear = linear_part(flow_near(p, np.array(vertical), np.array(M)), 3)
-    values = np.linalg.eigvals(linear).astype(complex)
     return StraightMotion(
         gamma=np.asarray(gamma, dtype=float),
         momentum=np.array(M),
         speed=float(p.a * np.linalg.norm(np.cross(gamma, p.Omega))),
-        eigenvalues=values[np.lexsort((values.imag, values.real))],
+        eigenvalues=np.asarray(np.sort_complex(np.linalg.eigvals(linear))),
         polynomial=np.real(np.poly(linear)),
     )
 

@@ -86,9 +86,8 @@ def test_a_geom_of_a_users_is_where_its_own_model_has_it(name: str) -> None:
     assert len(shown) == len(users)
     off = {1: 0.0, -1: 0.0}
     for k in (0, 4, 8, 12):
-        stands = track.stands(track.sample(k))
-        pose(drawn, [stands])
-        mujoco.mj_kinematics(stage, drawn)
+        stands = track.stands(track.sampled[k : k + 1])
+        pose(stage, drawn, stands, [stands])
         (turn,), (shift,) = stands["shell"]
         places = [points_of(stage, drawn, i) for i in shown]
         for sign in off:

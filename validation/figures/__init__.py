@@ -6,6 +6,7 @@ Points in space are seen from far away: an orthographic view, with their depth.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,7 @@ ENGINE_LINE: dict[str, Any] = {"color": ENGINE_COLOUR, "linewidth": 1.1}
 ENGINE_OVER: dict[str, Any] = {"color": ENGINE_COLOUR, "linewidth": 1.7, "linestyle": (0, (3, 3))}
 FAINT = "#9AA0A6"  # what is neither engine's: fields, boundaries
 _TEXT_WIDE, _LINE_HIGH = 3.7, 0.21  # inches
+_LETTERS = 44  # of a line of text, at most
 UNBUILDABLE = "Mass outside the shell: not to be built."
 
 
@@ -42,9 +44,9 @@ def sheet(
 ) -> tuple[Figure, dict[str, Axes]]:
     """Return a figure with panels by their names, row by row, and its text on the right.
 
-    caption: what the paper's caption gives, and what was chosen; facts: what is so, corrected;
-    widths, heights: of the columns and the rows [inches]. A name that stands in several places is
-    one panel over all of them.
+    caption: what the paper's caption gives, and what was chosen; facts: what is so, corrected, both
+    in paragraphs; widths, heights: of the columns and the rows [inches]. A name that stands in
+    several places is one panel over all of them.
     """
     # The text has a panel of its own, as a caption of a dozen lines fits below no picture.
     size = (sum(widths) + _TEXT_WIDE, sum(heights) + 0.4)
@@ -57,7 +59,9 @@ def sheet(
     )
     text = axes.pop("text")
     text.axis("off")
-    lines = ["Parameters", *caption, "", "Facts", *facts]
+    lines = list[str]()
+    for paragraph in ("Parameters", *caption, "", "Facts", *facts):
+        lines += wrap(paragraph, _LETTERS, subsequent_indent="  ") or [""]
     style: dict[str, Any] = {"transform": text.transAxes, "color": INK, "fontsize": 10, "va": "top"}
     for i, line in enumerate(lines):
         height = 1.0 - (0.1 + _LINE_HIGH * i) / sum(heights)

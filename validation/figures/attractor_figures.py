@@ -77,21 +77,17 @@ def figure11a() -> Figure:
     ours = contact_cycle(balanced, cycle)
     through = cycle_crossings(balanced, ours)[:2]
     curve = cloud_by_equations(ball, TORUS, seed=0)
-    points = cloud_by_contact(scene, preset("fast"), TORUS_BY_CONTACT, seed=0)
+    points, _ = cloud_by_contact(scene, preset("fast"), TORUS_BY_CONTACT, seed=0)
     off = float(distance_to_curve(points.states, curve.states).max())
     facts = (
-        "One periodic orbit, crossing twice, once in",
-        f"  each direction (E23): period {cycle.period:.6f} s,",
-        f"  {ENGINE_NAME}'s {ours.period:.6f} s; |multiplier|",
-        f"  {abs(cycle.multipliers[0]):.5f}, {ENGINE_NAME}'s {abs(ours.multipliers[0]):.5f}.",
-        "One limit torus, in both directions:",
-        f"  all {len(points.L)} points of {ENGINE_NAME}'s lie within",
-        f"  {off:.1g} of that of the equations (γ and",
-        "  M/√f as unit vectors).",
-        f"{ENGINE_NAME}'s steps: 5 ms for the periodic orbit, 20",
-        "  for the torus, 50 on the way to them.",
-        "The section is an annulus (E25): at L = ±√f",
-        "  states differ with l.",
+        f"One periodic orbit, crossing twice, once in each direction (E23): period "
+        f"{cycle.period:.6f} s, {ENGINE_NAME}'s {ours.period:.6f} s; |multiplier| "
+        f"{abs(cycle.multipliers[0]):.5f}, {ENGINE_NAME}'s {abs(ours.multipliers[0]):.5f}.",
+        f"One limit torus, in both directions: all {len(points.L)} points of {ENGINE_NAME}'s lie "
+        f"within {off:.1g} of that of the equations (γ and M/√f as unit vectors).",
+        f"{ENGINE_NAME}'s steps: 5 ms for the periodic orbit, 20 for the torus, 50 on the way to "
+        "them.",
+        "The section is an annulus (E25): at L = ±√f states differ with l.",
     )
     figure, axes = sheet(
         "Fig. 11a: every start settles on one periodic orbit or on one torus",
@@ -100,7 +96,7 @@ def figure11a() -> Figure:
     crossed = np.stack([through.l, through.L])
     # On the way to an attractor errors do not add up, as the attractor takes them back, so long
     # steps will do.
-    coarse = cloud_by_contact(scene, COARSE, REGULAR_BY_CONTACT, seed=2)
+    coarse, _ = cloud_by_contact(scene, COARSE, REGULAR_BY_CONTACT, seed=2)
     for each, cloud, count, torus, orbit, colour, name in (
         (axes["theory"], cloud_by_equations(ball, REGULAR, seed=1), REGULAR.count, curve,
          np.stack([own.l[0], own.L[0]]), THEORY, "equations"),
@@ -124,17 +120,15 @@ def figure11b() -> Figure:
     """Draw the strange attractor, by the equations and by the engine side by side."""
     scene = load_scene("fig14")
     theory = cloud_by_equations(scene.parameters, CHAOS, seed=1)
-    engine = cloud_by_contact(scene, COARSE, CHAOS_BY_CONTACT, seed=2)
+    engine, _ = cloud_by_contact(scene, COARSE, CHAOS_BY_CONTACT, seed=2)
     facts = (
-        "A strange attractor:",
-        "  λ₁ = 0.1160 ± 0.0001, λ₆ = -0.1394 1/s",
-        "  (E26), dimension 1.832 on the section.",
-        f"From {CHAOS.starts} random starts: grey the first",
-        f"  {_CHAOS_TRANSIENT} crossings, then {CHAOS.count - _CHAOS_TRANSIENT} of each by the",
-        f"  equations, {CHAOS_BY_CONTACT.count - _CHAOS_TRANSIENT} by {ENGINE_NAME}. As clouds",
-        "  they cannot be told apart (robotball attractors).",
-        f"Dark: g grows; pale: g falls. {ENGINE_NAME}'s steps",
-        "  are 50 ms.",
+        "A strange attractor: λ₁ = 0.1160 ± 0.0001, λ₆ = -0.1394 1/s (E26), dimension 1.832 on the "
+        "section.",
+        f"From {CHAOS.starts} random starts: grey the first {_CHAOS_TRANSIENT} crossings, then "
+        f"{CHAOS.count - _CHAOS_TRANSIENT} of each by the equations, "
+        f"{CHAOS_BY_CONTACT.count - _CHAOS_TRANSIENT} by {ENGINE_NAME}. As clouds they cannot be "
+        "told apart (robotball attractors).",
+        f"Dark: g grows; pale: g falls. {ENGINE_NAME}'s steps are 50 ms.",
     )
     figure, axes = sheet(
         "Fig. 11b: a strange attractor, the same by both",
@@ -193,36 +187,31 @@ def _caption_of(scene: Scene) -> tuple[str, ...]:
 # Motion on the attractors -------------------------------------------------------------------
 
 _VIEW = View(azimuth=40.0, elevation=25.0)
-_DRIFT_FACTS = (
-    "  none along Y: the attractors are the same",
-    "  under (γ,M) → -(γ,M), which flips dY/dt.",
-    "The axis OX points opposite to M.",
+_NO_DRIFT = (
+    "none along Y: the attractors are the same under (γ,M) → -(γ,M), which flips dY/dt. The axis "
+    "OX points opposite to M."
 )
 
 
 def figure12() -> Figure:
     """Draw γ and the path on the limit cycle."""
-    facts = (
-        "Near the periodic orbit of Fig. 11a:",
-        "dX/dt = 3.65907 m/s in the mean,",
-        *_DRIFT_FACTS,
-    )
-    return _sphere_and_path(12, "(L, l) = (3.6, 0.6)", "on the limit cycle", facts)
+    fact = f"Near the periodic orbit of Fig. 11a: dX/dt = 3.65907 m/s in the mean, {_NO_DRIFT}"
+    return _sphere_and_path(12, "(L, l) = (3.6, 0.6)", "on the limit cycle", fact)
 
 
 def figure13() -> Figure:
     """Draw γ and the path on the limit torus."""
-    facts = ("Near the limit torus of Fig. 11a:", "dX/dt = 3.665 m/s in the mean,", *_DRIFT_FACTS)
-    return _sphere_and_path(13, "(L, l) = (0, 1.96)", "on the limit torus", facts)
+    fact = f"Near the limit torus of Fig. 11a: dX/dt = 3.665 m/s in the mean, {_NO_DRIFT}"
+    return _sphere_and_path(13, "(L, l) = (0, 1.96)", "on the limit torus", fact)
 
 
-def _sphere_and_path(number: int, start: str, where: str, facts: tuple[str, ...]) -> Figure:
+def _sphere_and_path(number: int, start: str, where: str, fact: str) -> Figure:
     """Draw the two panels of Figs 12 and 13, and below how far apart the engines are."""
     scene, duration = load_scene(f"fig{number}"), 40.0
     caption = (*_caption_of(scene), f"start: {start}", f"Duration chosen: {duration:g} s.")
     figure, axes = sheet(
         f"Fig. {number}: {where} {ENGINE_NAME} keeps to the equations' path for {duration:g} s",
-        caption, facts, [["sphere", "apart"], ["plane", "plane"]], (4.3, 4.3), (4.0, 3.0),
+        caption, [fact], [["sphere", "apart"], ["plane", "plane"]], (4.3, 4.3), (4.0, 3.0),
     )  # fmt: skip
     theory = _draw_long_paths(axes, scene, duration)
     globe = Globe(axes["sphere"], _VIEW, f"vertical γ on the Poisson sphere, {duration:g} s")
@@ -235,13 +224,10 @@ def figure14() -> Figure:
     scene, duration, exponent = load_scene("fig14"), 160.0, 0.116
     caption = (*_caption_of(scene), "start: (L, l) = (0, 0.6)", f"Duration chosen: {duration:g} s.")
     facts = (
-        "On the strange attractor of Fig. 11b, not",
-        "  on a limit cycle (E22).",
-        "dX/dt = 3.276 m/s in the mean,",
-        *_DRIFT_FACTS,
-        f"Chaos: errors grow as exp({exponent:g} t),",
-        "  so beyond some time both motions are",
-        "  right, and different.",
+        "On the strange attractor of Fig. 11b, not on a limit cycle (E22).",
+        f"dX/dt = 3.276 m/s in the mean, {_NO_DRIFT}",
+        f"Chaos: errors grow as exp({exponent:g} t), so beyond some time both motions are right, "
+        "and different.",
     )
     figure, axes = sheet(
         "Fig. 14: on the strange attractor the two motions part in the end",
@@ -296,8 +282,8 @@ def figure_tori() -> Figure:
         for rolling, scene in balls.items()
         for l in LEVELS
     }
-    curves = {key: invariant_curve(points_of(found)) for key, found in runs.items()}
-    off = max(apart(points_of(runs["rubber", l]), curves["classical", l]) for l in LEVELS)
+    curves = {key: invariant_curve(found.states) for key, found in runs.items()}
+    off = max(apart(runs["rubber", l].states, curves["classical", l]) for l in LEVELS)
     caption = (
         "rubber: A = diag(.8, .6, .7) 1/(kg m²)",
         "classical: A' = E/d - A/2, d = 0.9 kg m²,",
@@ -306,16 +292,12 @@ def figure_tori() -> Figure:
         "f = 25, (M,γ) = 0 (all chosen)",
     )
     facts = (
-        "Introduction, 3: the reduced trajectories",
-        "  of both balls wind round the same tori.",
-        "ℓ = M×γ of the rubber ball, ℓ = M of the",
-        "  classical one: both are constant in space.",
-        "Each ball keeps the other's energy; from the",
-        f"  same (γ, ℓ) it changes by {kept(balls):.0e} in {SHOWN:g} s.",
-        "The rubber ball's crossings lie within",
-        f"  {off:.0e} of the classical ball's curves.",
-        "They differ in how fast they go round: the",
-        "  turns along the curve between crossings.",
+        "Introduction, 3: the reduced trajectories of both balls wind round the same tori.",
+        "ℓ = M×γ of the rubber ball, ℓ = M of the classical one: both are constant in space.",
+        "Each ball keeps the other's energy; from the same (γ, ℓ) it changes by "
+        f"{kept(balls):.0e} in {SHOWN:g} s.",
+        f"The rubber ball's crossings lie within {off:.0e} of the classical ball's curves.",
+        "They differ in how fast they go round: the turns along the curve between crossings.",
         f"Dots: equations; rings: {ENGINE_NAME}.",
     )
     figure, axes = sheet(
@@ -362,11 +344,6 @@ def _levelled(motion: Motion) -> Motion:
 def crossings_of(motion: Motion) -> Crossings:
     """Find where (ℓ×γ)₃ = 0 along a motion, in one direction."""
     return crossings_of_motion(_levelled(motion), motion.scene).only(1)
-
-
-def points_of(found: Crossings) -> Array:
-    """Return γ and ℓ/√f side by side (n, 6)."""
-    return np.concatenate([found.gamma, found.momenta / _ROOT_F], axis=1)
 
 
 def apart(points: Array, curve: InvariantCurve) -> float:

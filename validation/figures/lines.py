@@ -9,7 +9,12 @@ from matplotlib.figure import Figure
 from robotball import Motion, sample_times
 from robotball.equations import Parameters, Vector
 from robotball.film.looks import INK
-from robotball.qualitative.straight_motions import straight_motion
+from robotball.qualitative.straight_motions import (
+    name_of_line,
+    stability_limit,
+    straight_motion,
+    straight_verticals,
+)
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 from validation.figures import (
@@ -29,8 +34,6 @@ from validation.paper.formulas import paper_scene
 from validation.plots import note
 from validation.study import compiled_motion
 
-LINE_K = (4.0, 5.0, 0.0)  # of Fig. 10
-_LIMIT = 2.0806242  # of f there: above it σ₋ and δ₊ are unstable saddle-foci
 _SIDE = 5.0  # of Fig. 9's region, in √f
 FINENESS = 90  # of the map's grid, each way
 SHOWN, LONG = 80.0, 600.0  # s, of Fig. 10
@@ -48,46 +51,32 @@ def growth_rate(ball: Parameters, K: Vector, f: float) -> float:
     # M = γ×K is no longer than K.
     if f > K[0] ** 2 + K[1] ** 2:
         return np.nan
-    motion = straight_motion(replace(ball, K=K), line_verticals(f, K)["σ₋"])
-    return float(motion.eigenvalues.real.max())
+    ball = replace(ball, K=K)
+    return float(straight_motion(ball, line_verticals(ball, f)["σ₋"]).eigenvalues.real.max())
 
 
-def line_verticals(f: float, K: Vector) -> dict[str, Array]:
-    """Return γ (3,) of the straight-line motions σ± (M along e₃) and δ± (against it).
-
-    Ω is along e₃. There γ is across Ω and M = γ×K, whose square is f: (K,γ)² = K² - f.
-    """
-    angle, off = np.arctan2(K[1], K[0]), np.arcsin(np.sqrt(f) / np.hypot(K[0], K[1]))
-    # Prop. 3's four: two signs of (K, γ), two of M along e₃.
-    turns = {"σ₊": -off, "σ₋": off + np.pi, "δ₊": off, "δ₋": np.pi - off}
-    return {
-        name: np.array([np.cos(angle + turn), np.sin(angle + turn), 0.0])
-        for name, turn in turns.items()
-    }
+def line_verticals(ball: Parameters, f: float) -> dict[str, Array]:
+    """Return γ (3,) of the straight-line motions σ± and δ± with M² = f by their names."""
+    return {name_of_line(ball, gamma): gamma for gamma in straight_verticals(ball, f)}
 
 
 def figure9() -> Figure:
     """Draw where in the plane of K straight-line motions are stable, in units of √f."""
     ball, side = paper_scene("fig10").parameters, np.linspace(-_SIDE, _SIDE, FINENESS)
+    limit = stability_limit(ball)
     edges = np.array(ball.A[:2]) / abs(ball.A[0] - ball.A[1])
     caption = (
         *_BALL_LINES,
         "K = (K₁, K₂, 0) kg m²/s",
-        "The caption has neither f nor the bounds,",
-        f"  which are chosen: ±{_SIDE:g} √f.",
+        f"The caption has neither f nor the bounds, which are chosen: ±{_SIDE:g} √f.",
     )
     facts = (
-        "ω = 0, (Ω,γ) = 0, M = γ×K, f = M²:",
-        "  the shell alone turns, and the ball goes",
-        "  straight along Y at ∓a|Ω|.",
-        "Shaded: σ₋ and δ₊ are stable; σ₊ and δ₋",
-        "  are so nowhere. The size of Ω does not",
-        "  matter, and f scales K alone:",
-        "  K₁K₂ > 0 and (a₁/K₁)² + (a₂/K₂)²",
-        "  < (a₁ - a₂)²/f, with the asymptotes",
-        f"  |K₁| = {edges[0]:g} √f and |K₂| = {edges[1]:g} √f.",
-        "E16: at K = (4, 5, 0) they are stable for",
-        f"  f < {_LIMIT:.4f} only, not at f = 3.",
+        "ω = 0, (Ω,γ) = 0, M = γ×K, f = M²: the shell alone turns, and the ball goes straight "
+        "along Y at ∓a|Ω|.",
+        "Shaded: σ₋ and δ₊ are stable; σ₊ and δ₋ are so nowhere. The size of Ω does not matter, "
+        "and f scales K alone: K₁K₂ > 0 and (a₁/K₁)² + (a₂/K₂)² < (a₁ - a₂)²/f, with the "
+        f"asymptotes |K₁| = {edges[0]:g} √f and |K₂| = {edges[1]:g} √f.",
+        f"E16: at K = (4, 5, 0) they are stable for f < {limit:.4f} only, not at f = 3.",
     )
     figure, panels = sheet(
         "Fig. 9: straight lines are stable at large K", caption, facts, [["K"]], (6.5,), (5.6,)
@@ -108,7 +97,7 @@ def figure9() -> Figure:
     axes.fill(np.cos(turn), np.sin(turn), facecolor="none", edgecolor=FAINT, hatch="////", lw=0.8)
     axes.annotate("K² < f: no such line", (0, -1.1), ha="center", va="top", color=INK)
     for f in (2.0, 3.0):
-        at = LINE_K[0] / np.sqrt(f), LINE_K[1] / np.sqrt(f)
+        at = ball.K[0] / np.sqrt(f), ball.K[1] / np.sqrt(f)
         axes.plot(*at, "o", color=INK)
         note(axes, f"Fig. 10, f = {f:g}", at, (-6, 4), color=INK, ha="right", va="bottom")
     axes.set(xlabel="K₁/√f", ylabel="K₂/√f", aspect="equal")
@@ -118,23 +107,21 @@ def figure9() -> Figure:
 def figure10() -> Figure:
     """Draw how the ball leaves one straight line and takes up another, the opposite way."""
     scene, stable = paper_scene("fig10"), paper_scene("fig10_stable")
-    verticals = line_verticals(3.0, LINE_K)
+    ball = scene.parameters
+    verticals, limit = line_verticals(ball, 3.0), stability_limit(ball)
     caption = (
         *_BALL_LINES,
         "K = (4, 5, 0) kg m²/s, f = 3 (kg m²/s)²",
-        "start near σ₊; how near is chosen:",
-        "  γ along σ₊ + 0.01 e₃, M along the part",
-        "  of e₃ across γ. Durations are chosen.",
+        "start near σ₊; how near is chosen: γ along σ₊ + 0.01 e₃, M along the part of e₃ across γ. "
+        "Durations are chosen.",
         "For comparison, below right: f = 2.",
     )
     facts = (
         *(f"{name}: γ = ({v[0]:.4f}, {v[1]:.4f}, 0)" for name, v in verticals.items()),
         "σ: dY/dt = -a|Ω|;  δ: dY/dt = +a|Ω| (E15)",
-        "The unstable manifold of σ₊ goes to δ₊,",
-        "  not to σ₋: the ball turns round.",
-        f"E16: δ₊ is unstable above f = {_LIMIT:.4f}:",
-        "  at f = 3 the ball leaves it again, after",
-        "  some 300 s; at f = 2 it stays.",
+        "The unstable manifold of σ₊ goes to δ₊, not to σ₋: the ball turns round.",
+        f"E16: δ₊ is unstable above f = {limit:.4f}: at f = 3 the ball leaves it again, after "
+        "some 300 s; at f = 2 it stays.",
     )
     figure, axes = sheet(
         "Fig. 10: the ball leaves one straight line and turns round to the opposite one",

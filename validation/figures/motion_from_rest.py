@@ -69,14 +69,11 @@ def figure5() -> Figure:
         "Fixed points, indices adding up to 2:",
         *counted(points),
         f"  and the circle (Ω,γ) = 0, of index {circle.index}.",
-        "(Aγ,γ) is kept: γ runs along a curve of",
-        "  Euler's top, the slower the smaller (Ω,γ).",
-        "b: the curve meets the circle, and γ stays",
-        r"  at $\Sigma_s$ (E24); the ball then goes straight,",
-        "  at a|Ω| = 4.58 m/s.",
+        "(Aγ,γ) is kept: γ runs along a curve of Euler's top, the slower the smaller (Ω,γ).",
+        r"b: the curve meets the circle, and γ stays at $\Sigma_s$ (E24); the ball then goes "
+        "straight, at a|Ω| = 4.58 m/s.",
         "c: it misses the circle: γ is periodic.",
-        "d: γ stays at Γ₁; the path is a circle of",
-        "  radius √5/4 m.",
+        "d: γ stays at Γ₁; the path is a circle of radius √5/4 m.",
     )
     figure, axes = sheet(
         "Fig. 5: from rest with K = 0, γ follows a curve (Aγ,γ) = const",
@@ -100,13 +97,10 @@ def figure5() -> Figure:
 def figure6() -> Figure:
     """Draw the motion with K₃ = 0.3: ten fixed points, and a motion into a stable focus."""
     facts = (
-        "The slow foci Γ₅, Γ₆ have imaginary",
-        "  eigenvalues and attract by their first",
-        "  Lyapunov value (E6, E7).",
-        "Closed contour: back in time the stable",
-        "  manifolds of δ₃, δ₄ end at δ₁, δ₂.",
-        "K₃ = 0.503566: manifolds of δ₃, δ₄ join, and",
-        "  a limit cycle takes the contour's place.",
+        "The slow foci Γ₅, Γ₆ have imaginary eigenvalues and attract by their first Lyapunov value "
+        "(E6, E7).",
+        "Closed contour: back in time the stable manifolds of δ₃, δ₄ end at δ₁, δ₂.",
+        "K₃ = 0.503566: manifolds of δ₃, δ₄ join, and a limit cycle takes the contour's place.",
         "|κ₁| = 1 at 0.51503: δ₁ … δ₄ vanish.",
         "|κ₂| = 1 at 2.08207: θ₁ … θ₄ vanish.",
     )
@@ -117,10 +111,9 @@ def figure6() -> Figure:
 def figure7() -> Figure:
     """Draw the motion with K₃ = 0.52: a slow, unstable limit cycle."""
     facts = (
-        f"{ENGINE_NAME}, started on it, must leave it: in a",
-        "  period an error grows by the multiplier.",
-        "The contour of Fig. 6 gave way to a cycle;",
-        "  δ₁ … δ₄ are gone.",
+        f"{ENGINE_NAME}, started on it, must leave it: in a period an error grows by the "
+        "multiplier.",
+        "The contour of Fig. 6 gave way to a cycle; δ₁ … δ₄ are gone.",
     )
     return _portrait_figure(7, "0.52", "a slow limit cycle repels", _STARTS78, facts)
 
@@ -144,10 +137,8 @@ def _portrait_figure(
     caption = (*_BALL_LINES, f"K = (0, 0, {K3}) kg m²/s", *start, "Duration chosen.")
     found = [f"{len(points)} fixed points:", *counted(points)]
     for cycle in cycles:
-        found += [
-            f"One limit cycle, period {cycle.period:.7f} s,",
-            f"  multiplier {cycle.multipliers[0].real:.3g}: unstable.",
-        ]
+        multiplier = f"multiplier {cycle.multipliers[0].real:.3g}: unstable."
+        found.append(f"One limit cycle, period {cycle.period:.7f} s, {multiplier}")
     figure, axes = sheet(
         f"Fig. {number}: {finding}, among {len(points)} fixed points (K₃ = {K3})",
         caption, [*found, *facts], [["sphere", "plane"], ["involute", "involute"]],

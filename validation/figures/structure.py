@@ -34,21 +34,17 @@ def figure3() -> Figure:
     scene = paper_scene(_SCENE)
     ball, rates = scene.ball, [float(drive.rate(0.0)) for drive in scene.drives]
     caption = (
-        "one rotor, n = 1: the ball of Fig. 12 at its",
-        "  start, drawn from its bodies",
-        f"shell {ball.shell.mass:g} kg, frame {ball.frame.mass:.4g} kg,",
-        f"  rotor {ball.rotors[0].mass:.4g} kg, a = {ball.radius:g} m",
+        "one rotor, n = 1: the ball of Fig. 12 at its start, drawn from its bodies",
+        f"shell {ball.shell.mass:g} kg, frame {ball.frame.mass:.4g} kg, rotor "
+        f"{ball.rotors[0].mass:.4g} kg, a = {ball.radius:g} m",
         f"Ω = {rates[0]:g} rad/s, φ̇₁ = {rates[1]:.4g} rad/s",
     )
     facts = (
         "The shell rolls on the plane.",
-        "The frame turns in the shell about the",
-        "  shell's axis of symmetry, at Ω(t).",
-        "The rotor turns on the frame about its own",
-        "  axis n₁, at φ̇₁(t).",
-        "All centres of mass are at C, the centre",
-        "  of the sphere. How the bodies share the",
-        "  inertia is chosen: the paper gives A and K.",
+        "The frame turns in the shell about the shell's axis of symmetry, at Ω(t).",
+        "The rotor turns on the frame about its own axis n₁, at φ̇₁(t).",
+        "All centres of mass are at C, the centre of the sphere. How the bodies share the inertia "
+        "is chosen: the paper gives A and K.",
     )
     title = "Fig. 3: structure of the ball, for one rotor"
     figure, panels = sheet(title, caption, facts, [["ball"]], (_PANEL,))
@@ -85,19 +81,18 @@ def figure4() -> Figure:
     theory, engine = integrate(scene, times), engine_motion(scene, times)
     frame, a = rotation_matrix(theory.attitude[-1]), scene.ball.radius
     caption = (
-        f"the ball of Fig. 12 after {_ROLLED:g} s, drawn",
-        "  from its bodies and its motion",
+        f"the ball of Fig. 12 after {_ROLLED:g} s, drawn from its bodies and its motion",
         "O: where it started, X = Y = 0",
         "P: X = {:.4f} m, Y = {:.4f} m".format(*theory.contact_point[-1]),
     )
     facts = (
         "OXYZ stands still; OZ is vertical.",
-        "C x₁x₂x₃ turns with the frame, not with the",
-        "  shell: seen from it all mass stands still.",
-        "  These are principal axes of the inertia.",
+        "C x₁x₂x₃ turns with the frame, not with the shell: seen from it all mass stands still. "
+        "These are principal axes of the inertia.",
         "P: where the shell touches the plane.",
-        "α, β, γ: OX, OY, OZ as seen from the frame;",
-        "  here γ = ({:.4f}, {:.4f}, {:.4f}).".format(*frame[2]),
+        "α, β, γ: OX, OY, OZ as seen from the frame; here γ = ({:.4f}, {:.4f}, {:.4f}).".format(
+            *frame[2]
+        ),
     )
     title = "Fig. 4: the ball on the plane, and its axes"
     figure, panels = sheet(title, caption, facts, [["ball"]], (_PANEL,))

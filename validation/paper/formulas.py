@@ -262,8 +262,8 @@ def eigenvalues(field: Field, gamma: Array) -> Array:
     """Return the eigenvalues (2,) of a field on the sphere at its zero γ, by real part."""
     basis = across(gamma)
     # The third eigenvalue belongs to the length of γ, which the field keeps, and says nothing.
-    values = np.linalg.eigvals(basis @ jacobian(field, gamma) @ basis.T).astype(complex)
-    return values[np.argsort(values.real)]
+    linear = basis @ jacobian(field, gamma) @ basis.T
+    return np.asarray(np.sort_complex(np.linalg.eigvals(linear)))
 
 
 def zeros(field: Field, starts: int = 400) -> list[Array]:

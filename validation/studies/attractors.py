@@ -107,18 +107,18 @@ def _measure_torus(show: Show) -> Iterator[Row]:
     show(1, "Fig. 11a: limit torus")
     scene = load_scene("fig13")
     curve = cloud_by_equations(scene.parameters, TORUS, seed=0)
-    contact = cloud_by_contact(scene, preset("balanced"), TORUS_BY_CONTACT, seed=0)
+    contact, velocities = cloud_by_contact(scene, preset("balanced"), TORUS_BY_CONTACT, seed=0)
     apart = distance_to_curve(contact.states, curve.states)
     yield _measured("11a: off the torus", apart.max(), 0.0, 5e-6)
     # The mean over 1200 s misses that of all time by a swing of the path, some metres, over that.
     long = drift(scene.parameters, *TORUS_BY_CONTACT.points(seed=0), _LONG_RUN, 3000.0)
-    yield _measured_drift("13", float(contact.velocities[0, 0]), 0.0, long, 5e-3)
+    yield _measured_drift("13", float(velocities[0, 0]), 0.0, long, 5e-3)
 
 
 def _measure_clouds(show: Show) -> Iterator[Row]:
     """Measure Fig. 11b's strange attractor: its cloud among the equations' own."""
     scene = load_scene("fig14")
-    contact = cloud_by_contact(
+    contact, velocities = cloud_by_contact(
         scene, COARSE, _CLOUD, 0, lambda part: show(2 + part, "Fig. 11b: cloud")
     )
     show(3, "Fig. 11b: clouds of the equations")
@@ -129,10 +129,10 @@ def _measure_clouds(show: Show) -> Iterator[Row]:
     unlikely = 1 - rank_probability(contact.states, peers, reference)
     # Of right clouds 1 - p is even between 0 and 1, 0.5 in the mean; over 0.99 is refused.
     yield _measured("11b: 1 - p of the cloud", unlikely, 0.5, 0.99, apart=unlikely)
-    mean = contact.velocities.mean(axis=0)
+    mean = velocities.mean(axis=0)
     # The starts are independent, the points of one start are not: so starts are counted, not
     # points.
-    error = contact.velocities.std(axis=0, ddof=1) / np.sqrt(_CLOUD.starts)
+    error = velocities.std(axis=0, ddof=1) / np.sqrt(_CLOUD.starts)
     long = drift(scene.parameters, *_PAIRS.points(seed=0), _LONG_RUN)
     yield _measured_drift("14", float(mean[0]), float(error[0]), long, 3 * float(error[0]))
 

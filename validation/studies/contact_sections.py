@@ -10,10 +10,9 @@ a seed, after how many returns, and how many crossings are taken. Two clouds are
 energy distance, and by its rank among those of clouds that the equations drew.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -21,14 +20,13 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from robotball import InputError, Motion, Scene, Settings, load_scene, preset, sample_times
-from robotball.engines.ensembles.orbits import LONG_RUN_TOLERANCE, Integers
+from robotball.engines.ensembles.orbits import LONG_RUN_TOLERANCE
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.equations import Parameters
 from robotball.errors import check_count, check_seed
-from robotball.qualitative.long_run import level_points
 from robotball.qualitative.sections import (
     Crossings,
     crossings_of_motion,
@@ -210,22 +208,7 @@ class Torus(Recipe):
         return section_starts(self.L + offsets[0], self.l + offsets[1], self.f)
 
 
-@dataclass(frozen=True)
-class _Cloud:
-    """Section points of one engine.
-
-    states: (n, 6), as the function of that name gives them; L, l and directions (n,); velocities:
-    from MuJoCo, the mean (starts, 2) of the contact point along OX = -M/√f and OY [m/s].
-    """
-
-    states: Array
-    L: Array
-    l: Array
-    directions: Integers
-    velocities: Array
-
-
-def cloud_by_equations(parameters: Parameters, recipe: Recipe, seed: int) -> _Cloud:
+def cloud_by_equations(parameters: Parameters, recipe: Recipe, seed: int) -> Crossings:
     """Return the recipe's cloud by the equations.
 
     Raises InputError where a start gives too few points.
@@ -237,10 +220,7 @@ def cloud_by_equations(parameters: Parameters, recipe: Recipe, seed: int) -> _Cl
     )
     if found.status.any():
         raise InputError(f"{np.count_nonzero(found.status)} starts do not keep crossing g = 0")
-    late = slice(recipe.skipped, None)
-    points = level_points(found.attitudes[:, late], momenta).reshape(-1, 6)
-    L, l = found.L[:, late].ravel(), found.l[:, late].ravel()
-    return _Cloud(points, L, l, found.directions[:, late].ravel(), np.empty((0, 2)))
+    return found.after(recipe.skipped)
 
 
 def cloud_by_contact(
@@ -249,8 +229,12 @@ def cloud_by_contact(
     recipe: Recipe,
     seed: int,
     progress: Callable[[float], object] = lambda part: None,
-) -> _Cloud:
-    """Return the recipe's cloud by MuJoCo. Raises InputError where a run has a fault."""
+) -> tuple[Crossings, Array]:
+    """Return the recipe's cloud by MuJoCo, and the mean velocity from each of its starts.
+
+    velocities (starts, 2): of the contact point, along OX = -M/√f and OY [m/s]. Raises InputError
+    where a run has a fault.
+    """
     parts, velocities, model = [], [], build(scene, settings)
     for i, (attitude, momentum) in enumerate(zip(*recipe.points(seed), strict=True)):
         start = own_start(scene, attitude, momentum)
@@ -260,23 +244,10 @@ def cloud_by_contact(
         parts.append(found[recipe.skipped :])
         velocities.append(moved / duration)
         progress((i + 1) / recipe.starts)
-    points = joined(parts)
-    return _Cloud(
-        states(points.gamma, points.momenta), points.L, points.l, points.directions,
-        np.array(velocities),
-    )  # fmt: skip
+    return joined(parts), np.array(velocities)
 
 
 _NEIGHBOURS = 8
-
-
-def states(gamma: Array, momenta: Array) -> Array:
-    """Return points (n, 6): γ and M/|M| in frame axes, whose distance needs no angle.
-
-    On the annulus (l, L) two near states may lie far apart, at L = ±√f or at l = ±π.
-    """
-    # Unscaled, the longer of the two vectors would decide the distance alone.
-    return np.concatenate([gamma, momenta / np.linalg.norm(momenta, axis=1, keepdims=True)], axis=1)
 
 
 def distance(cloud: Array, reference: Array) -> float:
@@ -316,29 +287,20 @@ def distance_to_curve(points: Array, curve: Array) -> Array:
     return np.linalg.norm(across, axis=1)
 
 
-_Points = Mapping[str, Array]
-"""Crossings of some motions, joined: times s, l rad, L kg m²/s, directions ±1, each (n,)."""
-
-
-def _points_of(found: Any, skip: int) -> _Points:
-    """Return the crossings of one motion or of many without the first `skip` of each, joined."""
-    names = ("times", "l", "L", "directions")
-    return {name: getattr(found, name)[..., skip:].ravel() for name in names}
-
-
-def _at_phase(period: float, attitudes: Array, momenta: Array, skip: int) -> _Points:
+def _at_phase(period: float, attitudes: Array, momenta: Array, skip: int) -> Crossings:
     """Return points once a period [s], after the first `skip`: (n, m, 4) and (n, m, 3), joined."""
     attitudes, momenta = attitudes[:, skip:], momenta[:, skip:]
-    M = np.einsum("nmij,nmi->jnm", rotation_matrix(attitudes), momenta).reshape(3, -1)
+    axes = rotation_matrix(attitudes).reshape(-1, 3, 3)
+    M = np.einsum("nij,ni->nj", axes, momenta.reshape(-1, 3))
     times = np.tile(period * np.arange(skip + 1, skip + 1 + momenta.shape[1]), len(momenta))
-    return {"times": times, "l": np.arctan2(M[0], M[1]), "L": M[2], "directions": np.sign(times)}
+    return Crossings(times, axes[:, 2], M, np.ones(len(M), int))
 
 
-def _draw_section(scene: Scene, theory: _Points, engine: _Points | None, where: str) -> Figure:
+def _draw_section(scene: Scene, theory: Crossings, engine: Crossings | None, where: str) -> Figure:
     """Draw the section's points on the annulus; filled where g grows, paler where it falls."""
     figure, axes = panels(f"{scene.title}: section {where}", (8.0, 6.0))
     # Dots shrink with their number, lest they fill what is a curve.
-    size = 1.2 if len(theory["l"]) >= 5000 else 3.0 if engine is None else 7.0
+    size = 1.2 if len(theory.l) >= 5000 else 3.0 if engine is None else 7.0
     drawn = [(EQUATIONS.name, theory, EQUATIONS.colour, "o", size)]
     if engine is not None:
         drawn.append((LABEL.name, engine, LABEL.colour, "+", 5.0))
@@ -347,11 +309,11 @@ def _draw_section(scene: Scene, theory: _Points, engine: _Points | None, where: 
         sides = [(1, 1.0, "")]
     for name, points, colour, mark, size in drawn:
         for direction, alpha, words in sides:
-            some = points["directions"] == direction
-            axes.plot(points["l"][some] % (2 * np.pi), points["L"][some], mark, color=colour,
+            some = points[points.directions == direction]
+            axes.plot(some.l % (2 * np.pi), some.L, mark, color=colour,
                       alpha=alpha, markersize=size, markeredgewidth=0 if mark == "o" else 0.8,
                       label=f"{name}{words}")  # fmt: skip
-    size = max(float(np.linalg.norm(scene.start.momentum)), float(np.abs(theory["L"]).max()))
+    size = max(float(np.linalg.norm(scene.start.momentum)), float(np.abs(theory.L).max()))
     axes.set(xlabel="l [rad], from 0 to 2π", ylabel="L [kg m²/s]",
              xlim=(0, 2 * np.pi), ylim=(-1.05 * size, 1.05 * size))  # fmt: skip
     axes.legend(loc="best", markerscale=2 if engine is None else 1)
@@ -405,9 +367,9 @@ class Section:
                 show(1, f"{scene.name}: {LABEL.name}, {settings.name}")
                 model = build(scene, settings)
                 if period is None:
-                    times = each_step(model, points["times"][self.count - 1])
+                    times = each_step(model, points.times[self.count - 1])
                     motion = sound_run(model, scene.start, times)
-                    engine = _points_of(crossings_of_motion(motion, scene, self.g), self.skip)
+                    engine = crossings_of_motion(motion, scene, self.g)[self.skip :]
                 else:
                     motion = sound_run(model, scene.start, period * np.arange(total + 1.0))
                     ends = multiply(motion.attitude[1:], scene.principal_quaternion)
@@ -416,7 +378,7 @@ class Section:
             write_picture(path, _draw_section(scene, points, engine, where))
         drawn = {EQUATIONS.name: points} | ({} if engine is None else {LABEL.name: engine})
         for name, each in drawn.items():
-            growing, total = np.count_nonzero(each["directions"] == 1), len(each["l"])
+            growing, total = np.count_nonzero(each.directions == 1), len(each.l)
             if period is not None:
                 print(f"{name}: {total} points, {where}")
                 continue
@@ -429,13 +391,16 @@ class Section:
             self.json,
             {"scene": scene.name, "g": self.g, "starts": self.starts, "seed": self.seed}
             | ({} if period is None else {"period": period})
-            | {by: {name: of.tolist() for name, of in each.items()} for by, each in drawn.items()},
+            | {
+                by: {name: getattr(of, name).tolist() for name in ("times", "l", "L", "directions")}
+                for by, of in drawn.items()
+            },
         )
         return AGREES
 
     def _by_equations(
         self, scene: Scene, attitudes: Array, momenta: Array, period: float | None
-    ) -> _Points:
+    ) -> Crossings:
         """Return the points of the motions from some starts, as `level_starts` gives them."""
         if period is not None:
             ends, M = strobed(scene, attitudes, momenta, self.skip + self.count)
@@ -443,4 +408,4 @@ class Section:
         found = section(scene.parameters, attitudes, momenta, self.skip + self.count, self.g)
         if lost := np.count_nonzero(found.status):
             raise InputError(f"{lost} motions do not keep crossing g = {self.g:g}")
-        return _points_of(found, self.skip)
+        return found.after(self.skip)

@@ -287,8 +287,8 @@ def _classical_section(quick: bool) -> _Rows:
     # Clouds of the equations by other seeds: the same recipe, so that the rank is even if MuJoCo is
     # right.
     reference, *peers = (cloud(seed).states for seed in range(1, _CLOUDS + 1))
-    contact = sections.cloud_by_contact(scene, preset("fast"), recipe, seed=0)
-    rank = sections.rank_probability(contact.states, peers, reference)
+    points, _ = sections.cloud_by_contact(scene, preset("fast"), recipe, seed=0)
+    rank = sections.rank_probability(points.states, peers, reference)
     line = partial(_LINE, "classical ball, chaos", "3.2, section g = 0", "fast")
     yield line("rank of its section", "1", 0.5, rank, 0.49, "chance: even between 0 and 1")
 

@@ -37,8 +37,7 @@ def test_both_balls_bodies_stand_as_the_library_s(scene: rb.Scene) -> None:
     stands = track.stands(track.at(TIMES[-1:]))
     model = build_stage(looks, ["#0072B2", "#D55E00"], [1.0, 0.35]).compile()
     data = mujoco.MjData(model)
-    pose(data, [{name: stands[name] for name in looks}] * 2)
-    mujoco.mj_kinematics(model, data)
+    pose(model, data, looks, [stands] * 2)
     for name, body in scene.ball.named_bodies:
         for ball in ("ball0_", "ball1_"):
             stood = data.body(ball + name)

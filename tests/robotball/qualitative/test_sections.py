@@ -10,7 +10,6 @@ from robotball.engines.ensembles.orbits import TOO_MANY_STEPS, orbit
 from robotball.equations import Parameters
 from robotball.errors import InputError
 from robotball.qualitative.cycles import close
-from robotball.qualitative.long_run import level_points
 from robotball.qualitative.portraits import limit_cycles
 from robotball.qualitative.sections import invariant_curve, section, section_starts, shared_integral
 from robotball.rotations import Array, rotation_matrix, turned
@@ -141,8 +140,7 @@ def test_a_cycle_that_grows_beyond_all_digits_closes_in_parts() -> None:
 def orbit_of(some: Parameters, L: float, l: float) -> Array:
     """γ and M/|M| (400, 6) at the crossings in one direction."""
     attitudes, momenta = section_starts(L, l, F)
-    found = section(some, attitudes, momenta, count=400, direction=1)
-    return level_points(found.attitudes, momenta)[0]
+    return section(some, attitudes, momenta, count=400, direction=1).states[0]
 
 
 def test_an_integrable_ball_has_invariant_curves_and_a_chaotic_one_has_not() -> None:

@@ -18,7 +18,7 @@ from robotball.qualitative.straight_motions import stability_limit
 from tests.figures import from_rest
 from validation.figures import View, lines, motion_from_rest
 from validation.figures import attractor_figures as tori
-from validation.figures.lines import LINE_K, growth_rate, line_verticals
+from validation.figures.lines import growth_rate, line_verticals
 from validation.figures.motion_from_rest import closed_contour
 from validation.figures.paper_figures import FIGURES, chosen
 from validation.figures.sphere import Globe, Involute
@@ -97,9 +97,9 @@ def test_fig9_has_its_boundary_where_fig10_turns_unstable() -> None:
     ball = paper_scene("fig10").parameters
     limit = stability_limit(ball)
     assert limit is not None
-    assert growth_rate(ball, LINE_K, limit - 1e-4) < 0 < growth_rate(ball, LINE_K, limit + 1e-4)
-    for name, gamma in line_verticals(3.0, LINE_K).items():
-        M = np.cross(gamma, LINE_K)
+    assert growth_rate(ball, ball.K, limit - 1e-4) < 0 < growth_rate(ball, ball.K, limit + 1e-4)
+    for name, gamma in line_verticals(ball, 3.0).items():
+        M = np.cross(gamma, ball.K)
         assert gamma @ gamma == pytest.approx(1)
         assert M[2] == pytest.approx(np.sqrt(3) * (1 if name[0] == "σ" else -1))
 
@@ -110,15 +110,15 @@ def test_both_chaplygin_balls_cross_on_the_same_curve() -> None:
     """
     names = ("rubber_chaplygin_ball", "chaplygin_ball_same_tori")
     rubber, classical = (tori.started(paper_scene(name), 0.5) for name in names)
-    by_equations = tori.points_of(tori.crossings_of(tori.followed(rubber)))
-    by_engine = tori.points_of(tori.crossings_of(tori.engine_followed(rubber)))
-    curve = invariant_curve(tori.points_of(tori.crossings_of(tori.followed(classical))))
+    by_equations = tori.crossings_of(tori.followed(rubber)).states
+    by_engine = tori.crossings_of(tori.engine_followed(rubber)).states
+    curve = invariant_curve(tori.crossings_of(tori.followed(classical)).states)
     assert invariant_curve(by_equations).rotation == pytest.approx(0.08697, abs=1e-5)
     assert curve.rotation == pytest.approx(0.14492, abs=1e-5)
     assert tori.apart(by_equations, curve) < 1e-6
     assert tori.apart(by_engine, curve) < 1e-6
     # A control: another start is on another torus.
-    other = tori.points_of(tori.crossings_of(tori.followed(tori.started(rubber, 0.4))))
+    other = tori.crossings_of(tori.followed(tori.started(rubber, 0.4))).states
     assert tori.apart(other, curve) > 0.1  # measured 0.23
 
 

@@ -27,7 +27,6 @@ from robotball.qualitative.long_run import (
     basins,
     drift,
     exponents,
-    level_points,
 )
 from robotball.qualitative.normal_forms import flow_near, lyapunov_value
 from robotball.qualitative.sections import section
@@ -203,8 +202,7 @@ def _own_mirror_image(twist: float = 1.0, g: float = np.pi) -> Errors:
 
 def points(cycle: Cycle, g: float = 0.0) -> Array:
     """Return γ and M/|M| side by side (4, 6) at four crossings of a periodic orbit."""
-    through = section(regular(), cycle.attitude[None], cycle.momentum[None], count=4, g=g)
-    return level_points(through.attitudes, cycle.momentum[None])[0]
+    return section(regular(), cycle.attitude[None], cycle.momentum[None], count=4, g=g).states[0]
 
 
 @claim("5.3", "rubber: the exponents' sum is the mean divergence")

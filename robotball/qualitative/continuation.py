@@ -10,7 +10,9 @@ chapters 4 to 7):
 *Fold*: the parameter's part of t. *Branch point*: another curve of solutions crosses, so that the
 equations have two tangents; an exponent, or that part of t, is zero. The other curve is followed
 from there, too. *Hopf point*: a pair of imaginary exponents; of a cycle, where the exponents are
-the logarithms of its multipliers, a *torus*. *Period doubling*: a multiplier -1.
+the logarithms of its multipliers, a *torus*. *Period doubling*: a multiplier -1. *Drift point*: as
+a branch point, but what leaves there is no solution, as it drifts along a freedom that solutions of
+the branch have.
 
 The parameter s goes from 0 to 1 here; `motion_branches` says what it stands for in a ball.
 """
@@ -27,6 +29,7 @@ from robotball.errors import InputError
 from robotball.rotations import Array
 
 FOLD, BRANCH, DOUBLING, HOPF = "fold", "branch point", "period doubling", "Hopf point"
+DRIFT = "drift point"
 CLOSES, UNFINISHED = "closes", "not followed to its end"
 _KINDS = (FOLD, BRANCH, DOUBLING, HOPF)  # by the test functions, in their order
 _FIRST_STEP, _LEAST_STEP = 0.01, 1e-7  # lengths of a step in (u, s)
@@ -82,7 +85,7 @@ class Branch:
 
     def special(self, *kinds: str) -> list[Point]:
         """Return its special points of some kinds, or of all."""
-        return [point for point in self.points if point.kind in (kinds or _KINDS)]
+        return [point for point in self.points if point.kind in (kinds or (*_KINDS, DRIFT))]
 
     def passes(self, s: float) -> int:
         """Return how often it passes an s that is none of its points'."""
@@ -356,7 +359,9 @@ def _between(problem: Problem, last: Point, new: Point) -> list[Point]:
         point = replace(at(length), kind=_KINDS[test], tangent=tangent / np.linalg.norm(tangent))
         if test < 2 and _across(problem, point) is not None:
             point = replace(point, kind=BRANCH)
-        elif test == 1:  # what leaves there, if anything, is no solution: its heading turns
+        elif test == 1 and free:
+            point = replace(point, kind=DRIFT)
+        elif test == 1:  # nothing leaves there
             continue
         found.append((length, point))
     return [point for _, point in sorted(found, key=lambda each: each[0])]

@@ -31,7 +31,7 @@ from robotball.scene import Scene, Start
 _FIELDS = ("value", "mean", "amplitude", "phase")
 _SETTLED = 30  # periods after which a motion that is attracted is near what attracts it
 _INSIDE = 3  # values within the range at which motions are sought, in some twenty seconds each
-_MOST = 4  # periods of the drives, to which motions are followed over period doublings
+_MOST = 4  # periods of the drives, to which motions are followed over period doublings if not told
 _SIZE = 3e-6  # of differences, whose own error and that of rounding are equal about here
 _NEUTRAL = 1e-6  # of their errors: of a multiplier's logarithm a real part below it is zero
 # The error of a step, and of the map from which Newton's method leaves none: what is left is the
@@ -99,12 +99,16 @@ def with_number(scene: Scene, name: str, value: float) -> Scene:
 
 @dataclass(frozen=True)
 class Driven(Range):
-    """A periodic scene whose number `name` goes from low to high as s goes from 0 to 1."""
+    """A periodic scene whose number `name` goes from low to high as s goes from 0 to 1.
+
+    longest: the period beyond which no motion is followed [s], four of the drives' if None.
+    """
 
     scene: Scene
     name: str
     low: float
     high: float
+    longest: float | None = None
 
     @property
     def label(self) -> tuple[str, str]:
@@ -211,10 +215,11 @@ class Driven(Range):
             gap = np.append(end - v, u[-1] - np.log(periods * period_of(scene)))
             return gap, jacobian, lambda: _logarithms(basis.T @ images)
 
-        longest = _MOST * max(period_of(self.at(s)[0]) for s in (0.0, 1.0))
+        slowest = max(period_of(self.at(s)[0]) for s in (0.0, 1.0))
+        longest = self.longest or _MOST * slowest
 
         def end(u: Array) -> str:
-            return f"more than {_MOST} periods of the drives" if np.exp(u[-1]) > longest else ""
+            return f"a period of more than {longest:.4g} s" if np.exp(u[-1]) > longest else ""
 
         return co.Problem(
             look, end=end, watch=watch, rank=_NEUTRAL, closed=closed, longest=_LONGEST

@@ -21,7 +21,16 @@ from robotball.equations import Parameters
 from robotball.errors import check_positive, unknown
 from robotball.film.looks import ACCENT, INK
 from robotball.qualitative import motion_branches as motions
-from robotball.qualitative.continuation import BRANCH, DOUBLING, FOLD, HOPF, Branch, Point, Watch
+from robotball.qualitative.continuation import (
+    BRANCH,
+    DOUBLING,
+    DRIFT,
+    FOLD,
+    HOPF,
+    Branch,
+    Point,
+    Watch,
+)
 from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.equilibria import name_of
 from robotball.qualitative.families import NUMBERS
@@ -36,10 +45,11 @@ from validation.studies.contact_sections import by_contact, level_starts, steady
 from validation.study import Column, Row, Study, show, table_of, write
 
 _NO_BOUND = "period without bound"
-_MARKERS = {FOLD: "^", BRANCH: "s", HOPF: "o", DOUBLING: "D", _NO_BOUND: "*"}
+_MARKERS = {FOLD: "^", BRANCH: "s", HOPF: "o", DOUBLING: "D", DRIFT: "P", _NO_BOUND: "*"}
 _PLACE = ("value", "gamma1", "gamma2", "gamma3")
 _SENSES = ("supercritical", "subcritical")
 _ROUNDING = 1e-9  # 1/s, of l₁
+_LONGEST = 300.0  # s, of a period
 _SEARCHED, _STARTS = 100.0, 16  # s, the longest period searched for; random starts where M ≠ 0
 _INSIDE = 3  # values within the range at which cycles are searched for, some seconds each
 _WRITE_EVERY = 5.0  # s between writings of what has been found
@@ -72,7 +82,9 @@ def _special(family: motions.Range, number: int, branch: Branch) -> Iterator[Row
     """Yield a branch's special points, and where its period grows without bound, with words."""
     for point in branch.special():
         row, what = _row_of(family, number, point), ""
-        if point.kind == HOPF and row["period"]:
+        if point.kind == DRIFT:
+            what = "motions that drift are born"
+        elif point.kind == HOPF and row["period"]:
             what = "a torus is born"
         elif point.kind == HOPF and isinstance(family, motions.Family):
             value, born = motions.born_cycles(family, point, _SEARCHED)
@@ -137,8 +149,8 @@ def _branch_picture(
 def _draw_branch(axes: Axes, rows: Sequence[Row], key: str, named: bool) -> None:
     """Draw one branch, solid where it is stable, with the names of its parts if it is named."""
     x, y = (np.array([row[name] for row in rows]) for name in ("value", key))
-    stable = np.array([row["stable"] for row in rows])
-    # A piece of the line is stable if both its ends are.
+    # A piece of the line is stable if both its ends are; at a special one some exponent is zero.
+    stable = np.array([row["stable"] or row["kind"] != "" for row in rows])
     both = stable[1:] & stable[:-1]
     for run in np.split(np.arange(len(both)), np.flatnonzero(np.diff(both)) + 1)[: len(both)]:
         part, style = slice(run[0], run[-1] + 2), "-" if both[run[0]] else "--"
@@ -168,8 +180,8 @@ class Continue:
     """Its least value, in SI units; angles in degrees."""
     high: Annotated[float, arg(name="to")]
     """Its largest value."""
-    longest: float = 300.0
-    """Period beyond which no cycle is followed [s]; of what is driven it is four of its own."""
+    longest: float | None = None
+    """Period beyond which no cycle is followed [s]: 300, or four of its own of what is driven."""
     preset: Preset = None
     """Also repeat motions of driven branches by the engine so set: are they back after a period?"""
     out: Path = OUT
@@ -186,7 +198,8 @@ class Continue:
             raise InputError(
                 f"--from {self.low:g} must be below --to {self.high:g}, both of them finite"
             )
-        check_positive("longest", self.longest, "s")
+        if self.longest is not None:
+            check_positive("longest", self.longest, "s")
         family = self._family(scene)
         settings = None if self.preset is None else preset(self.preset)
         if settings is not None and not isinstance(family, Driven):
@@ -218,7 +231,7 @@ class Continue:
     def _family(self, scene: Scene) -> motions.Range:
         """Return what is followed."""
         if self.of == "cycle" and (scene.not_reduced or not scene.steady):
-            driven = Driven(scene, self.over, self.low, self.high)
+            driven = Driven(scene, self.over, self.low, self.high, self.longest)
             driven.at(0.0)  # refused here, not in the midst of a search
             return driven
         steady_scene(self.scene, "a branch")
@@ -244,7 +257,7 @@ class Continue:
         lines = () if still else motions.resting(family)
         hopf = (point for each in lines for point in each.special(HOPF))
         starts = _cycles(scene, family, watch)
-        return motions.cycling(family, starts, self.longest, hopf, watch)
+        return motions.cycling(family, starts, self.longest or _LONGEST, hopf, watch)
 
 
 class _Findings(Watch):

@@ -11,6 +11,7 @@ from robotball.engines.ensembles.orbits import LONG_RUN_TOLERANCE, orbits
 from robotball.qualitative.continuation import (
     BRANCH,
     DOUBLING,
+    DRIFT,
     FOLD,
     HOPF,
     Branch,
@@ -150,24 +151,28 @@ def test_solutions_that_differ_by_what_is_free_are_one(differ: float, count: int
     assert len([*explore(steady(residual, exponents), starts, [])]) == count
 
 
-@pytest.mark.parametrize("neutral", [0.0, 1e-7, -1e-7])
-def test_branches_that_are_free_beside_them_cross(neutral: float) -> None:
+@pytest.mark.parametrize(
+    ("neutral", "turning"), [(0.0, 0.0), (1e-7, 0.0), (-1e-7, 0.0), (0.0, 1.0)]
+)
+def test_branches_that_are_free_beside_them_cross(neutral: float, turning: float) -> None:
     """Where an exponent beside that of the freedom is zero, whatever error the latter has.
 
-    Of x² + y² = 1 and pz = z³, with any heading of (x, y); p = 2s - 1.
+    Of x² + y² = 1 and pz = z³, with any heading of (x, y); p = 2s - 1. If that turns at z, what
+    leaves there is no solution.
     """
 
     def residual(u: Array, s: float) -> Array:
-        off = u[0] ** 2 + u[1] ** 2 - 1
-        return np.array([off * u[0], off * u[1], (2 * s - 1) * u[2] - u[2] ** 3])
+        off, turn = u[0] ** 2 + u[1] ** 2 - 1, turning * u[2]
+        rates = off * u[0] - turn * u[1], off * u[1] + turn * u[0]
+        return np.array([*rates, (2 * s - 1) * u[2] - u[2] ** 3])
 
     def exponents(u: Array, s: float) -> Array:
         return np.array([-2.0, neutral * (1 - 4 * s), 2 * s - 1 - 3 * u[2] ** 2], dtype=complex)
 
     branches = [*explore(steady(residual, exponents), [np.array([0.6, 0.8, 0.0, 0.1])], [])]
-    assert len(branches) == 2
+    assert len(branches) == (1 if turning else 2)
     (point,) = branches[0].special()
-    assert point.kind == BRANCH
+    assert point.kind == (DRIFT if turning else BRANCH)
     assert point.x[-1] == pytest.approx(0.5, abs=1e-6)  # measured 5e-8 per 1e-7 of the error
 
 

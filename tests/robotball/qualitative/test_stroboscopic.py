@@ -128,6 +128,16 @@ def test_a_branch_doubles_its_period_at_the_border_of_mathieus_tongue() -> None:
     assert np.abs(twice - swings[:-2]).max() < 1e-9
 
 
+@pytest.mark.parametrize(("longest", "bound"), [(None, 4 / 0.5), (3.0, 3.0)])
+def test_a_branch_ends_at_four_periods_or_at_the_longest_told(
+    longest: float | None, bound: float
+) -> None:
+    """By the slowest of the range, which has its longest period."""
+    problem = Driven(_ball(-1.0, 0.1, 5.0), "frequency", 0.5, 1.0, longest).problem()
+    ends = [problem.end(np.array([np.log(side * bound)])) for side in (0.99, 1.01)]
+    assert ends == ["", f"a period of more than {bound:g} s"]
+
+
 _ACROSS, _SHAKEN = 4e-4, 0.02  # kg m², and of g, sideways
 _J0 = _I + _ACROSS + 0.2 * _A**2 + 0.3 * (_A - 0.05) ** 2
 _OWN = float(np.sqrt(_G * _M * _B / _J0))  # rad/s, of small tilts about Y

@@ -68,6 +68,7 @@ def test_an_engine_repeats_motions_of_a_driven_branch(
     """One beside the branch is not back after its period; what is given up is counted, with why."""
 
     def planted(family: Any, watch: Watch) -> Iterator[Branch]:
+        assert family.longest == 2.5
         tilt = 0.1932456646  # rad, where the swing with the table turns back at 0.78 Hz
         points = []
         for kind, angle in (("", tilt), (FOLD, tilt + 0.01)):
@@ -80,7 +81,7 @@ def test_an_engine_repeats_motions_of_a_driven_branch(
 
     monkeypatch.setattr(branches, "swinging", planted)
     record = tmp_path / "a.json"
-    options: Any = {"preset": "balanced", "out": tmp_path, "json": record}
+    options: Any = {"preset": "balanced", "longest": 2.5, "out": tmp_path, "json": record}
     assert Continue("shaken_ball", "cycle", "frequency", 0.78, 0.84, **options).run() == 0
     on, beside = (row["apart"] for row in json.loads(record.read_text())["repeated"])
     assert on < 1e-8  # measured 2.3e-9, of the steps

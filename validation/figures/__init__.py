@@ -107,11 +107,6 @@ class View:
         """Return where points (..., 3) are in the picture, (..., 2)."""
         return points @ self.axes[:2].T
 
-    def place(self, point: Array) -> tuple[float, float]:
-        """Return where a point (3,) is in the picture."""
-        right, up = self.places(point).tolist()
-        return right, up
-
     def depth(self, points: Array) -> Array:
         """Return how near points (..., 3) are to the viewer, (...,)."""
         return points @ self.axes[2]

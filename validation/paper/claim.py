@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Generic, Literal, TypeVar, get_args
+from typing import Any, Literal, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -104,16 +104,8 @@ class Claim:
 
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
-
-
-@dataclass(frozen=True)
-class _Checked(Generic[_Function]):
-    """A function, and the claim that it checks, without its place and statement."""
-
-    function: _Function
-    claim: Claim
-
-
+_Checked = tuple[_Function, Claim]
+"""A function, and the claim that it checks, without its place and statement."""
 MINUS = {"twist": -1.0}
 """The control of a check that multiplies one term of its statement by `twist`."""
 
@@ -150,7 +142,7 @@ def by(
             refuted = None if printed is None else worst(**{**given, **printed})
             return Residual(worst(**arguments), bound, refuted, unit)
 
-        return _Checked(function, Claim("", "", check, means, twist))
+        return function, Claim("", "", check, means, twist)
 
     return made
 
@@ -170,10 +162,10 @@ class Section:
         Of several claims above one function Python adds the lowest first.
         """
 
-        def add(each: _Checked[_Function]) -> _Function:
-            found = replace(each.claim, place=place, statement=statement, printed=printed)
-            self.claims.append(found)
-            return each.function
+        def add(checked: _Checked[_Function]) -> _Function:
+            function, claim = checked
+            self.claims.append(replace(claim, place=place, statement=statement, printed=printed))
+            return function
 
         return add
 

@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 from robotball import Scene, SceneWarning, load_scene
 from robotball.equations import Parameters
 from robotball.qualitative.portraits import spread_points
-from robotball.rotations import Array, perpendicular
+from robotball.rotations import Array, on_circle, tangents
 
 Field = Callable[[Array], Array]
 E = np.eye(3)
@@ -246,21 +246,14 @@ def jacobian(field: Field, at: Array) -> Array:
     return found if at.ndim > 1 else found[0]
 
 
-def across(gamma: Array) -> Array:
-    """Return two unit vectors (2, 3) across γ and each other."""
-    first = perpendicular(gamma)
-    return np.stack([first, cross(gamma, first)])
-
-
 def sigma(n: Numbers, angle: Array | float) -> Array:
     """Return points (..., 3) of Σ¹, the circle (Ω,γ) = 0, at angles (...,) [rad]."""
-    first, second = across(unit(n.Omega))
-    return np.multiply.outer(np.cos(angle), first) + np.multiply.outer(np.sin(angle), second)
+    return on_circle(tangents(unit(n.Omega)), np.asarray(angle))
 
 
 def eigenvalues(field: Field, gamma: Array) -> Array:
     """Return the eigenvalues (2,) of a field on the sphere at its zero γ, by real part."""
-    basis = across(gamma)
+    basis = tangents(gamma)
     # The third eigenvalue belongs to the length of γ, which the field keeps, and says nothing.
     linear = basis @ jacobian(field, gamma) @ basis.T
     return np.asarray(np.sort_complex(np.linalg.eigvals(linear)))

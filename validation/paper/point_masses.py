@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robotball.rotations import Array
-from validation.paper.formulas import Numbers, across, cross, unit
+from robotball.rotations import Array, on_circle, tangents
+from validation.paper.formulas import Numbers, cross, unit
 
 MASSES = "point masses"  # as a claim's means
 _RING = 6  # points: three and more make it dynamically symmetric
@@ -190,6 +190,6 @@ def ring(random: np.random.Generator, radius: float, centre: Array, rates: Array
     """Return a ring of points about a random axis."""
     axis = unit(random.normal(size=3))
     angles = np.linspace(0.0, 2 * np.pi, _RING, endpoint=False)
-    points = radius * np.stack([np.cos(angles), np.sin(angles)], axis=1) @ across(axis)
+    points = radius * on_circle(tangents(axis), angles)
     masses = np.full(_RING, random.uniform(0.01, 0.05))
     return Body(masses, points, centre, axis, float(rates[0]), float(rates[1]))

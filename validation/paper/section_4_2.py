@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from robotball.qualitative import equilibria
 from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.portraits import limit_cycles
-from robotball.rotations import Array
+from robotball.rotations import Array, tangents
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS, claim_axes, claim_motion
 from validation.paper.claim import MINUS, AtLeast, Errors, Section, by
@@ -398,7 +398,7 @@ def _branches_off(sense: float) -> int:
     """Count the branches that leave δ₃ and δ₄ in a sense of time and end elsewhere, of four."""
     field, points, off = f.from_rest(_FIG6), _named(), 0
     for saddle in (points["δ₃"], points["δ₄"]):
-        basis = f.across(saddle)
+        basis = tangents(saddle)
         values, vectors = np.linalg.eig(basis @ f.jacobian(field, saddle) @ basis.T)
         leaving = basis.T @ vectors[:, np.argmax(sense * values.real)].real
         for side in (1e-5, -1e-5):

@@ -27,7 +27,7 @@ from robotball.equations import Parameters
 from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.long_run import Exponents, exponents
 from robotball.qualitative.sections import fixed_point, section, section_starts
-from robotball.rotations import Array, from_matrix, rotation_matrix
+from robotball.rotations import Array, from_matrix, rotation_matrix, tangents
 from robotball.scene import Start
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS, claim_motion, place
@@ -166,7 +166,7 @@ def _attracts(twist: float = 1.0) -> Errors:
     Twisted, back in time.
     """
     cycle, (one, _, _) = settled()
-    turn = f.turned_about(f.across(one[3:])[0], 1e-4)  # of both, which keeps f and (M, γ)
+    turn = f.turned_about(tangents(one[3:])[0], 1e-4)  # of both, which keeps f and (M, γ)
     beside = np.concatenate([turn @ one[:3], turn @ one[3:]])
     times = np.array([0.0, 10 * cycle.period])
     # The motion itself is where it was: that it is periodic has a row of its own.

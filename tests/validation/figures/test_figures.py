@@ -130,7 +130,7 @@ def test_a_view_is_a_right_handed_frame() -> None:
     axes = View(azimuth=37.0, elevation=21.0).axes
     assert axes @ axes.T == pytest.approx(np.eye(3))
     assert np.linalg.det(axes) == pytest.approx(1)
-    up = View(azimuth=10.0, elevation=0.0).place(np.eye(3)[2])
+    up = View(azimuth=10.0, elevation=0.0).places(np.eye(3)[2])
     assert up == pytest.approx((0, 1))
 
 

@@ -30,7 +30,7 @@ from robotball.qualitative.long_run import (
 )
 from robotball.qualitative.normal_forms import flow_near, lyapunov_value
 from robotball.qualitative.sections import section
-from robotball.rotations import Array, on_circle
+from robotball.rotations import Array, on_circle, tangents
 from robotball.scene import along_momentum
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS, line_ball
@@ -124,7 +124,7 @@ def _classical_lines(twist: float = 1.0) -> Errors:
         n, gamma = f.still(state.n), state.gamma
         M = n.K + n.d * (n.Omega @ gamma) * gamma
         level, c, axis = float(M @ M), float(M @ gamma), n.K + n.d * n.Omega
-        across, foot = f.across(f.unit(axis)), c * axis / (axis @ axis)
+        across, foot = tangents(f.unit(axis)), c * axis / (axis @ axis)
         circle = foot + np.sqrt(1 - foot @ foot) * on_circle(across, turn)
         along = twist * n.d * (circle @ n.Omega)
         off = ((n.K + along[:, None] * circle) ** 2).sum(axis=1) - level
@@ -453,7 +453,7 @@ def _one_rotor(twist: float = 1.0) -> Errors:
         d = (bare.mass + rotor.mass) * bare.a**2
         needed = wanted + (bare.shell.moment(bare.shell.axis) + twist * d) * bare.Omega
         axis = f.unit(needed)
-        points = 0.2 * np.concatenate([f.across(axis), -f.across(axis)])
+        points = 0.2 * np.concatenate([tangents(axis), -tangents(axis)])
         rate = float(np.linalg.norm(needed)) / (rotor.mass * 0.2**2)
         turning = replace(rotor, points=points, axis=axis, rate=rate)
         ball = replace(bare, rotors=(turning,))

@@ -159,7 +159,7 @@ def test_the_largest_error_counts_or_the_number_of_wrong_ones(
     """The largest of a check's errors is its evidence; NaN is larger than all."""
     nine = {"errors": [9.0]}
     made = by("arithmetic", "the sign", bound=bound, unit="m", printed=nine, errors=errors)
-    assert str(examine(made(lambda errors: iter(errors)).claim).evidence) == evidence
+    assert str(examine(made(lambda errors: iter(errors))[1]).evidence) == evidence
 
 
 # The command ---------------------------------------------------------------------------------

@@ -92,7 +92,7 @@ class Crossings:
         sizes = np.linalg.norm(self.momenta, axis=-1, keepdims=True)
         return np.concatenate([self.gamma, self.momenta / sizes], axis=-1)
 
-    def __getitem__(self, which: slice | Mask | tuple[int, slice]) -> "Crossings":
+    def __getitem__(self, which: int | slice | Mask | tuple[int, slice]) -> "Crossings":
         """Return some of the crossings."""
         return Crossings(*(getattr(self, each.name)[which] for each in fields(Crossings)))
 

@@ -93,23 +93,22 @@ def figure11a() -> Figure:
         "Fig. 11a: every start settles on one periodic orbit or on one torus",
         _caption_of(scene), facts, [["theory", "engine"]], (4.6, 4.6),
     )  # fmt: skip
-    crossed = np.stack([through.l, through.L])
     # On the way to an attractor errors do not add up, as the attractor takes them back, so long
     # steps will do.
     coarse, _ = cloud_by_contact(scene, COARSE, REGULAR_BY_CONTACT, seed=2)
     for each, cloud, count, torus, orbit, colour, name in (
         (axes["theory"], cloud_by_equations(ball, REGULAR, seed=1), REGULAR.count, curve,
-         np.stack([own.l[0], own.L[0]]), THEORY, "equations"),
-        (axes["engine"], coarse, REGULAR_BY_CONTACT.count, points, crossed, ENGINE_COLOUR,
+         own[0], THEORY, "equations"),
+        (axes["engine"], coarse, REGULAR_BY_CONTACT.count, points, through, ENGINE_COLOUR,
          ENGINE_NAME),
     ):  # fmt: skip
         # The points of a cloud stand start by start.
         early = np.arange(len(cloud.L)) % count < _REGULAR_TRANSIENT
-        _dots(each, cloud.l[early], cloud.L[early], color=FAINT, markersize=2.2, label="on the way")
-        _dots(each, torus.l, torus.L, color=colour, markersize=3.5, label="limit torus")
-        _dots(each, cloud.l[~early], cloud.L[~early], color=colour, markersize=4)
-        each.plot(*_places(*orbit), "o", mfc="none", mec=INK, ms=12)
-        each.plot(*_places(*orbit), "+", color=colour, ms=8, mew=2, label="periodic orbit")
+        _dots(each, cloud[early], color=FAINT, markersize=2.2, label="on the way")
+        _dots(each, torus, color=colour, markersize=3.5, label="limit torus")
+        _dots(each, cloud[~early], color=colour, markersize=4)
+        each.plot(*_places(orbit), "o", mfc="none", mec=INK, ms=12)
+        each.plot(*_places(orbit), "+", color=colour, ms=8, mew=2, label="periodic orbit")
         _annulus(each, f"section g = 0, {name}")
         each.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, frameon=False,
                     fontsize=9, columnspacing=1.0, markerscale=1.5)  # fmt: skip
@@ -139,25 +138,25 @@ def figure11b() -> Figure:
         (axes["engine"], engine, CHAOS_BY_CONTACT.count, ENGINE_COLOUR, 3.4, ENGINE_NAME),
     ):
         late = np.arange(len(cloud.L)) % count >= _CHAOS_TRANSIENT
-        _dots(each, cloud.l[~late], cloud.L[~late], color=FAINT, markersize=2.2)
+        _dots(each, cloud[~late], color=FAINT, markersize=2.2)
         for direction, alpha in ((1, 1.0), (-1, 0.35)):
-            which = late & (cloud.directions == direction)
-            _dots(each, cloud.l[which], cloud.L[which], color=colour, alpha=alpha, markersize=size)
+            some = cloud[late].only(direction)
+            _dots(each, some, color=colour, alpha=alpha, markersize=size)
         _annulus(each, f"section g = 0, {name}")
     return figure
 
 
-def _dots(axes: Axes, l: Array, L: Array, **style: Any) -> None:
+def _dots(axes: Axes, found: Crossings, **style: Any) -> None:
     """Draw crossings as dots."""
-    axes.plot(*_places(l, L), ".", mew=0, **style)
+    axes.plot(*_places(found), ".", mew=0, **style)
 
 
-def _places(l: Array, L: Array) -> Array:
+def _places(found: Crossings) -> Array:
     """Return points (2, n) of the picture: l, from 0 to 2π, and L/√f.
 
     With this cut of l the attractors lie in one piece.
     """
-    return np.stack([np.asarray(l) % (2 * np.pi), np.asarray(L) / _ROOT_F])
+    return np.stack([found.l % (2 * np.pi), found.L / _ROOT_F])
 
 
 def _annulus(axes: Axes, title: str) -> None:

@@ -378,10 +378,10 @@ class _Findings(Watch):
         shown += [table_of(reasons, ends, section="branch"), told, *map(escape, self.losses())]
         marked = special
         if errors := [row["apart"] for row in self.repeated]:
-            words = f"{self.engine}: {len(errors)} motions, after a period off by "
-            words += f"{min(errors):.0e} to {max(errors):.0e}"
-            shown.append(words)
-            marked = [*special, *({**row, "kind": words} for row in self.repeated)]
+            words = f"{self.engine}: {len(errors)} motions,"
+            off = f"after a period off by {min(errors):.0e} to {max(errors):.0e}"
+            shown.append(f"{words} {off}")
+            marked = [*special, *({**row, "kind": f"{words}\n{off}"} for row in self.repeated)]
         picture = _branch_picture(scene, family.label, rows, marked)
         return Study(scene.name, None, ("continue", of, over), rows, record, shown, picture)
 

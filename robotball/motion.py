@@ -415,7 +415,10 @@ _Place = tuple[str, ...]
 
 
 def arrays_of(record: Any, place: _Place = ()) -> Iterator[tuple[_Place, NDArray[Any]]]:
-    """Yield the arrays over time of a motion, of its loads and of its report, by their names."""
+    """Yield the arrays over time of a motion or of readings, by their names.
+
+    Those of loads and report are among them.
+    """
     for each in fields(record):
         value = getattr(record, each.name)
         if isinstance(value, np.ndarray):
@@ -531,11 +534,13 @@ def _shared(motion: Motion, reference: Motion) -> NDArray[np.intp] | slice:
     return places
 
 
-_AnyMotion = TypeVar("_AnyMotion", bound=Motion)
+_Record = TypeVar("_Record")
 
 
-class Joined(Generic[_AnyMotion]):
-    """One motion of consecutive parts, of `count` times at most in all.
+class Joined(Generic[_Record]):
+    """One motion, or other record of arrays over time, of consecutive parts.
+
+    count: of the times in all, at most.
 
     The parts are written into arrays of the whole length as they come: np.concatenate would hold
     every part beside the whole.
@@ -544,32 +549,33 @@ class Joined(Generic[_AnyMotion]):
     def __init__(self, count: int) -> None:
         self._count, self._done = count, 0
         self._whole: dict[_Place, NDArray[Any]] = {}
-        self._last: _AnyMotion | None = None
+        self._last: _Record | None = None
 
-    def add(self, part: _AnyMotion) -> None:
+    def add(self, part: _Record) -> None:
         """Append the next part."""
-        size = len(part.times)
-        for place, array in arrays_of(part):
+        arrays = dict(arrays_of(part))
+        size = len(next(iter(arrays.values())))
+        for place, array in arrays.items():
             if place not in self._whole:
                 self._whole[place] = np.empty((self._count, *array.shape[1:]), array.dtype)
             self._whole[place][self._done : self._done + size] = array
         self._done, self._last = self._done + size, part
 
     @property
-    def motion(self) -> _AnyMotion:
-        """The motion of the parts so far, which are one at least."""
+    def whole(self) -> _Record:
+        """The record of the parts so far, which are one at least."""
         assert self._last is not None
         whole = {place: array[: self._done] for place, array in self._whole.items()}
-        motion: _AnyMotion = with_arrays(self._last, whole)
-        return motion
+        record: _Record = with_arrays(self._last, whole)
+        return record
 
 
-def joined(parts: Iterable[_AnyMotion], count: int) -> _AnyMotion:
-    """Return one motion of its consecutive parts, as Joined; one part is in memory at a time."""
-    whole = Joined[_AnyMotion](count)
+def joined(parts: Iterable[_Record], count: int) -> _Record:
+    """Return one record of its consecutive parts, as Joined; one part is in memory at a time."""
+    parts_so_far = Joined[_Record](count)
     for part in parts:
-        whole.add(part)
-    return whole.motion
+        parts_so_far.add(part)
+    return parts_so_far.whole
 
 
 def with_arrays(record: Any, arrays: Mapping[_Place, NDArray[Any]]) -> Any:

@@ -21,9 +21,11 @@ from robotball.motion import (
     FaultKind,
     Joined,
     Label,
+    arrays_of,
     path_unit,
     slip_with_spin,
     tolerated,
+    with_arrays,
 )
 from robotball.rotations import Array, Mask
 from robotball.scene import Scene
@@ -145,11 +147,7 @@ class Monitor:
         self.ahead: Array | None = None
 
     def look(
-        self,
-        readings: Readings,
-        rate_errors: Array,
-        own: Sequence[Sign] = (),
-        failure: Fault | None = None,
+        self, readings: Readings, own: Sequence[Sign] = (), failure: Fault | None = None
     ) -> list[Found]:
         """Return the first of each kind of fault in the next readings, the earliest first.
 
@@ -160,8 +158,6 @@ class Monitor:
         ----------
         readings : Readings
             Of the next m states.
-        rate_errors : (m, h)
-            The hinges' errors as by `rate_errors_of`.
         own : sequence of Sign
             Found by laws of the engine's own.
         failure : Fault, optional
@@ -170,7 +166,7 @@ class Monitor:
         # A diverged state's numbers have no squares.
         with np.errstate(all="ignore"):
             elapsed = np.diff(readings.time, prepend=self.last_time)
-            of_the_state = self._of_the_state(readings, rate_errors, elapsed)
+            of_the_state = self._of_the_state(readings, elapsed)
             seen = [*of_the_state, *own, *self._of_the_path(readings, elapsed)]
         first = [(int(np.argmax(mask)), fault) for mask, fault in seen if mask.any()]
         # A state that has diverged is the cause; that the integrator gives up there only follows.
@@ -192,12 +188,12 @@ class Monitor:
             ]
         return found
 
-    def _of_the_state(self, readings: Readings, rate_errors: Array, elapsed: Array) -> list[Sign]:
+    def _of_the_state(self, readings: Readings, elapsed: Array) -> list[Sign]:
         """Return the faults that each state shows by itself."""
         sound, kind = readings.sound, FaultKind
         # A motor of the scene's own may be weak; any other drive has to keep its rate.
         exact = [i for i, hinge in enumerate(self.scene.hinges) if hinge.motor is None]
-        off_rate = np.asarray((rate_errors > RATE_ERROR).any(axis=1))
+        off_rate = np.asarray((rate_errors_of(self.scene, readings) > RATE_ERROR).any(axis=1))
         if exact and not self.scene.steady:
             off_rate |= self._off_between(readings, elapsed, exact).any(axis=1)
         return [
@@ -244,15 +240,15 @@ class Monitor:
         return faults
 
 
-def rate_errors_of(scene: Scene, times: Array, rates: Array) -> Array:
-    """Return the errors (n, h) of the hinges' rates (n, h), each over its largest given rate.
+def rate_errors_of(scene: Scene, readings: Readings) -> Array:
+    """Return the errors (m, h) of the hinges' rates, each over its largest given rate.
 
     A hinge with a motor has none, as how far it lags belongs to the motion; one that is to stand
     has no rate to be compared with, so that its error is in rad/s.
     """
-    errors = np.zeros_like(rates)
+    rates, errors = readings.hinge_rates, np.zeros_like(readings.hinge_rates)
     # A diverged state's time may be none, which no drive can be evaluated at.
-    times = np.where(np.isfinite(times), times, 0.0)
+    times = np.where(np.isfinite(readings.time), readings.time, 0.0)
     for i, (hinge, largest) in enumerate(zip(scene.hinges, scene.largest_rates, strict=True)):
         if hinge.motor is None:
             errors[:, i] = np.abs(rates[:, i] - hinge.command.rate(times)) / (largest or 1.0)
@@ -281,7 +277,7 @@ class Recording:
         self.monitor = Monitor(scene, settings)
         self.faults: dict[tuple[FaultKind, str], Fault] = {}
         self.ended = False
-        self._samples = Joined[ContactMotion](len(times))
+        self._samples = Joined[Readings](len(times))
 
     def add(
         self,
@@ -295,8 +291,7 @@ class Recording:
         sampled (k,): the rows at the run's sample times, all if None; own, failure: as in
         `Monitor.look`.
         """
-        errors = rate_errors_of(self.scene, readings.time, readings.hinge_rates)
-        found = self.monitor.look(readings, errors, own, failure)
+        found = self.monitor.look(readings, own, failure)
         ends = next((each.row for each in found if each.fault.fatal), None)
         self.ended = ends is not None
         for row, fault in found:
@@ -305,38 +300,8 @@ class Recording:
         kept: Any = slice(ends) if sampled is None else sampled
         if sampled is not None and ends is not None:
             kept = sampled[sampled < ends]  # the row of the fatal fault is bad itself
-        self._samples.add(self._part(readings, errors, kept))
-
-    def _part(self, readings: Readings, rate_errors: Array, rows: Any) -> ContactMotion:
-        """Return the motion of some rows of readings. Numbers of the whole run are not known."""
-        loads = readings.loads
-        return ContactMotion(
-            scene=self.scene,
-            engine=self.engine,
-            times=readings.time[rows],
-            contact_point=readings.centre[rows, :2],
-            attitude=readings.attitude[rows],
-            momentum=readings.momentum[rows],
-            angular_velocity=readings.angular_velocity[rows],
-            hinge_angles=readings.hinge_angles[rows],
-            hinge_rates=readings.hinge_rates[rows],
-            loads=Loads(
-                loads.contact_force[rows], loads.spin_torque[rows], loads.motor_torques[rows]
-            ),
-            report=ContactReport(
-                settings=self.settings,
-                slip=readings.slip[rows],
-                spin=readings.spin[rows],
-                depth=self.scene.ball.radius - readings.centre[rows, 2],
-                friction_used=readings.friction_used[rows],
-                hinge_rate_error=rate_errors[rows].max(axis=1, initial=0.0),
-                faults=(),
-                timestep=0.0,
-                steps=0,
-                seconds=0.0,
-                total_seconds=0.0,
-            ),
-        )
+        sampled_arrays = {place: array[kept] for place, array in arrays_of(readings)}
+        self._samples.add(with_arrays(readings, sampled_arrays))
 
     def motion(
         self, timestep: float, steps: int, seconds: float, python_seconds: float | None = None
@@ -346,17 +311,33 @@ class Recording:
         timestep: of the longest step [s]; steps: taken, in so many seconds of processor time, of
         which python_seconds are Python's, where that is measured.
         """
-        motion = self._samples.motion
-        # A note is an event of the motion, as a motor at the limit that its scene gives it.
-        report = replace(
-            motion.report,
-            faults=tuple(each for each in self.faults.values() if not each.note),
-            notes=tuple(each for each in self.faults.values() if each.note),
-            timestep=timestep,
-            steps=steps,
-            seconds=seconds,
-            total_seconds=seconds,
-            python_seconds=python_seconds,
+        read, faults = self._samples.whole, self.faults.values()
+        return ContactMotion(
+            scene=self.scene,
+            engine=self.engine,
+            # An engine's clock adds up its steps; the sample times are those that were asked for.
+            times=self.times[: len(read.time)],
+            contact_point=read.centre[:, :2],
+            attitude=read.attitude,
+            momentum=read.momentum,
+            angular_velocity=read.angular_velocity,
+            hinge_angles=read.hinge_angles,
+            hinge_rates=read.hinge_rates,
+            loads=read.loads,
+            report=ContactReport(
+                settings=self.settings,
+                slip=read.slip,
+                spin=read.spin,
+                depth=self.scene.ball.radius - read.centre[:, 2],
+                friction_used=read.friction_used,
+                hinge_rate_error=rate_errors_of(self.scene, read).max(axis=1, initial=0.0),
+                faults=tuple(each for each in faults if not each.note),
+                timestep=timestep,
+                steps=steps,
+                seconds=seconds,
+                total_seconds=seconds,
+                # Events of the motion, as a motor at the limit that its scene gives it.
+                notes=tuple(each for each in faults if each.note),
+                python_seconds=python_seconds,
+            ),
         )
-        # An engine's clock adds up its steps; the sample times are those that were asked for.
-        return replace(motion, times=self.times[: len(motion.times)], report=report)

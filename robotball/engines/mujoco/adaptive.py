@@ -39,9 +39,8 @@ def by_forward(control: Control, data: mujoco.MjData, times: Array) -> Iterator[
     pending, left = times, model.settings.max_steps
     for span in pairwise((0.0, *inside, times[-1])):
         solver = _solver(control, data, state, span)
-        last = span[1] == times[-1]
         while solver.t < solver.end:
-            portion, pending = _portion(control, data, solver, pending, last, left)
+            portion, pending = _portion(control, data, solver, pending, left)
             left -= portion.steps
             yield portion
             if portion.failure is not None:
@@ -53,12 +52,7 @@ def by_forward(control: Control, data: mujoco.MjData, times: Array) -> Iterator[
 
 
 def _portion(
-    control: Control,
-    data: mujoco.MjData,
-    solver: Compensated,
-    pending: Array,
-    last: bool,
-    left: int,
+    control: Control, data: mujoco.MjData, solver: Compensated, pending: Array, left: int
 ) -> tuple[Portion, Array]:
     """Take the next steps of a smooth span, `left` at most; return the later sample times too."""
     began = time.thread_time()
@@ -85,7 +79,7 @@ def _portion(
         lengths.append(solver.t - before)
         stopped = _stopped(control, data, solver)
         # A sample at the end of a span but the last is the first of the next.
-        inside = last or solver.t < solver.end
+        inside = solver.t < solver.end or solver.end == pending[-1]
         done = int(np.searchsorted(pending, solver.t, "right" if inside else "left"))
         sampled_end = done > 0 and pending[done - 1] == solver.t
         if done:

@@ -29,7 +29,7 @@ from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.limits import LAWS, PlannedRun, exceeded, limit_checks
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import for_load
+from robotball.engines.mujoco.settings import Resolved
 from robotball.film.looks import ACCENT, INK
 from robotball.rotations import Array
 from validation.agreement import Agreement
@@ -191,11 +191,11 @@ def _sample_times(scene: Scene, settings: Settings, duration: float | None) -> A
 
 def _ample(settings: Settings, theory: Motion) -> Settings:
     """Return the settings with friction _AMPLE times the motion's demand, where it is less."""
-    settings, loads = for_load(settings, theory.scene), theory.loads
-    spin = settings.torsional_friction_of(theory.scene.ball.radius)
+    chosen, loads = Resolved(theory.scene, settings), theory.loads
+    slide, spin, _ = chosen.friction
     return replace(
-        settings,
-        sliding_friction=max(settings.sliding_friction, _AMPLE * loads.sliding_friction.max()),
+        chosen.settings,
+        sliding_friction=max(slide, _AMPLE * loads.sliding_friction.max()),
         torsional_friction=max(spin, _AMPLE * loads.torsional_friction.max()),
     )
 

@@ -345,11 +345,6 @@ class Settings(EngineSettings):
         if self.adaptive and self.rtol is None:
             raise InputError(f"{ADAPTIVE} needs an rtol, the error allowed in one step, as 1e-13")
 
-    def torsional_friction_of(self, radius: float) -> float:
-        """Return the coefficient [m] for a ball of this radius [m]."""
-        given = self.torsional_friction
-        return given.radii * radius if isinstance(given, Radii) else given
-
     @property
     def adaptive(self) -> bool:
         """True if the steps are chosen by their error, not by the timestep alone."""
@@ -568,9 +563,9 @@ class Resolved:
         """The coefficients of sliding, torsional [m] and rolling [m] friction."""
         own, settings = self.scene.friction, self.settings
         slide = settings.sliding_friction if own.sliding is None else own.sliding
-        spin = settings.torsional_friction_of(self.scene.ball.radius)
-        if own.torsional is not None:
-            spin = own.torsional
+        spin = settings.torsional_friction if own.torsional is None else own.torsional
+        if isinstance(spin, Radii):
+            spin = spin.radii * self.scene.ball.radius
         return slide, spin, settings.rolling_friction
 
     def option(self, name: str) -> Any:

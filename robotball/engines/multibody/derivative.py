@@ -339,7 +339,6 @@ def differentiate() -> Any:
 class Readings(NamedTuple):
     """Readings of states (...); world axes, but for omega.
 
-    numbers       (..., PER_HINGE + 2h + m)  all of them, as the derivative writes them
     force         (..., 3)  N, of the plane on the shell
     plane_torque  (..., 3)  N m, of the plane on the shell about the contact point
     omega         (..., 3)  rad/s of the frame, frame axes
@@ -349,7 +348,6 @@ class Readings(NamedTuple):
     unlimited     (..., m)  N m, the motors' torques as they would be without limits
     """
 
-    numbers: Array
     force: Array
     plane_torque: Array
     omega: Array
@@ -371,6 +369,6 @@ def readings_of(numbers: Array, count: int) -> Readings:
     starts = (_FORCE, _PLANE_TORQUE, _OMEGA, _ROLLING)
     force, plane_torque, omega, rolling = [numbers[..., i : i + 3] for i in starts]
     return Readings(
-        numbers, force, plane_torque, omega, rolling, numbers[..., PER_HINGE:torques],
+        force, plane_torque, omega, rolling, numbers[..., PER_HINGE:torques],
         numbers[..., torques:unlimited], numbers[..., unlimited:],
     )  # fmt: skip

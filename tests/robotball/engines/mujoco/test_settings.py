@@ -24,6 +24,7 @@ from robotball.engines.mujoco.settings import (
     settings_from,
 )
 from robotball.motors import Servo
+from robotball.variations import scaled
 from tests.robots import worked
 
 FIG12, FAST, BALANCED = rb.load_scene("fig12"), rb.preset("fast"), rb.preset("balanced")
@@ -85,7 +86,8 @@ def test_settings_come_back_from_plain_data() -> None:
     assert whole.plain()["torsional_friction"] == {"radii": 20.0}
     for each in (FAST, whole, rb.preset("naive")):
         assert settings_from(json.loads(json.dumps(each.plain()))) == each
-    assert replace(FAST, torsional_friction=0.3).torsional_friction_of(100.0) == 0.3
+    wide = Resolved(scaled(FIG12, length=100.0), replace(FAST, torsional_friction=0.3))
+    assert wide.friction[1] == 0.3
     with pytest.raises(rb.InputError, match=r"radii must be finite and not neg.*, not -1\.0"):
         replace(FAST, torsional_friction=Radii(-1.0))
 

@@ -6,7 +6,7 @@ order: the steps of a run, the readings of states, the monitor, the recording.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,8 +151,7 @@ class Monitor:
     ) -> list[Found]:
         """Return the first of each kind of fault in the next readings, the earliest first.
 
-        If the settings stop at a fault, only the first is returned, marked fatal, with the events
-        before it.
+        If the settings stop at a fault, the first that is no event is fatal.
 
         Parameters
         ----------
@@ -181,11 +180,7 @@ class Monitor:
         found.sort(key=lambda each: (each.row, _ORDER[each.fault.kind]))
         wrong = [each.row for each in found if not each.fault.note]
         if wrong and self.settings.stop_at_fault:
-            return [
-                Found(row, replace(fault, fatal=row == wrong[0]))
-                for row, fault in found
-                if row <= wrong[0]
-            ]
+            return [Found(row, replace(fault, fatal=row == wrong[0])) for row, fault in found]
         return found
 
     def _of_the_state(self, readings: Readings, elapsed: Array) -> list[Sign]:
@@ -297,9 +292,8 @@ class Recording:
         for row, fault in found:
             if ends is None or row <= ends:
                 self.faults.setdefault((fault.kind, fault.subject), fault)
-        kept: Any = slice(ends) if sampled is None else sampled
-        if sampled is not None and ends is not None:
-            kept = sampled[sampled < ends]  # the row of the fatal fault is bad itself
+        rows = np.arange(len(readings.time)) if sampled is None else sampled
+        kept = rows if ends is None else rows[rows < ends]  # that of the fatal fault is bad itself
         sampled_arrays = {place: array[kept] for place, array in arrays_of(readings)}
         self._samples.add(with_arrays(readings, sampled_arrays))
 

@@ -90,12 +90,12 @@ class Tape:
     """
 
     def __init__(self) -> None:
-        self.notes: dict[tuple[Any, ...], str] = {}
-        self.results: dict[int, str | float] = {}
+        self.notes: dict[tuple[str, ...], str] = {}
+        self.results: dict[int, str] = {}
 
     def note(self, operation: str, *operands: Any) -> "Symbol":
         """Return the symbol of an operation's result."""
-        note = operation, *map(_plain, operands)
+        note = operation, *map(str, operands)
         return Symbol(self, self.notes.setdefault(note, f"t{len(self.notes)}"))
 
     def read(self, row: int) -> "Symbol":
@@ -104,7 +104,7 @@ class Tape:
 
     def write(self, row: int, value: "Symbol | float") -> None:
         """Write a value to the lane's element of a row, after all is computed."""
-        self.results[row] = _plain(value)
+        self.results[row] = str(value)
 
 
 class Symbol:
@@ -115,6 +115,9 @@ class Symbol:
     def __init__(self, tape: Tape, name: str) -> None:
         self.tape = tape
         self.name = name
+
+    def __str__(self) -> str:
+        return self.name
 
     def __add__(self, other: Any) -> Any:
         return self if _is_number(other, 0) else self._note("fadd", other, either_way=True)
@@ -173,20 +176,12 @@ class Symbol:
             return NotImplemented
         # Sorted, a + b and b + a are noted as one operation.
         operands = [self, other]
-        return self.tape.note(operation, *sorted(operands, key=_text) if either_way else operands)
+        return self.tape.note(operation, *sorted(operands, key=str) if either_way else operands)
 
 
 def _is_number(operand: Any, value: float) -> bool:
     """Return whether the operand is known already, and is `value`."""
     return isinstance(operand, float | int) and operand == value
-
-
-def _plain(operand: "Symbol | float") -> str | float:
-    return operand.name if isinstance(operand, Symbol) else operand
-
-
-def _text(operand: "Symbol | float") -> str:
-    return operand.name if isinstance(operand, Symbol) else repr(float(operand))
 
 
 def least(a: "Symbol", b: "Symbol | float") -> "Symbol":
@@ -230,14 +225,13 @@ def lane_function(name: str, tape: Tape, lanes: int) -> Any:
             begin = context.get_constant(types.int64, row * lanes)
             return builder.gep(workspace, [builder.add(begin, arguments[1])])
 
-        def value(operand: str | float) -> Any:
-            if isinstance(operand, str):
-                return values[operand]
-            return context.get_constant(types.float64, operand)
+        def value(operand: str) -> Any:
+            known = values.get(operand)
+            return context.get_constant(types.float64, float(operand)) if known is None else known
 
         for (operation, *operands), found in tape.notes.items():
             if operation == "load":
-                values[found] = builder.load(at(operands[0]))
+                values[found] = builder.load(at(int(operands[0])))
                 continue
             given = [value(each) for each in operands]
             if operation == "sqrt":

@@ -69,7 +69,7 @@ class Engine(Protocol):
     label: Label
     presets: Mapping[str, EngineSettings]
     default: str
-    least_accuracy: float | None
+    least_accuracy: float | None = None
     as_it_comes: str = "as-it-comes"
     closes_loops: bool = False
 

@@ -279,7 +279,6 @@ class Adapter(Engine):
     world: Callable[..., World]
     lacks: Callable[[Scene, Any], str | None] = lambda *_: None
     default: str = "best"
-    least_accuracy: float | None = None
     falls: bool = False
     environments: Path = ENVIRONMENTS
 

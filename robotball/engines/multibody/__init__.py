@@ -495,7 +495,6 @@ class _Multibody(Engine):
         "best": _MultibodySettings(name="best", error_tolerance=1e-11)
     }
     default = "best"
-    least_accuracy: float | None = None
 
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
         """Return the motion, which neither slips nor spins."""

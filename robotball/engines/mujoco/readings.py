@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from robotball import equations as eq
-from robotball.engines.mujoco.model import Model, ModelHinge
+from robotball.engines.mujoco.model import Model
 from robotball.engines.observe import Readings, Sign, attitudes, lengths
 from robotball.loads import Loads
 from robotball.motion import DIVERGED, Fault, FaultKind
@@ -38,7 +38,7 @@ def readings_of(model: Model, rows: Array) -> Readings:
     contact, sound = rows[:, columns["contact"]], _sound(model, rows)
     attitude = attitudes(rows[:, columns["attitude"]], sound)
     to_world = rotation_matrix(attitude)
-    angles, rates, torques = (_of_hinges(model, rows, name) for name in ("angle", "rate", "torque"))
+    angles, rates, torques = _of_hinges(model, rows)
     # A diverged state's numbers have no squares.
     with np.errstate(all="ignore"):
         used = _friction_used(model, contact)
@@ -120,29 +120,25 @@ def _sound(model: Model, rows: Array) -> Mask:
     return np.asarray(np.isfinite(rows).all(axis=1) & small.all(axis=1))
 
 
-def _of_hinges(model: Model, rows: Array, name: str) -> Array:
-    """Return a quantity (m, h) of the scene's hinges; 0 for those that do not turn."""
-    values = np.zeros((len(rows), len(model.scene.hinges)))
+def _of_hinges(model: Model, rows: Array) -> Array:
+    """Return angles, rates and torques (3, m, h) of the scene's hinges; 0 of those that stand."""
+    columns, values = model.sensor_columns, np.zeros((3, len(rows), len(model.scene.hinges)))
     for hinge in model.hinges:
-        if name == "torque":
-            values[:, hinge.index] = _torque(model, rows, hinge)
-        else:
-            values[:, hinge.index] = rows[:, model.sensor_columns[f"{hinge.name}_{name}"]][:, 0]
+        angle, rate = (rows[:, columns[f"{hinge.name}_{each}"].start] for each in ("angle", "rate"))
+        torque = _torque(rows, columns.get(f"{hinge.name}_torque"))
+        if isinstance(hinge.actuation, Free):
+            torque = torque + hinge.actuation.torque(0.0, angle, rate)
+        values[:, :, hinge.index] = angle, rate, torque
     return values
 
 
-def _torque(model: Model, rows: Array, hinge: ModelHinge) -> Array:
+def _torque(rows: Array, columns: slice | None) -> Array:
     """Return the torque (m,) of the parent on the child, along the hinge [N m].
 
     It is the motor's, or what the joint of a prescribed rate carries, whose site has its z along
     the hinge. A passive hinge has no sensor of its torque.
     """
-    columns, name = model.sensor_columns, f"{hinge.name}_torque"
-    if isinstance(hinge.actuation, Free):
-        angle, rate = (rows[:, columns[f"{hinge.name}_{each}"]][:, 0] for each in ("angle", "rate"))
-        passive = np.asarray(hinge.actuation.torque(0.0, angle, rate))
-        return passive + rows[:, columns[name]][:, 0] if name in columns else passive
-    return rows[:, columns[name]][:, -1]
+    return np.zeros(len(rows)) if columns is None else rows[:, columns.stop - 1]
 
 
 def _cross(u: Array, v: Array) -> Array:

@@ -79,6 +79,11 @@ def lines(found: Fitted) -> Iterator[str]:
             f"  {sensor.name} of {sensor.log} from t = {sensor.since or 0.0:.3g} s on: it is off "
             f"by {scientific(sensor.residual)}, and its noise is {scientific(sensor.noise)}"
         )
+    if any(sensor.name == "position" for sensor in found.strays):
+        yield (
+            "  where the capture's unit, origin or axes are not the scene's no position fits: see "
+            "its unit, and --also world.origin,world.yaw"
+        )
     yield from found.contradictions
     yield from found.undetermined
     names = [each.name for each in found.found]

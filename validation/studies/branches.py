@@ -52,6 +52,7 @@ _ROUNDING = 1e-9  # 1/s, of l₁
 _LONGEST = 300.0  # s, of a period
 _SEARCHED, _STARTS = 100.0, 16  # s, the longest period searched for; random starts where M ≠ 0
 _INSIDE = 3  # values within the range at which cycles are searched for, some seconds each
+_ZERO = 1e-9  # of the range: a number nearer to 0 is 0
 _WRITE_EVERY = 5.0  # s between writings of what has been found
 _OF_THE_REST = 0.02  # of the search at a place, which each point of a branch is taken for
 _REPEATED = 8  # points of a branch that the engine repeats, half a second each, beside special ones
@@ -362,8 +363,14 @@ class _Findings(Watch):
             Column("period", "period", "s", form=".6g"),
             Column("", "what", words=True),
         )
+
+        def place(point: Point) -> float:
+            # A curve comes to its number within the tolerance: 1e-13 of the range is a zero.
+            value = family.value(float(point.x[-1]))
+            return value if abs(value) > _ZERO * abs(family.high - family.low) else 0.0
+
         ends = [
-            {"branch": n, "points": len(each.points), "end": why, "at": family.value(point.x[-1])}
+            {"branch": n, "points": len(each.points), "end": why, "at": place(point)}
             for n, each in enumerate(branches, 1)
             for why, point in zip(each.ends, (each.points[0], each.points[-1]), strict=True)
         ]

@@ -1,6 +1,7 @@
 """`robotball fit`: what it prints, writes and returns."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from robotball.engines.mujoco import toolbox
 from robotball.files.robot_numbers import robot_numbers
 from robotball.files.scene_numbers import numbers_of
 from tests.conftest import Robotball
-from tests.robotball.test_fitting import log
+from tests.robotball.test_fitting import NOISE, log
 from tests.validation.json_keys import misfits
 from validation.commands import fitting
 
@@ -109,3 +110,13 @@ def test_a_file_is_not_fitted_as_it_is_without_the_toolbox(
     assert [*fitting.as_it_is(robot)] == []
     assert "install robotball's extra `sysid`" in capsys.readouterr().out
     assert [*fitting.as_it_is(numbers_of("pendulum_robot"))] == []
+
+
+@pytest.mark.slow
+def test_a_position_that_strays_may_be_of_another_world() -> None:
+    """A line names what would find that; of another sensor that strays there is none."""
+    found = rb.fit("pendulum_robot", [log()], ["kv"], noise=NOISE)
+    for name in ("position", "gyro"):
+        sensors = tuple(replace(s, probability=float(s.name != name)) for s in found.sensors)
+        said = [*fitting.lines(replace(found, sensors=sensors))]
+        assert any("--also world.origin,world.yaw" in each for each in said) == (name == "position")

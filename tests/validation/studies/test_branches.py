@@ -89,3 +89,19 @@ def test_an_engine_repeats_motions_of_a_driven_branch(
     printed = " ".join(capsys.readouterr().out.split())
     assert "2 × given up, first at frequency = 0.78: it lifts off at t = 0 s MuJoCo" in printed
     assert "MuJoCo, balanced: 2 motions, after a period off by" in printed
+
+
+def test_a_branch_that_ends_at_zero_is_said_to(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its curve comes there to rounding; a number that is only small is printed as it is."""
+
+    def planted(family: Any, watch: Watch) -> Iterator[Branch]:
+        for off in (1e-14, 1e-5):
+            point = Point(np.array([0.0, 0.0, 1.0, 0.5 + off]), np.eye(4)[-1], np.zeros(2, complex))
+            yield Branch((point,), ("closes", "closes"))
+
+    monkeypatch.setattr(branches.motions, "resting", planted)
+    assert Continue("fig07", "equilibrium", "K3", -1.0, 1.0, out=tmp_path).run() == 0
+    rows = [line.split() for line in capsys.readouterr().out.splitlines() if "closes" in line]
+    assert [row[2] for row in rows] == ["0", "0", "2e-05", "2e-05"]

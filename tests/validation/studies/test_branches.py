@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.qualitative import motion_branches
 from robotball.qualitative.continuation import FOLD, UNFINISHED, Branch, Point, Watch
 from validation.studies import branches
 from validation.studies.branches import Continue, _branch_picture
@@ -101,7 +102,7 @@ def test_a_branch_that_ends_at_zero_is_said_to(
             point = Point(np.array([0.0, 0.0, 1.0, 0.5 + off]), np.eye(4)[-1], np.zeros(2, complex))
             yield Branch((point,), ("closes", "closes"))
 
-    monkeypatch.setattr(branches.motions, "resting", planted)
+    monkeypatch.setattr(motion_branches, "resting", planted)
     assert Continue("fig07", "equilibrium", "K3", -1.0, 1.0, out=tmp_path).run() == 0
     rows = [line.split() for line in capsys.readouterr().out.splitlines() if "closes" in line]
     assert [row[2] for row in rows] == ["0", "0", "2e-05", "2e-05"]

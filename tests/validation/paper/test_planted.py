@@ -141,7 +141,7 @@ PLANTED: dict[str, tuple[Any, str, Callable[[Formula], Formula], str, str]] = {
     ),
     "l's sign in (5.5)": (section_5, "section_state", with_argument(1, minus), "(5.5)", "γ² = 1"),
     "Steiner's terms": (
-        ball, "_about", with_argument(0, lambda point: point + 0.1), "E21, (A.3)", "I =",
+        ball, "inertia_about", with_argument(0, lambda point: point + 0.1), "E21, (A.3)", "I =",
     ),
 }  # fmt: skip
 

@@ -3,6 +3,7 @@
 Points in space are seen from far away: an orthographic view, with their depth.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -61,7 +62,8 @@ def sheet(
     text.axis("off")
     lines = list[str]()
     for paragraph in ("Parameters", *caption, "", "Facts", *facts):
-        lines += wrap(paragraph, _LETTERS, subsequent_indent="  ") or [""]
+        whole = _TOGETHER.sub("\u00a0", paragraph)
+        lines += wrap(whole, _LETTERS, subsequent_indent="  ") or [""]
     style: dict[str, Any] = {"transform": text.transAxes, "color": INK, "fontsize": 10, "va": "top"}
     for i, line in enumerate(lines):
         height = 1.0 - (0.1 + _LINE_HIGH * i) / sum(heights)
@@ -70,6 +72,10 @@ def sheet(
     for each in axes.values():
         each.grid(alpha=0.3)
     return figure, axes
+
+
+# The spaces beside a relation, and before a unit, at which no line is broken.
+_TOGETHER = re.compile(r" (?=[=<≈] )|(?<=[=<≈]) |(?<=\d) (?=(?:s|ms|m|rad|kg)\b)")
 
 
 def engine_motion(scene: Scene, times: Array, settings: str = "balanced") -> ContactMotion:

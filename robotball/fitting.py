@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from robotball.errors import InputError, unknown
+from robotball.errors import LARGEST, InputError, unknown
 from robotball.evidence import (
     NO_EVIDENCE,
     Found,
@@ -261,7 +261,9 @@ def _sensed(scene: Scene, log: Log, noise: Mapping[str, float]) -> FittedLog:
         given = noise.get(sensor.name)
         if given is not None and not given > 0:
             raise InputError(f"the noise of {sensor.name} must be positive, not {given:g}")
-        few, dead = len(sensor.times) < FEWEST, not np.ptp(sensor.values, axis=0).any()
+        # Over a smaller noise residuals would be too large for their squares.
+        dead = np.ptp(sensor.values, axis=0).max() < 1 / LARGEST
+        few = len(sensor.times) < FEWEST
         if given is None and (few or dead):
             what = "reads the same all the time" if dead else f"has {len(sensor.times)} readings"
             raise InputError(

@@ -146,3 +146,9 @@ def test_a_damaged_log_is_read_or_refused_in_a_line(tmp_path: Path) -> None:
 def test_what_is_read_of_a_damaged_log_is_fitted_or_refused_in_a_line(tmp_path: Path) -> None:
     """One of each kind of damage; of every kind there are some that can be read."""
     check([outcome(i, tmp_path, fitted=True) for i in range(0, 200, 25)])
+
+
+def test_readings_of_nothing_tell_no_noise(tmp_path: Path) -> None:
+    """An angle in units of 1e-155 rad: over its noise, squares of residuals are no numbers."""
+    (said,) = check([outcome(100, tmp_path, fitted=True)])
+    assert "frame_angle reads the same all the time" in said

@@ -506,7 +506,8 @@ class Tradeoff:
 
     def run(self) -> int:
         scene, quick = controlled(self.scene, self.control), self.sweep.quick
-        shared = scene_cell(self.scene, seconds_of(self.duration, quick, scene), self.control)
+        scene = replace(scene, duration=seconds_of(self.duration, quick, scene))
+        shared = scene_cell(self.scene, scene.duration, self.control)
         if self.friction and not scene.start.momentum.any():
             raise InputError(f"{scene.name} starts from rest: there is no M for friction to take")
         if self.friction:

@@ -85,10 +85,10 @@ def warn(line: str, kind: type[SceneWarning] = SceneWarning) -> None:
     """Issue a warning at the line outside these packages that asked for the work."""
     # Python's default filter shows a warning once a line: at a line of ours, a script of many
     # scenes would see the first alone. `skip_file_prefixes` is not in Python 3.11.
-    frame, level = sys._getframe(1), 2
+    frame, level = sys._getframe(1), 2  # 1 is this function
     while frame.f_back and frame.f_globals.get("__name__", "").split(".")[0] in _PACKAGES:
         frame, level = frame.f_back, level + 1
-    warnings.warn(line, kind, stacklevel=level - 1)
+    warnings.warn(line, kind, stacklevel=level)
 
 
 def unknown(kind: str, name: object, known: Iterable[str]) -> InputError:

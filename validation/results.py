@@ -266,9 +266,8 @@ def show(records: Sequence[Record], console: Console) -> None:
     print_whole(table, console)
     console.print(SYMBOLS, style="dim", highlight=False)
     asked = {each["preset"]: f"{each['tolerance']:g} ({each['preset']})" for each in records}
-    console.print(escape(f"asked for: {', '.join(asked.values())}"), style="dim", highlight=False)
-    for line, style in below:
-        console.print(escape(line), style=style)
+    for line, style in ((f"asked for: {', '.join(asked.values())}", "dim"), *below):
+        console.print(escape(line), style=style, soft_wrap=not console.is_terminal)
 
 
 def growth_of(growth: float) -> str:

@@ -212,4 +212,4 @@ def show(parts: Iterable[Table | str]) -> None:
         if isinstance(part, Table):
             print_whole(part, console)
         else:
-            console.print(part)
+            console.print(part, soft_wrap=not console.is_terminal)  # a log has whole lines

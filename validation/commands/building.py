@@ -71,7 +71,7 @@ class Steer:
     """The line's length, the circle's radius or the eight's half length."""
     turns: float = 1.0
     """How often round the circle; to the right below 0."""
-    through: str = ""
+    through: Annotated[str, arg(metavar="X,Y …", help_behavior_hint="")] = ""
     """Instead of a shape, points in m: "1,0 1,1 0,1"."""
     duration: Annotated[float, arg(metavar="S")] = 10.0
     """From rest to rest."""

@@ -44,7 +44,7 @@ class Compare:
     """
 
     scenes: Annotated[Several, arg(metavar="SCENE...")]
-    """Names from the catalog, or paths to TOML files."""
+    """Names from the catalog, or paths to TOML, MJCF or URDF files."""
     preset: Names = ()
     """The engine's settings to run each scene with. Several: naive,fast. There are
     naive, fast, balanced (if not given), accurate, adaptive; other engines have others."""

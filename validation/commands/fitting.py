@@ -239,19 +239,18 @@ class Fit:
     """
 
     scene: SceneName
-    """A name from the catalog, or a path to a TOML, MJCF or URDF file, with the numbers to begin
-    with."""
-    logs: Positional[Annotated[tuple[Path, ...], arg(metavar="LOG...")]]
+    """A catalog name, or a path to a TOML, MJCF or URDF file: the numbers to begin with."""
+    logs: Positional[Annotated[tuple[Path, ...], arg(metavar="LOG...", help_behavior_hint="")]]
     """CSV, NPZ or Parquet files of what the robot's sensors read."""
     free: Names = ()
-    """The numbers to find, by their paths in the scene file or the last words of these; with
-    limits as frame.kv=0.1:0.8."""
+    """The numbers to find, by their paths in the scene file or the last words of these;
+    with limits as frame.kv=0.1:0.8."""
     also: Names = ()
     """What else to find of each log: world.yaw, world.origin, position.marker, gyro.bias,
     accelerometer.place, commands.delay, SENSOR.clock, HINGE_angle.zero."""
     noise: Names = ()
-    """The noise of sensors, as gyro=0.02, one standard deviation in SI units; of the others it is
-    estimated from their readings."""
+    """The noise of sensors, as gyro=0.02, one standard deviation in SI units;
+    of the others it is estimated from their readings."""
     loss: Annotated[str, arg(metavar="linear|soft_l1|huber|cauchy|arctan")] = "linear"
     """The loss of scipy's least_squares; another than linear bears with outliers."""
     all: bool = False

@@ -46,9 +46,9 @@ class Figures:
     Example: robotball figures 5 12
     """
 
-    names: Annotated[Several, arg(metavar="N...")] = ()
-    """Which figures, 3 to 14 or tori (both rolling models' trajectories on the same tori); all of
-    them if none is given."""
+    names: Annotated[Several, arg(metavar="[N…]")] = ()
+    """Which figures, 3 to 14 or tori (both rolling models' trajectories on the same tori);
+    all of them if none is given."""
     out: Path = OUT
     """Folder for the pictures."""
     threads: Threads = None

@@ -44,7 +44,7 @@ class Report:
     """
 
     scenes: Annotated[Several, arg(metavar="SCENE...")]
-    """Names from the catalog, or paths to TOML files; or the JSON file that a study wrote."""
+    """Names from the catalog, or paths to TOML, MJCF or URDF files; or a study's JSON file."""
     preset: Names = ()
     """The engine's settings to run each scene with, its default if none. Several: naive,fast."""
     control: Controls = ()

@@ -37,7 +37,7 @@ from robotball.qualitative.families import NUMBERS
 from robotball.qualitative.long_run import basins
 from robotball.qualitative.portraits import limit_cycles
 from robotball.qualitative.strobed_branches import Driven, swinging
-from validation.options import AGREES, OUT, File, Preset, SceneName, Threads
+from validation.options import AGREES, OUT, File, Given, Preset, SceneName, Threads
 from validation.output import Show, halo, panels, progress_bar, writable_folder
 from validation.plots import note
 from validation.results import changed
@@ -175,13 +175,14 @@ class Continue:
     of: Literal["equilibrium", "line", "cycle"]
     """Fixed points of the motion from rest, straight lines or cycles with the scene's M."""
     over: Annotated[str, arg(metavar="NUMBER")]
-    """K1 to K3, Omega1 to Omega3, K, Omega, f, c; angles K12, K23, K31, Omega12 and so on. Of what
-    is driven periodically: frequency, f, c, frame.mean, rotor1.value, plane.Z.amplitude, .phase."""
+    """K1 to K3, Omega1 to Omega3, K, Omega, f, c; angles K12, K23, K31, Omega12 and so on.
+    Of what is driven periodically: frequency, f, c, frame.mean, rotor1.value,
+    plane.Z.amplitude, .phase."""
     low: Annotated[float, arg(name="from")]
     """Its least value, in SI units; angles in degrees."""
     high: Annotated[float, arg(name="to")]
     """Its largest value."""
-    longest: float | None = None
+    longest: Given[float] = None
     """Period beyond which no cycle is followed [s]: 300, or four of its own of what is driven."""
     preset: Preset = None
     """Also repeat motions of driven branches by the engine so set: are they back after a period?"""

@@ -300,14 +300,14 @@ class Engines:
     """
 
     scenes: Annotated[Several, arg(metavar="[SCENE…]")] = ()
-    """Names from the catalog, or paths to TOML files; without any the engines are listed."""
+    """Names from the catalog, or paths to TOML, MJCF or URDF files; if none, engines are listed."""
     only: Names = ()
     """Engines to run; all that are there if not given. Several: drake,bullet."""
     install: Names = ()
     """Make environments of their own for these engines first, by pip. Several: drake,bullet."""
-    python: Annotated[str, arg(metavar="PYTHON")] = ""
-    """Python of the environments that are made, a version or a path; if not given, the newest here
-    that each engine's newest release supports."""
+    python: Annotated[str, arg(metavar="PYTHON", help_behavior_hint="")] = ""
+    """Python of the environments that are made, a version or a path;
+    if not given, the newest here that each engine's newest release supports."""
     environments: Path = ENVIRONMENTS
     """Folder for the environments."""
     tune: bool = False

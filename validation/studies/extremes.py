@@ -567,7 +567,7 @@ class Extremes:
     Example: robotball extremes momentum --quick
     """
 
-    maps: Annotated[Several, arg(metavar="MAP...")] = ()
+    maps: Annotated[Several, arg(metavar="[MAP…]")] = ()
     """Which maps; all of them if none is given. There are
     momentum, frame, rotor, masses, scale, friction, torsion, gravity, contact, servo, duration."""
     sweep: SweepOptions = field(default_factory=Sweep)

@@ -294,7 +294,7 @@ _Version = Annotated[str, arg(metavar="VERSION", help_behavior_hint="")]
 class History:
     """Measure an engine in every released version, each in an environment of its own.
 
-    --quick measures the version that is installed here alone, without pip.
+    With --quick it is measured in the version that is installed here alone, without pip.
 
     Example: robotball history mujoco --from 3.5
     """

@@ -587,16 +587,16 @@ class Judge:
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
-    files: Positional[Annotated[tuple[Path, ...], arg(metavar="FILE...")]]
-    """CSV, NPZ or Parquet files with t,x,y,qw,qx,qy,qz; several with different steps give the
-    order of convergence."""
+    files: Positional[Annotated[tuple[Path, ...], arg(metavar="FILE...", help_behavior_hint="")]]
+    """CSV, NPZ or Parquet files with t,x,y,qw,qx,qy,qz;
+    several with different steps give the order of convergence."""
     control: Controls = ()
     timestep: UseAppendAction[Annotated[tuple[str, ...], arg(metavar="SECONDS,…")]] = ()
-    """The engine's step in each file; else the one in its header, or the interval of its
-    samples."""
+    """The engine's step in each file;
+    else the one in its header, or the interval of its samples."""
     tolerance: Annotated[float, arg(metavar="ERROR")] = _TOLERANCE
-    """The errors that agree: of path, height, momentum and hinges' rates, relative; of attitude
-    [rad]."""
+    """The errors that agree: of path, height, momentum and hinges' rates, relative;
+    of attitude [rad]."""
     json: File = None
     """Also write the judgement."""
 

@@ -286,7 +286,7 @@ class Portraits:
     Example: robotball portraits axial --quick
     """
 
-    maps: Annotated[Several, arg(metavar="MAP...")] = ()
+    maps: Annotated[Several, arg(metavar="[MAP…]")] = ()
     """Which maps, axial (K₃ and Ω₃) or azimuth (K₃ and the angle of Ω₁, Ω₂); both if none."""
     sweep: SweepOptions = field(default_factory=Sweep)
 

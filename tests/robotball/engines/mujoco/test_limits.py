@@ -351,13 +351,14 @@ def test_the_recipe_has_no_limit_near() -> None:
 
 
 def test_a_warning_names_the_number_the_limit_and_the_fix() -> None:
-    """One line each, also for Python's warnings; strict makes it an error. A robot has them too."""
+    """One line each, at the caller's line; strict makes it an error. A robot has them too."""
     slippery, times = replace(FAST, sliding_friction=0.1), np.linspace(0.0, 0.1, 3)
     words = (
         r"fig12, fast: the ball will slip, as sliding friction is 0\.1 and .* needs 0\.4547: raise"
     )
-    with pytest.warns(rb.SceneWarning, match=words):
+    with pytest.warns(rb.SceneWarning, match=words) as caught:
         rb.simulate(FIG12, times, slippery)
+    assert {each.filename for each in caught} == {__file__}
     with pytest.raises(rb.InputError, match="the ball will slip"):
         rb.simulate(FIG12, times, slippery, strict=True)
     own = replace(worked("W2"), friction=Friction(sliding=0.02))

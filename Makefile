@@ -28,7 +28,7 @@ test-studies: setup
 test-fast: setup gl
 	$(BIN)/pytest $(ON_CORES) -m "not slow"
 
-# The fast tests that catch most faults, in one process: a minute of one core.
+# The fast tests that catch most faults, in one process: a minute and a half of one core.
 test-core: setup
 	$(BIN)/pytest -m "core and not slow"
 

@@ -165,7 +165,8 @@ _TABLE_COLUMNS = (
     "momentum_error", "realtime_factor", "agrees", "verdict",
 )  # fmt: skip
 Record = dict[str, Any]
-SYMBOLS = "γ: the vertical seen from the frame; M: momentum; naive: an engine as it comes"
+_SYMBOLS = "γ: the vertical seen from the frame; M: momentum"
+_NAIVE = "; naive: an engine as it comes"
 
 
 def record(agreement: Agreement) -> Record:
@@ -264,9 +265,9 @@ def show(records: Sequence[Record], console: Console) -> None:
         if each["loop_growth"] is not None:
             below.append((f"{each['scene']}: {growth_of(each['loop_growth'])}", "dim"))
     print_whole(table, console)
-    console.print(SYMBOLS, style="dim", highlight=False)
-    asked = {each["preset"]: f"{each['tolerance']:g} ({each['preset']})" for each in records}
-    for line, style in ((f"asked for: {', '.join(asked.values())}", "dim"), *below):
+    within = {each["preset"]: f"{each['tolerance']:g} ({each['preset']})" for each in records}
+    console.print(_SYMBOLS + _NAIVE * ("naive" in within), style="dim", highlight=False)
+    for line, style in ((f"tolerance: {', '.join(within.values())}", "dim"), *below):
         console.print(escape(line), style=style, soft_wrap=not console.is_terminal)
 
 

@@ -1,11 +1,12 @@
 """Scenes, bodies and motions as files; how a user's file is opened.
 
-`contents` and `opened` read regular files alone, up to a limit, and `readable` meets what is no
-file of its kind. What is written goes by way of `replacing`. The other modules know the formats.
+`contents` and `opened` read regular files alone, up to a limit, and `readable` turns a reader's
+errors into an InputError. `replacing` has how files are written, and the others know the formats.
 """
 
 import errno
 import stat
+from codecs import BOM_UTF8
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,8 +17,8 @@ from robotball.errors import InputError
 # Bytes of a scene, a robot or a record; those of the catalog have 1.4 kB at most.
 _MOST_CHARACTERS = 10_000_000
 MB = 1e6
-# What readers raise for bytes that are no file of theirs, damaged or too deep; and the modules, not
-# all of them loaded, of readers' own errors.
+# What readers raise for bytes that are damaged, nested too deeply or of another format. Errors of
+# a reader's own are known by the names of their modules, as not all of these are loaded.
 _UNREADABLE = (
     ArithmeticError, EOFError, LookupError, MemoryError, OSError, RuntimeError, TypeError,
     ValueError,
@@ -29,9 +30,9 @@ MODEL_FILES = (".xml", ".mjcf", ".urdf")
 
 
 def contents(path: Path, longest: int = _MOST_CHARACTERS) -> bytes:
-    """Return the bytes of a regular file. Raises InputError as `opened` does."""
+    """Return the bytes of a regular file, without Windows' mark. Raises InputError as `opened`."""
     with opened(path, longest) as file:
-        return file.read()
+        return file.read().removeprefix(BOM_UTF8)
 
 
 @contextmanager

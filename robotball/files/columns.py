@@ -33,9 +33,9 @@ _MARKS = {
 }
 _LINES = 20_000  # that are read at once, so that a file's text never stands whole in memory
 LONGEST = 4_000_000_000  # bytes: a motion of a day, every 20 ms, takes 2.5e9 as CSV
-_MOST_BYTES = 1_000_000_000  # bytes in memory, of all numbers: the same takes 0.9e9
+_MOST_BYTES = 1_000_000_000  # bytes in memory, of all numbers: that motion takes 0.9e9
 _WORD = 8  # bytes of a number
-# Of an NPZ's own members and a Parquet's metadata, as JSON; units are a line of a CSV's header.
+# Members of an NPZ, and metadata of a Parquet, that hold JSON; units are in the header of a CSV.
 _HEADER, _UNITS = "header", "units"
 _PARQUET_EXTRA = (
     "Parquet needs pyarrow: install robotball's extra `parquet`, or use .csv or .npz instead"
@@ -49,7 +49,7 @@ _Line = tuple[int, str]  # its number in the file, from 1, and its text
 
 @dataclass(frozen=True)
 class Table:
-    """columns: names → numbers, all of one length; units, of columns; header: names → texts.
+    """A table: numbers, all of one length, and units by the columns' names; texts of a header.
 
     notes: what had to be understood on reading, a line each.
     """
@@ -89,7 +89,7 @@ def _of_suffix(path: Path, by_suffix: Mapping[str, Any]) -> Any:
     suffix = path.suffix.lower()
     if suffix not in by_suffix:
         kinds = ", ".join(by_suffix)
-        raise InputError(f"{path}: a trajectory's file is one of {kinds}, not {suffix!r}")
+        raise InputError(f"{path}: a table's file is one of {kinds}, not {suffix!r}")
     return by_suffix[suffix]
 
 

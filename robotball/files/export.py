@@ -33,13 +33,13 @@ from robotball.scene import MovedHinge, Scene
 
 _FORMAT = "robotball scene 1"
 _SHAPES = {"linear": "u", "smooth": "3u² - 2u³", "quintic": "10u³ - 15u⁴ + 6u⁵"}
-# Of a hinge's command; of a motor that is not here a torque.
+# The unit of a hinge's command by its motor; a motor that is not here takes a torque.
 _COMMANDED = {type(None) | Servo: "rad/s", PositionServo: "rad", DCMotor: "1", Free: "none"}
 # Times the friction that the motion needs: another engine's contact must not slip at the peak.
 _MARGIN = 1.5
 # Readers of URDF and SDF ask for limits of every joint; these limit nothing.
 _FASTEST, _STRONGEST, _FARTHEST, _BOUNDLESS = "1e6", "1e9", "1e6", "1e16"
-# The newest with gravity where DART looks for it; others read it as newer ones. It has no type
+# The newest with gravity where DART looks for it; other engines read it as well. It has no type
 # `continuous`: such a joint has limits without end.
 _SDF_VERSION = "1.5"
 _README = "README.md"

@@ -49,7 +49,7 @@ _UNITS: dict[str, Units] = {
 }
 _COMMANDS: Units = dict.fromkeys(VALUES, 1.0)  # they need no conversion
 _FEWEST = 4  # readings of a sensor; that its noise is known takes more
-_SPARSEST = 30.0  # times in which a ball falls by its size, from one reading to the next
+_SPARSEST = 30.0  # times √(radius/gravity), from one reading to the next at most
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Log:
     name : str
         The name of the file.
     sensors : tuple of Sensor
-        Those that the file has, each at its own times.
+        The sensors that the file has, each at its own times.
     commands : mapping of str to (times (n,), values (n,))
         The commands of motors by their hinges' names, each held until the next.
     notes : tuple of str

@@ -46,8 +46,8 @@ class Editable:
     """The text of a robot's file, in which sphere and plane have names.
 
     source: the text as it was; moved: text, with the robot set down on the plane; pair: the
-    attributes of their contact as the file has it; paired: whether they are those of a pair, which
-    is taken out of text.
+    attributes of their contact as the file has it; paired: whether the file has a pair of the two,
+    which is taken out of text.
     """
 
     source: str
@@ -115,7 +115,7 @@ class Moves:
     """How the start of a file is changed.
 
     shift (3,): m, world, of the robot in all starts; kick (3,): m/s, world, of the robot at the
-    keyframe of a number.
+    keyframe with the number `key`.
     """
 
     shift: Array
@@ -185,7 +185,7 @@ def _folders(robot: RobotFile) -> dict[str, str]:
 class Element(NamedTuple):
     """A start tag: at which byte it stands, and the number of the element that owns it.
 
-    That is the nearest body, worldbody or default around it; -1 where there is none.
+    The owner is the nearest body, worldbody or default around it; -1 where there is none.
     """
 
     tag: str

@@ -31,14 +31,14 @@ class Numbers(ABC):
 
     @abstractmethod
     def scene(self, values: Mapping[str, float]) -> Scene:
-        """Return the scene with other numbers at some paths. Raises InputError for impossible."""
+        """Return the scene with other numbers at some paths. Raises InputError where none is."""
 
     @abstractmethod
     def text(self, values: Mapping[str, float], start: Scene) -> str:
         """Return the text of a file with other numbers, that starts as a scene does."""
 
     def with_whole(self, names: Sequence[str]) -> "Numbers":
-        """Return them with the mass, centre and inertia of some bodies in place of their parts.
+        """Return the numbers with mass, centre and inertia of some bodies in place of their parts.
 
         Raises InputError where a file of its kind has no such bodies.
         """
@@ -52,7 +52,7 @@ class Numbers(ABC):
     def path_of(self, name: str) -> str:
         """Return the one path that a name stands for: its last words are enough.
 
-        Raises InputError for a name of none or of several, with its neighbours.
+        Raises InputError for a name that stands for none, with near ones, or for several.
         """
         words = name.split(".")
         found = [path for path in self.known if _follows(words, path.split("."))]

@@ -114,13 +114,13 @@ class RobotFile:
 
     @property
     def free(self) -> slice:
-        """The places of its position among qpos."""
+        """The places of the root's position among qpos."""
         at = int(self.model.jnt_qposadr[self.model.body_jntadr[self.root]])
         return slice(at, at + 3)
 
     @property
     def drift(self) -> slice:
-        """The places of its velocity among qvel."""
+        """The places of the root's velocity among qvel."""
         at = int(self.model.body_dofadr[self.root])
         return slice(at, at + 3)
 
@@ -505,7 +505,7 @@ _UNSUPPORTED = {
 
 
 def _check_supported(model: Any) -> None:
-    """Raise InputError for what the equations do not have, and would be silently other without."""
+    """Raise InputError for what the equations do not have: without it they are another robot's."""
     free = np.isin(model.dof_jntid, np.flatnonzero(model.jnt_type == _FREE))
     resists = (model.dof_damping, model.dof_armature, model.dof_frictionloss)
     unsupported = {
@@ -608,7 +608,7 @@ def _tree_of(robot: RobotFile) -> tuple[Shell, dict[int, Link]]:
 
 
 def _shell_of(radius: float, solid: Solid) -> Shell:
-    """Return a shell of any inertia (3, 3) and centre of mass (3,), as those of z and the rest."""
+    """Return a shell of any inertia and centre of mass: what is symmetric about z, and the rest."""
     inertia = solid.inertia
     axial, across = float(inertia[2, 2]), float(inertia[0, 0] + inertia[1, 1]) / 2
     return Shell(

@@ -1,8 +1,8 @@
 """The numbers of a robot's own file by their paths, such as "battery.mass" or "drive.gear".
 
-They are those that stand in its text, under the names that MJCF has, so that the text with other
-numbers is still the author's. What the file leaves to a default has no path until it is written
-there. A file that is not whole, or a URDF, is first written by MuJoCo.
+The numbers are those in its text, under MJCF's names, so that the text with other numbers is still
+the author's. What the file leaves to a default has no path until it is written there. A file that
+is not whole, or a URDF, is first written by MuJoCo.
 """
 
 from collections import Counter, defaultdict
@@ -44,7 +44,7 @@ _DURATION = 10.0  # s: a fit's logs have their own
 
 @dataclass(frozen=True)
 class RobotScene(Scene):
-    """A scene of a robot's own file, with the model that it is of, and the keyframe's name."""
+    """A scene of a robot's own file, with the file's model and the keyframe's name."""
 
     robot_file: RobotFile | None = field(default=None, compare=False)
     key: str | None = None
@@ -78,7 +78,7 @@ class RobotNumbers(Numbers):
             raise InputError(f"{error}; {hint}") from None
 
     def scene(self, values: Mapping[str, float]) -> RobotScene:
-        """Return the scene with other numbers at some paths. Raises InputError for impossible."""
+        """Return the scene with other numbers at some paths. Raises InputError where none is."""
         key, duration = self.given.keyframe, self.given.duration or _DURATION
         with named(self.robot.path):
             robot = replace(self.robot, model=compiled(self._changed(values)))

@@ -148,10 +148,11 @@ def _limit() -> None:
 
 
 def _check_numbers(path: Path, folder: Path, read: set[Path]) -> None:
-    """Raise InputError for NaN or infinity in a file or one that it includes, also from a folder.
+    """Raise InputError for NaN or infinity in a file, or in one that it includes.
 
-    MuJoCo takes NaN for an attribute that is not given, and an infinite angle for none. A range may
-    have no end. The text is searched, as MuJoCo reads more than well-formed XML; each file once.
+    folder: where includes are looked for, too; read: the files that are searched already. MuJoCo
+    takes NaN for an attribute that is not given, and an infinite angle for none. A range may have
+    no end. The text is searched, and not parsed, as MuJoCo reads more than well-formed XML.
     """
     read.add(path.resolve())
     text = COMMENT.sub("", path.read_text(errors="replace"))

@@ -1,7 +1,7 @@
 """The numbers of a scene by their paths, such as "frame.part.battery.mass" or "friction.rolling".
 
-Those of a scene file are as the file has them, and its parts stay parts; of another scene they are
-those of the text that `scene_toml` writes. `robot_numbers` has those of a robot's own file.
+A scene file's numbers are as the file has them, and its parts stay parts; another scene's are those
+of the text that `scene_toml` writes. `robot_numbers` has the numbers of a robot's own file.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,7 +25,7 @@ from robotball.files.scene_writer import scene_toml, text_of
 from robotball.scene import Scene
 
 _Place = tuple[str | int, ...]
-# A fit has a start of its own; the others are no numbers of a robot.
+# A fit finds the start itself; the other keys are no numbers of a robot.
 _NOT = ("start", "duration", "title", "source", "gravity_direction")
 _AXES = "xyz"
 
@@ -48,7 +48,7 @@ class SceneNumbers(Numbers):
         return dict(_numbers((), (), {k: v for k, v in self.tables.items() if k not in _NOT}))
 
     def scene(self, values: Mapping[str, float]) -> Scene:
-        """Return the scene with other numbers at some paths. Raises InputError for impossible."""
+        """Return the scene with other numbers at some paths. Raises InputError where none is."""
         scene = scene_of_table(self.folder / f"{self.name}.toml", _as_table(self._changed(values)))
         return replace(scene, name=self.name)
 
@@ -67,9 +67,9 @@ class SceneNumbers(Numbers):
         return text_of(_as_table(tables))
 
     def with_whole(self, names: Sequence[str]) -> "SceneNumbers":
-        """Return them with the mass, centre and inertia of some bodies in place of their parts.
+        """Return the numbers with mass, centre and inertia of some bodies in place of their parts.
 
-        Raises InputError for a body of no such inertia; the shell and rotors are symmetric.
+        Raises InputError for the shell and rotors, whose inertia is symmetric.
         """
         hinges = self.scene({}).hinges if names else ()
         bodies = {h.name: h.body for h in hinges if not h.name.startswith("rotor")}

@@ -1,8 +1,8 @@
 """Write motions as tables, and read trajectories that any simulator wrote.
 
-A motion of ours has all its arrays as named columns, and a header that says whose they are. Of
-another's trajectory time, position and attitude are needed: its columns are known by many names and
-in many units, which are made SI's.
+A motion of robotball has all its arrays as named columns, and a header with its scene and engine.
+Another program's trajectory needs time, position and attitude; its columns are known by many names
+and in many units, and are converted to SI units.
 """
 
 import json
@@ -22,7 +22,7 @@ from robotball.scene import Scene
 
 FORMAT = "robotball motion 1"  # by which `recorded` knows a file that has all arrays
 _Place = tuple[str, ...]
-Units = dict[str, float]  # what each is in SI's
+Units = dict[str, float]  # each unit in SI units
 
 
 def _layout(scene: Scene) -> Iterator[tuple[_Place, tuple[str, ...], str]]:
@@ -179,8 +179,8 @@ class Trajectory:
 def read_trajectory(path: Path) -> Trajectory:
     """Read a trajectory that any simulator wrote.
 
-    Time, position and attitude are needed. Columns are known by many names and in many units, which
-    are made SI's.
+    Time, position and attitude are needed. Columns are known by many names and in many units, and
+    are converted to SI units.
 
     Parameters
     ----------
@@ -301,7 +301,7 @@ def _made_si(
     changed: dict[str, list[str]] = {}
     for name, known in units_of.items():
         unit = _unit_name(units.get(name, ""))
-        # Without a unit it is SI's.
+        # Without a unit the column is in SI units.
         if unit in _NO_UNIT:
             continue
         if unit not in known:
@@ -309,10 +309,7 @@ def _made_si(
         if known[unit] != 1.0:
             columns[name] = columns[name] * known[unit]
             changed.setdefault(unit, []).append(name)
-    return [
-        f"{', '.join(names)}: in {unit}, as the file says, and taken so"
-        for unit, names in changed.items()
-    ]
+    return [f"{', '.join(names)}: in {unit}, as the file says" for unit, names in changed.items()]
 
 
 def _check_finite(name: str, column: Array, times: Array) -> None:
@@ -352,7 +349,7 @@ def to_unit(attitude: Array, times: Array) -> tuple[Array, list[str]]:
             f"the quaternion in row {worst + 1} (t = {times[worst]:g} s) has length "
             f"{length[worst]:.6g}, and must have 1"
         )
-    note = f"quaternions are off length 1 by up to {off[worst]:.1g}; they are made so"
+    note = f"quaternions are off length 1 by up to {off[worst]:.1g}; they are normalized"
     # Those of length one but for rounding stay as they are, to the last bit.
     exact = np.where(off[:, None] <= 1e-15, attitude, attitude / length[:, None])
     return exact, [note] if off[worst] > _ROUNDED else []

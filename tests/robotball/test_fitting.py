@@ -446,9 +446,9 @@ def test_sensors_have_times_of_their_own(tmp_path: Path) -> None:
     assert angle.values[2, 0] == gyro.values[2, 0] == pytest.approx(np.radians(18.0))
     assert found.commands["frame"][1].tolist() == list(range(10))
     assert found.notes == (
-        "x, y: in mm, as the file says, and taken so",
-        "shell_wx: in deg/s, as the file says, and taken so",
-        "frame_angle: in deg, as the file says, and taken so",
+        "x, y: in mm, as the file says",
+        "shell_wx: in deg/s, as the file says",
+        "frame_angle: in deg, as the file says",
     )
 
 

@@ -49,7 +49,7 @@ class Check:
     out: Path = OUT
     """Folder for the mended file, the page and the picture."""
     json: File = None
-    """Also write all of it as JSON."""
+    """Also write what is found as JSON."""
 
     def run(self) -> int:
         check_positive("accuracy", self.accuracy, "")

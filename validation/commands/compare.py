@@ -103,7 +103,7 @@ class Compare:
         records = [record for each in found for record in each.records]
         refused = [
             f"{scene.name if file == scene.name else f'{scene.name} ({file})'}: "
-            + each.refused.removeprefix(f"{scene.name}: ")
+            + each.refused.removeprefix(f"{scene.name}: ").removeprefix(f"{scene.name}, ")
             for (file, scene), each in zip(scenes.items(), found, strict=True)
             if each.refused is not None
         ]

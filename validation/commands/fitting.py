@@ -33,12 +33,11 @@ from validation.output import (
     program,
     progress_bar,
     scientific,
-    versions,
     writable_folder,
     write_record,
     write_text,
 )
-from validation.report import page, paragraph, plot, table, text
+from validation.report import VERDICTS, page, paragraph, plot, table, text
 from validation.report.chart import Line
 
 _EQUATIONS = "equations"
@@ -157,7 +156,7 @@ def fit_page(scene: str, fits: Mapping[str, Fitted]) -> str:
     found = fits[_EQUATIONS]
     body = [
         f"<h1>{text(scene)}: fitted to its logs</h1>",
-        paragraph(next(lines(found)), f"verdict {'good' if found.explains else 'bad'}"),
+        paragraph(next(lines(found)), VERDICTS[found.explains and _tells(found)]),
         *(paragraph(each) for each in [*lines(found)][1:]),
         "<h2>Numbers</h2>",
         table(_HEADINGS, _numbers((*found.found, *found.of_logs))),
@@ -188,7 +187,6 @@ def _record(scene: str, fits: Mapping[str, Fitted]) -> dict[str, Any]:
     found = fits[_EQUATIONS]
     return {
         "program": program(),
-        "versions": versions(),
         "scene": scene,
         "explains": found.explains,
         "chi2": found.chi2,
@@ -239,18 +237,16 @@ class Fit:
     """
 
     scene: SceneName
-    """A catalog name, or a path to a TOML, MJCF or URDF file: the numbers to begin with."""
+    """A name from the catalog, or a path to a TOML, MJCF or URDF file: where the fit begins."""
     logs: Positional[Annotated[tuple[Path, ...], arg(metavar="LOG...", help_behavior_hint="")]]
     """CSV, NPZ or Parquet files of what the robot's sensors read."""
     free: Names = ()
-    """The numbers to find, by their paths in the scene file or the last words of these;
-    with limits as frame.kv=0.1:0.8."""
+    """Numbers to find, by their paths or the last words of these; limits as frame.kv=0.1:0.8."""
     also: Names = ()
     """What else to find of each log: world.yaw, world.origin, position.marker, gyro.bias,
     accelerometer.place, commands.delay, SENSOR.clock, HINGE_angle.zero."""
     noise: Names = ()
-    """The noise of sensors, as gyro=0.02, one standard deviation in SI units;
-    of the others it is estimated from their readings."""
+    """The noise of sensors, as gyro=0.02: a standard deviation, in SI units; else estimated."""
     loss: Annotated[str, arg(metavar="linear|soft_l1|huber|cauchy|arctan")] = "linear"
     """The loss of scipy's least_squares; another than linear bears with outliers."""
     all: bool = False

@@ -47,8 +47,7 @@ class Figures:
     """
 
     names: Annotated[Several, arg(metavar="[N…]")] = ()
-    """Which figures, 3 to 14 or tori (both rolling models' trajectories on the same tori);
-    all of them if none is given."""
+    """Which figures, 3 to 14 or tori (which both rolling models wind); all if none is given."""
     out: Path = OUT
     """Folder for the pictures."""
     threads: Threads = None

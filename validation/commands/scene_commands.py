@@ -46,8 +46,7 @@ class Model:
     preset: Annotated[str, arg(metavar=PRESET)] = "balanced"
     """The settings to write into it."""
     out: File = None
-    """Write it to this file instead.
-    Beside it go the controls, where they change in time, and a player."""
+    """Write it to this file, and beside it a player and its controls where it needs them."""
     bare: bool = False
     """Leave out what only a picture needs."""
     explain: bool = False

@@ -176,12 +176,11 @@ class Continue:
     """Fixed points of the motion from rest, straight lines or cycles with the scene's M."""
     over: Annotated[str, arg(metavar="NUMBER")]
     """K1 to K3, Omega1 to Omega3, K, Omega, f, c; angles K12, K23, K31, Omega12 and so on.
-    Of what is driven periodically: frequency, f, c, frame.mean, rotor1.value,
-    plane.Z.amplitude, .phase."""
+    Driven periodically: frequency, f, c, frame.mean, rotor1.value, plane.Z.amplitude, .phase."""
     low: Annotated[float, arg(name="from")]
-    """Its least value, in SI units; angles in degrees."""
+    """The number's least value, in SI units; angles in degrees."""
     high: Annotated[float, arg(name="to")]
-    """Its largest value."""
+    """The number's largest value."""
     longest: Given[float] = None
     """Period beyond which no cycle is followed [s]: 300, or four of its own of what is driven."""
     preset: Preset = None

@@ -63,7 +63,7 @@ _KEPT = 100  # crossings of each motion of a diagram
 _SAME_CROSSING = 1e-3  # of L/√f and of a radian: crossings as near as that are one
 _QUICK = 10  # times fewer points and shorter motions in the quick form
 _SAID = (
-    "motions: {points}, {minutes:.1f} minutes of processor time. Of the chart {chaotic:.1%} is "
+    "motions: {points}, {minutes:.2g} minutes of processor time. Of the chart {chaotic:.1%} is "
     "chaotic, {straight:.1%} ends on straight lines."
 )
 _SPREAD = " Half of the chaotic λ₁ have a standard error below {median_error:.1g} 1/s"

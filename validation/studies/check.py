@@ -181,12 +181,13 @@ class Checked:
     """A model as it is beside its reference, and mended.
 
     asked: the duration [s] and the accuracy that were asked for; short: why less was compared, in
-    words; path (n, 3): contact point and height as it is [m]; error: its; since: when it passes the
-    accuracy [s]; fails: why it is not right whatever its error, in words; judged: whether anything
-    moves enough; tried: how long each change was tried [s]; others: the error by the rolling model
-    that is farther; motion, seen: as it is, at every step; needed: the fewest changes that help,
-    each with the error without it, the largest first; spared: the others; unlikely: what both
-    motions have; edit, text: the user's file and the mended one; mended (n, 3): its path.
+    words; path (n, 3): contact point and height as it is [m]; error: its path error; since: when it
+    passes the accuracy [s]; fails: why it is not right whatever its error, in words; judged:
+    whether anything moves enough; tried: how long each change was tried [s]; others: the error by
+    the rolling model that is farther; motion, seen: as it is, at every step; needed: the fewest
+    changes that help, each with the error without it, the largest first; spared: the others;
+    unlikely: what both motions have; edit, text: the user's file and the mended one; mended (n, 3):
+    its path.
     """
 
     theory: ReferenceMotion
@@ -278,7 +279,7 @@ def check_model(
         changes = [_overriding(robot.model, each) for each in found]
         return _carrying(changes, with_changes(changes), theory)
 
-    # Whatever the file says of the contact: without what overlaps, and by all of the recipe.
+    # A contact that is wrong may stop the robot before a wall: it is mended to see what it meets.
     met = [each for each in seen.met if each[0] <= times[-1] and not seen.inside]
     if seen.inside:
         with_changes([_apart(robot.model, seen)]).path(times, met)
@@ -422,9 +423,8 @@ def _theories(
 ) -> dict[Rolling, ReferenceMotion]:
     """Return the motions of the rolling models, that of the contact's condim first.
 
-    A path that stands still tells none, and is held to the first.
-
-    Raises InputError where there is no motion.
+    A path that stands still does not tell which is meant, and is held to the first. Raises
+    InputError where there is no motion.
     """
     found: dict[Rolling, ReferenceMotion] = {}
     refused = InputError("")
@@ -692,7 +692,7 @@ def _verdict(checked: Checked) -> Iterator[str]:
     if checked.fails:
         verdict = checked.fails
     elif checked.error > accuracy:
-        verdict = f"does not agree: {error}; {asked}, and passed at t = {checked.since:.2g} s"
+        verdict = f"does not agree: {error}; {asked}, exceeded from t = {checked.since:.2g} s on"
     elif checked.short:
         verdict = f"no verdict on {duration:.3g} s: {error}; {asked}"
     else:

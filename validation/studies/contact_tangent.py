@@ -386,7 +386,7 @@ class Lyapunov:
         period, starts = period_of(scene), level_starts(scene, self.starts, self.seed)
         taken = period, round(self.transient / period), max(1, round(self.duration / period))
         flows: dict[str, Flow] = {
-            "the equations": partial(stroboscopic_map, scene, rtol=LONG_RUN_TOLERANCE)
+            "equations": partial(stroboscopic_map, scene, rtol=LONG_RUN_TOLERANCE)
         }
         if settings is not None:
             model = build(scene, settings)
@@ -418,7 +418,7 @@ class Lyapunov:
                 found = growths(scene, flow, *taken, starts, say).spectra
                 spectra[by] = found.tolist()
                 for index, each in zip("₁₂₃₄₅₆", found.T, strict=True):
-                    name = f"λ{index} by {by} [1/s]"
+                    name = f"λ{index}, {by} [1/s]"
                     rows.append((name, float(each.mean()), standard_error(each)))
         return rows, spectra
 

@@ -263,7 +263,7 @@ def _convergence_study(study: Runs) -> Study:
             table_of(_RUNS, study.rows, section="integrator"),
             table_of(_ORDER_COLUMNS, [_orders(study, each) for each in study.by_name]),
             _NOTE,
-            f"{name}: the own limit is {limit['model_error']:.1e} of the path away from the\n"
+            f"{name}: the own limit is {limit['model_error']:.1e} of the path away from the "
             f"equations; {limit['by']} computes it, right to {limit['known_to']:.1e}.",
         ),
         picture=_convergence_picture(study),

@@ -184,8 +184,9 @@ _LEAST = 1e-15  # below it errors cannot be distinguished
 _NOTE = (
     "N error, over the weight; cone: friction beyond it; slip work, over the kinetic energy; "
     "energy gained (+) or lost. CPU: processor time of a simulated second, without set-up and "
-    "reading; relative to that of {} by default; spread of its rounds; Python: its part "
-    "that Python takes at every step. * on the Pareto front: nothing is both cheaper and better."
+    "reading; relative to that of {} by default; spread of its rounds; Python: its part that "
+    "Python takes at every step. ours: the parts that robotball brings. * on the Pareto front: "
+    "nothing is both cheaper and better."
 )
 
 
@@ -300,14 +301,13 @@ class Engines:
     """
 
     scenes: Annotated[Several, arg(metavar="[SCENE…]")] = ()
-    """Names from the catalog, or paths to TOML, MJCF or URDF files; if none, engines are listed."""
+    """Names from the catalog, or paths to scene files; without any the engines are listed."""
     only: Names = ()
     """Engines to run; all that are there if not given. Several: drake,bullet."""
     install: Names = ()
     """Make environments of their own for these engines first, by pip. Several: drake,bullet."""
     python: Annotated[str, arg(metavar="PYTHON", help_behavior_hint="")] = ""
-    """Python of the environments that are made, a version or a path;
-    if not given, the newest here that each engine's newest release supports."""
+    """Python of new environments, a version or a path; else the newest that an engine takes."""
     environments: Path = ENVIRONMENTS
     """Folder for the environments."""
     tune: bool = False

@@ -588,15 +588,12 @@ class Judge:
     scene: SceneName
     """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
     files: Positional[Annotated[tuple[Path, ...], arg(metavar="FILE...", help_behavior_hint="")]]
-    """CSV, NPZ or Parquet files with t,x,y,qw,qx,qy,qz;
-    several with different steps give the order of convergence."""
+    """CSV, NPZ or Parquet files with t,x,y,qw,qx,qy,qz; of several steps for the order."""
     control: Controls = ()
     timestep: UseAppendAction[Annotated[tuple[str, ...], arg(metavar="SECONDS,…")]] = ()
-    """The engine's step in each file;
-    else the one in its header, or the interval of its samples."""
+    """The engine's step in each file; else that of its header, or the interval of its rows."""
     tolerance: Annotated[float, arg(metavar="ERROR")] = _TOLERANCE
-    """The errors that agree: of path, height, momentum and hinges' rates, relative;
-    of attitude [rad]."""
+    """The errors that agree: of path, height, momentum and rates, relative; of attitude [rad]."""
     json: File = None
     """Also write the judgement."""
 

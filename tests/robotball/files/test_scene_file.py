@@ -68,11 +68,16 @@ def test_a_rotors_parts_lie_about_its_axis() -> None:
 
 
 def test_a_pendulum_that_swings_out_of_the_shell_is_told(tmp_path: Path) -> None:
-    """It hangs at the centre, and at half a turn it is twice the pivot's height away."""
-    hung = PENDULUM.replace("-0.02", "0.12") + BOB.replace("-0.11", "0.0")
-    (tmp_path / "mine.toml").write_text(robot(rest=hung))
-    with pytest.warns(rb.SceneWarning, match=r"pendulum1 has mass outside the shell: at 0\.2419 m"):
+    """At half a turn it is twice the pivot's height away; the warning is at the caller's line.
+
+    The file is as Windows writes it, with a byte order mark.
+    """
+    text = robot(rest=PENDULUM.replace("-0.02", "0.12") + BOB.replace("-0.11", "0.0"))
+    (tmp_path / "mine.toml").write_text(text, encoding="utf-8-sig", newline="\r\n")
+    words = r"pendulum1 has mass outside the shell: at 0\.2419 m"
+    with pytest.warns(rb.SceneWarning, match=words) as said:
         rb.load_scene(tmp_path / "mine.toml")
+    assert said[0].filename == __file__
 
 
 LINES = (

@@ -153,8 +153,8 @@ def test_units_that_the_file_names_are_taken_and_told(tmp_path: Path, text: str)
     assert trajectory.times.tolist() == [0, 0.0005, 0.001]
     assert trajectory.position[2, :2].tolist() == [0.003, 0.004]
     assert trajectory.notes == (
-        "t: in ms, as the file says, and taken so",
-        "x, y: in mm, as the file says, and taken so",
+        "t: in ms, as the file says",
+        "x, y: in mm, as the file says",
     )
 
 
@@ -320,7 +320,7 @@ def test_quaternions_that_are_rounded_are_made_unit_and_told(
     """Two digits are off by a hundredth; single precision is not warned of."""
     trajectory = read(tmp_path, PLAIN.replace("0.6,0.8", written))
     assert np.linalg.norm(trajectory.attitude, axis=1).tolist() == pytest.approx([1, 1, 1], 1e-15)
-    note = f"quaternions are off length 1 by up to {off}; they are made so"
+    note = f"quaternions are off length 1 by up to {off}; they are normalized"
     assert trajectory.notes == ((note,) if off else ())
 
 

@@ -28,7 +28,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
-from robotball.errors import SceneWarning, check_count
+from robotball.errors import SceneWarning, check_count, warn
 from robotball.files.replacing import remove_unfinished
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ def in_processes(
             finished, running = futures.wait(running, return_when=futures.FIRST_COMPLETED)
             for future in finished:
                 for line in _answer(future)[1]:
-                    warnings.warn(line, SceneWarning, stacklevel=2)
+                    warn(line)
             more = [submit(job) for job in islice(waiting, len(finished))]
             running.update(more)
             in_order.extend(more)
@@ -321,8 +321,8 @@ def _serve(pipe: connection.Connection, work: Callable[[Any], Any]) -> None:
     parent = multiprocessing.parent_process()
     assert parent is not None
     end_when_closed(parent.sentinel)
-    pipe.send(None)
     with at_most(1), suppress(EOFError, BrokenPipeError, ConnectionResetError):
+        pipe.send(None)
         while pipe.poll(_IDLE):
             pipe.send(answered(work, pipe.recv()))
 

@@ -501,7 +501,8 @@ def _refused_by_the_encoder(path: Path) -> Iterator[None]:
     try:
         yield
     except RuntimeError as error:
-        if not str(error).startswith("Error writing"):
+        stopped = isinstance(error.__context__, KeyboardInterrupt)  # Ctrl-C ends the encoder, too
+        if stopped or not str(error).startswith("Error writing"):
             raise
         why = (str(error).splitlines() or [""])[-1]
         raise InputError(f"{path} cannot be written: the encoder says {why!r}") from None

@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 
 import robotball as rb
-from validation import compare
 
 
 def main(name: str = "fig12", *presets: str) -> None:
@@ -15,7 +14,7 @@ def main(name: str = "fig12", *presets: str) -> None:
     scene = rb.load_scene(name)
     theory = rb.integrate(scene)
     agreements = [
-        compare(scene, preset, theory=theory) for preset in presets or ("naive", "balanced")
+        rb.compare(scene, preset, theory=theory) for preset in presets or ("naive", "balanced")
     ]
     for each in agreements:
         print(f"{each.settings.name:10} path error {each.path_error or float('nan'):.1e}", end="  ")

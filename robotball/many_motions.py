@@ -4,9 +4,10 @@ import ctypes
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import Any, TypeVar, overload
 
-from robotball.engine import DEFAULT, Engine, Request, as_of, request_of, runnable
+from robotball.engine import DEFAULT, Engine, Request, as_of, request_of, runnable, scene_of
 from robotball.engines import Progress
 from robotball.errors import InputError
 from robotball.motion import ContactMotion, EngineSettings
@@ -65,7 +66,7 @@ def _of_start(work: Callable[[Scene], _Result], scene: Scene, start: Start) -> _
 
 
 def simulate_many(
-    scene: Scene | Sequence[Scene],
+    scene: Scene | str | Path | Sequence[Scene],
     starts: Sequence[Start] | None = None,
     times: Array | None = None,
     settings: EngineSettings | str | None = None,
@@ -83,9 +84,9 @@ def simulate_many(
 
     Parameters
     ----------
-    scene : Scene or sequence of Scene
-        The scene whose ball is started many times, or several scenes. Several scenes may differ in
-        their drives and bodies too.
+    scene : Scene, str, Path or sequence of Scene
+        The scene whose ball is started many times, its name or file, or several scenes. Several
+        scenes may differ in their drives and bodies too.
     starts : sequence of Start, optional
         The starts of a single scene. Several scenes have their own.
     times : (n,), s, optional
@@ -135,6 +136,8 @@ def simulate_many(
             raise InputError(f"{request.engine.label.name} has no choice of a device: leave it out")
         _check_device(device)
         request = replace(request, settings=replace(own, device=device))
+    if isinstance(scene, str | Path):
+        scene = scene_of(scene)
     if (starts is None) == isinstance(scene, Scene):
         raise InputError("give starts with one scene, and none with several")
     if isinstance(scene, Scene):

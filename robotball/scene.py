@@ -74,7 +74,7 @@ def check_times(times: Array) -> Array:
     """Return times (n,) as floats. Raises InputError unless finite, increasing and from 0."""
     times = np.asarray(times, dtype=float)
     if times.ndim != 1 or len(times) < 2:
-        raise InputError(f"times must be a list of at least two, not of shape {times.shape}")
+        raise InputError(f"times must be two or more (sample_times), not of shape {times.shape}")
     if not np.all(np.isfinite(times)):
         raise InputError("times must be finite")
     check_size("the last of the times", float(times[-1]), "s")

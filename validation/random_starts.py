@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robotball import Engine, EngineSettings, Scene, Start, integrate, sample_times, simulate_many
-from robotball.engine import DEFAULT
+from robotball.engine import DEFAULT, scene_of
 from robotball.engines import Progress
 from robotball.engines.reduced import motion_of
 from robotball.errors import InputError, check_count
@@ -78,7 +78,7 @@ class ManyRuns:
 
 
 def compare_many(
-    scene: Scene,
+    scene: Scene | str | Path,
     starts: Sequence[Start],
     settings: EngineSettings | str | None = None,
     times: Array | None = None,
@@ -94,8 +94,8 @@ def compare_many(
 
     Parameters
     ----------
-    scene : Scene
-        The scene whose ball is started many times.
+    scene : Scene, str or Path
+        The scene whose ball is started many times, its name or its file.
     starts : sequence of Start
         The starts.
     settings : EngineSettings or str, optional
@@ -132,13 +132,13 @@ def compare_many(
     >>> from validation import compare_many
     >>> scene = rb.load_scene("fig12")
     >>> starts = [replace(scene.start, momentum=f * scene.start.momentum) for f in (0.5, 1.5)]
-    >>> runs = compare_many(scene, starts, "fast", rb.sample_times(0.5))
+    >>> runs = compare_many("fig12", starts, "fast", rb.sample_times(0.5))
     >>> [row["agrees"] for row in runs.rows]
     [True, True]
     """
-    scenes = FromStarts(scene, starts)
+    scenes = FromStarts(scene_of(scene), starts)
     check_count("the number of starts", len(scenes), 1)
-    times = scene.times if times is None else times
+    times = scenes[0].times if times is None else times
     more: Any = {"engine": engine, "device": device, "progress": progress}
     motions = simulate_many(scenes, None, times, settings, **more)
     return ManyRuns(tuple(map(_start_row, map(Agreement, _references(scenes, times), motions))))

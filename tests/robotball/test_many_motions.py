@@ -30,7 +30,7 @@ def test_each_motion_is_that_of_its_own_run() -> None:
 
 def test_no_start_is_no_motion() -> None:
     """And no time, as nothing is to be run."""
-    assert [*rb.simulate_many(FIG12, [])] == []
+    assert [*rb.simulate_many("fig12", [])] == []
     assert [*rb.simulate_many([])] == []
 
 

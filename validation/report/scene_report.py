@@ -196,10 +196,8 @@ def _loads(group: Sequence[Agreement]) -> str:
         worst = max((float(each.max()) for each in off if each.size), default=np.inf)
         label = f"{quantity} [{unit}]" if unit else quantity
         if high - low <= _CONSTANT * most and worst <= _HIDDEN * most:
-            own = f"{exact[0]:.4g} {unit}".rstrip()
-            said += paragraph(
-                f"{caption}: {own} throughout; the runs differ by at most {worst:.1g}."
-            )
+            own, apart = (f"{each} {unit}".rstrip() for each in (f"{exact[0]:.4g}", f"{worst:.1g}"))
+            said += paragraph(f"{caption}: {own} throughout; the runs differ by at most {apart}.")
         elif worst <= _HIDDEN * (high - low):  # a run's curve would hide in that of the equations
             lines = _lines(group, [_NONE, *zip(times[1:], off, repeat(None))])
             caption += f": from {low:.3g} to {high:.3g}; how far the runs are off"

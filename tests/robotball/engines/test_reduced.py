@@ -216,7 +216,7 @@ OFTEN = (
     r"whole needs some \S+e\+07 steps; shorten the motion or raise max_steps"
 )
 REFUSED = {
-    "at([0.0, 1.0])": r"at least two, not of shape \(1, 2\)",
+    "at([0.0, 1.0])": r"two or more \(sample_times\), not of shape \(1, 2\)",
     "at(0.1, 0.2)": r"times must start at 0, not at 0\.1",
     "at(0.0, 2.0, 1.5)": r"times must increase: 1\.5 follows 2",
     "at(0.0, np.inf)": "times must be finite",

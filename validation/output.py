@@ -10,6 +10,7 @@ import json
 import math
 import os
 import platform
+import re
 import sys
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -73,6 +74,14 @@ def write_text(path: Path, text: str) -> None:
 def in_picture(text: str) -> str:
     """Return a user's text for a picture, in which its dollars are no formula."""
     return text.replace("$", r"\$")
+
+
+_SPACE = re.compile(r" (?=[=<≈] )|(?<=[=<≈]) |(?<=\d) (?=%|(?:s|ms|m|rad|kg)\b)")
+
+
+def together(text: str) -> str:
+    """Return a text of which no line is broken beside a relation or before a number's unit."""
+    return _SPACE.sub("\u00a0", text)
 
 
 def halo(width: float = 3.0) -> "list[AbstractPathEffect]":

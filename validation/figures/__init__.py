@@ -3,7 +3,6 @@
 Points in space are seen from far away: an orthographic view, with their depth.
 """
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,6 +21,7 @@ from robotball.engines.mujoco.run import run
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.film.looks import INK
 from robotball.rotations import Array
+from validation.output import together
 
 # The one place that knows which engine is drawn over the theory, and in which colour.
 ENGINE_NAME, ENGINE_COLOUR, THEORY = LABEL.name, LABEL.colour, EQUATIONS.colour
@@ -62,8 +62,7 @@ def sheet(
     text.axis("off")
     lines = list[str]()
     for paragraph in ("Parameters", *caption, "", "Facts", *facts):
-        whole = _TOGETHER.sub("\u00a0", paragraph)
-        lines += wrap(whole, _LETTERS, subsequent_indent="  ") or [""]
+        lines += wrap(together(paragraph), _LETTERS, subsequent_indent="  ") or [""]
     style: dict[str, Any] = {"transform": text.transAxes, "color": INK, "fontsize": 10, "va": "top"}
     for i, line in enumerate(lines):
         height = 1.0 - (0.1 + _LINE_HIGH * i) / sum(heights)
@@ -72,10 +71,6 @@ def sheet(
     for each in axes.values():
         each.grid(alpha=0.3)
     return figure, axes
-
-
-# The spaces beside a relation, and before a unit, at which no line is broken.
-_TOGETHER = re.compile(r" (?=[=<≈] )|(?<=[=<≈]) |(?<=\d) (?=(?:s|ms|m|rad|kg)\b)")
 
 
 def engine_motion(scene: Scene, times: Array, settings: str = "balanced") -> ContactMotion:

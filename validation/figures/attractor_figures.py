@@ -288,7 +288,7 @@ def figure_tori() -> Figure:
         "classical: A' = E/d - A/2, d = 0.9 kg m²,",
         "  A' = diag(.711, .811, .761)",
         "Ω = 0, K = 0: nothing turns inside",
-        "f = 25, (M,γ) = 0 (all chosen)",
+        "f = 25 (kg m²/s)², (M,γ) = 0 (all chosen)",
     )
     facts = (
         "Introduction, 3: the reduced trajectories of both balls wind round the same tori.",
@@ -308,7 +308,7 @@ def figure_tori() -> Figure:
     for rolling, mark in (("rubber", "o"), ("classical", "s")):
         turns = [curves[rolling, l].rotation for l in LEVELS]
         axes["turns"].plot(LEVELS, turns, mark, color=_COLOURS[rolling], label=rolling)
-    axes["turns"].set(xlabel="l at the start, L = 0 [rad]", ylim=(0, None))
+    axes["turns"].set(xlabel="l [rad] at the start, L = 0", ylim=(0, None))
     axes["turns"].set_title("turns between crossings")
     axes["turns"].legend(loc="lower left")
     return figure

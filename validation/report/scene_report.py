@@ -14,7 +14,7 @@ from robotball.film.web import view_fragment, view_head
 from robotball.notebook import counted
 from robotball.rotations import Array
 from validation.agreement import Agreement
-from validation.output import known, scientific, versions
+from validation.output import known, scientific, together, versions
 from validation.plots import framed
 from validation.report import VERDICTS, embedded, folded, page, paragraph, plain, plot, table, text
 from validation.report.chart import Line
@@ -86,7 +86,7 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
         ),
         "<h3>Agreement</h3>",
         '<div class="charts"><div>',
-        *(paragraph(sentence(each), VERDICTS[each.agrees]) for each in group),
+        *(paragraph(together(sentence(each)), VERDICTS[each.agrees]) for each in group),
         *(paragraph(f"In the loop {growth_of(growth)}.", "faint") for growth in grown),
         f"</div>{_paths(group)}</div>",
         _ball_numbers(group),
@@ -194,17 +194,18 @@ def _loads(group: Sequence[Agreement]) -> str:
         off = [np.abs(each - exact[: len(each)]) for each in values[1:]]
         # Of runs that broke off in their first step nothing is known.
         worst = max((float(each.max()) for each in off if each.size), default=np.inf)
-        label = f"{quantity} [{unit}]" if unit else quantity
+        label, of = (f"{quantity} [{unit}]", f" {unit}") if unit else (quantity, "")
         if high - low <= _CONSTANT * most and worst <= _HIDDEN * most:
-            own, apart = (f"{each} {unit}".rstrip() for each in (f"{exact[0]:.4g}", f"{worst:.1g}"))
-            said += paragraph(f"{caption}: {own} throughout; the runs differ by at most {apart}.")
+            own = f"{caption}: {exact[0]:.4g}{of} throughout"
+            said += paragraph(f"{own}; the runs differ by at most {worst:.1g}{of}.")
         elif worst <= _HIDDEN * (high - low):  # a run's curve would hide in that of the equations
             lines = _lines(group, [_NONE, *zip(times[1:], off, repeat(None))])
-            caption += f": from {low:.3g} to {high:.3g}; how far the runs are off"
+            caption += f": from {low:.3g} to {high:.3g}{of}; how far the runs are off"
             drawn += plot(caption, lines, "time [s]", f"difference of {label}", log=True)
         else:
             lines = _lines(group, [*zip(times, values, repeat(None))])
-            drawn += plot(f"{caption}: at most {most:.3g}", lines, "time [s]", label, reach=most)
+            caption += f": at most {most:.3g}{of}"
+            drawn += plot(caption, lines, "time [s]", label, reach=most)
     return f'{said}<div class="charts">{drawn}</div>'
 
 

@@ -4,7 +4,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import groupby
+from itertools import groupby, pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -124,9 +124,10 @@ def _branch_picture(
     along = "γ" + "₁₂₃"[int(key[-1]) - 1]
     if rows[0]["period"] is not None and scene.steady:
         key, along = "period", "period [s]"
-    values = {kind: [row["value"] for row in special if row["kind"] == kind] for kind in _MARKERS}
-    found = ", ".join(
-        f"{kind} at {some[0]:.4g}" if len(some) == 1 else f"{len(some)} × {kind}"
+    values = {kind: {float(f"{row['value']:.4g}") for row in special if row["kind"] == kind}
+              for kind in _MARKERS}  # fmt: skip
+    found = "; ".join(
+        f"{kind} at {', '.join(map('{:g}'.format, sorted(some)))}"
         for kind, some in values.items() if some
     )  # fmt: skip
     heading = f"{scene.name}, over {label[0]}: {found or 'no special point'}"
@@ -150,17 +151,20 @@ def _branch_picture(
 def _draw_branch(axes: Axes, rows: Sequence[Row], key: str, named: bool) -> None:
     """Draw one branch, solid where it is stable, with the names of its parts if it is named."""
     x, y = (np.array([row[name] for row in rows]) for name in ("value", key))
-    # A piece of the line is stable if both its ends are; at a special one some exponent is zero.
-    stable = np.array([row["stable"] or row["kind"] != "" for row in rows])
-    both = stable[1:] & stable[:-1]
-    for run in np.split(np.arange(len(both)), np.flatnonzero(np.diff(both)) + 1)[: len(both)]:
-        part, style = slice(run[0], run[-1] + 2), "-" if both[run[0]] else "--"
-        axes.plot(x[part], y[part], style, color=INK, lw=2.2 if style == "-" else 1.6)
-    if len(rows) == 1:
-        axes.plot(x, y, ".", color=INK)
+    # Between special points a branch is stable or not; next to one, rounding may say otherwise.
+    ends = [0, *(i for i, row in enumerate(rows) if row["kind"]), len(rows) - 1]
+    for i, k in pairwise(ends):
+        inside = [row["stable"] for row in rows[i : k + 1] if not row["kind"]]
+        solid = 2 * sum(inside) > len(inside)
+        style: Any = {"lw": 2.2} if solid else {"lw": 1.6, "ls": "--"}
+        axes.plot(x[i : k + 1], y[i : k + 1], color=INK, marker="." * (len(rows) == 1), **style)
     places = (3 * len(rows) // 4, len(rows) // 4) if named else ()
     for i in {rows[i]["name"]: i for i in places}.values():
-        note(axes, rows[i]["name"], (x[i], y[i]), (4, 5), color=INK, path_effects=halo())
+        # Above what is above zero, else below, on the side from which the line turns away.
+        before, after, up = max(i - 1, 0), min(i + 1, len(rows) - 1), y[i] >= 0
+        left = ((x[after] - x[before]) * (y[after] - y[before]) > 0) == up
+        note(axes, rows[i]["name"], (x[i], y[i]), (-4 if left else 4, 5 if up else -13), color=INK,
+             ha="right" if left else "left", path_effects=halo())  # fmt: skip
 
 
 @dataclass(frozen=True)

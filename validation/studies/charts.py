@@ -226,10 +226,11 @@ def _columns(axes: _Axes) -> list[Column]:
     return [*columns, Column("equations alongside", "alongside", "1/s", form=".4f")]
 
 
-def _blank(scene: Scene, axes: _Axes, found: str) -> tuple[Figure, list[str], dict[str, float]]:
+def _blank(scene: Scene, axes: _Axes, part: float) -> tuple[Figure, list[str], dict[str, float]]:
     """Return a figure with its title only, the labels of its axes, and the scene's own numbers."""
     figure = Figure(figsize=(9.0, 7.4), layout="constrained")
-    title(figure, f"{scene.name}: {found} over {' and '.join(NUMBERS[name][0] for name in axes)}")
+    over = " and ".join(NUMBERS[name][0] for name in axes)
+    title(figure, f"{scene.name}: {part:.0%} is chaotic over {over}")
     labels = ["{} [{}]".format(*NUMBERS[name]) for name in axes]
     return figure, labels, numbers_of(scene.parameters, scene.start.momentum)
 
@@ -238,8 +239,8 @@ def _draw_chart(
     scene: Scene, axes: _Axes, largest: Array, least: float, repeated: Sequence[Row]
 ) -> Figure:
     """Draw λ₁ (across, up) in colours, with the borders of chaos and what the engine repeated."""
-    part = (largest[np.isfinite(largest)] > least).mean()
-    figure, (across, up), own = _blank(scene, axes, f"{part:.0%} is chaotic")
+    known = np.isfinite(largest)
+    figure, (across, up), own = _blank(scene, axes, (largest[known] > least).mean())
     panel, (x, y) = figure.subplots(), axes
     # Colour is for chaos alone: what is regular is pale, so that it does not fill the picture.
     colours = colormaps["viridis_r"].with_extremes(under="#E9ECEF")
@@ -258,14 +259,15 @@ def _draw_chart(
         by = (5, -12 if place[1] > axes[y].mean() else 4)  # within the picture
         note(panel, words, place, by, fontsize=9, path_effects=halo(), annotation_clip=True)
     panel.set(xlabel=across, ylabel=up)
-    words = "lines: borders of chaos; hatched: settles on a straight line; white: no start"
+    words = "lines: borders of chaos" + "; hatched: ends on straight lines" * bool(resting.any())
+    words += "; white: no start" * (not known.all()) + f"; numbers: also by {LABEL.name}" * (i > 0)
     panel.set_title(words, fontsize=9)
     return figure
 
 
-def _draw_diagram(scene: Scene, axes: _Axes, rows: Sequence[Row]) -> Figure:
+def _draw_diagram(scene: Scene, axes: _Axes, rows: Sequence[Row], part: float) -> Figure:
     """Draw the crossings' L/√f and l over what is varied, and λ₁ below."""
-    figure, (across,), own = _blank(scene, axes, "chaos")
+    figure, (across,), own = _blank(scene, axes, part)
     (name,) = axes
     dots = np.array([(row[name], *at) for row in rows for at in row["crossings"]]).reshape(-1, 3)
     above, middle, below = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 2))
@@ -374,7 +376,7 @@ class Chart:
         if failures:
             shown.append(escape(f"cells without a result: {len(failures)}; {failures[0]}"))
         if len(axes) == 1:
-            picture = _draw_diagram(scene, axes, found)
+            picture = _draw_diagram(scene, axes, found, record["chaotic"])
         else:
             picture = _draw_chart(scene, axes, largest, least, repeated)
         # A line of the file for each crossing, and one for a motion without.

@@ -251,7 +251,7 @@ _NOTE = (
     "DOP853 alone chooses its steps: the order is its power of rtol."
 )
 _INCHES = (11.0, 6.6)
-_NEAR_SLOPES = 1.5  # in ln(step) and ln(error): slopes as near as that get one label
+_NEAR_SLOPES = 2.5  # in ln(step) and ln(error): slopes as near as that get one label
 
 
 def _convergence_study(study: Runs) -> Study:

@@ -29,7 +29,8 @@ from robotball.engines import environments
 from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of, make
 from robotball.engines.states import motion_of_rows
 from robotball.errors import unknown
-from robotball.film.looks import ACCENT, INK
+from robotball.film.looks import INK
+from robotball.motion import Label
 from validation.agreement import Agreement
 from validation.options import AGREES, Given, Sweep, SweepOptions, seconds_of
 from validation.output import panels, writable_folder, write_record, write_text
@@ -51,7 +52,6 @@ _FREE_BODY = """<mujoco><option timestep="1e-3" gravity="0 0 0" integrator="impl
 </worldbody><keyframe><key qvel="0 0 0 3 1 5"/></keyframe></mujoco>""".format(*_MOMENTS)
 # Each number, its name, and the word by which a changelog's entry is about it: its integrator.
 _NUMBERS = {"as_it_comes": "as it comes", "recipe": "recipe", "free_body": "free body"}
-_STYLES = {"s-": ACCENT, "o-": INK, "d--": "#117733"}
 _WORDS = {"as_it_comes": "Euler", "recipe": "RK4", "free_body": "implicitfast"}
 
 
@@ -266,17 +266,21 @@ _COLUMNS = (
 )  # fmt: skip
 
 
-def _history_picture(title: str, rows: Sequence[Row]) -> Figure:
+def _history_picture(label: Label, title: str, rows: Sequence[Row]) -> Figure:
     """Draw errors and speed over the dates, or over the versions in order where one has none."""
     news = [row["version"] for row in rows if row["changed"]]
     heading = f"{title}: numbers changed in {', '.join(news) or 'none'}"
     figure, (axes, below) = panels(heading, (10.0, 6.6), 2, sharex=True, height_ratios=(3, 1))
     dated = all(row["date"] for row in rows)
     at: list[Any] = [np.datetime64(row["date"]) if dated else row["version"] for row in rows]
-    for (number, words), (style, colour) in zip(_NUMBERS.items(), _STYLES.items(), strict=True):
+    hollow, full = ({"marker": label.marker, "mfc": face} for face in ("none", label.colour))
+    # As engines' pictures have it: what comes is hollow.
+    styles = hollow | {"ls": ":"}, full, {"marker": "d", "ls": "--", "color": INK}
+    for (number, words), style in zip(_NUMBERS.items(), styles, strict=True):
         sizes = [abs(row.get(number) or np.nan) for row in rows]
-        axes.semilogy(at, sizes, style, color=colour, drawstyle="steps-post", label=words)
-    below.plot(at, [row["speed"] or np.nan for row in rows], ".-", color=INK)
+        look = {"color": label.colour, "drawstyle": "steps-post", "label": words}
+        axes.semilogy(at, sizes, **look | style)
+    below.plot(at, [row["speed"] or np.nan for row in rows], ".-", color=INK, clip_on=False)
     inside = axes.get_xaxis_transform()
     for place, row in zip(at, rows, strict=True):
         if row["changed"]:
@@ -341,7 +345,7 @@ class History:
         lines = _lines_of(changes_of(rows), _package(self.engine))
         title = f"{label.name} on {_SCENE}, version after version"
         table = table_of(_COLUMNS, rows, lambda row: row["failure"])
-        picture = _history_picture(title, [row for row in rows if not row["failure"]])
+        picture = _history_picture(label, title, [row for row in rows if not row["failure"]])
         record, words = {"history": rows, "changes": lines}, changed(self, "since", "to", "every")
         study = Study(
             _SCENE, label, ["history"], rows, record, (title, table, *map(escape, lines)), picture

@@ -180,7 +180,7 @@ def _portrait_picture(name: str, results: Sequence[Result]) -> Figure:
     figure.suptitle(
         f"From rest: points and their types change where the corrected formulas say; "
         f"{found['against_the_formulas']} of {found['cells']} cells differ\n"
-        f"A = diag{A}, K = (0, 0, K₃), {plane.held}",
+        f"A = diag{A} 1/(kg m²), K = (0, 0, K₃), {plane.held}",
         color=INK,
     )
     panels, curves = figure.subplots(2, 2), _curves_of(plane)

@@ -213,7 +213,7 @@ def test_a_scene_that_rolls_by_motors_has_their_loads(page: str) -> None:
     """Torque, rate and power of each hinge that is driven, with the largest by the equations."""
     for words in (
         "Torque of frame: at most",
-        "Rate of frame: at most 2<",
+        "Rate of frame: at most 2 rad/s<",
         "Power of rotor1: at most",
     ):
         assert words in page

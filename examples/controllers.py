@@ -138,12 +138,12 @@ def missed(motion: rb.Motion) -> float:
 def main() -> None:
     """Print, for each loop, what each engine makes of it, and how far it is off the equations."""
     for name, scene in LOOPS.items():
-        theory = rb.integrate(scene)
-        print(f"{name}: missed by {missed(theory):.2g} by the equations")
+        theory, unit = rb.integrate(scene), "rad/s" if name == "damp" else "m"
+        print(f"{name}: missed by {missed(theory):.2g} {unit} by the equations")
         for settings in ("accurate", "naive"):
             agreement = rb.compare(scene, settings, theory=theory)
             missing, off = missed(agreement.motion), agreement.path_error
-            print(f"  {missing:.2g} by {settings}, whose path is off by {off:.1e}")
+            print(f"  {missing:.2g} {unit} by {settings}, off by {off:.1e} of the path")
         print(f"  a start turned by a small δ rad is off by {agreement.loop_growth:.2g} δ")
 
 

@@ -89,7 +89,7 @@ def _page_of(study: Study, checked: check.Checked, picture: Path, motions: Seque
         f"<h1>{text(study.scene)}</h1>",
         *map(paragraph, lines),
         figure(picture),
-        "<h2>To be looked at</h2>",
+        "<h2>3-D view</h2>",
         view_fragment(motions),
         "<h2>What each change is worth</h2>",
         table([column.header for column in check.COLUMNS], cells, "words"),

@@ -172,9 +172,10 @@ def fit_page(scene: str, fits: Mapping[str, Fitted]) -> str:
 
 def _residual_plot(sensor: SensorFit) -> str:
     colours = [colour for colour, _, _ in PRESET_LOOKS.values()]
+    names = "xyz" if sensor.residuals.shape[1] > 1 else (sensor.name,)
     columns = [
-        Line(Look("xyz"[i], colours[i]), sensor.times, column / sensor.noise, width=0.8)
-        for i, column in enumerate(sensor.residuals.T)
+        Line(Look(name, colour), sensor.times, column / sensor.noise, width=0.8)
+        for name, colour, column in zip(names, colours, sensor.residuals.T, strict=False)
     ]
     caption = f"{sensor.name} of {sensor.log}: readings less the model's, over the noise"
     return plot(caption, columns, "t [s]", "residual over noise")

@@ -210,7 +210,7 @@ def test_a_studys_record_is_tables_and_pictures(robotball: Robotball, tmp_path: 
 
 
 def test_a_scene_that_rolls_by_motors_has_their_loads(page: str) -> None:
-    """Torque, rate and power of each hinge that is driven, with the largest by the equations."""
+    """Torque, rate and power of each driven hinge, the largest by the equations, in its unit."""
     for words in (
         "Torque of frame: at most",
         "Rate of frame: at most 2 rad/s<",

@@ -90,7 +90,7 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
         *(paragraph(f"In the loop {growth_of(growth)}.", "faint") for growth in grown),
         f"</div>{_paths(group)}</div>",
         _ball_numbers(group),
-        "<h3>To be looked at</h3>",
+        "<h3>3-D view</h3>",
         shown,
         paragraph(_OWN_FILE.format(scene.source), "faint") if scene.ball.general else "",
         "<h3>Errors</h3>",

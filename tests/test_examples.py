@@ -34,13 +34,15 @@ def test_the_script_compares_side_by_side(
 # Tutorials -------------------------------------------------------------------------------------
 
 
-def test_the_regression_test_needs_no_checkout() -> None:
+def test_the_tutorials_but_settings_need_no_checkout() -> None:
     """Neither a file of it nor the package `validation`, which a wheel has by another name."""
-    cells = {name: "".join("".join(cell["source"]) for cell in code_cells(read(name)))
-             for name in ("regression_test", "settings")}  # fmt: skip
-    needs = {name: re.findall(r"examples/|from validation", text) for name, text in cells.items()}
-    assert needs["regression_test"] == []
-    assert needs["settings"] != []  # which is read in the checkout
+    needs = [
+        (name, found)
+        for name in NOTEBOOKS
+        for cell in code_cells(read(name))
+        for found in re.findall(r"examples/|from validation", "".join(cell["source"]))
+    ]
+    assert needs == [("settings", "examples/")]
 
 
 NUMBER = r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]\d+)?"

@@ -178,7 +178,8 @@ def table_of(
 
 def markdown(columns: Sequence[Column], rows: Sequence[Row]) -> list[str]:
     """Return the lines of the table of the rows in Markdown."""
-    cells = [[column.header for column in columns], ["---"] * len(columns)]
+    sides = ["---" if column.words else "---:" for column in columns]
+    cells = [[column.header for column in columns], sides]
     cells += [[column.text(row).replace("|", "\\|") for column in columns] for row in rows]
     return [f"| {' | '.join(each)} |" for each in cells]
 

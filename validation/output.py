@@ -76,12 +76,9 @@ def in_picture(text: str) -> str:
     return text.replace("$", r"\$")
 
 
-_SPACE = re.compile(r" (?=[=<≈] )|(?<=[=<≈]) |(?<=\d) (?=%|(?:s|ms|m|rad|kg)\b)")
-
-
 def together(text: str) -> str:
     """Return a text of which no line is broken beside a relation or before a number's unit."""
-    return _SPACE.sub("\u00a0", text)
+    return re.sub(r" (?=[=<≈] )|(?<=[=<≈]) |(?<=\d) (?=%|(?:s|ms|m|rad|kg)\b)", "\u00a0", text)
 
 
 def halo(width: float = 3.0) -> "list[AbstractPathEffect]":

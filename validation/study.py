@@ -178,8 +178,7 @@ def table_of(
 
 def markdown(columns: Sequence[Column], rows: Sequence[Row]) -> list[str]:
     """Return the lines of the table of the rows in Markdown."""
-    sides = ["---" if column.words else "---:" for column in columns]
-    cells = [[column.header for column in columns], sides]
+    cells = [[each.header for each in columns], ["---:"[: 4 - each.words] for each in columns]]
     cells += [[column.text(row).replace("|", "\\|") for column in columns] for row in rows]
     return [f"| {' | '.join(each)} |" for each in cells]
 

@@ -225,11 +225,7 @@ def _lines(group: Sequence[Agreement], columns: Sequence[_Columns]) -> list[Line
 
 def friction_needed(theory: Motion) -> str:
     """Return a sentence on the friction that the motion needs."""
-    asked = needs(theory)
-    spin = (
-        f" To keep it from spinning takes a torsional one of {asked['torsional_friction']:.3g} m."
-    )
-    return (
-        f"By the {theory.engine.name} the motion needs a coefficient of sliding friction of "
-        f"{asked['sliding_friction']:.3g}.{spin if theory.scene.rolling == 'rubber' else ''}"
-    )
+    need = needs(theory)
+    words = f"By the {theory.engine.name} the motion needs a coefficient of sliding friction of "
+    spin = f" To keep it from spinning takes a torsional one of {need['torsional_friction']:.3g} m."
+    return f"{words}{need['sliding_friction']:.3g}." + spin * (theory.scene.rolling == "rubber")

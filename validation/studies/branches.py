@@ -46,6 +46,7 @@ from validation.study import Column, Row, Study, show, table_of, write
 
 _NO_BOUND = "period without bound"
 _MARKERS = {FOLD: "^", BRANCH: "s", HOPF: "o", DOUBLING: "D", DRIFT: "P", _NO_BOUND: "*"}
+_LINES: Any = {"c": INK, "lw": 1.6, "ls": "--"}, {"c": INK, "lw": 2.2}  # unstable, stable
 _PLACE = ("value", "gamma1", "gamma2", "gamma3")
 _SENSES = ("supercritical", "subcritical")
 _ROUNDING = 1e-9  # 1/s, of l₁
@@ -124,19 +125,18 @@ def _branch_picture(
     along = "γ" + "₁₂₃"[int(key[-1]) - 1]
     if rows[0]["period"] is not None and scene.steady:
         key, along = "period", "period [s]"
-    values = {kind: {float(f"{row['value']:.4g}") for row in special if row["kind"] == kind}
-              for kind in _MARKERS}  # fmt: skip
     found = "; ".join(
         f"{kind} at {', '.join(map('{:g}'.format, sorted(some)))}"
-        for kind, some in values.items() if some
-    )  # fmt: skip
+        for kind in _MARKERS
+        if (some := {float(f"{row['value']:.4g}") for row in special if row["kind"] == kind})
+    )
     heading = f"{scene.name}, over {label[0]}: {found or 'no special point'}"
     figure, axes = panels(heading, (9.0, 6.0))
     axes.set(xlabel="{} [{}]".format(*label), ylabel=along)
     axes.set_yscale("log" if key == "period" else "linear")
-    for stable, style in ((True, {"lw": 2.2}), (False, {"lw": 1.6, "ls": "--"})):
+    for stable, word in (True, "stable"), (False, "unstable"):
         if any(row["stable"] == stable for row in rows):
-            axes.plot([], [], color=INK, label="stable" if stable else "unstable", **style)
+            axes.plot([], [], label=word, **_LINES[stable])
     for each in branches:
         _draw_branch(axes, each, key, named=len(branches) > 1)
     for kind in dict.fromkeys(row["kind"] for row in special):
@@ -152,12 +152,10 @@ def _draw_branch(axes: Axes, rows: Sequence[Row], key: str, named: bool) -> None
     """Draw one branch, solid where it is stable, with the names of its parts if it is named."""
     x, y = (np.array([row[name] for row in rows]) for name in ("value", key))
     # Between special points a branch is stable or not; next to one, rounding may say otherwise.
-    ends = [0, *(i for i, row in enumerate(rows) if row["kind"]), len(rows) - 1]
-    for i, k in pairwise(ends):
+    for i, k in pairwise([0, *(i for i, row in enumerate(rows) if row["kind"]), len(rows) - 1]):
         inside = [row["stable"] for row in rows[i : k + 1] if not row["kind"]]
-        solid = 2 * sum(inside) > len(inside)
-        style: Any = {"lw": 2.2} if solid else {"lw": 1.6, "ls": "--"}
-        axes.plot(x[i : k + 1], y[i : k + 1], color=INK, marker="." * (len(rows) == 1), **style)
+        style = _LINES[2 * sum(inside) > len(inside)] | {"marker": "." * (len(rows) == 1)}
+        axes.plot(x[i : k + 1], y[i : k + 1], **style)
     places = (3 * len(rows) // 4, len(rows) // 4) if named else ()
     for i in {rows[i]["name"]: i for i in places}.values():
         # Above what is above zero, else below, on the side from which the line turns away.

@@ -30,7 +30,6 @@ from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of, m
 from robotball.engines.states import motion_of_rows
 from robotball.errors import unknown
 from robotball.film.looks import INK
-from robotball.motion import Label
 from validation.agreement import Agreement
 from validation.options import AGREES, Given, Sweep, SweepOptions, seconds_of
 from validation.output import panels, writable_folder, write_record, write_text
@@ -266,20 +265,21 @@ _COLUMNS = (
 )  # fmt: skip
 
 
-def _history_picture(label: Label, title: str, rows: Sequence[Row]) -> Figure:
-    """Draw errors and speed over the dates, or over the versions in order where one has none."""
+def _history_picture(mark: str, own: str, title: str, rows: Sequence[Row]) -> Figure:
+    """Draw errors and speed over the dates, or over the versions in order where one has none.
+
+    mark, own: the engine's marker and colour.
+    """
     news = [row["version"] for row in rows if row["changed"]]
     heading = f"{title}: numbers changed in {', '.join(news) or 'none'}"
     figure, (axes, below) = panels(heading, (10.0, 6.6), 2, sharex=True, height_ratios=(3, 1))
     dated = all(row["date"] for row in rows)
     at: list[Any] = [np.datetime64(row["date"]) if dated else row["version"] for row in rows]
-    hollow, full = ({"marker": label.marker, "mfc": face} for face in ("none", label.colour))
-    # As engines' pictures have it: what comes is hollow.
-    styles = hollow | {"ls": ":"}, full, {"marker": "d", "ls": "--", "color": INK}
-    for (number, words), style in zip(_NUMBERS.items(), styles, strict=True):
+    # As in the pictures of engines, what comes is hollow.
+    looks = (f"{mark}:", own, "none"), (f"{mark}-", own, own), ("d--", INK, INK)
+    for (number, words), (style, colour, face) in zip(_NUMBERS.items(), looks, strict=True):
         sizes = [abs(row.get(number) or np.nan) for row in rows]
-        look = {"color": label.colour, "drawstyle": "steps-post", "label": words}
-        axes.semilogy(at, sizes, **look | style)
+        axes.semilogy(at, sizes, style, c=colour, mfc=face, drawstyle="steps-post", label=words)
     below.plot(at, [row["speed"] or np.nan for row in rows], ".-", color=INK, clip_on=False)
     inside = axes.get_xaxis_transform()
     for place, row in zip(at, rows, strict=True):
@@ -345,7 +345,8 @@ class History:
         lines = _lines_of(changes_of(rows), _package(self.engine))
         title = f"{label.name} on {_SCENE}, version after version"
         table = table_of(_COLUMNS, rows, lambda row: row["failure"])
-        picture = _history_picture(label, title, [row for row in rows if not row["failure"]])
+        known = [row for row in rows if not row["failure"]]
+        picture = _history_picture(label.marker, label.colour, title, known)
         record, words = {"history": rows, "changes": lines}, changed(self, "since", "to", "every")
         study = Study(
             _SCENE, label, ["history"], rows, record, (title, table, *map(escape, lines)), picture

@@ -10,7 +10,7 @@ import pytest
 
 import robotball as rb
 from robotball.qualitative import motion_branches
-from robotball.qualitative.continuation import FOLD, UNFINISHED, Branch, Point, Watch
+from robotball.qualitative.continuation import DRIFT, FOLD, UNFINISHED, Branch, Point, Watch
 from validation.studies import branches
 from validation.studies.branches import Continue, _branch_picture
 
@@ -22,6 +22,23 @@ def test_a_branch_of_one_point_is_drawn() -> None:
     (axes,) = _branch_picture(rb.load_scene("fig12"), ("c", "kg m²/s"), [row], []).axes
     drawn = [np.column_stack(line.get_data()).tolist() for line in axes.lines]
     assert [points for points in drawn if points] == [[[3.0, 30.0]]]
+
+
+def test_a_branch_changes_its_dashes_at_special_points_alone() -> None:
+    """A point beside one, whose exponents are rounding, does not; the title has the places."""
+    kinds, stable = ["", "", DRIFT, "", "", ""], [False, False, False, False, True, True]
+    rows: list[Any] = [
+        {"branch": 1, "name": "1", "value": float(i), "kind": kind, "stable": is_so, "period": None}
+        | {f"gamma{k}": 0.1 * i for k in (1, 2, 3)}
+        for i, (kind, is_so) in enumerate(zip(kinds, stable, strict=True))
+    ]
+    figure = _branch_picture(rb.load_scene("fig12"), ("c", "kg m²/s"), rows, [rows[2]])
+    drawn = [
+        (line.get_linestyle(), np.array(line.get_data()[0]).tolist())
+        for line in figure.axes[0].lines
+    ]
+    assert [each for each in drawn if len(each[1]) > 1] == [("--", [0, 1, 2]), ("-", [2, 3, 4, 5])]
+    assert figure.get_suptitle() == "fig12, over c: drift point at 2"
 
 
 def test_a_result_is_written_as_a_branch_grows(

@@ -418,7 +418,7 @@ class Lyapunov:
                 found = growths(scene, flow, *taken, starts, say).spectra
                 spectra[by] = found.tolist()
                 for index, each in zip("₁₂₃₄₅₆", found.T, strict=True):
-                    name = f"λ{index}, {by} [1/s]"
+                    name = f"λ{index} by {by} [1/s]"
                     rows.append((name, float(each.mean()), standard_error(each)))
         return rows, spectra
 

@@ -229,18 +229,19 @@ class RobotFile:
         if self.rolls(pair) or contact.exclude:
             return ""
         # Those of the robot first.
-        own, other = sorted(pair, key=self._is_own, reverse=True)
-        if self._is_own(other):
+        own, other = sorted(pair, key=self.is_own, reverse=True)
+        if self.is_own(other):
             meant = late or self._is_wheel(data, own) or self._is_wheel(data, other)
         else:
             geom, shell = (self.model.geom_bodyid[i] for i in (own, self.sphere))
             welded = self.model.body_weldid[geom] == self.model.body_weldid[shell]
             inside = own != self.sphere and welded and self._reach(data, own) < _WITHIN
-            meant = self._is_own(own) and not inside
+            meant = self.is_own(own) and not inside
         names = (geom_name(self.model, i) for i in (own, other))
         return " touches ".join(names) if meant else ""
 
-    def _is_own(self, geom: int) -> bool:
+    def is_own(self, geom: int) -> bool:
+        """Return whether a geom is a part of the robot."""
         return bool(self.model.body_rootid[self.model.geom_bodyid[geom]] == self.root)
 
     def _reach(self, data: Any, geom: int) -> float:
@@ -271,8 +272,12 @@ class RobotFile:
 
 def geom_name(model: Any, geom: int) -> str:
     """Return a geom's name, or that of its body."""
-    body = int(model.geom_bodyid[geom])
-    return model.geom(geom).name or f"a geom of {model.body(body).name or f'body{body}'}"
+    return model.geom(geom).name or f"a geom of {body_name(model, model.geom_bodyid[geom])}"
+
+
+def body_name(model: Any, body: int) -> str:
+    """Return a body's name, or one by its number."""
+    return model.body(body).name or f"body{body}"
 
 
 class RobotTable(Table, frozen=True, kw_only=True):
@@ -433,35 +438,43 @@ def _sphere(model: Any, shell: str | None) -> int:
 
 def _solid(model: Any) -> Any:
     """Return whether each geom can touch another."""
-    return (model.geom_contype | model.geom_conaffinity) != 0
+    paired = np.isin(np.arange(model.ngeom), (model.pair_geom1, model.pair_geom2))
+    return paired | ((model.geom_contype | model.geom_conaffinity) != 0)
 
 
 def _standing(model: Any, sphere: int) -> list[int]:
-    """Return the geoms, the sphere aside, that can touch something and are fixed to the world."""
-    fixed = model.body_weldid[model.geom_bodyid] == 0
-    return [i for i in np.flatnonzero(_solid(model) & fixed).tolist() if i != sphere]
+    """Return the geoms beside the robot that can touch something and are fixed to the world."""
+    fixed, root = (each[model.geom_bodyid] for each in (model.body_weldid == 0, model.body_rootid))
+    # A robot without a joint at its root is fixed to the world until it gets one.
+    return np.flatnonzero(_solid(model) & fixed & (root != root[sphere])).tolist()
 
 
 def _plane_added(spec: Any, model: Any, shell: str | None) -> Iterator[str]:
     if np.any(model.geom_type == _PLANE):
         return
-    if others := _standing(model, _sphere(model, shell)):
+    if others := _standing(model, sphere := _sphere(model, shell)):
         kind = _GEOMS(model.geom_type[others[0]]).name.removeprefix("mjGEOM_").lower()
         raise InputError(
             f"the file has no plane, and {geom_name(model, others[0])} is a {kind}, where the "
-            'equations roll on an endless plane; add <geom type="plane" size="1 1 .1"/> in its '
-            "place"
+            'equations roll on an endless plane; put <geom type="plane" size="1 1 .1"/> there'
         )
-    spec.worldbody.add_geom(type=_PLANE, size=[0, 0, 1])
-    yield "the file has no plane; one is added at height 0"
+    height = round(float(_placed(model).geom_xpos[sphere, 2] - model.geom_size[sphere, 0]), 9)
+    spec.worldbody.add_geom(type=_PLANE, size=[0, 0, 1], pos=[0, 0, height])
+    yield f"the file has no plane; one is added under its sphere, at height {height:g}"
 
 
-def _floor(model: Any, sphere: int) -> int:
-    """Return the plane that the sphere rolls on: of those that face gravity, the nearest one."""
+def _placed(model: Any) -> Any:
+    """Return MjData of a model at its start."""
     data = mujoco.MjData(model)
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_kinematics(model, data)
+    return data
+
+
+def _floor(model: Any, sphere: int) -> int:
+    """Return the plane that the sphere rolls on: of those that face gravity, the nearest one."""
+    data = _placed(model)
     planes = np.flatnonzero(model.geom_type == _PLANE)
     normals = data.geom_xmat[planes][:, 2::3]
     away = np.einsum("ij,ij->i", data.geom_xpos[sphere] - data.geom_xpos[planes], normals)
@@ -474,17 +487,14 @@ def _floor(model: Any, sphere: int) -> int:
 def _free_joint_added(spec: Any, model: Any, shell: str | None) -> Iterator[str]:
     root = model.body_rootid[model.geom_bodyid[_sphere(model, shell)]]
     joints = model.jnt_type[model.jnt_bodyid == root].tolist()
-    name = model.body(root).name
+    name = body_name(model, root)
     if root == 0:
         raise InputError("the sphere belongs to the world; give its body a freejoint")
     if not joints:
         spec.bodies[root].add_freejoint()
         yield f"{name} hangs on the world, where it cannot roll; it gets a free joint"
     elif joints != [_FREE]:
-        raise InputError(
-            f"{name} hangs on the world by joints that are no free one, and cannot roll; give it a "
-            "freejoint instead"
-        )
+        raise InputError(f"{name} hangs on the world by joints that are no free one; give it one")
 
 
 # What the equations do not have: the numbers of a model that are 0 where it has none.
@@ -517,6 +527,7 @@ def _check_supported(model: Any) -> None:
     for what, values in unsupported.items():
         if any(map(np.any, values if isinstance(values, tuple) else (values,))):
             raise InputError(f"{what} is not supported; take it out of the file")
+    gears_of(model)  # refuses what its actuators move
 
 
 def _inferred(spec: Any) -> Iterator[str]:
@@ -564,12 +575,9 @@ def _ignored(model: Any, sphere: int, plane: int) -> Iterator[str]:
     for i in range(1, model.nbody):
         if model.body_dofnum[i] and model.body_rootid[i] != root and model.body_rootid[i] == i:
             yield f"{_name(model, i)} moves apart from the robot; the equations leave it out"
-    for i in _standing(model, sphere):
-        if i != plane:
-            yield (
-                f"{geom_name(model, i)} stands beside the plane; the equations leave it out, and "
-                "hold until the robot meets it, which `robotball check` tells"
-            )
+    if beside := {geom_name(model, i): i for i in _standing(model, sphere) if i != plane}:
+        words = f"beside the plane there is {', '.join(beside)}; the equations leave that out"
+        yield f"{words}, and hold until the robot meets it, which `robotball check` tells"
 
 
 def _tree_of(robot: RobotFile) -> tuple[Shell, dict[int, Link]]:
@@ -657,7 +665,7 @@ def _nodes(
 
 def _name(model: Any, body: int) -> str:
     """Return a body's name as a link's; a model of ours has names without / and some of its own."""
-    name = (model.body(body).name or f"body{body}").replace("/", "_")
+    name = body_name(model, body).replace("/", "_")
     return f"{name}_" if name in _OURS else name
 
 
@@ -688,10 +696,10 @@ def starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
         yield f"{words}; the equations start {instead}"
     if robot.contact(data).dim == 1:
         yield "its contact has no friction (condim 1); the equations roll"
-    # Parts within the shell may touch it, and bodies beside it; not the world, which is 0.
+    # Parts within the shell may touch it.
     model, pairs = robot.model, data.contact.geom
-    touching = set(model.geom_bodyid[pairs[(pairs == robot.sphere)[:, ::-1]]].tolist())
-    for name in sorted(model.body(i).name for i in touching if model.body_weldid[i]):
+    near = pairs[(pairs == robot.sphere)[:, ::-1]]
+    for name in sorted({body_name(model, model.geom_bodyid[i]) for i in near if i != robot.plane}):
         yield f"{name} touches the shell; the equations let it pass through"
 
 
@@ -708,7 +716,7 @@ def gears_of(model: Any) -> dict[str, dict[int, float]]:
         moved = gears.setdefault(name, {})
         for joint, ratio in _moved(model, i, name):
             if model.jnt_type[joint] not in (_SLIDE, _HINGE):
-                raise InputError(f"{name} moves a free joint, by forces from outside the robot")
+                raise InputError(f"{name} moves a free or a ball joint; take hinges or slides")
             moved[joint] = moved.get(joint, 0.0) + ratio
     return gears
 
@@ -813,7 +821,7 @@ def _law(model: Any, i: int, name: str) -> Law:
     gain, bias = model.actuator_gainprm[i], model.actuator_biasprm[i]
     fixed = model.actuator_gaintype[i] == int(mujoco.mjtGain.mjGAIN_FIXED)
     if not (fixed and model.actuator_biastype[i] in _AFFINE):
-        raise InputError(f"{name}: a gain or bias that is not affine is not supported")
+        raise InputError(f"{name}: its gain and bias must be affine, as those of a motor or servo")
     b0, b1, b2 = bias[:3].tolist() if model.actuator_biastype[i] else (0.0, 0.0, 0.0)
     return Law(float(gain[0]), -b1, -b2, b0)
 

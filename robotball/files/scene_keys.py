@@ -186,10 +186,10 @@ def ask(path: Path, scene: Scene) -> None:
 
 def _limits_of(scene: Scene) -> dict[str, float]:
     """Return the largest likely numbers by key or unit, of a ball of this size and weight."""
-    radius, ball = scene.ball.radius, scene.ball
-    steel = _STEEL * 4 / 3 * math.pi * radius**3
-    torque = _OVERSIZED * ball.mass * scene.gravity * radius
-    return {**_LARGEST, "kg": min(1e3, steel), "N m": torque, "frame rad/s": _FASTEST / radius}
+    a, ball = scene.ball.radius, scene.ball
+    steel = min(1e3, _STEEL * 4 / 3 * math.pi * a**3)
+    torque = _OVERSIZED * ball.mass * scene.gravity * a
+    return {**_LARGEST, "kg": steel, "N m": torque, "rolling": a, "frame rad/s": _FASTEST / a}
 
 
 def _numbers_of(scene: Scene) -> Iterator[tuple[str, str, float]]:

@@ -28,7 +28,7 @@ from robotball.engines.mujoco.user_model import Met, Seen, UserModel, observed, 
 from robotball.equations import Rolling
 from robotball.errors import SceneWarning, mujoco_silent
 from robotball.files.mended_file import Change, Editable, Moves, compiled, editable
-from robotball.files.robot_file import gears_of, geom_name, rolling_of, start_misses
+from robotball.files.robot_file import body_name, gears_of, geom_name, rolling_of, start_misses
 from robotball.film.lines import PRESET_LOOKS
 from robotball.motion import ContactMotion, Motion, ReferenceMotion, arrays_of, with_arrays
 from robotball.rotations import Array
@@ -95,7 +95,8 @@ def _changes_of(
         words += f"{option.ls_iterations} of a line search, tolerance {option.tolerance:g}"
         yield Change("solver", words, option=solver)
     condim = 6 if scene.friction.rolling else 4 if scene.rolling == "rubber" else 3
-    lets = "lets the shell spin" if contact.dim < condim else "resists what this rolling does not"
+    free = "slip" if contact.dim == 1 else "spin"
+    lets = f"lets the shell {free}" if contact.dim < condim else "resists more than it should"
     if contact.dim != condim:
         words = f"condim {contact.dim} {lets}; {scene.rolling} rolling has {condim}"
         yield Change("condim", words, pair={"condim": str(condim)})
@@ -112,8 +113,8 @@ def _changes_of(
         yield Change("timestep", words, option={"timestep": _digits(step)})
     depth = motion.report.depth[(motion.times < seen.until) & np.isfinite(motion.report.depth)]
     sinks = 1e3 * float(depth.mean()) if len(depth) else 0.0
-    name, words = "softness", f"the contact is soft: the sphere sinks {sinks:.2g} mm"
-    words += ", and bears no load at first"
+    by = f": the sphere sinks {sinks:.2g} mm" if len(depth) else ""
+    name, words = "softness", f"the contact is soft{by}, and bears no load at first"
     if sinks < 0:
         name, words = "margin", f"its margin holds the sphere {-sinks:.2g} mm above the plane"
     yield Change(name, words, pair={"solref": _digits(_SOFTEST, 1.0), "solimp": _digits(*_SOLIMP)})
@@ -145,8 +146,8 @@ def _apart(model: Any, seen: Seen) -> Change:
     words = next(_touching(model, seen)) + others
     bodies = {tuple(sorted(int(model.geom_bodyid[each]) for each in pair)) for pair in seen.inside}
     # A body without a name is given one in the mended file.
-    names = [model.body(i).name or f"body{i}" for i in range(model.nbody)]
-    return Change("contacts", words, exclude=tuple((names[i], names[j]) for i, j in sorted(bodies)))
+    names = ((body_name(model, i), body_name(model, j)) for i, j in sorted(bodies))
+    return Change("contacts", words, exclude=tuple(names))
 
 
 def _touching(model: Any, seen: Seen) -> Iterator[str]:
@@ -243,7 +244,8 @@ def check_model(
     """
     robot, data = own.robot, own.begin()
     default = rolling_of(robot.contact(data))
-    steps = _steps(own)
+    # From one state that is looked at to the next.
+    steps = max(1, round(_LOOK / robot.model.opt.timestep))
     every = max(1, round(_INTERVAL / (steps * robot.model.opt.timestep)))
     interval = every * steps * robot.model.opt.timestep
     times = interval * np.arange(max(2, round(duration / interval) + 1))
@@ -291,9 +293,10 @@ def check_model(
         at, words = min([*met, *by_recipe])
         line = f"{words} at t = {at:.3g} s"
         if at < _LEAST_SAMPLES * interval:
-            raise InputError(f"{robot.path}: {line}, which the equations do not have")
+            started = "".join(f"; {words}" for words, _ in start_misses(robot, data))
+            raise InputError(f"{robot.path}: {line}, too soon for a comparison{started}")
         checked = check_model(own, rolling, at - 2 * interval, accuracy, show)
-        line = f"meeting: {line}, of {duration:.3g} s"
+        line = f"ends early: {line}, of {duration:.3g} s"
         return replace(checked, asked=(duration, accuracy), short=checked.short or line)
     least = 2 + int(1.2 * since[0]) if len(since) else 2
     most = len(full) + 4  # runs, of which those with all changes cost the most
@@ -347,11 +350,6 @@ def check_model(
 def _by_text(own: UserModel, text: str) -> UserModel:
     """Return a model of another text, with the same controls and start."""
     return replace(own, robot=replace(own.robot, model=compiled(text)))
-
-
-def _steps(own: UserModel) -> int:
-    """Return the number of steps from one state that is looked at to the next."""
-    return max(1, round(_LOOK / own.robot.model.opt.timestep))
 
 
 def _reach(path: Array) -> float:
@@ -434,8 +432,8 @@ def _theories(
             with warnings.catch_warnings(action="ignore", category=SceneWarning):
                 found[each] = motion = _in_time(scene, times, accuracy, show)
         except InputError as error:
-            unlikely = "; ".join(_unlikely(scene, level=True))
-            refused = InputError(f"{error}{unlikely and f'; perhaps {unlikely}'}")
+            perhaps = "".join(f"; perhaps {each}" for each in _unlikely(scene, level=True))
+            refused = InputError(f"{own.robot.path}: {error}{perhaps}")
             continue
         if len(motion.times) < len(times) and not motion.ended:
             break  # the other model would take as long
@@ -469,7 +467,7 @@ def _in_time(scene: Scene, times: Array, accuracy: float, show: Show) -> Referen
     if count < 2:
         words = f"its equations take {_PATIENCE / 2:g} s of processor time for "
         words += f"{known * times[-1]:.2g} s; a joint friction or a gain on a light body, or very "
-        raise InputError(f"{scene.source}: {words}many bodies, may be the cause")
+        raise InputError(f"{words}many bodies, may be the cause")
     return integrate(scene, times[:count], rtol)
 
 
@@ -733,7 +731,7 @@ def _symptoms(own: UserModel, checked: Checked) -> Iterator[str]:
         if (beyond := clipped != commands).any():
             given, taken = (values[np.argmax(beyond)] for values in (commands, clipped))
             yield f"control: {each.name} takes {given:.3g} for {taken:.3g}, by its ctrlrange"
-    if seen.delivered is not None and not seen.fails:
+    if seen.delivered is not None and checked.judged and not seen.fails:
         declared = f"{scene.friction.rolling:g} m is declared, which is in the reference"
         part = f"the contact delivers {seen.delivered:.0%} of it"
         yield f"rolling resistance: {declared}; {part}"

@@ -26,7 +26,7 @@ from robotball.motion import DIVERGED, ContactMotion, EngineSettings
 from robotball.rotations import Array, Mask, from_matrix, rotation_matrix
 from robotball.scene import Scene
 
-_PATIENCE = 15.0  # s of processor time that a run as it is may take
+_PATIENCE = 12.0  # s of processor time that a run as it is may take
 # Of the time, and of the radius: a sphere that is off the plane so long or so far is aloft.
 _ALOFT_TIME, _ALOFT_HEIGHT = 0.05, 0.01
 
@@ -245,10 +245,10 @@ _LOOK = 100  # rows from one look at the clock to the next
 
 
 def _others(robot: RobotFile, data: mujoco.MjData) -> Iterator[tuple[tuple[int, int], Any]]:
-    """Yield the geoms of every contact but those of sphere and plane, and the contact."""
+    """Yield the geoms of every contact of the robot but that with its plane, and the contact."""
     # By numbers, as the end of MuJoCo's own iterator takes as long as ten steps.
     for i, (a, b) in enumerate(data.contact.geom.tolist()):
-        if not robot.rolls((a, b)):
+        if not robot.rolls((a, b)) and (robot.is_own(a) or robot.is_own(b)):
             yield (a, b), data.contact[i]
 
 

@@ -257,6 +257,10 @@ ASKED = {
     "kd = 0.3": ("stall_torque = 60\ngear = 5", "60 N m; did you mean 0.06 (60 mN m)?"),
     "rate = {": ("no_load_speed = 168\nrate = {", "168 rad/s; did you mean 17.59 (168 rpm)?"),
     "axis = [1, 0, 0]": ("axis = [1, 0, 0]\ninitial_angle = 30", "30 rad; did you mean 0.5236"),
+    "[start]": (
+        "[friction]\nrolling = 2\n\n[start]",
+        "friction.rolling is 2 m; did you mean 0.002 (2 mm)?",
+    ),
     "kv = 0.4": ("rotor_inertia = 12", "inertia is 12 kg m²; did you mean 1.2e-06 (12 g cm²)"),
 }
 

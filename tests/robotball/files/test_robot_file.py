@@ -103,8 +103,6 @@ def own_steps(
     data = mujoco.MjData(model)
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
-    else:
-        data.qpos[2] = 0.15
     points = []
     for t in times:
         while data.time < t - 1e-9:
@@ -240,12 +238,16 @@ def test_shell_rolling_model_and_keyframe_are_chosen_by_name(tmp_path: Path) -> 
 
 WARNED = {
     ("hull.urdf", HULL): [
-        "hull.urdf: the file has no plane; one is added at height 0",
+        "hull.urdf: the file has no plane; one is added under its sphere, at height -0.15",
         "hull.urdf: chassis hangs on the world, where it cannot roll; it gets a free joint",
-        "hull.urdf: it starts 0.15 m in the plane; the equations start on it",
     ],
     ("wheel.xml", PLATE.replace('mass=".4" contype="0"', 'mass=".4"')): [
         "wheel.xml: wheel touches the shell; the equations let it pass through"
+    ],
+    ("walls.xml", PLATE.replace("<worldbody>", '<worldbody><geom name="wall" size=".1" pos="2 0 0"'
+     '/><geom size=".1" pos="3 0 0"/><geom size=".1" pos="4 0 0"/>', 1)): [
+        "walls.xml: beside the plane there is wall, a geom of world; the equations leave that out, "
+        "and hold until the robot meets it, which `robotball check` tells",
     ],
     ("slick.xml", PLATE.replace('mass=".6"', 'mass=".6" condim="1" priority="1"')): [
         "slick.xml: its contact has no friction (condim 1); the equations roll"

@@ -73,6 +73,15 @@ _URDF = (
     "</joint></robot>"
 )
 
+# The root is the inner link, and can touch something.
+_SOLID_BASE = (
+    _URDF.format("continuous")
+    .replace('"hull"/><child link="bob"', '"bob"/><child link="hull"')
+    .replace(
+        "</link><j", '<collision><geometry><sphere radius=".02"/></geometry></collision></link><j'
+    )
+)
+
 RIGHT, OFF, REFUSED = 0, 1, 2
 CASES = {
     # floors
@@ -80,6 +89,9 @@ CASES = {
     "plane in a static body": Case(
         {"floor": f'<body name="ground">{_USUAL["floor"]}</body>'}, RIGHT, ""
     ),
+    "plane in a moved body": Case(
+        {"floor": f'<body name="ground" mocap="true">{_USUAL["floor"]}</body>', "key": ""}, RIGHT,
+        "robot.xml nothing moves it"),
     "raised plane": Case(
         {"floor": '<body pos="0 0 .3"><geom name="floor" type="plane" size="5 5 .1"/></body>',
          "at": "0 0 .45"}, RIGHT, ""),
@@ -98,7 +110,7 @@ CASES = {
         "terrain is a hfield"),
     "cylinder as floor": Case({"floor": _fixed("cylinder", "5 .1", "0 0 -.1"), **_NO_PAIR}, REFUSED,
                               "thing is a cylinder"),
-    "no floor": Case({"floor": "", "pair": "", "solid": _HARD}, RIGHT, "one is added at height 0"),
+    "no floor": Case({"floor": "", "pair": "", "solid": _HARD}, RIGHT, "one is added under"),
     "plane that excludes the sphere": Case(
         {"floor": f'<geom name="floor" type="plane" size="5 5 .1" {_GHOST}/>', **_NO_PAIR}, REFUSED,
         "passes through the plane"),
@@ -110,7 +122,7 @@ CASES = {
         {"world": '<geom name="thing" type="plane" size="1 1 .1" pos=".23 0 0" zaxis="-1 0 0"/>',
          "key": _ROLLING},
         OFF, "shell touches thing at t = 0.2"),
-    "wall far away": Case({"world": _fixed("box", ".01 1 .5", "4 0 .5")}, RIGHT, "stands beside"),
+    "wall far away": Case({"world": _fixed("box", ".01 1 .5", "4 0 .5")}, RIGHT, "there is thing"),
     "wall at the start": Case({"world": _fixed("box", ".01 1 .5", ".155 0 .5")}, REFUSED,
                               "shell touches thing"),
     "ledge": Case({"world": _fixed("box", ".3 .3 .1", "0 0 .1"), "at": "0 0 .35"}, REFUSED,
@@ -139,6 +151,11 @@ CASES = {
     "body beside, far": Case(
         {"world": '<body name="crate" pos="2 0 .1"><freejoint/><geom name="crate" type="box" '
                   'size=".1 .1 .1" mass="1"/></body>'}, RIGHT, "crate moves apart"),
+    "body in its way": Case(
+        {"world": '<body pos=".34 0 .1"><freejoint/><geom name="crate" type="box" size=".1 .1 .1" '
+                  'mass="1"/></body>', "key": '<keyframe><key qpos=".34 0 .1 1 0 0 0 0 0 .15 1 0 '
+                  '0 0 0" qvel="0 0 0 0 0 0 .3 0 0 0 2 0 -2"/></keyframe>'}, OFF,
+        "ends early: shell touches crate"),
     "part that sticks out below": Case({"bob": "", "shell":
         '<geom name="foot" type="box" size=".02 .02 .02" pos="0 0 -.15" mass=".01"/>'}, REFUSED,
         "foot touches floor"),
@@ -172,6 +189,8 @@ CASES = {
                     REFUSED, "did you mean 0.5236 (30 °)?"),
     "gravity in millimetres": Case({"top": '<option gravity="0 0 -9810"/>'}, REFUSED,
                                    "did you mean 9.81 (9810 mm/s²)?"),
+    # what MuJoCo rolls as well
+    "predefined pair alone": Case({"solid": _GHOST}, RIGHT, ""),
     # joints and what drives them
     "slide in place of a free joint": Case(
         {"free": '<joint type="slide" axis="1 0 0"/><joint name="r" axis="0 1 0"/>'}, REFUSED,
@@ -188,6 +207,11 @@ CASES = {
                   f'damping="2"/><geom size=".01" mass=".1" {_GHOST}/></body>'}, RIGHT, ""),
     "ball joint": Case({"plate": '<body name="arm"><joint type="ball"/><geom size=".01" '
                         f'{_GHOST}/></body>'}, REFUSED, "take three hinges"),
+    "motor of a ball joint": Case(
+        {"plate": f'<body><joint name="j" type="ball"/><geom size=".01" {_GHOST}/></body>',
+         "drive": '<motor name="drive" joint="j"/>'}, REFUSED, "moves a free or a ball joint"),
+    "thruster": Case({"shell": '<site name="jet"/>', "drive": '<motor name="drive" site="jet"/>'},
+                     REFUSED, "drive moves no joint"),
     "position servo": Case(
         {"drive": '<position name="drive" joint="axle" kp="2" kv=".2"/>',
          "key": '<keyframe><key ctrl="1.2"/></keyframe>'}, RIGHT, ""),
@@ -228,9 +252,10 @@ CASES = {
         {"top": '<asset><mesh name="m" file="no.stl"/></asset>',
          "shell": '<geom type="mesh" mesh="m"/>'}, REFUSED, "no.stl, by which ball has mass"),
     "a missing include": Case({"top": '<include file="no.xml"/>'}, REFUSED, "no.xml"),
-    "URDF": Case({"file": _URDF.format("continuous")}, OFF, "start: "),
+    "URDF": Case({"file": _URDF.format("continuous")}, RIGHT, "one is added under its sphere"),
     "URDF with stops": Case({"file": _URDF.format("revolute")}, OFF, ""),
-    "URDF of one fixed body": Case({"file": _URDF.format("fixed")}, OFF, ""),
+    "URDF of one fixed body": Case({"file": _URDF.format("fixed")}, RIGHT, ""),
+    "URDF of a solid base": Case({"file": _SOLID_BASE}, RIGHT, "bob hangs on the world"),
     "drag": Case({"top": '<option density="1.2" viscosity="1e-5"/>'}, REFUSED, "drag of a medium"),
     "no friction": Case({"pair": _USUAL["pair"].replace("20 20", ".01 .01")}, OFF, "friction: "),
     "default contact": Case(_NO_PAIR, OFF, "softness: ", ("--accuracy", "5e-5")),

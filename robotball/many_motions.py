@@ -136,12 +136,10 @@ def simulate_many(
             raise InputError(f"{request.engine.label.name} has no choice of a device: leave it out")
         _check_device(device)
         request = replace(request, settings=replace(own, device=device))
-    if isinstance(scene, str | Path):
-        scene = scene_of(scene)
-    if (starts is None) == isinstance(scene, Scene):
+    if isinstance(scene, Scene | str | Path) and starts is not None:
+        scene = FromStarts(scene_of(scene), starts)
+    elif isinstance(scene, Scene | str | Path) or starts is not None:
         raise InputError("give starts with one scene, and none with several")
-    if isinstance(scene, Scene):
-        scene = FromStarts(scene, () if starts is None else starts)
     for each in scene[:1] if isinstance(scene, FromStarts) else scene:
         times = runnable(each, times, request)
     return iter(()) if times is None else _each(scene, times, request, progress)

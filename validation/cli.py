@@ -205,8 +205,9 @@ def parse(arguments: Sequence[str]) -> _Command:
     if name in ("-h", "--help"):
         print(_overview())
         sys.exit(0)
-    if name.startswith("--tyro"):
-        return tyro.cli(_any_command(), args=arguments, prog="robotball")
+    if name.startswith("--tyro"):  # the completion of a shell, of all commands with their options
+        every: Any = Union[tuple(Annotated[class_of(one), subcommand(one)] for one in COMMANDS)]  # noqa: UP007
+        return tyro.cli(every, args=arguments, prog="robotball")
     if not name:
         raise InputError("which command? 'robotball --help' lists them")
     if name not in COMMANDS:
@@ -283,12 +284,6 @@ def _options_of(name: str) -> type[_Command]:
     exec(compile(ast.Module(kept[::-1], []), module.__file__, "exec"), vars(module))
     command: type[_Command] = getattr(module, title)
     return command
-
-
-def _any_command() -> Any:
-    """Return all commands with their options, for the completion of a shell."""
-    commands = tuple(Annotated[class_of(name), subcommand(name)] for name in COMMANDS)
-    return Union[commands]  # noqa: UP007
 
 
 def _overview() -> str:

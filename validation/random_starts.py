@@ -19,7 +19,7 @@ from robotball.motion import Motion, extended
 from robotball.rotations import Array
 from validation.agreement import Agreement
 from validation.options import Run
-from validation.output import known, progress_bar
+from validation.output import known, progress_bar, scientific
 from validation.results import controlled
 from validation.study import Row
 from validation.sweeps import Cell, sweep
@@ -55,12 +55,17 @@ class ManyRuns:
     >>> from validation import ManyRuns
     >>> sound = {"path_error": 1e-8, "fault": None, "seconds": 0.1}
     >>> broken = {"path_error": None, "fault": "SLIPPED", "seconds": 0.1}
-    >>> summary = ManyRuns((sound, broken)).summary("path_error")
-    >>> summary["runs"], summary["faulty"], summary["worst"]
-    (2, 1, 1e-08)
+    >>> ManyRuns((sound, broken))
+    <ManyRuns: 2 runs, 1 faulty; path error up to 1.0e-08>
+    >>> ManyRuns((sound, broken)).summary("path_error")["runs_per_second"]
+    10.0
     """
 
     rows: tuple[Row, ...]
+
+    def __repr__(self) -> str:
+        runs, faulty, *_, worst = self.summary("path_error").values()
+        return f"<ManyRuns: {runs} runs, {faulty} faulty; path error up to {scientific(worst)}>"
 
     def summary(self, error: str) -> Row:
         """Summarize the percentiles of one error over the runs that have it. None if no run has it.

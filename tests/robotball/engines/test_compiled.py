@@ -55,7 +55,7 @@ def test_a_line_says_that_something_is_compiled(
     assert (*capsys.readouterr(), home.exists()) == ("", "", False)
     compiled()
     compiled("x + x")
-    assert capsys.readouterr() == ("", "robotball: compiling, once, about 10 s\n")
+    assert capsys.readouterr() == ("", "robotball: compiling, once, 10 s to a minute\n")
     kept._say_once.cache_clear()
     compiled()
     assert capsys.readouterr() == ("", "")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from robotball.files import contents
+from validation.output import together
 from validation.report.chart import Line, chart, legend
 
 _HERE = Path(__file__).parent
@@ -32,8 +33,8 @@ def page(title: str, body: Iterable[str], head: str = "") -> str:
 
 
 def text(words: object) -> str:
-    """Return words as HTML, on one line."""
-    return escape(" ".join(str(words).split()))
+    """Return words as HTML, on one line that is broken beside no relation or unit."""
+    return escape(together(" ".join(str(words).split())))
 
 
 def paragraph(words: str, kind: str = "") -> str:

@@ -14,7 +14,7 @@ from robotball.film.web import view_fragment, view_head
 from robotball.notebook import counted
 from robotball.rotations import Array
 from validation.agreement import Agreement
-from validation.output import known, scientific, together, versions
+from validation.output import known, scientific, versions
 from validation.plots import framed
 from validation.report import VERDICTS, embedded, folded, page, paragraph, plain, plot, table, text
 from validation.report.chart import Line
@@ -86,7 +86,7 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
         ),
         "<h3>Agreement</h3>",
         '<div class="charts"><div>',
-        *(paragraph(together(sentence(each)), VERDICTS[each.agrees]) for each in group),
+        *(paragraph(sentence(each), VERDICTS[each.agrees]) for each in group),
         *(paragraph(f"In the loop {growth_of(growth)}.", "faint") for growth in grown),
         f"</div>{_paths(group)}</div>",
         _ball_numbers(group),

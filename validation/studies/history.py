@@ -265,7 +265,7 @@ _COLUMNS = (
 )  # fmt: skip
 
 
-def _history_picture(mark: str, own: str, title: str, rows: Sequence[Row]) -> Figure:
+def _drawing(mark: str, own: str, title: str, rows: Sequence[Row]) -> Figure:
     """Draw errors and speed over the dates, or over the versions in order where one has none.
 
     mark, own: the engine's marker and colour.
@@ -345,8 +345,7 @@ class History:
         lines = _lines_of(changes_of(rows), _package(self.engine))
         title = f"{label.name} on {_SCENE}, version after version"
         table = table_of(_COLUMNS, rows, lambda row: row["failure"])
-        known = [row for row in rows if not row["failure"]]
-        picture = _history_picture(label.marker, label.colour, title, known)
+        picture = _drawing(label.marker, label.colour, title, [r for r in rows if not r["failure"]])
         record, words = {"history": rows, "changes": lines}, changed(self, "since", "to", "every")
         study = Study(
             _SCENE, label, ["history"], rows, record, (title, table, *map(escape, lines)), picture

@@ -16,7 +16,7 @@ from tests.browser import Browser, needs_browser, opened
 from tests.conftest import Robotball
 from tests.robotball.files.test_files import check_length
 from validation import Agreement, compare
-from validation.output import program
+from validation.output import program, together
 from validation.plots import LEAST
 from validation.report.chart import Line, chart, legend, ticks
 from validation.report.scene_report import friction_needed, report, sentence
@@ -92,8 +92,8 @@ def test_friction_needed_stands_beside_what_is_given() -> None:
     assert "needs a coefficient of sliding friction of 1.32." in words
     assert "torsional one of 1.87 m." in words
     page = report([agreement], COMMAND)
-    assert words in page
-    assert '<td class="number">20.0</td><td>9.58 %</td>' in page
+    assert together(words) in page
+    assert '<td class="number">20.0</td><td>9.58\u00a0%</td>' in page
 
 
 # In a browser ------------------------------------------------------------------------------
@@ -213,7 +213,7 @@ def test_a_scene_that_rolls_by_motors_has_their_loads(page: str) -> None:
     """Torque, rate and power of each driven hinge, the largest by the equations, in its unit."""
     for words in (
         "Torque of frame: at most",
-        "Rate of frame: at most 2 rad/s<",
+        "Rate of frame: at most 2\u00a0rad/s<",
         "Power of rotor1: at most",
     ):
         assert words in page

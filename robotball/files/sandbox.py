@@ -19,7 +19,7 @@ from typing import Any
 from robotball.errors import InputError
 from robotball.files import MODEL_FILES, contents
 
-_WAIT = 20.0  # s, of a process that may be starved of its few seconds
+_WAIT = 60.0  # s, of a process that may be starved of its few seconds
 _MEMORY = 500_000_000  # bytes, beyond what MuJoCo itself takes
 _SECONDS = 5  # of processor time: a large robot takes a tenth of one
 # MuJoCo reports memory that it does not get in two ways, of which the second has no better word.

@@ -434,9 +434,11 @@ def _theories(
         except InputError as error:
             perhaps = "".join(f"; perhaps {each}" for each in _unlikely(scene, level=True))
             refused = InputError(f"{own.robot.path}: {error}{perhaps}")
+            if isinstance(error.__cause__, _SlowError):
+                break  # the other model would take as long
             continue
         if len(motion.times) < len(times) and not motion.ended:
-            break  # the other model would take as long
+            break
         if _keeps_still(path, motion):
             break
     if not found:
@@ -463,11 +465,11 @@ def _in_time(scene: Scene, times: Array, accuracy: float, show: Show) -> Referen
         return integrate(scene, times, rtol, progress=look)
     except _SlowError as slow:
         known: float = slow.args[0]
-    count = int(0.8 * known * len(times))
-    if count < 2:
-        words = f"its equations take {_PATIENCE / 2:g} s of processor time for "
-        words += f"{known * times[-1]:.2g} s; a joint friction or a gain on a light body, or very "
-        raise InputError(f"{words}many bodies, may be the cause")
+        count = int(0.8 * known * len(times))
+        if count < 2:
+            words = f"its equations take {_PATIENCE / 2:g} s of processor time for "
+            words += f"{known * times[-1]:.2g} s of the motion; a joint friction or a gain on a "
+            raise InputError(f"{words}light body, or very many bodies, may be the cause") from slow
     return integrate(scene, times[:count], rtol)
 
 

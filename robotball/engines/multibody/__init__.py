@@ -80,7 +80,7 @@ def integrate(
     """
     limit = _MAX_STEPS if max_steps is None else max_steps
     ours = scene.until(float(times[-1]))
-    _check_rates(ours, float(times[-1]), limit)
+    _check_rates(ours, float(times[-1]), limit, progress)
 
     def march(allowed: float) -> March:
         # A system and a loop of its own each time, as they change on the way.
@@ -147,11 +147,11 @@ def integrate_together(scenes: Sequence[Scene], times: Array, rtol: float) -> li
     ]
 
 
-def _check_rates(scene: Scene, duration: float, limit: int) -> None:
+def _check_rates(scene: Scene, duration: float, limit: int, progress: Progress | None) -> None:
     """Raise InputError where the motors settle too fast for so many steps; warn of many."""
     if not any(hinge.motor for hinge in scene.hinges):
         return
-    rate = _fastest(System(scene))
+    rate = _fastest(System(scene), progress)
     steps = rate * duration / _STABLE
     if steps > _MANY_STEPS:
         line = (
@@ -164,18 +164,19 @@ def _check_rates(scene: Scene, duration: float, limit: int) -> None:
         warn(line)
 
 
-def _fastest(system: System) -> float:
+def _fastest(system: System, progress: Progress | None) -> float:
     """Return the largest |λ| [1/s] of the Jacobian at the start, motors below their limits."""
     # At rest resistance is not smooth, and has no Jacobian.
     system.machine.resistance[:] = 0.0
     state, end = system.start(), HINGES + 2 * system.count
     # Neither place nor work changes a rate.
     changing = np.r_[:POINT, MOMENTUM:LOSS, HINGES:end]
-    sides = [
-        (system.rate(0.0, state + step) - system.rate(0.0, state - step))[changing]
-        / (2 * step.max())
-        for step in np.diag(_DIFFERENCE * system.scale)[changing]
-    ]
+    sides = []
+    for step in np.diag(_DIFFERENCE * system.scale)[changing]:
+        if progress is not None:  # as hundreds of hinges take half a minute
+            progress(0.0)
+        change = system.rate(0.0, state + step) - system.rate(0.0, state - step)
+        sides.append(change[changing] / (2 * step.max()))
     if not np.isfinite(sides).all():
         raise InputError(
             f"{system.scene.name}: its equations have no finite solution at the start; see that "

@@ -187,8 +187,8 @@ HEIGHTS = '<asset><hfield name="h" nrow="20000" ncol="20000" size="1 1 1 1"/></a
 
 @pytest.mark.parametrize("before", ['<size memory="100G"/>', HEIGHTS])
 def test_a_file_that_takes_much_memory_is_given_up(tmp_path: Path, before: str) -> None:
-    """By MuJoCo's own error at the limit, of either kind; on a starved machine after 20 s."""
-    with pytest.raises(rb.InputError, match=r"it takes more than (500 MB|20 s) to load"):
+    """By MuJoCo's own error at the limit, of either kind; on a starved machine after 60 s."""
+    with pytest.raises(rb.InputError, match=r"it takes more than (500 MB|60 s) to load"):
         solid_of_file(written(tmp_path, mjcf(before=before)), "body", "b")
 
 
@@ -198,7 +198,7 @@ def test_a_file_that_takes_much_memory_is_given_up(tmp_path: Path, before: str) 
         (-signal.SIGXCPU, "it takes more than 5 s to load"),
         (-signal.SIGKILL, "it takes more than 5 s to load"),
         (1, "it cannot be loaded with 500 MB of memory: last words"),
-        (None, "it takes more than 20 s to load"),
+        (None, "it takes more than 60 s to load"),
     ],
 )
 def test_a_process_that_ends_early_is_a_line(
@@ -206,7 +206,7 @@ def test_a_process_that_ends_early_is_a_line(
 ) -> None:
     """At the limit of its processor time, by lack of memory, or after it was starved."""
     done = subprocess.CompletedProcess("", end or 0, b"", b"first\nlast words\n")
-    late = subprocess.TimeoutExpired("", 20)
+    late = subprocess.TimeoutExpired("", 60)
     monkeypatch.setattr(subprocess, "run", Mock(side_effect=[late if end is None else done]))
     with pytest.raises(rb.InputError, match=words):
         solid_of_file(written(tmp_path, mjcf()), "body", "b")

@@ -18,6 +18,7 @@ from robotball.film.web import view_fragment
 from robotball.rotations import Array
 from tests.conftest import Robotball
 from tests.robotball.files.test_robot_file import GIMBAL, HULL
+from validation.studies import check
 from validation.studies.check import beside, causes_of, check_model
 
 FIRST = Path("examples/first_robot.xml").absolute()
@@ -358,6 +359,19 @@ def test_a_control_that_changes_is_played_step_by_step(tmp_path: Path) -> None:
     wrong = other.path(right.theory.times)[:, :2] - right.theory.contact_point
     assert right.error < 9e-4
     assert np.abs(wrong).max() > 0.1 * right.theory.path_scale
+
+
+def test_equations_that_would_take_minutes_are_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before their first step, as hundreds of bodies need, and by one rolling model alone."""
+    monkeypatch.setattr(check, "_PATIENCE", 0.0)
+    shown = list[str]()
+    with pytest.raises(
+        rb.InputError, match=r"planted\.xml: .* for 0 s of the motion; a joint fric"
+    ):
+        check_model(planted(tmp_path), None, 1.0, 1e-3, lambda _, words: shown.append(words))
+    assert shown.count("equations") == 2
 
 
 REFUSED = {

@@ -1,4 +1,4 @@
-"""Read a user's whole robot from an MJCF or URDF file, as it is: tree, actuators, plane and start.
+"""Read a user's whole robot from an MJCF or URDF file, as it is: its tree, plane and start.
 
 MuJoCo reads and compiles the file, at first in a process of its own (`sandbox`). The tree begins
 at the shell, the body with the sphere that touches the plane, wherever the file has it: a joint
@@ -6,36 +6,29 @@ above the shell is seen from its other side, by an axis of the opposite sign. Bo
 all joints are at 0, in the axes of the shell and from the centre of its sphere; all that is welded
 together is one body.
 
-In order: the scene, the same by a TOML file, the model with what its file leaves out, the tree, the
-start, the joints and actuators, a single body for a scene that has its others elsewhere.
+In order: the model with what its file leaves out, the tree, the start, the joints that actuators
+move, a single body for a scene that has its others elsewhere. `robot_scene` makes the scene.
 """
 
 import re
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import attrgetter
 from pathlib import Path
-from types import MappingProxyType
-from typing import Annotated, Any
+from typing import Any
 
-import msgspec
 import mujoco
 import numpy as np
 
-from robotball.activations import Activation
-from robotball.ball import Ball, Hinge, Link, Shell, Solid, composed
-from robotball.drives import Rate, Samples, key
+from robotball.ball import Link, Shell, Solid, composed
 from robotball.equations import Rolling
-from robotball.errors import InputError, check_positive, mujoco_silent, unknown, warn
+from robotball.errors import InputError, mujoco_silent, unknown
 from robotball.files import named
 from robotball.files.sandbox import COMMENT, check_format, check_loads, opened_spec
-from robotball.files.scene_tables import Command, Table, rate_of
-from robotball.motors import Actuator, Free, Law
 from robotball.rotations import Array, Z, from_matrix, multiply, rotation_matrix
-from robotball.scene import DOWN, Friction, Scene, Start
+from robotball.scene import Scene
 from robotball.shapes import shapes_of_geoms
 
 # The flags that switch off what the equations have: all up to that of clamped controls.
@@ -43,18 +36,13 @@ _FORCES = 2 * int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL) - 1
 _FORCES |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
 # A model has plain numbers, which MuJoCo's enumerations do not equal.
 _FREE, _BALL, _SLIDE, _HINGE = map(int, mujoco.mjtJoint.__members__.values())
-_STATELESS, _INTEGRATOR = int(mujoco.mjtDyn.mjDYN_NONE), int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
-_AFFINE = (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE))
-_FILTERS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))
 _GEOMS = mujoco.mjtGeom
 _PLANE, _SPHERE = int(_GEOMS.mjGEOM_PLANE), int(_GEOMS.mjGEOM_SPHERE)
 _MESH = int(_GEOMS.mjGEOM_MESH)
 # What the scene's own model calls its parts; a user's body of such a name gets another.
 _OURS = ("shell", "frame", "floor")
-_NO_LIMITS = (-np.inf, np.inf)
 _FACES = 0.1  # cosine: a plane that is steeper against gravity is a wall
-_LEVEL = 1 - 1e-12  # cosine: a plane or a gravity that is tilted by less is level
-_DURATION = 10.0  # s, the longest of a scene from a file, which has none
+LEVEL = 1 - 1e-12  # cosine: a plane or a gravity that is tilted by less is level
 _HEIGHT = 1e-6  # of the radius, and of a velocity: a start that misses by less is on the plane
 _TOUCH = 1e-6  # of the radius: how deep the sphere is put to see its contact
 _STRETCHES = 50  # of the way of a robot to its plane, at most
@@ -183,7 +171,7 @@ class RobotFile:
     def plane_axes(self, data: Any) -> Array:
         """Return the rotation (3, 3) from world axes to the plane's; the same where it is level."""
         plane = data.geom_xmat[self.plane].reshape(3, 3)
-        return np.eye(3) if plane[2, 2] > _LEVEL else plane.T
+        return np.eye(3) if plane[2, 2] > LEVEL else plane.T
 
     def contact(self, start: Any) -> Any:
         """Return MuJoCo's contact of the sphere with the plane, as it mixes their parameters."""
@@ -278,109 +266,6 @@ def geom_name(model: Any, geom: int) -> str:
 def body_name(model: Any, body: int) -> str:
     """Return a body's name, or one by its number."""
     return model.body(body).name or f"body{body}"
-
-
-class RobotTable(Table, frozen=True, kw_only=True):
-    """The table of a scene file whose robot is in a file of its own."""
-
-    robot: Annotated[
-        str, key("the robot's MJCF or URDF file; a relative path is from the scene's own folder")
-    ]
-    title: Annotated[str | None, key("one line, for tables and plots")] = None
-    rolling: Annotated[
-        Rolling | None, key("`rubber` or `classical`, in place of what the contact's condim says")
-    ] = None
-    shell: Annotated[str | None, key("the body or geom that rolls, where several could")] = None
-    keyframe: Annotated[str | None, key("where it starts, in place of the first keyframe")] = None
-    duration: Annotated[
-        float | None, key("of the motion; 10 if not given, or as long as the samples", "s")
-    ] = None
-    controls: Annotated[
-        dict[str, Command] | None,
-        key("`[controls]`, commands by the names of actuators, in place of the keyframe's"),
-    ] = None
-
-
-def scene_of_robot(
-    path: Path, table: Mapping[str, Any], controls: Mapping[str, Rate] = MappingProxyType({})
-) -> Scene:
-    """Return the scene of a robot's own file, as it starts and with the controls that it has.
-
-    path: of the scene; table: of its TOML file, or one that names the robot's file alone; controls:
-    of actuators by name, over time, in place of those that the table or the robot's file gives. The
-    scene lasts 10 s, or as long as the controls are given, where the table does not say. Warns of
-    what is added or left out. Raises InputError for a key that says what the robot's file says, for
-    a file that cannot roll, and for what the equations do not describe.
-    """
-    if "robot" not in table:
-        raise InputError("controls are those of a robot's own file, and the scene names none")
-    for each in table:
-        if each not in RobotTable.__struct_fields__:
-            raise unknown("key beside robot", each, RobotTable.__struct_fields__)
-    given = msgspec.convert(table, RobotTable)
-    file, controls = path.parent / given.robot, {**controls_of(given, path.parent), **controls}
-    robot = open_robot(file, given.shell)
-    data, duration = robot.start(given.keyframe), given.duration
-    if duration is None:
-        ends = [each.times[-1] for each in controls.values() if isinstance(each, Samples)]
-        duration = min([_DURATION, *ends])
-    with named(file):
-        for note in (*robot.notes, *starts_off(robot, data)):
-            warn(f"{file.name}: {note}")
-        scene = scene_of(robot, data, controls, given.rolling, duration)
-    return replace(scene, name=path.stem, title=given.title or scene.title)
-
-
-def controls_of(table: RobotTable, folder: Path) -> dict[str, Rate]:
-    """Return the controls of a scene file's table; folder: of files that it names."""
-    return {name: rate_of(each, folder) for name, each in (table.controls or {}).items()}
-
-
-def scene_of(
-    robot: RobotFile,
-    data: Any,
-    controls: Mapping[str, Rate],
-    rolling: Rolling | None,
-    duration: float,
-) -> Scene:
-    """Return the scene of a file's robot, which rolls on the plane from its start."""
-    model, contact = robot.model, robot.contact(data)
-    to_plane = robot.plane_axes(data)
-    down = to_plane @ model.opt.gravity
-    gravity = float(np.linalg.norm(down))
-    check_positive("gravity", gravity, "m/s²")
-    level = down[2] < -_LEVEL * gravity
-    rolling = rolling or rolling_of(contact)
-    to_world = to_plane @ data.geom_xmat[robot.sphere].reshape(3, 3)
-    (shell, links), gears, hinges = robot.tree, gears_of(model), []
-    for joint, link in links.items():
-        angle = float(data.qpos[model.jnt_qposadr[joint]])
-        rate = float(data.qvel[model.jnt_dofadr[joint]])
-        name, low, high = link.range or ("", *_NO_LIMITS)
-        if not low <= angle <= high:
-            raise InputError(
-                f"{name} starts at {angle:g} {'m' if link.slides else 'rad'}, outside its range of "
-                f"{low:g} to {high:g}"
-            )
-        hinges.append(Hinge(link, motor=_passive(model, joint, gears), angle=angle, rate=rate))
-    turning = to_plane @ robot.moving(data)[:3]
-    if rolling == "rubber":  # whose shell does not spin
-        turning = turning * [1.0, 1.0, 0.0]
-    scene = Scene(
-        name=robot.path.stem,
-        title=f"The robot of {robot.path.name}",
-        source=str(robot.path),
-        ball=Ball(shell, tuple(hinges)),
-        rolling=rolling,
-        actuators=tuple(_actuators(model, links, data, controls)),
-        gravity=gravity,
-        gravity_direction=DOWN if level else tuple((down / gravity).tolist()),
-        friction=Friction(rolling=float(contact.friction[3]) if contact.dim == 6 else 0.0),
-        start=Start(from_matrix(to_world), np.zeros(3)),
-        duration=duration,
-    )
-    momentum = scene.momentum_of(to_world.T @ turning)
-    return replace(scene, start=replace(scene.start, momentum=momentum))
 
 
 def open_robot(path: Path, shell: str | None = None) -> RobotFile:
@@ -721,83 +606,6 @@ def gears_of(model: Any) -> dict[str, dict[int, float]]:
     return gears
 
 
-def _passive(model: Any, joint: int, gears: Mapping[str, Mapping[int, float]]) -> Free:
-    """Return what a joint has without its actuators' forces; their rotors turn with it."""
-    dof = int(model.jnt_dofadr[joint])
-    if np.any(model.jnt_stiffnesspoly[joint]) or np.any(model.dof_dampingpoly[dof]):
-        name = model.joint(joint).name
-        raise InputError(f"{name}: a stiffness or damping that is no constant is not supported")
-    squares = np.array([moved.get(joint, 0.0) ** 2 for moved in gears.values()])
-    return Free(
-        damping=float(model.dof_damping[dof] + squares @ model.actuator_damping),
-        stiffness=float(model.jnt_stiffness[joint]),
-        rest=float(model.qpos_spring[model.jnt_qposadr[joint]]),
-        armature=float(model.dof_armature[dof] + squares @ model.actuator_armature),
-        friction=float(model.dof_frictionloss[dof]),
-    )
-
-
-def _actuators(
-    model: Any, links: Mapping[int, Link], data: Any, controls: Mapping[str, Rate]
-) -> Iterator[Actuator]:
-    """Yield the actuators of a file, whose joints move links by name; not those of other bodies.
-
-    Those without a control of their own keep the start's.
-    """
-    gears = gears_of(model)
-    for name in controls:
-        if name not in gears:
-            raise unknown("actuator", name, gears)
-    moved_by = Counter(joint for moved in gears.values() for joint in moved)
-    for i, (name, moved) in enumerate(gears.items()):
-        if moved.keys().isdisjoint(links):
-            continue
-        if len(moved) > 1 and (model.actuator_armature[i] or model.actuator_damping[i]):
-            raise InputError(f"{name}: armature or damping of its own takes a single joint")
-        low, high = model.actuator_forcerange[i] if model.actuator_forcelimited[i] else _NO_LIMITS
-        for joint, ratio in moved.items():
-            if model.jnt_actfrclimited[joint]:
-                if len(moved) > 1 or moved_by[joint] > 1 or not ratio:
-                    raise InputError(
-                        f"{model.joint(joint).name}: actuatorfrcrange is supported for a joint "
-                        "with one actuator, which moves no other"
-                    )
-                ends = sorted(model.jnt_actfrcrange[joint] / ratio)
-                low, high = max(low, ends[0]), min(high, ends[1])
-        # A law's limit is the same both ways; what is not is a constant torque beside it.
-        middle = float(low + high) / 2 if np.isfinite(high) else 0.0
-        own = tuple((links[joint].name, ratio) for joint, ratio in moved.items())
-        within = model.actuator_ctrlrange[i] if model.actuator_ctrllimited[i] else _NO_LIMITS
-        law = _law(model, i, name)
-        yield Actuator(
-            name,
-            own,
-            law._replace(at_rest=law.at_rest - middle, limit=float(high) - middle),
-            command=controls.get(name, float(data.ctrl[i])),
-            activation=_activation(model, i, name, data),
-            within=(float(within[0]), float(within[1])),
-        )
-        if middle:
-            yield Actuator(f"{name}_offset", own, Law(0.0, 0.0, 0.0, at_rest=middle))
-
-
-def _activation(model: Any, i: int, name: str, data: Any) -> Activation | None:
-    """Return the state of an actuator's own, as it starts."""
-    kind, at = model.actuator_dyntype[i], int(model.actuator_actadr[i])
-    if kind == _STATELESS:
-        return None
-    if kind not in (_INTEGRATOR, *_FILTERS) or model.actuator_actnum[i] != 1:
-        raise InputError(
-            f"{name}: a muscle's, PID's or DC motor's state is not supported; take a filter or an "
-            "integrator"
-        )
-    limited, limits = model.actuator_actlimited[i], model.actuator_actrange[i].tolist()
-    settling = None if kind == _INTEGRATOR else float(model.actuator_dynprm[i, 0])
-    if settling is not None:
-        check_positive(f"{name}'s time constant", settling, "s")
-    return Activation(float(data.act[at]), settling, *(limits if limited else ()))
-
-
 def _moved(model: Any, i: int, name: str) -> Iterator[tuple[int, float]]:
     """Yield the joints that an actuator moves, with the ratio of each."""
     gear, kind = float(model.actuator_gear[i, 0]), model.actuator_trntype[i]
@@ -814,16 +622,6 @@ def _moved(model: Any, i: int, name: str) -> Iterator[tuple[int, float]]:
                 f"{name} pulls a tendon over sites or geoms; fixed tendons alone are supported"
             )
         yield int(model.wrap_objid[wrap]), gear * float(model.wrap_prm[wrap])
-
-
-def _law(model: Any, i: int, name: str) -> Law:
-    """Return an actuator's law. Raises InputError unless it is affine."""
-    gain, bias = model.actuator_gainprm[i], model.actuator_biasprm[i]
-    fixed = model.actuator_gaintype[i] == int(mujoco.mjtGain.mjGAIN_FIXED)
-    if not (fixed and model.actuator_biastype[i] in _AFFINE):
-        raise InputError(f"{name}: its gain and bias must be affine, as those of a motor or servo")
-    b0, b1, b2 = bias[:3].tolist() if model.actuator_biastype[i] else (0.0, 0.0, 0.0)
-    return Law(float(gain[0]), -b1, -b2, b0)
 
 
 def solid_of_file(path: Path, kind: str, name: str) -> Solid:

@@ -26,7 +26,8 @@ from robotball.files.mended_file import (
     elements_of,
 )
 from robotball.files.numbers import Number, Numbers
-from robotball.files.robot_file import RobotFile, RobotTable, controls_of, open_robot, scene_of
+from robotball.files.robot_file import RobotFile, open_robot
+from robotball.files.robot_scene import RobotTable, controls_of, scene_of
 from robotball.scene import Scene
 
 # The attributes that are numbers of a robot, and their units; how a robot is drawn is none.

@@ -106,7 +106,7 @@ def load_scene(name: str | Path, controls: Mapping[str, Rate] | None = None) -> 
     if str(name) not in catalog():
         path = Path(name)
     if path.suffix in MODEL_FILES:
-        from robotball.files.robot_file import scene_of_robot
+        from robotball.files.robot_scene import scene_of_robot
 
         scene = scene_of_robot(path, {"robot": path.name}, controls or {})
     elif path.suffix == ".toml":
@@ -134,7 +134,7 @@ def read_scene(path: Path, text: bytes | str, controls: Mapping[str, Rate] | Non
         given = msgspec.toml.decode(text)
     try:
         if "robot" in given or controls:
-            from robotball.files.robot_file import scene_of_robot
+            from robotball.files.robot_scene import scene_of_robot
 
             return scene_of_robot(path, given, controls or {})
         table = msgspec.convert(given, tables.SceneTable)

@@ -11,7 +11,7 @@ from pathlib import Path
 from msgspec import inspect
 
 from robotball.files.parts import DENSITIES
-from robotball.files.robot_file import RobotTable
+from robotball.files.robot_scene import RobotTable
 from robotball.files.scene_keys import meaning_of, struct_of, tables_at
 from robotball.files.scene_tables import DRIVES, HingeTable
 

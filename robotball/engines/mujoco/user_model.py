@@ -20,7 +20,8 @@ from robotball.engines.observe import Readings, Recording
 from robotball.equations import Rolling
 from robotball.errors import mujoco_silent, unknown
 from robotball.files import named
-from robotball.files.robot_file import RobotFile, gears_of, scene_of
+from robotball.files.robot_file import RobotFile, gears_of
+from robotball.files.robot_scene import scene_of
 from robotball.loads import Loads
 from robotball.motion import DIVERGED, ContactMotion, EngineSettings
 from robotball.rotations import Array, Mask, from_matrix, rotation_matrix

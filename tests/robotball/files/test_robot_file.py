@@ -13,7 +13,8 @@ import pytest
 
 import robotball as rb
 from robotball.files import robot_file
-from robotball.files.robot_file import RobotFile, open_robot, scene_of_robot
+from robotball.files.robot_file import RobotFile, open_robot
+from robotball.files.robot_scene import scene_of_robot
 from robotball.rotations import Array
 from tests.motions import pair_of
 from tests.robotball.files.scene_texts import PLATE

@@ -47,7 +47,7 @@ class Figures:
     """
 
     names: Annotated[Several, arg(metavar="[N…]")] = ()
-    """Which figures, 3 to 14 or tori (which both rolling models wind); all if none is given."""
+    """Which figures, 3 to 14 or tori (the same of both rolling models); all if none is given."""
     out: Path = OUT
     """Folder for the pictures."""
     threads: Threads = None

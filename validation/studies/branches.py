@@ -154,7 +154,7 @@ def _draw_branch(axes: Axes, rows: Sequence[Row], key: str, named: bool) -> None
     # Between special points a branch is stable or not; next to one, rounding may say otherwise.
     for i, k in pairwise([0, *(i for i, row in enumerate(rows) if row["kind"]), len(rows) - 1]):
         inside = [row["stable"] for row in rows[i : k + 1] if not row["kind"]]
-        style = _LINES[2 * sum(inside) > len(inside)] | {"marker": "." * (len(rows) == 1)}
+        style = _LINES[2 * sum(inside) >= len(inside)] | {"marker": "." * (len(rows) == 1)}
         axes.plot(x[i : k + 1], y[i : k + 1], **style)
     places = (3 * len(rows) // 4, len(rows) // 4) if named else ()
     for i in {rows[i]["name"]: i for i in places}.values():

@@ -50,7 +50,7 @@ class FaultKind(Enum):
     ENGINE_WARNED = "the engine warned of {subject}"
     SLIPPED = "slipped over {limit:g} of the path"
     MOMENTUM_OFF = "M off by over {limit:g}"
-    OFF = "path or M off by over {limit:g}, as other steps show"
+    OFF = "path or M off by over {limit:g}, as runs in other steps estimate"
     STEP_TOO_SHORT = "the steps became too short ({subject})"
     OUT_OF_STEPS = "max_steps = {limit:.0f} are taken"
 

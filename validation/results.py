@@ -167,6 +167,10 @@ _TABLE_COLUMNS = (
 Record = dict[str, Any]
 _SYMBOLS = "γ: the vertical seen from the frame; M: momentum"
 _NAIVE = "; naive: an engine as it comes"
+OWN_FILE = (
+    "The engine has the contact of robotball's settings here. How the file rolls by its own is "
+    "said by robotball check {0}, and filmed by robotball video {0} --as-is."
+)
 
 
 def record(agreement: Agreement) -> Record:

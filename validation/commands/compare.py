@@ -80,7 +80,7 @@ class Compare:
         from robotball import InputError, catalog
         from validation.comparing import Comparing, compare_all
         from validation.output import writable_folder
-        from validation.results import scenes_of, show, write_csv, write_json
+        from validation.results import OWN_FILE, scenes_of, show, write_csv, write_json
 
         # An option without an effect is refused, lest its user rely on it.
         if self.seed or self.cluster or self.device:
@@ -114,6 +114,9 @@ class Compare:
             if path:
                 write(path, records)
         show(records, Console())
+        for scene in scenes.values():
+            if scene.ball.general:
+                print(f"{scene.name}: {OWN_FILE.format(scene.source)}")
         pictures = [picture for each in found for picture in each.pictures]
         if pictures:
             print("plots:", pictures[0], f"and {len(pictures) - 1} more")

@@ -18,7 +18,7 @@ from validation.output import known, scientific, versions
 from validation.plots import framed
 from validation.report import VERDICTS, embedded, folded, page, paragraph, plain, plot, table, text
 from validation.report.chart import Line
-from validation.results import growth_of, needs
+from validation.results import OWN_FILE, growth_of, needs
 
 _ERRORS = {
     "path error": "the largest distance of the two contact points, over the path's length",
@@ -30,10 +30,6 @@ _ROLLING = {
     "rubber": "the ball neither slips nor spins about the vertical",
     "classical": "the ball does not slip, and may spin about the vertical",
 }
-_OWN_FILE = (
-    "The engine has the contact of robotball's settings here. How the file rolls by its own is "
-    "said by robotball check {0}, and filmed by robotball video {0} --as-is."
-)
 _Columns = tuple[Array, Array, Array | None]  # x, y, and the times where x is something else
 _NONE: _Columns = (np.empty(0), np.empty(0), None)  # of the equations, where errors are drawn
 _CONSTANT = 1e-9  # part of its size by which a constant may vary
@@ -92,7 +88,7 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
         _ball_numbers(group),
         "<h3>3-D view</h3>",
         shown,
-        paragraph(_OWN_FILE.format(scene.source), "faint") if scene.ball.general else "",
+        paragraph(OWN_FILE.format(scene.source), "faint") if scene.ball.general else "",
         "<h3>Errors</h3>",
         f'<div class="charts">{_errors(group)}</div>',
         "<h3>Friction and motors</h3>",

@@ -265,7 +265,7 @@ def test_every_command_is_run() -> None:
 
 
 def test_a_robots_own_file_takes_controls(robotball: Robotball, tmp_path: Path) -> None:
-    """A number or a table for each actuator; results are named after them, and ranges are said."""
+    """Results are named after them; ranges are said, and that the file's contact is another."""
     ranged = PLATE.replace('name="axle"', 'name="axle" range="-40 40"')
     (tmp_path / "mybot.xml").write_text(ranged)
     (tmp_path / "fly.csv").write_text("t,value\n0,0\n1,20\n")
@@ -275,6 +275,7 @@ def test_a_robots_own_file_takes_controls(robotball: Robotball, tmp_path: Path) 
     assert status == 1  # what is compared ends before the time that was asked for
     assert out.count("no verdict after it ends: axle reaches its range") == 2
     assert "mine-drive-0.2-fly-fly.csv" in out
+    assert out.count("How the file rolls by its own is said by robotball check mybot.xml") == 2
     assert err.count("axle reaches its range of -40 to 40 deg at t = 0.1") == 2
 
 

@@ -189,7 +189,8 @@ def _limits_of(scene: Scene) -> dict[str, float]:
     a, ball = scene.ball.radius, scene.ball
     steel = min(1e3, _STEEL * 4 / 3 * math.pi * a**3)
     torque = _OVERSIZED * ball.mass * scene.gravity * a
-    return {**_LARGEST, "kg": steel, "N m": torque, "rolling": a, "frame rad/s": _FASTEST / a}
+    turning = dict.fromkeys(("frame rad/s", "start rad/s"), _FASTEST / a)
+    return {**_LARGEST, **turning, "kg": steel, "N m": torque, "rolling": a}
 
 
 def _numbers_of(scene: Scene) -> Iterator[tuple[str, str, float]]:

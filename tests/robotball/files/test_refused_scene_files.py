@@ -261,6 +261,10 @@ ASKED = {
         "[friction]\nrolling = 2\n\n[start]",
         "friction.rolling is 2 m; did you mean 0.002 (2 mm)?",
     ),
+    "velocity = [0, 0, 0]": (
+        "velocity = [0, 360, 0]",
+        "is 360 rad/s; did you mean 37.7 (360 rpm)?",
+    ),
     "kv = 0.4": ("rotor_inertia = 12", "inertia is 12 kg m²; did you mean 1.2e-06 (12 g cm²)"),
 }
 

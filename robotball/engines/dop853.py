@@ -22,9 +22,9 @@ Rate = Callable[[float, Array], Array]
 # Writes the slopes at s stages of a step after those before, each at
 # base + displacement + length·weights@slopes.
 Stages = Callable[[Array, float, Array, Array, Array, Array], Array]
-# Steps, times the square of the state's length, between two calls of `progress`: a tenth of a
-# second's of most robots, and a step of one that has hundreds of hinges.
-_SHOWN = 200_000
+# Steps times the state's length between two calls of `progress`: a tenth of a second's of most
+# robots, and a step or two of one that has hundreds of hinges.
+_SHOWN = 2000
 LEAST_RTOL = 1e-15  # of one step, relative; a smaller one only makes more steps
 
 # The relative error allowed of a single step's displacement, little beside that of the whole state.
@@ -129,6 +129,6 @@ def take_step(
         raise too_many_steps(most, solver.t, end, speed)
     if why := solver.step():
         raise InputError(f"the equations could not be integrated past t = {solver.t:g} s: {why}")
-    if progress is not None and taken % max(1, _SHOWN // len(solver.state) ** 2) == 0:
+    if progress is not None and taken % max(1, _SHOWN // len(solver.state)) == 0:
         progress(solver.t / end)
     return taken + 1

@@ -208,8 +208,7 @@ def test_a_command_says_its_result_and_writes_it(
 
 
 PAGE = """\
-Fixed points and cycles of the motion
-from rest (M = 0); γ in principal axes.
+Fixed points and cycles of the motion from rest (M = 0); γ in principal axes.
 
         γ                                    eigenvalues [1/s] or multiplier
  ────────────────────────────────────────────────────────────────────────────────────────────────
@@ -230,10 +229,8 @@ from rest (M = 0); γ in principal axes.
   Σ_u   ± from -0.15988, -0.16673, 0.97296   0, and 0 to 0.7181                repels,
         to 0.46102, -0.88415, -0.075754                                        straight line
 
-The indices of the points add up to 2;
-with that of the circle (Ω, γ) = 0,
-which is 0, to 2, as they must on a
-sphere.
+The indices of the points add up to 2; with that of the circle (Ω, γ) = 0, which is 0, \
+to 2, as they must on a sphere.
 out/fig05c-equilibria.png
 """
 
@@ -241,7 +238,7 @@ out/fig05c-equilibria.png
 def test_a_page_looks_as_it_should(
     robotball: Robotball, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A table, wider than the terminal, and sentences that are broken at its width of 40.
+    """A table and sentences, whole in a log however narrow its terminal would be.
 
     Its numbers are the record's, to the digits that are printed.
     """
@@ -387,7 +384,7 @@ def test_a_run_that_broke_in_its_first_step_has_a_page_and_no_film(
     options = ("wild.toml", "--preset", "fast", "--duration", 0.1)
     assert robotball("report", *options)[0] == 1
     page = (tmp_path / "out" / "wild-mujoco-fast-0.1s-report.html").read_text()
-    assert "The run ended at 0 s." in page
+    assert "The run ended at 0\u00a0s." in page
     for kind, web in (("video", ()), ("view", ("--web",))):
         status, _, err = robotball(kind, *options, *web)
         assert status == 2

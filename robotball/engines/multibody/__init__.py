@@ -173,10 +173,11 @@ def _fastest(system: System, progress: Progress | None) -> float:
     changing = np.r_[:POINT, MOMENTUM:LOSS, HINGES:end]
     sides = []
     for step in np.diag(_DIFFERENCE * system.scale)[changing]:
-        if progress is not None:  # as hundreds of hinges take half a minute
-            progress(0.0)
         change = system.rate(0.0, state + step) - system.rate(0.0, state - step)
         sides.append(change[changing] / (2 * step.max()))
+        # As hundreds of hinges take half a minute; not before the first, which may compile.
+        if progress is not None:
+            progress(0.0)
     if not np.isfinite(sides).all():
         raise InputError(
             f"{system.scene.name}: its equations have no finite solution at the start; see that "

@@ -66,7 +66,8 @@ def test_random_robots_move_and_load_the_plane_as_newton_and_euler_say() -> None
 def test_trees_three_deep_move_and_load_the_plane_as_newton_and_euler_say(framed: bool) -> None:
     """Hinges, a slide, a shell that is not symmetric, gears on two joints, a limit, dry friction.
 
-    Measured 1.4e-15 at the start, then 2.1e-12. A slide that is taken for a hinge differs.
+    Measured 1.4e-15 at the start, then 2.1e-12, by another processor's kernels 8.8e-12: rounding,
+    which grows on the way. A slide that is taken for a hinge differs.
     """
     rng = np.random.default_rng(3)
     for _ in range(3):
@@ -77,7 +78,7 @@ def test_trees_three_deep_move_and_load_the_plane_as_newton_and_euler_say(framed
         scene = scene.with_hinges(motor={scene.hinges[-1].name: dry})
         start, end = off_by(SecondForm(scene), scene)
         assert start < 5e-15
-        assert end < 7e-12
+        assert end < 1e-11
     links = {link.name: replace(link, slides=False) for link in scene.ball.links}
     turned = scene.with_hinges(body=links)
     assert min(off_by(SecondForm(turned), scene)) > 1e-3

@@ -64,8 +64,9 @@ class ManyRuns:
     rows: tuple[Row, ...]
 
     def __repr__(self) -> str:
-        runs, faulty, *_, worst = self.summary("path_error").values()
-        return f"<ManyRuns: {runs} runs, {faulty} faulty; path error up to {scientific(worst)}>"
+        found = self.summary("path_error")
+        counts = f"{found['runs']} runs, {found['faulty']} faulty"
+        return f"<ManyRuns: {counts}; path error up to {scientific(found['worst'])}>"
 
     def summary(self, error: str) -> Row:
         """Summarize the percentiles of one error over the runs that have it. None if no run has it.

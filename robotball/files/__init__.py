@@ -30,7 +30,10 @@ MODEL_FILES = (".xml", ".mjcf", ".urdf")
 
 
 def contents(path: Path, longest: int = _MOST_CHARACTERS) -> bytes:
-    """Return the bytes of a regular file, without Windows' mark. Raises InputError as `opened`."""
+    """Return the bytes of a regular file, without a byte order mark.
+
+    Raises InputError as `opened` does.
+    """
     with opened(path, longest) as file:
         return file.read().removeprefix(BOM_UTF8)
 

@@ -337,7 +337,8 @@ def _standing(model: Any, sphere: int) -> list[int]:
 def _plane_added(spec: Any, model: Any, shell: str | None) -> Iterator[str]:
     if np.any(model.geom_type == _PLANE):
         return
-    if others := _standing(model, sphere := _sphere(model, shell)):
+    sphere = _sphere(model, shell)
+    if others := _standing(model, sphere):
         kind = _GEOMS(model.geom_type[others[0]]).name.removeprefix("mjGEOM_").lower()
         raise InputError(
             f"the file has no plane, and {geom_name(model, others[0])} is a {kind}, where the "
@@ -460,7 +461,8 @@ def _ignored(model: Any, sphere: int, plane: int) -> Iterator[str]:
     for i in range(1, model.nbody):
         if model.body_dofnum[i] and model.body_rootid[i] != root and model.body_rootid[i] == i:
             yield f"{_name(model, i)} moves apart from the robot; the equations leave it out"
-    if beside := {geom_name(model, i): i for i in _standing(model, sphere) if i != plane}:
+    names = (geom_name(model, i) for i in _standing(model, sphere) if i != plane)
+    if beside := dict.fromkeys(names):  # each once, in the file's order
         words = f"beside the plane there is {', '.join(beside)}; the equations leave that out"
         yield f"{words}, and hold until the robot meets it, which `robotball check` tells"
 

@@ -30,6 +30,7 @@ from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of, m
 from robotball.engines.states import motion_of_rows
 from robotball.errors import unknown
 from robotball.film.looks import INK
+from robotball.motion import Label
 from validation.agreement import Agreement
 from validation.options import AGREES, Given, Sweep, SweepOptions, seconds_of
 from validation.output import panels, writable_folder, write_record, write_text
@@ -265,17 +266,15 @@ _COLUMNS = (
 )  # fmt: skip
 
 
-def _drawing(mark: str, own: str, title: str, rows: Sequence[Row]) -> Figure:
-    """Draw errors and speed over the dates, or over the versions in order where one has none.
-
-    mark, own: the engine's marker and colour.
-    """
+def _history_picture(label: Label, title: str, rows: Sequence[Row]) -> Figure:
+    """Draw errors and speed over the dates, or over the versions in order where one has none."""
     news = [row["version"] for row in rows if row["changed"]]
     heading = f"{title}: numbers changed in {', '.join(news) or 'none'}"
     figure, (axes, below) = panels(heading, (10.0, 6.6), 2, sharex=True, height_ratios=(3, 1))
     dated = all(row["date"] for row in rows)
     at: list[Any] = [np.datetime64(row["date"]) if dated else row["version"] for row in rows]
     # As in the pictures of engines, what comes is hollow.
+    mark, own = label.marker, label.colour
     looks = (f"{mark}:", own, "none"), (f"{mark}-", own, own), ("d--", INK, INK)
     for (number, words), (style, colour, face) in zip(_NUMBERS.items(), looks, strict=True):
         sizes = [abs(row.get(number) or np.nan) for row in rows]
@@ -345,7 +344,7 @@ class History:
         lines = _lines_of(changes_of(rows), _package(self.engine))
         title = f"{label.name} on {_SCENE}, version after version"
         table = table_of(_COLUMNS, rows, lambda row: row["failure"])
-        picture = _drawing(label.marker, label.colour, title, [r for r in rows if not r["failure"]])
+        picture = _history_picture(label, title, [row for row in rows if not row["failure"]])
         record, words = {"history": rows, "changes": lines}, changed(self, "since", "to", "every")
         study = Study(
             _SCENE, label, ["history"], rows, record, (title, table, *map(escape, lines)), picture

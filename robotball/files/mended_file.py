@@ -10,17 +10,19 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
-from xml.parsers.expat import ExpatError, ParserCreate
+from xml.parsers.expat import ExpatError, ParserCreate, XMLParserType
 from xml.sax.saxutils import quoteattr
 
 import mujoco
 import numpy as np
 
 from robotball.errors import InputError
-from robotball.files.robot_file import RobotFile
+from robotball.files.robot_file import RobotFile, body_name, unused_name
 from robotball.rotations import Array
 
-_CLOSED = "</mujoco>"
+# A start tag with its attributes, and one of these with its quoted value.
+_START_TAG = re.compile(r"<[^\s/>]+(\s+[^\s=]+\s*=\s*(\"[^\"]*\"|'[^']*'))*")
+_ATTRIBUTE = re.compile(r"\s([^\s=]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
 _Names = Mapping[tuple[str, int], str]  # of geoms and bodies, by their numbers
 
 
@@ -77,7 +79,8 @@ class Editable:
             if change.pair or change.exclude:
                 contact.append(f"  {_comment(change)}")
             pair |= change.pair
-            contact += [f'  <exclude body1="{a}" body2="{b}"/>' for a, b in change.exclude]
+            for a, b in change.exclude:
+                contact.append(f"  <exclude{_attributes({'body1': a, 'body2': b})}/>")
         if contact or self.paired:
             geoms = {"geom1": self.plane, "geom2": self.sphere}
             yield "<contact>"
@@ -87,15 +90,28 @@ class Editable:
 
 
 def before_end(text: str, lines: Iterable[str]) -> str:
-    """Return a text of a file with lines at its end."""
-    end = text.rindex(_CLOSED)
-    own = text[:end].rstrip(" ")
+    """Return a text of a file with lines before the end tag of its root."""
+    data, ends = text.encode(), [0]
+    parser = _parser()
+    parser.EndElementHandler = lambda _: ends.append(parser.CurrentByteIndex)
+    parser.Parse(data, True)
+    own, rest = data[: ends[-1]].decode().rstrip(" "), data[ends[-1] :].decode()
     broken = "" if own.endswith("\n") else "\n"
-    return own + broken + "".join(f"  {line}\n" for line in lines) + text[end:]
+    return own + broken + "".join(f"  {line}\n" for line in lines) + rest
+
+
+def _parser() -> XMLParserType:
+    # MuJoCo reads every file as UTF-8, whatever encoding the file declares.
+    return ParserCreate("utf-8")
+
+
+def in_comment(words: str) -> str:
+    """Return words for an XML comment, which must not contain two hyphens in a row."""
+    return re.sub("-(?=-)", "- ", words)
 
 
 def _comment(change: Change) -> str:
-    return f"<!-- {change.name}: {change.words.replace('--', '- -')} -->"
+    return f"<!-- {change.name}: {in_comment(change.words)} -->"
 
 
 def _attributes(values: Mapping[str, str]) -> str:
@@ -136,8 +152,11 @@ def editable(
     InputError where no text has the same robot.
     """
     model = robot.model
-    usual = {("geom", robot.sphere): "rolling_sphere", ("geom", robot.plane): "plane"}
-    usual |= {("body", i): f"body{i}" for i in bodies}
+    usual = {
+        ("geom", robot.sphere): unused_name(model, "geom", "rolling_sphere"),
+        ("geom", robot.plane): unused_name(model, "geom", "plane"),
+        **{("body", i): body_name(model, i) for i in bodies},
+    }
     own = {(kind, i): getattr(model, kind)(i).name for kind, i in usual}
     new = {each: name for each, name in usual.items() if not own[each]}
     named, ours = own | new, {robot.sphere, robot.plane}
@@ -198,7 +217,7 @@ def elements_of(data: bytes) -> list[Element]:
     """Return the elements of an MJCF text, in its order."""
     found: list[Element] = []
     owners = [-1]
-    parser = ParserCreate()
+    parser = _parser()
 
     def begin(tag: str, attributes: Mapping[str, str]) -> None:
         found.append(Element(tag, parser.CurrentByteIndex, owners[-1], attributes))
@@ -261,14 +280,14 @@ def edited(data: bytes, edits: Iterable[tuple[int, str, str]]) -> str:
 
 def _with_attribute(text: str, name: str, new: str) -> str:
     """Return a text that begins with a start tag, whose attribute gets a new value."""
-    tag = re.match(r"<[^\s/>]+(\s+[^\s=]+\s*=\s*(\"[^\"]*\"|'[^']*'))*", text)
+    tag = _START_TAG.match(text)
     assert tag is not None
     if not name:
         return text[tag.end() :].partition(">")[2]
-    old = re.search(rf"\s{name}\s*=\s*[\"']([^\"']*)[\"']", tag.group())
-    if old:
-        return text[: old.start(1)] + new + text[old.end(1) :]
-    return f'{tag.group()} {name}="{new}"{text[tag.end() :]}'
+    for old in _ATTRIBUTE.finditer(tag.group()):
+        if old[1] == name:
+            return text[: old.start(2)] + quoteattr(new) + text[old.end(2) :]
+    return f"{tag.group()} {name}={quoteattr(new)}{text[tag.end() :]}"
 
 
 def digits(numbers: Iterable[float]) -> str:

@@ -265,7 +265,15 @@ def geom_name(model: Any, geom: int) -> str:
 
 def body_name(model: Any, body: int) -> str:
     """Return a body's name, or one by its number."""
-    return model.body(body).name or f"body{body}"
+    return model.body(body).name or unused_name(model, "body", f"body{body}")
+
+
+def unused_name(model: Any, kind: str, name: str) -> str:
+    """Return a name, with underscores after it if the model has a body or geom of that name."""
+    names = {getattr(model, kind)(i).name for i in range(getattr(model, f"n{kind}"))}
+    while name in names:
+        name += "_"
+    return name
 
 
 def open_robot(path: Path, shell: str | None = None) -> RobotFile:

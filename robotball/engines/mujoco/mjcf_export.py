@@ -19,6 +19,7 @@ from robotball.drives import Drive
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import START, Model, build, hinges_of
 from robotball.engines.mujoco.settings import Prescribed, Settings, for_load
+from robotball.files.mended_file import in_comment
 from robotball.film.looks import BLUR, add_materials, looks_of
 from robotball.plane import check_still
 from robotball.rotations import Array, conjugate, rotation_matrix
@@ -34,15 +35,15 @@ DEFAULT_ITERATIONS = 100  # of MuJoCo's solver
 # The picture's lengths in radii of the ball, so that any ball fills it alike.
 _CAMERA, _EXTENT, _SUN, _TILE = "0 -5 2", 4.0, 12.0, 0.5
 
-_PLAYER = '''"""Plays {model} with its controls; it needs mujoco and numpy alone."""
+_PLAYER = '''"""Play the model beside this file with its controls; needs only mujoco and numpy."""
 from pathlib import Path
 import mujoco, numpy as np
 
 here = Path(__file__).parent
-model = mujoco.MjModel.from_xml_path(str(here / "{model}"))
+model = mujoco.MjModel.from_xml_path(str(here / {model!r}))
 {softness}data = mujoco.MjData(model)
 mujoco.mj_resetDataKeyframe(model, data, 0)
-for row in np.loadtxt(here / "{controls}", delimiter=",", skiprows=1, ndmin=2):
+for row in np.loadtxt(here / {controls!r}, delimiter=",", skiprows=1, ndmin=2):
     data.ctrl[:] = row[1:]
     mujoco.mj_step(model, data)
 print("t =", data.time, "s, qpos =", data.qpos.tolist())
@@ -82,10 +83,7 @@ def write_model(scene: Scene, settings: Settings, *, dressed: bool, stem: str) -
     # MJCF has no word for the softness, nor for controls that change: a player sets both.
     if not scene.steady or softness != 1:
         needs = _needs(model, f"{stem}-play.py", off)
-    # Two hyphens would end a comment.
-    wrapped = [
-        part for line in _words(model, needs) for part in wrap(line.replace("--", "- -"), _WRAP)
-    ]
+    wrapped = [part for line in _words(model, needs) for part in wrap(in_comment(line), _WRAP)]
     xml = f"<!-- {_COMMENT_LINE.join(wrapped)} -->\n{(dress(model) if dressed else model).xml}"
     if needs is None:
         return Written(xml)

@@ -1,5 +1,6 @@
 """A model in files moves as it should without robotball, or says what it needs to."""
 
+import ast
 import re
 import subprocess
 import sys
@@ -73,6 +74,17 @@ def test_plain_steps_end_where_the_equations_do_with_the_controls_alone(
     assert files.needs is not None
     assert "it needs ball-play.py to move as it should" in files.needs
     assert "ball-play.py" in files.xml.partition("-->")[0]
+
+
+def test_a_player_opens_files_with_quotes_in_their_names() -> None:
+    """Its strings are read back from its syntax tree."""
+    stem = 'a"b\\'
+    scene = WOBBLING.until(0.1)
+    files = write_model(scene, rb.preset("naive"), dressed=False, stem=stem)
+    strings = [
+        each.value for each in ast.walk(ast.parse(files.player)) if isinstance(each, ast.Constant)
+    ]
+    assert {f"{stem}.xml", f"{stem}-controls.csv"} <= {*map(str, strings)}
 
 
 def test_settings_that_never_get_good_keep_their_own_step() -> None:

@@ -54,7 +54,7 @@ def scene_cell(scene: Any) -> str:
     table = "<tr><th>body</th><th>mass [kg]</th><th>turns</th></tr>"
     for link in scene.ball.tree:
         turns = escape(hinges.get(link.name, ""))
-        table += f"<tr><td>{link.name}</td><td>{link.mass:.4g}</td><td>{turns}</td></tr>"
+        table += f"<tr><td>{escape(link.name)}</td><td>{link.mass:.4g}</td><td>{turns}</td></tr>"
     above = f"<div>{escape(scene.title)}</div><table>{table}</table>"
     try:
         times = sample_times(min(scene.duration, _SHOWN))

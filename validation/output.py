@@ -6,7 +6,6 @@ and then.
 
 import csv
 import io
-import json
 import math
 import os
 import platform
@@ -25,6 +24,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from robotball.errors import InputError
+from robotball.files.json_text import json_text
 from robotball.files.replacing import STANDARD_OUTPUT, followed, no_regular_file, refused, replacing
 
 if TYPE_CHECKING:
@@ -59,8 +59,7 @@ def program() -> str:
 def write_record(path: Path | None, record: Mapping[str, Any]) -> None:
     """Write a record with the versions that it depends on as JSON, if a path is given."""
     if path is not None:
-        # NaN and infinity are no JSON, which other programs' readers refuse.
-        text = json.dumps({**record, "versions": versions()}, indent=1, allow_nan=False)
+        text = json_text({**record, "versions": versions()}, indent=1)
         write_text(writable_file(path), text + "\n")
 
 

@@ -4,7 +4,6 @@ No two files of different runs share a name. It has the scene, the engine, the p
 option that is not at its default.
 """
 
-import json
 import re
 import runpy
 from collections import Counter
@@ -21,6 +20,7 @@ from rich.markup import escape
 from robotball import Controller, InputError, Motion, Scene, catalog, load_scene
 from robotball.drives import Rate
 from robotball.files.columns import read_samples
+from robotball.files.json_text import json_text
 from robotball.motion import Label
 from validation.agreement import Agreement
 from validation.output import (
@@ -232,8 +232,7 @@ def needs(motion: Motion) -> dict[str, Any]:
 
 def write_json(path: Path, records: Sequence[Record]) -> None:
     """Write a list of records, one an agreement."""
-    text = json.dumps(list(records), indent=2, allow_nan=False, ensure_ascii=False)
-    write_text(path, text + "\n")
+    write_text(path, json_text(records, indent=2) + "\n")
 
 
 def write_csv(path: Path, records: Sequence[Record]) -> None:

@@ -29,6 +29,7 @@ import msgspec
 from robotball import InputError
 from robotball.errors import check_count, check_positive
 from robotball.files import readable
+from robotball.files.json_text import json_text
 from robotball.files.replacing import no_regular_file
 from robotball.processes import Answer, EndedError, Worker, cores, pool
 from validation.output import Show, versions, writable_file
@@ -171,7 +172,7 @@ def rows_of(results: Sequence[Result]) -> list[dict[str, Any]]:
 
 
 def _as_cell(value: Any) -> Any:
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, list | dict) else value
+    return json_text(value) if isinstance(value, list | dict) else value
 
 
 def _identity(cell: Cell) -> str:
@@ -188,9 +189,8 @@ def _reason(error: BaseException) -> str:
 
 
 def _to_line(cell: Cell, record: Mapping[str, Any] | None, failure: str | None) -> str:
-    """Return a result as a line. Raises ValueError or TypeError for a record of no plain data."""
-    whole = {"cell": cell, "record": record, "failure": failure}
-    return json.dumps(whole, allow_nan=False, ensure_ascii=False)
+    """Return a result as a line of JSON."""
+    return json_text({"cell": cell, "record": record, "failure": failure})
 
 
 def _from_line(line: str | bytes) -> Result:

@@ -5,7 +5,6 @@ start, without any engine's recipe; URDF and SDF have bodies and hinges.
 """
 
 import contextlib
-import json
 from collections.abc import Mapping
 from dataclasses import asdict
 from importlib.resources import files
@@ -23,6 +22,7 @@ from robotball.engine import integrate
 from robotball.engines.states import links_of
 from robotball.errors import InputError
 from robotball.files.columns import Table, write_table
+from robotball.files.json_text import json_text
 from robotball.files.replacing import replacing
 from robotball.files.scene_writer import scene_toml
 from robotball.motion import Motion
@@ -82,7 +82,7 @@ def export_scene(scene: Scene, folder: Path | str, times: Array | None = None) -
     motion = integrate(scene, times)
     conventions = files("robotball.files").joinpath("export_conventions.md")
     texts = {
-        "scene.json": json.dumps(_plain(motion), indent=1, ensure_ascii=False, allow_nan=False),
+        "scene.json": json_text(_plain(motion), indent=1),
         "model.xml": _mjcf(motion),
         "model.urdf": _urdf(scene),
         "model.sdf": _sdf(motion),

@@ -1,7 +1,6 @@
 """Write motions as a web page with a 3-D view to orbit, play and scrub, without a network."""
 
 import html
-import json
 from base64 import b64encode
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from robotball.ball import Ball
 from robotball.errors import InputError
+from robotball.files.json_text import embedded_json
 from robotball.film import looks as palette
 from robotball.film.lines import colours_of, label_of
 from robotball.film.looks import MARKS, Looks, looks_of, materials_of
@@ -41,10 +41,9 @@ def view_fragment(motions: Sequence[Any]) -> str:
     if shown < whole * (1 - 1e-9):
         data["note"] = f"The first {shown:g} s of {whole:g} s are shown."
     data["label"] = f"The rolling ball of {motions[0].scene.name}"
-    # A title with </script> in it would end the script.
-    packed = json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
     return (
-        f'<div class="rb-view"><script type="application/json">{packed}</script><script>'
+        '<div class="rb-view">'
+        f'<script type="application/json">{embedded_json(data)}</script><script>'
         "rollingBalls(document.currentScript.parentElement);</script></div>"
     )
 

@@ -3,7 +3,6 @@
 Findings are shown as a table in the terminal and written as JSON.
 """
 
-import json
 import math
 import re
 from collections import Counter
@@ -20,6 +19,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from robotball import InputError
+from robotball.files.json_text import json_text
 from validation.output import known, progress_bar, versions, write_text
 
 _Verdict = Literal["holds", "holds as corrected", "does not reproduce", "not checked"]
@@ -292,5 +292,4 @@ def write_findings(path: Path, parts: Sequence[Part]) -> None:
     """Write the records and the versions that they depend on, as JSON."""
     claims = [_record(part.title, each) for part in parts for each in part.findings]
     content = {"versions": versions(), "claims": claims}
-    text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
-    write_text(path, text + "\n")
+    write_text(path, json_text(content, indent=2) + "\n")

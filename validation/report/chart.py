@@ -4,7 +4,6 @@ Text and axes take the page's colour, so a chart suits a dark page. Lines differ
 and names as well as by their colours.
 """
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,6 +11,7 @@ from html import escape
 
 import numpy as np
 
+from robotball.files.json_text import embedded_json
 from robotball.film.lines import Look
 from robotball.rotations import Array
 from validation.plots import LEAST, in_view
@@ -94,7 +94,7 @@ def chart(
     return (
         f'<svg class="chart" role="img" viewBox="0 0 {_WIDTH} {_TOP + height + _BOTTOM}" '
         f'aria-label="{escape(f"{y_label} over {x_label}: {names}", quote=True)}" '
-        f'data-lines="{escape(json.dumps(data, separators=(",", ":")), quote=True)}" '
+        f'data-lines="{escape(embedded_json(data), quote=True)}" '
         f'style="max-width:{_WIDTH}px">{"".join(parts)}</svg></svg>'
     )
 

@@ -70,7 +70,7 @@ def test_changes_are_what_they_set_and_nothing_else(tmp_path: Path, end: str) ->
 # Any character that XML may have but the controls, the likely culprits more often.
 NAMES = st.text(
     st.sampled_from("\"'&<>-]= /{%")
-    | st.characters(codec="utf-8", exclude_categories=("Cc",), exclude_characters="\ufffe\uffff"),
+    | st.characters(codec="utf-8", exclude_categories=["Cc"], exclude_characters="\ufffe\uffff"),
     min_size=1,
     max_size=12,
 )

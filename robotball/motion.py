@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 # The limits that every engine's run is held to.
 DIVERGED = 1e10  # a state beyond it is no result; MuJoCo's own limit (mjMAXVAL)
+_LEAST_TIME = 1e-9  # s; the resolution of a clock at best
 RATE_ERROR = 1e-3  # relative; a prescribed hinge keeps 1e-13, a servo this good passes
 
 
@@ -53,6 +54,11 @@ class FaultKind(Enum):
     OFF = "path or M off by over {limit:g}, as runs in other steps estimate"
     STEP_TOO_SHORT = "the steps became too short ({subject})"
     OUT_OF_STEPS = "max_steps = {limit:.0f} are taken"
+
+
+def measured_time(seconds: float) -> float:
+    """Return a measured time [s] that can be divided by: a coarse clock may show 0."""
+    return max(seconds, _LEAST_TIME)
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from robotball.motion import (
     Joined,
     Label,
     arrays_of,
+    measured_time,
     path_unit,
     slip_with_spin,
     tolerated,
@@ -306,6 +307,7 @@ class Recording:
         which python_seconds are Python's, where that is measured.
         """
         read, faults = self._samples.whole, self.faults.values()
+        seconds = measured_time(seconds)
         return ContactMotion(
             scene=self.scene,
             engine=self.engine,

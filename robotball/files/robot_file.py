@@ -24,7 +24,7 @@ import numpy as np
 
 from robotball.ball import Link, Shell, Solid, composed
 from robotball.equations import Rolling
-from robotball.errors import InputError, mujoco_silent, unknown
+from robotball.errors import InputError, check_positive, check_size, mujoco_silent, unknown
 from robotball.files import named
 from robotball.files.sandbox import COMMENT, check_format, check_loads, opened_spec
 from robotball.rotations import Array, Z, from_matrix, multiply, rotation_matrix
@@ -421,7 +421,10 @@ def _check_supported(model: Any) -> None:
     for what, values in unsupported.items():
         if any(map(np.any, values if isinstance(values, tuple) else (values,))):
             raise InputError(f"{what} is not supported; take it out of the file")
-    gears_of(model)  # refuses what its actuators move
+    check_positive("timestep", model.opt.timestep, "s")
+    check_size("gravity", float(np.abs(model.opt.gravity).max()), "m/s²")
+    for name, gears in gears_of(model).items():  # refuses what its actuators move
+        check_size(f"the gear of {name}", max(map(abs, gears.values()), default=0.0))
 
 
 def _inferred(spec: Any) -> Iterator[str]:

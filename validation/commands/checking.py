@@ -10,7 +10,7 @@ from tyro.conf import Positional, arg
 
 from robotball.drives import as_drive
 from robotball.engines.mujoco.user_model import UserModel
-from robotball.errors import check_positive
+from robotball.errors import check_positive, mujoco_silent
 from robotball.files import named
 from robotball.files.robot_file import open_robot, starts_off
 from robotball.files.scene_keys import ask
@@ -51,6 +51,7 @@ class Check:
     json: File = None
     """Also write what is found as JSON."""
 
+    @mujoco_silent()  # what the file makes MuJoCo warn of is said in our words
     def run(self) -> int:
         check_positive("accuracy", self.accuracy, "")
         writable_folder(self.out)

@@ -24,13 +24,28 @@ from robotball.drives import Constant, Drive, as_drive
 from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.settings import BY_ERROR, CONSTANT, recipe
-from robotball.engines.mujoco.user_model import Met, Seen, UserModel, observed, wrenches
+from robotball.engines.mujoco.user_model import (
+    Gain,
+    Met,
+    Seen,
+    UserModel,
+    observed,
+    too_high_gain,
+    wrenches,
+)
 from robotball.equations import Rolling
 from robotball.errors import SceneWarning, mujoco_silent
 from robotball.files.mended_file import Change, Editable, Moves, compiled, editable
 from robotball.files.robot_file import body_name, gears_of, geom_name, rolling_of, start_misses
 from robotball.film.lines import PRESET_LOOKS
-from robotball.motion import ContactMotion, Motion, ReferenceMotion, arrays_of, with_arrays
+from robotball.motion import (
+    ContactMotion,
+    Motion,
+    ReferenceMotion,
+    arrays_of,
+    measured_time,
+    with_arrays,
+)
 from robotball.rotations import Array
 from robotball.scene import DOWN, GRAVITY
 from validation.output import Show, known, scientific, title
@@ -39,6 +54,7 @@ from validation.study import Column, Study, table_of
 _INTERVAL = 0.01  # s between the points that are compared, or the model's own step
 _LOOK = 1e-3  # s between the states whose contacts are looked at, or the model's own step
 _LEAST_STEP = 1e-4  # s, the shortest that is tried
+_SHORTEST = 1e-7  # s, of a file's own step: 10 s of a shorter one take many minutes
 _STANDS = 1e-3  # of the radius: a robot that rolls less in all is moved
 _LEAST_PATH = 0.1  # of the radius: less is no verdict
 _STILL = 0.05  # of the equations' reach: a robot that gets no farther stands still
@@ -82,6 +98,8 @@ def _changes_of(
     option, contact = model.opt, robot.contact(data)
     if seen.inside:
         yield _apart(model, seen)
+    if gain := too_high_gain(own):
+        yield _implicit(gain)
     if wrong := "; ".join(words for words, _ in start_misses(robot, data)):
         yield Change("start", wrong, start=True)
     ends_early = {
@@ -106,10 +124,11 @@ def _changes_of(
             words += f" and delivers {seen.delivered:.0%} of the resistance to rolling"
         yield Change("cone", words, option={"cone": "elliptic"})
     yield from _friction(contact, theory, condim)
-    if option.integrator != int(mujoco.mjtIntegrator.mjINT_RK4):
+    if not gain and option.integrator != int(mujoco.mjtIntegrator.mjINT_RK4):
         yield Change("integrator", "the integrator is of first order", option={"integrator": "RK4"})
     if step < option.timestep:
         words = f"steps of {1e3 * option.timestep:g} ms are too long"
+        words += f" for the gain of {_over_limit(gain)}" if gain else ""
         yield Change("timestep", words, option={"timestep": _digits(step)})
     depth = motion.report.depth[(motion.times < seen.until) & np.isfinite(motion.report.depth)]
     sinks = 1e3 * float(depth.mean()) if len(depth) else 0.0
@@ -137,6 +156,19 @@ def _overriding(model: Any, change: Change) -> Change:
 
 
 _OVERRIDDEN = ("margin", "solref", "solimp", "friction")
+
+
+def _implicit(gain: Gain) -> Change:
+    """Return the change to an integrator that is stable under a gain of an actuator."""
+    words = f"{_over_limit(gain)}, implicitfast at any gain"
+    return Change("gain", words, option={"integrator": "implicitfast"})
+
+
+def _over_limit(gain: Gain) -> str:
+    """Return an actuator's name, and its number beside the limit of an explicit step."""
+    factors = f"{gain.kv:.3g}·{gain.gear:.3g}²·{gain.timestep:.3g}/{gain.inertia:.3g}"
+    limit = f"{gain.integrator} is stable below {gain.most:.3g}"
+    return f"{gain.name}: kv·gear²·dt/I = {factors} = {gain.number:.3g}; {limit}"
 
 
 def _apart(model: Any, seen: Seen) -> Change:
@@ -244,6 +276,9 @@ def check_model(
     """
     robot, data = own.robot, own.begin()
     default = rolling_of(robot.contact(data))
+    if robot.model.opt.timestep < _SHORTEST:
+        line = f"timestep must be at least {_SHORTEST:g} s for a check"
+        raise InputError(f"{robot.path}: {line}, not {robot.model.opt.timestep:g} s")
     # From one state that is looked at to the next.
     steps = max(1, round(_LOOK / robot.model.opt.timestep))
     every = max(1, round(_INTERVAL / (steps * robot.model.opt.timestep)))
@@ -281,14 +316,17 @@ def check_model(
         changes = [_overriding(robot.model, each) for each in found]
         return _carrying(changes, with_changes(changes), theory)
 
-    # A contact that is wrong may stop the robot before a wall: it is mended to see what it meets.
-    met = [each for each in seen.met if each[0] <= times[-1] and not seen.inside]
-    if seen.inside:
-        with_changes([_apart(robot.model, seen)]).path(times, met)
+    # A contact or a gain that is wrong may stop the robot before a wall, or throw it at one: it is
+    # mended to see what it meets.
+    first = [_apart(robot.model, seen)] if seen.inside else []
+    first += [_implicit(gain)] if (gain := too_high_gain(own)) else []
+    met = [each for each in seen.met if each[0] <= times[-1] and not first]
+    if first:
+        with_changes(first).path(times, met)
     full, began = changes_at(robot.model.opt.timestep), time.process_time()
     by_recipe = list[Met]()
     at_all_times = with_changes(full).path(times, by_recipe)
-    cost = (time.process_time() - began) / len(times)
+    cost = measured_time(time.process_time() - began) / len(times)
     if met or by_recipe:
         at, words = min([*met, *by_recipe])
         line = f"{words} at t = {at:.3g} s"
@@ -396,9 +434,11 @@ def beside(own: UserModel, checked: Checked) -> list[Motion]:
         every = round(theory.times[1] / mended.robot.model.opt.timestep)
         found.append(observed(mended, scene, error, every, name="mended")[0])
     shown = []
-    for each in filter(lambda each: len(each.times) > 1, found):
+    for each in found:
         # A time of the model's own is a sum of steps.
         times = theory.times[theory.times < each.times[-1] + each.report.timestep / 2]
+        if len(times) < 2:  # it diverged at once, and a view has nothing to show
+            continue
         rows = np.abs(each.times - times[:, None]).argmin(axis=1)
         arrays = {place: array[rows] for place, array in arrays_of(each)}
         shown.append(with_arrays(each, arrays | {("times",): times}))

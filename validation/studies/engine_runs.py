@@ -23,7 +23,7 @@ from robotball import InputError, engine_named, engine_names, integrate, load_sc
 from robotball.engine import DEFAULT, Request, run_request
 from robotball.engines.adapter import Adapter, not_installed
 from robotball.engines.environments import interpreter_of, make, python_named
-from robotball.motion import ContactMotion, EngineSettings, Motion
+from robotball.motion import ContactMotion, EngineSettings, Motion, measured_time
 from robotball.rotations import Array, rotation_matrix
 from validation.agreement import Agreement
 from validation.output import known
@@ -166,7 +166,7 @@ def fixed_work() -> float:
     """Measure the processor time of a piece of work in which no package takes part [s]."""
     began = time.process_time()
     hashlib.sha256(_FIXED_WORK).digest()
-    return time.process_time() - began
+    return measured_time(time.process_time() - began)
 
 
 def contact_quality(motion: ContactMotion, theory: Motion) -> dict[str, float | None]:

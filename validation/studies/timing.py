@@ -15,6 +15,7 @@ import mujoco
 from robotball import PRESETS, load_scene
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run
+from robotball.motion import measured_time
 from robotball.rotations import Array
 
 _MINIMAL = PRESETS["accurate"]  # the model of the bare loop, on fig12
@@ -75,7 +76,7 @@ def one_step(compiled: mujoco.MjModel, steps: int = _STEPS) -> float:
     began = time.thread_time()
     for _ in range(steps):
         mujoco.mj_step(compiled, data)
-    return (time.thread_time() - began) / steps
+    return measured_time((time.thread_time() - began) / steps)
 
 
 def simulated_second(model: Model, times: Array) -> _Work:

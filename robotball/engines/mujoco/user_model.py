@@ -18,7 +18,7 @@ from robotball.drives import Constant, Drive
 from robotball.engines.mujoco import LABEL
 from robotball.engines.observe import Readings, Recording
 from robotball.equations import Rolling
-from robotball.errors import mujoco_silent, unknown
+from robotball.errors import InputError, mujoco_silent, unknown
 from robotball.files import named
 from robotball.files.robot_file import RobotFile, gears_of
 from robotball.files.robot_scene import scene_of
@@ -72,8 +72,15 @@ class UserModel:
         """Return MjData at the start."""
         robot, data = self.robot, self.robot.start(self.key)
         self.control(data)
+        data.time = 0.0  # a keyframe may have another, at which no control begins
         if self.push:
             robot.roll(data, np.array([0.0, self.push / self.radius, 0.0]))
+        if not _sound(data):
+            largest = float(np.abs([*data.qpos, *data.qvel]).max())
+            raise InputError(
+                f"{robot.path}: its start has a position or velocity of {largest:.3g}, and a state "
+                f"beyond {DIVERGED:g} counts as diverged"
+            )
         return data
 
     def control(self, data: mujoco.MjData) -> None:
@@ -134,8 +141,71 @@ class UserModel:
 
 
 def _sound(data: mujoco.MjData) -> bool:
-    # A comparison with NaN is false.
-    return bool(data.qpos @ data.qpos + data.qvel @ data.qvel < DIVERGED**2)
+    with np.errstate(over="ignore", invalid="ignore"):
+        # A comparison with NaN is false.
+        return bool(data.qpos @ data.qpos + data.qvel @ data.qvel < DIVERGED**2)
+
+
+# The largest dt·λ at which a step of v' = -λ v is stable.
+_STABLE = {
+    int(mujoco.mjtIntegrator.mjINT_EULER): ("Euler", 2.0),
+    int(mujoco.mjtIntegrator.mjINT_RK4): ("RK4", 2.785),
+}
+
+
+class Gain(NamedTuple):
+    """A velocity gain of an actuator that is too high for an explicit step.
+
+    Attributes
+    ----------
+    name : str
+        The actuator.
+    kv, gear : float
+        The gain, and the ratio of the actuator to its joint or tendon.
+    timestep : float, s
+        The length of a step.
+    inertia : float
+        The inertia that the joint or tendon moves, at the start.
+    number : float
+        kv·gear²·dt/I.
+    integrator : str
+        The explicit integrator.
+    most : float
+        The largest number at which it is stable.
+    """
+
+    name: str
+    kv: float
+    gear: float
+    timestep: float
+    inertia: float
+    number: float
+    integrator: str
+    most: float
+
+
+def too_high_gain(user: UserModel) -> Gain | None:
+    """Return the largest velocity gain beyond what the integrator is stable under, if any."""
+    model, data = user.robot.model, user.begin()
+    if model.opt.integrator not in _STABLE:
+        return None
+    integrator, most = _STABLE[model.opt.integrator]
+    moments = np.zeros((model.nu, model.nv))
+    mujoco.mju_sparse2dense(
+        moments, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
+    )
+    found = []
+    for name, i in user.actuators.items():
+        kv, gear = -float(model.actuator_biasprm[i, 2]), float(model.actuator_gear[i, 0])
+        accelerations = np.zeros((1, model.nv))
+        mujoco.mj_solveM(model, data, accelerations, moments[i : i + 1])
+        mobility = float(moments[i] @ accelerations[0])
+        if (number := kv * mobility * model.opt.timestep) > most:
+            inertia = gear**2 / mobility
+            found.append(
+                Gain(name, kv, gear, model.opt.timestep, inertia, number, integrator, most)
+            )
+    return max(found, key=lambda gain: gain.number, default=None)
 
 
 @dataclass(frozen=True)
@@ -198,7 +268,7 @@ def observed(
                 met.append((float(data.time), words))
         inside.update(overlap)
         user.step(data, every)
-        if i % _LOOK == 0:
+        if i % max(1, _LOOK // every) == 0:
             show(i / count)
             if time.process_time() - began > _PATIENCE:
                 break
@@ -242,7 +312,7 @@ def _failure(
     return words, until
 
 
-_LOOK = 100  # rows from one look at the clock to the next
+_LOOK = 100  # steps from one look at the clock to the next
 
 
 def _others(robot: RobotFile, data: mujoco.MjData) -> Iterator[tuple[tuple[int, int], Any]]:

@@ -45,6 +45,7 @@ from robotball.motion import (
     Motion,
     ReferenceMotion,
     extended,
+    measured_time,
 )
 from robotball.plane import lift_off
 from robotball.rotations import Array, rotation_matrix
@@ -505,7 +506,7 @@ class _Multibody(Engine):
         integrate(scene, times[:2], settings.rtol)
         began = time.process_time()
         motion = integrate(scene, times, settings.rtol)
-        seconds, none = time.process_time() - began, np.zeros(len(motion.times))
+        seconds, none = measured_time(time.process_time() - began), np.zeros(len(motion.times))
         return extended(
             motion,
             ContactMotion,

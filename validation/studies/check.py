@@ -327,10 +327,12 @@ def check_model(
     by_recipe = list[Met]()
     at_all_times = with_changes(full).path(times, by_recipe)
     cost = measured_time(time.process_time() - began) / len(times)
-    if met or by_recipe:
-        at, words = min([*met, *by_recipe])
+    meetings, soon = sorted([*met, *by_recipe]), _LEAST_SAMPLES * interval
+    # A state that diverges at once may touch anything; that it diverges is the verdict then.
+    if meetings and not (seen.diverged and meetings[0][0] < soon):
+        at, words = meetings[0]
         line = f"{words} at t = {at:.3g} s"
-        if at < _LEAST_SAMPLES * interval:
+        if at < soon:
             started = "".join(f"; {words}" for words, _ in start_misses(robot, data))
             raise InputError(f"{robot.path}: {line}, too soon for a comparison{started}")
         checked = check_model(own, rolling, at - 2 * interval, accuracy, show)
@@ -711,8 +713,10 @@ def causes_of(checked: Checked) -> list[str]:
     for line in reversed(checked.unlikely):
         causes.insert(len(causes) if line.startswith("gear") and helped else 0, line)
     if not causes and checked.judged and not checked.agrees and not checked.short:
-        words = "unknown: no choice of the recipe helps; a sensitive motion leaves any path in "
-        causes.append(f"{words}time, so try a shorter --duration")
+        perhaps = "a sensitive motion leaves any path in time, so try a shorter --duration"
+        if checked.seen.diverged:
+            perhaps = "a stiff joint or a high gain may need a shorter timestep"
+        causes.append(f"unknown: no choice of the recipe helps; {perhaps}")
     return causes
 
 

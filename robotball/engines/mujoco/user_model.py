@@ -213,7 +213,7 @@ class Seen:
     """What only a user's model shows, over all steps of a run.
 
     path (n, 3): contact point and height above the plane at every row [m]; fails: what ends its
-    rolling, in words; until: when it does, or the end [s]; inside: by two geoms that overlap from
+    rolling, in words; until: when it does, or the end [s]; diverged: whether its state did; inside: by two geoms that overlap from
     the start, the part of the steps in which they do; limits: joints that reach their range, and
     when [s]; delivered: the part of the declared resistance to rolling; lag: of servos by name,
     root mean square over the command's; met: the first that touches and did not at the start.
@@ -222,6 +222,7 @@ class Seen:
     path: Array
     fails: str | None
     until: float
+    diverged: bool
     inside: Counter[tuple[int, int]]
     limits: dict[str, float]
     delivered: float | None
@@ -284,6 +285,7 @@ def observed(
     return motion, Seen(
         path,
         *_failure(table.time, lost, path[:, 2], user.radius, diverged),
+        diverged=diverged is not None,
         inside=Counter({pair: times / len(rows) for pair, times in inside.items()}),
         limits=_limits(model, table),
         delivered=float(given / declared) if declared else None,

@@ -258,6 +258,16 @@ def test_a_model_that_diverges_at_once_gets_the_cause_and_a_page(
     assert "rollingBalls(" in page
 
 
+def test_a_model_that_diverges_into_the_floor_diverges(tmp_path: Path) -> None:
+    """At 4 ms, by a spring for which any step of the recipe is too long: the plate is thrown."""
+    path = tmp_path / "robot.xml"
+    path.write_text(geared(1, "RK4").replace('damping=".0001"', 'stiffness="1e7"'))
+    own = UserModel(open_robot(path), {}, None)
+    found = check_model(own, "classical", 0.1, 1e-3, silent)
+    assert (found.fails or "").startswith("it diverges at t = 0.004 s")
+    assert "shorter timestep" in causes_of(found)[0]
+
+
 @pytest.mark.parametrize("integrator", ["Euler", "RK4"])
 def test_a_gain_is_too_high_where_plain_steps_diverge(integrator: str, tmp_path: Path) -> None:
     """Within 5 % on either side of the limit, in 500 steps; implicit ones stay."""

@@ -51,7 +51,6 @@ class Check:
     json: File = None
     """Also write what is found as JSON."""
 
-    @mujoco_silent()  # what the file makes MuJoCo warn of is said in our words
     def run(self) -> int:
         check_positive("accuracy", self.accuracy, "")
         writable_folder(self.out)
@@ -67,6 +66,7 @@ class Check:
             print(mended, *check.difference(checked), sep="\n")
         return AGREES if checked.agrees else DISAGREES
 
+    @mujoco_silent()  # or MuJoCo writes its warnings into the current folder
     def checked(self) -> tuple[UserModel, check.Checked, list[str]]:
         """Return the file's model, what is found of it, and words known before."""
         robot = open_robot(self.file, self.shell)

@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -81,6 +81,7 @@ ANYTHING = st.recursive(
 )  # fmt: skip
 
 
+@settings(max_examples=60)
 @given(ANYTHING, st.sampled_from([None, 1]))
 def test_any_nested_result_is_written_as_strict_json(value: object, indent: int | None) -> None:
     """It is UTF-8 as well, and on one line if it is not indented."""

@@ -212,11 +212,26 @@ def too_high_gain(user: UserModel) -> Gain | None:
 class Seen:
     """What only a user's model shows, over all steps of a run.
 
-    path (n, 3): contact point and height above the plane at every row [m]; fails: what ends its
-    rolling, in words; until: when it does, or the end [s]; diverged: whether its state did; inside: by two geoms that overlap from
-    the start, the part of the steps in which they do; limits: joints that reach their range, and
-    when [s]; delivered: the part of the declared resistance to rolling; lag: of servos by name,
-    root mean square over the command's; met: the first that touches and did not at the start.
+    Attributes
+    ----------
+    path : (n, 3), m
+        The contact point and the height above the plane at every row.
+    fails : str or None
+        What ends the rolling.
+    until : float, s
+        When it ends, or the end of the run.
+    diverged : bool
+        Whether the state diverged.
+    inside : Counter
+        For two geoms that overlap from the start, the part of the steps in which they do.
+    limits : dict
+        The joints that reach their range, and when [s].
+    delivered : float or None
+        The part of the declared resistance to rolling.
+    lag : dict
+        The tracking error of each servo, root mean square over that of its command.
+    met : sequence of Met
+        The first contact that was not there at the start.
     """
 
     path: Array

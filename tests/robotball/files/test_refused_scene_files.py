@@ -222,7 +222,7 @@ REFUSED = [
 ]
 
 
-def refusal(text: str | bytes, folder: Path) -> str:
+def refusal(text: str, folder: Path) -> str:
     """Return the message with which a scene file of this text in a folder is refused."""
     for name, table in TABLES.items():
         (folder / name).write_text(table)

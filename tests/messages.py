@@ -6,11 +6,21 @@ in 21.
 """
 
 import re
+from collections.abc import Sequence
 
 
 def unnamed(facts: str, message: str) -> list[str]:
     """Return those of the facts that a message does not name."""
     return [fact for fact in facts.split() if not re.search(_alone(fact), message)]
+
+
+def untold(several: Sequence[str], messages: Sequence[str]) -> list[str]:
+    """Return those of several lines of facts of which no message names all.
+
+    Of as many messages as lines; one more is a message that is not expected, and is returned.
+    """
+    missing = [facts for facts in several if all(unnamed(facts, line) for line in messages)]
+    return missing + list(messages) * (len(messages) != len(several))
 
 
 def names(facts: str) -> str:

@@ -8,6 +8,7 @@ import pytest
 
 import robotball as rb
 from robotball.rotations import Array
+from tests.messages import unnamed
 
 SCENE = rb.load_scene("pendulum_robot")
 TITLES = ("t", "x", "y", "qw", "qx", "qy", "qz", "wx", "wy", "wz", "frame_angle", "frame_command")
@@ -151,4 +152,4 @@ def test_what_is_read_of_a_damaged_log_is_fitted_or_refused_in_a_line(tmp_path: 
 def test_readings_of_nothing_tell_no_noise(tmp_path: Path) -> None:
     """An angle in units of 1e-155 rad: over its noise, squares of residuals are no numbers."""
     (said,) = check([outcome(100, tmp_path, fitted=True)])
-    assert "frame_angle reads the same all the time" in said
+    assert unnamed("frame_angle", said) == []

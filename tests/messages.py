@@ -23,7 +23,7 @@ def untold(several: Sequence[str], messages: Sequence[str]) -> list[str]:
     return missing + list(messages) * (len(messages) != len(several))
 
 
-def names(facts: str) -> str:
+def naming(facts: str) -> str:
     """Return the pattern of a message that names all facts, in any order, as `match` takes it."""
     return r"(?s)\A" + "".join(f"(?=.*{_alone(fact)})" for fact in facts.split())
 

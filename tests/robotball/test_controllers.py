@@ -1,7 +1,6 @@
 """Closed loops: both engines call a controller at the same times, and roll the same way."""
 
 import math
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,6 +18,7 @@ from robotball.engines.multibody import March
 from robotball.engines.multibody.system import System
 from robotball.motion import path_error
 from robotball.processes import at_most
+from tests.messages import naming
 from tests.off_engine import OFF
 from tests.robotball.files.scene_texts import PLATE
 
@@ -330,12 +330,12 @@ def failing(reading: rb.Reading) -> Answer:
 def test_an_exception_ends_the_run_with_its_line(run: Callable[[rb.Scene], rb.Motion]) -> None:
     """With the time, the file, the line and what was raised; also of one deep in a library."""
     line = failing.__code__.co_firstlineno + 2
-    here = re.escape(str(Path(__file__)))
-    words = rf"pendulum_robot: the controller fails at t = 0.05 s, in {here} line {line}: KeyError"
-    with pytest.raises(rb.InputError, match=words):
+    here = str(Path(__file__))
+    facts = f"pendulum_robot controller 0.05~s {here} line~{line} KeyError"
+    with pytest.raises(rb.InputError, match=naming(facts)):
         run(PENDULUM.with_controller(rb.Controller(failing, 0.01)))
     deep = rb.Controller(lambda _: {"frame": np.linalg.inv(np.zeros((2, 2)))[0, 0]}, 0.01)
-    with pytest.raises(rb.InputError, match=rf"in {here} line \d+: LinAlgError: Singular"):
+    with pytest.raises(rb.InputError, match=naming(f"{here} LinAlgError Singular")):
         run(PENDULUM.with_controller(deep))
 
 
@@ -363,34 +363,34 @@ FILTERED = replace(
     ),
 )
 RUNS = {
-    "None": (answering(None), r"must return commands by name, as {'frame': 1.0}, not None \(t = 0"),
-    "list": (answering([1.0]), r"must return commands by name, as .* not \[1.0\]"),
+    "None": (answering(None), "{'frame':~1.0} None t~=~0"),
+    "list": (answering([1.0]), "[1.0]"),
     "unknown": (
         answering({"fram": 1.0}),
-        "robot, controller: no motor is called 'fram'; did you",
+        "pendulum_robot controller 'fram' frame",
     ),
     "NaN": (
         answering({"frame": math.nan}),
-        "commands nan of frame at t = 0 s; a command must",
+        "nan frame 0~s",
     ),
     "word": (
         answering({"frame": "fast"}),
-        "commands 'fast' of frame at t = 0 s; a comma",
+        "'fast' frame 0~s",
     ),
-    "kept": (answering({"rotor1": 1.0}, scene=KEPT), "rotor1, as its rate is given exactly: give"),
-    "free": (answering({"rotor1": 1.0}, scene=SERVOS), "rotor1, as it turns freely: give it a mot"),
-    "lag": (answering({"pull": 1.0}, scene=FILTERED), "cannot command pull, whose activation has"),
+    "kept": (answering({"rotor1": 1.0}, scene=KEPT), "rotor1 exactly"),
+    "free": (answering({"rotor1": 1.0}, scene=SERVOS), "rotor1 freely"),
+    "lag": (answering({"pull": 1.0}, scene=FILTERED), "pull activation"),
     "copy": (
         PENDULUM.with_controller(rb.Controller(Uncopied(), 0.1)),
-        "cannot be copied, as each run needs its own: TypeError: there is one battery",
+        "copied TypeError battery",
     ),
     "arguments": (
         PENDULUM.with_controller(rb.Controller(lambda: {}, 0.1)),  # type: ignore[arg-type,misc]
-        r"fails at t = 0 s: TypeError: .*takes 0 positional arguments but 1 was given",
+        "0~s TypeError arguments",
     ),
     "often": (
         PENDULUM.with_controller(rb.Controller(timed, 1e-9)),
-        r"called 1e\+09 times in 1 s, of at most 1e\+06; take a longer period",
+        "1e+09 1~s 1e+06 period",
     ),
 }
 
@@ -401,48 +401,48 @@ def test_a_controller_that_gives_no_commands_is_refused(
     name: str, run: Callable[[rb.Scene], rb.Motion]
 ) -> None:
     """By both engines, in a line that says what was wrong."""
-    scene, words = RUNS[name]
-    with pytest.raises(rb.InputError, match=words):
+    scene, facts = RUNS[name]
+    with pytest.raises(rb.InputError, match=naming(facts)):
         run(scene)
 
 
 @pytest.mark.parametrize(
-    ("make", "words"),
+    ("make", "facts"),
     [
-        (lambda: rb.Controller("stop", 0.1), "function must be callable, not 'stop'"),  # type: ignore
-        (lambda: rb.Controller(timed, 0.0), "period must be positive and finite, not 0 s"),
-        (lambda: rb.Controller(timed, 0.1, delay=-1.0), "delay.* must be positive .* not -1 s"),
-        (lambda: rb.Sensors({"gyros": 1.0}), "sensor with a noise is called 'gyros'; did you mean"),
-        (lambda: rb.Sensors({"contact_point": 1.0}), "noise is called 'contact_point'"),
-        (lambda: rb.Sensors({}, {"attitude": 1.0}), "resolution is called 'attitude'"),
-        (lambda: rb.Sensors({"gyro": -1.0}), "the noise of gyro.* must be positive"),
-        (lambda: rb.Sensors(latency=math.inf), "latency.* must be positive and finite, not inf"),
-        (lambda: rb.Sensors(seed=-1), "seed must be at least 0"),
+        (lambda: rb.Controller("stop", 0.1), "function 'stop'"),  # type: ignore
+        (lambda: rb.Controller(timed, 0.0), "period 0~s"),
+        (lambda: rb.Controller(timed, 0.1, delay=-1.0), "delay -1~s"),
+        (lambda: rb.Sensors({"gyros": 1.0}), "noise 'gyros'"),
+        (lambda: rb.Sensors({"contact_point": 1.0}), "noise 'contact_point'"),
+        (lambda: rb.Sensors({}, {"attitude": 1.0}), "resolution 'attitude'"),
+        (lambda: rb.Sensors({"gyro": -1.0}), "noise gyro"),
+        (lambda: rb.Sensors(latency=math.inf), "latency inf"),
+        (lambda: rb.Sensors(seed=-1), "seed 0"),
         (
             lambda: rb.load_scene("fig12").with_controller(rb.Controller(timed, 0.1)),
-            "fig12 has no motor that a controller could command: give a hinge one, as Servo",
+            "fig12 motor",
         ),
     ],
 )
-def test_a_controller_that_cannot_be_is_refused(make: Callable[[], object], words: str) -> None:
+def test_a_controller_that_cannot_be_is_refused(make: Callable[[], object], facts: str) -> None:
     """Where it is made, or given to a scene without a motor."""
-    with pytest.raises(rb.InputError, match=words):
+    with pytest.raises(rb.InputError, match=naming(facts)):
         make()
 
 
 def test_what_holds_no_controller_says_so(tmp_path: Path) -> None:
     """A scene file, an export, an engine without them; a motion's file says what it lacks."""
     scene = PENDULUM.with_controller(rb.Controller(timed, 0.1))
-    with pytest.raises(rb.InputError, match="a scene file cannot hold a controller; keep the Pyth"):
+    with pytest.raises(rb.InputError, match=naming("scene~file controller")):
         rb.scene_toml(scene)
-    with pytest.raises(rb.InputError, match="an export cannot hold a controller"):
+    with pytest.raises(rb.InputError, match=naming("export controller")):
         rb.export_scene(scene, tmp_path)
-    with pytest.raises(rb.InputError, match="Off cannot run pendulum_robot: it has no contr"):
+    with pytest.raises(rb.InputError, match=naming("Off pendulum_robot controllers")):
         rb.simulate(scene, TIMES, engine=OFF)
     motion = rb.integrate(scene, rb.sample_times(0.1))
     assert motion.scene is scene
     motion.save(tmp_path / "run.csv")
-    assert "cannot hold a controller" in (tmp_path / "run.csv").read_text(encoding="utf-8")
+    assert "controller" in (tmp_path / "run.csv").read_text(encoding="utf-8")
     again = rb.load_motion(tmp_path / "run.csv", PENDULUM)
     assert np.array_equal(again.contact_point, motion.contact_point)
 

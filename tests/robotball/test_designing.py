@@ -22,6 +22,7 @@ from robotball.designing import (
     redesign,
     share,
 )
+from tests.messages import naming, unnamed
 from tests.random_balls import random_ball, ring_ball
 from tests.robotball.designs import A12, K12, OMEGA12, UNBUILDABLE, check_bodies, error, fig12
 
@@ -43,7 +44,7 @@ def test_a_paper_ball_has_its_numbers_and_is_built_where_it_can_be(name: str) ->
     radius = math.sqrt((3 * b.max() - b.sum()) / (b.sum() - 2 * b.max()))
     # It is searched to four digits.
     assert made.needed_radius == pytest.approx(radius, rel=3e-4)
-    assert f"needs a radius of {made.needed_radius:.4g} m" in made.verdict
+    assert unnamed(f"radius {made.needed_radius:.4g}~m", made.verdict) == []
     assert made.needed_radius <= made.reach <= WIDER * made.needed_radius
     assert made.masses[0] > made.masses[1]
 
@@ -74,22 +75,16 @@ def test_a_frame_too_small_is_told_what_it_needs() -> None:
     """Fig. 12's frame cannot lie within 0.7 m, though within the shell."""
     small = Limits(frame_radius=0.7)
     made = fig12(limits=small)
-    assert made.verdict.startswith(
-        "can be simulated, not be built: mass would lie outside the frame's radius: "
-        f"the frame needs a radius of {made.needed_radius:.4g} m"
-    )
-    refusal = (
-        f"the frame may reach 0.7 m, and within the limits it needs {made.needed_radius:.4g} m"
-    )
-    with pytest.raises(rb.InputError, match=f"mass inside the shell: {re.escape(refusal)}"):
+    assert unnamed(f"built frame radius {made.needed_radius:.4g}~m", made.verdict) == []
+    with pytest.raises(rb.InputError, match=naming(f"frame 0.7~m {made.needed_radius:.4g}~m")):
         fig12(limits=replace(small, buildable=True))
     enough = replace(small, frame_radius=made.needed_radius * 1.001, buildable=True)
     assert fig12(limits=enough).buildable
     # A shell that leaves 0.9 m, and a limit of 0.5 m, of which only the first cannot be changed.
     thick = replace(made, limits=Limits(shell_thickness=0.1, frame_radius=0.5))
-    for radius, place in ((0.85, "the frame's radius"), (0.95, "the shell")):
+    for radius, place in ((0.85, "frame's"), (0.95, "shell")):
         verdict = replace(thick, needed_radius=radius).verdict
-        assert f"mass would lie outside {place}: the frame needs" in verdict
+        assert unnamed(place, verdict) == []
 
 
 def test_a_description_lists_bodies_rates_and_the_verdict() -> None:
@@ -199,12 +194,11 @@ def test_two_rotors_share_the_inertia_as_well_as_they_can() -> None:
 def test_the_speed_that_a_refusal_names_is_enough() -> None:
     """To four digits, and no less is."""
     slow = Limits(rotor_speed=5.0, rotor_radius=0.9, buildable=True)
-    with pytest.raises(rb.InputError, match="rotor speed: at most 5 rad/s is allowed") as refusal:
+    with pytest.raises(rb.InputError, match=naming("rotor 5~rad/s")) as refusal:
         fig12(limits=slow)
-    needed = re.search(r"needs ([\d.]+) rad/s: ([\d.]+) rad/s more", str(refusal.value))
-    assert needed is not None
-    speed = float(needed[1])
-    assert float(needed[2]) == pytest.approx(speed - 5, abs=6e-3)
+    speeds = sorted(map(float, re.findall(r"([\d.]+) rad/s", str(refusal.value))))
+    speed = speeds[-1]
+    assert speeds == pytest.approx(sorted([5.0, speed - 5, speed]), abs=6e-3)
     assert len(fig12(limits=replace(slow, rotor_speed=speed * 1.001)).ball.rotors) == 2
     with pytest.raises(rb.InputError, match="rotor speed"):
         fig12(limits=replace(slow, rotor_speed=speed * 0.999))
@@ -213,32 +207,27 @@ def test_the_speed_that_a_refusal_names_is_enough() -> None:
 # Eigenvalues of A⁻¹ [kg m²]: a body's with a = 2 m up to 0.75 kg, inside the shell from 0.55 kg on.
 B = np.array([4.0, 3.6, 3.4])
 INFEASIBLE: dict[str, dict[str, Any]] = {
-    "triangle inequality: the largest eigenvalue of 1/A, 4.8 kg m², must be less than the sum of "
-    "the others, 4.4 kg m²; it is 0.4 kg m² too large, whatever the mass":
+    "triangle eigenvalue 4.8~kg~m² 4.4~kg~m² 0.4~kg~m²":
         {"A": 1 / np.array([2.4, 4.8, 2.0])},
-    "triangle inequality: 1/A - m a² breaks it by 0.2 kg m² with m = 0.8 kg; m must be less than "
-    "0.75 kg, 0.05 kg less": {"mass": 0.8},
-    "inertia not positive: 1/A - m a² has the principal moment -0.2 kg m² with m = 0.9 kg; m must "
-    "be less than 0.75 kg, 0.15 kg less": {"mass": 0.9},
-    "mass inside the shell: m must be at least tr(1/A)/(5 a²) = 0.55 kg, and is 0.5 kg: 0.05 kg "
-    "too little": {"mass": 0.5, "limits": Limits(buildable=True)},
-    "mass inside the shell: m must be at least tr(1/A)/(5 a²) = 0.55 kg, and is 0.25 kg at most: "
-    "0.3 kg too little": {"A": 1 / np.array([3.0, 3.0, 5.0]), "limits": Limits(buildable=True)},
-    "masses: the least of shell, frame and rotor are 0.7 kg together, and the ball is to have 0.6 "
-    "kg: 0.1 kg too much":
+    "triangle 0.2~kg~m² m 0.8~kg 0.75~kg 0.05~kg": {"mass": 0.8},
+    "principal -0.2~kg~m² m 0.9~kg 0.75~kg 0.15~kg": {"mass": 0.9},
+    "shell m tr(1/A)/(5~a²) 0.55~kg 0.5~kg 0.05~kg":
+        {"mass": 0.5, "limits": Limits(buildable=True)},
+    "shell m tr(1/A)/(5~a²) 0.55~kg 0.25~kg 0.3~kg":
+        {"A": 1 / np.array([3.0, 3.0, 5.0]), "limits": Limits(buildable=True)},
+    "shell frame rotor 0.7~kg 0.6~kg 0.1~kg":
         {"mass": 0.6, "limits": Limits(shell_mass=0.2, frame_mass=0.3, rotor_mass=0.2)},
-    "masses: with the least of shell, frame and rotor, 0.7 kg, m + J_s/a² is 0.9 kg at least; for "
-    "the triangle inequality of what the shell leaves it must be less than 0.75 kg: 0.15 kg too "
-    "much": {"limits": Limits(shell_mass=0.3, frame_mass=0.2, rotor_mass=0.2)},
-    "masses: inertia and least masses leave a margin of … kg, less than the 2.75e-09 kg that "
-    "rounding needs":
+    "shell frame rotor triangle 0.7~kg J_s/a² 0.9~kg 0.75~kg 0.15~kg":
+        {"limits": Limits(shell_mass=0.3, frame_mass=0.2, rotor_mass=0.2)},
+    # The margin is below rounding, and may have any digits.
+    "masses margin 2.75e-09~kg":
         {"mass": 0.6, "limits": Limits(shell_mass=0.06, frame_mass=0.54 - 6e-11)},
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("reason", "request_"), INFEASIBLE.items(), ids=range(len(INFEASIBLE)))
+@pytest.mark.parametrize(("facts", "request_"), INFEASIBLE.items())
 def test_an_infeasible_request_is_refused_with_the_condition_and_by_how_much_it_fails(
-    reason: str, request_: dict[str, Any]
+    facts: str, request_: dict[str, Any]
 ) -> None:
     """Each breaks one condition by construction, in any axes; a rotor is needed."""
     Q = Rotation.from_rotvec([0.3, -1.1, 0.7]).as_matrix()
@@ -246,8 +235,7 @@ def test_an_infeasible_request_is_refused_with_the_condition_and_by_how_much_it_
     A = Q @ np.diag(others.pop("A", 1 / B)) @ Q.T
     with pytest.raises(rb.InputError) as refusal:
         design(A, **others)
-    # A margin below rounding may have any digits.
-    assert re.sub(r"margin of \S+", "margin of …", str(refusal.value)) == reason
+    assert unnamed(facts, str(refusal.value)) == []
 
 
 NUMBERS = """
@@ -297,22 +285,22 @@ def test_designed_bodies_keep_the_motion_of_their_scene(tmp_path: Path, name: st
 
 
 REFUSED = [
-    ("[start]", f"{BODIES}[start]", "a scene takes bodies or numbers, not both"),
+    ("[start]", f"{BODIES}[start]", "bodies numbers"),
     (
         NUMBERS[NUMBERS.index("[numb") : NUMBERS.index("[start")],
         "",
-        "a scene takes shell and frame",
+        "shell frame numbers",
     ),
-    (A, "[0.7, 0.6]", "numbers.A takes a diagonal of three"),
-    (A, "[0.7, [0, 0.6, 0], 0.8]", "numbers.A takes a diagonal"),
+    (A, "[0.7, 0.6]", "numbers.A diagonal"),
+    (A, "[0.7, [0, 0.6, 0], 0.8]", "numbers.A diagonal"),
     (A, MATRIX.format(0.1), "symmetric"),
-    (A, "[0.9, 0.9, 0.2]", "triangle inequality"),
-    (A, "[0.7, -0.6, 0.8]", "A must be|positive"),
+    (A, "[0.9, 0.9, 0.2]", "triangle"),
+    (A, "[0.7, -0.6, 0.8]", "A positive"),
 ]
 
 
-@pytest.mark.parametrize(("old", "new", "words"), REFUSED)
-def test_numbers_without_a_ball_are_refused(tmp_path: Path, old: str, new: str, words: str) -> None:
+@pytest.mark.parametrize(("old", "new", "facts"), REFUSED)
+def test_numbers_without_a_ball_are_refused(tmp_path: Path, old: str, new: str, facts: str) -> None:
     """One line with the file and the condition that fails."""
-    with pytest.raises(rb.InputError, match=rf"scene\.toml.*({words})"):
+    with pytest.raises(rb.InputError, match=naming(f"scene.toml {facts}")):
         scene_of(tmp_path, NUMBERS.replace(old, new))

@@ -7,6 +7,7 @@ import pytest
 
 import robotball as rb
 from robotball.many_motions import differ_in_start
+from tests.messages import naming
 
 FIG12 = rb.load_scene("fig12")
 STARTS = [replace(FIG12.start, momentum=f * FIG12.start.momentum) for f in (0.5, 1.0, 1.2)]
@@ -40,7 +41,7 @@ def test_starts_go_with_one_scene() -> None:
     for scene, starts in ((FIG12, None), ([FIG12], STARTS)):
         with pytest.raises(rb.InputError, match=words):
             rb.simulate_many(scene, starts)
-    with pytest.raises(rb.InputError, match="MuJoCo has no choice of a device: leave it out"):
+    with pytest.raises(rb.InputError, match=naming("MuJoCo device")):
         rb.simulate_many(FIG12, STARTS, device="cpu")
 
 

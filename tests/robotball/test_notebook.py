@@ -16,6 +16,7 @@ from robotball.film.lines import line_looks
 from robotball.film.looks import rgb
 from robotball.notebook import by_value, cell
 from robotball.rotations import Array
+from tests.messages import naming
 
 SCENE = rb.load_scene("fig12")
 TIMES = rb.sample_times(1.0)
@@ -44,7 +45,7 @@ def test_a_report_is_a_few_lines_with_its_faults_by_name(tmp_path: Path) -> None
     assert repr(none).endswith(", naive: 0 times, path 0 m, 1 fault>")
     assert "<img" not in none._repr_html_()
     none.save(tmp_path / "none.csv")
-    with pytest.raises(rb.InputError, match="no rows of numbers"):
+    with pytest.raises(rb.InputError, match=naming("rows")):
         rb.load_motion(tmp_path / "none.csv", SCENE)
     naive = rb.simulate(SCENE, TIMES, "naive").report
     assert repr(naive).endswith(

@@ -170,4 +170,4 @@ def test_a_script_prepares_processes_below_its_guard(tmp_path: Path, guarded: bo
         assert (done.stdout, done.stderr) == ("True False False\n", "")
         return
     assert done.stdout == ""
-    assert 'put what it does below `if __name__ == "__main__":`' in done.stderr.splitlines()[-1]
+    assert 'if __name__ == "__main__":' in done.stderr.splitlines()[-1]

@@ -14,6 +14,7 @@ from robotball import scene as starts
 from robotball.equations import as_vector
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Start
+from tests.messages import naming
 from tests.vectors import X, Y, Z, gap, units
 
 pytestmark = pytest.mark.core
@@ -137,7 +138,7 @@ def test_a_rubber_ball_whose_momentum_is_zero_starts_at_any_attitude(number: int
     M = rotation_matrix(attitude) @ SCENE.parameters.momentum(omega, gamma)
     assert np.linalg.norm(M) < 1e-14 * SCENE.momentum_scale  # measured 1e-16 to 1.5e-15
     assert replace(SCENE, start=Start(attitude, M)).start.momentum[2] == 0.0
-    with pytest.raises(rb.InputError, match="M is not horizontal"):
+    with pytest.raises(rb.InputError, match=naming("M horizontal")):
         replace(SCENE, start=Start(attitude, 1e-9 * Z))
 
 

@@ -20,6 +20,7 @@ from robotball.film.stage import build_stage, pose
 from robotball.film.tracks import track_of
 from robotball.rotations import Array
 from robotball.shapes import Shape
+from tests.messages import untold
 from tests.robotball.files.scene_texts import PLATE
 from tests.robotball.files.test_robot_file import GIMBAL, HULL
 
@@ -166,7 +167,7 @@ def test_a_film_of_a_users_robot_shows_its_mesh_and_says_nothing_of_rotors(tmp_p
     assert greens[0] > 5e-4
     assert greens[1] == 0
     notes = [*render._notes([FIG12], film, looks_of(FIG12.scene.ball))]
-    assert notes == ["a rotor too fast for the film has no marks"]
+    assert untold(["rotor marks"], notes) == []
 
 
 @pytest.mark.parametrize(

@@ -70,5 +70,5 @@ def test_a_slow_drift_of_momentum_is_judged_alike(
     within, beyond = (engine(each / size) for each in (5.9e-3, 6.1e-3))
     assert within.report.faults == ()
     (fault,) = beyond.report.faults
-    assert fault.text == "M off by over 0.001"
+    assert (fault.kind, fault.limit) == (rb.FaultKind.MOMENTUM_OFF, 1e-3)
     assert fault.time == pytest.approx(10.0, abs=50)

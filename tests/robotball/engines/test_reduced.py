@@ -17,6 +17,7 @@ from robotball.equations import Rolling
 from robotball.motion import path_error
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Start
+from tests.messages import naming
 from tests.scenes import FOUR
 
 pytestmark = pytest.mark.core
@@ -211,35 +212,32 @@ def at(*times: float) -> rb.Motion:
 
 QUICK = scene_of("rubber", EQUAL, (1e6, 2e6, 0.0))  # it turns too often for a thousand steps
 SINE = rb.Sine(amplitude=1.0, frequency=1.0)
-OFTEN = (
-    r"1000 steps reach t = \S+ s of 2: the ball turns at 1\.\d+e\+06 rad/s, and the "
-    r"whole needs some \S+e\+07 steps; shorten the motion or raise max_steps"
-)
+OFTEN = "1000 t 1.…e+06~rad/s max_steps"
 REFUSED = {
-    "at([0.0, 1.0])": r"two or more \(sample_times\), not of shape \(1, 2\)",
-    "at(0.1, 0.2)": r"times must start at 0, not at 0\.1",
-    "at(0.0, 2.0, 1.5)": r"times must increase: 1\.5 follows 2",
-    "at(0.0, np.inf)": "times must be finite",
+    "at([0.0, 1.0])": "(sample_times) (1,~2)",
+    "at(0.1, 0.2)": "0 0.1",
+    "at(0.0, 2.0, 1.5)": "1.5 2",
+    "at(0.0, np.inf)": "times finite",
     "rb.integrate(QUICK, max_steps=1000)": OFTEN,
     "rb.integrate(QUICK.with_hinges(command={'frame': SINE}), max_steps=1000)": OFTEN,
     "rb.integrate(scene_of('rubber', EQUAL, (1e60, 0.0, 0.0)))":
-        r"the ball may turn at .*e\+59 rad/s, of at",
+        "rad/s 1e+50",
     "rb.integrate(scene_of('rubber', EQUAL, (0.0, 0.0, 0.0), duration=1e20))":
-        r"1e\+20 s would be 1e\+21 samples .* times of your own",
-    "rb.integrate(FIG12, rtol=0.0)": "rtol must be at least 1e-15 and less than 1, not 0",
-    "rb.integrate(FIG12, rtol=1.0)": "rtol must be .* less than 1, not 1",
-    "rb.integrate(FIG12, equations='reduce')": "no set of equations is called 'reduce'; did you",
+        "1e+20~s 1e+21",
+    "rb.integrate(FIG12, rtol=0.0)": "rtol 1e-15 1 0",
+    "rb.integrate(FIG12, rtol=1.0)": "rtol less 1",
+    "rb.integrate(FIG12, equations='reduce')": "'reduce' reduced",
     "rb.design((1e-140,) * 3, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), radius=1.0)":
-        r"A must lie between 1e-50 and 1e\+50 1/\(kg m²\), not at",
+        "A 1e-50 1e+50~1/(kg~m²)",
     "rb.design((1.0,) * 3, (0.0, 0.0, 1.0), (1e170, 0.0, 0.0), radius=1.0)":
-        r"K must be finite and at most 1e\+50 in size, not 1e\+170",
+        "K 1e+50 1e+170",
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("snippet", "message"), REFUSED.items())
-def test_what_has_no_motion_is_refused_in_a_line(snippet: str, message: str) -> None:
+@pytest.mark.parametrize(("snippet", "facts"), REFUSED.items())
+def test_what_has_no_motion_is_refused_in_a_line(snippet: str, facts: str) -> None:
     """With the number and what to do; a ball beyond 1e50 rad/s before a step is taken."""
-    with pytest.raises(rb.InputError, match=message):
+    with pytest.raises(rb.InputError, match=naming(facts)):
         eval(snippet, globals())
 
 

@@ -13,7 +13,7 @@ from robotball.files import contents
 from robotball.files.columns import read_samples, read_table
 from robotball.files.replacing import replacing
 from robotball.files.robot_file import solid_of_file
-from tests.messages import names
+from tests.messages import naming
 
 READERS: dict[str, Callable[[Path], object]] = {
     "scene.toml": rb.load_scene,
@@ -39,7 +39,7 @@ def test_neither_a_device_nor_a_file_without_end_is_read(tmp_path: Path, name: s
 def check_length(read: Callable[[Path], object], path: Path) -> None:
     """Neither a device nor a file of 5 GB is read."""
     path.symlink_to(os.devnull)
-    with pytest.raises(rb.InputError, match=names("regular~file")) as error:
+    with pytest.raises(rb.InputError, match=naming("regular~file")) as error:
         read(path)
     assert str(error.value).startswith(f"{path}: ")
     path.unlink()
@@ -70,7 +70,7 @@ def test_a_small_file_does_not_fill_the_memory(
         parquet.write_table(pyarrow.table({"x": zeros, "y": zeros}), path)
     assert read_table(path).columns["x"].shape == zeros.shape
     monkeypatch.setattr(table_file, "_MOST_BYTES", 1_000_000)
-    with pytest.raises(rb.InputError, match=names("8~MB 1")):
+    with pytest.raises(rb.InputError, match=naming("8~MB 1")):
         read_table(path)
 
 

@@ -14,7 +14,7 @@ from robotball.errors import InputError
 from robotball.files.mended_file import Change, Editable, Moves, compiled, editable
 from robotball.files.robot_file import RobotFile, open_robot
 from robotball.rotations import Array
-from tests.messages import names
+from tests.messages import naming
 
 FIRST = Path("examples/first_robot.xml")
 STILL, UP = np.zeros(3), np.array([0.01, -0.02, 0.03])
@@ -148,5 +148,5 @@ def test_a_keyframe_of_a_file_that_is_included_is_moved(tmp_path: Path) -> None:
 
 def test_a_text_that_does_not_compile_is_refused() -> None:
     """With MuJoCo's own words."""
-    with pytest.raises(InputError, match=names("nosuch")):
+    with pytest.raises(InputError, match=naming("nosuch")):
         compiled("<mujoco><worldbody><geom type='nosuch'/></worldbody></mujoco>")

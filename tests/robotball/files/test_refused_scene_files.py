@@ -13,7 +13,7 @@ from robotball.errors import UnitWarning
 from robotball.files.scene_file import CATALOG, read_scene
 from robotball.files.scene_keys import ask
 from tests.imports import PROJECT
-from tests.messages import names, unnamed
+from tests.messages import naming, unnamed
 from tests.robotball.files.scene_texts import (
     BOB,
     FRAME,
@@ -50,7 +50,7 @@ def test_a_path_to_no_scene_is_a_line(
     Path("mybot.txt").touch()
     Path("folder").mkdir()
     Path("folder.toml").mkdir()
-    with pytest.raises(rb.InputError, match=names(PATHS[path])) as caught:
+    with pytest.raises(rb.InputError, match=naming(PATHS[path])) as caught:
         rb.load_scene(path)
     assert "\n" not in str(caught.value)
 

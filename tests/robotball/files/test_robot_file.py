@@ -16,7 +16,7 @@ from robotball.files import robot_file
 from robotball.files.robot_file import RobotFile, open_robot
 from robotball.files.robot_scene import scene_of_robot
 from robotball.rotations import Array
-from tests.messages import names, unnamed
+from tests.messages import naming, unnamed
 from tests.motions import pair_of
 from tests.robotball.files.scene_texts import PLATE
 
@@ -183,7 +183,7 @@ def test_a_scene_file_names_a_robots(tmp_path: Path) -> None:
     }.items():
         with pytest.raises(rb.InputError, match=re.escape(line)):
             rb.load_scene(written(tmp_path, "not.toml", NAMED.replace(*change)))
-    with pytest.raises(rb.InputError, match=names("controls file")):
+    with pytest.raises(rb.InputError, match=naming("controls file")):
         rb.load_scene("fig12", {"drive": 1.0})
 
 
@@ -198,7 +198,7 @@ def test_a_motion_ends_where_a_joint_reaches_its_range(tmp_path: Path) -> None:
     ranged = own.replace('name="axle"', 'name="axle" range="-90 90"')
     path = written(tmp_path, "ranged.xml", ranged)
     times = np.linspace(0.0, 0.3, 31)
-    with pytest.warns(rb.SceneWarning, match=names("axle -90 90~deg")) as said:
+    with pytest.warns(rb.SceneWarning, match=naming("axle -90 90~deg")) as said:
         pair = pair_of(rb.load_scene(str(path)), "balanced", times)
     reached = float(str(said[0].message).split("t = ")[1].split(" s,")[0])
     data = (robot := open_robot(path)).start()
@@ -234,7 +234,7 @@ def test_shell_rolling_model_and_keyframe_are_chosen_by_name(tmp_path: Path) -> 
         ({"controls": {"x": 1.0}}, "actuator 'x' drive"),
     ]
     for choice, facts in refused:
-        with pytest.raises(rb.InputError, match=names(facts)):
+        with pytest.raises(rb.InputError, match=naming(facts)):
             scene_of_robot(path, table | choice)
 
 

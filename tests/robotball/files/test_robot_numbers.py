@@ -12,7 +12,7 @@ from robotball.files.robot_numbers import RobotNumbers, robot_numbers
 from robotball.files.scene_numbers import numbers_of
 from robotball.rotations import rotation_matrix, turned
 from robotball.sensing import apart
-from tests.messages import names, unnamed
+from tests.messages import naming, unnamed
 
 FIRST = Path("examples/first_robot.xml").absolute()
 
@@ -71,7 +71,7 @@ def test_a_file_with_other_numbers_is_the_authors(numbers: RobotNumbers) -> None
 
 def test_numbers_that_cannot_be_are_refused(numbers: RobotNumbers) -> None:
     """In a line with the file."""
-    with pytest.raises(rb.InputError, match=names("first_robot.xml compile")):
+    with pytest.raises(rb.InputError, match=naming("first_robot.xml compile")):
         numbers.scene({"ball.shell.mass": -1.0})
 
 

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 import robotball as rb
 from robotball.files import sandbox
 from robotball.files.robot_file import solid_of_file
-from tests.messages import names, unnamed
+from tests.messages import naming, unnamed
 from tests.robotball.files.scene_texts import PENDULUM, URDF, robot, scene_of
 
 
@@ -185,7 +185,7 @@ def test_a_range_without_end_and_a_name_are_no_numbers(tmp_path: Path) -> None:
 
 def test_a_name_that_is_no_text_is_refused_as_such(tmp_path: Path) -> None:
     """As under LC_ALL=C a name beyond ASCII is: it has nothing to do with memory."""
-    with pytest.raises(rb.InputError, match=names("locale LC_ALL=C.UTF")):
+    with pytest.raises(rb.InputError, match=naming("locale LC_ALL=C.UTF")):
         solid_of_file(written(tmp_path, URDF).rename(tmp_path / "\udcc3.urdf"), "link", "arm")
 
 
@@ -215,5 +215,5 @@ def test_a_process_that_ends_early_is_a_line(
     done = subprocess.CompletedProcess("", end or 0, b"", b"first\nlast words\n")
     late = subprocess.TimeoutExpired("", 60)
     monkeypatch.setattr(subprocess, "run", Mock(side_effect=[late if end is None else done]))
-    with pytest.raises(rb.InputError, match=names(facts)):
+    with pytest.raises(rb.InputError, match=naming(facts)):
         solid_of_file(written(tmp_path, mjcf()), "body", "b")

@@ -15,7 +15,7 @@ from robotball.files import columns as table_file
 from robotball.files.columns import read_table
 from robotball.files.trajectories import Trajectory, read_trajectory
 from robotball.motion import arrays_of
-from tests.messages import names, unnamed, untold
+from tests.messages import naming, unnamed, untold
 from tests.robotball.files.scene_texts import scene_of
 
 FIG12 = rb.load_scene("fig12")
@@ -56,11 +56,11 @@ def test_the_header_has_the_scene_the_engine_and_the_units(tmp_path: Path) -> No
     assert tuple(table.units[name] for name in ("x", "wx", "Mx")) == ("m", "rad/s", "kg m²/s")
     assert '"name": "MuJoCo"' in table.header["engine"]
     assert float(table.header["timestep"]) == motion.report.timestep
-    with pytest.warns(rb.SceneWarning, match=names("fig12 fig13")):
+    with pytest.warns(rb.SceneWarning, match=naming("fig12 fig13")):
         rb.load_motion(tmp_path / "m.csv", rb.load_scene("fig13"))
     with (
         pytest.warns(rb.SceneWarning),
-        pytest.raises(rb.InputError, match=names("rotor2_angle rotor3_angle")),
+        pytest.raises(rb.InputError, match=naming("rotor2_angle rotor3_angle")),
     ):
         rb.load_motion(tmp_path / "m.csv", rb.load_scene("three_rotors"))
 
@@ -71,9 +71,9 @@ def test_a_motion_is_saved_as_a_known_kind_of_file_alone(
     """Without pyarrow the extra is named, and the kinds that need none; no file is left."""
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     motion = rb.integrate(FIG12, np.linspace(0, 1, 5))
-    with pytest.raises(rb.InputError, match=names("parquet .csv .npz")):
+    with pytest.raises(rb.InputError, match=naming("parquet .csv .npz")):
         motion.save(tmp_path / "m.parquet")
-    with pytest.raises(rb.InputError, match=names(".csv .npz .parquet '.xlsx'")):
+    with pytest.raises(rb.InputError, match=naming(".csv .npz .parquet '.xlsx'")):
         motion.save(tmp_path / "m.xlsx")
     assert list(tmp_path.iterdir()) == []
 
@@ -199,7 +199,7 @@ def test_arrays_of_an_npz_may_be_whole(tmp_path: Path) -> None:
     np.testing.assert_array_equal([trajectory.momentum], [-omega])
     assert trajectory.others == {}
     np.savez(tmp_path / "b.npz", time=plain.times, x=plain.times[1:])
-    with pytest.raises(rb.InputError, match=names("columns lengths")):
+    with pytest.raises(rb.InputError, match=naming("columns lengths")):
         read_trajectory(tmp_path / "b.npz")
 
 
@@ -222,7 +222,7 @@ def test_a_long_file_is_read_in_pieces(tmp_path: Path, monkeypatch: pytest.Monke
     assert columns["t"].tolist() == list(range(10_000))
     assert peak < 5 * sum(column.nbytes for column in columns.values())
     rows[9_000] = "9000,one,2.5,1,0,0,0\n"
-    with pytest.raises(rb.InputError, match=names("line~9003 x 'one'")):
+    with pytest.raises(rb.InputError, match=naming("line~9003 x 'one'")):
         read(tmp_path, f"{NAMES}\n{''.join(rows)}")
 
 

@@ -4,6 +4,7 @@ import pytest
 
 import robotball as rb
 from robotball.film.viewer import DOWN, HOME, LEFT, RIGHT, SPACE, UP, Clock, check_display
+from tests.messages import naming
 
 
 def test_keys_pause_scrub_and_change_the_speed() -> None:
@@ -30,5 +31,5 @@ def test_without_a_display_one_line_says_what_else_there_is(
     monkeypatch.delenv("DISPLAY", raising=False)
     if display is not None:
         monkeypatch.setenv("DISPLAY", display)
-    with pytest.raises(rb.InputError, match="there is no display for a viewer here; --web writes"):
+    with pytest.raises(rb.InputError, match=naming("display --web")):
         check_display()

@@ -41,6 +41,7 @@ from robotball.qualitative.straight_motions import stability_limit, straight_mot
 from robotball.rotations import Array
 from robotball.scene import along_momentum
 from tests.figures import CHAOTIC, CLASSICAL, ball, from_rest, spread_starts
+from tests.messages import untold
 
 FIG10 = ball((0.5, 0.3, 0.6), (0.0, 0.0, 1.0), (4.0, 5.0, 0.0), d=0.1)
 REST, ALONG_X = np.zeros(3), np.array([-1.0, 0.0, 0.0])
@@ -289,7 +290,7 @@ def test_the_hopf_point_of_straight_lines_is_supercritical() -> None:
     assert np.linalg.norm(level_vectors(cycle.attitude, M)[0] - ends[2.2][2]) > 0.1
     assert cycle.period == pytest.approx(float(np.exp(born.points[-1].x[-2])), rel=1e-9)
     (back,) = cycling(family, [(cycle, 1.0)], 10.0)
-    assert back.ends == ("shrinks to a point", "the range ends")
+    assert untold(["point", "range"], back.ends) == []
     assert family.value(back.points[0].x[-1]) == pytest.approx(limit, abs=1e-5)  # 6e-8
 
 

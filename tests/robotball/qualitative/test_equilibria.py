@@ -32,6 +32,7 @@ from robotball.qualitative.portraits import limit_cycles, separatrices
 from robotball.rotations import rotation_matrix
 from robotball.scene import Start
 from tests.figures import CLASSICAL, ball, from_rest
+from tests.messages import naming
 
 A: Vector = (0.5, 0.4, 0.3)
 OMEGA: Vector = (4.0, 2.0, 1.0)
@@ -96,26 +97,26 @@ def symmetric(K3: float, first: float = 0.5) -> Parameters:
 
 
 @pytest.mark.parametrize(
-    ("find", "some", "words"),
+    ("find", "some", "facts"),
     [
         (fixed_points, CLASSICAL, "rubber"),
-        (fixed_points, ball(A, NOTHING, NOTHING), "rests at every"),
+        (fixed_points, ball(A, NOTHING, NOTHING), "rests"),
         (fixed_points, ball((0.5, 0.5, 0.3), OMEGA, NOTHING), "three different moments"),
-        (fixed_points, symmetric(-1.33), "fill a curve"),
-        (fixed_points, symmetric(-0.01), "fill a curve"),
-        (fixed_points, symmetric(-0.1, 0.5 + 1e-12), "fill a curve"),
-        (closed_form_points, CLASSICAL, "rubber ball with K"),
-        (closed_form_points, replace(from_rest(0.3), K=(0.1, 0.0, 0.3)), "rubber ball with K"),
+        (fixed_points, symmetric(-1.33), "curve"),
+        (fixed_points, symmetric(-0.01), "curve"),
+        (fixed_points, symmetric(-0.1, 0.5 + 1e-12), "curve"),
+        (closed_form_points, CLASSICAL, "rubber K"),
+        (closed_form_points, replace(from_rest(0.3), K=(0.1, 0.0, 0.3)), "rubber K"),
         (closed_form_points, ball((0.5, 0.5, 0.3), OMEGA, (0.0, 0.0, 0.3)), "three different"),
         (closed_form_points, ball(A, (4.0, 0.0, 0.0), (0.0, 0.0, 0.3)), "not zero"),
-        (partial(contact_path, gamma=GAMMA), from_rest(0.3), "only where gamma is a fixed point"),
+        (partial(contact_path, gamma=GAMMA), from_rest(0.3), "gamma"),
         (partial(contact_path, gamma=GAMMA), CLASSICAL, "rubber"),
     ],
 )
 def test_what_has_no_isolated_points_or_no_formula_is_refused(
-    find: Callable[[Parameters], object], some: Parameters, words: str
+    find: Callable[[Parameters], object], some: Parameters, facts: str
 ) -> None:
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(InputError, match=naming(facts)):
         find(some)
 
 

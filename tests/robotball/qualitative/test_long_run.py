@@ -14,6 +14,7 @@ from robotball.qualitative.long_run import LINE, LOST, Exponents, basins, drift,
 from robotball.qualitative.sections import section_starts
 from robotball.rotations import conjugate, multiply, rotation_matrix
 from tests.figures import BALLS, CHAOTIC, REGULAR, ball, spread_starts
+from tests.messages import naming
 
 pytestmark = pytest.mark.core
 
@@ -78,7 +79,7 @@ def test_a_drift_is_along_the_starts_own_momentum() -> None:
 
 
 def test_exponents_need_a_momentum_and_a_duration() -> None:
-    with pytest.raises(InputError, match="M other than zero"):
+    with pytest.raises(InputError, match=naming("M")):
         exponents(REGULAR, np.eye(4)[:1], np.zeros((1, 3)), duration=10.0)
     with pytest.raises(InputError, match="positive"):
         exponents(REGULAR, *some_starts(1), duration=0.0)

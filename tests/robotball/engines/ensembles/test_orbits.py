@@ -22,6 +22,7 @@ from robotball.equations import Parameters, speed_bound
 from robotball.errors import InputError
 from robotball.rotations import Array, rotation_matrix
 from tests.figures import BALLS, REGULAR, F, spread_starts
+from tests.messages import naming
 from tests.scenes import FOUR
 
 pytestmark = pytest.mark.core
@@ -116,7 +117,7 @@ def test_a_momentum_counts_as_horizontal_up_to_a_billionth_of_it() -> None:
     attitudes, times = np.eye(4)[:1], np.array([0.0, 1e-3])
     for sign in (2.0, -2.0):
         orbits(REGULAR, attitudes, np.array([[2.0, 0.0, 0.5e-9 * sign]]), times)
-        with pytest.raises(InputError, match="must be horizontal in the rubber model"):
+        with pytest.raises(InputError, match=naming("horizontal rubber")):
             orbits(REGULAR, attitudes, np.array([[2.0, 0.0, 2e-9 * sign]]), times)
 
 

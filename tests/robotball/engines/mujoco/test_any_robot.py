@@ -13,6 +13,7 @@ from robotball.engines.mujoco.rolling_resistance import Resistance
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import for_load
 from robotball.scene import Friction
+from tests.messages import naming
 from tests.motions import Pair, pair_of
 from tests.random_robots import random_scene, random_tree
 from tests.robots import Y, box_inertia, robot, worked
@@ -124,7 +125,7 @@ def test_forces_torques_and_momentum_are_those_of_the_equations() -> None:
     assert np.ptp(theirs.momentum, axis=0).min() > 1e-3
     # A motor at its limit is a note beside the faults, with the time of the switch.
     note = pair.report.notes[0]
-    assert note.text == "frame's motor at its torque limit"
+    assert (note.kind, note.subject) == (rb.FaultKind.TORQUE_LIMIT, "frame")
     assert note.time == pytest.approx(0.3078706, abs=1e-6)
     assert np.abs(ours.loads.motor_torques[:, 0]).max() == pytest.approx(0.6, rel=1e-6)
 
@@ -161,9 +162,8 @@ def test_a_robot_at_rest_keeps_its_contact() -> None:
 def test_a_ball_that_lifts_off_loses_its_contact_then() -> None:
     """At the time at which the equations say that nothing presses it on the plane."""
     scene = random_scene(np.random.default_rng(11))
-    with pytest.raises(rb.InputError, match=r"lifts off the plane at t = 6\.40484") as told:
+    with pytest.raises(rb.InputError, match=naming("plane 6.40484…~s")):
         rb.integrate(scene)
-    assert "shorten the motion" in str(told.value)
     (fault,) = rb.simulate(scene, settings="balanced").report.faults
     assert fault.text == "contact lost"
     assert fault.time == pytest.approx(6.404846, abs=5e-3)  # a step; measured 1.5e-4 late

@@ -25,29 +25,30 @@ from robotball.engines.mujoco.settings import (
 )
 from robotball.motors import Servo
 from robotball.variations import scaled
+from tests.messages import naming
 from tests.robots import worked
 
 FIG12, FAST, BALANCED = rb.load_scene("fig12"), rb.preset("fast"), rb.preset("balanced")
 
 FACTORS = (0.98, 1.0, 1.02)  # of a limit
 BAD = {
-    "integrator must be one of Euler, implicit, .*, not 'rk5'": {"integrator": "rk5"},
-    r"timestep must be positive and finite, from 1e-50 to 1e\+50, not 0": {"timestep": 0.0},
-    r"solref must be two finite numbers": {"solref": (0.02, -1.0)},
-    r"sliding_friction must be finite and not negative": {"sliding_friction": -1.0},
-    r"condim must be one of 3, 4, 6, not 5": {"condim": 5},
-    r"DOP853 needs an rtol": {"integrator": "DOP853"},
-    r"rtol must be finite and 1e-15 at least, not 1e-16": {"rtol": 1e-16},
-    r"iterations must be a whole number, 1 at least, not -1": {"iterations": -1},
-    r"solimp must be dmin, dmax": {"solimp": (0.9, 1.5, 0.001, 0.5, 1.0)},
-    r"drive must be a Servo or a Prescribed, not 3": {"drive": 3},
+    "integrator Euler implicit 'rk5'": {"integrator": "rk5"},
+    "timestep 1e-50 1e+50 0.0": {"timestep": 0.0},
+    "solref two": {"solref": (0.02, -1.0)},
+    "sliding_friction -1.0": {"sliding_friction": -1.0},
+    "condim 3 4 6 5": {"condim": 5},
+    "DOP853 rtol": {"integrator": "DOP853"},
+    "rtol 1e-15 1e-16": {"rtol": 1e-16},
+    "iterations 1 -1": {"iterations": -1},
+    "solimp dmin dmax": {"solimp": (0.9, 1.5, 0.001, 0.5, 1.0)},
+    "drive Servo Prescribed 3": {"drive": 3},
 }
 
 
-@pytest.mark.parametrize(("words", "changes"), BAD.items())
-def test_settings_that_cannot_be_run_are_refused(words: str, changes: dict[str, Any]) -> None:
+@pytest.mark.parametrize(("facts", "changes"), BAD.items())
+def test_settings_that_cannot_be_run_are_refused(facts: str, changes: dict[str, Any]) -> None:
     """In one line that names the field, the value and what it may be."""
-    with pytest.raises(rb.InputError, match=words):
+    with pytest.raises(rb.InputError, match=naming(facts)):
         replace(FAST, **changes)
 
 
@@ -88,7 +89,7 @@ def test_settings_come_back_from_plain_data() -> None:
         assert settings_from(json.loads(json.dumps(each.plain()))) == each
     wide = Resolved(scaled(FIG12, length=100.0), replace(FAST, torsional_friction=0.3))
     assert wide.friction[1] == 0.3
-    with pytest.raises(rb.InputError, match=r"radii must be finite and not neg.*, not -1\.0"):
+    with pytest.raises(rb.InputError, match=naming("-1.0")):
         replace(FAST, torsional_friction=Radii(-1.0))
 
 

@@ -10,7 +10,7 @@ export UV_SYSTEM_CERTS := 1
 export UV_PROJECT_ENVIRONMENT := .venv
 BIN := .venv/bin
 
-.PHONY: demo test test-studies test-fast test-core test-variants check docs tutorials gallery wheel bench cost-model setup gl browser lock clean
+.PHONY: demo test test-studies test-fast test-core test-variants messages check docs tutorials gallery wheel bench cost-model setup gl browser lock clean
 
 demo: setup gl
 	$(BIN)/robotball demo
@@ -46,6 +46,10 @@ test-variants: setup gl
 	  echo "$$each"; \
 	  env $$each $(BIN)/pytest $(ON_CORES) -m "$(MARK)" || failed="$$failed $$each"; \
 	done; test -z "$$failed" || { echo "failing under:$$failed"; exit 1; }
+
+# All messages that tests provoke, in tests/golden/messages.txt: to read, and after a change of words.
+messages: setup
+	$(BIN)/pytest -q tests/test_messages.py --rewrite
 
 check: setup
 	$(BIN)/ruff check .

@@ -28,6 +28,11 @@ settings.load_profile("repeatable")
 pytest.register_assert_rewrite("tests.robotball.designs", "tests.robotball.files.scene_texts")
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option of `make messages`."""
+    parser.addoption("--rewrite", action="store_true", help="write the catalogue of messages again")
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark the cases of studies as slow, so that `-m "not slow"` leaves them out."""

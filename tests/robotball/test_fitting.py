@@ -419,14 +419,21 @@ LOGS = {
 }  # fmt: skip
 
 
+def refusal(text: str, folder: Path) -> str:
+    """Return the message with which a log of this text is refused."""
+    path = folder / "log.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(rb.InputError) as refused:
+        rb.read_log(path, rb.load_scene("pendulum_robot"))
+    return str(refused.value)
+
+
 @pytest.mark.parametrize("text", LOGS)
 def test_a_useless_log_is_refused_in_a_line(text: str, tmp_path: Path) -> None:
     """With the file, and what is missing."""
-    path = tmp_path / "log.csv"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(rb.InputError, match=r"log\.csv: ") as refused:
-        rb.read_log(path, rb.load_scene("pendulum_robot"))
-    assert unnamed(LOGS[text], str(refused.value)) == []
+    message = refusal(text, tmp_path)
+    assert "log.csv: " in message
+    assert unnamed(LOGS[text], message) == []
 
 
 def test_sensors_have_times_of_their_own(tmp_path: Path) -> None:

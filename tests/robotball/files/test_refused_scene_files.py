@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -116,7 +117,7 @@ BODIES = [
     ("frame", "[frame]\n" + parts('"box", mass = 1, size = [0.3, 0.3, 0.1]'),
      "frame 0.217945~m 0.2~m"),
     ("frame", "[frame]\n" + parts('"rod", mass = 1, begin = [0, 0, -0.25], end = [0, 0, 0]', BALL),
-     "frame reaches 0.25 m"),
+     "frame 0.25~m 0.2~m"),
     ("frame", "[frame]\n" + parts(BALL, '"box", size = [0.1, 0.1, 0.1]'),
      "frame.part2 box mass~[kg] density~[kg/m³]"),
     ("frame", "[frame]\n" + parts('"box", size = [0.1, 0.1, 0.1], mass = 1, material = "pc"'),
@@ -222,7 +223,7 @@ REFUSED = [
 ]
 
 
-def refusal(text: str, folder: Path) -> str:
+def refusal(text: Any, folder: Path) -> str:
     """Return the message with which a scene file of this text in a folder is refused."""
     for name, table in TABLES.items():
         (folder / name).write_text(table)

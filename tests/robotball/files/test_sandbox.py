@@ -32,9 +32,8 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-@pytest.fixture
-def at_once(monkeypatch: pytest.MonkeyPatch) -> dict[int, tuple[int, int]]:
-    """Runs the work of another process in this one; gives the limits that it had."""
+def work_here(monkeypatch: pytest.MonkeyPatch) -> dict[int, tuple[int, int]]:
+    """Run the work of another process in this one, and return the limits that it had."""
     limits: dict[int, tuple[int, int]] = {}
 
     def run(command: list[str], **_: object) -> subprocess.CompletedProcess[bytes]:
@@ -46,6 +45,12 @@ def at_once(monkeypatch: pytest.MonkeyPatch) -> dict[int, tuple[int, int]]:
     monkeypatch.setattr(resource, "setrlimit", limits.__setitem__)
     monkeypatch.setattr(subprocess, "run", run)
     return limits
+
+
+@pytest.fixture
+def at_once(monkeypatch: pytest.MonkeyPatch) -> dict[int, tuple[int, int]]:
+    """Runs the work of another process in this one; gives the limits that it had."""
+    return work_here(monkeypatch)
 
 
 def mjcf(inside: str = "", before: str = "") -> str:
@@ -134,7 +139,7 @@ MJCFS = {
     "mass '-NaN'": mjcf("<geom size='1' mass='-NaN'/>"),
     "density 'Infinity'":
         mjcf(before='<default><geom density="Infinity"/></default>'),
-    "inside.xml: pos takes finite numbers, not 'nan 0 0'":
+    "inside.xml pos 'nan~0~0'":
         '<mujoco><include file="parts/inside.xml"/></mujoco>',
     "body 'b' 'c'":
         mjcf('<body name="c"><joint/><geom size="1"/></body>'),

@@ -31,7 +31,7 @@ from tests.robots import worked
 FIG12, FAST, BALANCED = rb.load_scene("fig12"), rb.preset("fast"), rb.preset("balanced")
 
 FACTORS = (0.98, 1.0, 1.02)  # of a limit
-BAD = {
+BAD: dict[str, dict[str, Any]] = {
     "integrator Euler implicit 'rk5'": {"integrator": "rk5"},
     "timestep 1e-50 1e+50 0.0": {"timestep": 0.0},
     "solref two": {"solref": (0.02, -1.0)},
@@ -45,11 +45,15 @@ BAD = {
 }
 
 
+def changed(changes: dict[str, Any]) -> rb.Settings:
+    return replace(FAST, **changes)
+
+
 @pytest.mark.parametrize(("facts", "changes"), BAD.items())
 def test_settings_that_cannot_be_run_are_refused(facts: str, changes: dict[str, Any]) -> None:
     """In one line that names the field, the value and what it may be."""
     with pytest.raises(rb.InputError, match=naming(facts)):
-        replace(FAST, **changes)
+        changed(changes)
 
 
 def test_the_load_chooses_one_of_two_recipes() -> None:

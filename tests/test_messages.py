@@ -1,0 +1,146 @@
+"""All messages of the program stand in one file, where their words are read and compared.
+
+Tests of messages check what these name. Their words are free, and are written again by
+`make messages`.
+"""
+
+import re
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+import robotball as rb
+from robotball.errors import UnitWarning
+from robotball.files import robot_file
+from robotball.files.scene_keys import ask
+from tests.conftest import Robotball
+from tests.imports import PROJECT
+from tests.robotball import test_controllers, test_designing, test_fitting, test_refused
+from tests.robotball.engines import test_reduced
+from tests.robotball.engines.mujoco import test_limits, test_settings
+from tests.robotball.files import (
+    test_refused_scene_files,
+    test_robot_file,
+    test_sandbox,
+    test_trajectory_file,
+)
+from tests.robotball.files.scene_texts import edited
+from tests.validation.commands import test_refused_commands
+from validation.cli import COMMANDS
+
+GOLDEN = PROJECT / "tests" / "golden" / "messages.txt"
+# Words of Python's, NumPy's and MuJoCo's follow these.
+OTHERS = r"((?:\w*Error|JSON|TOML|read|ParseXML|XML parse error \d+):)"
+# What asks for a message, and the message.
+Rows = Iterator[tuple[str, str]]
+
+
+def refusal(work: Callable[[], object]) -> str:
+    with pytest.raises(rb.InputError) as refused:
+        work()
+    return str(refused.value)
+
+
+def in_python(_: Path) -> Rows:
+    for snippet in test_refused.ALL:
+        yield snippet, test_refused.refusal(snippet)
+    for snippet in test_reduced.REFUSED:
+        yield snippet, refusal(partial(eval, snippet, vars(test_reduced)))
+    for changes in test_settings.BAD.values():
+        yield str(changes), refusal(partial(test_settings.changed, changes))
+    for facts, asked in test_designing.INFEASIBLE.items():
+        yield f"a design: {facts}", refusal(partial(test_designing.infeasible, asked))
+    for kind, row in test_controllers.RUNS.items():
+        yield f"a controller: {kind}", refusal(partial(test_controllers.integrated, row[0]))
+
+
+def in_scene_files(folder: Path) -> Rows:
+    for text, body, facts in test_refused_scene_files.REFUSED:
+        asked = f"{body} {facts}".strip()
+        yield asked, test_refused_scene_files.refusal(text, folder)
+    path = folder / "unit.toml"
+    for stands, (typed, *_) in test_refused_scene_files.ASKED.items():
+        path.write_text(edited(stands, typed, test_refused_scene_files.EXAMPLE))
+        with pytest.warns(UnitWarning) as warned:
+            ask(path, rb.load_scene(PROJECT / "examples" / "my_robot.toml"))
+        yield typed, str(warned[0].message)
+
+
+def in_robot_files(folder: Path) -> Rows:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(robot_file, "check_loads", lambda path: None)
+        for file in test_robot_file.WARNED:
+            for line in test_robot_file.warned(file, folder):
+                yield file[0], line
+        for facts, change in test_robot_file.REFUSED.items():
+            yield facts, test_robot_file.refusal(change, folder)
+    with pytest.MonkeyPatch.context() as patch:
+        test_sandbox.work_here(patch)
+        for body, texts in (
+            (test_sandbox.ARM, test_sandbox.URDFS),
+            (test_sandbox.B, test_sandbox.MJCFS),
+        ):
+            for facts, text in texts.items():
+                yield facts, test_sandbox.refusal(body, text, folder)
+
+
+def in_logs(folder: Path) -> Rows:
+    for name, data, facts in test_trajectory_file.NO_TABLES:
+        yield f"{name}: {facts}", test_trajectory_file.refusal(name, data, folder)
+    for text in test_fitting.LOGS:
+        yield repr(text), test_fitting.refusal(text, folder)
+
+
+def in_commands(robotball: Robotball, folder: Path) -> Rows:
+    for arguments in test_refused_commands.REFUSED:
+        if arguments not in test_refused_commands.UNLISTED:
+            said = test_refused_commands.refusal(robotball, folder, arguments)
+            yield f"robotball {arguments}", said.splitlines()[-1]
+
+
+def of_runs(_: Path) -> Rows:
+    for name, limit in dict(test_limits.checks()).items():
+        # Predictions far from their limits may be rounding.
+        yield name, re.sub(r"\d+\.\d+(e[-+]\d+)?|\d+e[-+]\d+", "…", limit.warning)
+    for kind in rb.FaultKind:
+        yield kind.name, kind.value
+
+
+def of_help(robotball: Robotball) -> Rows:
+    _, out, _ = robotball("--help")
+    for name in COMMANDS:
+        said = re.search(rf"^  {name} +(.*(?:\n {{14}}.*)*)", out, re.MULTILINE)
+        assert said is not None
+        yield f"robotball {name} --help", re.sub(r"\s+", " ", said[1])
+
+
+def shown(rows: Rows, folder: Path) -> str:
+    """Return rows as text, without what depends on the machine or on another program's words."""
+    lines = set()
+    for asked, said in rows:
+        line = re.sub(rf"{OTHERS} .+", r"\1 …", said.replace(f"{folder}/", ""))
+        line = re.sub(r"margin of \S+", "margin of …", line)
+        line = re.sub(r"\d+\.\d{3,}(e[-+]\d+)?", lambda number: f"{float(number[0]):.3g}", line)
+        lines.add(f"{' '.join(asked.split())}\n    {line}\n")
+    return "".join(sorted(lines))
+
+
+def test_all_messages_are_those_of_the_catalogue(
+    robotball: Robotball, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    """After a change of words: make messages."""
+    sections = {
+        "Refused in Python": in_python(tmp_path),
+        "Refused and asked about scene files": in_scene_files(tmp_path),
+        "Refused and warned of about robot files": in_robot_files(tmp_path),
+        "Refused logs": in_logs(tmp_path),
+        "Refused commands": in_commands(robotball, tmp_path),
+        "Warnings and faults of runs": of_runs(tmp_path),
+        "Summaries of commands": of_help(robotball),
+    }
+    said = "\n".join(f"== {title}\n\n{shown(rows, tmp_path)}" for title, rows in sections.items())
+    if request.config.getoption("rewrite"):
+        GOLDEN.write_text(said, encoding="utf-8")
+    assert GOLDEN.read_text(encoding="utf-8") == said, "rewrite it by: make messages"

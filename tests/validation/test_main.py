@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 import robotball as rb
+from tests.messages import unnamed
 
 WORK = """
 import ctypes, sys, time
@@ -186,14 +187,14 @@ def test_a_locale_without_greek_letters_shows_something_else(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
-    ("arguments", "platform", "words"),
+    ("arguments", "platform", "facts"),
     [
-        ("validation compare fig12", "", "no off-screen GL with MUJOCO_GL=osmesa; unset it, or"),
-        ("validation video fig12", "egl", "MUJOCO_GL=osmesa and PYOPENGL_PLATFORM=egl; unset both"),
+        ("validation compare fig12", "", "MUJOCO_GL=osmesa"),
+        ("validation video fig12", "egl", "MUJOCO_GL=osmesa PYOPENGL_PLATFORM=egl"),
     ],
 )
 def test_an_opengl_that_cannot_be_loaded_is_one_line(
-    tmp_path: Path, arguments: str, platform: str, words: str
+    tmp_path: Path, arguments: str, platform: str, facts: str
 ) -> None:
     """MuJoCo's import ends in an AttributeError of PyOpenGL's where OSMesa's library is missing.
 
@@ -205,7 +206,8 @@ def test_an_opengl_that_cannot_be_loaded_is_one_line(
     names = {"MUJOCO_GL": "osmesa", "PYOPENGL_PLATFORM": platform, "PYTHONPATH": path}
     done = run(tmp_path, arguments, **names)
     assert done.returncode == 2
-    assert re.fullmatch(f"robotball: .*{words}.*\n", done.stderr)
+    assert re.fullmatch("robotball: .*\n", done.stderr)
+    assert unnamed(facts, done.stderr) == []
 
 
 def test_an_error_of_the_program_itself_is_no_disagreement() -> None:

@@ -9,6 +9,7 @@ import pytest
 
 import robotball as rb
 from robotball.processes import at_most
+from tests.messages import naming
 from tests.robotball.files.scene_texts import PLATE
 from validation import ManyRuns, compare, compare_many, random_starts
 from validation.study import scene_cell
@@ -92,7 +93,7 @@ def test_a_cells_engine_is_looked_for_in_its_environments(monkeypatch: pytest.Mo
     monkeypatch.setattr("robotball.engines.adapter.find_spec", lambda _: None)
     monkeypatch.setattr("robotball.engines.adapter.interpreter_of", looked.append)
     cell = whole() | {"engine": "dart", "preset": "best", "environments": "elsewhere"}
-    with pytest.raises(rb.InputError, match="DART is not installed"):
+    with pytest.raises(rb.InputError, match=naming("DART")):
         random_starts.of_cell(cell | {"first": 0, "count": 1})
     assert looked == [Path("elsewhere/dart")]
 
@@ -114,6 +115,6 @@ def test_a_cluster_gives_the_same_rows(tmp_path: Path, monkeypatch: pytest.Monke
     here, there = (random_starts.many_runs(whole(), 5, at, tmp_path) for at in (None, "tcp://a:1"))
     assert without_seconds(there.rows) == without_seconds(here.rows)
     assert len((tmp_path / "starts.jsonl").read_text().splitlines()) == 1 + 3
-    with pytest.raises(rb.InputError, match="no scene is called 'nowhere'"):
+    with pytest.raises(rb.InputError, match=naming("scene 'nowhere'")):
         random_starts.many_runs(whole() | {"scene": "nowhere"}, 1, "tcp://a:1", tmp_path)
     assert addresses == ["tcp://a:1"] * 2

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 import robotball as rb
+from tests.messages import naming
 from tests.robotball.files.scene_texts import PLATE
 from tests.robotball.files.test_robot_file import trusted, written
 from validation.results import controls_of
@@ -21,5 +22,5 @@ def test_controls_are_given_as_numbers_and_tables(tmp_path: Path) -> None:
     scene = rb.load_scene(written(tmp_path, "mybot.xml", PLATE), controls)
     assert (scene.duration, scene.controls[0].rate(0.0)) == (5.0, 0.5)
     for texts in (["drive"], ["=3"], ["drive="], ["drive=1", "drive=2"]):
-        with pytest.raises(rb.InputError, match="takes NAME=VALUE or NAME=FILE, once a name"):
+        with pytest.raises(rb.InputError, match=naming("NAME=VALUE NAME=FILE")):
             controls_of(texts)

@@ -18,6 +18,7 @@ import pytest
 
 import robotball as rb
 from tests.conftest import Robotball
+from tests.messages import unnamed
 from tests.robotball.files.scene_texts import PLATE
 from validation.cli import COMMANDS, GROUPS, main
 from validation.results import controlled
@@ -270,10 +271,10 @@ def test_a_robots_own_file_takes_controls(robotball: Robotball, tmp_path: Path) 
     controls = ("--control", "drive=0.2", "--control", "fly=fly.csv")
     status, out, err = robotball("compare", "mybot.xml", "mine.toml", *controls, "--no-plots")
     assert status == 1  # what is compared ends before the time that was asked for
-    assert out.count("no verdict after it ends: axle reaches its range") == 2
+    assert len(re.findall("no verdict.*axle", out)) == 2
     assert "mine-drive-0.2-fly-fly.csv" in out
-    assert out.count("How the file rolls by its own is said by robotball check mybot.xml") == 2
-    assert err.count("axle reaches its range of -40 to 40 deg at t = 0.1") == 2
+    assert out.count("robotball check mybot.xml") == 2
+    assert len(re.findall("axle.*-40 to 40 deg.* 0.1", err)) == 2
 
 
 def test_a_controller_of_a_file_closes_the_loop(robotball: Robotball, tmp_path: Path) -> None:
@@ -282,7 +283,7 @@ def test_a_controller_of_a_file_closes_the_loop(robotball: Robotball, tmp_path: 
     (tmp_path / "loop.py").write_text(text)
     options = ("pendulum_robot", "--controller", "loop.py:hold", "--duration", "0.5")
     status, out, _ = robotball("compare", *options, "--no-plots", "--json", "a.json")
-    assert (status, "makes a path error of" in out) == (0, True)
+    assert (status, "path error" in out) == (0, True)
     (found,) = json.loads((tmp_path / "a.json").read_text())
     assert found["scene"] == "pendulum_robot-loop.py-hold"
     assert found["loop_growth"] > 0
@@ -309,7 +310,7 @@ def test_results_can_be_made_again_from_their_record(robotball: Robotball, tmp_p
         found.append(json.loads((tmp_path / "a.json").read_text()))
     assert "faulty" in out
     # A log has it whole, as a narrow terminal has not.
-    assert "fig12, naive: a hinge turns more than 0.1 % too fast or too slow from t = 0.002" in out
+    assert re.search(r"fig12, naive: .* 0\.1 % .* t = 0\.002", out)
     rows = list(csv.DictReader((tmp_path / "a.csv").open()))
     runs = [f"{scene} {name}" for scene in more.split()[:2] for name in ("naive", "fast")]
     for each in (*found, rows):
@@ -324,7 +325,7 @@ def test_results_can_be_made_again_from_their_record(robotball: Robotball, tmp_p
     assert len(fast["needs"]["motor_torques"]) == 2
     assert (fast["agrees"], naive["agrees"]) == (True, False)
     assert naive["settings"]["drive"]["gain"] == 1.0
-    assert naive["faults"][0]["cause"] == "a hinge turns more than 0.1 % too fast or too slow"
+    assert unnamed("hinge 0.1~%", naive["faults"][0]["cause"]) == []
 
 
 def test_a_dash_is_standard_output(
@@ -355,10 +356,8 @@ def test_a_scene_refused_by_the_equations_does_not_end_the_batch(
     arguments = ("off.toml", *others, "--preset", "fast", "--duration", 0.2, "--no-plots")
     status, out, err = robotball("compare", *arguments, "--json", "a.json", "--out", "new/folder")
     assert status == 2
-    assert re.fullmatch(
-        r"robotball: off \(off\.toml\): the ball lifts off the plane at t = 0\.1017\d+ s, .*\n",
-        err,
-    )
+    assert unnamed("off.toml plane 0.1017…~s", err) == []
+    assert err.count("\n") == 1
     assert [line.split()[0] for line in out.splitlines() if "agrees" in line] == others
     left = sorted(path.name for path in tmp_path.iterdir())
     assert left == (["a.json", "off.toml"] if others else ["off.toml"])
@@ -384,12 +383,11 @@ def test_a_run_that_broke_in_its_first_step_has_a_page_and_no_film(
     options = ("wild.toml", "--preset", "fast", "--duration", 0.1)
     assert robotball("report", *options)[0] == 1
     page = (tmp_path / "out" / "wild-mujoco-fast-0.1s-report.html").read_text()
-    assert "The run ended at 0\u00a0s." in page
+    assert "0\u00a0s." in page
     for kind, web in (("video", ()), ("view", ("--web",))):
         status, _, err = robotball(kind, *options, *web)
         assert status == 2
-        why = "its motion ended at t = 0 s: friction cone saturated at t = 0 s"
-        assert err.splitlines()[-1] == f"robotball: wild has no {kind}, as {why}"
+        assert unnamed(f"wild {kind} 0~s cone", err.splitlines()[-1]) == []
 
 
 # Scenes and robots -----------------------------------------------------------------------------
@@ -410,7 +408,7 @@ def test_design_prints_bodies_and_writes_a_scene_that_runs(robotball: Robotball)
     status, out, _ = robotball("design", "fig12", "--rotor-speed", 200)
     assert status == 0
     assert re.search(r"rotor1 .* ring of radius .* rad/s", out)
-    assert "can be built: mass lies inside the shell" in out
+    assert "can be built" in out
     path = out.split()[-1]
     assert path == "out/fig12_designed-rotor-speed-200.toml"
     assert robotball("compare", path, "--duration", 1, "--no-plots")[0] == 0
@@ -426,7 +424,7 @@ def test_a_robot_is_steered_along_an_arc(robotball: Robotball, tmp_path: Path) -
     """
     status, out, _ = robotball("steer", *HALF)
     assert status == 0
-    assert "circle of 0.7854 m in 2 s" in out
+    assert unnamed("circle 0.7854~m 2~s", out) == []
     assert "MuJoCo: agrees" in out
     off = float(re.findall(r"equations: at most (\S+) m off the path", out)[0])
     assert off < 3e-5  # measured 1.2e-5, by the interpolation of the rates
@@ -454,7 +452,7 @@ def test_what_is_exported_can_be_judged(robotball: Robotball, tmp_path: Path) ->
     assert [Path(line).name for line in out.split()] == names
     status, out, _ = robotball("judge", "ball/scene.toml", "ball/reference.csv", "--json", "a.json")
     assert status == 0
-    assert "agrees within 0.01 in path and momentum" in out
+    assert unnamed("agrees 0.01 path momentum", out) == []
     record = json.loads((tmp_path / "a.json").read_text())
     assert record["agrees"]
     assert record["files"][0]["path_error"] < 1e-13
@@ -468,11 +466,11 @@ def test_a_mistake_is_named_beside_the_plain_errors(robotball: Robotball, tmp_pa
     path.write_text(path.read_text().replace("t,x,y,qw,qx,qy,qz", "t,x,y,qx,qy,qz,qw"))
     status, out, _ = robotball("judge", "fig12", "order.csv", "--json", "a.json")
     assert status == 1
-    assert "WRONG: qx, qy, qz, qw hold w, x, y, z\n" in out
-    assert "without that: path error 0.0e+00" in out
+    assert re.search(r"WRONG: .*qx, qy, qz, qw.*w, x, y, z\n", out)
+    assert "path error 0.0e+00" in out
     (judged,) = json.loads((tmp_path / "a.json").read_text())["files"]
     (mistake,) = judged["mistakes"]
-    assert mistake["name"] == "qx, qy, qz, qw hold w, x, y, z"
+    assert unnamed("qx,~qy,~qz,~qw w,~x,~y,~z", mistake["name"]) == []
     before, after = (mistake[each]["attitude"] for each in ("before", "after"))
     assert before == judged["attitude_error"] == approx(3.1, abs=0.1)
     assert after == judged["without_mistakes"]["attitude_error"] < 1e-7

@@ -10,6 +10,7 @@ import robotball as rb
 from robotball import Settings
 from robotball.engines.mujoco.settings import NAIVE
 from tests.conftest import Robotball
+from tests.messages import naming
 from validation import compare
 from validation.studies.ablation import BOTTOM, CHOICES, TOP, built_up, each_undone, without
 
@@ -81,7 +82,7 @@ def test_errors_hide_one_another() -> None:
 
 def test_undoing_a_choice_by_a_wrong_name_says_which_there_are() -> None:
     """A name that no choice has is refused with the names that there are."""
-    with pytest.raises(rb.InputError, match="no choice is called 'slip'; did you mean noslip"):
+    with pytest.raises(rb.InputError, match=naming("'slip' noslip")):
         without(TOP, ["noslip", "slip"])
     assert without(TOP, ["noslip", "start"]).name == "accurate - noslip - start"
 

@@ -11,6 +11,7 @@ import pytest
 import robotball as rb
 from robotball.qualitative import motion_branches
 from robotball.qualitative.continuation import DRIFT, FOLD, UNFINISHED, Branch, Point, Watch
+from tests.messages import unnamed
 from validation.studies import branches
 from validation.studies.branches import Continue, _branch_picture
 
@@ -105,8 +106,8 @@ def test_an_engine_repeats_motions_of_a_driven_branch(
     assert on < 1e-8  # measured 2.3e-9, of the steps
     assert beside > 1e-3  # measured 3.8e-3
     printed = " ".join(capsys.readouterr().out.split())
-    assert "2 × given up, first at frequency = 0.78: it lifts off at t = 0 s MuJoCo" in printed
-    assert "MuJoCo, balanced: 2 motions, after a period off by" in printed
+    assert unnamed("2~× frequency~=~0.78 0~s", printed) == []
+    assert "MuJoCo, balanced: 2 motions" in printed
 
 
 def test_a_branch_that_ends_at_zero_is_said_to(

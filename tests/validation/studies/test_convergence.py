@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import robotball as rb
 from tests.conftest import Robotball
+from tests.messages import naming
 from tests.validation.examples import example
 from validation.studies import convergence
 from validation.studies.ablation import TOP, without
@@ -113,7 +114,7 @@ def test_no_step_is_so_long_that_mujoco_changes_the_contact() -> None:
 def test_a_model_that_always_breaks_off_has_no_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is refused in one line, with the shortest step that was tried."""
     monkeypatch.setattr(convergence, "_whole_run", lambda *_: None)
-    with pytest.raises(rb.InputError, match=r"fig12: .* breaks off even at steps of 0\.0003125 s"):
+    with pytest.raises(rb.InputError, match=naming("fig12 0.0003125~s")):
         study.__wrapped__("fig12")
 
 
@@ -122,7 +123,7 @@ def test_the_command_writes_table_picture_and_records(robotball: Robotball, tmp_
     arguments = [*example("convergence").split(), "--duration", "0.3"]
     status, printed, _ = robotball(*arguments, "--out", ".", "--json", "a.json")
     assert status == 0
-    assert "fig12, accurate - softness - noslip: the own limit is" in printed
+    assert "fig12, accurate - softness - noslip: " in printed
     record = json.loads((tmp_path / "a.json").read_text())
     assert set(record["orders"]) == {*ORDERS, "DOP853"}
     assert record["orders"]["RK4"]["own"]["order"]["order"] == pytest.approx(4, abs=0.3)

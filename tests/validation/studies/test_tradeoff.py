@@ -24,6 +24,7 @@ from robotball.motors import Servo
 from tests.bench.gallery import numbers_of_tradeoff
 from tests.bench.parts import parts_of, rows_of, split
 from tests.conftest import Robotball
+from tests.messages import unnamed
 from tests.validation.examples import example
 from validation.studies import timing
 from validation.studies.friction import HARD, ROLLING, SOFT, TORSIONAL, friction_cells, friction_run
@@ -132,9 +133,7 @@ def test_a_configuration_is_measured_by_its_cell_alone() -> None:
     slipped, sound, failed = study["configurations"]
     assert (slipped["title"], sound["title"]) == ("naive", "balanced")
     assert study["pareto_front"] == [sound]
-    assert slipped["trouble"].startswith(
-        "a hinge turns more than 0.1 % too fast or too slow from t = 0.002 s on"
-    )
+    assert unnamed("hinge 0.1~% 0.002~s", slipped["trouble"]) == []
     assert sound["error"] < 6e-10  # measured 3.3e-10: RK4's error at 5 ms
     assert sound["cost"] > 0
     assert (failed["trouble"], failed["error"]) == ("took longer than 60 s", None)
@@ -177,7 +176,7 @@ def test_the_quick_study_writes_its_files(robotball: Robotball, tmp_path: Path) 
     arguments = [*example("tradeoff").split(), *options.split()]
     status, shown, _ = robotball(*arguments)
     assert status == 0
-    assert "The Pareto front: nothing is both cheaper and better." in shown
+    assert "Pareto front" in shown
     assert "times as much" in shown
     stem = "fig12-mujoco-tradeoff-0.5s-quick"
     names = [*(f"{stem}{kind}" for kind in (".png", ".json", ".csv")), "fig12-tradeoff.jsonl"]
@@ -282,7 +281,7 @@ def test_torsional_friction_is_rubber_from_where_the_motion_needs_it() -> None:
     )
     assert least["relative_spin"] > 1.0  # measured 1.79
     assert least["path_error"] == pytest.approx(0.325, abs=0.01)
-    assert least["faults"][0] == "friction cone saturated at t = 0 s"
+    assert unnamed("cone 0~s", least["faults"][0]) == []
     assert below["relative_spin"] > 0.05  # measured 0.13
     assert below["path_error"] > 0.03  # measured 0.070
     # Measured 1.33e-9 and 1.65e-9: RK4's error at 5 ms.

@@ -10,6 +10,7 @@ import pytest
 import robotball as rb
 from robotball import engine_names
 from tests.conftest import Robotball
+from tests.messages import unnamed
 from validation.studies import engine_study
 from validation.studies.engine_rows import Knobs, row_of
 from validation.studies.engine_runs import changed, run
@@ -93,17 +94,17 @@ def test_an_engine_s_search_keeps_its_log_and_says_the_best(
 
 
 @pytest.mark.parametrize(
-    ("words", "why"),
+    ("words", "facts"),
     [
-        ("--only multibody", "multibody has no knobs"),
-        ("--only dart", "DART is not installed: robotball engines --install dart"),
-        ("--only mujoco --budget 3", "budget must be"),
-        ("--only mujoco --cap 0", "cap must be positive"),
+        ("--only multibody", "multibody"),
+        ("--only dart", "DART --install~dart"),
+        ("--only mujoco --budget 3", "budget"),
+        ("--only mujoco --cap 0", "cap"),
     ],
 )
-def test_what_cannot_be_tuned_is_refused(robotball: Robotball, words: str, why: str) -> None:
+def test_what_cannot_be_tuned_is_refused(robotball: Robotball, words: str, facts: str) -> None:
     """In one line."""
     status, _, err = robotball("engines", "wobbling_drive", "--tune", *words.split())
     assert status == 2
-    assert why in err
+    assert unnamed(facts, err) == []
     assert err.count("\n") == 1

@@ -17,6 +17,7 @@ from robotball.files import robot_file
 from robotball.files.scene_keys import ask
 from tests.conftest import Robotball
 from tests.imports import PROJECT
+from tests.messages import naming, unnamed
 from tests.robotball import test_controllers, test_designing, test_fitting, test_refused
 from tests.robotball.engines import test_reduced
 from tests.robotball.engines.mujoco import test_limits, test_settings
@@ -144,3 +145,14 @@ def test_all_messages_are_those_of_the_catalogue(
     if request.config.getoption("rewrite"):
         GOLDEN.write_text(said, encoding="utf-8")
     assert GOLDEN.read_text(encoding="utf-8") == said, "rewrite it by: make messages"
+
+
+def test_a_fact_of_a_message_stands_alone() -> None:
+    """It is no part of a longer number, word or option, and no other unit's."""
+    message = "frame.kv is 1.5 kg, of 21 at most: --outer 'x' 0.27064 s"
+    facts = "frame.kv 1.5~kg 21 'x' 0.27…~s"
+    assert unnamed(facts, message) == []
+    assert re.search(naming(facts), message)
+    for missing in ("1", "5~kg", "1.5~m", "2", "--out", "fram", "-21", "0.28…~s"):
+        assert unnamed(missing, message) == [missing]
+        assert not re.search(naming(f"21 {missing}"), message)

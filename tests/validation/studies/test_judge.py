@@ -504,7 +504,7 @@ def test_a_height_is_judged(start: float, rise: float, agrees: bool) -> None:
     error = abs(start + rise - round(start))
     assert found.plain.height_error == pytest.approx(error, abs=1e-15)
     assert (found.agrees, found.mistakes) == (agrees, ())
-    assert any(not unnamed("height off", line) for line in lines(found)) == (error > 0)
+    assert any(not unnamed("z off radius", line) for line in lines(found)) == (error > 0)
 
 
 def test_what_leaves_more_than_a_tenth_is_not_said_to_be_wrong(

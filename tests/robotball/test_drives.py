@@ -15,6 +15,7 @@ from robotball.drive_sampling import sampling_error
 from robotball.drives import Constant, Drive, as_drive
 from robotball.motion import path_error
 from robotball.rotations import uneven
+from tests.messages import naming
 from tests.motions import pair_of
 from tests.robotball.own_drive import OwnDrive, of_sine
 
@@ -117,12 +118,8 @@ def test_a_function_is_asked_within_the_run_alone(end: float, preset: str) -> No
 def test_a_function_that_is_not_smooth_is_warned_of() -> None:
     """The warning has the cost, the place and a remedy; with breakpoints there is none."""
     times = np.linspace(0.0, 1.0, 3)
-    words = (
-        r"a drive's function is not smooth at t = 0\.4 s: its derivative there follows it to "
-        r"\S+ rad/s only; give Custom its breakpoints, or its derivative"
-    )
     cusp = rb.Custom(lambda t: 2 + 1e-3 * abs(t - 0.4) ** 0.25)
-    with pytest.warns(rb.SceneWarning, match=words):
+    with pytest.warns(rb.SceneWarning, match=naming("0.4~s breakpoints derivative")):
         rb.integrate(FIG12.with_hinges(command={"frame": cusp}), times)
     with warnings.catch_warnings(action="error"):
         kink = rb.Custom(lambda t: 2 + abs(t - 0.4), breakpoints=(0.4,))

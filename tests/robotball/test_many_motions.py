@@ -37,9 +37,8 @@ def test_no_start_is_no_motion() -> None:
 
 def test_starts_go_with_one_scene() -> None:
     """Not with several, which have their own; a device only where an engine has a choice."""
-    words = "give starts with one scene, and none with several"
     for scene, starts in ((FIG12, None), ([FIG12], STARTS)):
-        with pytest.raises(rb.InputError, match=words):
+        with pytest.raises(rb.InputError, match=naming("starts scene")):
             rb.simulate_many(scene, starts)
     with pytest.raises(rb.InputError, match=naming("MuJoCo device")):
         rb.simulate_many(FIG12, STARTS, device="cpu")

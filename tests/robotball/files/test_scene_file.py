@@ -16,6 +16,7 @@ from robotball.rotations import rotation_matrix
 from robotball.scene import Friction
 from tests.bench.scene_page import page
 from tests.imports import PROJECT
+from tests.messages import naming
 from tests.robotball.files.scene_texts import (
     BOB,
     FRAME,
@@ -74,8 +75,7 @@ def test_a_pendulum_that_swings_out_of_the_shell_is_told(tmp_path: Path) -> None
     """
     text = robot(rest=PENDULUM.replace("-0.02", "0.12") + BOB.replace("-0.11", "0.0"))
     (tmp_path / "mine.toml").write_text(text, encoding="utf-8-sig", newline="\r\n")
-    words = r"pendulum1 has mass outside the shell: at 0\.2419 m"
-    with pytest.warns(rb.SceneWarning, match=words) as said:
+    with pytest.warns(rb.SceneWarning, match=naming("pendulum1 shell 0.2419~m")) as said:
         rb.load_scene(tmp_path / "mine.toml")
     assert said[0].filename == __file__
 

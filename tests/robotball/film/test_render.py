@@ -21,6 +21,7 @@ from robotball.film.render import Film, frames, write_video
 from robotball.film.stage import Pixels
 from robotball.processes import at_most, cores
 from robotball.rotations import multiply
+from tests.messages import naming
 
 TIMES = np.linspace(0.0, 0.3, 16)  # s
 FIG12 = rb.load_scene("fig12")
@@ -248,27 +249,27 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
 
 
 REFUSED: dict[str, Callable[[], object]] = {
-    "fps must be a whole number from 1 to 240, not 0": lambda: Film(fps=0),
-    "must be even, and 120 to 4320 pixels, not 1280x721": lambda: Film(size=(721, 1280)),
-    "must be even, and 120 to 4320 pixels, not 118x120": lambda: Film(size=(120, 118)),
-    "slow must be": lambda: Film(slow=0.0),
-    "camera must be one of follow, above, whole, not 'behind'": lambda: Film(camera="behind"),  # type: ignore[arg-type]
-    "same times": lambda: frames([dataclasses.replace(THEORY, times=THEORY.times * 1.01), THEORY]),
-    r"\.mp4.*, not ball\.avi": lambda: write_video("ball.avi", [THEORY, THEORY]),
-    r"\.mp4.*, not no/folder/ball\.mp4": lambda: write_video("no/folder/ball.mp4", [THEORY] * 2),
-    "no off-screen GL; video needs": lambda: frames([THEORY, THEORY]),
+    "fps 1 240 0": lambda: Film(fps=0),
+    "even 120 4320 1280x721": lambda: Film(size=(721, 1280)),
+    "even 120 4320 118x120": lambda: Film(size=(120, 118)),
+    "slow": lambda: Film(slow=0.0),
+    "camera follow above whole 'behind'": lambda: Film(camera="behind"),  # type: ignore[arg-type]
+    "same~times": lambda: frames([dataclasses.replace(THEORY, times=THEORY.times * 1.01), THEORY]),
+    ".mp4 ball.avi": lambda: write_video("ball.avi", [THEORY, THEORY]),
+    ".mp4 no/folder/ball.mp4": lambda: write_video("no/folder/ball.mp4", [THEORY] * 2),
+    "GL video": lambda: frames([THEORY, THEORY]),
 }
 
 
-@pytest.mark.parametrize("words", REFUSED)
+@pytest.mark.parametrize("facts", REFUSED)
 def test_what_cannot_be_drawn_or_written_is_refused(
-    words: str, monkeypatch: pytest.MonkeyPatch
+    facts: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each with the limit, and where there is no OpenGL with what to install."""
     monkeypatch.setattr(gl, "find_backend", lambda: None)
     monkeypatch.delenv("MUJOCO_GL", raising=False)
-    with pytest.raises(rb.InputError, match=words):
-        REFUSED[words]()
+    with pytest.raises(rb.InputError, match=naming(facts)):
+        REFUSED[facts]()
 
 
 def test_mujoco_gl_is_the_only_candidate_where_set(monkeypatch: pytest.MonkeyPatch) -> None:

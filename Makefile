@@ -1,6 +1,6 @@
 # Two commands, each with all its own set-up:  make demo   make test
 # On the way:  make check   make test-core   make test-fast   make test-variants   make test-studies
-#              make docs   make tutorials
+#              make messages   make docs   make tutorials
 UV_VERSION := 0.13.8
 PYTHON_RANGE := >=3.11,<3.15
 UV := $(shell command -v uv 2>/dev/null || echo .tools/bin/uv)

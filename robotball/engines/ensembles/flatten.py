@@ -208,21 +208,20 @@ _WIDEST = '"prefer-vector-width"="512"'
 _wide_vectors: Any = intrinsic(_wide)
 
 
-def lane_function(name: str, tape: Tape, lanes: int) -> Any:
-    """Return a function of a workspace (rows·lanes,), for numba, that runs a tape in every lane.
+_tapes: dict[str, Tape] = {}
+"""The tape of each lane function, by its name."""
 
-    name: its own and no other's, by which numba links what it loads. The compiler can see that
-    lanes are independent because the workspace is flat, with rows that stand a known number of
-    lanes apart. The operations are handed to LLVM one by one: numba would look for the types of
-    thousands of names, all floats, for seconds.
-    """
+
+def _one_lane(_: Any, workspace: Any, lane: Any, lanes: Any, name: Any) -> Any:
+    """Run the tape of that name in one lane of a workspace; `lanes` and `name` are literals."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         workspace = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        tape = _tapes[name.literal_value]
         values: dict[str, Any] = {}
 
         def at(row: int) -> Any:
-            begin = context.get_constant(types.int64, row * lanes)
+            begin = context.get_constant(types.int64, row * lanes.literal_value)
             return builder.gep(workspace, [builder.add(begin, arguments[1])])
 
         def value(operand: str) -> Any:
@@ -245,17 +244,30 @@ def lane_function(name: str, tape: Tape, lanes: int) -> Any:
             builder.store(value(result), at(row))
         return context.get_dummy_value()
 
-    lane = intrinsic(lambda _, w, i: (types.void(w, i), generate))
-    # numba keeps only what has a file and is a module's: the text passes for a part of this one.
-    made: dict[str, Any] = {"__name__": __name__, "wide_vectors": _wide_vectors}
-    made |= {"lane": lane, "lanes": lanes}
-    exec(compile(_IN_EVERY_LANE.format(name=name), __file__, "exec"), made)
-    return made[name]
+    return types.void(workspace, lane, lanes, name), generate
 
 
-_IN_EVERY_LANE = """
-def {name}(w):
-    wide_vectors()
-    for i in range(lanes):
-        lane(w, i)
-"""
+_run_in_one_lane: Any = intrinsic(prefer_literal=True)(_one_lane)
+
+
+def lane_function(name: str, tape: Tape, lanes: int) -> Any:
+    """Return a function of a workspace (rows·lanes,), for numba, that runs a tape in every lane.
+
+    The name must be unique in the process: numba links compiled and loaded code by it. The
+    compiler can see that lanes are independent because the workspace is flat, with rows that stand
+    a known number of lanes apart. The operations are handed to LLVM one by one, because numba
+    would spend seconds on the types of thousands of names that are all floats.
+    """
+
+    # The closure holds the tape's name and not the tape or an intrinsic of its own, because numba's
+    # cache compares the values that a closure holds, and an intrinsic differs in every process.
+    def in_every_lane(w: Any) -> None:
+        _wide_vectors()
+        for i in range(lanes):
+            _run_in_one_lane(w, i, lanes, name)
+
+    # Two threads may trace the same tape at once.
+    if vars(_tapes.setdefault(name, tape)) != vars(tape):
+        raise ValueError(f"the lane function {name} runs another tape: choose another name")
+    in_every_lane.__name__ = in_every_lane.__qualname__ = name
+    return in_every_lane

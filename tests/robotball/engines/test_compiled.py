@@ -13,6 +13,7 @@ import numba
 import pytest
 from numba.core import caching
 
+from robotball.engines import ahead
 from robotball.engines import compiled as kept
 from robotball.errors import SceneWarning
 from tests.messages import naming, unnamed
@@ -61,6 +62,20 @@ def test_a_line_says_that_something_is_compiled(
     kept._say_once.cache_clear()
     compiled()
     assert capsys.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("on_terminal", [True, False])
+def test_set_up_shows_how_much_is_compiled(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], on_terminal: bool
+) -> None:
+    """A terminal gets one line that counts up, and a log the last count alone."""
+    monkeypatch.setattr(kept.Compiled, "code", None)
+    monkeypatch.setattr(ahead.steppers, "stepper", lambda *_: None)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: on_terminal)
+    ahead.compile_all()
+    first = range(1, 14) if on_terminal else ()
+    counts = "".join(f"robotball: compiled {done} of 14\r" for done in first)
+    assert capsys.readouterr().err == counts + "robotball: compiled 14 of 14\n"
 
 
 CUT = [("nbi", 0), ("nbc", 0), ("nbi", 40), ("nbc", 400)]

@@ -1,16 +1,20 @@
 # Two commands, each with all its own set-up:  make demo   make test
 # On the way:  make check   make test-core   make test-fast   make test-variants   make test-studies
 #              make messages   make docs   make tutorials
+# Any of these in another environment, with another Python:
+#              make test-core VENV=.venv-3.13 PYTHON=/usr/bin/python3.13
 UV_VERSION := 0.13.8
 PYTHON_RANGE := >=3.11,<3.15
 UV := $(shell command -v uv 2>/dev/null || echo .tools/bin/uv)
 export UV_PYTHON_DOWNLOADS := never
 export UV_COMPILE_BYTECODE := 1
 export UV_SYSTEM_CERTS := 1
-export UV_PROJECT_ENVIRONMENT := .venv
-BIN := .venv/bin
+VENV := .venv
+PYTHON := $(PYTHON_RANGE)
+BIN := $(VENV)/bin
 
-.PHONY: demo test test-studies test-fast test-core test-variants messages check docs tutorials gallery wheel bench cost-model setup gl browser lock clean
+.PHONY: demo test test-studies test-fast test-core test-variants messages check lint docs tutorials gallery wheel run-wheel \
+  bench cost-model setup gl browser lock clean
 
 demo: setup gl
 	$(BIN)/robotball demo
@@ -18,8 +22,13 @@ demo: setup gl
 # Files go to the cores whole, as a file's tests share what they compute.
 ON_CORES := --numprocesses auto --dist loadfile
 
-test: setup gl browser check
-	$(BIN)/pytest $(ON_CORES) -m "not study"
+# mypy runs beside the tests, and prints its report after theirs.
+test: setup gl browser lint
+	@mkdir -p out; $(BIN)/mypy >out/mypy.txt 2>&1 & mypy=$$!; \
+	echo '$(BIN)/pytest $(ON_CORES) -m "not study", and $(BIN)/mypy'; \
+	$(BIN)/pytest $(ON_CORES) -m "not study"; tests=$$?; \
+	wait $$mypy; types=$$?; echo "mypy:"; cat out/mypy.txt; \
+	test $$tests = 0 && test $$types = 0
 
 # Every case of the studies that have many, such as wrong settings that are planted; half an hour.
 test-studies: setup
@@ -51,10 +60,12 @@ test-variants: setup gl
 messages: setup
 	$(BIN)/pytest -q tests/test_messages.py --rewrite
 
-check: setup
+check: lint
+	$(BIN)/mypy
+
+lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
 
 # docs/scene.md, from the tables that the reader uses; a test holds it.
 # Then the site, in out/site; it ends at a dead link and at a name that is not there.
@@ -71,42 +82,42 @@ tutorials: setup
 gallery: setup gl
 	$(BIN)/python -m tests.bench.gallery $(ONLY)
 
-# The wheel, as a user installs it: by pip with its dependencies, on every Python of this machine that
-# has venv, run in an empty folder and with an empty home. It must have every file that the program
-# needs, and take no name that is anybody's. Without venv nothing is tested, which is an error.
+# The wheel, as a user installs it: by pip with its dependencies, on every Python of .ci/pythons, run
+# in an empty folder and with an empty home. It must have every file that the program needs, and take
+# no name that is anybody's. Without a Python that has venv nothing is tested, which is an error.
 # The newest Python alone:  make wheel ONE=1
 WHEEL := $(CURDIR)/out/wheel
-# Pyenv and uv keep most of their Pythons beside the PATH, whose `python3.13` of pyenv may start none.
-PYENV_ROOT ?= $(HOME)/.pyenv
-KEPT = $(wildcard $(PYENV_ROOT)/versions/3.*/bin $(shell $(UV) python dir)/cpython-3.*/bin)
 
 wheel: setup
 	rm -rf $(WHEEL) && mkdir -p $(WHEEL)
 	$(BIN)/python -m hatchling build -t wheel -d $(WHEEL)
-	@PATH="$$(printf %s: $(KEPT))$$PATH"; for each in 3.14 3.13 3.12 3.11; do \
-	  python$$each -c 'import ensurepip' 2>/dev/null || continue; \
-	  $(MAKE) --no-print-directory wheel-on-$$each || exit 1; \
+	@for each in $$(.ci/pythons); do \
+	  $(MAKE) --no-print-directory run-wheel PYTHON=$$each || exit 1; \
 	  test -z "$(ONE)" || break; done
-	@ls $(WHEEL)/3.* >/dev/null
+	@ls $(WHEEL)/python3.* >/dev/null
 
-wheel-on-%: ENV = $(WHEEL)/$*/env
-wheel-on-%: ALONE = cd $(WHEEL)/$*/empty && env -i PATH=/usr/bin:/bin HOME=$(WHEEL)/$*/empty ../env/bin
-wheel-on-%:
-	mkdir -p $(WHEEL)/$*/empty
-	python$* -m venv $(ENV)
-	$(ENV)/bin/python -m pip install --disable-pip-version-check --no-compile --quiet $(WHEEL)/*.whl
-	echo 'raise ImportError("another package")' > $(ENV)/lib/python$*/site-packages/validation.py
+run-wheel: THERE = $(WHEEL)/$(notdir $(PYTHON))
+run-wheel: ALONE = cd $(THERE)/empty && env -i PATH=/usr/bin:/bin HOME=$(THERE)/empty ../env/bin
+run-wheel:
+	mkdir -p $(THERE)/empty
+	$(PYTHON) -m venv $(THERE)/env
+	$(THERE)/env/bin/python -m pip install --disable-pip-version-check --no-compile --quiet $(WHEEL)/*.whl
+	echo 'raise ImportError("another package")' > $(THERE)/env/lib/$(notdir $(PYTHON))/site-packages/validation.py
 	$(ALONE)/robotball --version
 	$(ALONE)/robotball model fig12 --out fig12.xml
 	$(ALONE)/robotball compare fig12 --preset fast --duration 0.5
 	$(ALONE)/robotball report fig12 --preset fast --duration 0.5
 	$(ALONE)/robotball check $(CURDIR)/examples/first_robot.xml --duration 0.5; test $$? = 1
+	$(ALONE)/robotball section fig12 --count 20
+	$(ALONE)/python -c 'import robotball as rb; \
+	  rb.integrate(rb.load_scene("pendulum_robot"), rb.sample_times(2.0)).save("run.csv")'
+	$(ALONE)/robotball fit pendulum_robot run.csv --free frame.kv
 	$(ALONE)/python -c 'import robotball as rb, sys; \
 	  files = rb.__file__, sys.modules[rb.compare.__module__].__file__; \
 	  sys.version_info >= (3, 13) or rb.dm_environment("fig12", [[0, 0], [0, 0]]).reset(); \
 	  sys.exit(any(sys.prefix not in file for file in files))'
-	rm -rf $(ENV)
-	@echo "the wheel runs on Python $*"
+	rm -rf $(THERE)/env
+	@echo "the wheel runs on $(PYTHON)"
 
 bench: setup
 	$(BIN)/python -m tests.bench.speed
@@ -116,28 +127,32 @@ bench: setup
 cost-model: setup
 	$(BIN)/python -m tests.bench.cost_model
 
-setup: .venv/.stamp
+setup: $(VENV)/.stamp
 
 # The exact versions and hashes of requirements.lock, then this checkout itself; compiled, so that
 # the first start is as quick as any other, and any where Python may not write; then the machine
-# code, into the user's cache. Each step says what it does, as the packages take most of a minute.
-.venv/.stamp: pyproject.toml requirements.lock Makefile | $(UV)
-	@echo "set-up, once: Python's environment in .venv"
-	@$(UV) venv --quiet --allow-existing --python '$(PYTHON_RANGE)' .venv
+# code, into the user's cache. Each step says what it does, as the packages take most of a minute,
+# and uv shows its progress on a terminal.
+QUIET := $(shell test -t 2 || echo --quiet)
+
+$(VENV)/.stamp: pyproject.toml requirements.lock Makefile | $(UV)
+	@echo "set-up, once: Python's environment in $(VENV)"
+	@$(UV) venv --quiet --allow-existing --python '$(PYTHON)' $(VENV)
 	@echo "set-up: the packages of requirements.lock, up to a minute"
-	@$(UV) pip sync --quiet --python $(BIN)/python --require-hashes requirements.lock
+	@$(UV) pip sync $(QUIET) --python $(BIN)/python --require-hashes requirements.lock
 	@echo "set-up: robotball itself"
 	@$(UV) pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation --editable .
-	@.venv/bin/python -m compileall -q robotball validation
-	@.venv/bin/python -c 'from robotball.engines.ahead import compile_all; compile_all()'
+	@$(BIN)/python -m compileall -q robotball validation
+	@$(BIN)/python -c 'from robotball.engines.ahead import compile_all; compile_all()'
 	@touch $@
 
 # A machine without uv gets a pinned one in a tool environment of its own.
 .tools/bin/uv:
+	@echo "set-up: uv, which installs all packages, in .tools"
 	@python3 -m venv .tools >/dev/null 2>&1 \
 	  || { rm -rf .tools; .ci/apt python3-venv && python3 -m venv .tools; } \
 	  || { echo "set-up needs uv, or Python's venv: sudo apt-get install python3-venv"; exit 1; }
-	.tools/bin/python -m pip install --quiet uv==$(UV_VERSION)
+	@.tools/bin/python -m pip install --quiet uv==$(UV_VERSION)
 
 # Video needs an off-screen GL; everything else runs without one.
 gl: setup
@@ -157,4 +172,4 @@ lock: | $(UV)
 	  --no-header --no-annotate --upgrade --output-file requirements.lock pyproject.toml
 
 clean:
-	rm -rf .venv .tools .cache out .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-* .tools .cache out .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -3,12 +3,15 @@
 import ast
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
 from importlib.util import find_spec
 from pathlib import Path
 from zipfile import ZipFile
+
+import pytest
 
 from tests.imports import PROJECT
 
@@ -17,9 +20,12 @@ PYPROJECT = tomllib.loads((PROJECT / "pyproject.toml").read_text())
 
 
 def test_every_python_from_3_11_to_3_14_is_taken() -> None:
-    """By the package and by the Makefile alike."""
+    """By the package, by the Makefile and by the script that finds Pythons."""
     (by_make,) = re.findall(r"^PYTHON_RANGE := (.*)$", (PROJECT / "Makefile").read_text(), re.M)
     assert by_make == PYPROJECT["project"]["requires-python"] == ">=3.11,<3.15"
+
+    pythons = (PROJECT / ".ci" / "pythons").read_text()
+    assert "for version in 3.14 3.13 3.12 3.11;" in pythons
 
 
 def test_labmaze_is_left_out() -> None:
@@ -34,23 +40,95 @@ def test_labmaze_is_left_out() -> None:
     assert (find_spec("dm_control") is not None) == (sys.version_info < (3, 13))
 
 
+def executable(path: Path, script: str) -> Path:
+    """Write a script of the shell to a path, whose folder is made."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"#!/bin/sh\n{script}\n")
+    path.chmod(0o755)
+    return path
+
+
+def run_ci(tmp_path: Path, *pythons: str) -> tuple[list[str], str]:
+    """Return what each call of make by `.ci/run` logs, and the output of `.ci/run`.
+
+    The machine has the Pythons of these versions, and `make demo` takes 3.11. A call logs its
+    arguments, its environment, and what is in HOME.
+    """
+    shutil.copytree(PROJECT / ".ci", tmp_path / "clone" / ".ci")
+    executable(tmp_path / "clone" / ".venv" / "bin" / "python", "echo python3.11")
+    log = '{ echo "make $*"; env; ls -A "$HOME"; } >> "$0.log"'
+    make = executable(tmp_path / "bin" / "make", log)
+    for version in pythons:
+        executable(tmp_path / "bin" / f"python{version}", "exit 0")
+    for tool in "bash", "dirname", "env", "grep", "head", "ls", "mktemp", "rm":
+        (make.parent / tool).symlink_to(str(shutil.which(tool)))
+    machine = {**os.environ, "PATH": str(make.parent), "HOME": str(PROJECT)}
+    command = [tmp_path / "clone" / ".ci" / "run"]
+    said = subprocess.run(command, env=machine, check=True, capture_output=True, text=True)
+    calls = re.split(r"^make ", make.with_name("make.log").read_text(), flags=re.M)[1:]
+    return calls, said.stdout + said.stderr
+
+
 def test_continuous_integration_knows_nothing_of_its_machine(tmp_path: Path) -> None:
     """It runs the README's two commands and two more; each sees PATH and an empty HOME alone."""
-    make = tmp_path / "make"
-    make.write_text('#!/bin/sh\n{ echo "make $*"; env; ls -A "$HOME"; } >> "$0.log"\n')
-    make.chmod(0o755)
-    path = os.pathsep.join([str(tmp_path), os.environ["PATH"]])
-    machine = {**os.environ, "PATH": path, "HOME": str(PROJECT), "PYTHONDONTWRITEBYTECODE": "1"}
-    subprocess.run([PROJECT / ".ci" / "run"], env=machine, check=True)
-    calls = re.split(r"^make ", make.with_name("make.log").read_text(), flags=re.M)[1:]
-    assert [call.split("\n")[0] for call in calls] == ["demo", "test", "test-fast", "wheel ONE=1"]
+    calls, said = run_ci(tmp_path, "3.12", "3.11")
+    commands = [call.split("\n")[0] for call in calls]
+    other = f"VENV=.venv-other PYTHON={tmp_path}/bin/python3.12 UV_COMPILE_BYTECODE=0"
+    assert commands == ["demo", "test", f"demo test-core {other}", "wheel ONE=1"]
     bits = {"OPENBLAS_CORETYPE=Haswell", "NUMBA_CPU_NAME=generic"}
     for call, more in zip(calls, (set(), set(), bits, set()), strict=True):
         of_the_shell = re.compile("PWD=|OLDPWD=|SHLVL=|_=")
         seen = {line for line in call.split("\n")[1:-1] if not of_the_shell.match(line)}
         home = {line for line in seen if line.startswith("HOME=")} - {f"HOME={PROJECT}"}
         assert len(home) == 1
-        assert seen == home | more | {f"PATH={path}"}
+        assert seen == home | more | {f"PATH={tmp_path}/bin"}
+    assert len(re.findall(r"^== .*make .*: \S+s, processor time \S+s user", said, re.M)) == 4
+
+
+def test_continuous_integration_says_that_a_machine_has_one_python(tmp_path: Path) -> None:
+    """The numeric tests run again with it, on other last bits."""
+    calls, said = run_ci(tmp_path, "3.11")
+    assert calls[2].startswith("demo test-core VENV=.venv\n")
+    assert "no Python but python3.11 here" in said
+
+
+def test_pythons_are_found_beside_the_path(tmp_path: Path) -> None:
+    """In pyenv's folder, where its shims alone are on the PATH, and in uv's; the newest first.
+
+    A shim that starts nothing and a Python that makes no environments are left out.
+    """
+    executable(tmp_path / "pyenv" / "shims" / "python3.13", "exit 127")
+    executable(tmp_path / "pyenv" / "versions" / "3.12.9" / "bin" / "python3.12", "exit 1")
+    shims = executable(tmp_path / "pyenv" / "shims" / "python3.12", "exit 0").parent
+    of_pyenv = executable(tmp_path / "pyenv/versions/3.13.0/bin/python3.13", "exit 0")
+    of_uv = executable(tmp_path / "home/.local/share/uv/python/cpython/bin/python3.14", "exit 0")
+    machine = {"PATH": f"{shims}:/usr/bin:/bin", "HOME": str(tmp_path / "home")}
+    found = subprocess.check_output([PROJECT / ".ci" / "pythons"], env=machine, text=True)
+    assert found.split()[:3] == [str(of_uv), str(of_pyenv), str(shims / "python3.12")]
+
+
+@pytest.mark.parametrize(("tests", "types"), [(0, 0), (1, 0), (0, 1)])
+def test_make_test_fails_if_tests_or_mypy_fail(tmp_path: Path, tests: int, types: int) -> None:
+    """Both run, their output is not mixed, and the failure of either one is that of `make test`."""
+    shutil.copy(PROJECT / "Makefile", tmp_path)
+    for name in ("pyproject.toml", "requirements.lock"):
+        (tmp_path / name).touch()
+    (tmp_path / ".ci").symlink_to(PROJECT / ".ci")
+    bin_folder = tmp_path / "environment" / "bin"
+    executable(bin_folder / "pytest", f"sleep 0.2; echo 'tests: {tests} failed'; exit {tests}")
+    executable(bin_folder / "mypy", f"echo 'types: {types} errors'; exit {types}")
+    for name in ("python", "ruff", "uv", "chromium"):
+        executable(bin_folder / name, "exit 0")
+    (bin_folder.parent / ".stamp").touch()
+    # Without the variables of the make that may run this test.
+    machine = {"PATH": f"{bin_folder}:{os.environ['PATH']}"}
+    ran = subprocess.run(
+        ["make", "test", "VENV=environment"],
+        cwd=tmp_path, env=machine, capture_output=True, text=True,
+    )  # fmt: skip
+    assert (ran.returncode == 0) == (tests == types == 0)
+    lines = [f"tests: {tests} failed", "mypy:", f"types: {types} errors"]
+    assert ran.stdout.splitlines()[-3:] == lines
 
 
 def test_in_a_wheel_validation_is_a_part_of_robotball(tmp_path: Path) -> None:

@@ -22,11 +22,14 @@ demo: setup gl
 # Files go to the cores whole, as a file's tests share what they compute.
 ON_CORES := --numprocesses auto --dist loadfile
 
-# mypy runs beside the tests, and prints its report after theirs.
+# mypy runs beside the tests, and prints its report after theirs. Only some of the tests:
+#   make test TESTS='core and not slow'
+TESTS := not study
+
 test: setup gl browser lint
 	@mkdir -p out; $(BIN)/mypy >out/mypy.txt 2>&1 & mypy=$$!; \
-	echo '$(BIN)/pytest $(ON_CORES) -m "not study", and $(BIN)/mypy'; \
-	$(BIN)/pytest $(ON_CORES) -m "not study"; tests=$$?; \
+	echo '$(BIN)/pytest $(ON_CORES) -m "$(TESTS)", and $(BIN)/mypy'; \
+	$(BIN)/pytest $(ON_CORES) -m "$(TESTS)"; tests=$$?; \
 	wait $$mypy; types=$$?; echo "mypy:"; cat out/mypy.txt; \
 	test $$tests = 0 && test $$types = 0
 

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 from robotball.errors import InputError
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 Mask = NDArray[np.bool_]
 Z: Array = np.array([0.0, 0.0, 1.0])
 

@@ -74,7 +74,7 @@ def test_continuous_integration_knows_nothing_of_its_machine(tmp_path: Path) -> 
     calls, said = run_ci(tmp_path, "3.12", "3.11")
     commands = [call.split("\n")[0] for call in calls]
     other = f"VENV=.venv-other PYTHON={tmp_path}/bin/python3.12 UV_COMPILE_BYTECODE=0"
-    assert commands == ["demo", "test", f"demo test-core {other}", "wheel ONE=1"]
+    assert commands == ["demo", "test", f"demo test TESTS=core and not slow {other}", "wheel ONE=1"]
     bits = {"OPENBLAS_CORETYPE=Haswell", "NUMBA_CPU_NAME=generic"}
     for call, more in zip(calls, (set(), set(), bits, set()), strict=True):
         of_the_shell = re.compile("PWD=|OLDPWD=|SHLVL=|_=")
@@ -88,7 +88,7 @@ def test_continuous_integration_knows_nothing_of_its_machine(tmp_path: Path) -> 
 def test_continuous_integration_says_that_a_machine_has_one_python(tmp_path: Path) -> None:
     """The numeric tests run again with it, on other last bits."""
     calls, said = run_ci(tmp_path, "3.11")
-    assert calls[2].startswith("demo test-core VENV=.venv\n")
+    assert calls[2].startswith("demo test TESTS=core and not slow VENV=.venv\n")
     assert "no Python but python3.11 here" in said
 
 

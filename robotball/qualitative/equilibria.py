@@ -31,7 +31,14 @@ from robotball import equations as eq
 from robotball.equations import Parameters, Vector, as_vector
 from robotball.errors import InputError
 from robotball.qualitative.normal_forms import flow_near, linear_part, lyapunov_value
-from robotball.rotations import Array, from_matrix, on_circle, rotation_matrix, tangents
+from robotball.rotations import (
+    Array,
+    ComplexArray,
+    from_matrix,
+    on_circle,
+    rotation_matrix,
+    tangents,
+)
 
 _REST = (0.0, 0.0, 0.0)
 # A rotation with nothing special about it: no fixed point falls at infinity of its chart.
@@ -54,7 +61,7 @@ class FixedPoint:
     """
 
     gamma: Array
-    eigenvalues: Array
+    eigenvalues: ComplexArray
     kind: str
 
 
@@ -230,7 +237,7 @@ def fixed_point_at(parameters: Parameters, gamma: Array) -> FixedPoint:
     return FixedPoint(gamma, values, _kind_of(parameters, gamma, values))
 
 
-def _kind_of(parameters: Parameters, gamma: Array, eigenvalues: Array) -> str:
+def _kind_of(parameters: Parameters, gamma: Array, eigenvalues: ComplexArray) -> str:
     """Return the type of the fixed point γ (3,) with these eigenvalues (2,)."""
     # Rounding decides the sign of less; its type is then another one at every machine.
     zero = _EIGENVALUE_ROUNDING * rate_scale(parameters)

@@ -12,7 +12,7 @@ from robotball import equations as eq
 from robotball.equations import Parameters, as_vector
 from robotball.errors import InputError
 from robotball.qualitative.normal_forms import flow_near, linear_part
-from robotball.rotations import Array
+from robotball.rotations import Array, ComplexArray
 
 _ROUNDING = 1e-9  # relative: a component below it was meant to be zero
 
@@ -29,7 +29,7 @@ class StraightMotion:
     gamma: Array
     momentum: Array
     speed: float
-    eigenvalues: Array
+    eigenvalues: ComplexArray
     polynomial: Array
 
     @property

@@ -100,6 +100,7 @@ def test_energy_in_space_is_what_motors_and_the_plane_give() -> None:
     motion = rb.integrate(scene, rb.sample_times(3.0))
     assert motion.motor_work is not None
     assert motion.plane_work is not None
+    assert motion.rolling_loss is not None
     given = motion.motor_work.sum(axis=1) - motion.rolling_loss
     kept, scale = energy_in_space(motion) - given, np.ptp(motion.plane_work)
     assert np.ptp(kept - motion.plane_work) < 1e-12 * scale

@@ -29,7 +29,7 @@ from robotball.qualitative.straight_motions import (
     straight_motion,
     straight_motions,
 )
-from robotball.rotations import Array, rotation_matrix
+from robotball.rotations import Array, ComplexArray, rotation_matrix
 from validation.figures.sphere import portrait
 from validation.options import AGREES, OUT, File, SceneName, Threads
 from validation.output import progress_bar, writable_folder, write_picture, write_record
@@ -87,14 +87,14 @@ def _straight_cells(line: StraightMotion, name: str) -> _Cells:
     return name or "straight", _join(line.gamma), _join(line.eigenvalues), words
 
 
-def _join(values: Array) -> str:
+def _join(values: Array | ComplexArray) -> str:
     """Return numbers side by side, without rounding errors; conjugate ones as a ± bi."""
     # Adding 0.0 makes a zero of -0.0.
-    values = np.round(values, 12) + 0.0
-    if np.isrealobj(values) or not np.any(values.imag):
-        return ", ".join(f"{x:.5g}" for x in values.real)
+    rounded = np.round(values, 12) + 0.0
+    if np.isrealobj(rounded) or not np.any(rounded.imag):
+        return ", ".join(f"{x:.5g}" for x in rounded.real)
     # Complex eigenvalues of a real matrix come in pairs: one of each with its ± says both.
-    above = [z for z in values if z.imag >= 0]
+    above = [z for z in rounded if z.imag >= 0]
     return ", ".join(f"{z.real:.4g} ± {z.imag:.4g}i" if z.imag else f"{z.real:.4g}" for z in above)
 
 

@@ -14,7 +14,6 @@ from functools import cache, partial
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
@@ -27,7 +26,7 @@ from robotball.equations import Parameters
 from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.long_run import Exponents, exponents
 from robotball.qualitative.sections import fixed_point, section, section_starts
-from robotball.rotations import Array, from_matrix, rotation_matrix, tangents
+from robotball.rotations import Array, ComplexArray, from_matrix, rotation_matrix, tangents
 from robotball.scene import Start
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS, claim_motion, place
@@ -39,13 +38,14 @@ from validation.paper.section_5 import F
 SECTION = Section("5.3. Attractors")
 claim = SECTION.claim
 
-_Complex = NDArray[np.complex128]
 _STEP = 0.02  # s, of Runge and Kutta's classical method
 _STEPS_PER_QR = 50
 
 
 @inlined
-def rate(x: _Complex, a: Array, Omega: Array, K: Array, omega: _Complex, found: _Complex) -> None:
+def rate(
+    x: ComplexArray, a: Array, Omega: Array, K: Array, omega: ComplexArray, found: ComplexArray
+) -> None:
     """Find d/dt of (M, γ) (6,) by (3.2), and ω (3,) on the way; x (6,) may be complex."""
     M, gamma = x[:3], x[3:]
     along, Z = 0.0 * x[0], 0.0 * x[0]

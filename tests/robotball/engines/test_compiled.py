@@ -15,6 +15,7 @@ from numba.core import caching
 
 from robotball.engines import ahead
 from robotball.engines import compiled as kept
+from robotball.engines.ensembles import steppers
 from robotball.errors import SceneWarning
 from tests.messages import naming, unnamed
 
@@ -70,7 +71,7 @@ def test_set_up_shows_how_much_is_compiled(
 ) -> None:
     """A terminal gets one line that counts up, and a log the last count alone."""
     monkeypatch.setattr(kept.Compiled, "code", None)
-    monkeypatch.setattr(ahead.steppers, "stepper", lambda *_: None)
+    monkeypatch.setattr(steppers, "stepper", lambda *_: None)
     monkeypatch.setattr(sys.stderr, "isatty", lambda: on_terminal)
     ahead.compile_all()
     first = range(1, 14) if on_terminal else ()

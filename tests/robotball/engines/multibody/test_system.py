@@ -28,6 +28,7 @@ def test_what_a_motor_gives_is_what_its_torque_does_at_its_rate(name: str) -> No
     step = 1e-4
     motion = rb.integrate(SCENES[name], np.arange(0.0, 0.2, step))
     assert motion.motor_work is not None
+    assert motion.rolling_loss is not None
     powers = motion.loads.motor_torques * motion.hinge_rates
     largest = np.abs(powers).max()
     assert largest > 0

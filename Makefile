@@ -31,6 +31,7 @@ test: setup gl browser lint
 	echo '$(BIN)/pytest $(ON_CORES) -m "$(TESTS)", and $(BIN)/mypy'; \
 	$(BIN)/pytest $(ON_CORES) -m "$(TESTS)"; tests=$$?; \
 	wait $$mypy; types=$$?; echo "mypy:"; cat out/mypy.txt; \
+	echo "exit status: pytest $$tests, mypy $$types"; \
 	test $$tests = 0 && test $$types = 0
 
 # Every case of the studies that have many, such as wrong settings that are planted; half an hour.

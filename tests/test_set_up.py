@@ -128,7 +128,8 @@ def test_make_test_fails_if_tests_or_mypy_fail(tmp_path: Path, tests: int, types
     )  # fmt: skip
     assert (ran.returncode == 0) == (tests == types == 0)
     lines = [f"tests: {tests} failed", "mypy:", f"types: {types} errors"]
-    assert ran.stdout.splitlines()[-3:] == lines
+    lines += [f"exit status: pytest {tests}, mypy {types}"]
+    assert ran.stdout.splitlines()[-4:] == lines
 
 
 def test_in_a_wheel_validation_is_a_part_of_robotball(tmp_path: Path) -> None:

@@ -13,8 +13,8 @@ VENV := .venv
 PYTHON := $(PYTHON_RANGE)
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-studies test-fast test-core test-variants messages check lint docs tutorials gallery wheel run-wheel \
-  bench cost-model setup gl browser lock clean
+.PHONY: demo test test-studies test-fast test-core test-variants messages check lint docs tutorials gallery pythons wheel \
+  run-wheel bench cost-model setup gl browser lock clean
 
 demo: setup gl
 	$(BIN)/robotball demo
@@ -86,27 +86,34 @@ tutorials: setup
 gallery: setup gl
 	$(BIN)/python -m tests.bench.gallery $(ONLY)
 
-# The wheel, as a user installs it: by pip with its dependencies, on every Python of .ci/pythons, run
-# in an empty folder and with an empty home. It must have every file that the program needs, and take
-# no name that is anybody's. Without a Python that has venv nothing is tested, which is an error.
+# The Pythons of this machine that robotball runs on, the newest first:  3.13=/usr/bin/python3.13
+LIST_PYTHONS = $(BIN)/python -c \
+  'from robotball.engines.environments import pythons; [print("=".join(map(str, each))) for each in pythons().items()]'
+
+pythons: setup
+	@$(LIST_PYTHONS)
+
+# The wheel, as a user installs it: by pip with its dependencies, on every Python of this machine that
+# has venv, run in an empty folder and with an empty home. It must have every file that the program
+# needs, and take no name that is anybody's. Without venv nothing is tested, which is an error.
 # The newest Python alone:  make wheel ONE=1
 WHEEL := $(CURDIR)/out/wheel
 
 wheel: setup
 	rm -rf $(WHEEL) && mkdir -p $(WHEEL)
 	$(BIN)/python -m hatchling build -t wheel -d $(WHEEL)
-	@for each in $$(.ci/pythons); do \
-	  $(MAKE) --no-print-directory run-wheel PYTHON=$$each || exit 1; \
+	@for each in $$($(LIST_PYTHONS)); do \
+	  $(MAKE) --no-print-directory run-wheel VERSION=$${each%%=*} PYTHON=$${each#*=} || exit 1; \
 	  test -z "$(ONE)" || break; done
-	@ls $(WHEEL)/python3.* >/dev/null
+	@ls $(WHEEL)/3.* >/dev/null
 
-run-wheel: THERE = $(WHEEL)/$(notdir $(PYTHON))
+run-wheel: THERE = $(WHEEL)/$(VERSION)
 run-wheel: ALONE = cd $(THERE)/empty && env -i PATH=/usr/bin:/bin HOME=$(THERE)/empty ../env/bin
 run-wheel:
 	mkdir -p $(THERE)/empty
 	$(PYTHON) -m venv $(THERE)/env
 	$(THERE)/env/bin/python -m pip install --disable-pip-version-check --no-compile --quiet $(WHEEL)/*.whl
-	echo 'raise ImportError("another package")' > $(THERE)/env/lib/$(notdir $(PYTHON))/site-packages/validation.py
+	echo 'raise ImportError("another package")' > $(THERE)/env/lib/python$(VERSION)/site-packages/validation.py
 	$(ALONE)/robotball --version
 	$(ALONE)/robotball model fig12 --out fig12.xml
 	$(ALONE)/robotball compare fig12 --preset fast --duration 0.5
@@ -121,7 +128,7 @@ run-wheel:
 	  sys.version_info >= (3, 13) or rb.dm_environment("fig12", [[0, 0], [0, 0]]).reset(); \
 	  sys.exit(any(sys.prefix not in file for file in files))'
 	rm -rf $(THERE)/env
-	@echo "the wheel runs on $(PYTHON)"
+	@echo "the wheel runs on Python $(VERSION)"
 
 bench: setup
 	$(BIN)/python -m tests.bench.speed

@@ -67,7 +67,10 @@ def pythons() -> dict[str, Path]:
     low, end = sorted(int(minor) for minor in re.findall(r"3\.(\d+)", bounds))
     # A folder of the PATH that is not absolute may be anybody's.
     own = [each for each in map(Path, os.get_exec_path()) if each.is_absolute()]
-    folders = [*own, *_PYENV.glob("versions/*/bin"), *_UV.glob("*/bin")]
+    # Pyenv may be elsewhere than PYENV_ROOT says, or that may not be set.
+    pyenvs = {_PYENV: None} | {each.parent: None for each in own if each.name == "shims"}
+    kept = [bins for pyenv in pyenvs for bins in pyenv.glob("versions/*/bin")]
+    folders = [*own, *kept, *_UV.glob("*/bin")]
     found: dict[str, Path] = {}
     for name in (f"python3.{minor}" for minor in range(end - 1, low - 1, -1)):
         there = filter(None, (which(name, path=str(each)) for each in folders))

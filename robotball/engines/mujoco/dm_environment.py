@@ -84,15 +84,15 @@ def dm_environment(
     >>> round(environment.step(rates).reward, 3)
     1.0
     """
+    scene = scene_of(scene)
+    scene.check_open("an environment, whose agent drives the ball,")
+    check_still(scene, "an environment")
+    check_positive("control_timestep", control_timestep, "s")
     if Environment is None:
         raise InputError(
             "dm_environment needs dm-control: pip install dm-env, then pip install --no-deps "
             "'dm-control==1.0.*', as labmaze, which it asks for, has no wheel for Python 3.13"
         )
-    scene = scene_of(scene)
-    scene.check_open("an environment, whose agent drives the ball,")
-    check_still(scene, "an environment")
-    check_positive("control_timestep", control_timestep, "s")
     chosen = as_own(request_of("mujoco", settings).settings, Settings, LABEL)
     if chosen.adaptive or scene.friction.rolling:
         raise InputError(

@@ -144,14 +144,18 @@ def python_of(folder: Path, minor: int, version: int) -> Path:
     return path
 
 
+@pytest.mark.parametrize("root", ["PYENV_ROOT", "PATH"])
 def test_pythons_are_found_on_the_path_and_where_pyenv_and_uv_keep_theirs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, root: str
 ) -> None:
-    """The newest first; of each the first that is what its name says, and ours of our version."""
+    """The newest first; of each the first that is what its name says, and ours of our version.
+
+    Pyenv's folder is that of the variable, or that of the shims on the PATH.
+    """
     own = sys.version_info[1]
     pyenv, uv = tmp_path / "pyenv", tmp_path / "uv"
     first, other, third = (minor for minor in (14, 13, 12, 11) if minor != own)
-    python_of(tmp_path / "shims", first, own)  # a shim of another version
+    shims = python_of((pyenv if root == "PATH" else tmp_path) / "shims", first, own).parent
     there = {
         f"3.{first}": python_of(pyenv / "versions" / "a" / "bin", first, first),
         f"3.{other}": python_of(tmp_path / "bin", other, other),
@@ -159,9 +163,8 @@ def test_pythons_are_found_on_the_path_and_where_pyenv_and_uv_keep_theirs(
     }
     python_of(tmp_path / "ours", own, own)
     monkeypatch.chdir(python_of(tmp_path / "here" / "relative", 10, 10).parents[1])
-    path = f"relative:{tmp_path / 'shims'}:{tmp_path / 'bin'}:{tmp_path / 'ours'}"
-    monkeypatch.setenv("PATH", f"{path}:/bin")
-    monkeypatch.setattr(environments, "_PYENV", pyenv)
+    monkeypatch.setenv("PATH", f"relative:{shims}:{tmp_path / 'bin'}:{tmp_path / 'ours'}")
+    monkeypatch.setattr(environments, "_PYENV", pyenv if root == "PYENV_ROOT" else tmp_path)
     monkeypatch.setattr(environments, "_UV", uv)
     found = environments.pythons()
     assert found == there | {f"3.{own}": Path(sys.executable)}

@@ -12,16 +12,14 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 
-from robotball import equations as eq
-from robotball.engines.dop853 import Compensated, Rate, one_by_one
-from robotball.engines.mujoco.control import FREE_QPOS, FREE_QVEL, Control, read_row
+from robotball.engines.dop853 import Compensated, one_by_one
+from robotball.engines.mujoco.control import Control, put, read_row, right_hand_side
 from robotball.engines.mujoco.settings import Resolved
 from robotball.engines.mujoco.stepping import Portion
 from robotball.motion import Fault, FaultKind
 from robotball.rotations import Array
 
 _LOOK = 64  # steps between two looks of the monitor; each takes 13 evaluations of the forces
-_QUATERNION = slice(3, 7)
 # Under a load that varies: the error of a step as a part of the contact's depth, and the longest
 # step times the contact's damping. DOP853 is stable up to 6.
 _OF_DEPTH, _DAMPED = 5e-3, 4.0
@@ -63,8 +61,8 @@ def _portion(
     stopped = False
 
     def read(t: float, state: Array) -> None:
-        _put(data, t, state)
-        mujoco.mj_forward(control.model.compiled, data)
+        put(data, t, state)
+        control.forward(data, True)
         rows.append(read_row(data))
 
     while solver.t < solver.end and len(lengths) < _LOOK and failure is None and not stopped:
@@ -105,14 +103,8 @@ def _stopped(control: Control, data: mujoco.MjData, solver: Compensated) -> bool
     """Return whether the plane has come to hold the shell, whose rolling is then zero in `data`."""
     if control.stops is None:
         return False
-    _put(data, solver.t, solver.state)
+    put(data, solver.t, solver.state)
     return control.stops(data)
-
-
-def _put(data: mujoco.MjData, t: float, state: Array) -> None:
-    """Set time [s] and state (qpos, qvel)."""
-    data.time = t
-    data.qpos, data.qvel = state[: len(data.qpos)], state[len(data.qpos) :]
 
 
 def _solver(
@@ -121,7 +113,7 @@ def _solver(
     """Return the integrator of a smooth span [s] from a state (qpos, qvel)."""
     settings, scene = control.model.settings, control.model.scene
     assert settings.rtol is not None
-    _put(data, span[0], state)
+    put(data, span[0], state)
     control.begin(data, span)
     # Lengths are measured by the radius; angles and rates are of order one as they are.
     scale = np.ones_like(state)
@@ -137,30 +129,5 @@ def _solver(
         for column, rate in ((2, 1.0), (len(data.qpos) + 2, stiffness**0.5)):
             scale[column] = max(scale[column], give * rate)
         longest = min(longest, _DAMPED / damping)
-    stages = partial(one_by_one, _right_hand_side(control.model.compiled, data))
+    stages = partial(one_by_one, right_hand_side(control.forward, data))
     return Compensated(stages, *span, state, settings.rtol, scale, longest)
-
-
-def _right_hand_side(compiled: mujoco.MjModel, data: mujoco.MjData) -> Rate:
-    """Return the function for d/dt of (qpos, qvel) at time t [s].
-
-    The root's quaternion may have any length, for DOP853 does not normalise it.
-    """
-    nq, nv = compiled.nq, compiled.nv
-    qpos, qvel, qacc = data.qpos, data.qvel, data.qacc
-    no_stage = int(mujoco.mjtStage.mjSTAGE_NONE)
-
-    def rate(t: float, state: Array) -> Array:
-        data.time = t
-        qpos[:], qvel[:] = state[:nq], state[nq:]
-        mujoco.mj_forwardSkip(compiled, data, no_stage, True)
-        derivative = np.empty(nq + nv)
-        derivative[:3] = qvel[:3]
-        derivative[_QUATERNION] = eq.attitude_rate(
-            tuple(state[_QUATERNION].tolist()), tuple(qvel[3:FREE_QVEL].tolist())
-        )
-        derivative[FREE_QPOS:nq] = qvel[FREE_QVEL:]
-        derivative[nq:] = qacc
-        return derivative
-
-    return rate

@@ -1,7 +1,8 @@
 """The control of a run: what is set at every evaluation of the forces, and how steps are taken.
 
 Controls are computed at every evaluation, so that RK4 keeps its order; held over a step they would
-cost it two.
+cost it two. MuJoCo's callbacks only write controls and gravity: if a function of MuJoCo that is
+called inside one raises a warning, MuJoCo 4.0 never returns (docs/findings).
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 FREE_QPOS, FREE_QVEL = 7, 6  # coordinates and velocities of the free joint; hinges follow
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+_QUATERNION = slice(3, 7)
+_NO_STAGE = int(mujoco.mjtStage.mjSTAGE_NONE)
 
 
 def read_row(data: mujoco.MjData) -> Array:
@@ -60,8 +63,54 @@ def senses(model: Model) -> Callable[[mujoco.MjData], "Sensed"]:
     return sensed
 
 
+Step = Callable[[mujoco.MjData, float], None]
+"""Takes one step of a length [s]. Leaves the sensors of the state before the step."""
 Steps = Callable[[mujoco.MjData, float], Iterator[float]]
 """Takes one step of a length [s], in parts where it has to. Yields the length of each part."""
+Forward = Callable[[mujoco.MjData, bool], None]
+"""Evaluates the forces at the state of MjData, with the sensors if the second argument is true."""
+
+
+def mujoco_step(data: mujoco.MjData, length: float) -> None:
+    """Take one step of a length [s] with MuJoCo's integrator."""
+    data.model.opt.timestep = length
+    mujoco.mj_step(data.model, data)
+
+
+def mujoco_forward(data: mujoco.MjData, sensors: bool) -> None:
+    """Evaluate MuJoCo's forces."""
+    mujoco.mj_forwardSkip(data.model, data, _NO_STAGE, not sensors)
+
+
+def put(data: mujoco.MjData, t: float, state: Array) -> None:
+    """Set time [s] and state (qpos, qvel)."""
+    data.time = t
+    data.qpos, data.qvel = state[: len(data.qpos)], state[len(data.qpos) :]
+
+
+def right_hand_side(forward: Forward, data: mujoco.MjData) -> Callable[..., Array]:
+    """Return the function for d/dt of (qpos, qvel) at time t [s].
+
+    The root's quaternion may have any length, because Runge-Kutta stages do not normalise it.
+    """
+    nq, nv = data.model.nq, data.model.nv
+    qpos, qvel, qacc = data.qpos, data.qvel, data.qacc
+
+    def rate(t: float, state: Array, sensors: bool = False) -> Array:
+        data.time = t
+        qpos[:], qvel[:] = state[:nq], state[nq:]
+        forward(data, sensors)
+        derivative = np.empty(nq + nv)
+        derivative[:3] = qvel[:3]
+        derivative[_QUATERNION] = eq.attitude_rate(
+            tuple(state[_QUATERNION].tolist()), tuple(qvel[3:FREE_QVEL].tolist())
+        )
+        derivative[FREE_QPOS:nq] = qvel[FREE_QVEL:]
+        derivative[nq:] = qacc
+        return derivative
+
+    return rate
+
 
 # s: a drive's value at the end of a span is taken this long before it, where a breakpoint's other
 # side begins.
@@ -72,30 +121,31 @@ class Control:
     """The control of a run: what is set at every evaluation of the forces, and how steps are taken.
 
     span: the smooth span of time that the run is in [s], as `begin` sets it; loop: of the scene's
-    controller, whose commands so far are in the model's scene; forces: functions
-    that set controls or forces in MjData; steps: of a run whose steps are not simply MuJoCo's, else
-    None; stops: stops a ball that is at rest, and returns whether it did, where a run can stop.
+    controller, whose commands so far are in the model's scene; steady: True if the controls of the
+    keyframe hold from here on; forward: evaluates the forces; step: takes one step; steps: of a run
+    whose steps have parts, else None; stops: stops a ball that is at rest, and returns whether it
+    did, where a run can stop.
     """
 
     def __init__(self, model: Model) -> None:
-        self.model, steady = model, model.scene.steady
+        self.model, self.steady = model, model.scene.steady
         self.loop: Loop | None = None
         if model.scene.controller is not None:
             from robotball.engines import loop  # which few scenes need
 
             self.loop = loop.Loop(model.scene, model.scene.controller)
-            self.model, steady = model.of(self.loop.scene), self.loop.holds
+            self.model, self.steady = model.of(self.loop.scene), self.loop.holds
             self.sensed = senses(self.model)
-        # Constant controls are in the keyframe; a call of Python at each evaluation costs 8 µs.
-        self.forces = [] if steady else [self.set]
         self.span: Sequence[float] = (0.0, 0.0)
+        self.forward: Forward = mujoco_forward
+        self.step: Step = mujoco_step
         self.steps: Steps | None = None
         self.stops: Callable[[mujoco.MjData], bool] | None = None
 
     @property
     def is_plain(self) -> bool:
         """True if a run is nothing but MuJoCo's steps."""
-        return not self.forces and self.steps is None and self.loop is None
+        return self.steady and self.steps is None and self.loop is None
 
     def begin(self, data: mujoco.MjData, span: Sequence[float]) -> None:
         """Begin a smooth span of time [s] from the state of `data`, with the controls of its begin.
@@ -107,24 +157,24 @@ class Control:
             self.loop.reach(span[0], lambda: self.sensed(data))
             scene = self.model.scene
             data.ctrl[:] = controls_at(scene, self.model.hinges, span[0])
-            if self.set in self.forces and self.loop.holds:
-                self.forces.remove(self.set)  # from here on for good
-                if not self.forces:
-                    mujoco.set_mjcb_control(None)
+            if self.loop.holds and not self.steady:
+                self.steady = True
+                mujoco.set_mjcb_control(None)
+
+    def whole(self, data: mujoco.MjData, length: float) -> Iterator[float]:
+        """Take one step in one part."""
+        self.step(data, length)
+        yield length
 
     def inside(self, t: float) -> float:
         """Return the time [s] of the span that is nearest to t."""
         begin, end = self.span
         return max(begin, min(t, end - _INSIDE))
 
-    def set(self, data: mujoco.MjData) -> None:
+    def set(self, _: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Set the controls of the hinges at the time of `data`."""
         data.ctrl[:] = controls_at(self.model.scene, self.model.hinges, self.inside(data.time))
 
     def fall(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Set gravity, as the moving plane has it, at the time of `data`."""
         model.opt.gravity = self.model.scene.gravity_at(self.inside(data.time))
-
-    def __call__(self, _: mujoco.MjModel, data: mujoco.MjData) -> None:
-        for each in self.forces:
-            each(data)

@@ -1,17 +1,26 @@
 """The plane's resistance to rolling: a torque against the shell's rolling, and its standstill.
 
-The torque is applied at every evaluation of the forces. MuJoCo's own rolling friction (condim 6) is
-another law: it shares one cone with the friction that holds the ball, and acts against an
-acceleration, not the rolling. Near a standstill the torque's direction turns over ever faster, so
-that steps are taken in parts, and a shell that the plane can hold is stopped.
+The torque is part of every evaluation of the forces, from which the steps here are built: it needs
+functions of MuJoCo that no callback may call. MuJoCo's own rolling friction (condim 6) is another
+law: it shares one cone with the friction that holds the ball, and acts against an acceleration, not
+the rolling. Near a standstill the torque's direction turns over ever faster, so that steps are
+taken in parts, and a shell that the plane can hold is stopped.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from functools import cached_property
+from math import hypot
 
 import mujoco
 import numpy as np
 
-from robotball.engines.mujoco.control import Control, Steps
+from robotball.engines.mujoco.control import (
+    Control,
+    Steps,
+    mujoco_step,
+    put,
+    right_hand_side,
+)
 from robotball.rotations import Array, rotation_matrix
 
 # rad/s: a shell that rolls no faster than _STANDING stands, if the plane can hold it; one that is
@@ -21,10 +30,13 @@ _STANDING, _RESTING = 1e-8, 1e-13
 # the rolling's direction turns over; RK4 is stable up to 2.8.
 _APPROACH, _TURNED = 0.5, 2.0
 _SHORTEST = 1e-6  # of a step: a part so short is taken with the one before it
+_VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
+# What diverges overflows on its way, and the monitor ends the run.
+_overflowing = np.errstate(all="ignore")
 
 
 class Resistance:
-    """The resistance of the plane in a model, with data of its own in which torques are tried.
+    """The resistance of the plane in a model, and the steps that have it.
 
     Both the shell's acceleration and the load are affine in the torque, so that two or three trials
     determine it.
@@ -32,16 +44,36 @@ class Resistance:
 
     def __init__(self, control: Control) -> None:
         model, scene = control.model, control.model.scene
-        self.control, self.compiled = control, model.compiled
+        self.compiled = model.compiled
         self.arm = scene.friction.rolling  # m
         self.weight = float(-scene.ball.mass * scene.gravity_world[2])  # N, of a ball that stands
         self.load_varies = scene.load_varies
         self.shell = model.compiled.body("shell").id
-        self.trial = mujoco.MjData(model.compiled)
 
-    def apply(self, data: mujoco.MjData) -> None:
-        """Apply the torque at the state of `data`, whose velocities are up to date."""
-        data.xfrc_applied[self.shell, 3:5] = self._torque(data)
+    @_overflowing
+    def forward(self, data: mujoco.MjData, sensors: bool) -> None:
+        """Evaluate the forces, with the plane's torque among them."""
+        trials = _Trials(self, data, sensors)
+        trials.take(self._torque(trials), sensors)
+
+    @_overflowing
+    def rk4(self, data: mujoco.MjData, length: float) -> None:
+        """Take one step of the classical Runge-Kutta method of order 4."""
+        rate, t = right_hand_side(self.forward, data), data.time
+        begin = np.concatenate([data.qpos, data.qvel])
+        first = rate(t, begin, sensors=True)
+        second = rate(t + length / 2, begin + length / 2 * first)
+        third = rate(t + length / 2, begin + length / 2 * second)
+        fourth = rate(t + length, begin + length * third)
+        put(data, t + length, begin + length / 6 * (first + 2 * (second + third) + fourth))
+        mujoco.mj_normalizeQuat(self.compiled, data.qpos)
+
+    def first_order(self, data: mujoco.MjData, length: float) -> None:
+        """Take one step with MuJoCo's integrator, under the torque of its begin."""
+        guess = data.qacc_warmstart.copy()
+        self.forward(data, False)
+        data.qacc_warmstart = guess
+        mujoco_step(data, length)
 
     def steps(self, take: Steps) -> Steps:
         """Return steps in parts that are short enough near a standstill, each taken by `take`."""
@@ -57,93 +89,70 @@ class Resistance:
 
         return parts
 
+    @_overflowing
     def stop(self, data: mujoco.MjData) -> bool:
         """Stop a shell in `data` that the plane has come to hold; return whether it did."""
         rolling = self._rolling(data)
-        if not _RESTING < np.linalg.norm(rolling) <= _STANDING:
+        if not _RESTING < hypot(*rolling) <= _STANDING:
             return False
-        if not self._holding(data)[1]:
+        if not self._holding(_Trials(self, data))[1]:
             return False
         to_world = rotation_matrix(data.qpos[3:7])
         data.qvel[:2] = 0.0
         data.qvel[3:6] -= rolling @ to_world[:2]
         return True
 
+    @_overflowing
     def _longest(self, data: mujoco.MjData, length: float) -> float:
         """Return a step's length [s], shorter where the shell comes to a standstill or leaves one.
 
         Near it the rolling's direction turns at a rate of the resistance over the speed.
         """
-        speed = float(np.linalg.norm(self._rolling(data)))
-        if speed <= _STANDING and self._holding(data)[1]:
+        trials = _Trials(self, data)
+        speed = trials.speed
+        if speed <= _STANDING and self._holding(trials)[1]:
             return length
-        tried = self._trials(data)
-        now, free = (tried(torque)[:2] for torque in (self._torque(data), np.zeros(2)))
-        turning = float(np.linalg.norm(now - free)) / max(speed, _STANDING)
-        slowing = float(np.linalg.norm(now)) / speed if speed > _STANDING else 0.0
+        now, free = trials.under(self._torque(trials))[:2], trials.free[:2]
+        turning = hypot(*(now - free)) / max(speed, _STANDING)
+        slowing = hypot(*now) / speed if speed > _STANDING else 0.0
         return 1 / max(1 / length, turning / _TURNED, slowing / _APPROACH)
 
-    def _torque(self, data: mujoco.MjData) -> Array:
+    def _torque(self, trials: "_Trials") -> Array:
         """Return the plane's torque (2,) [N m] against rolling, or what holds a standing shell.
 
         Below _STANDING the direction turns over to that of the holding torque, without a jump.
         """
-        rolling: Array = data.cvel[self.shell, :2]
-        speed = float(np.linalg.norm(rolling))
-        along = rolling
+        along, speed = trials.rolling, trials.speed
         if speed <= _STANDING:
-            holding, holds = self._holding(data)
+            holding, holds = self._holding(trials)
             if holds:
                 return holding
-            along = rolling - (_STANDING - speed) / float(np.linalg.norm(holding)) * holding
-        along = along / float(np.linalg.norm(along))
-        return -self._resisting(data, along) * along
+            along = along - (_STANDING - speed) / float(np.linalg.norm(holding)) * holding
+            speed = float(np.linalg.norm(along))
+        along = along / speed
+        return -self._resisting(trials, along) * along
 
-    def _resisting(self, data: mujoco.MjData, along: Array) -> float:
+    def _resisting(self, trials: "_Trials", along: Array) -> float:
         """Return the size of the plane's torque [N m] against rolling along a unit vector (2,)."""
         usual = self.arm * self.weight
         if not self.load_varies:
             return usual
-        tried = self._trials(data)
-        free, braked = (tried(torque)[2] for torque in (np.zeros(2), -usual * along))
+        free, braked = trials.free[2], trials.under(-usual * along)[2]
         return float(self.arm * free / (1 - (braked - free) / self.weight))
 
-    def _holding(self, data: mujoco.MjData) -> tuple[Array, bool]:
+    def _holding(self, trials: "_Trials") -> tuple[Array, bool]:
         """Return the torque (2,) [N m] under which the shell's rolling does not change.
 
         Returns also whether the plane can give it.
         """
-        usual, tried = self.arm * self.weight, self._trials(data)
-        free, *turned = (tried(usual * each) for each in np.eye(3, 2, -1))
-        change = np.array(turned) - free
-        parts = np.linalg.solve(change[:, :2].T, -free[:2])
-        load = float(free[2] + parts @ change[:, 2])
+        usual, free = self.arm * self.weight, trials.free
+        x, y = (trials.under(usual * each) - free for each in np.eye(2))
+        # Cramer's rule: a state that is about to diverge may have no solution, and then gets NaN.
+        across = np.array([y[0] * free[1] - y[1] * free[0], x[1] * free[0] - x[0] * free[1]])
+        parts = across / (x[0] * y[1] - x[1] * y[0])
+        load = float(free[2] + parts @ [x[2], y[2]])
         torque = np.asarray(usual * parts, dtype=np.float64)
-        return torque, bool(np.linalg.norm(torque) <= self.arm * load)
-
-    def _trials(self, data: mujoco.MjData) -> Callable[[Array], Array]:
-        """Return a function of a torque (2,): the rolling's acceleration [rad/s²] and the load [N].
-
-        It takes the stages of mj_forward one by one, for that would call the controls again.
-        """
-        compiled, trial = self.compiled, self.trial
-        trial.time, trial.qpos, trial.qvel = data.time, data.qpos, data.qvel
-        mujoco.mj_fwdPosition(compiled, trial)
-        mujoco.mj_fwdVelocity(compiled, trial)
-        self.control.set(trial)
-        guess = data.qacc_warmstart.copy()
-
-        def tried(torque: Array) -> Array:
-            trial.qacc_warmstart = guess
-            trial.xfrc_applied[self.shell, 3:5] = torque
-            mujoco.mj_fwdActuation(compiled, trial)
-            mujoco.mj_fwdAcceleration(compiled, trial)
-            mujoco.mj_fwdConstraint(compiled, trial)
-            mujoco.mj_sensorAcc(compiled, trial)
-            mujoco.mj_rnePostConstraint(compiled, trial)
-            return np.append(trial.cacc[self.shell, :2], trial.sensor("contact").data[1])
-
-        return tried
+        return torque, bool(hypot(*torque) <= self.arm * load)
 
     def _rolling(self, data: mujoco.MjData) -> Array:
         """Return the horizontal part (2,) of the shell's angular velocity [rad/s]."""
@@ -151,3 +160,41 @@ class Resistance:
         mujoco.mj_comPos(self.compiled, data)
         mujoco.mj_comVel(self.compiled, data)
         return data.cvel[self.shell, :2].copy()
+
+
+class _Trials:
+    """Trials of torques at one state of `data`.
+
+    rolling, speed: the shell's horizontal angular velocity (2,) and its size [rad/s].
+    """
+
+    def __init__(self, resistance: Resistance, data: mujoco.MjData, sensors: bool = False) -> None:
+        compiled, self.data, self.shell = data.model, data, resistance.shell
+        mujoco.mj_fwdPosition(compiled, data)
+        mujoco.mj_fwdVelocity(compiled, data)
+        if sensors:
+            mujoco.mj_sensorPos(compiled, data)
+            mujoco.mj_sensorVel(compiled, data)
+        self.rolling = data.cvel[self.shell, :2].copy()
+        self.speed = hypot(*self.rolling.tolist())
+
+    @cached_property
+    def free(self) -> Array:
+        """What `under` returns without a torque."""
+        return self.under(np.zeros(2))
+
+    def under(self, torque: Array) -> Array:
+        """Return the rolling's acceleration (2,) [rad/s²] and the load [N] under a torque (2,)."""
+        compiled, data, guess = self.data.model, self.data, self.data.qacc_warmstart.copy()
+        self.take(torque)
+        data.qacc_warmstart = guess
+        mujoco.mj_rnePostConstraint(compiled, data)
+        force = np.zeros(6)
+        if data.ncon:
+            mujoco.mj_contactForce(compiled, data, 0, force)
+        return np.append(data.cacc[self.shell, :2], force[0])
+
+    def take(self, torque: Array, sensors: bool = False) -> None:
+        """Evaluate the forces under a torque (2,)."""
+        self.data.xfrc_applied[self.shell, 3:5] = torque
+        mujoco.mj_forwardSkip(self.data.model, self.data, _VELOCITY, not sensors)

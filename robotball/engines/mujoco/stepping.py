@@ -19,7 +19,7 @@ from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.settings import INTEGRATORS, MUJOCOS_DEFAULT
 from robotball.engines.observe import spans
 from robotball.errors import mujoco_silent
-from robotball.motion import Fault, pieces
+from robotball.motion import DIVERGED, Fault, FaultKind, pieces
 from robotball.rotations import Array
 
 
@@ -39,26 +39,25 @@ def controlled(model: Model) -> Iterator[Control]:
             from robotball.engines.mujoco.rolling_resistance import Resistance
 
             resistance = Resistance(control)
-            control.forces.append(resistance.apply)
-            control.steps = resistance.steps(control.steps or _whole)
-            control.stops = resistance.stop
+            control.forward, control.stops = resistance.forward, resistance.stop
+            control.step = resistance.rk4 if integrator.order > 1 else resistance.first_order
+            control.steps = resistance.steps(control.steps or control.whole)
         if model.scene.plane_moves:
             # Controls come too late: forces of gravity are known before they are set.
             mujoco.set_mjcb_passive(control.fall)
             stack.callback(mujoco.set_mjcb_passive, None)
-        if control.forces:
-            mujoco.set_mjcb_control(control)
+        # Constant controls are in the keyframe; a call of Python at each evaluation costs 8 µs.
+        if not control.steady:
+            mujoco.set_mjcb_control(control.set)
             stack.callback(mujoco.set_mjcb_control, None)
         yield control
 
 
-def _whole(data: mujoco.MjData, length: float) -> Iterator[float]:
-    data.model.opt.timestep = length
-    mujoco.mj_step(data.model, data)
-    yield length
-
-
-_LOOK = 4096  # steps between two looks of the monitor; at most so many are taken after a fault
+# Steps between two looks of the monitor, which are at most taken after a fault; fewer of those that
+# have parts, as each takes longer.
+_LOOK, _LOOK_IN_PARTS = 4096, 64
+# Parts of one step; a robot that leaves a standstill took up to 1409 (W5 with *accurate*).
+_MOST_PARTS = 4000
 
 
 @dataclass(frozen=True)
@@ -81,29 +80,33 @@ class _Stretch:
         return zip(ends, lengths, counts, strict=True)
 
 
-def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> Iterator[_Stretch]:
-    """Yield the stretches of a run over `times` (n,) [s], each of about _LOOK steps.
+def stretches(
+    times: Array, breakpoints: tuple[float, ...], timestep: float, look: int = _LOOK
+) -> Iterator[_Stretch]:
+    """Yield the stretches of a run over `times` (n,) [s], each of about `look` steps.
 
     Between two sample times or breakpoints lie the fewest equal steps not longer than `timestep`.
     """
     # Piece by piece of the spans, so that a long run's stretches are not all in memory.
     every = spans(times, breakpoints, timestep)
     for piece in pieces(len(every[0])):
-        yield from _stretches(times, *(each[piece] for each in every))
+        yield from _stretches(look, times, *(each[piece] for each in every))
 
 
-def _stretches(times: Array, ends: Array, lengths: Array, counts: Array) -> Iterator[_Stretch]:
+def _stretches(
+    most: int, times: Array, ends: Array, lengths: Array, counts: Array
+) -> Iterator[_Stretch]:
     """Yield the stretches of a piece of the spans."""
-    # A long span is cut into parts of _LOOK steps.
-    parts = np.ceil(counts / _LOOK).astype(int)
+    # A long span is cut into parts of `most` steps.
+    parts = np.ceil(counts / most).astype(int)
     first = np.cumsum(parts) - parts
     part = np.arange(parts.sum()) - np.repeat(first, parts)
     lengths, begins = np.repeat(lengths, parts), np.repeat(ends[:, 0], parts)
-    sizes = np.minimum(np.repeat(counts, parts) - _LOOK * part, _LOOK).astype(int)
-    begins = begins + _LOOK * part * lengths
+    sizes = np.minimum(np.repeat(counts, parts) - most * part, most).astype(int)
+    begins = begins + most * part * lengths
     ends = np.stack([begins, begins + sizes * lengths], axis=1)
     sampled = (part == 0) & (times[np.searchsorted(times, begins)] == begins)
-    look = (np.cumsum(sizes) - 1) // _LOOK
+    look = (np.cumsum(sizes) - 1) // most
     for which in np.split(np.arange(len(sizes)), np.flatnonzero(np.diff(look)) + 1):
         starts = np.cumsum(sizes[which]) - sizes[which]
         yield _Stretch(ends[which], lengths[which], sizes[which], starts[sampled[which]])
@@ -130,32 +133,37 @@ class Portion:
 
 
 def by_steps(control: Control, data: mujoco.MjData, times: Array) -> Iterator[Portion]:
-    """Run over sample `times` (n,) [s] by mj_step, in steps not longer than the timestep."""
+    """Run over sample `times` (n,) [s] in steps not longer than the timestep."""
     compiled, scene = control.model.compiled, control.model.scene
-    step = _step if control.steps is None else _step_in_parts
+    plain = control.steps is None
+    step, look = (_step, _LOOK) if plain else (_step_in_parts, _LOOK_IN_PARTS)
     timestep = compiled.opt.timestep
-    parts = stretches(times, scene.breakpoints, timestep)
+    parts = stretches(times, scene.breakpoints, timestep, look)
     for stretch, following in pairwise(chain(parts, (None,))):
         assert stretch is not None
         began = time.thread_time()
-        rows, firsts, longest = step(control, data, stretch)
+        rows, firsts, longest, failure = step(control, data, stretch)
         compiled.opt.timestep = timestep
-        samples, steps = firsts[stretch.samples], len(rows) - 1
-        if following is not None:
+        taken = stretch.samples[stretch.samples < len(firsts)]
+        samples, steps = firsts[taken], len(rows) - 1
+        if following is not None or failure is not None:
             rows = rows[:steps]
         else:
             control.span = (float(times[-1]), float(times[-1]))
             # After a step the sensors are those of the state before it.
-            mujoco.mj_forward(compiled, data)
+            control.forward(data, True)
             rows[steps] = read_row(data)
             samples = np.append(samples, steps)
-        yield Portion(rows, samples, steps, longest, time.thread_time() - began)
+        yield Portion(rows, samples, steps, longest, time.thread_time() - began, failure)
+        if failure is not None:
+            return
 
 
-def _step(
-    control: Control, data: mujoco.MjData, stretch: _Stretch
-) -> tuple[Array, NDArray[np.int64], float]:
-    """Return the rows of a stretch, the indices of its planned steps in them, the longest step.
+_Taken = tuple[Array, NDArray[np.int64], float, Fault | None]
+
+
+def _step(control: Control, data: mujoco.MjData, stretch: _Stretch) -> _Taken:
+    """Return the rows of a stretch, the indices of its planned steps, the longest step, a failure.
 
     A row is of the state before its step. There is room for one row more.
     """
@@ -180,14 +188,11 @@ def _step(
         mujoco.mj_setState(compiled, data, start, STATE)
         warned[:] = warned_before
         return _step_in_parts(control, data, stretch)
-    return rows, np.arange(count, dtype=np.int64), float(stretch.lengths.max())
+    return rows, np.arange(count, dtype=np.int64), float(stretch.lengths.max()), None
 
 
-def _step_in_parts(
-    control: Control, data: mujoco.MjData, stretch: _Stretch
-) -> tuple[Array, NDArray[np.int64], float]:
+def _step_in_parts(control: Control, data: mujoco.MjData, stretch: _Stretch) -> _Taken:
     """Return the same as `_step`, with a row for every part of a step."""
-    steps = control.steps or _whole
     rows: list[Array] = []
     firsts: list[int] = []
     longest = 0.0
@@ -195,7 +200,25 @@ def _step_in_parts(
         control.begin(data, span)
         for _ in range(count):
             firsts.append(len(rows))
-            for taken in steps(data, length):
+            # A diverged state has no switches and no standstill to be found.
+            steps = control.steps if _is_sound(data) else None
+            for taken in (steps or control.whole)(data, length):
                 rows.append(read_row(data))
                 longest = max(longest, taken)
-    return np.array([*rows, np.empty_like(rows[0])]), np.array(firsts, np.int64), longest
+                if len(rows) - firsts[-1] == _MOST_PARTS:
+                    failure = _too_many_parts(length)
+                    return np.array([*rows, rows[-1]]), np.array(firsts, np.int64), longest, failure
+    return np.array([*rows, np.empty_like(rows[0])]), np.array(firsts, np.int64), longest, None
+
+
+def _is_sound(data: mujoco.MjData) -> bool:
+    """Return whether all coordinates and velocities are finite and below DIVERGED."""
+    return bool(max(np.abs(data.qpos).max(), np.abs(data.qvel).max()) < DIVERGED)
+
+
+def _too_many_parts(length: float) -> Fault:
+    subject = (
+        f"{_MOST_PARTS} parts of one step of {length:g} s, with the plane's resistance near a "
+        "standstill; leave friction.rolling out, or take the equations alone"
+    )
+    return Fault(FaultKind.STEP_TOO_SHORT, np.nan, subject, fatal=True)

@@ -126,8 +126,7 @@ class _Switches:
 
     def _after(self, data: mujoco.MjData, length: float) -> float:
         """Take a step, and return `_late` after it."""
-        data.model.opt.timestep = length
-        mujoco.mj_step(data.model, data)
+        self.control.step(data, length)
         return self._late(data)
 
     def _until_switch(self, data: mujoco.MjData, before: Array, left: float) -> float:

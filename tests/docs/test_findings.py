@@ -26,6 +26,9 @@ EXPECTED = {
         "implicit, alone: -0.0158 -0.0156; implicit, with a rotor: -0.0367 -0.0365; "
         "RK4, alone: -1e-13 1e-13; RK4, with a rotor: -2e-12 -2e-13",
     "mujoco_rk4_order": "error at 20 ms: 2.9e-7 3.2e-7; order: 3.9 4.1",
+    "mujoco_callback_warning":
+        "inside, finite state, returned: 1 1; outside, with a warning, returned: 1 1; "
+        "inside, with a warning, returned: 0 0",
     "mujoco_condim6": "condim 3: 5e-5 5.5e-5; condim 4: 5e-5 5.5e-5; condim 6: 0.174 0.176",
     "mujoco_rolling_friction":
         "pyramidal, impratio 1, 0.0001 m: -0.03 -0.02; pyramidal, impratio 1, 0.002 m: 0.31 0.34; "

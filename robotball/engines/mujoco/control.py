@@ -117,6 +117,15 @@ def right_hand_side(forward: Forward, data: mujoco.MjData) -> Callable[..., Arra
 _INSIDE = 1e-9
 
 
+# Steps that a run may take for each planned one, and besides. A robot that leans over slowly leaves
+# its standstill in up to 11 578 parts of one step, and in 53 000 of 10 500.
+_PARTS, _MOST_PARTS = 60, 10_000
+
+
+class TooManyPartsError(Exception):
+    """The parts of a run's steps are so short that it would hardly go on; says why."""
+
+
 class Control:
     """The control of a run: what is set at every evaluation of the forces, and how steps are taken.
 
@@ -124,7 +133,8 @@ class Control:
     controller, whose commands so far are in the model's scene; steady: True if the controls of the
     keyframe hold from here on; forward: evaluates the forces; step: takes one step; steps: of a run
     whose steps have parts, else None; stops: stops a ball that is at rest, and returns whether it
-    did, where a run can stop.
+    did, where a run can stop; planned, taken: steps of the timestep so far, and steps taken for
+    them, with those of a search for a switch.
     """
 
     def __init__(self, model: Model) -> None:
@@ -139,6 +149,7 @@ class Control:
         self.span: Sequence[float] = (0.0, 0.0)
         self.forward: Forward = mujoco_forward
         self.step: Step = mujoco_step
+        self.planned = self.taken = 0
         self.steps: Steps | None = None
         self.stops: Callable[[mujoco.MjData], bool] | None = None
 
@@ -163,8 +174,18 @@ class Control:
 
     def whole(self, data: mujoco.MjData, length: float) -> Iterator[float]:
         """Take one step in one part."""
-        self.step(data, length)
+        self.take(data, length)
         yield length
+
+    def take(self, data: mujoco.MjData, length: float) -> None:
+        """Take one step of a length [s]. Raises TooManyPartsError if too many were taken."""
+        self.taken += 1
+        if self.taken > _MOST_PARTS + _PARTS * self.planned:
+            raise TooManyPartsError(
+                f"{self.taken} parts of {self.planned} steps, near a standstill or at torque "
+                "limits: choose another timestep, a lower gain, or no friction.rolling"
+            )
+        self.step(data, length)
 
     def inside(self, t: float) -> float:
         """Return the time [s] of the span that is nearest to t."""

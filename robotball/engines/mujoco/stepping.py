@@ -8,13 +8,12 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from itertools import chain, pairwise
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from robotball.engines.mujoco.control import STATE, Control, read_row, state_of
+from robotball.engines.mujoco.control import STATE, Control, TooManyPartsError, read_row, state_of
 from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.settings import INTEGRATORS, MUJOCOS_DEFAULT
 from robotball.engines.observe import spans
@@ -53,11 +52,8 @@ def controlled(model: Model) -> Iterator[Control]:
         yield control
 
 
-# Steps between two looks of the monitor, which are at most taken after a fault; fewer of those that
-# have parts, as each takes longer.
+# Steps between two looks of the monitor, or parts; at most so many are taken after a fault.
 _LOOK, _LOOK_IN_PARTS = 4096, 64
-# Parts of one step; a robot that leaves a standstill took up to 1409 (W5 with *accurate*).
-_MOST_PARTS = 4000
 
 
 @dataclass(frozen=True)
@@ -80,33 +76,29 @@ class _Stretch:
         return zip(ends, lengths, counts, strict=True)
 
 
-def stretches(
-    times: Array, breakpoints: tuple[float, ...], timestep: float, look: int = _LOOK
-) -> Iterator[_Stretch]:
-    """Yield the stretches of a run over `times` (n,) [s], each of about `look` steps.
+def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> Iterator[_Stretch]:
+    """Yield the stretches of a run over `times` (n,) [s], each of about _LOOK steps.
 
     Between two sample times or breakpoints lie the fewest equal steps not longer than `timestep`.
     """
     # Piece by piece of the spans, so that a long run's stretches are not all in memory.
     every = spans(times, breakpoints, timestep)
     for piece in pieces(len(every[0])):
-        yield from _stretches(look, times, *(each[piece] for each in every))
+        yield from _stretches(times, *(each[piece] for each in every))
 
 
-def _stretches(
-    most: int, times: Array, ends: Array, lengths: Array, counts: Array
-) -> Iterator[_Stretch]:
+def _stretches(times: Array, ends: Array, lengths: Array, counts: Array) -> Iterator[_Stretch]:
     """Yield the stretches of a piece of the spans."""
-    # A long span is cut into parts of `most` steps.
-    parts = np.ceil(counts / most).astype(int)
+    # A long span is cut into parts of _LOOK steps.
+    parts = np.ceil(counts / _LOOK).astype(int)
     first = np.cumsum(parts) - parts
     part = np.arange(parts.sum()) - np.repeat(first, parts)
     lengths, begins = np.repeat(lengths, parts), np.repeat(ends[:, 0], parts)
-    sizes = np.minimum(np.repeat(counts, parts) - most * part, most).astype(int)
-    begins = begins + most * part * lengths
+    sizes = np.minimum(np.repeat(counts, parts) - _LOOK * part, _LOOK).astype(int)
+    begins = begins + _LOOK * part * lengths
     ends = np.stack([begins, begins + sizes * lengths], axis=1)
     sampled = (part == 0) & (times[np.searchsorted(times, begins)] == begins)
-    look = (np.cumsum(sizes) - 1) // most
+    look = (np.cumsum(sizes) - 1) // _LOOK
     for which in np.split(np.arange(len(sizes)), np.flatnonzero(np.diff(look)) + 1):
         starts = np.cumsum(sizes[which]) - sizes[which]
         yield _Stretch(ends[which], lengths[which], sizes[which], starts[sampled[which]])
@@ -133,44 +125,31 @@ class Portion:
 
 
 def by_steps(control: Control, data: mujoco.MjData, times: Array) -> Iterator[Portion]:
-    """Run over sample `times` (n,) [s] in steps not longer than the timestep."""
-    compiled, scene = control.model.compiled, control.model.scene
-    plain = control.steps is None
-    step, look = (_step, _LOOK) if plain else (_step_in_parts, _LOOK_IN_PARTS)
-    timestep = compiled.opt.timestep
-    parts = stretches(times, scene.breakpoints, timestep, look)
-    for stretch, following in pairwise(chain(parts, (None,))):
-        assert stretch is not None
-        began = time.thread_time()
-        rows, firsts, longest, failure = step(control, data, stretch)
-        compiled.opt.timestep = timestep
-        taken = stretch.samples[stretch.samples < len(firsts)]
-        samples, steps = firsts[taken], len(rows) - 1
-        if following is not None or failure is not None:
-            rows = rows[:steps]
-        else:
-            control.span = (float(times[-1]), float(times[-1]))
-            # After a step the sensors are those of the state before it.
-            control.forward(data, True)
-            rows[steps] = read_row(data)
-            samples = np.append(samples, steps)
-        yield Portion(rows, samples, steps, longest, time.thread_time() - began, failure)
-        if failure is not None:
-            return
+    """Run over sample `times` (n,) [s] in steps not longer than the timestep.
 
-
-_Taken = tuple[Array, NDArray[np.int64], float, Fault | None]
-
-
-def _step(control: Control, data: mujoco.MjData, stretch: _Stretch) -> _Taken:
-    """Return the rows of a stretch, the indices of its planned steps, the longest step, a failure.
-
-    A row is of the state before its step. There is room for one row more.
+    A row is of the state before its step; the last one, alone, is of the end.
     """
+    compiled, scene = control.model.compiled, control.model.scene
+    step = _step if control.steps is None else _step_in_parts
+    timestep = compiled.opt.timestep
+    for stretch in stretches(times, scene.breakpoints, timestep):
+        for portion in step(control, data, stretch):
+            compiled.opt.timestep = timestep
+            yield portion
+            if portion.failure is not None:
+                return
+    control.span = (float(times[-1]), float(times[-1]))
+    # After a step the sensors are those of the state before it.
+    control.forward(data, True)
+    yield Portion(read_row(data)[None], np.zeros(1, np.int64), 0, 0.0, 0.0)
+
+
+def _step(control: Control, data: mujoco.MjData, stretch: _Stretch) -> Iterator[Portion]:
+    """Take the steps of a stretch with MuJoCo."""
     compiled, sensors, warned = control.model.compiled, data.sensordata, data.warning.number
-    start, warned_before = state_of(data), warned.copy()
+    began, start, warned_before = time.thread_time(), state_of(data), warned.copy()
     count = int(stretch.counts.sum())
-    rows = np.empty((count + 1, len(sensors) + len(warned)))
+    rows = np.empty((count, len(sensors) + len(warned)))
     rows[:, len(sensors) :] = warned_before
     # Slices of memoryviews copy 50 numbers faster than NumPy does: a run takes 1.05 times as long
     # as a bare loop of mj_step.
@@ -187,38 +166,46 @@ def _step(control: Control, data: mujoco.MjData, stretch: _Stretch) -> _Taken:
         # To read the counters at every step would slow all runs for the few in which one changes.
         mujoco.mj_setState(compiled, data, start, STATE)
         warned[:] = warned_before
-        return _step_in_parts(control, data, stretch)
-    return rows, np.arange(count, dtype=np.int64), float(stretch.lengths.max()), None
+        yield from _step_in_parts(control, data, stretch)
+        return
+    seconds = time.thread_time() - began
+    yield Portion(rows, stretch.samples, count, float(stretch.lengths.max()), seconds)
 
 
-def _step_in_parts(control: Control, data: mujoco.MjData, stretch: _Stretch) -> _Taken:
-    """Return the same as `_step`, with a row for every part of a step."""
+def _step_in_parts(control: Control, data: mujoco.MjData, stretch: _Stretch) -> Iterator[Portion]:
+    """Take the steps of a stretch, with a row for every part of a step."""
     rows: list[Array] = []
-    firsts: list[int] = []
-    longest = 0.0
+    sampled: list[int] = []
+    longest, began = 0.0, time.thread_time()
+
+    def portion(failure: Fault | None = None) -> Portion:
+        table = np.array(rows).reshape(len(rows), len(data.sensordata) + len(data.warning.number))
+        at, seconds = np.array(sampled, dtype=np.int64), time.thread_time() - began
+        return Portion(table, at[at < len(rows)], len(rows), longest, seconds, failure)
+
+    samples, step = {*stretch.samples.tolist()}, 0
     for span, length, count in stretch:
         control.begin(data, span)
         for _ in range(count):
-            firsts.append(len(rows))
+            if step in samples:
+                sampled.append(len(rows))
+            step += 1
+            control.planned += 1
             # A diverged state has no switches and no standstill to be found.
             steps = control.steps if _is_sound(data) else None
-            for taken in (steps or control.whole)(data, length):
-                rows.append(read_row(data))
-                longest = max(longest, taken)
-                if len(rows) - firsts[-1] == _MOST_PARTS:
-                    failure = _too_many_parts(length)
-                    return np.array([*rows, rows[-1]]), np.array(firsts, np.int64), longest, failure
-    return np.array([*rows, np.empty_like(rows[0])]), np.array(firsts, np.int64), longest, None
+            try:
+                for taken in (steps or control.whole)(data, length):
+                    rows.append(read_row(data))
+                    longest = max(longest, taken)
+                    if len(rows) == _LOOK_IN_PARTS:
+                        yield portion()
+                        rows, sampled, longest, began = [], [], 0.0, time.thread_time()
+            except TooManyPartsError as error:
+                yield portion(Fault(FaultKind.STEP_TOO_SHORT, np.nan, str(error), fatal=True))
+                return
+    yield portion()
 
 
 def _is_sound(data: mujoco.MjData) -> bool:
     """Return whether all coordinates and velocities are finite and below DIVERGED."""
     return bool(max(np.abs(data.qpos).max(), np.abs(data.qvel).max()) < DIVERGED)
-
-
-def _too_many_parts(length: float) -> Fault:
-    subject = (
-        f"{_MOST_PARTS} parts of one step of {length:g} s, with the plane's resistance near a "
-        "standstill; leave friction.rolling out, or take the equations alone"
-    )
-    return Fault(FaultKind.STEP_TOO_SHORT, np.nan, subject, fatal=True)

@@ -103,7 +103,7 @@ class _Switches:
 
     def _settle(self, data: mujoco.MjData) -> None:
         """Put every motor on the side where its law is."""
-        self.set([int(w > 1) - int(w < -1) for w in self._wanted(data)])
+        self.set([_sign(wanted, 1.0) for wanted in self._wanted(data)])
 
     def _wanted(self, data: mujoco.MjData) -> list[float]:
         """Return each motor's torque by its law alone, over the limit."""
@@ -126,16 +126,18 @@ class _Switches:
 
     def _after(self, data: mujoco.MjData, length: float) -> float:
         """Take a step, and return `_late` after it."""
-        self.control.step(data, length)
+        self.control.take(data, length)
         return self._late(data)
 
     def _until_switch(self, data: mujoco.MjData, before: Array, left: float) -> float:
         """Return the length of a step [s] up to the first switch; one of `left` goes beyond it."""
 
         # Each trial begins from the same state, so that `late` is continuous in the step's length.
+        # One that diverges is beyond the switch.
         def late(length: float) -> float:
             mujoco.mj_setState(data.model, data, before, STATE)
-            return self._after(data, length) if length else self._late(data)
+            found = self._after(data, length) if length else self._late(data)
+            return found if np.isfinite(found) else 1.0
 
         return float(brentq(late, 0.0, left, xtol=_SHARP * left, rtol=_SHARP))
 
@@ -143,8 +145,13 @@ class _Switches:
         """Put the motor that has just reached or left its limit on its other side."""
         beyond, wanted = self._beyond(data), self._wanted(data)
         i, sides = int(np.argmax(beyond)), list(self.sides)
-        sides[i] = 0 if sides[i] else int(np.sign(wanted[i]))
+        sides[i] = 0 if sides[i] else _sign(wanted[i], 0.0)
         self.set(sides)
+
+
+def _sign(number: float, beyond: float) -> int:
+    """Return the sign of a number whose size is over `beyond`, else 0, as of NaN."""
+    return int(number > beyond) - int(number < -beyond)
 
 
 @contextmanager

@@ -1,5 +1,7 @@
 """Steps that end where a motor reaches or leaves its torque limit."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -62,3 +64,13 @@ def test_the_model_is_afterwards_as_it_was() -> None:
     assert any(np.any(a != b) for a, b in zip(before, inside, strict=True))
     for name, old in zip(names, before, strict=True):
         assert np.array_equal(getattr(compiled, name), old)
+
+
+def test_a_servo_that_diverges_beside_a_torque_limit_is_a_fault() -> None:
+    """The search for a switch meets states that are not finite, which count as beyond it."""
+    motors = rb.Servo(0.5, torque_limit=0.6), rb.PositionServo(6e4, 0.3)
+    settings = replace(rb.preset("fast"), stop_at_fault=False)
+    report = rb.simulate(SCENE.with_hinges(motor=motors), settings=settings).report
+    (fault,) = report.faults
+    assert (fault.text, fault.fatal) == ("the state diverged", True)
+    assert fault.time == pytest.approx(0.02)  # the end of the first step

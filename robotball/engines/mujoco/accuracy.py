@@ -157,14 +157,15 @@ class _Search:
     def by_contact(self) -> ContactMotion:
         """Run DOP853 at its finest, under a varying load, where the contact's depth is the error.
 
-        A looser rtol would lift the ball off so shallow a contact. The depth goes as the square of
-        the contact's time constant, so a run at twice that constant gives the error.
+        A looser rtol would lift the ball off so shallow a contact. A run at a larger time constant,
+        whose contact is deeper, gives the error.
         """
         finest = self.settings(integrator=ADAPTIVE, rtol=_FINEST_RTOL)
         softer = self.pilot(integrator=ADAPTIVE, rtol=_SOFTER_RTOL)
         softer = replace(softer, solref=(2 * BY_ERROR[1], 1.0))
         before, motion = self.made(softer, apart=_SPARSE), self.made(finest)
-        return self.result(motion, self.error(before, motion, 2.0, 2.0))
+        deeper, depth = (Resolved(self.scene, s).equilibrium_depth for s in (softer, finest))
+        return self.result(motion, self.error(before, motion, deeper / depth, 1.0))
 
     def by_momentum(self, motion: ContactMotion, magnified: float) -> float:
         """Return the path error of a whole run by the change of its M; 0 if no ratio is known."""

@@ -6,6 +6,7 @@ cheaper of the two.
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 
@@ -20,6 +21,9 @@ from robotball.motion import Fault, FaultKind
 from robotball.rotations import Array
 
 _LOOK = 64  # steps between two looks of the monitor; each takes 13 evaluations of the forces
+# A run ends if at the pace of its last 1000 steps the rest needs more than max_steps, and so many
+# at least. They take seconds; a robot that leaves its standstill slowly takes some 400 in all.
+_PACE, _ENDLESS = 1000, 1_000_000
 # Under a load that varies: the error of a step as a part of the contact's depth, and the longest
 # step times the contact's damping. DOP853 is stable up to 6.
 _OF_DEPTH, _DAMPED = 5e-3, 4.0
@@ -35,11 +39,18 @@ def by_forward(control: Control, data: mujoco.MjData, times: Array) -> Iterator[
     inside = [t for t in model.scene.breakpoints if t < times[-1]]
     state = np.concatenate([data.qpos, data.qvel])
     pending, left = times, model.settings.max_steps
+    since, taken = 0.0, 0  # where the pace was last looked at, and the steps from there
     for span in pairwise((0.0, *inside, times[-1])):
         solver = _solver(control, data, state, span)
         while solver.t < solver.end:
             portion, pending = _portion(control, data, solver, pending, left)
-            left -= portion.steps
+            left, taken = left - portion.steps, taken + portion.steps
+            if taken >= _PACE and portion.failure is None:
+                passed, rest = solver.t - since, times[-1] - solver.t
+                if taken * rest / passed > max(left, _ENDLESS):
+                    failure = _endless(taken, passed, rest, model.settings.max_steps)
+                    portion = replace(portion, failure=failure)
+                since, taken = solver.t, 0
             yield portion
             if portion.failure is not None:
                 return
@@ -47,6 +58,15 @@ def by_forward(control: Control, data: mujoco.MjData, times: Array) -> Iterator[
                 state = np.concatenate([data.qpos, data.qvel])
                 solver = _solver(control, data, state, (solver.t, span[1]))
         state = solver.state
+
+
+def _endless(taken: int, passed: float, rest: float, most: int) -> Fault:
+    """Return the fault of a run whose last steps lasted `passed` s, and that has `rest` s left."""
+    why = (
+        f"{taken} took {passed:.2g} s, and the rest needs {taken * rest / passed:.2g} like them; "
+        f"max_steps = {most}: shorten the motion, or take a preset with a timestep"
+    )
+    return Fault(FaultKind.STEP_TOO_SHORT, np.nan, why, fatal=True)
 
 
 def _portion(

@@ -1,9 +1,12 @@
 """MuJoCo rolls the ball as the equations do: path, momentum, forces, order in the timestep."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.engines.mujoco import adaptive
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import recipe
@@ -91,6 +94,18 @@ def test_a_servo_follows_its_law_between_its_limits(preset: str) -> None:
     assert np.abs(torque - law).max() < 5e-14  # measured 1.4e-14 N m: rounding
     # Of 101 samples 39 and 46 are at one limit, 31 and 27 at the other, the others between.
     assert min((law == 3.0).sum(), (law == -3.0).sum(), (np.abs(law) < 3.0).sum()) > 20
+
+
+def test_adaptive_steps_too_short_for_the_rest_end_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Long before max_steps are taken; near a standstill 1000 steps may last a millionth of it."""
+    monkeypatch.setattr(adaptive, "_PACE", 100)
+    monkeypatch.setattr(adaptive, "_ENDLESS", 100)
+    settings = replace(rb.preset("adaptive"), max_steps=600)  # fig12 takes 40 a second
+    (fault,) = rb.simulate(FIG12, rb.sample_times(40.0), settings).report.faults
+    assert (fault.kind, fault.fatal) == (rb.FaultKind.STEP_TOO_SHORT, True)
+    assert fault.time < 4.0  # measured 3.2
+    for fact in ("128 took", "max_steps = 600", "shorten the motion", "timestep"):
+        assert fact in fault.text
 
 
 def test_steps_end_on_every_sample_and_breakpoint() -> None:

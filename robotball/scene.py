@@ -253,6 +253,7 @@ class MovedHinge:
 
 GRAVITY = 9.81  # m/s², MuJoCo's own default
 DOWN = (0.0, 0.0, -1.0)
+_STANDS = 1e-6  # of the rate of a ball that falls by its radius: a hinge so slow stands still
 _RATES_SEEN = 501  # times over a scene at which the largest rate of a hinge is looked for
 _SMALL = 0.3  # of |K| + d|Ω|: where M is below it, K and dΩ turn the ball rather than M
 
@@ -564,9 +565,21 @@ class Scene(Value):
 
     @cached_property
     def largest_rates(self) -> tuple[float, ...]:
-        """The largest size of each hinge's command over the scene, by which errors are measured."""
+        """The largest size of each hinge's command over the scene."""
         times = uneven(self.duration, self.duration / _RATES_SEEN)
         return tuple(float(np.abs(drive.rate(times)).max()) for drive in self.drives)
+
+    @cached_property
+    def rate_scales(self) -> tuple[float, ...]:
+        """The unit of relative errors of each hinge's rate: the largest command, unless it is tiny.
+
+        A command that is 0 over the whole scene has no relative error. Its hinge stands still, and
+        the unit of its rate is that of a ball that falls by its radius.
+        """
+        falling, a = math.sqrt(self.gravity / self.ball.radius), self.ball.radius
+        units = [a * falling if hinge.body.slides else falling for hinge in self.hinges]
+        both = zip(self.largest_rates, units, strict=True)
+        return tuple(largest if largest > _STANDS * unit else unit for largest, unit in both)
 
     @cached_property
     def steady(self) -> bool:

@@ -209,7 +209,7 @@ class Monitor:
         ahead = angles - np.stack([drive.angle(times) for drive in drives], axis=1)
         gained = np.diff(ahead, axis=0, prepend=ahead[:1] if self.ahead is None else self.ahead)
         self.ahead = ahead[-1:] if len(ahead) else self.ahead
-        most = RATE_ERROR * np.outer(np.abs(elapsed), np.array(self.scene.largest_rates)[exact])
+        most = RATE_ERROR * np.outer(np.abs(elapsed), np.array(self.scene.rate_scales)[exact])
         return np.asarray(np.abs(gained) > most + _ROUNDING * np.abs(angles))
 
     def _of_the_path(self, readings: Readings, elapsed: Array) -> list[Sign]:
@@ -237,17 +237,16 @@ class Monitor:
 
 
 def rate_errors_of(scene: Scene, readings: Readings) -> Array:
-    """Return the errors (m, h) of the hinges' rates, each over its largest given rate.
+    """Return the errors (m, h) of the hinges' rates in the unit `Scene.rate_scales`.
 
-    A hinge with a motor has none, as how far it lags belongs to the motion; one that is to stand
-    has no rate to be compared with, so that its error is in rad/s.
+    A hinge with a motor has no error, because its lag belongs to the motion.
     """
     rates, errors = readings.hinge_rates, np.zeros_like(readings.hinge_rates)
     # A diverged state's time may be none, which no drive can be evaluated at.
     times = np.where(np.isfinite(readings.time), readings.time, 0.0)
-    for i, (hinge, largest) in enumerate(zip(scene.hinges, scene.largest_rates, strict=True)):
+    for i, (hinge, scale) in enumerate(zip(scene.hinges, scene.rate_scales, strict=True)):
         if hinge.motor is None:
-            errors[:, i] = np.abs(rates[:, i] - hinge.command.rate(times)) / (largest or 1.0)
+            errors[:, i] = np.abs(rates[:, i] - hinge.command.rate(times)) / scale
     return errors
 
 

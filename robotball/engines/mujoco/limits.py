@@ -183,7 +183,7 @@ class PlannedRun(Resolved):
         """
         if not self.reduced:
             of_frame = [h for h in self.hinges if h.index == 0 and h.actuation.follows_rate]
-            frame = [h.largest_rate for h in of_frame]
+            frame = [self.scene.largest_rates[h.index] for h in of_frame]
             size = float(np.linalg.norm(self.angular_velocity))
             return max(size, *frame, float(np.abs(self.start_trial[1].imag).max()))
         times = [0.0] if self.scene.steady else uneven(self.duration, self.duration / _DRIVES_SEEN)
@@ -725,7 +725,7 @@ def prescribed_rate(plan: PlannedRun) -> _Found:
 
     def lost(impulses: Array) -> float:
         kept = [(h, h.actuation) for h in plan.hinges if isinstance(h.actuation, Prescribed)]
-        rates = [impulses[h.index] / a.armature / h.largest_rate for h, a in kept]
+        rates = [impulses[h.index] / a.armature / h.rate_scale for h, a in kept]
         return float(max(rates, default=0.0))
 
     start, rate, T = np.abs(plan.loads.motor_torques[0]), plan.rotation_rate, plan.duration

@@ -34,16 +34,16 @@ class ModelHinge(MovedHinge):
     Sensors and actuators have its name. If it has a motor, that is the scene's own, whose errors
     belong to the motion.
 
-    index         its place among the scene's hinges
-    joint         the MJCF name of its joint and of the body that hangs on it
-    actuation     a motor, or the armature that lets its rate be prescribed
-    largest_rate  of the command during the scene, by which errors are measured [rad/s]
+    index       its place among the scene's hinges
+    joint       the MJCF name of its joint and of the body that hangs on it
+    actuation   a motor, or the armature that lets its rate be prescribed
+    rate_scale  the unit of relative errors of its rate [rad/s]
     """
 
     index: int
     joint: str
     actuation: Motor | Prescribed
-    largest_rate: float
+    rate_scale: float
 
     @cached_property
     def actuated(self) -> bool:
@@ -84,7 +84,7 @@ def hinges_of(scene: Scene, settings: Settings) -> tuple[ModelHinge, ...]:
             index=index,
             joint=joints.get(each.name, each.name),
             actuation=each.motor or settings.drive,
-            largest_rate=scene.largest_rates[index] or 1.0,
+            rate_scale=scene.rate_scales[index],
         )
         for index, each in enumerate(scene.hinges)
         if each.motor or turns(each.command) or each.angle

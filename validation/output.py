@@ -113,7 +113,14 @@ def panels(
 
 
 def write_picture(path: Path, figure: "Figure") -> Path:
-    """Write a picture as PNG, and return its path."""
+    """Write a picture as PNG, and return its path.
+
+    A logarithmic axis on which nothing is positive is made linear. Errors of a ball at rest are 0.
+    """
+    for axes in figure.axes:
+        for axis, least in zip((axes.xaxis, axes.yaxis), axes.dataLim.minpos, strict=True):
+            if axis.get_scale() == "log" and not math.isfinite(least):
+                axes.set(**{f"{axis.axis_name}scale": "linear"})
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=_DPI)
     return path

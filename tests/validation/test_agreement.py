@@ -13,6 +13,7 @@ from robotball.variations import scaled
 from tests.messages import naming, unnamed
 from tests.motions import as_contact
 from validation import Agreement, compare
+from validation.results import _row_numbers, record
 
 pytestmark = pytest.mark.core
 
@@ -42,6 +43,12 @@ def test_a_motion_agrees_with_itself_exactly() -> None:
     agreement = agreement_with(attitude=multiply(turn, THEORY.attitude))
     assert agreement.gamma_error == pytest.approx(1e-6, abs=3e-15)
     assert agreement.attitude_error == pytest.approx(1e-6, abs=3e-15)
+
+
+def test_a_run_within_a_tick_of_the_clock_has_no_realtime_factor() -> None:
+    quick = agreement_with(report=replace(SOUND, seconds=0.0))
+    assert quick.realtime_factor is None
+    assert _row_numbers(record(quick))[-1] == "-"
 
 
 def test_a_ball_that_stays_in_place_has_a_path_error() -> None:

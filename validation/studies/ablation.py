@@ -172,7 +172,7 @@ def _measure_ablation(scene: Scene, times: Array, rounds: int, show: Show) -> St
 def _part_row(direction: str, agreement: Agreement, cost: Cost, naive: Cost) -> dict[str, Any]:
     """Return the numbers of a variant; those of a run that broke off are None."""
     theory, ratio = agreement.theory, cost.over(naive)
-    speed = theory.path_length / float(theory.times[-1])
+    speed = theory.path_scale / float(theory.times[-1])
     return {
         "direction": direction,
         "choice": agreement.settings.name,
@@ -239,7 +239,8 @@ def _ablation_picture(name: str, rows: Sequence[Row]) -> Figure:
     left.set_title("from the naive model: one choice more", loc="left", fontsize=10.5)
     right.set_title("the recipe with one choice undone", loc="left", fontsize=10.5)
     drawn = [row[error] for row in rows for error in ("path_error", "momentum_error") if row[error]]
-    left.set_xlim(min(drawn) / 20, max(drawn) * 20)  # with room beyond all
+    if drawn:
+        left.set_xlim(min(drawn) / 20, max(drawn) * 20)  # with room beyond all
     handles: list[Artist] = [
         Line2D([], [], **_DOT, label="path error"),
         Line2D([], [], **_FAULTY, label="path error, faulty run"),

@@ -193,9 +193,10 @@ def contact_quality(motion: ContactMotion, theory: Motion) -> dict[str, float | 
         energy, slip = kinetic_energy(motion, motion.report.depth)
         right, _ = kinetic_energy(theory, 0.0 * theory.times)
         power = -(motion.loads.contact_force * slip).sum(axis=1)
-        found["slip_work"] = trapezoid(power[1:], motion.times[1:]) / right[0]
-        error = energy / right[n] - 1.0
-        found["energy_error"] = error[np.abs(error).argmax()]
+        if right.min() > 0:  # a ball at rest has no energy that an error could be relative to
+            found["slip_work"] = trapezoid(power[1:], motion.times[1:]) / right[0]
+            error = energy / right[n] - 1.0
+            found["energy_error"] = error[np.abs(error).argmax()]
     return {name: known(value) for name, value in found.items()}
 
 

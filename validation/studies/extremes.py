@@ -180,7 +180,7 @@ def _sample_times(scene: Scene, settings: Settings, duration: float | None) -> A
     """
     step = settings.timestep or TIMESTEP
     if duration is None:
-        duration = min(_DURATION, _TURNING / _speed_scale(scene))
+        duration = _TURNING / max(_speed_scale(scene), _TURNING / _DURATION)
         if not settings.adaptive:
             duration = max(duration, _LEAST_STEPS * step)
     interval = step * max(1.0, np.ceil(duration / step / _MOST_SAMPLES))

@@ -26,7 +26,7 @@ from robotball.engines.observe import step_count
 from robotball.equations import as_vector
 from robotball.errors import InputError, warn
 from robotball.loads import Loads, loads_of
-from robotball.motion import RATE_ERROR, tolerated
+from robotball.motion import RATE_ERROR, path_unit, tolerated
 from robotball.motors import Servo
 from robotball.rotations import Array, multiply, rotation_matrix, uneven
 from robotball.scene import Scene
@@ -571,17 +571,15 @@ def creep(plan: PlannedRun) -> _Found:
 
 
 def _slip(plan: PlannedRun, acceleration: float) -> float:
-    """Return the mean slip over the speed, under an acceleration [m/s²] against damping.
+    """Return the slip over the path, under an acceleration [m/s²] against damping.
 
     dv/dt = α - b v from rest has the mean α/b (1 - (1 - exp(-bT))/(bT)) over the time T.
     """
     b, T = plan.friction_damping, plan.duration
     # Over a short time the difference cancels; the series' first term takes its place.
     grown = 1 + np.expm1(-b * T) / (b * T) if b * T > 1e-4 else b * T / 2
-    speed, slip = float(np.linalg.norm(plan.rolling_velocity)), grown / b if b else T / 2
-    if not speed:  # whatever slip there is then is infinitely much of the path
-        return np.inf if acceleration else 0.0
-    return acceleration * slip / speed
+    path = path_unit(plan.scene, T * float(np.linalg.norm(plan.rolling_velocity)))
+    return float(acceleration * (grown / b if b else T / 2) * T / path)
 
 
 @_law(
@@ -754,8 +752,8 @@ def servo_droop(plan: PlannedRun) -> _Found:
     worst = 0.0
     for hinge, servo in servos:
         torque = float(np.abs(plan.loads.motor_torques[:, hinge.index]).max())
-        if hinge.motor is None and hinge.rate:  # else its error belongs to the motion
-            worst = max(worst, torque / servo.gain / abs(hinge.rate))
+        if hinge.motor is None:  # else its error belongs to the motion
+            worst = max(worst, torque / servo.gain / hinge.rate_scale)
     return worst, plan.settings.error_tolerance
 
 

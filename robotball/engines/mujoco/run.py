@@ -45,6 +45,7 @@ def run(
         from robotball.engines.mujoco.adaptive import by_forward
 
         march = by_forward
+    assert model.compiled  # before the callbacks are set, which MuJoCo's compiler would call
     with controlled(model) as control:
         data = model.start_data(scene)
         motion = observed(control.model, times, march(control, data, times), progress)

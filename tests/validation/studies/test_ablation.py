@@ -4,6 +4,7 @@ import json
 from dataclasses import fields, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import robotball as rb
@@ -12,7 +13,16 @@ from robotball.engines.mujoco.settings import NAIVE
 from tests.conftest import Robotball
 from tests.messages import naming
 from validation import compare
-from validation.studies.ablation import BOTTOM, CHOICES, TOP, built_up, each_undone, without
+from validation.studies.ablation import (
+    BOTTOM,
+    CHOICES,
+    TOP,
+    _part_row,
+    built_up,
+    each_undone,
+    without,
+)
+from validation.studies.timing import Cost
 
 pytestmark = pytest.mark.filterwarnings("ignore::robotball.SceneWarning")
 FIG12, NAMES = rb.load_scene("fig12"), [choice.name for choice in CHOICES]
@@ -106,3 +116,12 @@ def test_the_command_writes_table_picture_and_records(robotball: Robotball, tmp_
     assert slips["accurate"] < 3e-12  # measured 7.9e-13
     assert "mujoco" in record["versions"]
     assert (tmp_path / "fig12-mujoco-ablation-0.3s-quick.png").is_file()
+
+
+def test_the_slip_of_a_ball_that_spins_on_the_spot_is_relative_to_its_radius() -> None:
+    """Its path has no length."""
+    scene = rb.load_scene("fig12").with_hinges(command=(0.0, 0.0))
+    still = scene.from_start(rb.Start(scene.start.attitude, np.zeros(3)))
+    cost = Cost((1.0,), 1.0)
+    row = _part_row("", compare(still, "fast", rb.sample_times(0.1)), cost, cost)
+    assert row["slip"] == 0.0

@@ -13,6 +13,7 @@ import robotball as rb
 from tests.conftest import Robotball
 from tests.messages import naming
 from tests.validation.examples import example
+from validation.output import write_picture
 from validation.studies import convergence
 from validation.studies.ablation import TOP, without
 from validation.studies.convergence import FIXED, ORDERS, Runs, measure_convergence
@@ -204,3 +205,17 @@ def test_the_standard_error_is_that_of_the_slope() -> None:
     assert found.stderr == pytest.approx(np.sqrt(covariance[0, 0]))
     # The line passes through the middle of the points.
     assert found.error_at(h) == pytest.approx(np.exp(np.polyval(slope, np.log(h))))
+
+
+@pytest.mark.filterwarnings("ignore:Data has no positive values")
+def test_a_ball_at_rest_whose_rates_are_drives_has_a_study(tmp_path: Path) -> None:
+    """Its errors are all 0. MuJoCo's compiler would call the callbacks that set the controls."""
+    scene = rb.load_scene("fig12")
+    zeros = rb.Samples(times=(0.0, 20.0), values=(0.0, 0.0))
+    scene = scene.with_hinges(command=(zeros, zeros))
+    scene = scene.from_start(rb.Start(scene.start.attitude, np.zeros(3)))
+    runs = measure_convergence(scene, TOP, np.array([0.0, 0.01, 0.02]), halvings=2)
+    assert {row["own_error"] for row in runs.rows} == {0.0}
+    picture = convergence._convergence_study(runs).picture
+    assert picture is not None
+    assert write_picture(tmp_path / "orders.png", picture).exists()

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from robotball.drives import Constant, Drive
+from robotball.drives import Constant, Drive, Total
 from robotball.rotations import uneven
 
 _LOOKS = 256  # steps that are looked at over a run, and as many at each side of breakpoints
@@ -29,12 +29,23 @@ def sampling_error(drives: Iterable[Drive], stops: Any, timestep: float) -> floa
     begin = np.clip(looks - step / 2, stops[piece], stops[piece] + length - step)
     worst = 0.0
     for drive in (each for each in drives if not isinstance(each, Constant)):
-        values = np.array([drive.rate(begin + part * step) for part in (0.0, 0.5, 1.0)])
+        instants = [begin + part * step for part in (0.0, 0.5, 1.0)]
+        values = np.array([drive.rate(t) for t in instants])
         angles = np.array([drive.angle(begin), drive.angle(begin + step)])
         error = np.abs(np.diff(angles, axis=0)[0] - step * (values.T @ [1, 4, 1]) / 6)
         error -= 8 * np.finfo(float).eps * np.abs(angles).sum(axis=0)  # their rounding
-        worst = max(worst, float((error / step).max() / (np.abs(values).max() or 1.0)))
+        worst = max(worst, float((error / step).max() / (_size(drive, instants) or 1.0)))
     return worst
+
+
+def _size(drive: Drive, instants: list[Any]) -> float:
+    """Return the largest value of a drive, or the sum of its parts' largest values.
+
+    Parts that cancel leave their rounding, which is no measure of anything.
+    """
+    if isinstance(drive, Total):
+        return sum(_size(part, instants) for part in drive.drives)
+    return max(float(np.abs(drive.rate(t)).max()) for t in instants)
 
 
 _NO_STEP = 1e-9  # s: drives that such steps do not see are no functions of time

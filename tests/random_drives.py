@@ -41,7 +41,7 @@ def random_drives(number: int) -> Scene:
     rng = np.random.default_rng([_SEED, number])
     if number % 3 == 0:
         scene = ball_of_points(number // 3)
-        rates = [float(hinge.command) for hinge in scene.ball.hinges]
+        rates = [hinge.rate for hinge in scene.hinges]
         drives = tuple(random_drive(rng, abs(rate)) for rate in rates)
         scene = replace(scene, duration=DURATION, ball=scene.ball.with_hinges(command=drives))
     else:

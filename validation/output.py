@@ -118,7 +118,7 @@ def write_picture(path: Path, figure: "Figure") -> Path:
     A logarithmic axis on which nothing is positive is made linear. Errors of a ball at rest are 0.
     """
     for axes in figure.axes:
-        for axis, least in zip((axes.xaxis, axes.yaxis), axes.dataLim.minpos, strict=True):
+        for axis, least in ((axes.xaxis, axes.dataLim.minposx), (axes.yaxis, axes.dataLim.minposy)):
             if axis.get_scale() == "log" and not math.isfinite(least):
                 axes.set(**{f"{axis.axis_name}scale": "linear"})
     with replacing(path) as temporary:

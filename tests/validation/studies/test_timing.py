@@ -1,5 +1,6 @@
 """Costs as ratios: of works whose time is known, by a clock that the test sets."""
 
+import time
 from itertools import count
 
 import mujoco
@@ -49,6 +50,6 @@ def test_a_step_has_a_time_though_the_clock_moves_in_long_ticks(
 ) -> None:
     """The clock moves by 4 ms at every third look, so two rounds of 5 steps are taken."""
     looks = count(1)
-    monkeypatch.setattr(timing.time, "thread_time", lambda: 0.004 * (next(looks) // 3))
+    monkeypatch.setattr(time, "thread_time", lambda: 0.004 * (next(looks) // 3))
     model = mujoco.MjModel.from_xml_string("<mujoco><keyframe><key/></keyframe></mujoco>")
     assert timing.one_step(model, 5) == 0.004 / 10

@@ -292,8 +292,8 @@ class Worker:
 def _start_server(modules: Iterable[str]) -> None:
     """Start the server of processes, which imports modules for them; one that runs stays.
 
-    Its processes have one thread a library, and leave Ctrl-C to us, as they take over what the
-    server has from its start.
+    Its processes have one thread a library. They leave Ctrl-C and a closed terminal to us, as they
+    take over what the server has from its start.
     """
     # A module of the current folder is imported there only if it would be imported here.
     ours = any(each.exists() and each.samefile(os.curdir) for each in map(Path, sys.path))
@@ -303,7 +303,7 @@ def _start_server(modules: Iterable[str]) -> None:
     os.environ.update(added)
     try:
         resource_tracker.ensure_running()  # whose start would unblock SIGINT
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
         # The caller's script too, as the work may be a function of its own.
         _FORKSERVER.set_forkserver_preload(["__main__", *modules, __name__])
         forkserver.ensure_running()

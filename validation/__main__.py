@@ -1,8 +1,8 @@
 """The `robotball` command as a process: streams, signals, exit status.
 
 `python -m validation` is the same. A character that a stream cannot show, and a reader that goes
-away, end no command. Ctrl-C and SIGTERM end it soon, wherever it is, and leave no unfinished file.
-The processes of a command import this module, so it imports little.
+away, end no command. Ctrl-C, SIGTERM and a closed terminal (SIGHUP) end it soon, wherever it is,
+and leave no unfinished file. The processes of a command import this module, so it imports little.
 """
 
 import io
@@ -20,7 +20,7 @@ from robotball.errors import InputError
 from robotball.files.replacing import remove_unfinished
 
 _DEFECT = 3  # the exit status where robotball itself is wrong
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _SIGNALLED = 128  # and the signal's number: what shells give, so 130 after Ctrl-C
 _GRACE = 2.0  # s that Python has to end the command; compiled code may not let it
 

@@ -28,6 +28,12 @@ def faulty(job: int) -> int:
     return job
 
 
+def signalled(number: int) -> int:
+    """Send a signal to its own process."""
+    os.kill(os.getpid(), number)
+    return number
+
+
 def half_written(folder: Path, job: int) -> None:
     """Job 0 goes on writing a file; job 1 finds the disk full as soon as it has begun."""
     if job == 0:

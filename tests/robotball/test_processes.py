@@ -4,6 +4,7 @@ In threads the same digits; in processes its errors and warnings, and gone with 
 """
 
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -23,7 +24,7 @@ from robotball.processes import Queue, allowed, at_most, in_processes, in_thread
 from robotball.qualitative.long_run import basins, exponents
 from robotball.qualitative.portraits import limit_cycles
 from robotball.qualitative.sections import section, section_starts
-from tests.robotball.jobs import Parcel, faulty, half_written, late, opened
+from tests.robotball.jobs import Parcel, faulty, half_written, late, opened, signalled
 
 BALL = load_scene("fig14").parameters
 GENERATOR = np.random.default_rng(5)
@@ -140,6 +141,13 @@ def test_jobs_that_cannot_be_pickled_are_done_here(can: bool) -> None:
     assert [number for number, _ in found] == [0, 1]
     assert {process == os.getpid() for _, process in found} == {not can}
     assert [each.times for each in jobs] == [1, 1]
+
+
+def test_processes_leave_the_signals_of_a_terminal_to_the_caller() -> None:
+    """Ctrl-C and a closed terminal are sent to them too. The caller ends them, and cleans up."""
+    jobs = [signal.SIGINT, signal.SIGHUP]
+    with at_most(2):
+        assert list(in_processes(signalled, jobs)) == jobs
 
 
 def test_a_process_that_is_ended_leaves_no_half_file(tmp_path: Path) -> None:

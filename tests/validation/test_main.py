@@ -86,7 +86,9 @@ def run(
     [
         ("in_compiled_code", signal.SIGINT),
         ("in_compiled_code", signal.SIGTERM),
+        ("in_compiled_code", signal.SIGHUP),
         ("in_python", signal.SIGTERM),
+        ("in_python", signal.SIGHUP),
         ("in_an_exec_of_text", signal.SIGINT),
         ("in_a_library_that_makes_another_error_of_it", signal.SIGINT),
     ],

@@ -17,7 +17,7 @@ import numpy as np
 
 from robotball.engines import Progress
 from robotball.engines.dop853 import LEAST_RTOL
-from robotball.errors import InputError, unknown, warn
+from robotball.errors import InputError, call_users, unknown, warn
 from robotball.loads import Loads
 from robotball.motion import (
     ContactMotion,
@@ -206,10 +206,8 @@ def engine_named(name: str) -> Engine:
     if name in OURS:
         return _loaded(OURS[name])
     for point in entry_points(group=_GROUP, name=name):
-        try:
-            return point.load()
-        except (ImportError, AttributeError) as error:
-            raise InputError(f"the engine {name!r} of {point.value} fails: {error}") from None
+        engine: Engine = call_users(f"the engine {name!r} of {point.value} fails", point.load)
+        return engine
     raise unknown("engine", name, engine_names())
 
 

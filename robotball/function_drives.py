@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from robotball.errors import END_ROUNDING, LARGEST, InputError, warn
+from robotball.errors import END_ROUNDING, LARGEST, InputError, call_users, warn
 from robotball.rotations import Array, uneven
 
 _Function = Callable[[float], float]
@@ -97,12 +97,7 @@ class Followed:
 
     def _rate(self, t: float) -> float:
         t = self._inside(t)
-        try:
-            value = float(self.function(t))
-        except Exception as error:  # whatever a user's function may raise
-            raise InputError(
-                f"a drive's function fails at t = {t:g} s: {type(error).__name__}: {error}"
-            ) from error
+        value = _called("function", self.function, t)
         if not abs(value) <= LARGEST:
             raise InputError(
                 f"a drive's function gives {value} at t = {t:g} s; it must be finite and at most "
@@ -112,17 +107,24 @@ class Followed:
 
     def _acceleration(self, t: float) -> float:
         t, given = self._inside(t), self.derivative
-        return self.polynomials.slope(t) if given is None else float(given(t))
+        return self.polynomials.slope(t) if given is None else _called("derivative", given, t)
 
     def _angle(self, t: float) -> float:
         t, given = self._inside(t), self.integral
-        return self.polynomials.area(t) if given is None else float(given(t)) - float(given(0.0))
+        if given is None:
+            return self.polynomials.area(t)
+        return _called("integral", given, t) - _called("integral", given, 0.0)
 
     def _inside(self, t: float) -> float:
         """Return the time without the rounding that may carry it beyond the end."""
         if not t <= self.end * (1 + END_ROUNDING):
             raise InputError(f"t = {t:g} s is beyond the end of the run, {self.end:g} s")
         return min(t, self.end)
+
+
+def _called(name: str, function: _Function, t: float) -> float:
+    value = call_users(f"a drive's {name} fails", function, t, at=t)
+    return call_users(f"a drive's {name} gives no number", float, value, at=t)
 
 
 def _each(function: _Function, t: Any) -> Any:

@@ -19,6 +19,7 @@ from rich.markup import escape
 
 from robotball import Controller, InputError, Motion, Scene, catalog, load_scene
 from robotball.drives import Rate
+from robotball.errors import call_users
 from robotball.files.columns import read_samples
 from robotball.files.json_text import json_text
 from robotball.motion import Label
@@ -63,10 +64,7 @@ def controller_of(text: str) -> Controller:
     file, _, name = text.rpartition(":")
     if not file.endswith(".py") or not name:
         raise InputError(f"--controller takes FILE.py:NAME, not {text!r}")
-    try:
-        found = runpy.run_path(file).get(name)
-    except (Exception, SystemExit) as error:  # whatever a user's file may raise
-        raise InputError(f"{file} cannot be run: {type(error).__name__}: {error}") from error
+    found = call_users(f"{file} cannot be run", runpy.run_path, file).get(name)
     if not isinstance(found, Controller):
         raise InputError(f"{file} has no rb.Controller that is called {name!r}")
     return _FromFile(**{each.name: getattr(found, each.name) for each in fields(found)}, text=text)

@@ -7,7 +7,6 @@ In order: what engines tell of a state, the loop.
 
 import copy
 import math
-import traceback
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -17,7 +16,7 @@ import numpy as np
 
 from robotball.controllers import SENSORS, Controller, Reading, Sensors
 from robotball.drives import Constant
-from robotball.errors import LARGEST, InputError, unknown
+from robotball.errors import LARGEST, InputError, call_users, unknown
 from robotball.function_drives import Held
 from robotball.motors import Free
 from robotball.rotations import Array, turned
@@ -52,11 +51,8 @@ class Loop:
         self.held = {each.name: Held(each.command) for each in moved}
         actuators = zip(scene.actuators, scene.controls, strict=True)
         self.held |= {each.name: Held(command) for each, command in actuators}
-        try:
-            self.function = copy.deepcopy(controller.function)
-        except Exception as error:  # whatever a user's object may raise
-            why = f"{type(error).__name__}: {error}"
-            raise self._refused(f"cannot be copied, as each run needs its own: {why}") from error
+        copied = f"{scene.name}: the controller cannot be copied, as each run needs its own"
+        self.function = call_users(copied, copy.deepcopy, controller.function)
         self.scene = replace(scene)
         hinges = [replace(h, command=self.held.get(h.name, h.command)) for h in scene.hinges]
         # The properties' own places: what a drive promises a scene, commands to come cannot.
@@ -118,11 +114,8 @@ class Loop:
 
     def _call(self, reading: Reading) -> dict[str, float]:
         """Return the commands of a reading."""
-        try:
-            answer: Any = self.function(reading)
-        except Exception as error:  # whatever a user's function may raise
-            where = f"fails at t = {reading.time:g} s{_line_of(error)}"
-            raise self._refused(f"{where}: {type(error).__name__}: {error}") from error
+        failed = f"{self.scene.name}: the controller fails"
+        answer: Any = call_users(failed, self.function, reading, at=reading.time)
         if not isinstance(answer, Mapping):
             example, at = {next(iter(self.held)): 1.0}, f"t = {reading.time:g} s"
             raise self._refused(
@@ -160,10 +153,3 @@ class Loop:
 
 
 _ANY = (-math.inf, math.inf)
-
-
-def _line_of(error: Exception) -> str:
-    """Return where in the user's file an error was raised, as words; "" where it is not known."""
-    frames = traceback.extract_tb(error.__traceback__)[1:]
-    own = [each for each in frames if each.filename == frames[0].filename]
-    return f", in {own[-1].filename} line {own[-1].lineno}" if own else ""

@@ -339,6 +339,25 @@ def test_an_exception_ends_the_run_with_its_line(run: Callable[[rb.Scene], rb.Mo
         run(PENDULUM.with_controller(deep))
 
 
+@pytest.mark.parametrize("raised", [SystemExit, GeneratorExit, BaseException])
+def test_a_controller_cannot_end_the_program(raised: type[BaseException]) -> None:
+    def leaving(reading: rb.Reading) -> Answer:
+        raise raised
+
+    with pytest.raises(
+        rb.InputError, match=rf"fails at t = 0 s, in .* line \d+: {raised.__name__}"
+    ):
+        integrated(PENDULUM.with_controller(rb.Controller(leaving, 0.01)))
+
+
+def test_an_interrupt_in_a_controller_ends_the_run_as_it_is() -> None:
+    def interrupted(reading: rb.Reading) -> Answer:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        integrated(PENDULUM.with_controller(rb.Controller(interrupted, 0.01)))
+
+
 class Uncopied:
     def __call__(self, reading: rb.Reading) -> Answer:
         return {}
@@ -382,7 +401,7 @@ RUNS = {
     "lag": (answering({"pull": 1.0}, scene=FILTERED), "pull activation"),
     "copy": (
         PENDULUM.with_controller(rb.Controller(Uncopied(), 0.1)),
-        "copied TypeError battery",
+        "copied line TypeError battery",
     ),
     "arguments": (
         PENDULUM.with_controller(rb.Controller(lambda: {}, 0.1)),  # type: ignore[arg-type,misc]

@@ -221,9 +221,12 @@ DRIVES = {
         "times 3 1~s",
     "Samples(times=(0.0, 1.0), values=(0.0, NAN))": "2 samples 1e+50 nan",
     "Sum(())": "sum rate",
-    "run(lambda t: 1 / (t - 4))": "function t~=~4~s ZeroDivisionError:",
+    "run(lambda t: 1 / (t - 4))": "function t~=~4~s line~1: ZeroDivisionError:",
     "run(Sum((1.0, lambda t: math.sqrt(4.5 - t))))":
-        "function 4.5…~s ValueError:",
+        "function 4.5…~s line~1: ValueError:",
+    "run(lambda t: exit())": "function 0~s line~1: SystemExit",
+    "run(Custom(of_sine, derivative=lambda t: exit()))": "derivative line~1: SystemExit",
+    "run(Custom(of_sine, integral=lambda t: None))": "integral TypeError: NoneType",
     "Sine(amplitude=1.0, frequency=0.0)":
         "sine frequency 0~Hz",
     "FIG12.with_hinges(command={'frame': Sine(amplitude=1, frequency=1)}).parameters":

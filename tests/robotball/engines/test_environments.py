@@ -50,6 +50,18 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return home.parent
 
 
+def test_a_package_whose_engine_cannot_be_loaded_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With the line of its file, also if that ends the program."""
+    package(tmp_path, "leaving", "[robotball.engines]\nleaving = leaving_engine:ENGINE\n")
+    (tmp_path / "leaving_engine.py").write_text("raise SystemExit(0)\n")
+    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
+    words = r"the engine 'leaving' of leaving_engine:ENGINE fails, in .*\.py line 1: SystemExit: 0"
+    with pytest.raises(rb.InputError, match=words):
+        rb.engine_named("leaving")
+
+
 @pytest.mark.slow
 def test_an_engine_runs_in_its_environment_by_itself(folder: Path) -> None:
     """The same motion to the last bit, with the version of there; its warning is issued here."""

@@ -135,10 +135,12 @@ REFUSED = {
             "loop.py": "--controller FILE.py:NAME 'loop.py'",
             "none.py:stop": "none.py FileNotFoundError",
             "loop.py:stopp": "loop.py rb.Controller 'stopp'",
-            "broken.py:stop": "broken.py NameError 'rb'",
+            "broken.py:stop": "broken.py line~1: NameError 'rb'",
+            "leaving.py:stop": "leaving.py line~1: SystemExit",
         }.items()
     },
     "compare pendulum_robot --controller loop.py:fails": ("0~s loop.py line~4 ZeroDivisionError"),
+    "compare pendulum_robot --controller loop.py:leaves": "0~s loop.py line~6 SystemExit 0",
     "compare fig12 --controller loop.py:stop": "fig12 motor",
     "compare nowhere.toml": "nowhere.toml No~such~file",
     f"compare {LONG}.toml": "File~name~too~long",
@@ -200,8 +202,10 @@ FILES = {
         "import robotball as rb\nstop = rb.Controller(lambda _: {}, 0.1)\n"
         "def failing(reading):\n    return {'frame': 1 / reading.time}\n"
         "fails = rb.Controller(failing, 0.1)\n"
+        "leaves = rb.Controller(lambda _: exit(0), 0.1)\n"
     ),
     "broken.py": "stop = rb.Controller(lambda _: {}, 0.1)\n",
+    "leaving.py": "raise SystemExit\n",
     "b.json": "{",
     "c.json": '{"versions": 1}',
     "e.json": '{"versions": {}, "a": ' + "[" * 200_000 + "]" * 200_000 + "}",

@@ -7,16 +7,17 @@ can be.
 
 import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from functools import cached_property, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robotball.errors import LARGEST, InputError, check_positive, check_size, unknown
-from robotball.rotations import Array
+from robotball.rotations import Array, as_floats
 
 if TYPE_CHECKING:
     from robotball.drives import Rate
@@ -27,14 +28,41 @@ class Value:
     """Base of dataclasses with arrays: equal to one of the same type with equal fields.
 
     Arrays are equal number by number, NaN to NaN; fields with compare=False do not count. Such a
-    record has no hash, because arrays have none.
+    record has no hash, because arrays have none. Its arrays are read-only: it was checked when it
+    was made.
     """
+
+    def __post_init__(self) -> None:
+        self.__setstate__({})
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        # A copy, or what another process sends, has arrays that can be written.
+        own = vars(self)
+        own |= state
+        own |= {name: read_only(each) for name, each in own.items() if isinstance(each, np.ndarray)}
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
         # Set on the class itself: a dataclass writes its own __eq__ over one that is inherited, and
         # that one asks arrays for a single truth value, which they do not have.
         cls.__eq__ = _equal  # type: ignore[method-assign]
+
+
+def read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """Return a view of an array through which it cannot be written."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+def cached_array(compute: Callable[[Any], Array]) -> "cached_property[Array]":
+    """Make a cached property of a method that returns an array, which is read-only."""
+
+    @wraps(compute)
+    def protected(self: Any) -> Array:
+        return read_only(compute(self))
+
+    return cached_property(protected)
 
 
 def _equal(one: Any, other: Any) -> Any:
@@ -143,15 +171,9 @@ class Given(Value):
             if each.type is not Array:
                 continue
             value = getattr(self, each.name)
-            try:
-                array = np.asarray(value, float)
-            except (TypeError, ValueError):
-                array = np.empty(0)
-            shape = _SHAPES.get(each.name, (3,))
-            if array.shape != shape:
-                what = f"a {type(self).__name__.lower()}'s {each.name}"
-                raise InputError(f"{what} must be numbers of shape {shape}, not {value!r}")
-            object.__setattr__(self, each.name, array)
+            what = f"a {type(self).__name__.lower()}'s {each.name}"
+            array = as_floats(what, value, _SHAPES.get(each.name, (3,)))
+            object.__setattr__(self, each.name, read_only(array))
 
 
 @dataclass(frozen=True)
@@ -591,13 +613,13 @@ class Ball(Value):
         """M a² [kg m²]: the ball's mass as seen from the contact point."""
         return self.mass * self.radius**2
 
-    @cached_property
+    @cached_array
     def inertia(self) -> Array:
         """The whole ball's inertia (3, 3) about the sphere's centre, frame axes [kg m²]."""
         about_centre = [inertia_about(np.zeros(3), body) for _, body in self.named_bodies]
         return np.array(about_centre).sum(axis=0)
 
-    @cached_property
+    @cached_array
     def centre_of_mass(self) -> Array:
         """The centre of mass (3,) from the centre of the sphere, frame axes [m]."""
         moment = np.array([body.mass * body.centre for _, body in self.named_bodies]).sum(axis=0)
@@ -613,17 +635,17 @@ class Ball(Value):
         moments = np.diag(self.inertia)
         # A sum of diagonal tensors, some turned about a coordinate axis, is diagonal to roundings.
         if np.abs(self.inertia - np.diag(moments)).max() <= 1e-14 * moments.sum():
-            return moments.copy(), np.eye(3)
+            return moments, read_only(np.eye(3))
         moments, axes = np.linalg.eigh(self.inertia)
         # eigh may return a reflection, which no quaternion can express.
-        return moments, axes if np.linalg.det(axes) > 0 else -axes
+        return read_only(moments), read_only(axes if np.linalg.det(axes) > 0 else -axes)
 
-    @cached_property
+    @cached_array
     def A(self) -> Array:
         """(I + d E)⁻¹ (3, 3) in frame axes [1/(kg m²)]."""
         return np.linalg.inv(self.inertia + self.d * np.eye(3)).astype(np.float64)
 
-    @cached_property
+    @cached_array
     def gyrostatic_inertia(self) -> Array:
         """(3, 1 + rotors) of (A.3), frame axes [kg m²]: k is this times the hinges' rates.
 

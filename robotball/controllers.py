@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from robotball.ball import Value
 from robotball.errors import InputError, check_not_negative, check_positive, check_seed, unknown
 from robotball.rotations import Array
 
@@ -20,7 +21,7 @@ SENSORS = {"gyro": "rad/s", "attitude": "rad", "angles": "rad", "rates": "rad/s"
 
 
 @dataclass(frozen=True)
-class Reading:
+class Reading(Value):
     """Hold what the sensors of a robot read at a time.
 
     Attributes

@@ -35,7 +35,7 @@ from scipy.optimize import brentq
 from robotball.ball import ROUNDING, Ball, Frame, Hinge, Rotor, Shell, shell_inertia
 from robotball.equations import Parameters
 from robotball.errors import InputError, check_not_negative, check_positive, check_size
-from robotball.rotations import Array
+from robotball.rotations import Array, as_floats
 from robotball.scene import Scene
 
 _MOST_ROTORS = 2  # a third one is of no use, as the head of this file shows
@@ -316,7 +316,7 @@ def _check_sizes(radius: float, mass: float | None, limits: Limits) -> None:
 
 
 def _symmetric_positive(A: ArrayLike) -> Array:
-    matrix = np.asarray(A, dtype=float)
+    matrix = as_floats("A", A)
     if matrix.shape == (3,):
         matrix = np.diag(matrix)
     if matrix.shape != (3, 3) or not np.all(np.isfinite(matrix)):
@@ -333,9 +333,7 @@ def _symmetric_positive(A: ArrayLike) -> Array:
 
 
 def _vector(name: str, v: ArrayLike) -> Array:
-    vector = np.asarray(v, dtype=float)
-    if vector.shape != (3,) or not np.all(np.isfinite(vector)):
-        raise InputError(f"{name} must be 3 finite numbers, not {np.asarray(v).tolist()}")
+    vector = as_floats(name, v, (3,))
     for value in vector.tolist():
         check_size(name, value)
     return vector

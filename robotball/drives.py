@@ -164,6 +164,8 @@ class Ramp(_Curve, frozen=True, kw_only=True, tag="ramp"):
     ] = "linear"
 
     def __post_init__(self) -> None:
+        check_size("a ramp's start", self.start, "s")
+        check_size("a ramp's end", self.end, "s")
         if not 0 <= self.start < self.end:
             raise InputError(
                 f"a ramp must start at 0 or later and end after that, not from "

@@ -17,7 +17,7 @@ import numpy as np
 
 from robotball.engines import Progress
 from robotball.engines.dop853 import LEAST_RTOL
-from robotball.errors import InputError, call_users, unknown, warn
+from robotball.errors import InputError, call_users, check_count, check_positive, unknown, warn
 from robotball.loads import Loads
 from robotball.motion import (
     ContactMotion,
@@ -203,7 +203,7 @@ def engine_named(name: str) -> Engine:
     >>> sorted(rb.engine_named("mujoco").presets)
     ['accurate', 'adaptive', 'balanced', 'fast', 'naive']
     """
-    if name in OURS:
+    if name in [*OURS]:
         return _loaded(OURS[name])
     for point in entry_points(group=_GROUP, name=name):
         engine: Engine = call_users(f"the engine {name!r} of {point.value} fails", point.load)
@@ -301,13 +301,14 @@ def request_of(
     keep_going: do not end at the first fault. Raises InputError for an unknown engine or preset,
     for both settings and accuracy, and for an accuracy that the engine cannot reach.
     """
-    chosen = engine_named(of) if isinstance(of, str) else of
+    if isinstance(of, str) or not hasattr(of, "presets"):
+        of = engine_named(str(of))
     if accuracy is not None:
-        _check_accuracy(chosen, settings, accuracy, keep_going)
-        return Request(chosen, None, float(accuracy))
+        _check_accuracy(of, settings, accuracy, keep_going)
+        return Request(of, None, float(accuracy))
     if not isinstance(settings, EngineSettings):
-        settings = preset_named(chosen.presets, settings or chosen.default)
-    return Request(chosen, replace(settings, stop_at_fault=False) if keep_going else settings)
+        settings = preset_named(of.presets, settings or of.default)
+    return Request(of, replace(settings, stop_at_fault=False) if keep_going else settings)
 
 
 def _check_accuracy(
@@ -449,10 +450,12 @@ def integrate(
     """
     scene = scene_of(scene)
     times = scene.times if times is None else check_times(times)
-    if not LEAST_RTOL <= rtol < 1:
+    if not LEAST_RTOL <= check_positive("rtol", rtol, "") < 1:
         raise InputError(f"rtol must be at least {LEAST_RTOL:g} and less than 1, not {rtol:g}")
+    if max_steps is not None:
+        check_count("max_steps", max_steps, 1, 2**62)
     chosen = equations or ("multibody" if scene.not_reduced else "reduced")
-    if chosen not in _EQUATIONS:
+    if chosen not in [*_EQUATIONS]:
         raise unknown("set of equations", chosen, _EQUATIONS)
     # Overflow is found in the result, with the number that overflowed, rather than in a warning.
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):

@@ -145,6 +145,10 @@ def _check_number(what: str, value: object) -> None:
     # Python's numbers and NumPy's are; an array of one number is not.
     if not isinstance(value, Real):
         raise InputError(f"{what} must be a number, not {value!r}")
+    try:
+        float(value)
+    except OverflowError:  # of a whole number with hundreds of digits
+        raise InputError(f"{what} must be at most {LARGEST:g} in size") from None
 
 
 def check_positive(what: str, value: float, unit: str) -> float:

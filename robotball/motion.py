@@ -153,7 +153,7 @@ _Preset = TypeVar("_Preset", bound=EngineSettings)
 
 def preset_named(presets: Mapping[str, _Preset], name: str) -> _Preset:
     """Return an engine's preset by name. Raises InputError, with near matches, if there is none."""
-    if name not in presets:
+    if name not in [*presets]:
         raise unknown("preset", name, presets)
     return presets[name]
 

@@ -1,4 +1,4 @@
-"""Rotations as quaternions (w, x, y, z), the order of MuJoCo; unit vectors; uneven times."""
+"""Arrays of a user's numbers; rotations as quaternions (w, x, y, z); unit vectors; uneven times."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,21 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 Mask = NDArray[np.bool_]
 Z: Array = np.array([0.0, 0.0, 1.0])
+
+
+def as_floats(what: str, value: object, shape: tuple[int, ...] | None = None) -> Array:
+    """Return a copy of numbers that a user gave as an array.
+
+    Raises InputError unless they are numbers of the shape; None allows any.
+    """
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        array = None
+    if array is None or shape not in (None, array.shape):
+        of_shape = f" of shape {shape}" if shape else ""
+        raise InputError(f"{what} must be numbers{of_shape}, not {value!r}")
+    return array
 
 
 def multiply(p: Array, q: Array) -> Array:

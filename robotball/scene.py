@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robotball.ball import ROUNDING, Ball, Given, Link, Value, imbalance
+from robotball.ball import ROUNDING, Ball, Given, Link, Value, cached_array, imbalance
 from robotball.drives import Constant, Drive, Rate, as_drive, turns
 from robotball.equations import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.errors import LARGEST, InputError, check_not_negative, check_positive, check_size
 from robotball.files import named
-from robotball.rotations import Array, from_matrix, normalised, rotation_matrix, uneven
+from robotball.rotations import Array, as_floats, from_matrix, normalised, rotation_matrix, uneven
 
 if TYPE_CHECKING:
     from robotball.controllers import Controller
@@ -59,7 +59,9 @@ def sample_times(duration: float, interval: float | None = None) -> Array:
     [0.0, 0.25, 0.5, 0.75, 1.0]
     """
     check_positive("duration", duration, "s")
-    if interval is None:
+    if interval is not None:
+        check_positive("interval", interval, "s")
+    else:
         interval = _LONG_INTERVAL if duration > _LONG else SAMPLE_INTERVAL
     if not duration / interval < _MOST_SAMPLES:
         raise InputError(
@@ -72,7 +74,7 @@ def sample_times(duration: float, interval: float | None = None) -> Array:
 
 def check_times(times: Array) -> Array:
     """Return times (n,) as floats. Raises InputError unless finite, increasing and from 0."""
-    times = np.asarray(times, dtype=float)
+    times = as_floats("times", times)
     if times.ndim != 1 or len(times) < 2:
         raise InputError(f"times must be two or more (sample_times), not of shape {times.shape}")
     if not np.all(np.isfinite(times)):
@@ -137,7 +139,7 @@ class Start(Given):
     attitude: Array
     momentum: Array
 
-    @cached_property
+    @cached_array
     def to_world(self) -> Array:
         """The attitude as a matrix (3, 3), frame to world; its rows are α, β, γ."""
         return rotation_matrix(self.attitude)
@@ -334,7 +336,8 @@ class Scene(Value):
         check_positive("duration", self.duration, "s")
         check_positive("gravity", self.gravity, "m/s²")
         assert len(self.hinges) == len(self.ball.hinges)  # commands are checked as drives are made
-        down = unit("gravity_direction", np.array(self.gravity_direction))
+        down = as_floats("gravity_direction", self.gravity_direction, (3,))
+        down = unit("gravity_direction", down)
         if not down[2] < 0:
             raise InputError(
                 f"gravity_direction must press the ball on the plane: its Z is {down[2]:.6g}, and "
@@ -385,17 +388,17 @@ class Scene(Value):
 
         return scene_cell(self)
 
-    @cached_property
+    @cached_array
     def times(self) -> Array:
         """The sample times (n,) that are taken where none are given, from 0 to the duration [s]."""
         return sample_times(self.duration)
 
-    @cached_property
+    @cached_array
     def principal_axes(self) -> Array:
         """The rotation (3, 3) from principal to frame axes: v_frame = principal_axes @ v."""
         return self.ball.principal[1]
 
-    @cached_property
+    @cached_array
     def principal_quaternion(self) -> Array:
         """`principal_axes` as a quaternion (4,)."""
         return from_matrix(self.principal_axes)
@@ -473,7 +476,7 @@ class Scene(Value):
 
         return robot_of(self.ball)
 
-    @cached_property
+    @cached_array
     def hinged(self) -> Array:
         """The hinges' angles and rates (2, 1, h) at the start, as `robot` takes one state's."""
         return np.array([[[h.angle for h in self.hinges]], [[h.rate for h in self.hinges]]])

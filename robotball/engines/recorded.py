@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotball.errors import InputError, warn
-from robotball.files import named, readable
+from robotball.files import as_path, named, readable
 from robotball.files.columns import read_table
 from robotball.files.trajectories import FORMAT, Trajectory, arrays_of, read_trajectory
 from robotball.loads import Loads, loads_of
@@ -190,7 +190,7 @@ def load_motion(path: str | Path, scene: Scene) -> Motion:
     >>> bool((rb.load_motion("run.csv", scene).momentum == motion.momentum).all())
     True
     """
-    path = Path(path)
+    path = as_path("a motion", path)
     table = read_table(path)
     if table.header.get("format") != FORMAT:
         return recorded(scene, read_trajectory(path))

@@ -5,6 +5,7 @@ errors into an InputError. `replacing` has how files are written, and the others
 """
 
 import errno
+import os
 import stat
 from codecs import BOM_UTF8
 from collections.abc import Iterator
@@ -49,6 +50,13 @@ def readable(what: str) -> Iterator[None]:
         if not (isinstance(error, _UNREADABLE) or type(error).__module__ in _READERS):
             raise
         raise InputError(f"{what}: {error}") from None
+
+
+def as_path(what: str, path: object) -> Path:
+    """Return a path that a user gave. Raises InputError unless it is a str or a Path."""
+    if not isinstance(path, str | os.PathLike):
+        raise InputError(f"{what} must be a path or a name, not {path!r}")
+    return Path(path)
 
 
 @contextmanager

@@ -21,6 +21,7 @@ from robotball.drives import Constant, Drive, Ramp, Samples, Sine, Total
 from robotball.engine import integrate
 from robotball.engines.states import links_of
 from robotball.errors import InputError
+from robotball.files import as_path
 from robotball.files.columns import Table, write_table
 from robotball.files.json_text import json_text
 from robotball.files.replacing import replacing
@@ -77,7 +78,7 @@ def export_scene(scene: Scene, folder: Path | str, times: Array | None = None) -
     >>> print(*(file.name for file in files))
     README.md drives.csv model.sdf model.urdf model.xml reference.csv scene.json scene.toml
     """
-    folder = Path(folder)
+    folder = as_path("the folder", folder)
     scene.check_open("an export")
     motion = integrate(scene, times)
     conventions = files("robotball.files").joinpath("export_conventions.md")

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from robotball.errors import LARGEST, InputError
-from robotball.files import named
+from robotball.files import as_path, named
 from robotball.files.columns import VALUES, Table, read_table
 from robotball.files.trajectories import (
     LENGTHS,
@@ -116,12 +116,12 @@ class Log:
         return max(float(each.times[-1]) for each in self.sensors)
 
 
-def read_log(path: Path, scene: Scene) -> Log:
+def read_log(path: str | Path, scene: Scene) -> Log:
     """Read the log of a robot.
 
     Parameters
     ----------
-    path : Path
+    path : str or Path
         A CSV, NPZ or Parquet file with a column of times and those of any sensors.
     scene : Scene
         The robot, which names the hinges.
@@ -148,6 +148,7 @@ def read_log(path: Path, scene: Scene) -> Log:
     >>> rb.read_log(Path("run.csv"), scene).end
     0.5
     """
+    path = as_path("a log", path)
     table = read_table(path, gaps=True)
     with named(path):
         return _log_of(table, path.name, scene)

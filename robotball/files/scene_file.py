@@ -32,7 +32,7 @@ from robotball.ball import (
 )
 from robotball.drives import Rate
 from robotball.errors import InputError, check_positive, check_size, unknown, warn
-from robotball.files import MODEL_FILES, contents, named, readable
+from robotball.files import MODEL_FILES, as_path, contents, named, readable
 from robotball.files import scene_tables as tables
 from robotball.files.scene_tables import DRIVES, numbers_in, rate_of
 from robotball.rotations import Array, Z, direction, rotation_matrix
@@ -102,9 +102,9 @@ def load_scene(name: str | Path, controls: Mapping[str, Rate] | None = None) -> 
     ('rubber', 1.0)
     """
     # A catalog name first: a file of that name has a suffix, or a folder before it.
-    path = CATALOG / f"{name}.toml"
-    if str(name) not in catalog():
-        path = Path(name)
+    path = as_path("a scene", name)
+    if str(name) in catalog():
+        path = CATALOG / f"{name}.toml"
     if path.suffix in MODEL_FILES:
         from robotball.files.robot_scene import scene_of_robot
 

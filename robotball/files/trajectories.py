@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from robotball.errors import LARGEST, InputError
-from robotball.files import named
+from robotball.files import as_path, named
 from robotball.files.columns import Table, read_table, write_table
 from robotball.files.scene_writer import scene_toml
 from robotball.rotations import Array
@@ -176,7 +176,7 @@ class Trajectory:
     notes: tuple[str, ...] = ()
 
 
-def read_trajectory(path: Path) -> Trajectory:
+def read_trajectory(path: str | Path) -> Trajectory:
     """Read a trajectory that any simulator wrote.
 
     Time, position and attitude are needed. Columns are known by many names and in many units, and
@@ -184,7 +184,7 @@ def read_trajectory(path: Path) -> Trajectory:
 
     Parameters
     ----------
-    path : Path
+    path : str or Path
         A CSV, NPZ or Parquet file.
 
     Returns
@@ -207,6 +207,7 @@ def read_trajectory(path: Path) -> Trajectory:
     >>> trajectory.position.shape, trajectory.notes
     ((26, 3), ())
     """
+    path = as_path("a trajectory", path)
     table = read_table(path)
     with named(path):
         return _trajectory_of(table, path.name)

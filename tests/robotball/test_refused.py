@@ -255,6 +255,7 @@ COUNTS = {
     "at_most(0).__enter__()": "threads 1 0",
     "check_seed(-1)": "seed 0 -1",
     "check_positive('mass', 'x', 'kg')": "mass 'x'",
+    "check_size('angle', 10**400)": "angle 1e+50",
 }
 
 DESIGNS = {
@@ -284,7 +285,35 @@ DESIGNS = {
 MODULES = (ball, designing, designs, drives, errors, motors, processes, random_robots, scene)
 OTHERS = {"Prescribed": Prescribed, "scene_toml": scene_toml, "write_model": write_model}
 NAMES = {name: value for each in MODULES for name, value in vars(each).items()} | OTHERS | globals()
-ALL = BODIES | PARTS | SCENES | STARTS | DRIVES | MOTORS | COUNTS | DESIGNS
+# What is no number, time, name or path.
+PUBLIC = {
+    **{
+        f"rb.{function}(FIG12, times={value})": facts
+        for function in ("integrate", "simulate", "compare")
+        for value, facts in {
+            "'abc'": "times 'abc'",
+            "[]": "times two (0,)",
+            "[0.0, NAN]": "times finite",
+            "[0.0, 2.0, 1.0]": "times increase 1 2",
+            "[-1.0, 1.0]": "times 0 -1",
+        }.items()
+    },
+    "rb.integrate(FIG12, rtol='abc')": "rtol 'abc'",
+    "rb.integrate(FIG12, max_steps=0)": "max_steps 1 0",
+    "rb.integrate(FIG12, equations=['reduced'])": "equations ['reduced']",
+    "rb.simulate(FIG12, engine=None)": "engine 'None'",
+    "rb.simulate(FIG12, settings=['fast'])": "preset ['fast']",
+    "rb.sample_times(1.0, 'abc')": "interval 'abc'",
+    "rb.sample_times(1.0, 0.0)": "interval 0~s",
+    "rb.Ramp(final=1.0, end='abc')": "ramp end 'abc'",
+    "rb.load_scene(None)": "scene None",
+    "rb.read_log(None, FIG12)": "log None",
+    "rb.read_trajectory('abc')": "abc",
+    "rb.design('abc', [0, 0, 1], [0, 0, 0], 0.1)": "A 'abc'",
+}
+
+
+ALL = PUBLIC | BODIES | PARTS | SCENES | STARTS | DRIVES | MOTORS | COUNTS | DESIGNS
 
 
 def refusal(snippet: str) -> str:

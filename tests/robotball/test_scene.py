@@ -1,8 +1,12 @@
 """Scene: its sample times, its scales, and the forms in which its start is given."""
 
+import copy
+import pickle
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pytest
@@ -165,3 +169,41 @@ def test_a_scene_from_another_start_is_one_made_anew(name: str) -> None:
     assert found == wanted
     assert [each for each in found if found[each] != before[each]] == ["momentum_scale"]
     assert len(found) > 15
+
+
+MOTION = rb.simulate(SCENE, rb.sample_times(0.1), "fast")
+ARRAYS: dict[str, Callable[[rb.Scene, rb.ContactMotion], Array]] = {
+    "a start's": lambda scene, motion: scene.start.momentum,
+    "a start's axes": lambda scene, motion: scene.start.to_world,
+    "a body's": lambda scene, motion: scene.ball.shell.axis,
+    "a ball's": lambda scene, motion: scene.ball.inertia,
+    "a scene's times": lambda scene, motion: scene.times,
+    "a motion's": lambda scene, motion: motion.momentum,
+    "a motion's start": lambda scene, motion: motion.scene.start.attitude,
+    "loads'": lambda scene, motion: motion.loads.contact_force,
+    "a report's": lambda scene, motion: motion.report.slip,
+}
+
+
+@pytest.mark.parametrize("taken", ["as made", "copied", "sent to another process"])
+@pytest.mark.parametrize("name", ARRAYS)
+def test_no_array_of_what_was_checked_can_be_written(name: str, taken: str) -> None:
+    """A rubber ball's M that is written to would no longer be horizontal."""
+    ways: dict[str, Callable[[Any], Any]] = {
+        "as made": lambda value: value,
+        "copied": copy.deepcopy,
+        "sent to another process": lambda value: pickle.loads(pickle.dumps(value)),
+    }
+    array = ARRAYS[name](*map(ways[taken], (SCENE, MOTION)))
+    with pytest.raises(ValueError, match="read-only"):
+        array[:] = 1.0
+
+
+def test_a_callers_own_arrays_stay_writable_and_change_nothing() -> None:
+    attitude, momentum = np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.5, 0.0])
+    start, times = rb.Start(attitude, momentum), rb.sample_times(0.1)
+    motion = rb.simulate(SCENE.from_start(start), times, "fast")
+    before = motion.times.tolist()
+    momentum[:], times[:] = 1.0, 0.0
+    assert start.momentum.tolist() == [0.0, 0.5, 0.0]
+    assert motion.times.tolist() == before

@@ -18,7 +18,7 @@ from robotball.engines.observe import spans
 from robotball.errors import InputError, check_positive
 from robotball.motion import DIVERGED
 from robotball.plane import check_still
-from robotball.rotations import Array
+from robotball.rotations import Array, as_floats
 from robotball.scene import SAMPLE_INTERVAL, Scene
 
 try:
@@ -102,7 +102,7 @@ def dm_environment(
     if path is None:
         times = np.arange(round(scene.duration / control_timestep) + 1, dtype=float)
         path = integrate(scene, times * control_timestep).contact_point
-    path = np.asarray(path, dtype=float)
+    path = as_floats("path", path)
     if path.ndim != 2 or path.shape[1] != 2 or len(path) < 2 or not np.isfinite(path).all():
         raise InputError(f"path must be finite numbers (n, 2), n > 1; its shape is {path.shape}")
     model = build(scene, chosen)

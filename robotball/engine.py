@@ -17,7 +17,7 @@ import numpy as np
 
 from robotball.engines import Progress
 from robotball.engines.dop853 import LEAST_RTOL
-from robotball.errors import InputError, call_users, check_count, check_positive, unknown, warn
+from robotball.errors import InputError, check_count, check_size, unknown, warn
 from robotball.loads import Loads
 from robotball.motion import (
     ContactMotion,
@@ -206,6 +206,8 @@ def engine_named(name: str) -> Engine:
     if name in [*OURS]:
         return _loaded(OURS[name])
     for point in entry_points(group=_GROUP, name=name):
+        from robotball.users_code import call_users  # which our own engines do without
+
         engine: Engine = call_users(f"the engine {name!r} of {point.value} fails", point.load)
         return engine
     raise unknown("engine", name, engine_names())
@@ -450,7 +452,8 @@ def integrate(
     """
     scene = scene_of(scene)
     times = scene.times if times is None else check_times(times)
-    if not LEAST_RTOL <= check_positive("rtol", rtol, "") < 1:
+    check_size("rtol", rtol)
+    if not LEAST_RTOL <= rtol < 1:
         raise InputError(f"rtol must be at least {LEAST_RTOL:g} and less than 1, not {rtol:g}")
     if max_steps is not None:
         check_count("max_steps", max_steps, 1, 2**62)

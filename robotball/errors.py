@@ -6,16 +6,13 @@ And MuJoCo's own warnings, which several rooms keep from being printed.
 import difflib
 import math
 import sys
-import sysconfig
 import threading
-import traceback
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from numbers import Real
-from typing import Any, TypeVar
+from typing import Any
 
-_T = TypeVar("_T")
 # In SI units, far beyond any ball, and small enough that products of a few do not overflow.
 LARGEST = 1e50
 _MOST_COUNTED = 10_000_000  # of anything that is counted: more fill the memory
@@ -112,33 +109,6 @@ def too_many_steps(taken: int, reached: float, end: float, speed: float) -> Inpu
         f"{taken} steps reach t = {reached:.4g} s of {end:g}: the ball turns at {speed:.3g} rad/s, "
         f"and the whole needs {needed} steps; shorten the motion or raise max_steps"
     )
-
-
-def call_users(what: str, function: Callable[..., _T], *given: Any, at: float | None = None) -> _T:
-    """Call a function that a user wrote, or code of theirs, at a time [s] of the run.
-
-    Whatever it raises becomes an InputError with the user's file and line. That includes SystemExit
-    and other exceptions that are no `Exception`, which would end the program without a word.
-    KeyboardInterrupt passes, as Ctrl-C and other signals end the program with it.
-    """
-    try:
-        return function(*given)
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:
-        when = "" if at is None else f" at t = {at:g} s"
-        why = f"{type(error).__name__}: {error}".rstrip(": ")
-        raise InputError(f"{what}{when}{_line_of(error)}: {why}") from error
-
-
-def _line_of(error: BaseException) -> str:
-    """Return ", in FILE line N" for an error raised in a user's file, else ""."""
-    frames = traceback.extract_tb(error.__traceback__)[1:]
-    # A file that is run, and an object that is copied, has Python's own frames around it.
-    pythons = ("<frozen", sysconfig.get_path("stdlib"))
-    users = [each for each in frames if not each.filename.startswith(pythons)]
-    own = [each for each in users if each.filename == users[0].filename]
-    return f", in {own[-1].filename} line {own[-1].lineno}" if own else ""
 
 
 def _check_number(what: str, value: object) -> None:

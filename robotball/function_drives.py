@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from robotball.errors import END_ROUNDING, LARGEST, InputError, call_users, warn
+from robotball.errors import END_ROUNDING, LARGEST, InputError, warn
 from robotball.rotations import Array, uneven
+from robotball.users_code import call_users
 
 _Function = Callable[[float], float]
 

@@ -4,10 +4,13 @@ In order: faults, engine settings, the report, Motion, the four errors of a moti
 reference with one scale each, and the joining of consecutive parts.
 """
 
+import platform
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from enum import Enum
-from functools import cached_property
+from functools import cache, cached_property
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -23,6 +26,7 @@ from robotball.scene import Scene
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_PACKAGES = ("robotball", "mujoco", "numpy", "scipy")  # on whose versions numbers depend
 # The limits that every engine's run is held to.
 DIVERGED = 1e10  # a state beyond it is no result; MuJoCo's own limit (mjMAXVAL)
 _LEAST_TIME = 1e-9  # s; the resolution of a clock at best
@@ -168,6 +172,22 @@ class Label:
     marker: str = "H"
 
 
+def versions() -> dict[str, str]:
+    """Return the versions and the machine that the numbers of this process depend on."""
+    machine = f"{platform.system()} {platform.machine()}"
+    packages = {package: _version_of(package) for package in _PACKAGES}
+    return {"python": platform.python_version(), "machine": machine, **packages}
+
+
+def _version_of(package: str) -> str:
+    # A package that is loaded knows its version, whatever is installed beside it.
+    loaded = getattr(sys.modules.get(package), "__version__", None)
+    return str(loaded or _installed(package))
+
+
+_installed = cache(version)
+
+
 @dataclass(frozen=True)
 class ContactReport(Value):
     """Report on a contact engine's run.
@@ -205,6 +225,9 @@ class ContactReport(Value):
         Events that belong to the motion and are no faults.
     python_seconds : float or None, s
         The part of `seconds` that Python takes at the steps. None if it is not measured.
+    versions : mapping of str to str
+        The versions of Python and of packages in the process that ran the engine. That may be one
+        of the engine's own environment.
 
     Examples
     --------
@@ -228,6 +251,7 @@ class ContactReport(Value):
     estimated_error: float | None = None
     notes: tuple[Fault, ...] = ()
     python_seconds: float | None = field(default=None, compare=False)
+    versions: Mapping[str, str] = field(default_factory=versions, compare=False)
 
     def __repr__(self) -> str:
         from robotball.notebook import report_lines

@@ -191,7 +191,7 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
 
 def _version_line() -> str:
     """Return the versions that a report of an error should name."""
-    from validation.output import versions
+    from robotball.motion import versions
 
     own, *others = (f"{name} {number}" for name, number in versions().items() if name != "machine")
     return f"{others[0]} ({', '.join([own, *others[1:]])})"

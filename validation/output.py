@@ -8,13 +8,11 @@ import csv
 import io
 import math
 import os
-import platform
 import re
 import sys
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from importlib.metadata import version
 from pathlib import Path
 from shutil import which
 from textwrap import wrap
@@ -26,6 +24,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from robotball.errors import InputError
 from robotball.files.json_text import json_text
 from robotball.files.replacing import STANDARD_OUTPUT, followed, no_regular_file, refused, replacing
+from robotball.motion import versions
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,16 +35,6 @@ _DPI = 120
 _CHARACTERS = 10  # of 12 points, in an inch
 _WIDEST = 10_000  # characters, more than a table has
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")  # beginnings of one, for a spreadsheet
-_PACKAGES = ("robotball", "mujoco", "numpy", "scipy")
-
-
-def versions() -> dict[str, str]:
-    """Return the versions and machine that a number depends on besides scene and settings."""
-    return {
-        "python": platform.python_version(),
-        "machine": f"{platform.system()} {platform.machine()}",
-        **{package: version(package) for package in _PACKAGES},
-    }
 
 
 def program() -> str:

@@ -19,17 +19,16 @@ from rich.markup import escape
 
 from robotball import Controller, InputError, Motion, Scene, catalog, load_scene
 from robotball.drives import Rate
-from robotball.errors import call_users
 from robotball.files.columns import read_samples
 from robotball.files.json_text import json_text
-from robotball.motion import Label
+from robotball.motion import Label, versions
+from robotball.users_code import call_users
 from validation.agreement import Agreement
 from validation.output import (
     known,
     plain_table,
     print_whole,
     scientific,
-    versions,
     write_rows,
     write_text,
 )
@@ -174,10 +173,11 @@ OWN_FILE = (
 def record(agreement: Agreement) -> Record:
     """Return a comparison as plain data; numbers of a run that broke off are None."""
     report, sensitivity = agreement.report, agreement.sensitivity
+    engine = agreement.motion.engine
     return {
         "scene": agreement.scene.name,
         "rolling": agreement.scene.rolling,
-        "engine": agreement.motion.engine.name,
+        "engine": engine.name,
         "preset": agreement.settings.name,
         "settings": agreement.settings.plain(),
         "timestep": report.timestep,
@@ -207,7 +207,9 @@ def record(agreement: Agreement) -> Record:
         "sensitivity": None if sensitivity is None else _json_settings(sensitivity),
         "loop_growth": agreement.loop_growth,
         "seed": None,  # nothing in a comparison is random
-        "versions": versions() | {agreement.motion.engine.name: agreement.motion.engine.version},
+        # An engine may run in an environment of its own, and the equations run here.
+        "versions": {**report.versions, engine.name: engine.version},
+        "reference_versions": versions(),
     }
 
 

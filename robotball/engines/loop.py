@@ -16,11 +16,12 @@ import numpy as np
 
 from robotball.controllers import SENSORS, Controller, Reading, Sensors
 from robotball.drives import Constant
-from robotball.errors import LARGEST, InputError, call_users, unknown
+from robotball.errors import LARGEST, InputError, unknown
 from robotball.function_drives import Held
 from robotball.motors import Free
 from robotball.rotations import Array, turned
 from robotball.scene import Scene
+from robotball.users_code import call_users
 
 
 class Sensed(NamedTuple):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.motion import versions
 from robotball.notebook import cell
 from robotball.rotations import multiply
 from robotball.variations import scaled
@@ -43,6 +44,14 @@ def test_a_motion_agrees_with_itself_exactly() -> None:
     agreement = agreement_with(attitude=multiply(turn, THEORY.attitude))
     assert agreement.gamma_error == pytest.approx(1e-6, abs=3e-15)
     assert agreement.attitude_error == pytest.approx(1e-6, abs=3e-15)
+
+
+def test_a_record_has_the_versions_where_the_engine_ran_and_where_the_equations_did() -> None:
+    elsewhere = {"python": "3.9.9", "mujoco": "3.1.0"}
+    agreement = agreement_with(report=replace(SOUND, versions=elsewhere))
+    found, engine = record(agreement), agreement.motion.engine
+    assert found["versions"] == {**elsewhere, engine.name: engine.version}
+    assert found["reference_versions"] == versions()
 
 
 def test_a_run_within_a_tick_of_the_clock_has_no_realtime_factor() -> None:

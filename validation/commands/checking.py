@@ -15,9 +15,9 @@ from robotball.files import named
 from robotball.files.robot_file import open_robot, starts_off
 from robotball.files.scene_keys import ask
 from robotball.film.web import view_fragment, view_head
-from robotball.motion import Motion
+from robotball.motion import Motion, versions
 from validation.options import AGREES, DISAGREES, OUT, Controls, Duration, File, Given
-from validation.output import progress_bar, versions, writable_folder, write_text
+from validation.output import progress_bar, writable_folder, write_text
 from validation.report import folded, page, paragraph, plain, table, text
 from validation.report import picture as figure
 from validation.results import controls_of

@@ -20,7 +20,8 @@ from rich.table import Table
 
 from robotball import InputError
 from robotball.files.json_text import json_text
-from validation.output import known, progress_bar, versions, write_text
+from robotball.motion import versions
+from validation.output import known, progress_bar, write_text
 
 _Verdict = Literal["holds", "holds as corrected", "does not reproduce", "not checked"]
 

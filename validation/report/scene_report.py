@@ -11,10 +11,11 @@ import numpy as np
 from robotball import Motion, scene_toml
 from robotball.film.lines import label_of, line_looks
 from robotball.film.web import view_fragment, view_head
+from robotball.motion import versions
 from robotball.notebook import counted
 from robotball.rotations import Array
 from validation.agreement import Agreement
-from validation.output import known, scientific, versions
+from validation.output import known, scientific
 from validation.plots import framed
 from validation.report import VERDICTS, embedded, folded, page, paragraph, plain, plot, table, text
 from validation.report.chart import Line

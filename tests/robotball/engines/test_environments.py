@@ -4,7 +4,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
-from importlib.metadata import distribution
+from importlib.metadata import distribution, version
 from pathlib import Path
 
 import numpy as np
@@ -65,12 +65,14 @@ def test_a_package_whose_engine_cannot_be_loaded_is_named(
 @pytest.mark.slow
 def test_an_engine_runs_in_its_environment_by_itself(folder: Path) -> None:
     """The same motion to the last bit, with the version of there; its warning is issued here."""
+    package(environments._packages(folder / "elsewhere"), "robotball")
     engine = elsewhere(ELSEWHERE, folder)
     with pytest.warns(rb.SceneWarning, match=naming("fig12 RK4 Elsewhere")):
         there = rb.simulate(FIG12, TIMES, engine=engine)
-    assert there.engine.version == "1.5"
+    assert there.engine.version == there.report.versions["robotball"] == "1.5"
     assert ELSEWHERE.label.version == "not installed"
     here = rb.simulate(FIG12, TIMES, engine=replace(ELSEWHERE, packages=()))
+    assert here.report.versions["robotball"] == version("robotball")
     assert np.array_equal(there.contact_point, here.contact_point)
     assert there.report.steps == here.report.steps == 10
 

@@ -23,7 +23,7 @@ from llvmlite.binding import get_host_cpu_name
 from numba.extending import register_jitable
 
 from robotball.errors import warn
-from robotball.files.replacing import is_own
+from robotball.files.replacing import foreign_in, is_own
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -115,7 +115,15 @@ def _folder_for(source: str, options: dict[str, Any]) -> Path | None:
     processor = numba.config.CPU_NAME or get_host_cpu_name(), numba.config.CPU_FEATURES
     made_from = repr((numba.__version__, processor, plain, source))
     digest = hashlib.sha256(made_from.encode()).hexdigest()[:32]
-    return None if home is None else home / digest
+    if home is None:
+        return None
+    if (home / digest).exists() and (foreign := foreign_in(home / digest)) is not None:
+        _warn_once(
+            f"compiled code is not kept, and compiled anew every time: {foreign} belongs to "
+            f"another user, or others may write there; delete {home / digest}"
+        )
+        return None
+    return home / digest
 
 
 @cache

@@ -33,7 +33,7 @@ from typing import Any, TypeVar
 
 import robotball
 from robotball.errors import InputError, warn
-from robotball.files.replacing import is_own
+from robotball.files.replacing import foreign_in, is_own
 from robotball.processes import answered, end_when_closed
 
 _T = TypeVar("_T")
@@ -132,7 +132,7 @@ def interpreter_of(home: Path) -> Path | None:
     """
     if not (_packages(home) / _MADE).exists():
         return None
-    _check_own(home)
+    _check_own(home, inside=True)
     if python_name(home) != _OWN_NAME:  # ours could not lend it its packages
         held = next((each for each in _held(home) if each.name == "robotball"), None)
         if held is None or _required(held) != _required(distribution("robotball")):
@@ -140,10 +140,12 @@ def interpreter_of(home: Path) -> Path | None:
     return (home / "bin" / "python").absolute()
 
 
-def _check_own(home: Path) -> None:
-    if not is_own(home):
+def _check_own(home: Path, inside: bool) -> None:
+    """Raise InputError where others may change an environment, or what is inside it."""
+    foreign = foreign_in(home) if inside else None if is_own(home) else home
+    if foreign is not None:
         raise InputError(
-            f"{home} belongs to another user, or others may write there, so it is not run: give "
+            f"{foreign} belongs to another user, or others may write there, so it is not run: give "
             "another folder with --environments"
         )
 
@@ -190,7 +192,7 @@ def make(home: Path, requirements: Sequence[str], python: Path | None = None) ->
         )
     home.mkdir(mode=0o700, parents=True, exist_ok=True)
     home.chmod(0o700)
-    _check_own(home)
+    _check_own(home, inside=False)  # what is inside goes
     python, why = (python, "as it was named") if python else _chosen(home, requirements[0])
     _create(home, python)
     failure = f"{home.name} cannot be installed"

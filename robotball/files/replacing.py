@@ -103,6 +103,36 @@ def is_own(folder: Path) -> bool:
     )
 
 
+def foreign_in(folder: Path) -> Path | None:
+    """Return the first folder or file that others may change, in one whose code is run, or None.
+
+    Everything in the folder must belong to this user, and not be writable by others. The group may
+    write there unless it can enter the folder. What a link names may belong to the system. Hidden
+    files are not looked at: they are locks and notes of the programs that made the folder.
+    """
+    if not is_own(folder):
+        return folder
+    closed = not folder.stat().st_mode & stat.S_IRWXG
+    others = stat.S_IWOTH if closed else stat.S_IWOTH | stat.S_IWGRP
+    folders = [os.fspath(folder)]
+    while folders:
+        with os.scandir(folders.pop()) as entries:
+            for entry in entries:
+                found, owners = entry.stat(follow_symlinks=False), [os.getuid()]
+                if stat.S_ISDIR(found.st_mode):
+                    folders.append(entry.path)
+                elif entry.name.startswith("."):
+                    continue
+                if stat.S_ISLNK(found.st_mode):
+                    try:
+                        found, owners = entry.stat(), [os.getuid(), 0]
+                    except OSError:  # it leads nowhere, and nothing is loaded by it
+                        continue
+                if found.st_uid not in owners or found.st_mode & others:
+                    return Path(entry.path)
+    return None
+
+
 def no_regular_file(path: Path) -> bool:
     """Return whether `path` is `-`, or names something that is there and no regular file."""
     return path == STANDARD_OUTPUT or (path.exists() and not path.is_file())

@@ -79,6 +79,15 @@ def test_set_up_shows_how_much_is_compiled(
     assert capsys.readouterr().err == counts + "robotball: compiled 14 of 14\n"
 
 
+def test_a_kept_file_that_others_may_write_is_not_loaded(home: Path) -> None:
+    """The function is compiled anew, with a warning that names the file."""
+    compiled()
+    (file,) = home.rglob("*.nbc")
+    file.chmod(0o666)
+    with pytest.warns(SceneWarning, match=naming(str(file))):
+        assert compiled() == (6.0, 1)
+
+
 CUT = [("nbi", 0), ("nbc", 0), ("nbi", 40), ("nbc", 400)]
 
 

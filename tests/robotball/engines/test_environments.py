@@ -121,6 +121,41 @@ def test_versions_are_those_that_the_environment_holds(folder: Path) -> None:
     assert environments.interpreter_of(folder / "none") is None
 
 
+@pytest.mark.parametrize("name", ["bin/python", "lib/*/site-packages", "lib/*/*/only_there.py"])
+def test_an_environment_with_a_file_that_others_may_write_is_not_run(
+    folder: Path, name: str
+) -> None:
+    """At any depth; the group may write below a folder that it cannot enter, as under umask 002."""
+    home = folder / "elsewhere"
+    (home / ".lock").touch()
+    (home / ".lock").chmod(0o666)
+    (path,) = home.glob(name)
+    path.chmod(0o775)
+    assert environments.interpreter_of(home) == home / "bin" / "python"
+    for top, mode in ((0o700, 0o777), (0o755, 0o775)):
+        home.chmod(top)
+        path.chmod(mode)
+        words = (
+            rf"{path} belongs to another user, or others may write there, so it is not run: give"
+        )
+        with pytest.raises(rb.InputError, match=words):
+            environments.interpreter_of(home)
+
+
+def test_a_link_of_an_environment_leads_to_what_only_its_user_or_the_system_changes(
+    folder: Path, tmp_path: Path
+) -> None:
+    home, python = folder / "elsewhere", tmp_path / "python3"
+    python.touch(mode=0o755)
+    (home / "bin" / "python").unlink()
+    (home / "bin" / "python").symlink_to(python)
+    (home / "bin" / "nowhere").symlink_to(tmp_path / "nowhere")
+    assert environments.interpreter_of(home) == home / "bin" / "python"
+    python.chmod(0o757)
+    with pytest.raises(rb.InputError, match="bin/python belongs to another user, or others may"):
+        environments.interpreter_of(home)
+
+
 @pytest.mark.parametrize("whose", ["another user's", "writable by others", "not made by us"])
 def test_an_environment_that_is_not_ours_is_not_run(
     folder: Path, whose: str, monkeypatch: pytest.MonkeyPatch

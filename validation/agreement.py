@@ -133,13 +133,10 @@ class Agreement(Value):
         return measure(self.motion, self.theory) if self.finished else None
 
     @property
-    def realtime_factor(self) -> float | None:
-        """Simulated seconds per second of stepping the engine, set-up excluded.
-
-        None if the run took less than a tick of the processor's clock.
-        """
+    def realtime_factor(self) -> float:
+        """Simulated seconds per second of stepping the engine, set-up excluded."""
         # Set-up is left out: it is the same for a second and for an hour.
-        return self.end / self.report.seconds if self.report.seconds else None
+        return self.end / self.report.seconds
 
     @property
     def tolerance(self) -> float:

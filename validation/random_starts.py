@@ -78,8 +78,7 @@ class ManyRuns:
         values = [each[error] for each in self.rows if each[error] is not None] or [np.nan]
         found = zip(PERCENTILES, np.percentile(values, [*PERCENTILES.values()]), strict=True)
         faulty = sum(each["fault"] is not None for each in self.rows)
-        seconds = sum(each["seconds"] for each in self.rows)
-        rate = len(self.rows) / seconds if seconds else None
+        rate = len(self.rows) / sum(each["seconds"] for each in self.rows)
         counts = {"runs": len(self.rows), "faulty": faulty, "runs_per_second": rate}
         return counts | {name: known(value) for name, value in found}
 

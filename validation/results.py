@@ -282,8 +282,8 @@ def growth_of(growth: float) -> str:
 def _row_numbers(record: Record) -> list[str]:
     """Return the timestep [ms], the three errors and the speed as both tables show them."""
     errors = (record[name] for name in ("path_error", "gamma_error", "momentum_error"))
-    step, speed = f"{record['timestep'] * 1e3:.3g}", record["realtime_factor"]
-    return [step, *map(scientific, errors), "-" if speed is None else f"{speed:.0f}"]
+    step, speed = f"{record['timestep'] * 1e3:.3g}", f"{record['realtime_factor']:.0f}"
+    return [step, *map(scientific, errors), speed]
 
 
 def _word(record: Record) -> str:

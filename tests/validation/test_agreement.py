@@ -14,7 +14,7 @@ from robotball.variations import scaled
 from tests.messages import naming, unnamed
 from tests.motions import as_contact
 from validation import Agreement, compare
-from validation.results import _row_numbers, record
+from validation.results import record
 
 pytestmark = pytest.mark.core
 
@@ -52,12 +52,6 @@ def test_a_record_has_the_versions_where_the_engine_ran_and_where_the_equations_
     found, engine = record(agreement), agreement.motion.engine
     assert found["versions"] == {**elsewhere, engine.name: engine.version}
     assert found["reference_versions"] == versions()
-
-
-def test_a_run_within_a_tick_of_the_clock_has_no_realtime_factor() -> None:
-    quick = agreement_with(report=replace(SOUND, seconds=0.0))
-    assert quick.realtime_factor is None
-    assert _row_numbers(record(quick))[-1] == "-"
 
 
 def test_a_ball_that_stays_in_place_has_a_path_error() -> None:

@@ -340,8 +340,7 @@ def check_model(
         return replace(checked, asked=(duration, accuracy), short=checked.short or line)
     least = 2 + int(1.2 * since[0]) if len(since) else 2
     most = len(full) + 4  # runs, of which those with all changes cost the most
-    within = int(_PATIENCE / (most * cost)) if cost else len(times)
-    tried = times[: max(least, within)]
+    tried = times[: max(least, int(_PATIENCE / (most * cost)))]
 
     def named(changes: Iterable[Change]) -> frozenset[str]:
         return frozenset(str(each) for each in changes)

@@ -228,7 +228,7 @@ def measure_settings(cell: Cell) -> dict[str, Any]:
     logging.getLogger("absl").setLevel(logging.ERROR)  # a process of its own says it again
     agreement = Agreement(theory, run(model, theory.times))
     # A slow configuration needs less of its motion for the same processor time.
-    part = _TIMED / max(_TIMED, agreement.report.seconds)
+    part = min(1.0, _TIMED / agreement.report.seconds)
     timed = theory.times[: max(2, math.ceil(len(theory.times) * part))]
     (cost,) = measure_costs([simulated_second(model, timed)], cell["rounds"])
     least, most = cost.spread

@@ -1,9 +1,5 @@
 """Costs as ratios: of works whose time is known, by a clock that the test sets."""
 
-import time
-from itertools import count
-
-import mujoco
 import pytest
 
 from validation.studies import timing
@@ -43,13 +39,3 @@ def test_a_cost_over_another_is_of_the_same_rounds() -> None:
     over = ours.over(theirs)
     assert over.ratios == (2.0, 3.0, 0.75)
     assert (over.ratio, over.spread, over.baseline) == (2.0, (0.75, 3.0), 1.0)
-
-
-def test_a_step_has_a_time_though_the_clock_moves_in_long_ticks(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """The clock moves by 4 ms at every third look, so two rounds of 5 steps are taken."""
-    looks = count(1)
-    monkeypatch.setattr(time, "thread_time", lambda: 0.004 * (next(looks) // 3))
-    model = mujoco.MjModel.from_xml_string("<mujoco><keyframe><key/></keyframe></mujoco>")
-    assert timing.one_step(model, 5) == 0.004 / 10

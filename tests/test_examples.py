@@ -87,8 +87,13 @@ def differences(cell: Json, text: str) -> list[str]:
     return [f"{one}, now {other}" for one, other in pairs if not near(one, other, tags)]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", NOTEBOOKS)
+# The other four are run by `make test-studies`.
+QUICK = ("data_sheet", "first_ten_minutes")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=() if n in QUICK else pytest.mark.study) for n in NOTEBOOKS]
+)
 def test_a_tutorial_prints_what_it_stores(
     name: str, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -3,7 +3,9 @@
 import json
 import re
 import time
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import mujoco
@@ -22,7 +24,7 @@ from tests.messages import naming, unnamed
 from tests.robotball.files.test_robot_file import GIMBAL, HULL
 from validation import compare
 from validation.studies import check
-from validation.studies.check import beside, causes_of, check_model
+from validation.studies.check import Checked, beside, causes_of, check_model
 from validation.studies.engine_runs import fixed_work
 from validation.studies.timing import bare_loop
 
@@ -100,7 +102,7 @@ PAIRS = [
     ("cone 2", "margin"),
     ("friction", "solver"),
 ]
-QUICK = ("friction", "condim", "cone", "softness 3", "gravity 2", "limit", "start 3", "solver")
+QUICK = ("friction", "condim", "cone", "softness 3", "gravity 2", "limit", "start 3")
 # Settings under which the equations have no motion; the refusal says why.
 NO_MOTION = "perhaps "
 
@@ -139,14 +141,17 @@ def test_a_planted_error_is_the_first_cause(name: str, tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "names",
-    [pytest.param(p, marks=() if i < 3 else pytest.mark.study) for i, p in enumerate(PAIRS)],
+    [pytest.param(p, marks=() if i < 1 else pytest.mark.study) for i, p in enumerate(PAIRS)],
     ids=" and ".join,
 )
 def test_the_worse_of_two_planted_errors_is_the_first_cause(
     names: tuple[str, str], tmp_path: Path
 ) -> None:
     """14 of 14; alone their errors differ by factors of 1.6 to 300."""
-    alone = {name: found_in(planted(tmp_path, name), 1.0)[1] for name in names}
+    alone = {}
+    for name in names:
+        causes, alone[name], _ = found_in(planted(tmp_path, name), 1.0)
+        assert causes[0].startswith(f"{name.split()[0]}: ")
     causes, _, mended = found_in(planted(tmp_path, *names), 1.0)
     assert causes[0].startswith(f"{max(alone, key=lambda name: alone[name]).split()[0]}: ")
     assert mended < 5e-4
@@ -194,22 +199,26 @@ NOT_RIGHT = {
     "no~verdict equations": (STANDS, 0.3),
     "limit axle -30": (
         GOOD.replace('name="axle"', 'name="axle" range="-30 30"'),
-        1.5,
+        2.0,
     ),
 }
 
 
-@pytest.mark.parametrize("facts", NOT_RIGHT)
-def test_what_is_not_right_all_the_time_does_not_agree(facts: str, tmp_path: Path) -> None:
-    """The accuracy is so coarse that none is off by it; of the right model each would agree."""
-    path = tmp_path / "robot.xml"
-    text, duration = NOT_RIGHT[facts]
-    found = {}
-    for name, each in (("it", text), ("right", GOOD)):
-        path.write_text(each)
+@cache
+def coarsely_checked(text: str, duration: float) -> Checked:
+    """Check a model to an accuracy so coarse that none is off by it."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "robot.xml"
+        path.write_text(text)
         own = UserModel(open_robot(path), {}, None)
-        found[name] = check_model(own, "classical", duration, 1e3, lambda *_: None)
-    it, right = found["it"], found["right"]
+        return check_model(own, "classical", duration, 1e3, lambda *_: None)
+
+
+@pytest.mark.parametrize("facts", NOT_RIGHT)
+def test_what_is_not_right_all_the_time_does_not_agree(facts: str) -> None:
+    """The right model would agree over the same time."""
+    text, duration = NOT_RIGHT[facts]
+    it, right = coarsely_checked(text, duration), coarsely_checked(GOOD, duration)
     assert unnamed(facts, it.fails or it.short or "") == []
     assert it.error < 1e3
     assert not it.agrees

@@ -51,9 +51,14 @@ DRAWN = {
 }
 
 
-@pytest.mark.slow
+# A figure of motions by both engines and one from rest; the others are run by `make test-studies`.
+QUICK = ("fig07", "fig12")
+
+
 @pytest.mark.usefixtures("quick")
-@pytest.mark.parametrize("name", DRAWN)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=() if n in QUICK else pytest.mark.study) for n in DRAWN]
+)
 def test_every_kind_of_figure_is_drawn(
     name: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:

@@ -50,7 +50,7 @@ def test_a_sampled_motion_crosses_where_the_equations_do(name: str, g: float) ->
     assert np.abs(np.sin((found.l - exact.l[0]) / 2)).max() < 1e-7
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_mujocos_limit_torus_is_the_equations() -> None:
     """Every crossing lies on the curve of the equations' torus, once the start is forgotten."""
     scene = rb.load_scene("fig13")
@@ -64,7 +64,7 @@ def test_mujocos_limit_torus_is_the_equations() -> None:
     assert np.ptp(contact.L) > 4  # and they are all along it
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_mujocos_strange_attractor_is_the_equations() -> None:
     """500 section points cannot be told from as many of the equations, at the level of 2 %.
 

@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from importlib.util import resolve_name
 from pathlib import Path
 
@@ -43,10 +44,16 @@ def reached(graph: Mapping[str, set[str]], start: str) -> set[str]:
     return seen
 
 
+@cache
+def nodes_of(text: str) -> list[ast.AST]:
+    """Return the nodes of a module's text, which is parsed once for all checks."""
+    return [*ast.walk(ast.parse(text))]
+
+
 def imported(module: str, file: Path, modules: Mapping[str, Path]) -> Iterator[str]:
     """Yield what one module imports of the others, as its file has it."""
     package = module if file.name == "__init__.py" else module.rpartition(".")[0]
-    for node in ast.walk(ast.parse(file.read_text())):
+    for node in nodes_of(file.read_text()):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):

@@ -1,5 +1,6 @@
 """A page in a headless browser, by the DevTools protocol; tests skip where there is no Chromium."""
 
+import atexit
 import json
 import os
 import shutil
@@ -7,9 +8,11 @@ import subprocess
 from base64 import b64decode
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from itertools import count
 from pathlib import Path
-from typing import Any, BinaryIO
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import pytest
 
@@ -22,19 +25,63 @@ WITH_WEBGL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swif
 WITHOUT = ("--disable-gpu",)
 
 
+class Chromium:
+    """A headless Chromium that listens to one pipe and answers by another, until Python ends."""
+
+    def __init__(self, webgl: bool) -> None:
+        assert BROWSER is not None
+        folder = TemporaryDirectory(ignore_cleanup_errors=True)
+        options = *OPTIONS, *(WITH_WEBGL if webgl else WITHOUT), f"--user-data-dir={folder.name}"
+        theirs_in, self._to = os.pipe()
+        self._answers, theirs_out = os.pipe()
+        process = subprocess.Popen(
+            ["bash", "-c", f'exec "$@" 3<&{theirs_in} 4>&{theirs_out}', "bash", BROWSER, *options,
+             "about:blank"],
+            pass_fds=(theirs_in, theirs_out),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        os.close(theirs_in)
+        os.close(theirs_out)
+        atexit.register(folder.cleanup)
+        atexit.register(process.wait)
+        atexit.register(process.terminate)  # the last one is called first
+        self._unread = b""
+        self.numbers = count(1)
+
+    def send(self, message: Any) -> None:
+        """Send one message of the protocol."""
+        os.write(self._to, json.dumps(message).encode() + b"\0")
+
+    def read(self) -> Any:
+        """Return the next message."""
+        # An answer may have megabytes: it is taken as it comes, and what follows it is kept.
+        while b"\0" not in self._unread:
+            part = os.read(self._answers, 1 << 20)
+            assert part, "the browser has ended"
+            self._unread += part
+        message, _, self._unread = self._unread.partition(b"\0")
+        return json.loads(message)
+
+
+_started = cache(Chromium)
+
+
 class Browser:
-    """One page of a headless Chromium that listens to one pipe and answers by another.
+    """One page of a Chromium, without the storage of other pages.
 
     console: what the page wrote there, errors and warnings included; requests: every address that
     it asked for, its own first.
     """
 
-    def __init__(self, to: int, answers: BinaryIO) -> None:
-        self._to, self._answers = to, answers
-        self._number, self._session, self._unread = count(1), "", b""
+    def __init__(self, chromium: Chromium) -> None:
+        self._chromium, self._session = chromium, ""
         self.console: list[str] = []
         self.requests: list[str] = []
-        target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        self._context = self.call("Target.createBrowserContext")["browserContextId"]
+        target = self.call(
+            "Target.createTarget", url="about:blank", browserContextId=self._context
+        )["targetId"]
         attached = self.call("Target.attachToTarget", targetId=target, flatten=True)
         self._session = attached["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
@@ -42,13 +89,14 @@ class Browser:
 
     def call(self, method: str, **parameters: Any) -> Any:
         """The answer to a method of the protocol; events on the way are kept."""
-        number = next(self._number)
+        number = next(self._chromium.numbers)
         message = {"id": number, "method": method, "params": parameters}
         if self._session:
             message["sessionId"] = self._session
-        os.write(self._to, json.dumps(message).encode() + b"\0")
-        while (answer := self._read()).get("id") != number:
-            self._keep(answer)
+        self._chromium.send(message)
+        while (answer := self._chromium.read()).get("id") != number:
+            if answer.get("sessionId") == self._session:
+                self._keep(answer)
         assert "error" not in answer, answer["error"]
         return answer["result"]
 
@@ -77,14 +125,10 @@ class Browser:
         inches = {"paperWidth": 8.27, "paperHeight": 11.69}
         return b64decode(self.call("Page.printToPDF", **inches)["data"])
 
-    def _read(self) -> Any:
-        # An answer may have megabytes: it is taken as it comes, and what follows it is kept.
-        while b"\0" not in self._unread:
-            part = os.read(self._answers.fileno(), 1 << 20)
-            assert part, "the browser has ended"
-            self._unread += part
-        message, _, self._unread = self._unread.partition(b"\0")
-        return json.loads(message)
+    def close(self) -> None:
+        """Close the page, and forget what it stored."""
+        self._session = ""
+        self.call("Target.disposeBrowserContext", browserContextId=self._context)
 
     def _keep(self, event: Any) -> None:
         inside = event.get("params", {})
@@ -109,28 +153,12 @@ def opened(
     webgl: bool = True,
 ) -> Iterator[Browser]:
     """An HTML text opened in a browser window of so many pixels, and loaded."""
-    assert BROWSER is not None
     path = folder / "page.html"
     path.write_text(page, encoding="utf-8")
-    options = *OPTIONS, *(WITH_WEBGL if webgl else WITHOUT), f"--user-data-dir={folder / 'browser'}"
-    theirs_in, to = os.pipe()
-    own, theirs_out = os.pipe()
-    process = subprocess.Popen(
-        ["bash", "-c", f'exec "$@" 3<&{theirs_in} 4>&{theirs_out}', "bash", BROWSER, *options,
-         "about:blank"],
-        pass_fds=(theirs_in, theirs_out),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )  # fmt: skip
-    os.close(theirs_in)
-    os.close(theirs_out)
+    browser = Browser(_started(webgl))
     try:
-        with os.fdopen(own, "rb") as answers:
-            browser = Browser(to, answers)
-            browser.size(width, height, dark)
-            browser.visit(path.absolute().as_uri())
-            yield browser
+        browser.size(width, height, dark)
+        browser.visit(path.absolute().as_uri())
+        yield browser
     finally:
-        process.terminate()
-        process.wait()
-        os.close(to)
+        browser.close()

@@ -227,7 +227,9 @@ def test_branches_cross_where_the_types_of_the_poles_change() -> None:
         assert proposition_2(from_rest(K3))[i] == pytest.approx(0.0, abs=1e-14)
 
 
-@pytest.mark.parametrize("name", ["K1", "Omega12", "K31"])
+@pytest.mark.parametrize(
+    "name", ["K1", *(pytest.param(n, marks=pytest.mark.study) for n in ("Omega12", "K31"))]
+)
 def test_branches_pass_as_many_points_as_there_are(name: str) -> None:
     """Of a ball with no symmetry, at three values within the range, by the resultant."""
     some = replace(from_rest(0.6), K=(0.2, -0.3, 0.6))

@@ -4,7 +4,6 @@ import json
 import os
 import subprocess
 import sys
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -86,17 +85,17 @@ def test_what_an_engine_cannot_do_is_one_line_before_the_run(
     assert (status, unnamed(facts, err), err.count("\n")) == (2, [], 1)
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("installed")
-def test_the_study_of_engines_runs_an_engine_that_its_table_lacks(tmp_path: Path) -> None:
+def test_the_study_of_engines_runs_an_engine_that_its_table_lacks(
+    robotball: Robotball, tmp_path: Path
+) -> None:
     """Each of its presets as it is, in a process of its own; there is nothing to tune."""
-    study = (sys.executable, "-P", "-m", "validation", "engines", "fig12", "--only", "off")
-    options = ("--duration", "1", "--workers", "1")
-    there = {**os.environ, "PYTHONPATH": str(tmp_path)}
-    run = partial(subprocess.run, cwd=tmp_path, env=there, capture_output=True, text=True)
-    assert run([*study, *options]).returncode == 0
+    study = "engines fig12 --only off --duration 1 --workers 1"
+    here = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    command = [sys.executable, "-P", "-m", "validation", *study.split()]
+    subprocess.run(command, cwd=tmp_path, env=here, capture_output=True, check=True)
     (data,) = tmp_path.glob("out/*.json")
     (row,) = json.loads(data.read_text())["runs"]
     assert row["path_error"] == pytest.approx(ERROR, rel=1e-9)
-    told = run([*study, *options, "--tune"])
-    assert (told.returncode, "knobs" in told.stderr) == (2, True)
+    status, _, err = robotball(*study.split(), "--tune")
+    assert (status, unnamed("off knobs", err)) == (2, [])

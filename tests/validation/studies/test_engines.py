@@ -197,8 +197,8 @@ def test_an_environment_has_its_engine_and_all_of_ours(tmp_path: Path) -> None:
     home = install(asked, tmp_path, sys.executable)
     python = python_of(asked, tmp_path)
     assert python == home / "bin" / "python"
-    imports = (f"__import__('{each}').__file__" for each in ("otherengine", "robotball"))
-    found = [call(python, eval, each) for each in imports]
+    imports = "[__import__(each).__file__ for each in ('otherengine', 'robotball')]"
+    found = call(python, eval, imports)
     assert Path(found[0]).is_relative_to(home)
     assert Path(found[1]).samefile(rb.__file__)
     assert versions_in(home, ("otherengine>=1", "pip")).startswith("otherengine 1.0, pip ")

@@ -526,7 +526,7 @@ def test_what_leaves_more_than_a_tenth_is_not_said_to_be_wrong(
     assert "convention" in lines(found)[-1]
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_a_number_that_explains_a_file_is_fitted() -> None:
     """A rate that is 3 % off; of an engine's own error no number is said."""
     found = judged(FIG12, exact(with_rate(0, 1.03)(FIG12)))

@@ -290,6 +290,7 @@ def test_torsional_friction_is_rubber_from_where_the_motion_needs_it() -> None:
     assert above["faults"] == []
 
 
+@pytest.mark.study
 def test_the_quick_friction_study_writes_its_files(robotball: Robotball, tmp_path: Path) -> None:
     """A picture of two panels, a table and the data of every run."""
     arguments = "tradeoff fig12 --friction --quick --duration 0.2 --out . --workers 1 --json a.json"

@@ -42,7 +42,7 @@ ANSWERED = [name for name, case in CASES.items() if case.status != REFUSED]
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(n, marks=() if i % 4 == 0 else pytest.mark.study)
+        pytest.param(n, marks=() if i % 8 == 0 else pytest.mark.study)
         for i, n in enumerate(ANSWERED)
     ],
 )

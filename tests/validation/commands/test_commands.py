@@ -156,13 +156,9 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
             "parts/drift/*/bound": [0.01],
         },
     ),
-    "chart fig14 --over K=2:4 --count 30 --duration 500 --quick --workers 1 --json a.json": (
-        "motions: 3, ",
-        {"over": ["K"], "points": 3, "chaotic": 0.0, "straight": 0.0},
-    ),
 }
 # Run below, and by the tests of their studies, of the film and of the demo's table.
-ELSEWHERE = "ablation check convergence demo design export extremes judge paper portraits "
+ELSEWHERE = "ablation chart check convergence demo design export extremes judge paper portraits "
 ELSEWHERE += "fit report steer tradeoff video"
 
 

@@ -1,6 +1,7 @@
 """Charts of the largest exponent, diagrams of the section, and the same points by MuJoCo."""
 
 import csv
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -168,8 +169,10 @@ def test_mujoco_repeats_a_point_of_a_chart(scene: str) -> None:
 def test_a_chart_goes_on_where_it_was_ended(robotball: Robotball, tmp_path: Path) -> None:
     """Half of its journal is lost: the next run makes the same table, and a picture."""
     command = "chart classical_chaotic --over f=1:30,c=0:4 --count 30 --duration 300 --quick"
-    status, out, _ = robotball(*command.split(), "--workers", 1)
+    status, out, _ = robotball(*command.split(), "--workers", 1, "--json", "a.json")
     assert status == 0
+    record = json.loads((tmp_path / "a.json").read_text())
+    assert record["over"] == ["f", "c"]
     assert "minutes" in " ".join(out.split())
     (table,), (journal,) = tmp_path.glob("out/*.csv"), tmp_path.glob("out/*.jsonl")
     first, lines = table.read_bytes(), journal.read_text().splitlines(keepends=True)
@@ -180,7 +183,7 @@ def test_a_chart_goes_on_where_it_was_ended(robotball: Robotball, tmp_path: Path
     # No start has an f below c².
     rows = [*csv.DictReader(table.read_text().splitlines())]
     assert all(float(row["f"]) > float(row["c"]) ** 2 for row in rows)
-    assert len(rows) < 5 * 5
+    assert len(rows) == record["points"] < 5 * 5
     assert table.with_suffix(".png").read_bytes()[:4] == b"\x89PNG"
 
 

@@ -32,7 +32,6 @@ def simulated(scene: rb.Scene, theory: Any, settings: str) -> rb.Agreement:
 EACH = [n if n == "damp" else pytest.param(n, marks=pytest.mark.study) for n in LOOPS]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", EACH)
 def test_a_closed_loop_agrees_over_ten_seconds_as_the_page_says(name: str) -> None:
     """To 1e-6 of the path by accurate, measured 1e-10 to 4e-10; the row's other numbers as well."""

@@ -96,7 +96,11 @@ def scene_of(case: Any) -> rb.Scene:
     return replace(rb.load_scene("fig12").with_hinges(command=UNSTEADY[name]), rolling=rolling)
 
 
-@pytest.mark.parametrize("case", CASES, ids=str)
+@pytest.mark.parametrize(
+    "case",
+    [pytest.param(c, marks=pytest.mark.study if c in range(4, 8) else ()) for c in CASES],
+    ids=str,
+)
 def test_mujoco_follows_the_equations_with_order_four(case: Any) -> None:
     """Shells with I_s ≠ J_s, rates of both signs, both models, breakpoints or not.
 

@@ -84,7 +84,6 @@ def test_the_truth_is_where_the_deviations_say(tmp_path: Path) -> None:
     assert all(found.explains for _, found in fits)
 
 
-@pytest.mark.slow
 def test_the_truth_of_a_robot_is_where_the_deviations_say(tmp_path: Path) -> None:
     """The quick form: four numbers within three deviations."""
     errors, found = fitted_robot(1, 0, tmp_path)

@@ -52,7 +52,6 @@ def off(folder: Path, **wrong: float) -> Path:
     return path
 
 
-@pytest.mark.slow
 def test_numbers_that_are_a_third_off_come_back(tmp_path: Path) -> None:
     """From 30 % off, each within three of its standard deviations; χ² is that of the noise."""
     scene = off(tmp_path, battery__mass=1.3, battery__centre__z=0.75, frame__kv=0.7)
@@ -105,8 +104,10 @@ UNTOLD: Mapping[str, tuple[list[str], list[str], str]] = {
 }
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("case", UNTOLD)
+@pytest.mark.parametrize(
+    "case",
+    [pytest.param(c, marks=pytest.mark.study if i % 2 else ()) for i, c in enumerate(UNTOLD)],
+)
 def test_what_a_log_cannot_tell_is_said(case: str, tmp_path: Path) -> None:
     """Numbers and circumstances that change nothing, and products of which only one is told."""
     free, circumstances, facts = UNTOLD[case]
@@ -151,8 +152,9 @@ WRONG: Mapping[str, Callable[[rb.Scene], Motion]] = {
 }
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("case", WRONG)
+@pytest.mark.parametrize(
+    "case", [pytest.param(c, marks=pytest.mark.study if i % 2 else ()) for i, c in enumerate(WRONG)]
+)
 def test_a_wrong_model_is_rejected(case: str) -> None:
     """By χ², with the sensor that strays and the time from which on."""
     robot = rb.load_scene("pendulum_robot").with_hinges(command={"frame": rb.Ramp(final=-4, end=1)})
@@ -161,8 +163,10 @@ def test_a_wrong_model_is_rejected(case: str) -> None:
     assert found.strays[0].since is not None
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "factor"), [("gyro", -1.0), ("position", 1000.0)])
+@pytest.mark.parametrize(
+    ("name", "factor"),
+    [("gyro", -1.0), pytest.param("position", 1000.0, marks=pytest.mark.study)],
+)
 def test_sensors_that_contradict_each_other_are_named(name: str, factor: float) -> None:
     """A gyro of the other sign, a capture in another unit: no motion explains it and the others."""
     made = log(of=rb.integrate("pendulum_robot", SHORT, 1e-9))
@@ -209,7 +213,6 @@ def standing() -> rb.Log:
     return rb.Log("run.csv", sensors, {"frame": (SHORT[:1], np.zeros(1))})
 
 
-@pytest.mark.slow
 def test_a_robot_that_stands_still_tells_nothing() -> None:
     """Its log says so, and no number is told, though noise may be fitted by one."""
     assert not stands_still({each.name: each for each in log().sensors})
@@ -218,7 +221,6 @@ def test_a_robot_that_stands_still_tells_nothing() -> None:
     assert not any(each.determined for each in found.found)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("swing", "told"), [(0.0, False), (0.1, True)])
 def test_a_gain_is_not_told_by_a_rate_that_is_noise(swing: float, told: bool) -> None:
     """The motor is held at 0: a ball that rocks to the side does not move it, a swing does.
@@ -241,7 +243,6 @@ def test_a_gain_is_not_told_by_a_rate_that_is_noise(swing: float, told: bool) ->
     assert (kv.deviation < 0.05) == told
 
 
-@pytest.mark.slow
 def test_a_number_that_ends_at_its_limit_is_said_to(tmp_path: Path) -> None:
     """Of a gain of 0.4 that may be 0.45 to 0.6."""
     found = rb.fit(off(tmp_path, kv=1.2), [log()], ["kv=0.45:0.6"], noise=NOISE)
@@ -264,7 +265,6 @@ def test_readings_of_which_the_noise_is_not_known_are_refused(
         rb.fit("pendulum_robot", [made], ["kv"])
 
 
-@pytest.mark.slow
 def test_a_robust_loss_bears_with_outliers() -> None:
     """One position in twenty is 0.3 m off, 300 times its noise: squares alone are led astray."""
     made = log(of=rb.integrate("pendulum_robot", SHORT, 1e-9))
@@ -281,7 +281,6 @@ def test_a_robust_loss_bears_with_outliers() -> None:
     assert abs(robust.value - 0.4) < 3 * robust.deviation
 
 
-@pytest.mark.slow
 def test_a_right_model_is_not_rejected() -> None:
     """The same log of the model's own motion: what the five above differ by is not the fit's."""
     robot = rb.load_scene("pendulum_robot").with_hinges(command={"frame": rb.Ramp(final=-4, end=1)})
@@ -289,7 +288,6 @@ def test_a_right_model_is_not_rejected() -> None:
     assert found.explains
 
 
-@pytest.mark.slow
 def test_a_log_without_noise_is_explained() -> None:
     """What equations and engines err by, 3e-9 of an attitude, does not reject a right model."""
     m = rb.simulate("pendulum_robot", rb.sample_times(2.0, 0.02), "accurate")
@@ -299,7 +297,6 @@ def test_a_log_without_noise_is_explained() -> None:
     assert found.found[0].value == pytest.approx(0.4, abs=1e-7)
 
 
-@pytest.mark.slow
 def test_a_whole_body_is_found_and_stays_a_body(tmp_path: Path) -> None:
     """The frame's ten numbers, from others; what is found is positive definite, told or not."""
     numbers = numbers_of("pendulum_robot").with_whole(["frame"])
@@ -322,7 +319,6 @@ def test_a_whole_body_is_found_and_stays_a_body(tmp_path: Path) -> None:
 WHOLE = ("frame.mass", "frame.centre", "frame.inertia")
 
 
-@pytest.mark.slow
 def test_commands_of_a_log_are_held_and_may_be_late() -> None:
     """The scene's own are replaced; a delay that the log has not is found, to rounding."""
     times = np.linspace(0.0, 1.5, 61)
@@ -338,7 +334,6 @@ def test_commands_of_a_log_are_held_and_may_be_late() -> None:
     assert found.explains
 
 
-@pytest.mark.slow
 def test_a_log_that_is_held_out_is_explained_too() -> None:
     """The fit of one explains the other, of which the start alone is found."""
     logs = [log(0, name="a.csv"), log(1, name="b.csv")]

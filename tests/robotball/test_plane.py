@@ -65,7 +65,6 @@ def off_by(form: SecondForm, scene: rb.Scene) -> float:
     return float(np.abs(np.concatenate(differences)).max())
 
 
-@pytest.mark.slow
 def test_robots_move_in_space_as_newton_and_euler_say() -> None:
     """In space the constraint has the plane's velocity, and gravity stays: no formula is shared.
 
@@ -154,7 +153,6 @@ def test_a_constant_acceleration_is_an_inclined_plane() -> None:
     assert path_error(*seen) < 1e-12  # measured 1.0e-16
 
 
-@pytest.mark.slow
 def test_both_engines_agree_on_a_plane_that_moves_any_way() -> None:
     """Over 10 s by *accurate*; a plane that moves the other way is elsewhere."""
     theory = rb.integrate(VIBRATED)

@@ -212,7 +212,6 @@ def test_a_printed_command_is_one() -> None:
         assert re.search(rf"\b{name}\b", DOCS["commands.md"]), name
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "output"),
     [

@@ -71,7 +71,6 @@ def test_no_robot_is_called_wrong(number: int) -> None:
     assert (each.within, each.reported) == (True, False)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "duration"), [("fast", 4), ("balanced", 2), ("accurate", 0.4)]
 )

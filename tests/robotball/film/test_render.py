@@ -166,7 +166,7 @@ def test_a_video_has_every_frame_to_the_end_of_the_shorter_motion(
 
 @screen
 @pytest.mark.skipif(cores() < 2, reason="there is one core")
-@pytest.mark.parametrize("suffix", ["mp4", "webm"])
+@pytest.mark.parametrize("suffix", ["mp4", pytest.param("webm", marks=pytest.mark.study)])
 def test_a_video_has_the_same_bytes_on_any_number_of_cores(tmp_path: Path, suffix: str) -> None:
     """The encoder would take as many threads as there are cores."""
     allowed, film, written = os.sched_getaffinity(0), Film(size=(240, 320), fps=20), []

@@ -349,7 +349,6 @@ def test_the_cycle_is_older_than_the_folds_of_fixed_points() -> None:
     assert limit_cycles(from_rest(0.5), 300.0) == []
 
 
-@pytest.mark.slow
 def test_the_cycle_ends_on_the_saddles() -> None:
     """At K₃ = 0.503566, where the manifolds of δ₃ and δ₄ join, to 1e-5 (1.2e-6 at 300 s).
 
@@ -380,7 +379,6 @@ def test_the_cycle_ends_on_the_saddles() -> None:
     assert family.value(s) == pytest.approx(low, abs=1e-5)
 
 
-@pytest.mark.slow
 def test_a_cycle_of_double_period_branches_off_where_a_multiplier_is_minus_one() -> None:
     """Figs 11b and 14's ball with K₂ = 4, down to 3.85: at 3.892931, by bisection to 1e-6 too.
 

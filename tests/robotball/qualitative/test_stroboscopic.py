@@ -180,7 +180,6 @@ def _resonant(theta: float, across: float = _ACROSS) -> float:
 _ACCURATE = partial(rb.simulate, settings="accurate")
 
 
-@pytest.mark.slow
 def test_a_resonance_that_softens_folds_where_its_swing_in_a_plane_does() -> None:
     """Where no swing follows the plane any more: a motion from there is thrown to large tilts.
 
@@ -223,7 +222,6 @@ def test_a_resonance_that_softens_folds_where_its_swing_in_a_plane_does() -> Non
     assert tilts[0] < 0.6 < 1.2 < tilts[1]  # measured 0.44 and 1.30
 
 
-@pytest.mark.slow
 def test_the_folds_on_the_page_are_those_of_the_tilts() -> None:
     """Of `shaken_ball`, about y and x: to the digits that `robotball continue` prints."""
     inertia = rb.load_scene("shaken_ball").ball.frame.inertia
@@ -235,7 +233,6 @@ def test_the_folds_on_the_page_are_those_of_the_tilts() -> None:
         assert -top.fun / (2 * np.pi) == pytest.approx(folded, abs=1e-7)
 
 
-@pytest.mark.slow
 def test_a_torus_is_born_near_the_hopf_point_of_a_line() -> None:
     """Of Fig. 10's ball, whose frame's rate swings by a small part: 16/7.69 and its square beside.
 

@@ -413,6 +413,7 @@ def test_design_prints_bodies_and_writes_a_scene_that_runs(robotball: Robotball)
 HALF = ("three_rotors", "--path", "circle", "--size", 0.5, "--turns", 0.25, "--duration", 2)
 
 
+@pytest.mark.slow
 def test_a_robot_is_steered_along_an_arc(robotball: Robotball, tmp_path: Path) -> None:
     """Status 0; the scene it writes rolls there by the equations, and its pictures are drawn.
 
@@ -529,7 +530,6 @@ print(*sorted(heavy & sys.modules.keys()))
 """
 
 
-@pytest.mark.slow
 def test_the_help_of_a_command_loads_nothing_that_computes() -> None:
     """Nor does it compile; it says what the command's whole class says, which loads all of it."""
     told = subprocess.check_output([sys.executable, "-c", HELPED], text=True).splitlines()
@@ -549,7 +549,9 @@ ROBOT = (
     "arguments",
     [
         "video r.xml --duration 0.2 --fps 10 --size 320x180",
-        "compare fig12 --starts 2 --duration 0.2 --threads 2",
+        pytest.param(
+            "compare fig12 --starts 2 --duration 0.2 --threads 2", marks=pytest.mark.study
+        ),
     ],
 )
 def test_nothing_of_the_current_folder_is_imported(tmp_path: Path, arguments: str) -> None:

@@ -54,7 +54,6 @@ def test_a_log_is_fitted_by_the_equations_and_by_an_engine(
     assert page.count("<svg") >= 3
 
 
-@pytest.mark.slow
 def test_a_log_that_tells_nothing_is_no_success(robotball: Robotball, tmp_path: Path) -> None:
     """Positions that are nothing but noise of a metre: status 1, and a line says so."""
     rng, times = np.random.default_rng(0), np.arange(0.0, 1.0, 0.02)
@@ -89,7 +88,6 @@ def test_what_cannot_be_fitted_is_refused_in_a_line(
 ROBOT = Path("examples/first_robot.xml").absolute()
 
 
-@pytest.mark.slow
 def test_a_robots_own_file_has_numbers_by_its_own_names(
     robotball: Robotball, tmp_path: Path
 ) -> None:
@@ -113,7 +111,6 @@ def test_a_file_is_not_fitted_as_it_is_without_the_toolbox(
     assert [*fitting.as_it_is(numbers_of("pendulum_robot"))] == []
 
 
-@pytest.mark.slow
 def test_a_position_that_strays_may_be_of_another_world() -> None:
     """A line names what would find that; of another sensor that strays there is none."""
     found = rb.fit("pendulum_robot", [log()], ["kv"], noise=NOISE)

@@ -85,6 +85,7 @@ def test_what_an_engine_cannot_do_is_one_line_before_the_run(
     assert (status, unnamed(facts, err), err.count("\n")) == (2, [], 1)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("installed")
 def test_the_study_of_engines_runs_an_engine_that_its_table_lacks(
     robotball: Robotball, tmp_path: Path

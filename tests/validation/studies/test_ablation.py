@@ -64,7 +64,13 @@ def test_each_variant_is_its_choice_alone() -> None:
         assert differing(down, BOTTOM) == differing(TOP, BOTTOM) - set(choice.fields)
 
 
-@pytest.mark.parametrize("name", WORTH)
+# The others are run by `make test-studies`.
+QUICK = ("drive", "friction", "cone", "integrator", "noslip")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=() if n in QUICK else pytest.mark.study) for n in WORTH]
+)
 def test_every_choice_is_worth_its_error(name: str) -> None:
     """Undone alone it makes the path's error as large as measured, and M's, which is blind to some.
 
@@ -97,7 +103,6 @@ def test_undoing_a_choice_by_a_wrong_name_says_which_there_are() -> None:
     assert without(TOP, ["noslip", "start"]).name == "accurate - noslip - start"
 
 
-@pytest.mark.slow
 def test_the_command_writes_table_picture_and_records(robotball: Robotball, tmp_path: Path) -> None:
     """`ablation --quick`: both tables on the terminal; JSON and a picture on disk."""
     arguments = ["ablation", "fig12", "--quick", "--duration", "0.3", "--out", "."]

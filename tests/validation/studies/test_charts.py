@@ -165,7 +165,6 @@ def test_mujoco_repeats_a_point_of_a_chart(scene: str) -> None:
     assert abs(row["contact"] - measure(far)["rows"][0]["largest"]) > 0.01
 
 
-@pytest.mark.slow
 def test_a_chart_goes_on_where_it_was_ended(robotball: Robotball, tmp_path: Path) -> None:
     """Half of its journal is lost: the next run makes the same table, and a picture."""
     command = "chart classical_chaotic --over f=1:30,c=0:4 --count 30 --duration 300 --quick"

@@ -68,7 +68,6 @@ def test_mujoco_has_the_unstable_limit_cycle_of_fig8() -> None:
     assert abs(other.period - cycle.period) > 1e-3
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("lines", "bound"),
     [

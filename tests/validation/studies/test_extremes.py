@@ -158,7 +158,6 @@ def test_the_adaptive_integrator_has_its_rtol_where_others_have_a_timestep() -> 
     assert cell_run(chosen, "rubber", "RK4", 1e-3, 5.0)[1].timestep == 1e-3
 
 
-@pytest.mark.slow
 def test_the_command_draws_a_map(
     tmp_path: Path, robotball: Robotball, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -164,7 +164,9 @@ def test_a_mistake_in_a_file_is_named(number: int) -> None:
     assert found.best.attitude_error == pytest.approx(attitude_error(motion, theory), rel=1e-6)
 
 
-@pytest.mark.parametrize(("number", "factor"), [(0, 1.01), (6, 0.99)])
+@pytest.mark.parametrize(
+    ("number", "factor"), [(0, 1.01), pytest.param(6, 0.99, marks=pytest.mark.study)]
+)
 def test_a_clock_that_is_a_hundredth_off_is_named(number: int, factor: float) -> None:
     """By its factor; nothing is left of the error."""
     scene = SCENES[number]
@@ -312,7 +314,9 @@ def test_a_mistake_in_setting_up_the_scene_is_named(
     assert found.best.path_error < (0.02 if by_euler else 1e-9)
 
 
-@pytest.mark.parametrize("what", ["inertia", "path", "attitude"])
+@pytest.mark.parametrize(
+    "what", ["inertia", "path", pytest.param("attitude", marks=pytest.mark.study)]
+)
 def test_a_mistake_that_is_not_known_has_no_name(what: str) -> None:
     """A hundredth of the inertia, noise in what is written."""
     scene, rng = SCENES[6 if what == "attitude" else 0], np.random.default_rng(5)
@@ -354,7 +358,7 @@ def test_a_limit_of_the_rates_is_not_taken_for_degrees() -> None:
 
 
 @pytest.mark.parametrize(
-    "number", [0, *(pytest.param(n, marks=pytest.mark.study) for n in (2, 4, 6)), 8]
+    "number", [0, *(pytest.param(n, marks=pytest.mark.study) for n in (2, 4, 6, 8))]
 )
 def test_a_right_file_has_no_mistake(number: int) -> None:
     """5 of 5 by a first-order engine, whose attitudes are off by 0.005 to 1.1 rad."""

@@ -38,7 +38,7 @@ def test_a_result_is_the_same_by_both_engines(part: str) -> None:
     [
         ("equilibria", -1, 1.0),
         ("straight-lines", 1, 1.001),
-        pytest.param("portraits", -1, 1.001, marks=SLOW),
+        pytest.param("portraits", -1, 1.001, marks=pytest.mark.study),
     ],
 )
 def test_another_ball_turns_the_lines(

@@ -76,7 +76,6 @@ def test_a_cell_agrees_with_the_formulas_and_a_wrong_one_would_not() -> None:
     assert not as_predicted(PLANES["axial"].ball(-0.52, -1.0), record)
 
 
-@pytest.mark.slow
 def test_the_command_draws_a_map(
     robotball: Robotball, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -38,11 +38,10 @@ def test_what_cannot_be_checked_is_refused_in_one_line(
 ANSWERED = [name for name, case in CASES.items() if case.status != REFUSED]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(n, marks=() if i % 8 == 0 else pytest.mark.study)
+        pytest.param(n, marks=() if i % 12 == 0 else pytest.mark.study)
         for i, n in enumerate(ANSWERED)
     ],
 )

@@ -129,7 +129,6 @@ def test_a_ball_at_rest_stays() -> None:
     assert np.array_equal(run.contact_points[0, 1], [0.0, 0.0])
 
 
-@pytest.mark.slow
 def test_the_compiled_stepper_loads_from_its_cache() -> None:
     """After one process the next compiles nothing: step and loops come from the cache, in 0.4 s."""
     code = (

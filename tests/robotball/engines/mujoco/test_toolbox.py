@@ -52,7 +52,6 @@ def log(scene: rb.Scene) -> rb.Log:
     return rb.Log("run.csv", sensors, {"drive": (m.times[:1], np.array([-4.0]))})
 
 
-@pytest.mark.slow
 def test_the_file_as_it_is_moves_as_the_equations_where_its_contact_is_hard(
     tmp_path: Path,
 ) -> None:

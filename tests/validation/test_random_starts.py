@@ -98,6 +98,7 @@ def test_a_cells_engine_is_looked_for_in_its_environments(monkeypatch: pytest.Mo
     assert looked == [Path("elsewhere/dart")]
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_same_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In cells of two starts; a cell that fails is refused with its reason.
 

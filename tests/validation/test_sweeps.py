@@ -225,6 +225,7 @@ def within(seconds: float, done: Callable[[], bool]) -> bool:
     return there
 
 
+@pytest.mark.slow
 def test_a_killed_sweep_goes_on_and_ends_with_the_identical_table(
     tmp_path: Path, file: Path
 ) -> None:
@@ -353,6 +354,7 @@ def cluster() -> Iterator[Any]:
         yield cluster
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_same_results(tmp_path: Path, file: Path, cluster: Any) -> None:
     """Records and failures by dask are those by the local cores, resumed ones too."""
     cells = cells_of(tmp_path, 8, {2: "raises", 5: "ends", 7: "hangs"})
@@ -362,6 +364,7 @@ def test_a_cluster_gives_the_same_results(tmp_path: Path, file: Path, cluster: A
     assert sweep(square, cells, file, cluster=cluster.scheduler_address, limit=1.5) == local
 
 
+@pytest.mark.slow
 def test_a_cluster_whose_workers_have_gone_is_not_waited_for(
     tmp_path: Path, file: Path, cluster: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -530,6 +530,7 @@ print(*sorted(heavy & sys.modules.keys()))
 """
 
 
+@pytest.mark.slow
 def test_the_help_of_a_command_loads_nothing_that_computes() -> None:
     """Nor does it compile; it says what the command's whole class says, which loads all of it."""
     told = subprocess.check_output([sys.executable, "-c", HELPED], text=True).splitlines()

@@ -615,6 +615,7 @@ def gears_of(model: Any) -> dict[str, dict[int, float]]:
         for joint, ratio in _moved(model, i, name):
             if model.jnt_type[joint] not in (_SLIDE, _HINGE):
                 raise InputError(f"{name} moves a free or a ball joint; take hinges or slides")
+            check_size(f"{name}: a gear", ratio)
             moved[joint] = moved.get(joint, 0.0) + ratio
     return gears
 

@@ -22,7 +22,7 @@ from tests.robotball.files.test_robot_file import GIMBAL, HULL
 
 ALL = range(60)  # four seeds of each kind of damage
 # One seed of each kind that fails in a place of its own; a file that is huge takes five seconds.
-FEW = (4, 9, 10, 12, 14)
+FEW = (4, 9, 10, 12, 14, 20)
 SECONDS, MEMORY = 600.0, 1e9  # s, of a process that hangs; byte
 
 # With an included part, classes of defaults and a mesh.

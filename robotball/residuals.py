@@ -242,7 +242,7 @@ class Residuals:
         self.numbers, self.unknowns, self.logs, self.run = numbers, unknowns, logs, run
         self.loss, self.fixed = loss, fixed
         self._motion = lru_cache(maxsize=2 * len(logs) + 2)(self._moved)
-        # Most unknowns belong to a log's start, so that one scene of the shared numbers serves many.
+        # Most unknowns belong to a log's start: one scene of the shared numbers serves many.
         self._shared_scene = lru_cache(maxsize=2)(
             lambda shared: numbers.scene({**fixed, **dict(shared)})
         )
@@ -278,11 +278,10 @@ class Residuals:
     def scene(self, k: int, values: Array) -> Scene:
         """Return the scene of a log. Raises InputError for impossible numbers."""
         own = {u.name: v for u, v in zip(self.unknowns, values, strict=True) if u.log == k}
-        shared = [
-            (u.name, v) for u, v in zip(self.unknowns, values.tolist(), strict=True) if u.log is None
-        ]
+        known = zip(self.unknowns, values.tolist(), strict=True)
+        shared = tuple((u.name, v) for u, v in known if u.log is None)
         began, log = self.logs[k].start, self.logs[k].log
-        scene = self._shared_scene(tuple(shared))
+        scene = self._shared_scene(shared)
         late = own.get("commands.delay", 0.0)
         commands = {name: held(t + late, values) for name, (t, values) in log.commands.items()}
         moved = [hinge.name for hinge in scene.hinges if hinge.motor is not None]

@@ -121,11 +121,11 @@ def _check_number(what: str, value: object) -> None:
         raise InputError(f"{what} must be at most {LARGEST:g} in size") from None
 
 
-def check_positive(what: str, value: float, unit: str) -> float:
+def check_positive(what: str, value: float, unit: str = "") -> float:
     """Return `value`. Raises InputError unless it is positive and finite, not tiny or huge."""
     _check_number(what, value)
     if not (math.isfinite(value) and value > 0):
-        raise InputError(f"{what} must be positive and finite, not {value:g} {unit}")
+        raise InputError(f"{what} must be positive and finite, not {value:g} {unit}".rstrip())
     if not 1 / LARGEST <= value <= LARGEST:
         raise InputError(
             f"{what} must lie between {1 / LARGEST:g} and {LARGEST:g} {unit}, not at {value:g}"

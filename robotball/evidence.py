@@ -4,7 +4,7 @@ A number's deviation is that of the linearised residuals, which is held against 
 is large. What the logs cannot tell are the directions in which the unknowns may go far.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +12,9 @@ from scipy import stats
 from scipy.linalg import qr
 
 from robotball.files.logs import Log
-from robotball.residuals import Residuals, Unknown
+from robotball.residuals import Residuals, Unknown, of_circumstance
 from robotball.rotations import Array
-from robotball.sensing import contradictions, stands_still
+from robotball.sensing import circumstances_of, contradictions, stands_still
 
 NO_EVIDENCE = 1e-3  # per size: a derivative that rounding may have made
 _DOUBT = 1e-3  # a probability below which chance is no explanation
@@ -23,6 +23,9 @@ _CURVED = 0.02  # of an unknown's size: a deviation within which a model may be 
 _FAR, _RISE = 3.0, 4.0  # deviations, and by how much χ² must rise within them
 _AT_LIMIT = 1e-3  # of an unknown's size, from its limit
 _SHARE = 0.15  # of the largest part in a direction, below which an unknown has no part in it
+_SHOWN = 3.5  # deviations from 0, from which a log shows a circumstance that was not freed
+_EXCLUDED = 2.0  # deviations beyond the best amount, from which a log excludes a larger one
+_SLIGHT = 0.01  # of a plausible amount, below which the readings exclude enough of it
 _WINDOWS = 20  # of a log, in which it is looked for the first that the model does not explain
 # Of n readings, as good as so many that are independent, is their noise known by itself.
 _NOISE_KNOWN_BY = 0.2
@@ -138,7 +141,7 @@ def found_at(residuals: Residuals, x: Array, J: Array) -> tuple[list[Found], Arr
         )
     ]  # fmt: skip
     untold = [f"{name}: {_STILL}" for name in names]
-    return found, covariance, [*untold, *_at_limits(unknowns), *_undetermined(covariance, unknowns)]
+    return found, covariance, [*untold, *_undetermined(covariance, unknowns)]
 
 
 _STILL = (
@@ -190,14 +193,87 @@ def _refitted(x: Array, hold: Array, residuals: Residuals) -> float:
     return min(before, chi2_of(residuals(x - step)))
 
 
-def _at_limits(unknowns: Sequence[Unknown]) -> Iterator[str]:
+def at_limits(residuals: Residuals, x: Array) -> Iterator[str]:
     """Yield a line for each number of the scene that ended at a limit: none beyond was tried."""
-    for each in unknowns:
+    for each in residuals.ended(residuals.values(x)):
         for limit in (each.low, each.high):
             if each.log is None and abs(each.value - limit) < _AT_LIMIT * each.size:
                 shown = limit if abs(limit) > _AT_LIMIT * each.size else 0.0
                 what = f"ended at its limit of {shown:.3g}: the logs would have it beyond"
                 yield f"{each.name} {what}"
+
+
+def influences(
+    residuals: Residuals,
+    x: Array,
+    J: Array,
+    found: Sequence[Found],
+    probability: Callable[[float], float],
+) -> Iterator[str]:
+    """Yield a line for each circumstance that was not freed and may have moved a number.
+
+    Each is added alone to the linearised fit, which gives its amount, the deviation of that, and
+    how far it moves the numbers. A line is due if an amount that is plausible, and that the
+    readings do not exclude, moves a number by more than its deviation. If the fit does not explain
+    the logs, a line is due only for a circumstance with which it would.
+
+    x, J, found: as of `found_at`; probability: that of χ².
+    """
+    names, plausible, others = zip(*_not_freed(residuals), strict=True)
+    columns, left = residuals.of_others(x, others), residuals(x)
+    ended = residuals.ended(residuals.values(x))
+    slope = np.concatenate([J, NO_EVIDENCE * np.eye(len(x))])
+    steps = -np.linalg.lstsq(slope, np.concatenate([columns, np.zeros((len(x), len(others)))]))[0]
+    freed = [i for i, each in enumerate(ended) if not each.of_start]
+    sizes = np.array([ended[i].size for i in freed])
+    moved = sizes[:, None] * (residuals.slopes(x, ended) @ steps)[freed]  # per size of the others
+    explained, squares = probability(chi2_of(left)) > _DOUBT, chi2_of(left)
+    worst: dict[str, tuple[float, str]] = {}
+    for i, column in enumerate((columns + J @ steps).T):
+        deviation = 1 / max(float(np.linalg.norm(column)), NO_EVIDENCE)
+        amount = max(-float(column @ left) * deviation**2, others[i].low)
+        shown = abs(amount) > _SHOWN * deviation
+        reach = min(plausible[i] / others[i].size, abs(amount) + _EXCLUDED * deviation)
+        change = (amount if shown else reach) * moved[:, i]
+        ratios = [
+            abs(by) / each.deviation if each.determined else 0.0
+            for by, each in zip(change.tolist(), found, strict=True)
+        ]
+        j = int(np.argmax(ratios))
+        slight = not shown and reach < _SLIGHT * plausible[i] / others[i].size
+        helps = explained or probability(squares - (amount / deviation) ** 2) > _DOUBT
+        if ratios[j] < 1 or slight or not helps:
+            continue
+        factor, unit = (100.0, "%") if others[i].unit == "1" else (1.0, others[i].unit)
+        factor *= others[i].size
+        what = (
+            f"seems to be {factor * amount:.2g} ± {factor * deviation:.2g} {unit}, not 0, with "
+            f"which {found[j].name} is {found[j].value + change[j]:.4g}"
+            if shown
+            else f"is taken as 0, but may be {factor * reach:.2g} {unit}, which moves "
+            f"{found[j].name} by {abs(change[j]):.2g}"
+        )
+        line = (
+            f"{others[i].full_name} {what}, {ratios[j]:.2g} times its ±: "
+            f"{'' if shown else 'measure it, or '}add --also {names[i]}"
+        )
+        circumstance = others[i].of + names[i]
+        worst[circumstance] = max(worst.get(circumstance, (0.0, "")), (ratios[j], line))
+    yield from (line for _, line in sorted(worst.values(), reverse=True))
+
+
+def _not_freed(residuals: Residuals) -> Iterator[tuple[str, float, Unknown]]:
+    """Yield the unknowns of circumstances that were not freed, with name and plausible amount."""
+    values = np.array([each.value for each in residuals.unknowns])
+    for k, fitted in enumerate(residuals.logs):
+        freed, log = residuals.given(k, values), fitted.log
+        alone = f"{log.sensors[0].name}.clock" if len(log.sensors) == 1 else ""
+        for name, known in circumstances_of([each.name for each in log.sensors]).items():
+            of_commands = name == "commands.delay" and not log.commands
+            if name in freed or name == alone or of_commands:
+                continue
+            for unknown in of_circumstance(fitted.start, log, k, name):
+                yield name, known.plausible, unknown
 
 
 def _undetermined(covariance: Array, unknowns: Sequence[Unknown]) -> Iterator[str]:

@@ -14,14 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from robotball.errors import LARGEST, InputError, unknown
+from robotball.errors import LARGEST, InputError, check_positive, unknown
 from robotball.evidence import (
     NO_EVIDENCE,
     Found,
     SensorFit,
+    at_limits,
     chi2_of,
     contradicting,
     found_at,
+    influences,
     probability_of,
     sensor_fits,
     strays,
@@ -52,7 +54,9 @@ _HARDLY = 1e-2  # per size: keeps a start that changes nothing where it is
 _SMALLEST = 1e-7  # of a sensor's readings: what the equations and engines err by is no evidence
 _NO_GAIN = 0.1  # of χ², where one more step, of the last derivative, takes what is left of it
 _ROUGHLY = 1e-2  # of χ², relative, of a part of the logs, from which the fit goes on
-_SHORT = 1.0  # of χ², which the last derivative promises still: the fit has not come to its end
+# The last steps, by central differences, and the parts of a step that are tried. The fit is at its
+# minimum if none of them lowers χ² by as much.
+_LAST_STEPS, _FRACTIONS, _SHORT = 3, (1.0, 0.25, 0.06), 1.0
 _MOST_TRIALS = 40
 # Of the steepest direction's square, the first damping; by which it falls and rises; of a step, the
 # bend that is worth a trial, and the one that is too large to be believed.
@@ -88,6 +92,10 @@ class Fit:
         What the logs cannot tell, a line each.
     contradictions : tuple of str
         Sensors that do not fit and contradict each other, whatever the model, a line each.
+    at_limits : tuple of str
+        Numbers that ended at a limit, a line each.
+    influences : tuple of str
+        Circumstances that were not freed and may have moved a number, a line each.
     complete : bool
         Whether the fit came to a minimum of χ², and did not stop before.
 
@@ -115,6 +123,8 @@ class Fit:
     held_out: tuple[SensorFit, ...]
     undetermined: tuple[str, ...]
     contradictions: tuple[str, ...]
+    at_limits: tuple[str, ...]
+    influences: tuple[str, ...]
     complete: bool
 
     @property
@@ -233,7 +243,12 @@ def fit(
     shared = np.array([each.log is None for each in residuals.unknowns])
     felt = shared | (np.linalg.norm(J, axis=0) > 0)
     chi2, degrees = chi2_of(left), max(len(left) - int(felt.sum()), 1)
-    estimated = any(flag for each in fitted for flag in each.estimated)
+    probability = partial(
+        probability_of,
+        degrees=degrees,
+        count=len(left),
+        estimated=any(flag for each in fitted for flag in each.estimated),
+    )
     return Fit(
         scene=fitted_scene,
         text=numbers.text({each.name: each.value for each in found}, fitted_scene),
@@ -242,11 +257,13 @@ def fit(
         correlations=block / np.outer(scale, scale),
         chi2=chi2,
         degrees=degrees,
-        probability=probability_of(chi2, degrees, len(left), estimated),
+        probability=probability(chi2),
         sensors=tuple(sensors),
         held_out=tuple(held_out),
         undetermined=tuple(untold),
         contradictions=tuple(contradicting(logs, strays([*sensors, *held_out]))),
+        at_limits=tuple(at_limits(residuals, x)),
+        influences=tuple(influences(residuals, x, J, freed, probability)),
         complete=complete,
     )
 
@@ -259,8 +276,8 @@ def _sensed(scene: Scene, log: Log, noise: Mapping[str, float]) -> FittedLog:
         least = _SMALLEST * float(np.abs(sensor.values).max())
         estimate = max(noise_of(sensor), least)
         given = noise.get(sensor.name)
-        if given is not None and not given > 0:
-            raise InputError(f"the noise of {sensor.name} must be positive, not {given:g}")
+        if given is not None:
+            check_positive(f"the noise of {sensor.name}", given)
         # Over a smaller noise residuals would be too large for their squares.
         dead = np.ptp(sensor.values, axis=0).max() < 1 / LARGEST
         few = len(sensor.times) < FEWEST
@@ -270,7 +287,7 @@ def _sensed(scene: Scene, log: Log, noise: Mapping[str, float]) -> FittedLog:
                 f"{log.name}: {sensor.name} {what}, which does not tell its noise; leave its "
                 "columns out, or give its noise"
             )
-        sizes.append(given or estimate)
+        sizes.append(estimate if given is None else max(given, least))
     moved = [each.name for each in scene.hinges if each.motor is not None]
     begins = {
         kind: {n: float(first[f"{n}_{kind}"][0]) for n in moved if f"{n}_{kind}" in first}
@@ -329,13 +346,17 @@ def _solved(
         ).x  # fmt: skip
         if progress is not None:
             progress(part, chi2_of(with_prior(x)) / len(first))
-    J, left = residuals.jacobian(x, central=True), with_prior(x)
-    slope = np.concatenate([J, np.diag(prior)])
-    nearer = np.clip(x - np.linalg.lstsq(slope, left)[0], low, high)
-    promised, reached = chi2_of(left + slope @ (nearer - x)), chi2_of(with_prior(nearer))
-    if reached < chi2_of(left):
-        x = nearer
-    return x, residuals, J, min(reached, chi2_of(left)) < promised + _SHORT
+    for _ in range(_LAST_STEPS):
+        J, left = residuals.jacobian(x, central=True), with_prior(x)
+        step = -np.linalg.lstsq(np.concatenate([J, np.diag(prior)]), left)[0]
+        ends = [np.clip(x + part * step, low, high) for part in _FRACTIONS]
+        nearest = min(ends, key=lambda end: chi2_of(with_prior(end)))
+        if (gain := chi2_of(left) - chi2_of(with_prior(nearest))) > 0:
+            x = nearest
+        # Not by what the step promises: rounding in J feigns a slope along a narrow valley.
+        if gain < _SHORT:
+            break
+    return x, residuals, J, gain < _SHORT
 
 
 def _with_prior(x: Array, residuals: Residuals, prior: Array) -> Array:
@@ -350,9 +371,19 @@ def _raise_cause(residuals: Residuals, x: Array, run: Run) -> None:
     """Raise InputError: why the scene has no motion to begin with."""
     values = residuals.values(x)
     for k, each in enumerate(residuals.logs):
+        times = np.array([0.0, each.log.end])
         with named(each.log.name):
             scene = residuals.scene(k, values)
-            motion = run(scene, np.array([0.0, each.log.end]))
+            try:
+                motion = run(scene, times)
+            except InputError as error:
+                run(replace(scene, start=residuals.numbers.scene({}).start), times)
+                speed = np.linalg.norm(scene.angular_velocity_at(scene.start))
+                raise InputError(
+                    f"the first readings do not fit this robot: started as they say, at "
+                    f"{speed:.3g} rad/s, it does not roll to the end of the log ({error}); check "
+                    "the sensors' units, axes and noise"
+                ) from error
             if len(motion.times) < 2:
                 raise InputError(f"the motion of {scene.name} ends before the log")
     raise InputError(f"{scene.name} has no motion over the whole of the logs to begin with")

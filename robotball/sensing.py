@@ -4,7 +4,8 @@ Besides the motion, readings have their circumstances: what stands in a log of r
 clock that is late, a capture's world that is turned, a gyro's bias. Each is 0 unless it is freed.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,33 +18,64 @@ from robotball.rotations import Array, multiply, rotation_matrix, turn_between
 from robotball.scene import Scene
 
 Rows = NDArray[np.intp]
-# By the word after the sensor's or the world's name: how many numbers, their unit, and of what.
-CIRCUMSTANCES = {
-    "world.yaw": (1, "rad"),
-    "world.origin": (2, "m"),
-    "position.marker": (3, "m"),
-    "gyro.bias": (3, "rad/s"),
-    "accelerometer.bias": (3, "m/s²"),
-    "accelerometer.place": (3, "m"),
-    "commands.delay": (1, "s"),
+
+
+@dataclass(frozen=True)
+class Circumstance:
+    """A circumstance of a log.
+
+    Attributes
+    ----------
+    count : int
+        How many numbers it has.
+    unit : str
+        Their unit.
+    plausible : float
+        An amount that a carefully made log may have. If it is not freed, so much of it must not
+        move a fitted number.
+    """
+
+    count: int
+    unit: str
+    plausible: float
+
+
+_LATE = Circumstance(1, "s", 0.02)  # one frame of a camera at 50 Hz
+_TURNING = Circumstance(3, "rad/s", 0.02)  # 1°/s, the zero-rate offset of a cheap gyro
+_OF_ENCODERS = Circumstance(1, "rad", 0.02)  # 1°, a zero set by eye
+_FACTOR = Circumstance(1, "1", 0.02)  # the error of an uncalibrated sensor's sensitivity
+_CIRCUMSTANCES = {
+    "sensors.clock": _LATE,
+    "commands.delay": _LATE,
+    "world.yaw": Circumstance(1, "rad", 0.035),  # 2°, axes set by eye
+    "world.origin": Circumstance(2, "m", 0.01),
+    "position.marker": Circumstance(3, "m", 0.005),
+    "gyro.bias": _TURNING,
+    "accelerometer.bias": Circumstance(3, "m/s²", 0.2),  # 20 mg, of a cheap accelerometer
+    "accelerometer.place": Circumstance(3, "m", 0.01),
 }
-_CLOCK, _ZERO, _BIAS = ".clock", ".zero", ".bias"
+_CLOCK, _ZERO, _BIAS, _SCALE = ".clock", ".zero", ".bias", ".scale"
 _AROUND = 1e-3  # s, on either side of a time: the difference by which an accelerometer is read
 ON_THE_PLANE = 0.05  # of the radius: a height so near 0 is the contact point's
 FEWEST = 7  # readings by which a sensor's noise is known
 _VERTICAL = np.array([0.0, 0.0, 1.0])
 
 
-def circumstance(name: str, sensors: Mapping[str, object]) -> tuple[int, str]:
-    """Return how many numbers a circumstance has, and their unit.
+def circumstances_of(sensors: Iterable[str]) -> dict[str, Circumstance]:
+    """Return the circumstances of a log with such sensors by their names."""
+    sensors = list(sensors)
+    there = ("sensors", "world", "commands", *sensors)
+    known = {name: what for name, what in _CIRCUMSTANCES.items() if name.split(".")[0] in there}
+    known |= {each + _CLOCK: _LATE for each in sensors}
+    known |= {each + _BIAS: _TURNING for each in sensors if each.endswith("_gyro")}
+    known |= {each + _ZERO: _OF_ENCODERS for each in sensors if each.endswith("_angle")}
+    known |= {each + _SCALE: _FACTOR for each in sensors if not each.endswith("attitude")}
+    return known
 
-    Raises InputError for an unknown one, and for one of a sensor that the log has not.
-    """
-    there = ("world", "commands", *sensors)
-    known = {name: what for name, what in CIRCUMSTANCES.items() if name.split(".")[0] in there}
-    known |= {each + _CLOCK: (1, "s") for each in sensors}
-    known |= {each + _BIAS: (3, "rad/s") for each in sensors if each.endswith("_gyro")}
-    known |= {each + _ZERO: (1, "rad") for each in sensors if each.endswith("_angle")}
+
+def circumstance(name: str, sensors: Iterable[str]) -> Circumstance:
+    """Return a circumstance of a log with such sensors. Raises InputError for an unknown name."""
+    known = circumstances_of(sensors)
     if name not in known:
         raise unknown("circumstance of the log", name, known)
     return known[name]
@@ -56,11 +88,16 @@ def is_of_readings(name: str) -> bool:
 
 def times_of(sensor: Sensor, given: Mapping[str, Array]) -> Array:
     """Return the times (n,) at which a motion is read for a sensor, or (3n,) for three around."""
-    late = float(given[sensor.name + _CLOCK][0]) if sensor.name + _CLOCK in given else 0.0
-    at = np.maximum(sensor.times - late, 0.0)
+    at = np.abs(_read_at(sensor, given))
     if sensor.name != "accelerometer":
         return at
     return np.concatenate([np.maximum(at - _AROUND, 0.0), at, at + _AROUND])
+
+
+def _read_at(sensor: Sensor, given: Mapping[str, Array]) -> Array:
+    """Return when (n,) a sensor took its readings, by the clock of the motion."""
+    clocks = ("sensors" + _CLOCK, sensor.name + _CLOCK)
+    return sensor.times - sum(float(given[each][0]) for each in clocks if each in given)
 
 
 def apart(sensor: Sensor, motion: Motion, rows: Rows, given: Mapping[str, Array]) -> Array:
@@ -70,6 +107,12 @@ def apart(sensor: Sensor, motion: Motion, rows: Rows, given: Mapping[str, Array]
     current the scene does not give.
     """
     read = _readings(sensor, motion, rows, given)
+    early = _read_at(sensor, given) < 0
+    if early.any() and sensor.name != "accelerometer":
+        # The motion before its start is unknown. Readings are continued there as odd functions.
+        start = np.zeros_like(rows)
+        read[early] = 2 * _readings(sensor, motion, start, given)[early] - read[early]
+    read = read * (1.0 + given.get(sensor.name + _SCALE, np.zeros(1))[0])
     if sensor.name.endswith("attitude"):
         return turn_between(read, sensor.values)
     return np.asarray(sensor.values - read)
@@ -148,7 +191,7 @@ def _position(sensor: Sensor, motion: Motion, rows: Rows, given: Mapping[str, Ar
     on_the_plane = len(heights[0]) and np.abs(heights).max() < ON_THE_PLANE * radius
     level = 0.0 if on_the_plane and not marker.any() else radius
     at = rotation_matrix(motion.attitude[rows]) @ marker + [0.0, 0.0, level]
-    at[:, :2] += motion.contact_point[rows]
+    at[:, :2] += motion.contact_point[rows] + given.get("start.place", 0.0)
     if "world.yaw" in given:
         c, s = np.cos(given["world.yaw"][0]), np.sin(given["world.yaw"][0])
         at[:, :2] = at[:, :2] @ np.array([[c, s], [-s, c]])

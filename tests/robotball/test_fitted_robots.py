@@ -1,5 +1,6 @@
 """Fits of many robots: the truth is where the deviations say, and wrong models are rejected."""
 
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -90,3 +91,27 @@ def test_the_truth_of_a_robot_is_where_the_deviations_say(tmp_path: Path) -> Non
     assert np.abs(errors).max() < 3  # measured 1.7
     assert found.explains
     assert found.undetermined == ()
+
+
+# From scenes with servos, a pendulum that steers, and rotors: numbers that a short log shows.
+ROBOTS: Mapping[str, tuple[str, ...]] = {
+    "pendulum_robot": ("frame.part.battery.mass", "frame.kv"),
+    "examples/my_robot.toml": ("frame.kv", "pendulum1.kp"),
+    "steered_pendulum_robot": ("frame.kv", "shell.density"),
+}
+
+
+def pulls(name: str, seeds: Iterable[int], folder: Path) -> np.ndarray:
+    """Return the errors over the deviations (seeds, numbers), of fits from 3 % off."""
+    numbers, free = numbers_of(name), ROBOTS[name]
+    truth = {path: numbers.known[path].value for path in map(numbers.path_of, free)}
+    wrong = {path: 1.03 * value for path, value in truth.items()}
+    path = folder / "wrong.toml"
+    path.write_text(numbers.text(wrong, numbers.scene(wrong)), encoding="utf-8")
+    motion = rb.integrate(name, rb.sample_times(2.0, 1 / 25), 1e-12)
+    errors = []
+    for seed in seeds:
+        log = log_of(motion, np.random.default_rng(seed))
+        found = rb.fit(path, [log], free, noise=NOISE).found
+        errors.append([(each.value - truth[each.name]) / each.deviation for each in found])
+    return np.array(errors)

@@ -84,7 +84,9 @@ def lines(found: Fitted) -> Iterator[str]:
             "its unit, and --also world.origin,world.yaw"
         )
     yield from found.contradictions
+    yield from found.at_limits
     yield from found.undetermined
+    yield from found.influences
     names = [each.name for each in found.found]
     for i, j in zip(*np.triu_indices(len(names), 1), strict=True):
         if abs(found.correlations[i, j]) > _STRONG and not found.undetermined:
@@ -199,6 +201,8 @@ def _record(scene: str, fits: Mapping[str, Fitted]) -> dict[str, Any]:
         "correlations": found.correlations.tolist(),
         "undetermined": list(found.undetermined),
         "contradictions": list(found.contradictions),
+        "at_limits": list(found.at_limits),
+        "influences": list(found.influences),
         "sensors": [
             {
                 "log": each.log,
@@ -316,7 +320,7 @@ class Fit:
         write_text(page_file, fit_page(name, fits))
         write_record(self.json, _record(name, fits))
         print(scene_file, page_file, sep="\n")
-        return AGREES if found.explains and _tells(found) else DISAGREES
+        return AGREES if found.explains and _tells(found) and not found.at_limits else DISAGREES
 
 
 def _noise_of(texts: Sequence[str]) -> dict[str, float]:

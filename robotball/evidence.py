@@ -217,16 +217,15 @@ def influences(
     readings do not exclude, moves a number by more than its deviation. If the fit does not explain
     the logs, a line is due only for a circumstance with which it would.
 
-    x, J, found: as of `found_at`; probability: that of χ².
+    x, J: as of `found_at`; found: the numbers of the scene; probability: that of χ².
     """
     names, plausible, others = zip(*_not_freed(residuals), strict=True)
     columns, left = residuals.of_others(x, others), residuals(x)
     ended = residuals.ended(residuals.values(x))
     slope = np.concatenate([J, NO_EVIDENCE * np.eye(len(x))])
     steps = -np.linalg.lstsq(slope, np.concatenate([columns, np.zeros((len(x), len(others)))]))[0]
-    freed = [i for i, each in enumerate(ended) if not each.of_start]
-    sizes = np.array([ended[i].size for i in freed])
-    moved = sizes[:, None] * (residuals.slopes(x, ended) @ steps)[freed]  # per size of the others
+    sizes = np.array([[each.size] for each in ended])
+    moved = (sizes * (residuals.slopes(x, ended) @ steps))[: len(found)]  # per size of the others
     explained, squares = probability(chi2_of(left)) > _DOUBT, chi2_of(left)
     worst: dict[str, tuple[float, str]] = {}
     for i, column in enumerate((columns + J @ steps).T):

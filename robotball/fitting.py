@@ -263,7 +263,7 @@ def fit(
         undetermined=tuple(untold),
         contradictions=tuple(contradicting(logs, strays([*sensors, *held_out]))),
         at_limits=tuple(at_limits(residuals, x)),
-        influences=tuple(influences(residuals, x, J, freed, probability)),
+        influences=tuple(influences(residuals, x, J, found, probability)),
         complete=complete,
     )
 
@@ -377,12 +377,15 @@ def _raise_cause(residuals: Residuals, x: Array, run: Run) -> None:
             try:
                 motion = run(scene, times)
             except InputError as error:
-                run(replace(scene, start=residuals.numbers.scene({}).start), times)
-                speed = np.linalg.norm(scene.angular_velocity_at(scene.start))
+                # Raises the scene's own error if its own start has no motion either.
+                own = residuals.numbers.scene({})
+                moved = [hinge for hinge in own.hinges if hinge.motor is not None]
+                angles, rates = ({h.name: getattr(h, n) for h in moved} for n in ("angle", "rate"))
+                run(replace(scene, start=own.start).with_hinges(angle=angles, rate=rates), times)
+                cause, *_ = str(error).split(";")  # without its remedy
                 raise InputError(
-                    f"the first readings do not fit this robot: started as they say, at "
-                    f"{speed:.3g} rad/s, it does not roll to the end of the log ({error}); check "
-                    "the sensors' units, axes and noise"
+                    "the log does not fit this robot: from the start that its first readings "
+                    f"show, {cause}; check the sensors' units, axes and noise"
                 ) from error
             if len(motion.times) < 2:
                 raise InputError(f"the motion of {scene.name} ends before the log")

@@ -115,3 +115,24 @@ def pulls(name: str, seeds: Iterable[int], folder: Path) -> np.ndarray:
         found = rb.fit(path, [log], free, noise=NOISE).found
         errors.append([(each.value - truth[each.name]) / each.deviation for each in found])
     return np.array(errors)
+
+
+@pytest.mark.study
+def test_deviations_are_those_of_many_logs(tmp_path: Path) -> None:
+    """Of 200 logs of each of three robots: the errors over the deviations are standard normal.
+
+    Some ten minutes.
+    """
+    errors = [pulls(name, range(200), tmp_path) for name in ROBOTS]
+    # Each number's is known to 0.05 by 200 logs, all together to 0.02.
+    assert all(0.85 < each < 1.15 for each in np.concatenate([e.std(axis=0) for e in errors]))
+    assert 0.95 < np.sqrt(np.mean(np.square(errors))) < 1.05  # measured 0.988
+    assert np.abs([each.mean(axis=0) for each in errors]).max() < 4 / np.sqrt(200)
+
+
+@pytest.mark.slow
+def test_deviations_are_those_of_some_logs(tmp_path: Path) -> None:
+    """The quick form: of four logs of one robot."""
+    errors = pulls("pendulum_robot", range(4), tmp_path)
+    assert 0.3 < np.sqrt(np.mean(errors**2)) < 1.7  # measured QUICK; χ² of 8 is within this to 1e-4
+    assert np.abs(errors).max() < 4

@@ -234,8 +234,8 @@ class Fit:
     """Find the masses, places, gains and resistances that explain the logs of a robot.
 
     Several logs are fitted together, but the last, which the fit then has to explain. Exit status:
-    0 the model explains the logs, 1 it does not, or they tell none of the numbers, 2 the scene or a
-    log cannot be used.
+    0 the model explains the logs, 1 it does not, they tell none of the numbers, or a number ended
+    at its limit, 2 the scene or a log cannot be used.
     docs/fitting.md has the columns of a log, and which motion shows which number.
 
     Example: robotball fit pendulum_robot run.csv --free battery.mass,frame.kv
@@ -249,7 +249,8 @@ class Fit:
     """Numbers to find, by their paths or the last words of these; limits as frame.kv=0.1:0.8."""
     also: Names = ()
     """What else to find of each log: world.yaw, world.origin, position.marker, gyro.bias,
-    accelerometer.place, commands.delay, SENSOR.clock, HINGE_angle.zero."""
+    accelerometer.place, commands.delay, sensors.clock, SENSOR.clock, SENSOR.scale,
+    HINGE_angle.zero."""
     noise: Names = ()
     """The noise of sensors, as gyro=0.02: a standard deviation, in SI units; else estimated."""
     loss: Annotated[str, arg(metavar="linear|soft_l1|huber|cauchy|arctan")] = "linear"

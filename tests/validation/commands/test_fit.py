@@ -13,7 +13,7 @@ from robotball.files.robot_numbers import robot_numbers
 from robotball.files.scene_numbers import numbers_of
 from tests.conftest import Robotball
 from tests.messages import unnamed
-from tests.robotball.test_fitting import NOISE, log
+from tests.robotball.test_fitting import NOISE, log, off
 from tests.validation.json_keys import misfits
 from validation.commands import fitting
 
@@ -64,12 +64,26 @@ def test_a_log_that_tells_nothing_is_no_success(robotball: Robotball, tmp_path: 
     assert unnamed("logs none numbers", out) == []
 
 
+@pytest.mark.slow
+def test_a_number_at_its_limit_is_no_success(robotball: Robotball, tmp_path: Path) -> None:
+    """With so much noise given, a gain of 0.399 explains the log of one of 0.4: status 1."""
+    written(log(), tmp_path / "run.csv")
+    options = ("--free", "kv=0.39:0.399", "--noise", "position=1e-2,attitude=1e-1,gyro=2e-1")
+    scene = off(tmp_path, kv=0.985)
+    status, out, _ = robotball("fit", scene, "run.csv", *options, "--json", "a.json")
+    assert "the model explains the logs" in out
+    (line,) = json.loads((tmp_path / "a.json").read_text())["at_limits"]
+    assert line in out
+    assert status == 1
+
+
 @pytest.mark.parametrize(
     ("options", "facts"),
     [
         ((), "fit log t"),
         (("run.csv",), "numbers --free"),
         (("run.csv", "--free", "kv", "--noise", "gyro"), "--noise SENSOR=NUMBER"),
+        (("run.csv", "--free", "kv", "--noise", "gyro=inf"), "noise gyro inf"),
         (("run.csv", "--free", "kv", "--engine", "drake"), "--engine presets"),
         (("lost.csv", "--free", "kv"), "lost.csv"),
     ],

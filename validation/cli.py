@@ -105,7 +105,6 @@ GROUPS = {
         "chart": "validation.studies.charts",
     },
     "The paper": {
-        "paper": "validation.commands.paper_commands",
         "figures": "validation.commands.paper_commands",
         "results": "validation.studies.paper_results",
         "portraits": "validation.studies.portrait_maps",

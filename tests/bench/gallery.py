@@ -37,7 +37,6 @@ PICTURES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding=
 _ENGINES = next(row["command"] for row in PICTURES if row["shown"] == "engines.png")
 _COSTS = (("cost", 1e3, ".3g"), ("relative_cost", 1, ".2g"), ("spread", 1, ".2f"),
           ("python_share", 1, ".0%"))  # fmt: skip
-_PROVED = ("place", "statement", "evidence")
 _RANDOM_RUNS = 500
 _SCREEN = ("--headless", "--no-sandbox", "--hide-scrollbars", "--window-size=1000,1400",
            "--enable-unsafe-swiftshader", "--virtual-time-budget=4000")  # fmt: skip
@@ -48,15 +47,6 @@ _HEAD = """# Gallery
 
 Every kind of picture that the program makes, and the command that makes it. `make gallery` makes
 all of them again, in hours; `python -m tests.bench.gallery figures history` those named."""
-_PROOFS = """
-## Proofs
-
-By `robotball paper`: what is left of the printed form, and of the corrected one, of which rounding
-or a sampling error may leave something.
-
-| place | corrected | measured |
-|---|---|---|
-"""
 ENGINES = r"\| engine, preset \| step or rtol \|.*?(?=\n\n)"
 _TABLE = r"\| scene \| preset \| step \|.*?(?=\n\n)"
 _RESULTS = r"\n### Equilibria\n.*(?=\n## Open)"
@@ -95,9 +85,6 @@ def _main(*only: str) -> None:
         _write_numbers("random", {**found["extreme"], "false_alarms": len(found["false_alarms"])})
     if wanted("film"):
         _write_frame(_DOCS / "fig12.png")
-    if wanted("paper"):
-        _run("paper", "--json", str(_OUT / "paper.json"))
-        _write_proofs(_OUT / "paper.json")
     if wanted("demo"):
         _run("demo", "--out", str(_OUT))
         table = (_OUT / "demo.md").read_text(encoding="utf-8").strip()
@@ -220,18 +207,6 @@ def _write_numbers(study: str, numbers: Mapping[str, Any]) -> None:
     """Write a study's numbers into the file of all."""
     known = _read(NUMBERS) if NUMBERS.exists() else {}
     write_text(NUMBERS, json.dumps({**known, study: numbers}, indent=1) + "\n")
-
-
-def _write_proofs(findings: Path) -> None:
-    """Write the table of proofs into the page of errata, from the JSON of `robotball paper`."""
-    page = _DOCS / "errata.md"
-    above = page.read_text(encoding="utf-8").partition(_PROOFS)[0].rstrip()
-    rows = [
-        " | ".join(str(claim[key]).replace("|", "\\|") for key in _PROVED)
-        for claim in _read(findings)["claims"]
-        if claim["verdict"] == "holds as corrected"
-    ]
-    write_text(page, "\n".join([above, _PROOFS.rstrip(), *(f"| {row} |" for row in rows)]) + "\n")
 
 
 def _read(path: Path) -> Any:

@@ -185,7 +185,6 @@ ALONE = {
     "demo",
     "scenes",
     "engines",
-    "paper",
     "attractors",
     "extremes",
     "portraits",

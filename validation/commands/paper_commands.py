@@ -1,4 +1,4 @@
-"""The commands about the paper: its statements checked, its figures drawn."""
+"""The command that draws the figures of the paper."""
 
 import sys
 from dataclasses import dataclass
@@ -8,35 +8,6 @@ from typing import Annotated
 from tyro.conf import arg
 
 from validation.options import AGREES, OUT, File, Several, Threads
-
-
-@dataclass(frozen=True)
-class Paper:
-    """Check the paper's statements one by one, in its order, misprints included.
-
-    Each row has its place, what is checked, what is printed where that is something else, by what
-    means, and the number with its bound. Where robotball has the formula that a row is about, the
-    row holds that, too. Takes about a minute; the first time, another to compile. Exit status 0
-    where all that can be checked holds, as printed or as corrected.
-
-    Example: robotball paper --json paper.json
-    """
-
-    json: File = None
-    """Also write the findings as JSON."""
-
-    def run(self) -> int:
-        from rich.console import Console
-
-        from validation.paper import SECTIONS
-        from validation.paper.claim import examine_all, show_findings, write_findings
-
-        parts = examine_all(SECTIONS)
-        if self.json:
-            write_findings(self.json, parts)
-        show_findings(parts, Console())
-        failing = "does not reproduce"
-        return int(any(each.verdict == failing for part in parts for each in part.findings))
 
 
 @dataclass(frozen=True)

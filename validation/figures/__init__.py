@@ -3,9 +3,10 @@
 Points in space are seen from far away: an orthographic view, with their depth.
 """
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from textwrap import wrap
 from typing import Any
 
@@ -14,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from robotball import ContactMotion, Motion, Scene, preset
+from robotball import ContactMotion, Motion, Scene, SceneWarning, load_scene, preset
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
@@ -71,6 +72,14 @@ def sheet(
     for each in axes.values():
         each.grid(alpha=0.3)
     return figure, axes
+
+
+@cache
+def paper_scene(name: str) -> Scene:
+    """Load a scene of the catalog without its warnings; the figures' facts repeat them."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SceneWarning)
+        return load_scene(name)
 
 
 def engine_motion(scene: Scene, times: Array, settings: str = "balanced") -> ContactMotion:

@@ -36,10 +36,10 @@ from validation.figures import (
     View,
     draw_paths,
     engine_motion,
+    paper_scene,
     sheet,
 )
 from validation.figures.sphere import Globe, draw_gamma
-from validation.paper.formulas import paper_scene
 from validation.studies.contact_sections import (
     COARSE,
     Recipe,

@@ -26,11 +26,11 @@ from validation.figures import (
     View,
     draw_paths,
     engine_motion,
+    paper_scene,
     sheet,
 )
 from validation.figures.sphere import Globe, draw_gamma
 from validation.output import halo
-from validation.paper.formulas import paper_scene
 from validation.plots import note
 from validation.study import compiled_motion
 

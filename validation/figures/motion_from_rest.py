@@ -18,6 +18,7 @@ from validation.figures import (
     View,
     draw_paths,
     engine_motion,
+    paper_scene,
     sheet,
 )
 from validation.figures.sphere import (
@@ -32,7 +33,6 @@ from validation.figures.sphere import (
     draw_points,
     draw_separatrices,
 )
-from validation.paper.formulas import paper_scene
 from validation.study import compiled_motion
 
 _BALL_LINES = (

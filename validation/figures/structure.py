@@ -17,9 +17,15 @@ from robotball.film.looks import INK, looks_of
 from robotball.film.stage import Arrow, Camera, Stage
 from robotball.film.tracks import track_of
 from robotball.rotations import Array, Z, rotation_matrix, z_along
-from validation.figures import ENGINE_LINE, ENGINE_NAME, THEORY_LINE, engine_motion, sheet
+from validation.figures import (
+    ENGINE_LINE,
+    ENGINE_NAME,
+    THEORY_LINE,
+    engine_motion,
+    paper_scene,
+    sheet,
+)
 from validation.output import halo
-from validation.paper.formulas import paper_scene
 
 _SCENE = "fig12"  # one rotor, and mass inside the shell only
 _ROLLED = 0.8  # s, before Fig. 4

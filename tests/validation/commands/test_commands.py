@@ -158,7 +158,7 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
     ),
 }
 # Run below, and by the tests of their studies, of the film and of the demo's table.
-ELSEWHERE = "ablation chart check convergence demo design export extremes judge paper portraits "
+ELSEWHERE = "ablation chart check convergence demo design export extremes judge portraits "
 ELSEWHERE += "fit report steer tradeoff video"
 
 

@@ -17,7 +17,7 @@ AT_REST = "fig06 M 'robotball~equilibria~fig06'"
 MISTYPED = {
     "--json": (
         "--jsn",
-        "check judge section lyapunov attractors basins equilibria continue paper",
+        "check judge section lyapunov attractors basins equilibria continue",
     ),
     "--preset": ("--presett", "compare report fit video view model steer convergence chart"),
     "--keep-going": ("--keepgoing", "compare"),

@@ -16,13 +16,12 @@ from robotball.qualitative.portraits import separatrices
 from robotball.qualitative.sections import invariant_curve
 from robotball.qualitative.straight_motions import stability_limit
 from tests.figures import from_rest
-from validation.figures import View, lines, motion_from_rest
+from validation.figures import View, lines, motion_from_rest, paper_scene
 from validation.figures import attractor_figures as tori
 from validation.figures.lines import growth_rate, line_verticals
 from validation.figures.motion_from_rest import closed_contour
 from validation.figures.paper_figures import FIGURES, chosen
 from validation.figures.sphere import Globe, Involute
-from validation.paper.formulas import paper_scene
 
 
 @pytest.fixture

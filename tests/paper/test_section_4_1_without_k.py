@@ -17,13 +17,13 @@ from scipy.special import ellipj
 from robotball.equations import as_vector
 from robotball.qualitative import equilibria
 from robotball.rotations import Array, tangents
-from validation.paper import formulas as f
-from validation.paper.captions import CAPTIONS, claim_motion, orthonormal
-from validation.paper.claim import Errors, Section, by
-from validation.paper.engine_ball import INNER, MOTION, Seen, largest, rate, seen, seen_from
-from validation.paper.formulas import Numbers, cross
-from validation.paper.point_masses import MASSES, moments
-from validation.paper.section_3 import MOMENTUM
+from tests.paper import formulas as f
+from tests.paper.captions import CAPTIONS, claim_motion, orthonormal
+from tests.paper.claim import Errors, Section, by
+from tests.paper.engine_ball import INNER, MOTION, Seen, largest, rate, seen, seen_from
+from tests.paper.formulas import Numbers, cross
+from tests.paper.point_masses import MASSES, moments
+from tests.paper.test_section_3_momentum import MOMENTUM
 
 SECTION = Section("4. Motion from rest")
 SECTION_4_1 = Section("4.1. K = 0")

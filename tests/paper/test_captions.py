@@ -5,9 +5,9 @@ import pytest
 
 from robotball import catalog, integrate, load_scene
 from robotball.rotations import rotation_matrix
-from validation.paper import formulas as f
-from validation.paper.captions import CAPTIONS, motion, near_sigma_plus
-from validation.paper.formulas import Numbers
+from tests.paper import formulas as f
+from tests.paper.captions import CAPTIONS, motion, near_sigma_plus
+from tests.paper.formulas import Numbers
 
 # Fig. 10's level below 2.08 has a scene too.
 STARTED = CAPTIONS | {"fig10_stable": near_sigma_plus(2.0)}

@@ -12,10 +12,10 @@ from robotball.qualitative import equilibria
 from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.portraits import limit_cycles
 from robotball.rotations import Array, tangents
-from validation.paper import formulas as f
-from validation.paper.captions import CAPTIONS, claim_axes, claim_motion
-from validation.paper.claim import MINUS, AtLeast, Errors, Section, by
-from validation.paper.formulas import Numbers, paper_scene
+from tests.paper import formulas as f
+from tests.paper.captions import CAPTIONS, claim_axes, claim_motion
+from tests.paper.claim import MINUS, AtLeast, Errors, Section, by
+from tests.paper.formulas import Numbers, paper_scene
 
 SECTION = Section("4.2. K ≠ 0")
 claim = SECTION.claim

@@ -10,9 +10,9 @@ import pytest
 from robotball import ball
 from robotball import equations as eq
 from robotball.qualitative import equilibria, normal_forms, straight_motions
-from tests.validation.paper import ours
-from validation.paper import SECTIONS, section_5
-from validation.paper.claim import examine
+from tests.paper import SECTIONS, section_5
+from tests.paper import test_buildable_balls as ours
+from tests.paper.claim import examine
 
 Formula = Callable[..., Any]
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from robotball.equations import as_vector
 from robotball.qualitative.equilibria import fixed_points, flow, rate_scale
+from tests.paper import formulas as f
 from tests.robotball.qualitative.test_equilibria import random_ball
-from validation.paper import formulas as f
 
 
 def test_no_fixed_point_is_missed() -> None:

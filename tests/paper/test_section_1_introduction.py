@@ -10,9 +10,9 @@ from robotball.qualitative.sections import period_of, shared_integral
 from robotball.rotations import Array
 from robotball.scene import Start
 from robotball.sensing import of_shell
-from validation.paper import formulas as f
-from validation.paper.claim import AtLeast, Errors, Section, by
-from validation.paper.engine_ball import (
+from tests.paper import formulas as f
+from tests.paper.claim import AtLeast, Errors, Section, by
+from tests.paper.engine_ball import (
     DRIVEN,
     MOTION,
     NAME,
@@ -21,7 +21,7 @@ from validation.paper.engine_ball import (
     seen,
     seen_of,
 )
-from validation.paper.formulas import Numbers, cross, paper_scene
+from tests.paper.formulas import Numbers, cross, paper_scene
 
 SECTION = Section("1. Introduction")
 SECTION.unchecked("Figs 1-2", "S. A. Chaplygin; a beaver ball", "photographs: nothing to compute")

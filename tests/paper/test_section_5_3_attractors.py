@@ -28,12 +28,12 @@ from robotball.qualitative.long_run import Exponents, exponents
 from robotball.qualitative.sections import fixed_point, section, section_starts
 from robotball.rotations import Array, ComplexArray, from_matrix, rotation_matrix, tangents
 from robotball.scene import Start
-from validation.paper import formulas as f
-from validation.paper.captions import CAPTIONS, claim_motion, place
-from validation.paper.claim import AtLeast, Errors, Section, Value, by
-from validation.paper.engine_ball import MOTION, NAME, seen
-from validation.paper.formulas import Numbers, paper_scene
-from validation.paper.section_5 import F
+from tests.paper import formulas as f
+from tests.paper.captions import CAPTIONS, claim_motion, place
+from tests.paper.claim import AtLeast, Errors, Section, Value, by
+from tests.paper.engine_ball import MOTION, NAME, seen
+from tests.paper.formulas import Numbers, paper_scene
+from tests.paper.test_section_5_1_straight_lines import F
 
 SECTION = Section("5.3. Attractors")
 claim = SECTION.claim

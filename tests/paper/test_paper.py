@@ -1,29 +1,21 @@
 """The paper's claims hold, as printed or as corrected; each of them could fail, and would."""
 
 import io
-import json
 import math
 from functools import cache
-from pathlib import Path
 
-import numpy as np
 import pytest
-from rich.cells import cell_len
 from rich.console import Console
 
-import validation.paper
 from robotball import InputError
-from tests.validation.json_keys import misfits
-from tests.validation.paper import ours
-from validation.cli import main
-from validation.paper import SECTIONS
-from validation.paper.claim import (
+from tests.paper import SECTIONS
+from tests.paper import test_buildable_balls as ours
+from tests.paper.claim import (
     AtLeast,
     Claim,
     Evidence,
     Part,
     Residual,
-    Section,
     Value,
     by,
     examine,
@@ -34,16 +26,13 @@ from validation.paper.claim import (
 finding = cache(examine)
 
 CLAIMS = [claim for section in SECTIONS for claim in section.claims]
-# Places of claims that take a third of a second or more: long runs and searches from everywhere.
-LONGEST = (
-    "1, par. 3", "1, par. 4", "3.3", "5.3", "E6, Prop. 2", "E22, Fig. 14", "E26, 5.3",
-    "E7, Prop. 2", "Fig. 7", "Fig. 10", "Fig. 11a", "Fig. 12", "Fig. 13", "Fig. 14", "4",
-)  # fmt: skip
+# In these are the long runs, the searches from everywhere and what compiles for seconds.
+LONG = ("1.", "3.3.", "4.2.", "5.3.", ours.SECTION.title)
 CHECKED = [
     pytest.param(
         claim,
         id=f"{claim.place}: {claim.statement}",
-        marks=[pytest.mark.study] if claim.place in LONGEST else [],
+        marks=[pytest.mark.slow] if section.title.startswith(LONG) else [],
     )
     for section in (*SECTIONS, ours.SECTION)
     for claim in section.claims
@@ -52,17 +41,14 @@ CHECKED = [
 
 
 @pytest.mark.parametrize("claim", CHECKED)
-def test_a_claim_of_the_paper_holds(claim: Claim) -> None:
-    """Findings have the measured value beside its bound; a misprint is refuted by a number."""
+def test_a_claim_of_the_paper_holds_and_fails_with_one_thing_changed(claim: Claim) -> None:
+    """Findings have the measured value beside its bound; a misprint is refuted by a number.
+
+    The negative control is a sign, a factor or an index of the statement, as its twist says.
+    """
     found = finding(claim)
     assert found.verdict == ("holds as corrected" if claim.printed else "holds"), found.evidence
     assert claim.twist
-
-
-@pytest.mark.study
-@pytest.mark.parametrize("claim", CHECKED)
-def test_a_claim_of_the_paper_fails_with_one_thing_changed(claim: Claim) -> None:
-    """The negative control is a sign, a factor or an index of the statement, as its twist says."""
     twisted = finding(claim, twisted=True)
     assert twisted.verdict == "does not reproduce", twisted.evidence
     assert not isinstance(twisted.evidence, str), "it fails by a number, not by giving up"
@@ -166,56 +152,3 @@ def test_the_largest_error_counts_or_the_number_of_wrong_ones(
     nine = {"errors": [9.0]}
     made = by("arithmetic", "the sign", bound=bound, unit="m", printed=nine, errors=errors)
     assert str(examine(made(lambda errors: iter(errors))[1]).evidence) == evidence
-
-
-# The command ---------------------------------------------------------------------------------
-
-HELD = Residual(np.float64(0.0), bound=1e-9, printed=1.0)
-TRUE = Claim("E1, (3.1)", "true", lambda _: HELD, "arithmetic", "the sign", printed="untrue")
-FALSE = Claim("3.2", "false", lambda _: Value(math.nan, corrected=1.0, bound=1e-9, unit="s"))
-LOST = Claim("4.1", "lost", "nothing to compute")
-
-
-def test_exit_status_and_json(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """0 where all holds or is not checked, 1 where a claim fails, 2 where nothing can be written;
-    the JSON is strict.
-    """
-
-    def run(claims: list[Claim], *arguments: str) -> int | str | None:
-        monkeypatch.setattr(validation.paper, "SECTIONS", (Section("3. A section", claims),))
-        with pytest.raises(SystemExit) as leaving:
-            main(["paper", *arguments])
-        return leaving.value.code
-
-    path = tmp_path / "paper.json"
-    assert run([TRUE, LOST]) == 0
-    assert run([TRUE, FALSE, LOST], "--json", str(path)) == 1
-    record = json.loads(path.read_text(), parse_constant=pytest.fail)
-    assert misfits("paper", record) == set()
-    claims = record["claims"]
-    held = {"verdict": "holds as corrected", "printed": 1.0, "corrected": 0.0, "bound": 1e-9}
-    held |= {"section": "3. A section", "as_printed": "untrue", "means": "arithmetic"}
-    held |= {"control": "the sign"}
-    assert claims[0].items() >= held.items()
-    failed = {"verdict": "does not reproduce", "measured": None, "as_printed": "false"}
-    assert claims[1].items() >= failed.items()
-    assert claims[2]["verdict"] == "not checked"
-    assert run([TRUE], "--json", str(tmp_path)) == 2
-
-
-def test_the_table_fits_80_columns_and_says_what_came_of_each_claim() -> None:
-    """Each section's title, each place, statement, printed form, means and number; none cut off."""
-    claims = [claim for claim in CLAIMS if claim.place not in LONGEST]
-    parts = [
-        Part(each.title, tuple(finding(claim) for claim in each.claims if claim in claims))
-        for each in SECTIONS
-    ]
-    narrow, wide = io.StringIO(), io.StringIO()
-    show_findings(parts, Console(file=narrow, width=80))
-    show_findings(parts, Console(file=wide, width=200))
-    assert max(map(cell_len, narrow.getvalue().rstrip("\n").split("\n"))) <= 80
-    assert narrow.getvalue().count("…") == wide.getvalue().count("…")
-    for claim in claims:
-        for words in (claim.statement, claim.printed, claim.means, str(finding(claim).evidence)):
-            assert words in wide.getvalue()
-    assert all(part.title in wide.getvalue() for part in SECTIONS)

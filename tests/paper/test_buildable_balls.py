@@ -32,16 +32,23 @@ from robotball.qualitative.normal_forms import flow_near, lyapunov_value
 from robotball.qualitative.sections import section
 from robotball.rotations import Array, on_circle, tangents
 from robotball.scene import along_momentum
-from validation.paper import formulas as f
-from validation.paper.captions import CAPTIONS, line_ball
-from validation.paper.claim import Errors, Residual, Section, Value, by
-from validation.paper.engine_ball import CLASSICAL, MOTION, RUBBER, largest, seen
-from validation.paper.formulas import Numbers, Velocity, cross, paper_scene
-from validation.paper.point_masses import MASSES, Body, moments
-from validation.paper.section_3 import MOMENTUM, energies
-from validation.paper.section_4_2 import cycle, foci, four_fewer, growth_in_a_turn
-from validation.paper.section_5 import F, andoyer, line
-from validation.paper.section_5_3 import LONG, chaotic, ensemble, regular, settled, starts
+from tests.paper import formulas as f
+from tests.paper.captions import CAPTIONS, line_ball
+from tests.paper.claim import Errors, Residual, Section, Value, by
+from tests.paper.engine_ball import CLASSICAL, MOTION, RUBBER, largest, seen
+from tests.paper.formulas import Numbers, Velocity, cross, paper_scene
+from tests.paper.point_masses import MASSES, Body, moments
+from tests.paper.test_section_3_momentum import MOMENTUM, energies
+from tests.paper.test_section_4_2_with_k import cycle, foci, four_fewer, growth_in_a_turn
+from tests.paper.test_section_5_1_straight_lines import F, andoyer, line
+from tests.paper.test_section_5_3_attractors import (
+    LONG,
+    chaotic,
+    ensemble,
+    regular,
+    settled,
+    starts,
+)
 
 SECTION = Section("Ours, not the paper's")
 claim = SECTION.claim

@@ -6,12 +6,12 @@ import numpy as np
 
 from robotball.ball import Solid, composed
 from robotball.rotations import Array, rotation_matrix
-from validation.paper import formulas as f
-from validation.paper.claim import Errors, Section, by
-from validation.paper.engine_ball import INNER, MOTION, RUBBER, largest, rate, seen
-from validation.paper.formulas import cross, paper_scene
-from validation.paper.point_masses import MASSES, Ball, Body, moments
-from validation.paper.section_3 import MOMENTUM
+from tests.paper import formulas as f
+from tests.paper.claim import Errors, Section, by
+from tests.paper.engine_ball import INNER, MOTION, RUBBER, largest, rate, seen
+from tests.paper.formulas import cross, paper_scene
+from tests.paper.point_masses import MASSES, Ball, Body, moments
+from tests.paper.test_section_3_momentum import MOMENTUM
 
 SECTION = Section("Appendix A")
 claim = SECTION.claim

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robotball.rotations import Array, on_circle, tangents
-from validation.paper.formulas import Numbers, cross, unit
+from tests.paper.formulas import Numbers, cross, unit
 
 MASSES = "point masses"  # as a claim's means
 _RING = 6  # points: three and more make it dynamically symmetric

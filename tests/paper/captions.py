@@ -7,10 +7,10 @@ import numpy as np
 from numpy import sqrt
 
 from robotball.rotations import Array
-from validation.paper import formulas as f
-from validation.paper.claim import Errors, Section, by
-from validation.paper.engine_ball import NAME, largest, seen
-from validation.paper.formulas import Numbers, cross, paper_scene
+from tests.paper import formulas as f
+from tests.paper.claim import Errors, Section, by
+from tests.paper.engine_ball import NAME, largest, seen
+from tests.paper.formulas import Numbers, cross, paper_scene
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ compared with these. A vector is (3,), a matrix (3, 3), in frame axes; SI units.
 corrected where a name says E….
 """
 
-import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from robotball import Scene, SceneWarning, load_scene
+from robotball import load_scene
 from robotball.equations import Parameters
 from robotball.qualitative.portraits import spread_points
 from robotball.rotations import Array, on_circle, tangents
@@ -323,12 +322,4 @@ def level(v: Array, gamma: Array) -> Array:
     return v - (v @ gamma) * gamma
 
 
-@cache
-def paper_scene(name: str) -> Scene:
-    """Load a scene of the catalog, without its warnings.
-
-    Whether its ball can be built is a claim of its own.
-    """
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SceneWarning)
-        return load_scene(name)
+paper_scene = cache(load_scene)

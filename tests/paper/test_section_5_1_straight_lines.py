@@ -18,11 +18,11 @@ from robotball.qualitative import straight_motions as lines
 from robotball.qualitative.sections import crossings_of_motion, section
 from robotball.rotations import Array
 from robotball.scene import section_state
-from validation.paper import formulas as f
-from validation.paper.captions import CAPTIONS, claim_motion, line_ball
-from validation.paper.claim import MINUS, AtLeast, Errors, Section, Value, by
-from validation.paper.engine_ball import MOTION, RUBBER, Seen, largest, seen, seen_from
-from validation.paper.formulas import Numbers, cross, paper_scene, unit
+from tests.paper import formulas as f
+from tests.paper.captions import CAPTIONS, claim_motion, line_ball
+from tests.paper.claim import MINUS, AtLeast, Errors, Section, Value, by
+from tests.paper.engine_ball import MOTION, RUBBER, Seen, largest, seen, seen_from
+from tests.paper.formulas import Numbers, cross, paper_scene, unit
 
 SECTION_5_1 = Section("5.1. Straight-line motions")
 SECTION_5_2 = Section("5.2. Poincaré map")

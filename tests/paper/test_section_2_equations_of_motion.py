@@ -16,9 +16,9 @@ from robotball.ball import Frame
 from robotball.equations import as_vector
 from robotball.rotations import Array, from_matrix, multiply
 from robotball.scene import Start
-from validation.paper import formulas as f
-from validation.paper.claim import MINUS, Errors, Section, by
-from validation.paper.engine_ball import (
+from tests.paper import formulas as f
+from tests.paper.claim import MINUS, Errors, Section, by
+from tests.paper.engine_ball import (
     CLASSICAL,
     DRIVEN,
     EACH,
@@ -31,8 +31,8 @@ from validation.paper.engine_ball import (
     seen,
     seen_of,
 )
-from validation.paper.formulas import Numbers, cross, paper_scene
-from validation.paper.point_masses import MASSES, Moment, moments, rolled
+from tests.paper.formulas import Numbers, cross, paper_scene
+from tests.paper.point_masses import MASSES, Moment, moments, rolled
 
 SECTION = Section("2. Equations of motion")
 _PRINTED_INERTIA = "ma²(γ² - γ⊗γ), where I is …"

@@ -6,15 +6,29 @@ Newton and Euler alone; engine_ball.py, MuJoCo's ball; captions.py, the captions
 robotball has a formula of its own, its value is held beside the paper's by the same row.
 """
 
-from validation.paper import (
-    appendix_a,
-    section_1,
-    section_2,
-    section_3,
-    section_4,
-    section_4_2,
-    section_5,
-    section_5_3,
+from tests.paper import (
+    test_appendix_a_bodies as appendix_a,
+)
+from tests.paper import (
+    test_section_1_introduction as section_1,
+)
+from tests.paper import (
+    test_section_2_equations_of_motion as section_2,
+)
+from tests.paper import (
+    test_section_3_momentum as section_3,
+)
+from tests.paper import (
+    test_section_4_1_without_k as section_4,
+)
+from tests.paper import (
+    test_section_4_2_with_k as section_4_2,
+)
+from tests.paper import (
+    test_section_5_1_straight_lines as section_5,
+)
+from tests.paper import (
+    test_section_5_3_attractors as section_5_3,
 )
 
 SECTIONS = (

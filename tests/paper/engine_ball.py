@@ -11,7 +11,7 @@ from robotball.engines.mujoco import LABEL
 from robotball.equations import parameters_of
 from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.scene import Start
-from validation.paper.formulas import Numbers, cross, numbers, paper_scene
+from tests.paper.formulas import Numbers, cross, numbers, paper_scene
 
 NAME = LABEL.name
 MOTION = f"{NAME}'s motion"

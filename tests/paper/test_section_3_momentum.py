@@ -15,9 +15,9 @@ from robotball.engines.ensembles.orbits import kernel_start, orbit
 from robotball.equations import Rolling
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import along_momentum, section_state
-from validation.paper import formulas as f
-from validation.paper.claim import MINUS, AtLeast, Errors, Section, by
-from validation.paper.engine_ball import (
+from tests.paper import formulas as f
+from tests.paper.claim import MINUS, AtLeast, Errors, Section, by
+from tests.paper.engine_ball import (
     CLASSICAL,
     DRIVEN,
     MOTION,
@@ -27,7 +27,7 @@ from validation.paper.engine_ball import (
     seen,
     seen_of,
 )
-from validation.paper.formulas import Numbers, cross, paper_scene
+from tests.paper.formulas import Numbers, cross, paper_scene
 
 RUBBER_MODEL = Section("3.1. Rolling without slipping and spinning (rubber model)")
 CLASSICAL_MODEL = Section("3.2. Rolling without slipping (classical model)")

@@ -1,4 +1,4 @@
-"""MuJoCo's ball: its motion, given as the rows that the paper's formulas take."""
+"""Motions of MuJoCo's ball, in the variables of the paper."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -7,17 +7,13 @@ from functools import cache, cached_property
 import numpy as np
 
 from robotball import Motion, Scene, sample_times, simulate
-from robotball.engines.mujoco import LABEL
 from robotball.equations import parameters_of
 from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.scene import Start
 from tests.paper.formulas import Numbers, cross, numbers, paper_scene
 
-NAME = LABEL.name
-MOTION = f"{NAME}'s motion"
-_INTERVAL = 0.005  # s between samples: each step of "balanced"
-# One of each model with constant rates, and one whose rates swing: only the last shows terms with
-# Ω̇ and k̇.
+_INTERVAL = 0.005  # s between samples, one step of "balanced"
+# Both models with constant rates, and one ball with oscillating rates, which has Ω̇ and k̇.
 RUBBER, CLASSICAL, DRIVEN = "fig12", "classical_chaotic", "wobbling_drive"
 EACH = (RUBBER, CLASSICAL, DRIVEN)
 INNER = slice(2, -2)  # the samples at which `rate` is known
@@ -27,8 +23,7 @@ INNER = slice(2, -2)  # the samples at which `rate` is known
 class Seen:
     """A motion of MuJoCo's ball at n times, in principal axes.
 
-    axes (n, 3, 3): from principal axes to world, so that their rows are α, β and γ. numbers: at
-    each time, for the drives may change.
+    The rows of axes (n, 3, 3) are α, β and γ. The numbers may change in time.
     """
 
     motion: Motion
@@ -43,51 +38,51 @@ class Seen:
 
     @cached_property
     def momentum(self) -> Array:
-        """M (n, 3) in principal axes, from MuJoCo's own momenta of its bodies."""
+        """M (n, 3) in principal axes, from the momenta of MuJoCo's bodies."""
         return np.einsum("nij,ni->nj", self.axes, self.motion.momentum)
 
     @cached_property
     def path_velocity(self) -> Array:
-        """(Ẋ, Ẏ, 0) (n - 4, 3) in world axes, by differences."""
+        """(Ẋ, Ẏ, 0) (n - 4, 3) in world axes, from finite differences."""
         return np.pad(rate(self.motion.contact_point), ((0, 0), (0, 1)))
 
     @cached_property
     def centre_velocity(self) -> Array:
-        """v (n - 4, 3): that of the centre, above the contact point, in principal axes."""
+        """v (n - 4, 3), the velocity of the centre, in principal axes."""
         return np.einsum("nij,ni->nj", self.axes[INNER], self.path_velocity)
 
     def of(self, formula: Callable[[Numbers, Array, Array], Array | float]) -> Array:
-        """Return a function of the ball's numbers, ω and γ, at all times."""
+        """Evaluate a function of the ball's numbers, ω and γ at all times."""
         states = zip(self.numbers, self.omega, self.gamma, strict=True)
         return np.array([formula(n, omega, gamma) for n, omega, gamma in states])
 
     def path_error(self, X: Array, Y: Array) -> float:
-        """Return how far Ẋ and Ẏ (n,) are from those of the path, the farthest."""
+        """Return the largest difference of Ẋ and Ẏ (n,) from the velocity of the contact point."""
         return largest(self.path_velocity[:, :2] - np.stack([X, Y], axis=1)[INNER])
 
     def carried(self, rows: Array) -> Array:
-        """Return the first of vectors (n, 3) in principal axes, as one that stays in space."""
+        """Return the first of the vectors (n, 3), held constant in space, in principal axes."""
         return np.einsum("nij,i->nj", self.axes, self.axes[0] @ rows[0])
 
     def drift(self, rows: Array) -> float:
-        """Return the largest change of a vector (n, 3) in space, over the motion."""
+        """Return the largest change of a vector (n, 3) in space during the motion."""
         return largest(rows - self.carried(rows))
 
 
 @cache
 def seen(name: str, duration: float = 10.0, interval: float = _INTERVAL) -> Seen:
-    """Roll a scene of the catalog by MuJoCo at "balanced", sampled at each step."""
+    """Simulate a scene of the catalog in MuJoCo with the preset "balanced"."""
     return seen_of(paper_scene(name), duration, interval)
 
 
 def seen_from(name: str, gamma: Array, alpha: Array, M_world: Array, duration: float) -> Seen:
-    """Roll the ball of a scene of the catalog from γ, α and M, which is in world axes."""
+    """Simulate the ball of a scene of the catalog from γ, α and M; M in world axes."""
     start = Start(from_matrix(np.array([alpha, cross(gamma, alpha), gamma])), M_world)
     return seen_of(replace(paper_scene(name), start=start), duration)
 
 
 def seen_of(scene: Scene, duration: float, interval: float = _INTERVAL) -> Seen:
-    """Roll a scene by MuJoCo at "balanced" for a duration [s]."""
+    """Simulate a scene in MuJoCo with the preset "balanced" for a duration [s]."""
     motion = simulate(scene, sample_times(duration, interval))
     return Seen(
         motion=motion,
@@ -98,10 +93,10 @@ def seen_of(scene: Scene, duration: float, interval: float = _INTERVAL) -> Seen:
 
 
 def _numbers_at(scene: Scene, times: Array) -> list[Numbers]:
-    """Return the ball's numbers at n times, with their rates."""
+    """Return the ball's numbers at n times, with Ω̇ and k̇."""
     if scene.steady:
         return [numbers(scene.parameters)] * len(times)
-    # Ω and k are linear in the hinges' rates, so their rates are those of the accelerations.
+    # Ω and k are linear in the hinge rates, so Ω̇ and k̇ follow from the hinge accelerations.
     accelerations = np.stack([drive.acceleration(times) for drive in scene.drives], axis=1)
     change = [parameters_of(scene.ball, scene.rolling, each) for each in accelerations]
     return [
@@ -111,13 +106,11 @@ def _numbers_at(scene: Scene, times: Array) -> list[Numbers]:
 
 
 def largest(rows: Array) -> float:
-    """Return the greatest length of vectors (n, k), or size of numbers (n,)."""
+    """Return the greatest length of vectors (n, k), or absolute value of numbers (n,)."""
     return float(np.abs(rows).max() if rows.ndim == 1 else np.linalg.norm(rows, axis=1).max())
 
 
 def rate(samples: Array) -> Array:
-    """Return d/dt (n - 4, …) of samples (n, …) at _INTERVAL, by differences of fourth order."""
-    # Second order would leave h²r²/6 of a vector that turns at r: 1e-4 at 5 rad/s, far above the
-    # bounds.
+    """Return d/dt (n - 4, …) of samples (n, …) with finite differences of fourth order."""
     ahead, behind = samples[3:-1] - samples[1:-3], samples[4:] - samples[:-4]
     return (8 * ahead - behind) / (12 * _INTERVAL)

@@ -1,16 +1,17 @@
-"""The paper's formulas, typed a second time, with matrices, and the tools that the checks share.
+"""The paper's formulas, implemented a second time with matrices, and tools shared by the tests.
 
-Nothing here comes from robotball.equations, because robotball's motions and its own formulas are
-compared with these. A vector is (3,), a matrix (3, 3), in frame axes; SI units. Misprints are
-corrected where a name says E….
+Nothing here uses robotball.equations: the tests compare robotball's formulas and motions with these
+formulas. A vector is (3,), a matrix (3, 3), in frame axes; SI units. Misprints are corrected; E1 to
+E30 are the numbers of docs/errata.md.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
 from robotball import load_scene
@@ -19,7 +20,18 @@ from robotball.qualitative.portraits import spread_points
 from robotball.rotations import Array, on_circle, tangents
 
 Field = Callable[[Array], Array]
+Errors = Iterator[ArrayLike]
 E = np.eye(3)
+
+
+def worst(errors: Iterable[ArrayLike]) -> float:
+    """Return the largest absolute error; NaN if one is NaN."""
+    return float(np.max([np.abs(error).max() for error in errors]))
+
+
+def count(wrong: Iterable[ArrayLike]) -> int:
+    """Return how many are wrong."""
+    return int(np.sum([np.sum(each) for each in wrong]))
 
 
 @dataclass(frozen=True)
@@ -36,8 +48,7 @@ class Numbers:
     A: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        # By a matrix inverse, where robotball takes 1/(I + d) by components: two ways to one
-        # number.
+        # A matrix inverse: robotball computes 1/(I + d) by components.
         object.__setattr__(self, "A", np.linalg.inv(self.I + self.d * E))
 
     @property
@@ -57,7 +68,7 @@ def numbers(p: Parameters) -> Numbers:
 
 
 def ball(n: Numbers, classical: bool = False) -> Any:
-    """Return the Parameters of a ball in its principal axes, whose formulas take arrays, too."""
+    """Return robotball's parameters of the ball, in principal axes."""
     I, Omega, K = (tuple(each.tolist()) for each in (np.diag(n.I), n.Omega, n.K))
     return Parameters("classical" if classical else "rubber", I, n.d, n.a, Omega, K)
 
@@ -65,19 +76,19 @@ def ball(n: Numbers, classical: bool = False) -> Any:
 def with_A(
     A: tuple[float, float, float], Omega: Array, K: Array, d: float = 0.5, a: float = 1.0
 ) -> Numbers:
-    """Return a ball with this diagonal A; d matters in the classical model only."""
+    """Return a ball with a diagonal A; only the classical model depends on d."""
     return Numbers(np.diag(1 / np.array(A) - d), d, np.array(Omega), np.array(K), a)
 
 
 def cross(u: Array, v: Array) -> Array:
-    """Return u × v, faster than NumPy's; of complex numbers too."""
+    """Return u × v, faster than NumPy; real or complex."""
     return np.array(
         [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
     )
 
 
 def unit(v: Array) -> Array:
-    """Return v at length one."""
+    """Return v divided by its length."""
     return v / np.linalg.norm(v)
 
 
@@ -108,14 +119,13 @@ def drive_torque(n: Numbers, omega: Array, gamma: Array) -> Array:
 
 def gyroscopic_torque(n: Numbers, omega: Array, gamma: Array) -> Array:
     """Return (Ĩω + k)×ω + ma²(ω - Ω, γ)γ×ω of (2.4)."""
-    # (2.4) is printed with Ĩ; E4 says what it stands for.
     carried = cross(contact_inertia(n, gamma) @ omega + n.k, omega)
     return carried + n.d * ((omega - n.Omega) @ gamma) * cross(gamma, omega)
 
 
 def full_rates(n: Numbers, omega: Array, gamma: Array, spun: float = 1.0) -> tuple[Array, float]:
     """Return dω/dt of (2.4), with λ₀ of (2.5) times `spun`, and that λ₀."""
-    # (2.5) is right as printed: E3 is a sign in the line before it alone.
+    # (2.5) is correct as printed; E3 is a sign in the line before it.
     torque = gyroscopic_torque(n, omega, gamma) + drive_torque(n, omega, gamma)
     sides = np.stack([torque, gamma], axis=1)
     per_torque, per_gamma = np.linalg.solve(contact_inertia(n, gamma), sides).T
@@ -186,10 +196,10 @@ def integral_gradients(M: Array, gamma: Array) -> Array:
 
 
 def divergence(n: Numbers, M: Array, gamma: Array, classical: bool, power: float) -> float:
-    """Return Σ ∂(ρ dx/dt)/∂x / ρ at a state x = (M, γ) of the reduced equations [1/s].
+    """Return Σ ∂(ρ dx/dt)/∂x / ρ [1/s] of the reduced equations at the state x = (M, γ).
 
-    ρ is (Aγ,γ) to a power, or 1/d - (Aγ,γ) if classical. With the power -1/2 they are the densities
-    of Remark 5.
+    The density ρ is a power of (Aγ,γ), or of 1/d - (Aγ,γ) in the classical model. Remark 5 has the
+    power -1/2.
     """
 
     def weight(x: Array) -> Array:
@@ -201,12 +211,11 @@ def divergence(n: Numbers, M: Array, gamma: Array, classical: bool, power: float
     return float(np.trace(jacobian(lambda x: weight(x) * rate(x), state)) / weight(state))
 
 
-# What is done with them ----------------------------------------------------------------------
+# Numerical methods --------------------------------------------------------------------------
 
 
 def followed(field: Field, start: Array, times: Array, rtol: float = 1e-12) -> Array:
-    """Integrate an autonomous system by scipy; states (n, k) at the times (n,)."""
-    # DOP853 has the highest order of scipy's explicit methods, which tight tolerances ask for.
+    """Integrate an autonomous system with scipy; states (n, k) at the times (n,)."""
     span = (float(times[0]), float(times[-1]))
     found = solve_ivp(
         lambda _, x: field(x), span, start, "DOP853", times, rtol=rtol, atol=rtol / 10
@@ -215,12 +224,12 @@ def followed(field: Field, start: Array, times: Array, rtol: float = 1e-12) -> A
 
 
 def returns(field: Field, start: Array, normal: Array, duration: float, rtol: float) -> Array:
-    """Find the states (m, k) in which (x - start, normal) passes 0 upwards again, by scipy."""
+    """Find the states (m, k) at which (x - start, normal) increases through 0, with scipy."""
 
     def ahead(_: float, x: Array) -> float:
         return float((x - start) @ normal)
 
-    # Upwards alone: half a turn later the motion passes the plane in the other direction.
+    # Increasing only: half a turn later the motion crosses the plane the other way.
     ahead.direction = 1.0  # type: ignore[attr-defined]
     span = (0.0, duration)
     found = solve_ivp(
@@ -228,16 +237,13 @@ def returns(field: Field, start: Array, normal: Array, duration: float, rtol: fl
     )
     assert found.t_events is not None
     assert found.y_events is not None
-    # The start itself is on the plane and may be found as a passage.
+    # The start lies on the plane and may be reported as a crossing.
     return np.asarray(found.y_events[0][found.t_events[0] > 1e-3]).reshape(-1, len(start))
 
 
 def jacobian(field: Field, at: Array) -> Array:
-    """Return ∂field/∂x (k, k) of rational functions at x (k,), or (n, k, k) at x (k, n).
-
-    By complex steps, of all points side by side.
-    """
-    # A complex step subtracts nothing, so it can be as small as this and is exact to rounding.
+    """Return ∂field/∂x, (k, k) at x (k,) or (n, k, k) at x (k, n), by complex steps."""
+    # A complex step has no cancellation, so the derivative is accurate to rounding.
     k, tiny = len(at), 1e-30
     beside = at.reshape(k, -1, 1) + 1j * tiny * np.eye(k)[:, None]
     slopes = np.imag(field(beside.reshape(k, -1))).reshape(beside.shape) / tiny
@@ -253,31 +259,29 @@ def sigma(n: Numbers, angle: Array | float) -> Array:
 def eigenvalues(field: Field, gamma: Array) -> Array:
     """Return the eigenvalues (2,) of a field on the sphere at its zero γ, by real part."""
     basis = tangents(gamma)
-    # The third eigenvalue belongs to the length of γ, which the field keeps, and says nothing.
+    # The third eigenvalue belongs to the length of γ, which the field keeps.
     linear = basis @ jacobian(field, gamma) @ basis.T
     return np.asarray(np.sort_complex(np.linalg.eigvals(linear)))
 
 
 def zeros(field: Field, starts: int = 400) -> list[Array]:
-    """Find the isolated zeros (3,) of a field on the sphere, by Newton's method from everywhere.
+    """Find the isolated zeros (3,) of a field on the sphere, with Newton's method from many starts.
 
-    Where the zeros fill a curve, some of its points come along. The field takes γ (3, n).
+    If the zeros fill a curve, some of its points are found. The field takes γ (3, n). The search
+    uses none of the paper's formulas for the points.
     """
-    # A start leads to one zero, so starts are spread over the sphere. The search knows no formula
-    # of the paper for the points, which this search is to confirm.
     gamma = spread_points(starts).T
     for _ in range(30):
         flat = E - np.einsum("in,jn->nij", gamma, gamma)
         linear = flat @ jacobian(field, gamma) @ flat
-        # It is singular along γ, and on a curve of zeros along that: the shortest step of all that
-        # solve it is in the sphere's plane, and goes across the curve.
+        # The matrix is singular along γ, and along a curve of zeros. The shortest solution is
+        # tangent to the sphere and normal to the curve.
         across = flat @ field(gamma).T[:, :, None]
         step = (np.linalg.pinv(linear, rcond=1e-13) @ across)[:, :, 0].T
-        # A long step leaves the neighbourhood in which the linear part is right.
+        # Limit the step to where the linearization holds.
         gamma = gamma - step * np.minimum(1.0, 0.3 / np.linalg.norm(step, axis=0).clip(1e-300))
         gamma /= np.linalg.norm(gamma, axis=0)
     found: list[Array] = []
-    # Newton converges quadratically, so one zero comes within rounding of itself each time.
     for at in gamma.T[np.linalg.norm(field(gamma), axis=0) < 1e-12]:
         if all(np.linalg.norm(at - other) > 1e-6 for other in found):
             found.append(at)
@@ -289,7 +293,7 @@ def zeros(field: Field, starts: int = 400) -> list[Array]:
 
 @dataclass(frozen=True)
 class _State:
-    """A ball with any numbers, its rates changing too, and a moment of its motion."""
+    """A random ball with accelerating drives, and a state of it."""
 
     n: Numbers
     omega: Array
@@ -297,16 +301,16 @@ class _State:
     M: Array
 
     def momentum(self, classical: bool) -> Array:
-        """Return M of a rolling model: any if classical, horizontal in the rubber one."""
+        """Return M: any vector in the classical model, horizontal in the rubber model."""
         return self.M if classical else level(self.M, self.gamma)
 
 
 def states(seed: int, count: int = 100) -> Iterator[_State]:
-    """Yield random states: I of a body, Ω and K of either sign; ω and M any, (M, γ) ≠ 0."""
+    """Yield random states with the inertia of a body and (M, γ) ≠ 0."""
     random = np.random.default_rng(seed)
     for _ in range(count):
         Omega, K, Omega_rate, k_rate, omega, M, gamma = random.normal(size=(7, 3))
-        # Any three moments from 0.5 to 1 satisfy the triangle inequality of a body.
+        # Moments between 0.5 and 1 satisfy the triangle inequality.
         I = np.diag(random.uniform(0.5, 1.0, 3))
         n = Numbers(I, random.uniform(0.2, 2.0), Omega, K, 1.0, Omega_rate, k_rate)
         yield _State(n, omega, unit(gamma), M)

@@ -1,7 +1,7 @@
-"""A ball of point masses, by Newton and Euler: sums over points, without I, k, K or M.
+"""A ball of point masses and its Newton–Euler equations: sums over points, without I, k, K or M.
 
-The shell is a ring and two poles, a rotor a ring, the frame a cloud with the counterweight of the
-rotors that are off centre, so that the whole is balanced. Frame axes, SI units.
+The shell is a ring and two poles, a rotor is a ring, and the frame is a cloud of points with a
+counterweight that puts the ball's centre of mass at its centre. Frame axes, SI units.
 """
 
 from collections.abc import Iterator
@@ -12,13 +12,12 @@ import numpy as np
 from robotball.rotations import Array, on_circle, tangents
 from tests.paper.formulas import Numbers, cross, unit
 
-MASSES = "point masses"  # as a claim's means
-_RING = 6  # points: three and more make it dynamically symmetric
+_RING = 6  # points; three or more make a ring dynamically symmetric
 
 
 @dataclass(frozen=True)
 class Body:
-    """Points (p, 3) about a centre (3,), turning about an axis (3,) at a rate that changes."""
+    """Points (p, 3) about a centre (3,), rotating about an axis (3,) at a changing rate."""
 
     masses: Array
     points: Array
@@ -56,12 +55,12 @@ class Ball:
 
     @property
     def Omega(self) -> Array:
-        """Ω: the shell turns at -Ω from the frame."""
+        """Ω; the shell rotates at -Ω relative to the frame."""
         return -self.shell.rate * self.shell.axis
 
     @property
     def numbers(self) -> Numbers:
-        """The numbers by (A.3) with the Steiner terms of E21: k = Σ jφ̇n - J_sΩ, K = k - dΩ."""
+        """The constants of (A.3) with the Steiner terms of E21: k = Σ jφ̇n - J_sΩ, K = k - dΩ."""
         d, J_s = self.mass * self.a**2, self.shell.moment(self.shell.axis)
         Omega_rate = -self.shell.rate_rate * self.shell.axis
         k, k_rate = -J_s * self.Omega, -J_s * Omega_rate
@@ -105,7 +104,7 @@ class Ball:
         return total
 
     def turned(self, time: float) -> "Ball":
-        """Return the ball with its shell and rotors turned on for a time at their rates."""
+        """Return the ball after its shell and rotors have rotated for a time."""
 
         def body(each: Body) -> Body:
             along = np.outer(each.points @ each.axis, each.axis)
@@ -117,10 +116,10 @@ class Ball:
 
 
 def rolled(ball: Ball, omega: Array, gamma: Array, rubber: bool) -> tuple[Array, float]:
-    """Return dω/dt and λ₀ of Newton and Euler's equations with (2.1), and (2.2) if `rubber`.
+    """Return dω/dt and λ₀ of the Newton–Euler equations with (2.1), and with (2.2) if `rubber`.
 
-    The plane pushes with λ at -aγ and twists with λ₀ about γ; the weight is left out, which acts
-    at the centre.
+    The plane applies the force λ at -aγ and the torque λ₀ about γ. Gravity acts at the centre and
+    is left out.
     """
     n = ball.numbers
     relative = omega - n.Omega
@@ -132,13 +131,13 @@ def rolled(ball: Ball, omega: Array, gamma: Array, rubber: bool) -> tuple[Array,
         balance = ball.rates(v, omega, v_rate, omega_rate)
         balance[:3] -= force
         balance[3:] -= -ball.a * cross(gamma, force) + torque * gamma
-        # The constraints are differentiated once, as the unknowns are accelerations.
+        # Constraints differentiated once: the unknowns are accelerations.
         slip = v_rate + ball.a * cross(gamma_rate, relative)
         slip = slip + ball.a * cross(gamma, omega_rate - n.Omega_rate)
         spin = (omega_rate - n.Omega_rate) @ gamma + relative @ gamma_rate
         return np.concatenate([balance, slip, [spin if rubber else torque]])
 
-    # The equations are linear in the ten unknowns, so their columns are differences.
+    # The equations are linear in the ten unknowns, so differences give the matrix.
     at_zero = equations(np.zeros(10))
     columns = np.stack([equations(column) - at_zero for column in np.eye(10)], axis=1)
     x: Array = np.linalg.solve(columns, -at_zero).astype(float)
@@ -147,7 +146,7 @@ def rolled(ball: Ball, omega: Array, gamma: Array, rubber: bool) -> tuple[Array,
 
 @dataclass(frozen=True)
 class Moment:
-    """A ball of point masses, and its ω, γ and v (3,) at some moment."""
+    """A ball of point masses with a state: ω, γ and v (3,)."""
 
     ball: Ball
     omega: Array
@@ -156,7 +155,7 @@ class Moment:
 
 
 def moments(seed: int, count: int = 20, rotors: int = 2, centred: bool = False) -> Iterator[Moment]:
-    """Yield random moments; rates change, rotors are off centre unless `centred`, v is any."""
+    """Yield random balls and states; the rotors are off centre unless `centred`."""
     random = np.random.default_rng(seed)
     for _ in range(count):
         omega, gamma, v = random.normal(size=(3, 3))
@@ -165,13 +164,13 @@ def moments(seed: int, count: int = 20, rotors: int = 2, centred: bool = False) 
 
 
 def _some_ball(random: np.random.Generator, rotors: int, off_centre: float) -> Ball:
-    """Return a random ball, its rotors so far off centre."""
+    """Return a random ball with rotors about `off_centre` off its centre [m]."""
     turning = [
         ring(random, 0.2, random.normal(size=3) * off_centre, random.normal(size=2) * [30.0, 10.0])
         for _ in range(rotors)
     ]
     shell = ring(random, 1.0, np.zeros(3), random.normal(size=2))
-    # A ring alone has J = 2I, as a plane body; two poles on the axis give a shell any ratio.
+    # A ring alone has J = 2I; two poles on the axis change that ratio.
     poles = random.uniform(0.3, 1.0) * np.stack([shell.axis, -shell.axis])
     shell = replace(
         shell,
@@ -179,7 +178,7 @@ def _some_ball(random: np.random.Generator, rotors: int, off_centre: float) -> B
         points=np.concatenate([shell.points, poles]),
     )
     points, masses = random.normal(size=(5, 3)) * 0.4, random.uniform(0.05, 0.2, 5)
-    # A last point balances the rest, as the paper's centre of mass is the centre of the sphere.
+    # The last point puts the centre of mass at the centre of the sphere.
     off = masses @ points + sum((each.mass * each.centre for each in turning), np.zeros(3))
     masses, points = np.append(masses, 0.3), np.concatenate([points, [-off / 0.3]])
     frame = Body(masses, points, np.zeros(3), np.array([0.0, 0.0, 1.0]))
@@ -187,7 +186,7 @@ def _some_ball(random: np.random.Generator, rotors: int, off_centre: float) -> B
 
 
 def ring(random: np.random.Generator, radius: float, centre: Array, rates: Array) -> Body:
-    """Return a ring of points about a random axis."""
+    """Return a ring of points about a random axis, with its rate and acceleration."""
     axis = unit(random.normal(size=3))
     angles = np.linspace(0.0, 2 * np.pi, _RING, endpoint=False)
     points = radius * on_circle(tangents(axis), angles)

@@ -1,4 +1,4 @@
-"""Appendix A: the constraints in the shell's axes, and the kinetic energy of the bodies."""
+"""Appendix A: the constraints in the shell's axes, and energy and momentum of the bodies."""
 
 from dataclasses import replace
 
@@ -7,152 +7,131 @@ import numpy as np
 from robotball.ball import Solid, composed
 from robotball.rotations import Array, rotation_matrix
 from tests.paper import formulas as f
-from tests.paper.claim import Errors, Section, by
-from tests.paper.engine_ball import INNER, MOTION, RUBBER, largest, rate, seen
-from tests.paper.formulas import cross, paper_scene
-from tests.paper.point_masses import MASSES, Ball, Body, moments
-from tests.paper.test_section_3_momentum import MOMENTUM
+from tests.paper.engine_ball import INNER, RUBBER, rate, seen
+from tests.paper.formulas import Errors, cross, paper_scene, worst
+from tests.paper.point_masses import Ball, Body, moments
 
-SECTION = Section("Appendix A")
-claim = SECTION.claim
-
-_CENTRE = np.zeros(3)
+CENTRE = np.zeros(3)
 
 
 # Constraints ---------------------------------------------------------------------------------
 
 
-def _shell_axes(angle: float) -> Array:
-    """Return Φ(t): from the shell's axes at φ = 0 to those of the frame."""
-    cos, sin = np.cos(angle), np.sin(angle)
-    return np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-
-
-@claim("(A.1)", "u + aΓ×w = 0, (w, Γ) = 0, where P = RΦ(t)")
-@by(MOTION, "the sense of Φ", bound=4e-6, unit="m/s, rad/s")
-def _in_the_shells_axes(twist: float = 1.0) -> Errors:
-    """Compute u + aΓ×w and (w, Γ) of (A.1), with w by differences of the shell's attitude.
-
-    That attitude is MuJoCo's frame's, turned by P = RΦ of its hinge's angle; R = E, for the axis
-    is e_z.
-    """
+def test_the_constraints_hold_in_the_shells_axes() -> None:
+    """(A.1): u + aΓ×w = 0, (w, Γ) = 0 with P = RΦ(t); the attitude of MuJoCo's shell."""
     scene, ball = paper_scene(RUBBER), seen(RUBBER)
-    P = np.array([_shell_axes(twist * angle) for angle in ball.motion.hinge_angles[:, 0]])
-    shell = rotation_matrix(ball.motion.attitude) @ P
-    turning = shell[INNER].transpose(0, 2, 1) @ rate(shell)  # ŵ transposed
-    w = np.stack([turning[:, 2, 1], turning[:, 0, 2], turning[:, 1, 0]], axis=1)
-    Gamma = shell[INNER, 2]
-    u = np.einsum("nij,ni->nj", shell[INNER], ball.path_velocity)
-    yield largest(u + scene.ball.radius * np.cross(Gamma, w))
-    yield largest((w * Gamma).sum(axis=1))
+
+    def errors(sense: float) -> Errors:
+        # R = E, as the shell's axis is e_z.
+        P = [f.turned_about(f.E[2], -sense * angle) for angle in ball.motion.hinge_angles[:, 0]]
+        shell = rotation_matrix(ball.motion.attitude) @ np.array(P)
+        turning = shell[INNER].transpose(0, 2, 1) @ rate(shell)  # ŵ transposed
+        w = np.stack([turning[:, 2, 1], turning[:, 0, 2], turning[:, 1, 0]], axis=1)
+        Gamma = shell[INNER, 2]
+        u = np.einsum("nij,ni->nj", shell[INNER], ball.path_velocity)
+        yield from (u + scene.ball.radius * np.cross(Gamma, w), (w * Gamma).sum(axis=1))
+
+    assert worst(errors(+1)) <= 4e-6  # m/s and rad/s; measured 5.3e-7: differences
+    assert worst(errors(-1)) > 1.0  # control: the sense of Φ, 4.0
 
 
-@claim("E19, (A.2)", "ω̂ = PŵPᵀ + ṖPᵀ, where ω̂α = α×ω", "ω̂ = PᵀŵP + PᵀṖ")
-@by("random rotations", "the sign of Ṗ", bound=2e-15, unit="1/s", printed={"printed": True})
-def _turned_angular_velocity(twist: float = 1.0, printed: bool = False) -> Errors:
-    """Compare ω̂α with dα/dt in the frame's axes, with ω̂ = PŵPᵀ + ṖPᵀ of random rates.
-
-    As printed, PᵀŵP + PᵀṖ is tried for either sense of P, and the better one counts.
-    """
+def test_the_angular_velocity_in_the_frames_axes() -> None:
+    """(A.2), E19: ω̂ = PŵPᵀ + ṖPᵀ, where ω̂α = α×ω. The paper prints PᵀŵP + PᵀṖ."""
     random = np.random.default_rng(4)
     P, shell = (np.linalg.qr(random.normal(size=(3, 3)))[0] for _ in range(2))
     w, turning = f.hat(random.normal(size=3)), f.hat(random.normal(size=3))
     P_rate = turning @ P
     frame, frame_rate = P @ shell, P_rate @ shell + P @ w @ shell
 
-    hats = [P @ w @ P.T + twist * P_rate @ P.T]
-    if printed:  # the misprint could be one of P's definition; (A.2) fails for either
-        hats = [P.T @ w @ P + P.T @ P_rate, P @ w @ P.T + P @ P_rate.T]
-    yield min(np.abs(omega_hat @ frame - frame_rate).max() for omega_hat in hats)
+    def error(omega_hat: Array) -> float:
+        return float(np.abs(omega_hat @ frame - frame_rate).max())
+
+    assert error(P @ w @ P.T + P_rate @ P.T) <= 2e-15  # 1/s; measured 2.2e-16: rounding
+    assert error(P.T @ w @ P + P.T @ P_rate) > 0.1  # printed: 0.37
+    assert error(P @ w @ P.T + P @ P_rate.T) > 0.1  # printed, if P is its transpose: 1.1
+    assert error(P @ w @ P.T - P_rate @ P.T) > 0.1  # control: the sign of Ṗ, 1.1
 
 
-# Energy --------------------------------------------------------------------------------------
+# Energy and momentum -------------------------------------------------------------------------
 
 
-def _without(ball: Ball, *kept: str) -> Ball:
-    """Return the ball with the mass of all bodies but those kept taken away."""
+def only(ball: Ball, *kept: str) -> Ball:
+    """Return the ball without the mass of the bodies that are not kept."""
 
     def light(body: Body, name: str) -> Body:
-        # Its mass goes and the body stays, as its axis and rate are asked for all the same.
         return body if name in kept else replace(body, masses=0 * body.masses)
 
     rotors = tuple(light(rotor, "rotors") for rotor in ball.rotors)
     return Ball(light(ball.shell, "shell"), light(ball.frame, "frame"), rotors, ball.a)
 
 
-@claim("App. A", "T_s = m_sv²/2 + … - J_s(ω, Ω)")
-@by(MASSES, "the sign of J_s", bound=4e-15, unit="J")
-def _shell_energy(twist: float = 1.0) -> Errors:
-    """Compare Σ mu²/2 of the shell with m_sv²/2 + (ω, RI_sRᵀω)/2 - J_s(ω, Ω).
+def test_the_kinetic_energy_of_the_shell() -> None:
+    """Appendix A: T_s = m_sv²/2 + (ω, RI_sRᵀω)/2 - J_s(ω, Ω), less its value at rest."""
 
-    Less their values at v = ω = 0.
-    """
-    for moment in moments(81):
-        w, v, shell = moment.omega, moment.v, _without(moment.ball, "shell")
-        T = shell.momenta(v, w)[2] - shell.momenta(_CENTRE, _CENTRE)[2]
-        J_s, I_s = shell.shell.moment(shell.shell.axis), shell.inertia(_CENTRE)
-        formula = shell.mass * v @ v / 2 + w @ I_s @ w / 2 - twist * J_s * w @ shell.Omega
-        yield T - formula
+    def errors(sign: float) -> Errors:
+        for moment in moments(81):
+            w, v, shell = moment.omega, moment.v, only(moment.ball, "shell")
+            T = shell.momenta(v, w)[2] - shell.momenta(CENTRE, CENTRE)[2]
+            J_s, I_s = shell.shell.moment(shell.shell.axis), shell.inertia(CENTRE)
+            yield T - (shell.mass * v @ v / 2 + w @ I_s @ w / 2 - sign * J_s * w @ shell.Omega)
 
-
-@claim("App. A", "T_f and T_i")
-@by(MASSES, "the sign of φ̇", bound=3e-14, unit="J")
-def _frame_and_rotor_energy(twist: float = 1.0) -> Errors:
-    """Compare Σ mu²/2 of frame and rotors with mv²/2 + (ω, I_fω)/2 + Σ (ω + φ̇n, j(ω + φ̇n))/2.
-
-    The rotors' centres are the ball's, as the paper has them.
-    """
-    for moment in moments(82, centred=True):
-        w, v, ball = moment.omega, moment.v, _without(moment.ball, "frame", "rotors")
-        formula = ball.mass * v @ v / 2 + w @ _without(ball, "frame").inertia(_CENTRE) @ w / 2
-        for rotor in ball.rotors:
-            alone = _without(replace(ball, rotors=(rotor,)), "rotors").inertia(_CENTRE)
-            turning = w + twist * rotor.rate * rotor.axis
-            formula += turning @ alone @ turning / 2
-        yield ball.momenta(v, w)[2] - formula
+    assert worst(errors(+1)) <= 4e-15  # J; measured 2.2e-16: rounding
+    assert worst(errors(-1)) > 0.2  # control: the sign of J_s, 1.0
 
 
-SECTION.unchecked("E20, App. A", "μ_i is the rotor's mass, not m_i", "a name: nothing to compute")
+def test_the_kinetic_energy_of_the_frame_and_the_rotors() -> None:
+    """Appendix A: mv²/2 + (ω, I_fω)/2 + Σ (ω + φ̇n, j(ω + φ̇n))/2, of centred rotors."""
+
+    def errors(sign: float) -> Errors:
+        for moment in moments(82, centred=True):
+            w, v, ball = moment.omega, moment.v, only(moment.ball, "frame", "rotors")
+            formula = ball.mass * v @ v / 2 + w @ only(ball, "frame").inertia(CENTRE) @ w / 2
+            for rotor in ball.rotors:
+                alone = only(replace(ball, rotors=(rotor,)), "rotors").inertia(CENTRE)
+                turning = w + sign * rotor.rate * rotor.axis
+                formula += turning @ alone @ turning / 2
+            yield ball.momenta(v, w)[2] - formula
+
+    assert worst(errors(+1)) <= 3e-14  # J; measured 3.6e-15: rounding
+    assert worst(errors(-1)) > 0.5  # control: the sign of φ̇, 1.9
 
 
-@claim("(A.3)", "k = Σ jφ̇n - J_sΩ, of three rotors")
-@by(MOTION, "one rotor", {"third": 0.0}, bound=2e-7, unit=MOMENTUM)
-def _gyrostatic_momentum(third: float = 1.0) -> Errors:
-    """Compare M of (3.1), where k is by (A.3) of three rotors, with that of MuJoCo's bodies.
-
-    third: times the rate of the third rotor.
-    """
+def test_every_rotor_adds_to_the_gyrostatic_momentum() -> None:
+    """(A.3): k = Σ jφ̇n - J_sΩ of three rotors; M of (3.1) with it is that of MuJoCo's bodies."""
     scene, ball = paper_scene("three_rotors"), seen("three_rotors")
-    drives = [float(drive.rate(0.0)) for drive in scene.drives]
-    drives[-1] *= third
-    shell = scene.ball.shell
-    Omega = drives[0] * shell.axis
-    k = -shell.axial_inertia * Omega
-    for rotor, rate_ in zip(scene.ball.rotors, drives[1:], strict=True):
-        k = k + rotor.axial_inertia * rate_ * rotor.axis
-    K = scene.principal_axes.T @ (k - scene.ball.d * Omega)
-    yield K - scene.parameters.K
-    M = ball.of(lambda n, w, gamma: cross(gamma, f.contact_inertia(n, gamma) @ w + K))
-    yield largest(M - ball.momentum)
+    shell, rates = scene.ball.shell, [float(drive.rate(0.0)) for drive in scene.drives]
+
+    def errors(third: float) -> Errors:
+        Omega = rates[0] * shell.axis
+        k = -shell.axial_inertia * Omega
+        for rotor, speed in zip(scene.ball.rotors, [*rates[1:-1], third * rates[-1]], strict=True):
+            k = k + rotor.axial_inertia * speed * rotor.axis
+        K = scene.principal_axes.T @ (k - scene.ball.d * Omega)
+        yield K - scene.parameters.K
+        yield ball.of(lambda n, w, g: cross(g, f.contact_inertia(n, g) @ w + K)) - ball.momentum
+
+    assert worst(errors(third=1.0)) <= 2e-7  # kg m²/s; measured 1.5e-8: MuJoCo's contact
+    assert worst(errors(third=0.0)) > 0.5  # control: without the third rotor, 1.9
 
 
-@claim("E21, (A.3)", "I = RI_sRᵀ + I_f + Σ j + Steiner's terms", "I = RI_sRᵀ + I_f + Σ j")
-@by(MASSES, "the sign of c²", bound=3e-15, unit="kg m²", printed={"steiner": 0.0})
-def _steiner_terms(twist: float = 1.0, steiner: float = 1.0) -> Errors:
-    """Compare Σ m(r²E - r⊗r) of all points with the sum over the bodies' own centres.
+def test_the_inertia_has_steiners_terms() -> None:
+    """(A.3), E21: I = RI_sRᵀ + I_f + Σ j + Σ μ(c²E - c⊗c). The paper prints no such terms."""
 
-    With μ(c²E - c⊗c) of the rotors' centres, and without as printed.
-    """
-    for moment in moments(83):
-        ball = moment.ball
-        rest, far = _without(ball, "shell", "frame"), np.zeros((3, 3))
-        centre, own = ball.frame.masses @ ball.frame.points / rest.mass, rest.inertia(_CENTRE)
-        ours = [Solid(rest.mass, centre, rest.inertia(centre))]
-        for rotor in ball.rotors:
-            alone = replace(ball, rotors=(replace(rotor, centre=_CENTRE),))
-            c = rotor.centre
-            ours.append(Solid(rotor.mass, c, _without(alone, "rotors").inertia(_CENTRE)))
-            own = own + ours[-1].inertia
-            far += rotor.mass * (twist * c @ c * f.E - np.outer(c, c))
-        yield ball.inertia(_CENTRE) - own - steiner * far
-        yield ball.inertia(_CENTRE) - composed(ours).inertia
+    def errors(sign: float, steiner: float = 1.0) -> Errors:
+        for moment in moments(83):
+            ball = moment.ball
+            rest, terms = only(ball, "shell", "frame"), np.zeros((3, 3))
+            centre, total = ball.frame.masses @ ball.frame.points / rest.mass, rest.inertia(CENTRE)
+            solids = [Solid(rest.mass, centre, rest.inertia(centre))]
+            for rotor in ball.rotors:
+                alone = only(replace(ball, rotors=(replace(rotor, centre=CENTRE),)), "rotors")
+                c = rotor.centre
+                solids.append(Solid(rotor.mass, c, alone.inertia(CENTRE)))
+                total = total + solids[-1].inertia
+                terms += rotor.mass * (sign * c @ c * f.E - np.outer(c, c))
+            yield ball.inertia(CENTRE) - total - steiner * terms
+            yield ball.inertia(CENTRE) - composed(solids).inertia  # robotball's
+
+    assert worst(errors(+1)) <= 3e-15  # kg m²; measured 4.4e-16: rounding
+    assert worst(errors(+1, steiner=0.0)) > 0.05  # printed: 0.15
+    assert worst(errors(-1)) > 0.1  # control: the sign of c², 0.37

@@ -19,7 +19,7 @@ EACH = (RUBBER, CLASSICAL, DRIVEN)
 INNER = slice(2, -2)  # the samples at which `rate` is known
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)  # its repr in a failed assertion would take a second
 class Seen:
     """A motion of MuJoCo's ball at n times, in principal axes.
 

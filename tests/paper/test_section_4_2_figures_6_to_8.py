@@ -177,6 +177,7 @@ def test_the_limit_cycle_exists_before_delta_disappears() -> None:
     assert cycles(0.5) == 0  # control: below K₃ = 0.5036
 
 
+@cache
 def cycles_of(name: str) -> list[Cycle]:
     """Return the limit cycles of a figure with periods up to twice the known one."""
     longest = 12.0 if name == "fig08" else 120.0  # s

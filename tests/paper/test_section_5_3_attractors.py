@@ -12,7 +12,6 @@ from functools import cache
 import numba
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
@@ -34,7 +33,7 @@ from robotball.qualitative.long_run import (
     exponents,
 )
 from robotball.qualitative.sections import fixed_point, section, section_starts
-from robotball.rotations import Array, from_matrix, rotation_matrix, tangents
+from robotball.rotations import Array, ComplexArray, from_matrix, rotation_matrix, tangents
 from robotball.scene import Start
 from tests.paper import formulas as f
 from tests.paper.captions import CAPTIONS, PERIOD, F
@@ -194,13 +193,14 @@ def test_all_starts_that_reach_a_torus_drift_alike() -> None:
 
 # Fig. 11b: exponents -------------------------------------------------------------------------
 
-Complex = NDArray[np.complex128]
 STEP = 0.02  # s, of RK4
 STEPS_PER_QR = 50
 
 
 @inlined
-def rate(x: Complex, a: Array, Omega: Array, K: Array, omega: Complex, found: Complex) -> None:
+def rate(
+    x: ComplexArray, a: Array, Omega: Array, K: Array, omega: ComplexArray, found: ComplexArray
+) -> None:
     """Find d/dt of (M, γ) (6,) and ω (3,) by (3.2); x (6,) may be complex."""
     M, gamma = x[:3], x[3:]
     along, Z = 0.0 * x[0], 0.0 * x[0]

@@ -57,7 +57,9 @@ def test_a_package_whose_engine_cannot_be_loaded_is_named(
     package(tmp_path, "leaving", "[robotball.engines]\nleaving = leaving_engine:ENGINE\n")
     (tmp_path / "leaving_engine.py").write_text("raise SystemExit(0)\n")
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
-    with pytest.raises(rb.InputError, match=naming("'leaving' leaving_engine:ENGINE line~1: SystemExit")):
+    with pytest.raises(
+        rb.InputError, match=naming("'leaving' leaving_engine:ENGINE line~1: SystemExit")
+    ):
         rb.engine_named("leaving")
 
 

@@ -121,7 +121,9 @@ def shown(rows: Rows, folder: Path) -> str:
     """Return rows as text, without what depends on the machine or on another program's words."""
     lines = set()
     for asked, said in rows:
-        line = re.sub(rf"{OTHERS} .+", r"\1 …", said.replace(f"{folder}/", ""))
+        line = said.replace(f"{folder}/", "").replace(f"{PROJECT}/", "")
+        line = re.sub(r"(tests/\S+ line) \d+", r"\1 …", line)
+        line = re.sub(rf"{OTHERS} .+", r"\1 …", line)
         line = re.sub(r"margin of \S+", "margin of …", line)
         line = re.sub(r"\d+\.\d{3,}(e[-+]\d+)?", lambda number: f"{float(number[0]):.3g}", line)
         lines.add(f"{' '.join(asked.split())}\n    {line}\n")

@@ -29,6 +29,7 @@ def main() -> None:
     """Run the command, and exit with its status; with 3 where robotball itself is wrong."""
     # Whatever a child imports, as MuJoCo's packages start Pythons too, is not from this folder.
     os.environ["PYTHONSAFEPATH"] = "1"
+    sys.unraisablehook = _show_unraisable
     _open_closed()
     _make_lasting()
     with _ended_by_signals() as signals:
@@ -97,6 +98,13 @@ class _Interrupted(KeyboardInterrupt):
     Python remembers a KeyboardInterrupt itself that has passed an `exec` of text, as a dataclass is
     made by, and dies of the signal at last, however it was met.
     """
+
+
+def _show_unraisable(error: "sys.UnraisableHookArgs") -> None:
+    # A signal may arrive in a callback of Python's import system, which drops the interrupt. The
+    # waiting thread then ends the process, so a traceback would only alarm the user.
+    if not issubclass(error.exc_type, _Interrupted):
+        sys.__unraisablehook__(error)
 
 
 @contextmanager

@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 import robotball as rb
+from tests.imports import PROJECT
 from tests.messages import unnamed
 
 WORK = """
@@ -137,7 +138,27 @@ def test_a_command_that_is_interrupted_while_it_is_loaded_says_so(
         time.sleep(0.001)
     time.sleep(seconds)
     status, err = ended(process, signal.SIGINT)
-    assert (status, "Traceback" in err) == (130, False)
+    assert (status, "Traceback" in err) == (130, False), err
+
+
+def test_an_interrupt_that_python_drops_prints_no_traceback() -> None:
+    """As in a callback of the import system; the process ends all the same."""
+    code = """
+import os, signal, weakref
+from validation import __main__, cli
+class Module: pass
+def main():
+    module = Module()
+    kept = weakref.ref(module, lambda _: os.kill(os.getpid(), signal.SIGINT))
+    del module
+    while True: pass
+cli.main = main
+__main__.main()
+"""
+    run = subprocess.run(
+        [sys.executable, "-c", code], cwd=PROJECT, capture_output=True, text=True, timeout=60
+    )
+    assert (run.returncode, run.stderr) == (130, "")
 
 
 # Streams ---------------------------------------------------------------------------------------

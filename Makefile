@@ -163,7 +163,7 @@ $(VENV)/.stamp: pyproject.toml requirements.lock Makefile | $(UV)
 	@python3 -m venv .tools >/dev/null 2>&1 \
 	  || { rm -rf .tools; .ci/apt python3-venv && python3 -m venv .tools; } \
 	  || { echo "set-up needs uv, or Python's venv: sudo apt-get install python3-venv"; exit 1; }
-	@.tools/bin/python -m pip install --quiet uv==$(UV_VERSION)
+	@.tools/bin/python -m pip install --quiet --disable-pip-version-check uv==$(UV_VERSION)
 
 # Video needs an off-screen GL; everything else runs without one.
 gl: setup

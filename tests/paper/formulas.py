@@ -31,7 +31,7 @@ def worst(errors: Iterable[ArrayLike]) -> float:
 
 def count(wrong: Iterable[ArrayLike]) -> int:
     """Return how many are wrong."""
-    return int(np.sum([np.sum(each) for each in wrong]))
+    return sum(int(np.asarray(each).sum()) for each in wrong)
 
 
 @dataclass(frozen=True)

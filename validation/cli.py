@@ -92,7 +92,6 @@ GROUPS = {
     },
     "Other engines and programs": {
         "engines": "validation.studies.engine_study",
-        "history": "validation.studies.history",
         "export": "validation.commands.scene_commands",
         "judge": "validation.studies.judge",
     },

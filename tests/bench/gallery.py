@@ -98,7 +98,7 @@ def gallery_page() -> str:
     for row in PICTURES:
         parts += [f"## {row['part']}"] if "part" in row else []
         parts += [f"![{row['words']}]({row['shown']})", row["words"]]
-        parts += [f"    robotball {row['command']}"]
+        parts += [f"    {shell_command(row['command'])}"]
     return "\n\n".join(parts) + "\n"
 
 
@@ -219,11 +219,20 @@ def _replace(page: Path, pattern: str, table: str) -> None:
     write_text(page, re.sub(pattern, lambda _: table, text, flags=re.DOTALL))
 
 
+def shell_command(command: str) -> str:
+    """Return a command as a user types it: one of robotball, or a script of tests/bench."""
+    return f"python -m tests.bench.{command}" if is_script(command) else f"robotball {command}"
+
+
+def is_script(command: str) -> bool:
+    return Path(__file__).with_name(f"{command.split()[0]}.py").is_file()
+
+
 def _run(command: str, *options: str) -> None:
-    print(f"robotball {command}", flush=True)
-    words = [sys.executable, "-P", "-m", "validation", *command.split(), *options]
-    if subprocess.run(words).returncode > 1:
-        sys.exit(f"robotball {command} failed")
+    print(shell_command(command), flush=True)
+    words = f"tests.bench.{command}" if is_script(command) else f"validation {command}"
+    if subprocess.run([sys.executable, "-m", *words.split(), *options]).returncode > 1:
+        sys.exit(f"{shell_command(command)} failed")
 
 
 if __name__ == "__main__":

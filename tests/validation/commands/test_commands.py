@@ -54,19 +54,6 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
         {"runs/*/label": ["MuJoCo"], "runs/*/preset": ["naive"], "failed": []},
     ),
     "engines --only mujoco --json a.json": ("accurate", {"engines/0/engine": "mujoco"}),
-    "history mujoco --quick --workers 1 --json a.json": (
-        "MuJoCo on fig12, version after version",
-        {
-            "history/*/version": [mujoco.__version__],
-            "history/0/as_it_comes": approx(0.387, abs=0.05),
-            "history/0/recipe": approx(6.0e-10, rel=0.1),
-            # Since 3.11.
-            "history/0/free_body": approx(-1.571e-2, abs=2e-5),
-            "history/0/fault": (
-                "a hinge turns more than 0.1 % too fast or too slow from t = 0.02 s on"
-            ),
-        },
-    ),
     "model fig12 --explain": ("one along K + (J_s + d)Ω makes the same motion", {}),
     "model chaplygin_ball --explain": ("the torsional friction row (condim 4): the classical", {}),
     "view fig12 --web --duration 0.1": ("out/fig12-mujoco-balanced-0.1s-view.html", {}),

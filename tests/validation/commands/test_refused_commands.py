@@ -24,7 +24,6 @@ MISTYPED = {
     "--no-plots": ("--no-plot", "compare"),
     "--out": ("--outt", "demo figures design ablation tradeoff extremes portraits results"),
     "--duration": ("--durration", "engines export"),
-    "--bisect": ("--bisekt", "history"),
     "--help": ("--hlep", "scenes"),
 }
 EVERY = {
@@ -45,8 +44,6 @@ REFUSED = {
     "continue fig07 --over K3": "--of --from --to help",
     "model fig12 --out x.urdf": "x.urdf MJCF .xml",
     "compare fig112": "fig112 fig12",
-    "history mujco": "engine 'mujco' mujoco",
-    "history multibody": "multibody versions",
     "judge fig112 a.csv": "fig112 fig12",
     "compare fig12 --preset balancd": "preset 'balancd' balanced",
     "compare fig12 fast": "'fast' preset --preset~fast",

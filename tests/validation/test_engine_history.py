@@ -1,27 +1,28 @@
-"""The history of an engine's versions: which there are, what changed, and in which."""
+"""The script that measures an engine in every version: selection, changes, and one measurement."""
 
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
 
+import mujoco
 import pytest
 
 import robotball as rb
-from robotball.engines import environments
-from tests.messages import naming
-from validation.options import Sweep
-from validation.studies import history
-from validation.studies.bare_steps import compiled
-from validation.studies.history import (
-    History,
+from tests.bench.bare_steps import compiled
+from tests.bench.history import (
     bisect,
+    cell_of,
     changelog_line,
+    changes_between,
     changes_of,
+    chosen,
     differ,
     last_patches,
+    measure_version,
+    package_of,
     places_of,
+    searched,
     version_rows,
 )
+from tests.messages import naming
 from validation.study import Row
 from validation.sweeps import Result
 
@@ -128,20 +129,44 @@ def test_an_attribute_that_a_version_lacks_is_left_out_and_named() -> None:
         compiled("<mujoco><age/></mujoco>")
 
 
+@pytest.mark.parametrize(("names", "changes"), [(("3.10", "2.3"), 1), (("3.9", "3.10"), 0)])
 def test_each_change_is_found_among_all_releases_between(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    names: tuple[str, str], changes: int
 ) -> None:
-    """Of every number, between the patches that the two names mean."""
+    """Between the last patches of the two named versions, in either order."""
     numbers = {each: 1e-9 if each in ("3.9.1", "3.10.0") else 7e-6 for each in VERSIONS}
+    some = searched(VERSIONS, *names)
 
-    def rows(_: History, versions: Sequence[str]) -> list[Row]:
-        return version_rows([result(each, numbers[each]) for each in versions])
+    def row(i: int) -> Row:
+        return version_rows([result(some[i], numbers[some[i]])])[0]
 
-    monkeypatch.setattr(History, "_rows", rows)
-    monkeypatch.setattr(history, "_with_pip", lambda _: Path("python"))
-    monkeypatch.setattr(environments, "releases", lambda *_: VERSIONS)
-    options: dict[str, Any] = {"sweep": Sweep(out=tmp_path)}
-    assert History("mujoco", **options, bisect=("3.10", "2.3")).run() == 0
-    assert capsys.readouterr().out.startswith("recipe: 7.0e-06 in 3.9.0, 1.0e-09 in 3.9.1: ")
-    assert History("mujoco", **options, bisect=("3.9", "3.10")).run() == 0
-    assert capsys.readouterr().out == "no number changed between 3.9.1 and 3.10.0\n"
+    found = [
+        (number, before["version"], after["version"])
+        for number, before, after in changes_between(row, len(some))
+    ]
+    assert found == [("recipe", "3.9.0", "3.9.1")][:changes]
+
+
+def test_versions_are_chosen_by_their_first_and_last_names() -> None:
+    """From the first patch of one to the last patch of another; without --every last patches."""
+    assert chosen(VERSIONS, "2.3", "3.9", every=True) == VERSIONS[:5]
+    assert chosen(VERSIONS, "3.9", "", every=False) == ["3.9.1", "3.10.0"]
+
+
+def test_the_version_here_is_measured() -> None:
+    """One second of fig12 and the free body with this MuJoCo, without pip."""
+    cell = cell_of("mujoco", mujoco.__version__, 1.0, None)
+    (row,) = version_rows([Result({**cell}, measure_version(cell), None)])
+    assert row["as_it_comes"] == pytest.approx(0.387, abs=0.05)
+    assert row["recipe"] == pytest.approx(6.0e-10, rel=0.1)
+    assert row["free_body"] == pytest.approx(-1.571e-2, abs=2e-5)  # since MuJoCo 3.11
+    assert "t = 0.02 s" in row["fault"]
+
+
+@pytest.mark.parametrize(
+    ("engine", "facts"), [("mujco", "'mujco' mujoco"), ("multibody", "multibody")]
+)
+def test_an_engine_without_released_versions_is_refused(engine: str, facts: str) -> None:
+    """A mistyped one, and one that comes with robotball."""
+    with pytest.raises(rb.InputError, match=naming(facts)):
+        package_of(engine)

@@ -1,27 +1,31 @@
-"""One engine in every released version: what changed, when, and which version changed it.
+"""Measure one engine in every released version: what changed, when, and in which version.
 
-Each version has an environment of its own. MuJoCo's take the exported MJCF by plain calls
-(`bare_steps`), so that nothing but the version differs; other engines run by our adapter of today,
-which an old version may not know. pip lists the versions, and a wheel's newest file is its date.
-A version runs by our Python, or by the newest of this machine that has its wheel.
+`python -m tests.bench.history mujoco --from 3.5` prints a table and writes it, with a picture, to
+out/history-mujoco.md and .png; `--help` lists the options. Results are kept in
+out/mujoco-history.jsonl, so an interrupted run continues.
+
+Each version has its own environment. MuJoCo versions step the exported MJCF with plain calls
+(`bare_steps`), so only the version differs; other engines run with the current adapter, which an
+old version may not support. The date of a version is that of the newest file in its wheel.
+A version runs under our Python, or under the newest Python here that has a wheel of it.
 """
 
+import argparse
 import platform
 import re
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated, Any
+from typing import Any
 from zipfile import ZipFile
 
 import numpy as np
 from matplotlib.figure import Figure
 from rich.markup import escape
-from tyro.conf import Positional, arg
 
 from robotball import InputError, engine_named, integrate, load_scene, sample_times
 from robotball.engine import DEFAULT
@@ -31,15 +35,14 @@ from robotball.engines.states import motion_of_rows
 from robotball.errors import unknown
 from robotball.film.looks import INK
 from robotball.motion import Label
+from tests.bench import bare_steps
 from validation.agreement import Agreement
-from validation.options import AGREES, Given, Sweep, SweepOptions, seconds_of
-from validation.output import panels, writable_folder, write_record, write_text
-from validation.results import changed
-from validation.studies import bare_steps, engine_study
+from validation.output import panels, progress_bar, writable_folder, write_picture, write_text
+from validation.studies import engine_study
 from validation.studies.engine_rows import row_of
 from validation.studies.engine_runs import fixed_work
-from validation.study import Column, Row, Study, markdown, scene_cell, show, table_of
-from validation.sweeps import Cell, Result, rows_of
+from validation.study import Column, Row, markdown, scene_cell, show, table_of
+from validation.sweeps import Cell, Result, rows_of, sweep
 
 _HOME = ENVIRONMENTS.with_name("history")  # of all environments
 _SCENE = "fig12"  # its rates are steady and its load constant: plain MJCF has all of it
@@ -96,7 +99,7 @@ def bisect(row: Callable[[int], Row], number: str, low: int, high: int) -> list[
     return [*halves[0], *halves[1]] or [(low, high)]  # by a little in either half
 
 
-def _package(engine: str) -> str:
+def package_of(engine: str) -> str:
     """Return the name of an engine's package, the first of its requirements."""
     needed = (DEFAULT,) if engine == DEFAULT else getattr(engine_named(engine), "requirements", ())
     if not needed:
@@ -117,7 +120,7 @@ def _download(folder: Path, engine: str, version: str, fetched: str) -> Path:
     asked = ("download", "--quiet", "--no-deps", "--only-binary=:all:", "--dest", fetched)
     for python in (Path(sys.executable), *environments.pythons().values()):
         try:
-            by = ("--python", str(python), *asked, f"{_package(engine)}=={version}")
+            by = ("--python", str(python), *asked, f"{package_of(engine)}=={version}")
             environments.pip(_with_pip(folder), failure, *by)
         except InputError as error:
             said.append(str(error))
@@ -290,79 +293,76 @@ def _history_picture(label: Label, title: str, rows: Sequence[Row]) -> Figure:
     return figure
 
 
-_Version = Annotated[str, arg(metavar="VERSION", help_behavior_hint="")]
+def cell_of(engine: str, version: str, duration: float, home: Path | None) -> Cell:
+    """Return a version's cell; home: the folder of environments, None for the version in ours."""
+    run = {"engine": engine, "version": version, "environments": home and str(home)}
+    return {**scene_cell(_SCENE, duration), **run}
 
 
-@dataclass(frozen=True)
-class History:
-    """Measure an engine in every released version, each in an environment of its own.
+def _write_table(engine: str, rows: Sequence[Row], out: Path) -> None:
+    """Print the table of versions, and write it with its picture."""
+    label, lines = engine_named(engine).label, _lines_of(changes_of(rows), package_of(engine))
+    title = f"{label.name} on {_SCENE}, version after version"
+    page = [*markdown(_COLUMNS, rows), "", *(f"* {line}" for line in lines), ""]
+    write_text(out / f"history-{engine}.md", "\n".join(page))
+    measured = [row for row in rows if not row["failure"]]
+    write_picture(out / f"history-{engine}.png", _history_picture(label, title, measured))
+    show([title, table_of(_COLUMNS, rows, lambda row: row["failure"]), *map(escape, lines)])
 
-    With --quick it is measured in the version that is installed here alone, without pip.
 
-    Example: robotball history mujoco --from 3.5
+def changes_between(row: Callable[[int], Row], count: int) -> list[tuple[str, Row, Row]]:
+    """Return each number that changed, as `changes_of` does, from the rows of few versions."""
+    return [
+        (number, row(before), row(after))
+        for number in _NUMBERS
+        for before, after in bisect(row, number, 0, count - 1)
+    ]
+
+
+def chosen(versions: Sequence[str], first: str, last: str, *, every: bool) -> Sequence[str]:
+    """Return the versions from one to another; an empty name is no limit.
+
+    A name like 3.10 means its first patch as the first version, and its last patch as the last one.
     """
+    start = places_of(versions, first)[0] if first else 0
+    end = places_of(versions, last)[-1] if last else len(versions) - 1
+    return versions[start : end + 1] if every else last_patches(versions[start : end + 1])
 
-    engine: Positional[Annotated[str, arg(metavar="ENGINE")]]
-    """The engine; `robotball engines` lists them."""
-    since: Annotated[_Version, arg(name="from")] = ""
-    """The first version; pip's first if not given. 3.10 is any patch of it."""
-    to: _Version = ""
-    """The last version; pip's last if not given."""
-    every: bool = False
-    """Take all versions, not only the last patch of each minor one."""
-    bisect: Annotated[Given[tuple[str, str]], arg(metavar="A B")] = None
-    """Name instead the versions between two that changed a number, by a few measurements."""
-    sweep: SweepOptions = field(default_factory=Sweep)
 
-    def run(self) -> int:
-        package = _package(self.engine)
-        writable_folder(self.sweep.out)
-        # Without pip, so that it works where there is no network.
-        if self.sweep.quick:
-            return self._table([engine_named(self.engine).label.version])
-        versions = environments.releases(_with_pip(_HOME), package)
-        first, last = self.bisect or (self.since, self.to)
-        end = places_of(versions, last)[-1] if last else len(versions) - 1
-        # 3.10 to search from is its last patch, but to list from its first one.
-        start = places_of(versions, first)[-1 if self.bisect else 0] if first else 0
-        versions = versions[min(start, end) : max(start, end) + 1]
-        if self.bisect:
-            return self._bisect(versions)
-        return self._table(versions if self.every else last_patches(versions))
+def searched(versions: Sequence[str], first: str, last: str) -> Sequence[str]:
+    """Return the versions between the last patches of two, named in either order."""
+    start, end = sorted(places_of(versions, name)[-1] for name in (first, last))
+    return versions[start : end + 1]
 
-    def _rows(self, versions: Sequence[str]) -> list[Row]:
-        quick = self.sweep.quick
-        cell = scene_cell(_SCENE, seconds_of(None, quick, load_scene(_SCENE)))
-        home = None if quick else str(_HOME)
-        shared = {**cell, "engine": self.engine, "environments": home}
-        cells = [{**shared, "version": each} for each in versions]
-        journal = f"{self.engine}-history"
-        return version_rows(self.sweep.results(measure_version, cells, journal, _LIMIT))
 
-    def _table(self, versions: Sequence[str]) -> int:
-        rows, label = self._rows(versions), engine_named(self.engine).label
-        lines = _lines_of(changes_of(rows), _package(self.engine))
-        title = f"{label.name} on {_SCENE}, version after version"
-        table = table_of(_COLUMNS, rows, lambda row: row["failure"])
-        picture = _history_picture(label, title, [row for row in rows if not row["failure"]])
-        record, words = {"history": rows, "changes": lines}, changed(self, "since", "to", "every")
-        study = Study(
-            _SCENE, label, ["history"], rows, record, (title, table, *map(escape, lines)), picture
-        )
-        stem = study.stem(*words, *changed(self.sweep, "quick"))
-        page = [*markdown(_COLUMNS, rows), "", *(f"* {line}" for line in lines), ""]
-        write_text(self.sweep.out / f"{stem}.md", "\n".join(page))
-        return self.sweep.present(study, *words)
+def _main() -> None:
+    options = argparse.ArgumentParser(prog="python -m tests.bench.history")
+    options.add_argument("engine", help="its name, as `robotball engines` lists it")
+    options.add_argument("--from", dest="first", default="", help="first version; 3.10: any patch")
+    options.add_argument("--to", dest="last", default="", help="last version")
+    options.add_argument("--every", action="store_true", help="all versions, not last patches only")
+    options.add_argument("--bisect", nargs=2, metavar=("A", "B"), help="only find what changed")
+    options.add_argument("--out", type=Path, default=Path("out"), help="folder of results")
+    given = options.parse_args()
+    package, journal = package_of(given.engine), given.out / f"{given.engine}-history.jsonl"
+    duration = load_scene(_SCENE).duration
+    writable_folder(given.out)
 
-    def _bisect(self, versions: Sequence[str]) -> int:
-        """Print where each number changed; of the versions between, few are measured."""
-        row = cache(lambda i: self._rows([versions[i]])[0])
-        found = [
-            (number, row(before), row(after))
-            for number in _NUMBERS
-            for before, after in bisect(row, number, 0, len(versions) - 1)
-        ]
-        lines = _lines_of(found, _package(self.engine))
-        write_record(self.sweep.json, {"changes": lines})
-        show(map(escape, lines or [f"no number changed between {versions[0]} and {versions[-1]}"]))
-        return AGREES
+    def rows(some: Sequence[str]) -> list[Row]:
+        cells = [cell_of(given.engine, version, duration, _HOME) for version in some]
+        with progress_bar(len(cells)) as progress:
+            return version_rows(sweep(measure_version, cells, journal, limit=_LIMIT, show=progress))
+
+    versions = environments.releases(_with_pip(_HOME), package)
+    if given.bisect:
+        some = searched(versions, *given.bisect)
+        changes = changes_between(cache(lambda i: rows([some[i]])[0]), len(some))
+        none = f"no number changed between {some[0]} and {some[-1]}"
+        show(map(escape, _lines_of(changes, package) or [none]))
+    else:
+        some = chosen(versions, given.first, given.last, every=given.every)
+        _write_table(given.engine, rows(some), given.out)
+
+
+if __name__ == "__main__":
+    _main()

@@ -1,18 +1,17 @@
 """Fit a scene to logs: which masses, places and gains explain what a robot's sensors read.
 
-Least squares over the unknowns of `residuals`, by steps that are bent as a valley is; `evidence`
-has what their minimum tells. A fit goes from the first part of a motion to the whole, as a wrong
-guess is soon out of step with the log.
+Least squares over the unknowns of `residuals`; `evidence` has what their minimum tells. A fit goes
+from the first part of a motion to the whole, as a wrong guess is soon out of step with the log.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from robotball.errors import LARGEST, InputError, check_positive, unknown
 from robotball.evidence import (
@@ -57,11 +56,7 @@ _ROUGHLY = 1e-2  # of χ², relative, of a part of the logs, from which the fit 
 # The last steps, by central differences, and the parts of a step that are tried. The fit is at its
 # minimum if none of them lowers χ² by as much.
 _LAST_STEPS, _FRACTIONS, _SHORT = 3, (1.0, 0.25, 0.06), 1.0
-_MOST_TRIALS = 40
-# Of the steepest direction's square, the first damping; by which it falls and rises; of a step, the
-# bend that is worth a trial, and the one that is too large to be believed.
-_DAMPING, _LESS, _MORE = 1e-4, 30.0, 8.0
-_STRAIGHT, _BENT = 5e-3, 0.5
+_MOST_TRIALS = 40  # of each part of the logs, so that a hopeless fit ends in seconds
 
 
 @dataclass(frozen=True)
@@ -178,7 +173,7 @@ def fit(
     run : callable, optional
         Returns the motion of a scene at times. The default integrates the equations.
     minimize : callable, optional
-        Called as scipy's `least_squares`, which may be it. The default takes fewer trials.
+        Called as scipy's `least_squares`, which is the default.
     progress : callable, optional
         Called with the part of the logs that is fitted and χ² over the degrees of freedom.
 
@@ -219,7 +214,7 @@ def fit(
     own = of_scene(numbers, free, began.ball.radius)
     solve = partial(
         _solved, numbers, circumstances=circumstances, run=run or by_equations, loss=loss,
-        minimize=minimize or _descend,
+        minimize=minimize or least_squares,
     )  # fmt: skip
     sensed = [_sensed(began, log, noise or {}) for log in logs]
     fitted = [each for k, each in enumerate(sensed) if k != hold_out]
@@ -340,10 +335,13 @@ def _solved(
         # A part of the logs may tell little of an unknown, which must not go astray on it.
         prior = np.where(shared, 1 / _PRIOR if part < 1 else NO_EVIDENCE, _HARDLY)
         with_prior = partial(_with_prior, residuals=residuals, prior=prior)
-        x = minimize(
-            with_prior, x, partial(_its_jacobian, residuals=residuals, prior=prior), (low, high),
-            ftol=_NO_GAIN / len(first) if part == 1 else _ROUGHLY, max_nfev=_MOST_TRIALS,
-        ).x  # fmt: skip
+        # A trial may lead to where no body is.
+        with np.errstate(over="ignore", invalid="ignore"):
+            x = minimize(
+                with_prior, x, partial(_its_jacobian, residuals=residuals, prior=prior),
+                (low, high), ftol=_NO_GAIN / len(first) if part == 1 else _ROUGHLY,
+                max_nfev=_MOST_TRIALS,
+            ).x  # fmt: skip
         if progress is not None:
             progress(part, chi2_of(with_prior(x)) / len(first))
     for _ in range(_LAST_STEPS):
@@ -390,51 +388,3 @@ def _raise_cause(residuals: Residuals, x: Array, run: Run) -> None:
             if len(motion.times) < 2:
                 raise InputError(f"the motion of {scene.name} ends before the log")
     raise InputError(f"{scene.name} has no motion over the whole of the logs to begin with")
-
-
-@np.errstate(over="ignore", invalid="ignore")  # a step may lead to where no body is
-def _descend(
-    residuals: Callable[[Array], Array],
-    x: Array,
-    jacobian: Callable[[Array], Array],
-    bounds: tuple[Array, Array],
-    *,
-    ftol: float,
-    max_nfev: int,
-) -> SimpleNamespace:
-    """Minimize squares by damped steps (Levenberg and Marquardt), each bent as the valley is.
-
-    Masses and gains lie in a narrow, curved valley, which a straight step leaves. The residuals at
-    a step's end show their second derivative along it, by which the step is corrected: the geodesic
-    acceleration of M. K. Transtrum and J. P. Sethna (arXiv:1201.5885), of a whole step.
-    """
-    (low, high), left, trials, damping = bounds, residuals(x), 1, 0.0
-    while True:
-        J, squares = jacobian(x), chi2_of(left)
-        outward = J.T @ left
-        # At a limit, what would go beyond it is held.
-        Q, R = np.linalg.qr(J * ~((x <= low) & (outward > 0) | (x >= high) & (outward < 0)))
-        damping = damping or _DAMPING * float(np.linalg.norm(R, 2)) ** 2
-        while True:
-            damped = np.concatenate([R, np.sqrt(damping) * np.eye(len(x))])
-            inverse = np.linalg.pinv(damped)[:, : len(R)] @ Q.T
-            step = -inverse @ left
-            fall = squares - chi2_of(left + J @ step)
-            ends = [np.clip(x + step, low, high)]
-            after = [residuals(ends[0])]
-            if np.isfinite(after[0]).all():
-                bend = -inverse @ (after[0] - left - J @ step)
-                if _STRAIGHT < np.linalg.norm(bend) / np.linalg.norm(step) < _BENT:
-                    ends.append(np.clip(x + step + bend, low, high))
-                    after.append(residuals(ends[1]))
-            trials += len(ends)
-            best = min(range(len(ends)), key=lambda i: chi2_of(after[i]))
-            gain = squares - chi2_of(after[best])
-            if gain > 0:
-                x, left = ends[best], after[best]
-                damping /= _LESS if gain > fall / 4 else 1.0
-            if max(gain, fall) < ftol * squares or trials >= max_nfev:
-                return SimpleNamespace(x=x)
-            if gain > 0:
-                break
-            damping *= _MORE

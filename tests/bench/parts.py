@@ -17,12 +17,12 @@ from robotball.engines.mujoco.settings import NAIVE
 from robotball.errors import InputError
 from robotball.motors import Motor, Servo
 from robotball.variations import scaled_body
-from validation.studies.friction import LEAST_FRICTION
 from validation.studies.timing import measure_costs, one_step
 from validation.study import Column, Row, show, table_of
 
 _MINIMAL = PRESETS["accurate"]
 _ROUNDS = 15
+_LEAST_FRICTION = 1e-5  # m, the least coefficient that MuJoCo takes: nearly no friction
 _SPLIT = 3  # rotors for each of the scene's
 _SENSORS = ("framepos", "framequat", "framelinvel", "frameangvel", "framelinacc", "frameangacc")
 
@@ -30,8 +30,8 @@ _SENSORS = ("framepos", "framequat", "framelinvel", "frameangvel", "framelinacc"
 def parts_of(scene: Scene) -> dict[str, mujoco.MjModel]:
     """Return the compiled models by what they have: the minimal one, one thing more each, all."""
     classical = scene.rolling == "classical"
-    spin: dict[str, Any] = {"torsional_friction": LEAST_FRICTION} if classical else {}
-    roll = {**spin, "condim": 6, "rolling_friction": LEAST_FRICTION}
+    spin: dict[str, Any] = {"torsional_friction": _LEAST_FRICTION} if classical else {}
+    roll = {**spin, "condim": 6, "rolling_friction": _LEAST_FRICTION}
     prescribed = any(hinge.motor is None for hinge in hinges_of(scene, _MINIMAL))
     servos: dict[str, Any] = {"drive": NAIVE.drive} if prescribed else {}
     parts = {"minimal": _compiled(scene)}

@@ -11,8 +11,6 @@ from robotball import Engine, engine_named
 
 Ladder = tuple[str, tuple[float, ...]]
 """A field of an engine's settings and the values that it takes in turn."""
-Knobs = tuple[str, Mapping[str, tuple[Any, ...] | slice]]
-"""A preset, and the values of its fields that a search may take: some, or all of a slice's span."""
 
 
 @dataclass(frozen=True)
@@ -20,13 +18,11 @@ class EngineRow:
     """What the study runs of an engine.
 
     ladders   by preset, the values of a field at which its error is held against its cost
-    knobs     what a search for its best settings may change; None: there is nothing to search
     ours      by preset, the parts of its runs that are robotball's and not the engine's
     source    the page or example of its own documentation that its preset as it comes follows
     """
 
     ladders: Mapping[str, Ladder]
-    knobs: Knobs | None = None
     ours: Mapping[str, str] = field(default_factory=dict)
     source: str = ""
 
@@ -52,16 +48,7 @@ def _rows() -> dict[str, EngineRow]:
     return {name: _row(**given) for name, given in tomllib.loads(text).items()}
 
 
-def _row(ladders: Any, knobs: Any = None, **others: Any) -> EngineRow:
-    """Return a row of its table: {preset: {field: values}} are the ladders, and the knobs."""
+def _row(ladders: Any, **others: Any) -> EngineRow:
+    """Return a row of its table, whose ladders are {preset: {field: values}}."""
     taken = {preset: (key, tuple(row[key])) for preset, row in ladders.items() for key in row}
-    if knobs is None:
-        return EngineRow(taken, **others)
-    ((preset, spans),) = knobs.items()
-    return EngineRow(taken, (preset, {key: _span(each) for key, each in spans.items()}), **others)
-
-
-def _span(given: Any) -> tuple[Any, ...] | slice:
-    if isinstance(given, dict):
-        return slice(given["from"], given["to"])
-    return tuple(None if each == "" else each for each in given)
+    return EngineRow(taken, **others)

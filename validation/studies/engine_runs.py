@@ -104,7 +104,6 @@ def run(cell: Mapping[str, Any]) -> dict[str, Any]:
     engine = engine_named(cell["engine"])
     preset = engine.presets[cell["preset"]]
     settings = settings_of(preset, cell["field"], cell["value"])
-    settings = changed(settings, cell.get("changes", {}))
     request = Request(engine, settings, loads=theory.loads)
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
@@ -151,15 +150,6 @@ def settings_of(preset: EngineSettings, field: str, value: float) -> EngineSetti
     if getattr(preset, field) != value:
         changes["error_tolerance"] = LOOSEST
     return replace(preset, **changes)
-
-
-def changed(settings: Any, changes: Mapping[str, Any]) -> Any:
-    """Return settings with other values of fields; "model.integrator" is a field of a field."""
-    for name, value in changes.items():
-        outer, _, inner = name.partition(".")
-        new = changed(getattr(settings, outer), {inner: value}) if inner else value
-        settings = replace(settings, **{outer: new})
-    return settings
 
 
 def fixed_work() -> float:

@@ -1,13 +1,8 @@
-"""All engines on a scene: error against processor time, orders, the Pareto front.
+"""All engines on a scene: error against processor time, orders, the Pareto front."""
 
-And the same search for every engine: its knobs drawn evenly, then the best few refined.
-"""
-
-import json
-import math
 import statistics
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import groupby
 from operator import itemgetter
@@ -17,15 +12,12 @@ from typing import Annotated, Any
 import numpy as np
 from matplotlib.figure import Figure
 from rich.markup import escape
-from scipy.stats import qmc
 from tyro.conf import arg
 
 from robotball import InputError, Scene, engine_named, engine_names, load_scene
 from robotball.engine import DEFAULT
 from robotball.engines.environments import ENVIRONMENTS, call, python_name, said_of, versions_in
-from robotball.errors import check_count, check_positive
 from robotball.film.looks import INK
-from robotball.rotations import Array
 from validation.options import (
     AGREES,
     Duration,
@@ -41,7 +33,7 @@ from validation.output import in_picture, writable_folder, write_record
 from validation.results import changed
 from validation.sensitivity import chaotic
 from validation.studies import engine_runs
-from validation.studies.engine_rows import Knobs, row_of
+from validation.studies.engine_rows import row_of
 from validation.studies.engine_runs import Contestant, python_of
 from validation.studies.orders import fit_order
 from validation.study import (
@@ -57,14 +49,8 @@ from validation.study import (
 )
 from validation.sweeps import Cell, Result, rows_of
 
-_LIMIT, _SET_UP = 300.0, 200.0  # s that a run may take, and its set-up, compilation included
+_LIMIT = 300.0  # s that a run may take, compilation included
 _ROUNDS = 3  # of timing
-_LEAST_BUDGET = 4  # of a search
-_DRAWN = 2 / 3  # of the budget; the rest refines
-_BEST = 4  # are refined
-_NEAR = (0.2, 0.02)  # of every knob's span: the deviations around the best, the first and the last
-Changes = Mapping[str, Any]
-"""Values of an engine's settings, by the names of their fields."""
 
 
 def cells_of(
@@ -100,7 +86,6 @@ def study_of(scene: Scene, results: Sequence[Result]) -> dict[str, Any]:
               order     of the preset's errors, where they lie on a line
               newcomer  whether the preset is the engine as it comes, by its `source`
               ours      the parts that are robotball's
-              changes   of the preset, in a search for the best
               usable    whether the error says how well it rolls
               on_the_pareto_front  whether no usable run is both cheaper and better
     orders  the lines, with their contestants and presets
@@ -129,7 +114,6 @@ def study_of(scene: Scene, results: Sequence[Result]) -> dict[str, Any]:
             "cost": seconds / cell["duration"] * speed / record["fixed_work"],
             "python_share": min(1.0, python / seconds) if python is not None and seconds else None,
             "ours": row.ours.get(cell["preset"], ""), "source": row.source,
-            "changes": cell.get("changes", {}),
         })  # fmt: skip
     default = engine_named(DEFAULT)
     published = getattr(
@@ -144,7 +128,7 @@ def study_of(scene: Scene, results: Sequence[Result]) -> dict[str, Any]:
         run |= {"relative_cost": run["cost"] / unit if unit else None, "order": None}
         run["on_the_pareto_front"] = any(run is each for each in best)
     for (contestant, preset), some in groupby(runs, _key):
-        mine = [run for run in some if run["field"] == "timestep" and not run["changes"]]
+        mine = [run for run in some if run["field"] == "timestep"]
         steps, errors = ([run[name] for run in mine] for name in ("longest_step", "error"))
         if order := fit_order(steps, errors):
             orders.append({"contestant": contestant, "preset": preset, **asdict(order)})
@@ -217,15 +201,6 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def _changes(run: Row) -> str:
-    """Return what a run of a search changed, in a line."""
-    return ", ".join(f"{name} {value}" for name, value in run["changes"].items()) or "as published"
-
-
-_SHOWN = 5  # of a search
-_TUNED = (COLUMNS[2], *COLUMNS[4:7], Column("settings", _changes, words=True))
-
-
 def _engines_picture(name: str, errors: str, runs: Sequence[Row]) -> Figure:
     """Draw engines' errors against their costs; of one in two versions the second is pale."""
     order = dict.fromkeys(run["contestant"] for run in sorted(runs, key=itemgetter("error")))
@@ -262,37 +237,6 @@ def _engines_picture(name: str, errors: str, runs: Sequence[Row]) -> Figure:
     return figure
 
 
-def search(
-    knobs: Knobs, budget: int, errors: Callable[[Sequence[Changes]], Sequence[float]]
-) -> None:
-    """Try `budget` configurations of the knobs, the preset's own first.
-
-    errors: runs configurations and returns the error of each, infinite where there is none. The
-    draw is seeded, so that a search that was broken off tries the same again.
-    """
-    names, spans = list(knobs[1]), list(knobs[1].values())
-
-    def at(points: Array) -> list[Changes]:
-        rows = [[_at(*each) for each in zip(spans, row, strict=True)] for row in points]
-        return [dict(zip(names, row, strict=True)) for row in rows]
-
-    drawn = qmc.Halton(len(names), rng=0).random(round(_DRAWN * budget) - 1)
-    tried: list[Changes] = [{}, *at(drawn)]
-    best = np.argsort(errors(tried)[1:], kind="stable")[:_BEST]
-    normal = np.random.default_rng(0).normal(size=(budget - len(tried), len(names)))
-    normal *= np.geomspace(*_NEAR, len(normal))[:, None]
-    around = np.clip(drawn[np.resize(best, len(normal))] + normal, 0.0, 1.0)
-    distinct = {json.dumps(each): each for each in [*tried, *at(around)]}
-    errors([*distinct.values()])
-
-
-def _at(span: tuple[Any, ...] | slice, part: float) -> Any:
-    """Return the value at a part, from 0 to 1, of a knob's span, to three digits."""
-    if isinstance(span, slice):
-        return float(f"{span.start * (span.stop / span.start) ** part:.3g}")
-    return span[min(int(part * len(span)), len(span) - 1)]
-
-
 @dataclass(frozen=True)
 class Engines:
     """List the engines and their presets; given scenes, compare their errors and costs.
@@ -310,12 +254,6 @@ class Engines:
     """Python of new environments, a version or a path; else the newest that an engine takes."""
     environments: Path = ENVIRONMENTS
     """Folder for the environments."""
-    tune: bool = False
-    """Search each engine's own knobs for its best settings, by as many runs for every engine."""
-    budget: Annotated[int, arg(metavar="N")] = 60
-    """Configurations that the search tries."""
-    cap: Annotated[float, arg(metavar="MS")] = 100.0
-    """Processor time of a simulated second that the best of a search may take, in ms."""
     duration: Duration = None
     """Simulated time; each scene's own if not given."""
     sweep: SweepOptions = field(default_factory=Sweep)
@@ -331,48 +269,13 @@ class Engines:
             if not self.install:
                 write_record(self.sweep.json, {"engines": _list(some, self.environments)})
             return AGREES
-        if self.sweep.json and len(self.scenes) * (len(some) if self.tune else 1) > 1:
-            raise InputError("--json takes one study: name one scene, with --tune one engine too")
-        if self.only or self.tune:
+        if self.sweep.json and len(self.scenes) > 1:
+            raise InputError("--json takes one study: name one scene")
+        if self.only:
             engine_runs.check_installed(some, self.environments)
         for name in self.scenes:
-            for each in some if self.tune else ():
-                self._tune(name, each)
-            if not self.tune:
-                self._study(name, some)
+            self._study(name, some)
         return AGREES
-
-    def _tune(self, name: str, contestant: Contestant) -> None:
-        scene, engine = load_scene(name), engine_named(contestant.engine)
-        knobs = row_of(contestant.engine).knobs
-        if knobs is None:
-            raise InputError(f"{contestant.name} has no knobs: there is nothing to tune")
-        check_count("budget", self.budget, _LEAST_BUDGET)
-        check_positive("cap", self.cap, "ms")
-        seconds = seconds_of(self.duration, self.sweep.quick, scene)
-        cells = cells_of(name, [contestant], self.environments, seconds, 1)
-        (base, *_) = (cell for cell in cells if cell["preset"] == knobs[0])
-        published = getattr(engine.presets[base["preset"]], base["field"])
-        # What takes far longer than the cap cannot be the best; set-up may take its time.
-        limit = min(_LIMIT, _SET_UP + 10 * self.cap / 1e3 * seconds)
-        tried: list[Result] = []
-        best: list[Row] = []
-
-        def errors(configurations: Sequence[Changes]) -> list[float]:
-            wanted = [{**base, "value": published, "changes": each} for each in configurations]
-            journal = f"{scene.name}-tune-{contestant.name}"
-            tried[:] = self.sweep.results(measure, wanted, journal, limit)
-            runs = study_of(scene, tried)["runs"]
-            within = (run for run in runs if run["usable"] and run["cost"] <= self.cap / 1e3)
-            best[:] = sorted(within, key=lambda run: run["error"])
-            by_changes = {json.dumps(run["changes"]): run["error"] for run in best}
-            return [by_changes.get(json.dumps(each), math.inf) for each in configurations]
-
-        search(knobs, self.budget, errors)
-        title = f"{scene.name}, {base['preset']} of {contestant.name}, within {self.cap:g} ms"
-        shown = (f"[bold]{escape(title)}[/]", table_of(_TUNED, best[:_SHOWN]))
-        study = Study(scene.name, engine.label, ["tune"], rows_of(tried), {"best": best}, shown)
-        self.sweep.present(study, *changed(self, "duration", "budget", "cap"))
 
     def _study(self, name: str, chosen: Sequence[Contestant]) -> None:
         scene, quick = load_scene(name), self.sweep.quick

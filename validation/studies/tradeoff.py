@@ -19,7 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.markup import escape
 
-from robotball import PRESETS, InputError, Scene, Settings
+from robotball import PRESETS, Scene, Settings
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
@@ -30,6 +30,7 @@ from robotball.engines.mujoco.settings import (
     MUJOCOS_DEFAULT,
     NAIVE,
     Prescribed,
+    recipe,
     settings_from,
 )
 from robotball.film.lines import PRESET_LOOKS
@@ -40,7 +41,6 @@ from validation.options import Controls, Duration, SceneName, Sweep, SweepOption
 from validation.output import known, scientific
 from validation.plots import note
 from validation.results import changed, controlled
-from validation.studies.friction import RECIPE, friction_cells, friction_run, friction_study
 from validation.studies.orders import fit_order
 from validation.studies.timing import measure_costs, simulated_second
 from validation.study import (
@@ -55,6 +55,8 @@ from validation.study import (
     table_of,
 )
 from validation.sweeps import Cell, Result, rows_of
+
+RECIPE = recipe("recipe", 1.0, timestep=PRESETS["balanced"].timestep)  # no error is a fault
 
 _Options = dict[str, Any]
 
@@ -498,8 +500,6 @@ class Tradeoff:
     scene: SceneName
     """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
     control: Controls = ()
-    friction: bool = False
-    """Study instead what rolling and torsional friction do to the ball."""
     duration: Duration = None
     """Simulated time; the scene's own if not given."""
     sweep: SweepOptions = field(default_factory=Sweep)
@@ -508,13 +508,6 @@ class Tradeoff:
         scene, quick = controlled(self.scene, self.control), self.sweep.quick
         scene = replace(scene, duration=seconds_of(self.duration, quick, scene))
         shared = scene_cell(self.scene, scene.duration, self.control)
-        if self.friction and not scene.start.momentum.any():
-            raise InputError(f"{scene.name} starts from rest: there is no M for friction to take")
-        if self.friction:
-            cells, work, study = friction_cells(shared, quick), friction_run, friction_study
-        else:
-            cells = cells_of(shared, configurations(quick), 2 if quick else _ROUNDS)
-            work, study = measure_settings, _tradeoff_study
-        kind = "friction" if self.friction else "tradeoff"
-        results = self.sweep.results(work, cells, f"{scene.name}-{kind}", _LIMIT)
-        return self.sweep.present(study(scene, results), *changed(self, "duration"))
+        cells = cells_of(shared, configurations(quick), 2 if quick else _ROUNDS)
+        results = self.sweep.results(measure_settings, cells, f"{scene.name}-tradeoff", _LIMIT)
+        return self.sweep.present(_tradeoff_study(scene, results), *changed(self, "duration"))

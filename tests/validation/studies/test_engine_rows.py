@@ -4,7 +4,6 @@ import pytest
 
 from robotball import engine_named
 from robotball.engine import OURS
-from robotball.engines.mujoco.settings import OWN
 from validation.studies.engine_rows import row_of
 
 
@@ -20,9 +19,3 @@ def test_a_row_is_of_its_engines_own_presets(name: str) -> None:
         assert len(values) > 0
     assert row.ours.keys() <= engine.presets.keys()
     assert bool(row.source) == (name not in ("mujoco", "multibody", "mjx", "mujoco-warp"))
-
-
-def test_mujocos_integrators_are_all_among_its_knobs() -> None:
-    knobs = row_of("mujoco").knobs
-    assert knobs is not None
-    assert knobs[1]["integrator"] == tuple(OWN)

@@ -105,15 +105,6 @@ def test_runs_have_an_order_and_costs_at_one_speed() -> None:
     assert run["relative_cost"] is None
 
 
-def test_the_runs_of_a_search_have_no_order() -> None:
-    """They may all have the same step; each is kept, with its changes."""
-    found = result(1e-3, 1e-6, 1.0)
-    changes = [{"iterations": count} for count in range(1, 9)]
-    study = study_of(FIG12, [replace(found, cell={**CELL, "changes": each}) for each in changes])
-    assert [each["changes"] for each in study["runs"]] == changes
-    assert study["orders"] == []
-
-
 @pytest.mark.parametrize(
     ("engine", "preset", "ours"),
     [

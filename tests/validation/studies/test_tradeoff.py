@@ -1,7 +1,4 @@
-"""The trade-off: its configurations, its front, first order beside it; cost, and friction.
-
-Rolling friction takes |M|, and torsional friction is the rubber model.
-"""
+"""The trade-off: its configurations, its front, first order beside it, and cost."""
 
 import itertools
 import json
@@ -27,7 +24,6 @@ from tests.conftest import Robotball
 from tests.messages import unnamed
 from tests.validation.examples import example
 from validation.studies import timing
-from validation.studies.friction import HARD, ROLLING, SOFT, TORSIONAL, friction_cells, friction_run
 from validation.studies.timing import Cost, measure_costs, simulated_second
 from validation.studies.tradeoff import (
     TARGET,
@@ -228,76 +224,3 @@ def test_cost_is_of_a_simulated_second(monkeypatch: pytest.MonkeyPatch) -> None:
     for found in (slow, replace(slow, times=times[:5])):
         monkeypatch.setattr(timing, "run", lambda *_, found=found: found)
         assert simulated_second(model, times)() == pytest.approx(1.5)
-
-
-def friction_of(
-    scene: str, kind: str, length: float, rows: str = SOFT, duration: float = 2.0
-) -> dict[str, Any]:
-    """The record of one run of the study."""
-    cell = {**scene_cell(scene, duration), "friction": kind, "rows": rows, "length": length}
-    return friction_run(cell)
-
-
-@pytest.mark.parametrize(
-    ("scene", "length", "off"),
-    [  # Off by what the soft contact gives way; by more where the rolling is stopped with a jerk.
-        ("fig12", 1e-3, 0.025),  # measured 0.015
-        ("classical_regular", 1e-2, 0.008),  # measured -0.0046
-        ("classical_regular", 1e-1, 0.015),  # measured 0.0096
-    ],
-)
-def test_rolling_friction_takes_momentum_at_its_length_times_the_weight(
-    scene: str, length: float, off: float
-) -> None:
-    """d|M|/dt = -μ_roll m g, as far as the rolling torque is along M."""
-    record = friction_of(scene, ROLLING, length, HARD)
-    assert record["loss"] / record["expected_loss"] == pytest.approx(1.0, abs=off)
-    # Measured 0.78 (classical_regular) to 0.90 (fig12): the part of the torque that is along M.
-    assert 0.7 * record["most_loss"] < record["loss"] < record["most_loss"]
-
-
-def test_rolling_friction_stops_the_ball_or_gives_way_before_its_limit() -> None:
-    """At 1 m it stops the ball, which by the equations keeps all of its |M|.
-
-    Under the recipe its rows are softer by (μ_slide/μ_roll)²: 1e-4 m takes a ten-thousandth of its
-    due.
-    """
-    stopped = friction_of("fig12", ROLLING, 1.0, HARD)
-    assert stopped["left"] < 0.5  # measured 0.45, after 2 s
-    assert stopped["path_error"] > 0.5  # measured 0.71
-    soft = friction_of("fig12", ROLLING, 1e-4, SOFT)
-    assert soft["loss"] < 2e-4 * soft["most_loss"]  # measured 9.6e-5
-
-
-def test_torsional_friction_is_rubber_from_where_the_motion_needs_it() -> None:
-    """Just below the demand, 1.873 m in 10 s, the ball turns on the spot; just above it never.
-
-    MuJoCo's default is a drag: the ball spins nearly freely, and its path is wrong by a third.
-    """
-    needed = float(rb.integrate(FIG12).loads.torsional_friction.max())
-    least, below, above = (
-        friction_of("fig12", TORSIONAL, length, duration=10.0)
-        for length in (0.005, 0.85 * needed, 1.02 * needed)
-    )
-    assert least["relative_spin"] > 1.0  # measured 1.79
-    assert least["path_error"] == pytest.approx(0.325, abs=0.01)
-    assert unnamed("cone 0~s", least["faults"][0]) == []
-    assert below["relative_spin"] > 0.05  # measured 0.13
-    assert below["path_error"] > 0.03  # measured 0.070
-    # Measured 1.33e-9 and 1.65e-9: RK4's error at 5 ms.
-    assert above["relative_spin"] < 2e-9
-    assert above["path_error"] < 2.5e-9
-    assert above["faults"] == []
-
-
-@pytest.mark.study
-def test_the_quick_friction_study_writes_its_files(robotball: Robotball, tmp_path: Path) -> None:
-    """A picture of two panels, a table and the data of every run."""
-    arguments = "tradeoff fig12 --friction --quick --duration 0.2 --out . --workers 1 --json a.json"
-    assert robotball(*arguments.split())[0] == 0
-    stem = "fig12-mujoco-friction-0.2s-quick"
-    names = {f"{stem}{kind}" for kind in (".png", ".json", ".csv")}
-    assert {path.name for path in tmp_path.iterdir()} == {*names, "fig12-friction.jsonl", "a.json"}
-    record = json.loads((tmp_path / f"{stem}.json").read_text())
-    assert record["torsional_friction_needed"] == pytest.approx(1.873, abs=1e-3)
-    assert len(record["runs"]) == len(friction_cells(scene_cell("fig12", 0.2), quick=True))

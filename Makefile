@@ -115,7 +115,7 @@ run-wheel:
 	$(THERE)/env/bin/python -m pip install --disable-pip-version-check --no-compile --quiet $(WHEEL)/*.whl
 	echo 'raise ImportError("another package")' > $(THERE)/env/lib/python$(VERSION)/site-packages/validation.py
 	$(ALONE)/robotball --version
-	$(ALONE)/robotball model fig12 --out fig12.xml
+	$(ALONE)/robotball export fig12 > fig12.xml
 	$(ALONE)/robotball compare fig12 --preset fast --duration 0.5
 	$(ALONE)/robotball report fig12 --preset fast --duration 0.5
 	$(ALONE)/robotball check $(CURDIR)/examples/first_robot.xml --duration 0.5; test $$? = 1

@@ -79,7 +79,6 @@ GROUPS = {
     },
     "My own robot": {
         "check": "validation.commands.checking",
-        "model": "validation.commands.scene_commands",
         "design": "validation.commands.building",
         "steer": "validation.commands.building",
         "fit": "validation.commands.fitting",
@@ -141,9 +140,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         arguments.remove(_AS_GIVEN)
     else:
         warnings.simplefilter("error", UnitWarning)
-    if arguments[:1] == ["ladder"]:
-        print("robotball: `ladder` is called `ablation` now", file=sys.stderr)
-        arguments[0] = "ablation"
     try:
         if arguments == ["--version"]:
             print(_version_line())

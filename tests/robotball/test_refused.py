@@ -142,7 +142,7 @@ SCENES = {
     "rb.integrate(shaken(9.81 * (1 + 1e-9)), np.array([0.0, 1.0]))":
         "plane 0.270645…~s",
     "rb.dm_environment(shaken(1.0))": "environment plane",
-    "write_model(shaken(1.0), FAST, dressed=False, stem='')": "MJCF plane",
+    "write_model(shaken(1.0), FAST)": "MJCF plane",
     "FIG12.with_hinges(command=(1.0,))": "hinges 2 commands 1",
     "FIG12.with_hinges(command={'rotor2': 1.0})":
         "'rotor2' rotor1",

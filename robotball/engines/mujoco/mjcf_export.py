@@ -5,6 +5,7 @@ each step at the step's mean, so that the hinges are at their rates at its end. 
 is then of second order, and the step is halved until it is small.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from textwrap import wrap
@@ -17,8 +18,8 @@ import numpy as np
 from robotball.ball import PARTS
 from robotball.drives import Drive
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.model import START, Model, build, hinges_of
-from robotball.engines.mujoco.settings import Prescribed, Settings, for_load
+from robotball.engines.mujoco.model import START, Model, build
+from robotball.engines.mujoco.settings import Prescribed, Settings
 from robotball.files.mended_file import in_comment
 from robotball.film.looks import BLUR, add_materials, looks_of
 from robotball.plane import check_still
@@ -31,19 +32,19 @@ _HALVINGS = 5  # of the step at most, to 32 times as many rows of controls
 _GAUSS, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # for the mean of a command over a step
 _SAMPLES = 200  # of the path of a play
 _WRAP, _COMMENT_LINE = 95, "\n     "  # of a comment: its lines' characters, and what parts them
-DEFAULT_ITERATIONS = 100  # of MuJoCo's solver
 # The picture's lengths in radii of the ball, so that any ball fills it alike.
 _CAMERA, _EXTENT, _SUN, _TILE = "0 -5 2", 4.0, 12.0, 0.5
 
-_PLAYER = '''"""Play the model beside this file with its controls; needs only mujoco and numpy."""
+_MODEL, _PLAYER, _CONTROLS = "mujoco.xml", "mujoco-play.py", "mujoco-controls.csv"
+_SCRIPT = f'''"""Play the model beside this file with its controls; needs only mujoco and numpy."""
 from pathlib import Path
 import mujoco, numpy as np
 
 here = Path(__file__).parent
-model = mujoco.MjModel.from_xml_path(str(here / {model!r}))
-{softness}data = mujoco.MjData(model)
+model = mujoco.MjModel.from_xml_path(str(here / "{_MODEL}"))
+{{softness}}data = mujoco.MjData(model)
 mujoco.mj_resetDataKeyframe(model, data, 0)
-for row in np.loadtxt(here / {controls!r}, delimiter=",", skiprows=1, ndmin=2):
+for row in np.loadtxt(here / "{_CONTROLS}", delimiter=",", skiprows=1, ndmin=2):
     data.ctrl[:] = row[1:]
     mujoco.mj_step(model, data)
 print("t =", data.time, "s, qpos =", data.qpos.tolist())
@@ -55,23 +56,25 @@ _SOFTNESS = (
 
 @dataclass(frozen=True)
 class Written:
-    """The texts of a model's files: the MJCF and, where needed, a player with its controls as CSV.
+    """The MJCF of a scene, and the script that plays it if its controls change.
 
-    needs: why a player is needed, in a line; None where any way of stepping the MJCF will do.
+    Attributes
+    ----------
+    xml : str
+        The MJCF.
+    needs : str, optional
+        Why the MJCF needs the player, in one line.
+    files : mapping of str to str
+        The text of each file by its name: the MJCF, and the player with its controls.
     """
 
     xml: str
-    needs: str | None = None
-    player: str = ""
-    controls: str = ""
+    needs: str | None
+    files: Mapping[str, str]
 
 
-def write_model(scene: Scene, settings: Settings, *, dressed: bool, stem: str) -> Written:
-    """Return the files of a scene's model.
-
-    dressed: add what only a picture needs; stem: the first part of the files' names, by which they
-    refer to each other.
-    """
+def write_model(scene: Scene, settings: Settings) -> Written:
+    """Return the model of a run, with shapes, lights and a camera for a viewer."""
     scene.check_open("MJCF")
     check_still(scene, "MJCF")
     model = build(scene, settings)
@@ -82,29 +85,22 @@ def write_model(scene: Scene, settings: Settings, *, dressed: bool, stem: str) -
         model = build(scene, replace(settings, timestep=step))
     # MJCF has no word for the softness, nor for controls that change: a player sets both.
     if not scene.steady or softness != 1:
-        needs = _needs(model, f"{stem}-play.py", off)
+        needs = _needs(model, off)
     wrapped = [part for line in _words(model, needs) for part in wrap(in_comment(line), _WRAP)]
-    xml = f"<!-- {_COMMENT_LINE.join(wrapped)} -->\n{(dress(model) if dressed else model).xml}"
+    xml = f"<!-- {_COMMENT_LINE.join(wrapped)} -->\n{dress(model).xml}"
     if needs is None:
-        return Written(xml)
+        return Written(xml, None, {_MODEL: xml})
     rows = _held(model)
     actuated = [hinge.name for hinge in model.hinges if hinge.actuated]
     header = ["time", *actuated, *(each.name for each in scene.actuators)]
     times = np.arange(len(rows)) * model.compiled.opt.timestep
     lines = [",".join(map(repr, row)) for row in np.column_stack([times, rows]).tolist()]
-    return Written(
-        xml,
-        needs,
-        _PLAYER.format(
-            model=f"{stem}.xml",
-            controls=f"{stem}-controls.csv",
-            softness="" if softness == 1 else _SOFTNESS.format(softness=softness),
-        ),
-        "\n".join([",".join(header), *lines]) + "\n",
-    )
+    script = _SCRIPT.format(softness="" if softness == 1 else _SOFTNESS.format(softness=softness))
+    controls = "\n".join([",".join(header), *lines]) + "\n"
+    return Written(xml, needs, {_MODEL: xml, _PLAYER: script, _CONTROLS: controls})
 
 
-def _needs(model: Model, player: str, off: float | None) -> str:
+def _needs(model: Model, off: float | None) -> str:
     """Say why the model needs its player; off: the path error of held controls, if they change."""
     why = []
     if off is not None:
@@ -114,7 +110,7 @@ def _needs(model: Model, player: str, off: float | None) -> str:
         )
     if model.settings.softness != 1:
         why.append("its contact is harder than MJCF can say")
-    return f"it needs {player} to move as it should: {' and '.join(why)}"
+    return f"it needs {_PLAYER} to move as it should: {' and '.join(why)}"
 
 
 def _words(model: Model, needs: str | None) -> list[str]:
@@ -210,56 +206,6 @@ def _mean(drive: Drive, edges: Array) -> Array:
     return np.asarray(
         sum(w * drive.rate(middle + x * half) for x, w in zip(_GAUSS, _WEIGHTS / 2, strict=True))
     )
-
-
-def left_out(scene: Scene, settings: Settings) -> list[str]:
-    """Return a line for each thing that a MuJoCo model of the ball could have and this has not."""
-    lines, settings = [], for_load(settings, scene)
-    if not scene.ball.rotors:
-        lines.append("rotor bodies: the scene has none")
-    elif len(scene.ball.rotors) == 1:
-        lines.append("more rotor bodies: one along K + (J_s + d)Ω makes the same motion")
-    turning = {hinge.name for hinge in hinges_of(scene, settings)}
-    lines += [
-        f"the hinge of {hinge.name}: its rate is zero for good, so it is fixed to its parent"
-        for hinge in scene.hinges
-        if hinge.name not in turning
-    ]
-    if scene.rolling == "classical":
-        lines.append(
-            "the torsional friction row (condim 4): the classical ball may spin on the spot"
-        )
-    if scene.friction.rolling:
-        lines.append(
-            "rolling friction (condim 6): it acts against an acceleration and shares a cone with "
-            "what holds the ball; a torque on the shell resists the rolling, at every evaluation"
-        )
-    else:
-        lines.append("rolling friction (condim 6): neither rolling model has it; M would fall")
-    lines.append("collision detection but for one pair: the shell and the plane")
-    lines.append("geoms of frame and rotors, lights, textures, materials: a run draws nothing")
-    lines.append("sensors that no Motion needs")
-    if settings.solver == "PGS" and settings.iterations is not None:
-        lines.append(
-            f"Newton's solver and {DEFAULT_ITERATIONS} iterations: one contact is solved by PGS in "
-            f"{settings.iterations}"
-        )
-    if settings.softness != 1:
-        lines.append(
-            f"the contact's softness but for {settings.softness:g} of it, as the load varies: once "
-            "the model is compiled its body_invweight0 is scaled, for which MJCF has no word"
-        )
-        lines.append(
-            f"the quicker PGS: a load that varies couples it with friction; {settings.solver} "
-            f"solves both in {settings.iterations} iterations"
-        )
-    if settings.warmstart == "disable":
-        lines.append(
-            "the warm start: so few iterations need no guess, and a state always moves alike"
-        )
-    if settings.island == "disable":
-        lines.append("the search for islands of contacts: there is one contact")
-    return lines
 
 
 def dress(model: Model) -> Model:

@@ -54,8 +54,6 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
         {"runs/*/label": ["MuJoCo"], "runs/*/preset": ["naive"], "failed": []},
     ),
     "engines --only mujoco --json a.json": ("accurate", {"engines/0/engine": "mujoco"}),
-    "model fig12 --explain": ("one along K + (J_s + d)Ω makes the same motion", {}),
-    "model chaplygin_ball --explain": ("the torsional friction row (condim 4): the classical", {}),
     "view fig12 --web --duration 0.1": ("out/fig12-mujoco-balanced-0.1s-view.html", {}),
     "figures 3 --json a.json": ("out/fig03.png", {"figures": ["out/fig03.png"]}),
     "section fig12 --count 40 --preset fast --json a.json": (
@@ -376,14 +374,31 @@ def test_a_run_that_broke_in_its_first_step_has_a_page_and_no_film(
 # Scenes and robots -----------------------------------------------------------------------------
 
 
-def test_model_prints_mjcf_that_is_complete(robotball: Robotball, tmp_path: Path) -> None:
+def test_export_prints_mjcf_that_is_complete(robotball: Robotball) -> None:
     """The printed text compiles by itself, and starts at the scene's start."""
-    status, out, _ = robotball("model", "fig12")
+    status, out, complaint = robotball("export", "fig12")
     model = mujoco.MjModel.from_xml_string(out)
     start = rb.load_scene("fig12").start.attitude
     assert model.key_qpos[0, 3:7].tolist() == start.tolist()
-    assert (status, robotball("model", "fig12", "--out", "m.xml")[0]) == (0, 0)
-    assert (tmp_path / "m.xml").read_text().strip() == out.strip()
+    assert (status, complaint) == (0, "")
+
+
+def test_export_says_where_the_player_of_changing_controls_is(
+    robotball: Robotball, tmp_path: Path
+) -> None:
+    """The folder has the player, and the model that is printed too; a moving plane has neither."""
+    options = ("wobbling_drive", "--duration", 0.1, "--preset", "fast")
+    printed, complaint = robotball("export", *options)[1:]
+    assert unnamed("mujoco-play.py --to", complaint) == []
+    status, out, _ = robotball("export", *options, "--to", "ball")
+    assert status == 0
+    names = sorted(path.name for path in (tmp_path / "ball").iterdir())
+    assert [Path(line).name for line in out.split()] == names
+    assert {"mujoco.xml", "mujoco-play.py", "mujoco-controls.csv", "model.urdf"} <= {*names}
+    assert (tmp_path / "ball" / "mujoco.xml").read_text() == printed
+    status, out, _ = robotball("export", "shaken_ball", "--duration", 0.1, "--to", "shaken")
+    assert status == 0
+    assert "mujoco.xml" not in out
 
 
 def test_design_prints_bodies_and_writes_a_scene_that_runs(robotball: Robotball) -> None:
@@ -484,7 +499,7 @@ def test_the_help_lists_the_commands_and_the_values_of_options(robotball: Robotb
     assert re.fullmatch(versions, named[1])
     assert all(word in completed[1] for word in (*COMMANDS, "--preset", "--accuracy"))
     for option, values in {
-        **{f"{each} --preset": rb.PRESETS for each in ("compare", "section", "model")},
+        **{f"{each} --preset": rb.PRESETS for each in ("compare", "section", "export")},
         "convergence --without": [choice.name for choice in CHOICES],
         "extremes [MAP…]": MAPS,
         "portraits [MAP…]": PLANES,

@@ -1,6 +1,5 @@
 """A model in files moves as it should without robotball, or says what it needs to."""
 
-import ast
 import re
 import subprocess
 import sys
@@ -23,17 +22,16 @@ WOBBLING = rb.load_scene("wobbling_drive")
 
 
 def files_of(scene: rb.Scene, settings: rb.Settings = BALANCED) -> Written:
-    return write_model(scene, settings, dressed=True, stem="ball")
+    return write_model(scene, settings)
 
 
 def played(files: Written, folder: Path) -> tuple[float, list[float]]:
     """The time and qpos that the player prints, by a Python that finds no robotball."""
-    (folder / "ball.xml").write_text(files.xml)
-    (folder / "ball-play.py").write_text(files.player)
-    (folder / "ball-controls.csv").write_text(files.controls)
+    for name, text in files.files.items():
+        (folder / name).write_text(text)
     code = (
         "import runpy, sys; sys.modules['robotball'] = None; "
-        "runpy.run_path('ball-play.py', run_name='__main__')"
+        "runpy.run_path('mujoco-play.py', run_name='__main__')"
     )
     said = subprocess.check_output([sys.executable, "-c", code], cwd=folder, text=True)
     found = re.fullmatch(r"t = (\S+) s, qpos = \[(.*)\]\n", said)
@@ -73,19 +71,8 @@ def test_plain_steps_end_where_the_equations_do_with_the_controls_alone(
         mujoco.mj_step(compiled, data)
     assert off(data.qpos.tolist()) > unplayed / 2
     assert files.needs is not None
-    assert unnamed("ball-play.py", files.needs) == []
-    assert "ball-play.py" in files.xml.partition("-->")[0]
-
-
-def test_a_player_opens_files_with_quotes_in_their_names() -> None:
-    """Its strings are read back from its syntax tree."""
-    stem = 'a"b\\'
-    scene = WOBBLING.until(0.1)
-    files = write_model(scene, rb.preset("naive"), dressed=False, stem=stem)
-    strings = [
-        each.value for each in ast.walk(ast.parse(files.player)) if isinstance(each, ast.Constant)
-    ]
-    assert {f"{stem}.xml", f"{stem}-controls.csv"} <= {*map(str, strings)}
+    assert unnamed("mujoco-play.py", files.needs) == []
+    assert "mujoco-play.py" in files.xml.partition("-->")[0]
 
 
 def test_settings_that_never_get_good_keep_their_own_step() -> None:
@@ -103,7 +90,7 @@ def test_a_steady_scene_s_file_needs_no_player(name: str) -> None:
     """
     scene = rb.load_scene(name)
     files = files_of(scene)
-    assert (files.needs, files.player, files.controls) == (None, "", "")
+    assert (files.needs, files.files) == (None, {"mujoco.xml": files.xml})
     comment = files.xml.partition("-->")[0]
     for words in ('the keyframe "start"', "Armature: so huge that", "Integrator: RK4", "MJX"):
         assert words in comment

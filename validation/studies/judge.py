@@ -23,20 +23,15 @@ from robotball import (
     RecordedMotion,
     Scene,
     Trajectory,
-    integrate,
     read_trajectory,
     recorded,
     scene_toml,
 )
 from robotball.engines import recorded as derivative
 from robotball.errors import LARGEST, check_positive
-from robotball.evidence import Found
-from robotball.files.logs import Log, Sensor
-from robotball.files.scene_numbers import numbers_of
-from robotball.fitting import fit
 from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array
-from robotball.sensing import ON_THE_PLANE, apart
+from robotball.sensing import ON_THE_PLANE
 from validation.options import AGREES, DISAGREES, Controls, File, SceneName, listed
 from validation.output import (
     known,
@@ -47,7 +42,7 @@ from validation.output import (
     write_record,
 )
 from validation.results import controlled
-from validation.studies.judge_search import SURE, Lag, Mistake, Search, lag_of, reference_of
+from validation.studies.judge_search import Lag, Mistake, Search, lag_of, reference_of
 from validation.studies.mistakes import rows_of
 from validation.studies.orders import LEAST, fit_order
 
@@ -336,7 +331,7 @@ def _judged(
     scene: Scene, trajectory: Trajectory, timestep: float, tolerance: float
 ) -> FileJudgement:
     plain = _Beside(recorded(scene, trajectory), reference_of(scene, trajectory.times))
-    found = Search(trajectory, plain.theory, plain.motion.rolling_radius)
+    found = Search(trajectory, plain.theory)
     corrected = None
     if found.mistakes:
         corrected = _Beside(recorded(found.scene, found.corrected), found.theory)
@@ -360,47 +355,6 @@ def _orders(judged: Sequence[FileJudgement]) -> Iterator[Order]:
 
 
 _EXACT = 1e-9  # of the radius
-_NUDGE = 1e-3  # of a number, by which its effect on a motion is tried
-_LIKELY = 0.5  # of the error's square, which a number's effect must account for to be fitted
-_MEANT = 5.0  # standard deviations: a number that is nearer to the scene's is not another
-
-
-def number_of(judged: FileJudgement) -> Found | None:
-    """Return the number of the scene by which `fit` explains a file that no mistake explains.
-
-    The one whose small change moves the motion most nearly as the file is off is fitted, and said
-    if it leaves no more than a mistake may. None where the file agrees or no number does.
-    """
-    beside, file = judged.plain, judged.trajectory
-    if judged.within or judged.mistakes:
-        return None
-    scene, theory = beside.theory.scene, beside.theory
-    sensors = (
-        Sensor("position", file.times, file.position[:, :2]),
-        Sensor("attitude", file.times, file.attitude),
-    )
-    noise = {"position": _NUDGE * theory.path_scale, "attitude": _NUDGE}
-    rows = np.arange(len(theory.times) - len(file.times), len(theory.times))
-
-    def off(motion: Motion) -> Array:
-        parts = (apart(each, motion, rows, {}) / noise[each.name] for each in sensors)
-        return np.concatenate([each.ravel() for each in parts])
-
-    effects = {}
-    with contextlib.suppress(InputError):  # of a scene that no file can hold
-        numbers, before = numbers_of(scene), off(theory)
-        for path, (value, *_) in numbers.known.items():
-            with contextlib.suppress(InputError):  # of a number that cannot be
-                other = numbers.scene({path: value * (1 + _NUDGE)})
-                effect = off(integrate(other, theory.times)) - before
-                effects[path] = abs(effect @ before) / (np.linalg.norm(effect) or np.inf)
-    if not effects or max(effects.values()) < np.sqrt(_LIKELY) * np.linalg.norm(before):
-        return None
-    found = fit(numbers, [Log(file.name, sensors, {})], [max(effects, key=effects.__getitem__)],
-                noise=noise)  # fmt: skip
-    (number,), left = found.found, np.sqrt(found.chi2)
-    another = number.determined and abs(number.value - number.began) > _MEANT * number.deviation
-    return number if another and left < SURE * np.linalg.norm(before) else None
 
 
 def _show(judgement: Judgement, console: Console) -> None:
@@ -612,12 +566,6 @@ class Judge:
             )
         write_record(self.json, _record(judgement))
         _show(judgement, Console())
-        for each in judgement.files:
-            if number := number_of(each):
-                print(
-                    f"{each.name}: {number.name} = {number.value:.6g} ± {number.deviation:.1g} "
-                    f"{number.unit}, not {number.began:g}, explains it as well, by robotball fit"
-                )
         return AGREES if judgement.agrees else DISAGREES
 
     def _timesteps(self) -> list[float]:

@@ -179,12 +179,9 @@ class Search:
     that scene at its times; at: the rows that were searched.
     """
 
-    def __init__(self, trajectory: Trajectory, theory: Motion, rolling_radius: float) -> None:
-        """Search a trajectory of which the theory is the reference.
-
-        rolling_radius: by the file's own path and rotation [m].
-        """
-        self.trajectory, self.theory, self.rolling_radius = trajectory, theory, rolling_radius
+    def __init__(self, trajectory: Trajectory, theory: Motion) -> None:
+        """Search a trajectory of which the theory is the reference."""
+        self.trajectory, self.theory = trajectory, theory
         self.at = some_of(len(trajectory.times))
         rows, truth = rows_of(trajectory, self.at), self._truth(theory, self.at.step)
         # The file as it stands, then without each mistake as well.
@@ -271,7 +268,7 @@ class Search:
     def _scenes(self) -> list[_Option]:
         """Return the motions of scenes that may have been simulated instead, each made once."""
         file, found = self.found[-1].file, []
-        for name, scenes in mistaken_scenes(self.found[-1].scene, self.rolling_radius):
+        for name, scenes in mistaken_scenes(self.found[-1].scene):
             for scene in scenes:
                 with contextlib.suppress(InputError):  # of a ball that nobody can have simulated
                     truth = self._truth(reference_of(scene, file.times, rtol=_TRIED), 1)

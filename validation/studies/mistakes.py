@@ -12,12 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robotball import InputError, Motion, Scene, Trajectory
-from robotball.ball import Body, Rotor, Shell
+from robotball import Motion, Scene, Trajectory
 from robotball.equations import Rolling
 from robotball.files.trajectories import LENGTHS, RATES
 from robotball.motors import Servo
-from robotball.poses import poses
 from robotball.rotations import (
     Array,
     angle_between,
@@ -26,7 +24,7 @@ from robotball.rotations import (
     multiply,
     rotation_matrix,
 )
-from robotball.variations import scaled_body, scaled_rate, with_bodies
+from robotball.variations import scaled_rate
 
 _FLOOR = 1e-6  # an error below it explains as little as none
 _MOST = 400  # samples that a convention is tried on
@@ -149,8 +147,7 @@ def _right(q: Array) -> _Change:
 
 def _attitudes(truth: Truth) -> list[_Parts]:
     """Return orders of a quaternion's numbers, its senses, and frames of which it may be."""
-    scene, start = truth.motion.scene, truth.motion.scene.start.attitude
-    principal = conjugate(scene.principal_quaternion)
+    start = truth.motion.scene.start.attitude
     counted = "the attitude is counted from the start, in"
     orders = {
         "the quaternion's order is x, y, z, w": _attitude(lambda q: q[:, [3, 0, 1, 2]]),
@@ -159,7 +156,6 @@ def _attitudes(truth: Truth) -> list[_Parts]:
     senses = {"the rotation is from world to frame (conjugate, transposed)": _attitude(conjugate)}
     frames = {
         "the attitude is the shell's, not the frame's": _right(_in_shell(truth, 1)),
-        "the attitude is that of the ball's principal axes": _right(principal),
         f"{counted} world axes": _right(start),
         f"{counted} frame axes": _attitude(lambda q: multiply(start, q)),
     }
@@ -199,7 +195,7 @@ def _resized(size: float) -> _Change:
 
 
 def _positions(truth: Truth) -> list[_Parts]:
-    """Return origins, units, axes of the plane, and points of the ball that x, y may be of."""
+    """Return origins, units, and axes of the plane."""
     a = truth.motion.scene.ball.radius
     sizes = _others(LENGTHS) | {"radii of the ball": a, "diameters": 2 * a}
     origins = {"the path does not start at (0, 0)": _position(lambda p: p - p[0])}
@@ -217,12 +213,7 @@ def _positions(truth: Truth) -> list[_Parts]:
         "x, y are the scene's -y, x": _position(lambda p: p[:, ::-1] * [1, -1]),
         "x, y are the scene's -y, -x": _position(lambda p: -p[:, ::-1]),
     }
-    centre, places = truth.motion.contact_point, {}
-    for name, each in poses(truth.motion).items():
-        place = each.position[:, :2] - centre
-        if np.abs(place).max() > 1e-6 * a:
-            places[f"x, y are of the {name}'s centre of mass"] = _position(partial(np.add, -place))
-    return [origins, lengths, planes, places]
+    return [origins, lengths, planes]
 
 
 # Angular velocity --------------------------------------------------------------------------
@@ -245,11 +236,7 @@ def _rates(truth: Truth) -> list[_Parts]:
     signs = {f"{of} has the other sign": _scaled(-1.0)}
     axes = {
         f"{of} is in world axes": _rated(lambda w, file: _rotated(w, conjugate(file.attitude))),
-        f"{of} is turned from world to frame axes twice": _rated(
-            lambda w, file: _rotated(w, file.attitude)
-        ),
         f"{of} is in the shell's axes": _rated(lambda w, _: _rotated(w, to_frame)),
-        f"{of} is in principal axes": _along(scene.principal_axes.T),
         **{f"{of}'s {_XYZ} are along the scene's {_axes_of(S)}": _along(S) for S in _rotations()},
     }
     bodies = {f"{of} is the shell's, not the frame's": _rated(lambda w, _: w + more)}
@@ -332,16 +319,12 @@ def _axes_of(S: Array) -> str:
     return ", ".join(names)
 
 
-_CLEAR = 1e-3  # relative: a rolling radius nearer to the scene's may be an engine's error
-_LIKELY = 5.0  # times the radius, or less: any other comes of numbers that mean something else
-
-
 _MistakenScene = tuple[str, tuple[Scene, ...]]
 """A mistake in setting up the scene, and the scenes that it may have led to."""
 
 
-def mistaken_scenes(scene: Scene, rolling_radius: float) -> Iterator[_MistakenScene]:
-    """Yield all that are tried; rolling_radius: by the file [m], nan where it is not known."""
+def mistaken_scenes(scene: Scene) -> Iterator[_MistakenScene]:
+    """Yield the scenes that are tried: other conventions, units and axes, and left-out physics."""
     names = [hinge.name for hinge in scene.hinges]
     moving = [i for i, hinge in enumerate(scene.hinges) if _has_rate(scene, i)]
     groups = [([i], f"the {names[i]}'s rate", "has", "is") for i in moving]
@@ -352,7 +335,6 @@ def mistaken_scenes(scene: Scene, rolling_radius: float) -> Iterator[_MistakenSc
     for which, what, _, are in groups:
         yield (f"{what} {are} zero", _with_rates(scene, which, 0.0))
         yield (f"{what} {are} taken in degrees", _with_rates(scene, which, RATES["deg/s"]))
-    yield from _radii(scene, rolling_radius)
     other: Rolling = "classical" if scene.rolling == "rubber" else "rubber"
     flat = replace(scene.start, momentum=scene.start.momentum * [1.0, 1.0, 0.0])
     level = replace(scene, rolling=other, start=flat)
@@ -365,7 +347,6 @@ def mistaken_scenes(scene: Scene, rolling_radius: float) -> Iterator[_MistakenSc
     if any(slope := scene.gravity_direction[:2]):
         other_way = (-slope[0], -slope[1], scene.gravity_direction[2])
         yield ("the plane slopes the other way", (replace(scene, gravity_direction=other_way),))
-    yield from _inertias(scene)
     yield from _starts(scene)
 
 
@@ -386,49 +367,6 @@ def _with_rates(scene: Scene, which: list[int], factor: float) -> tuple[Scene, .
         more = (factor - 1) * float(scene.drives[0].rate(0.0)) * scene.ball.shell.axis
         found.append(_kept(changed, scene, _omega(scene) + more))
     return tuple(found)
-
-
-def _radii(scene: Scene, rolling_radius: float) -> Iterator[_MistakenScene]:
-    radius, shell = scene.ball.radius, scene.ball.shell
-    ratio = rolling_radius / radius
-    if abs(ratio - 1) > _CLEAR and 1 / _LIKELY < ratio < _LIKELY:
-        larger = _with_body(scene, shell, replace(shell, radius=rolling_radius))
-        heavier = _with_body(scene, shell, scaled_body(shell, 1.0, ratio))
-        yield (
-            f"the ball's radius is {rolling_radius:.4g} m, not {radius:g} m", (*larger, *heavier),
-        )  # fmt: skip
-
-
-def _inertias(scene: Scene) -> Iterator[_MistakenScene]:
-    """Yield moments that are exchanged, or about another point than the body's centre of mass."""
-    for name, body in scene.ball.named_bodies:
-        others: dict[str, Body] = {}
-        if isinstance(body, Shell | Rotor):
-            others[f"the {name}'s axial and transverse inertia are exchanged"] = replace(
-                body,
-                axial_inertia=body.transverse_inertia,
-                transverse_inertia=body.axial_inertia,
-            )
-        else:
-            points, r = ("the sphere's centre", "its centre of mass"), body.centre
-            more = body.mass * (r @ r * np.eye(3) - np.outer(r, r))
-            for (given, taken), sign in ((points, 1), (points[::-1], -1)):
-                others[f"the {name}'s inertia about {given} is taken for that about {taken}"] = (
-                    replace(body, inertia=body.inertia + sign * more)
-                )
-        for what, other in others.items():
-            if np.abs(other.inertia - body.inertia).max() > _CLEAR * np.abs(body.inertia).max():
-                yield (what, _with_body(scene, body, other))
-
-
-def _with_body(scene: Scene, body: Body, other: Body) -> tuple[Scene, ...]:
-    """Return the scene with another body in one's place, with the frame's ω kept, or M."""
-    try:
-        changed = with_bodies(scene.ball, lambda each: other if each is body else each)
-    except InputError:  # no body has such moments
-        return ()
-    heavier = replace(scene, ball=changed)
-    return (_kept(heavier, scene), heavier)
 
 
 def _starts(scene: Scene) -> Iterator[_MistakenScene]:

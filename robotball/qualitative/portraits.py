@@ -273,6 +273,18 @@ def curve_of(parameters: Parameters, gamma: Array, period: float) -> Array:
     return rotation_matrix(orbit(parameters, attitude_at(gamma), _NO_MOMENTUM, times)[:, :4])[:, 2]
 
 
+def involute(gamma: Array) -> Array:
+    """Return the unrolled sphere's coordinates φ, γ₃ (..., 2) of points γ (..., 3) [rad, -].
+
+    φ = π/4 + arctan(γ₁/γ₂), from 0 to 2π, as in the paper's Figs 6 to 8. The map preserves areas.
+    In a line γ (n, 3) φ is NaN where it jumps by 2π, so that no segment is drawn across.
+    """
+    phi = (np.pi / 4 + np.arctan2(gamma[..., 0], gamma[..., 1])) % (2 * np.pi)
+    if phi.ndim:
+        phi[1:][np.abs(np.diff(phi)) > np.pi] = np.nan
+    return np.stack([phi, gamma[..., 2]], axis=-1)
+
+
 def lies_on(gamma: Array, curve: Array) -> bool:
     """Return whether γ (3,) is as near to a closed curve (n, 3) as its samples are apart."""
     spacing = np.linalg.norm(np.diff(curve, axis=0), axis=1).max()

@@ -1,0 +1,42 @@
+"""Figs 12 and 13: motion on the limit cycle and on the limit torus of Fig. 11a.
+
+python examples/paper/fig12_13.py
+"""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+import robotball as rb
+
+
+def main(number: int, duration: float = 40.0) -> dict[str, float]:
+    """Draw a duration [s]; return MuJoCo's path error [m] and the mean velocity [m/s]."""
+    scene, times = rb.load_scene(f"fig{number}"), rb.sample_times(duration, 0.01)
+    theory, engine = rb.integrate(scene, times), rb.simulate(scene, times)
+    figure = Figure((12, 5), layout="constrained")
+    axes = figure.subplot_mosaic("abb", per_subplot_kw={"a": {"projection": "3d"}})
+    u, v = np.mgrid[0 : 2 * np.pi : 25j, 0 : np.pi : 13j]
+    globe = np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)
+    axes["a"].plot_wireframe(*globe, color="0.85", lw=0.5)
+    for motion, style in ((theory, {"lw": 4.0, "alpha": 0.5}), (engine, {"lw": 1.2})):
+        style |= {"color": motion.engine.colour, "label": motion.engine.name}
+        axes["a"].plot(*motion.gamma.T, **style)
+        axes["b"].plot(*motion.contact_point.T, **style)
+    axes["a"].set_title("γ on the Poisson sphere")
+    axes["a"].set_box_aspect((1, 1, 1), zoom=1.6)
+    axes["a"].view_init(azim=40, elev=25)
+    axes["a"].set_axis_off()
+    axes["b"].set(title=f"contact point, {duration:g} s", xlabel="X [m]", ylabel="Y [m]")
+    axes["b"].legend()
+    Path("out").mkdir(exist_ok=True)
+    figure.savefig(f"out/fig{number}.png")
+    gap = np.linalg.norm(engine.contact_point - theory.contact_point, axis=1)
+    drift, _ = engine.contact_point[-1] / duration
+    return {"path error": float(gap.max()), "mean dX/dt": float(drift)}
+
+
+if __name__ == "__main__":
+    for number in (12, 13):
+        print(f"out/fig{number}.png", main(number))

@@ -35,6 +35,14 @@ def test_a_script_is_short_and_imports_only_what_users_have(path: Path) -> None:
     assert {*imports} <= {"robotball", "matplotlib", "numpy", "dataclasses", "pathlib"}
 
 
+@pytest.mark.usefixtures("screen")
+def test_figs_3_and_4_show_the_ball_at_both_ends_of_a_path() -> None:
+    numbers = drawn("fig03_04", picture="fig04")
+    assert Path("out/fig03.png").is_file()
+    assert numbers["O to P"] == pytest.approx(2.19266, abs=1e-5)
+    assert numbers["path error"] < 1e-8  # measured 6.4e-10: MuJoCo's steps
+
+
 def test_fig_5_has_a_circle_in_d() -> None:
     numbers = drawn("fig05", 0.3)
     assert numbers["radius of d"] == pytest.approx(np.sqrt(5) / 4, abs=1e-5)  # measured 4e-7

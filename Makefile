@@ -82,7 +82,7 @@ tutorials: setup
 	$(BIN)/python docs/tutorials/notebooks.py
 
 # Every picture and table of README and docs, made again by the program; hours on two cores. Some,
-# by the beginnings of their commands:  make gallery ONLY='figures history'
+# by the beginnings of their commands:  make gallery ONLY='history examples'
 gallery: setup gl
 	$(BIN)/python -m tests.bench.gallery $(ONLY)
 

@@ -33,7 +33,7 @@ FLOORS = (
     ("validation.plots", "validation.comparing", "validation.study"),
     ("validation.options", "validation.random_starts"),
     ("validation.studies",),
-    ("validation.figures", "validation.report"),
+    ("validation.portrait", "validation.report"),
     ("validation.commands",),
     ("validation.cli",),
     ("validation.__main__",),

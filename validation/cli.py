@@ -103,7 +103,6 @@ GROUPS = {
         "chart": "validation.studies.charts",
     },
     "The paper": {
-        "figures": "validation.commands.paper_commands",
         "results": "validation.studies.paper_results",
         "portraits": "validation.studies.portrait_maps",
         "attractors": "validation.studies.attractors",

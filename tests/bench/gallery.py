@@ -1,7 +1,7 @@
 """Make every picture and table of the docs again by the program, as `make gallery` does.
 
 gallery.toml says which pictures there are, and docs/gallery.md shows them all. Arguments select the
-commands that begin with one of them: `python -m tests.bench.gallery history figures`. The
+commands that begin with one of them: `python -m tests.bench.gallery history examples`. The
 pictures of other engines need environments of their own, so they are made only where named.
 """
 
@@ -46,7 +46,7 @@ NUMBERS = _DOCS / "numbers.json"
 _HEAD = """# Gallery
 
 Every kind of picture that the program makes, and the command that makes it. `make gallery` makes
-all of them again, in hours; `python -m tests.bench.gallery figures history` those named."""
+all of them again, in hours; `python -m tests.bench.gallery history examples` those named."""
 ENGINES = r"\| engine, preset \| step or rtol \|.*?(?=\n\n)"
 _TABLE = r"\| scene \| preset \| step \|.*?(?=\n\n)"
 _RESULTS = r"\n### Equilibria\n.*(?=\n## Open)"
@@ -69,7 +69,9 @@ def _main(*only: str) -> None:
         _replace(_DOCS / "extremes.md", _LAWS, law_list())
     for command, rows in groupby(PICTURES, itemgetter("command")):
         some = [row for row in rows if "made" in row and wanted(command, row.get("named", False))]
-        if some:
+        if some and command.endswith(".py"):
+            _run_script(command)
+        elif some:
             _run(command, "--out", str(_OUT))
         for row in some:
             _put(_OUT / row["made"], _DOCS / row["shown"])
@@ -220,7 +222,9 @@ def _replace(page: Path, pattern: str, table: str) -> None:
 
 
 def shell_command(command: str) -> str:
-    """Return a command as a user types it: one of robotball, or a script of tests/bench."""
+    """Return a command as a user types it: of robotball, of tests/bench, or a script of examples."""
+    if command.endswith(".py"):
+        return f"python {command}"
     return f"python -m tests.bench.{command}" if is_script(command) else f"robotball {command}"
 
 
@@ -233,6 +237,13 @@ def _run(command: str, *options: str) -> None:
     words = f"tests.bench.{command}" if is_script(command) else f"validation {command}"
     if subprocess.run([sys.executable, "-m", *words.split(), *options]).returncode > 1:
         sys.exit(f"{shell_command(command)} failed")
+
+
+def _run_script(script: str) -> None:
+    """Run a script of examples/, which writes its pictures into the folder `out` beside it."""
+    print(f"python {script}", flush=True)
+    _OUT.mkdir(parents=True, exist_ok=True)
+    subprocess.run([sys.executable, _DOCS.parent / script], cwd=_OUT, check=True)
 
 
 if __name__ == "__main__":

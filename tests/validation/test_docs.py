@@ -195,7 +195,6 @@ ALONE = {
     "attractors",
     "extremes",
     "portraits",
-    "figures",
     "results",
 }
 PRINTED = {

@@ -30,9 +30,9 @@ from robotball.qualitative.straight_motions import (
     straight_motions,
 )
 from robotball.rotations import Array, ComplexArray, rotation_matrix
-from validation.figures.sphere import portrait
 from validation.options import AGREES, OUT, File, SceneName, Threads
 from validation.output import progress_bar, writable_folder, write_picture, write_record
+from validation.portrait import portrait
 from validation.results import changed, file_name
 from validation.studies.contact_sections import level_starts, steady_scene
 from validation.study import show

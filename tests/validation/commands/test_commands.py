@@ -55,7 +55,6 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
     ),
     "engines --only mujoco --json a.json": ("accurate", {"engines/0/engine": "mujoco"}),
     "view fig12 --web --duration 0.1": ("out/fig12-mujoco-balanced-0.1s-view.html", {}),
-    "figures 3 --json a.json": ("out/fig03.png", {"figures": ["out/fig03.png"]}),
     "section fig12 --count 40 --preset fast --json a.json": (
         "equations: 40 crossings, 20 with g growing, 20 falling MuJoCo: 40 crossings",
         {"equations/directions": [1, -1] * 20, "MuJoCo/directions": [1, -1] * 20},

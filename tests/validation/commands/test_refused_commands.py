@@ -22,7 +22,7 @@ MISTYPED = {
     "--preset": ("--presett", "compare report fit video view steer convergence chart"),
     "--keep-going": ("--keepgoing", "compare"),
     "--no-plots": ("--no-plot", "compare"),
-    "--out": ("--outt", "demo figures design ablation tradeoff extremes portraits results"),
+    "--out": ("--outt", "demo design ablation tradeoff extremes portraits results"),
     "--duration": ("--durration", "engines export"),
     "--help": ("--hlep", "scenes"),
 }
@@ -78,8 +78,6 @@ REFUSED = {
     "continue wobbling_drive --of cycle --over K3 --from 0 --to 1": "number 'K3'",
     "continue wobbling_drive --of line --over K3 --from 0 --to 1": LATER,
     "continue beaver_ball --of cycle --over frequency --from 1 --to 2": "beaver_ball turns period",
-    "figures 2": "figure~2 3 14 tori",
-    "figures ten": "figure~ten",
     # numbers
     "compare fig12 --seed 1": "--seed --cluster --device --starts",
     "compare fig12 --starts 2 --device cuda": "MuJoCo device",

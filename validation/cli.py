@@ -104,7 +104,6 @@ GROUPS = {
     },
     "The paper": {
         "results": "validation.studies.paper_results",
-        "portraits": "validation.studies.portrait_maps",
         "attractors": "validation.studies.attractors",
     },
 }

@@ -6,13 +6,11 @@ work for itself: cores that share caches, memory and clock are not as fast toget
 """
 
 import math
-import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Callable
 from concurrent.futures import Future
 from functools import cache, partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,17 +22,14 @@ from robotball import PRESETS, Motion, Scene, integrate, load_scene
 from robotball.engines.ensembles.orbits import orbits
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run
-from robotball.processes import Answer, allowed, at_most, cores, pool
+from robotball.processes import Answer, at_most, cores, pool
 from robotball.qualitative.long_run import basins, exponents
 from robotball.qualitative.sections import section, section_starts
 from validation.output import plain_table
-from validation.studies.portrait_maps import PLANES, cells_of, measure_portrait
 from validation.studies.timing import Cost, measure_costs, one_step, simulated_second
-from validation.sweeps import sweep
 
 _SCENES = ("fig12", "classical_regular")
-_ROUNDS = {"portraits": 3}
-_OTHER_ROUNDS = 9
+_ROUNDS = 9
 _FRAMED: dict[str, Any] = {"padding": (0, 1), "show_edge": True}
 
 
@@ -42,7 +37,7 @@ def _main() -> None:
     """Print a table of each scene, and that of the cores."""
     console, everyone = Console(), cores()
     console.print(
-        f"Medians (ranges) over {_OTHER_ROUNDS} interleaved rounds of a scene's 10 s, as ratios to "
+        f"Medians (ranges) over {_ROUNDS} interleaved rounds of a scene's 10 s, as ratios to "
         "a bare loop of mj_step\non the same model; processor time, from a model on: each makes "
         "its own MjData. steps: a run's\nstepping, all of it read; run: that, the monitor and the "
         "Motion."
@@ -50,9 +45,9 @@ def _main() -> None:
     for name in _SCENES:
         console.print(_costs(load_scene(name)))
     console.print(
-        f"The best of {_OTHER_ROUNDS} rounds, of the portraits {_ROUNDS['portraits']}, on one core "
-        f"and on {everyone} in\nturn: another's work on the machine slows some rounds, and the "
-        f"best least.\nbound: how many times as much {everyone} plain processes do as one alone."
+        f"The best of {_ROUNDS} rounds, on one core and on {everyone} in turn: another's work\n"
+        f"on the machine slows some rounds, and the best least.\n"
+        f"bound: how many times as much {everyone} plain processes do as one alone."
     )
     console.print(_gains(everyone))
 
@@ -74,7 +69,7 @@ def _costs(scene: Scene) -> Table:
         works[f"{preset}: bare"] = partial(_bare_second, model)
         works[f"{preset}: steps"] = simulated_second(model, scene.times)
         works[f"{preset}: run"] = partial(_simulated_second, partial(run, model, scene.times))
-    costs = dict(zip(works, measure_costs([*works.values()], _OTHER_ROUNDS), strict=True))
+    costs = dict(zip(works, measure_costs([*works.values()], _ROUNDS), strict=True))
     headings = ("preset", "µs a step", "steps", "run", "equations", "naive's loop")
     table = plain_table(headings, title=scene.name, title_justify="left", **_FRAMED)
     for preset, model in models.items():
@@ -109,34 +104,22 @@ def _words(cost: Cost) -> str:
 _FIG_11B = load_scene("fig14").parameters
 _MANY, _SOME = 4096, 512
 _TIMES = np.array([0.0, 100.0])
-_CELLS = cells_of(PLANES["axial"], 10)
 
 _Digits = NDArray[Any]
 
 
 @cache
-def _work(plain: bool = False) -> dict[str, Callable[[], _Digits]]:
-    """Return the functions that are timed, by name; each returns its digits.
-
-    plain: in a process by itself, which does a few of the portraits without a sweep.
-    """
+def _work() -> dict[str, Callable[[], _Digits]]:
+    """Return the functions that are timed, by name; each returns its digits."""
     rng = np.random.default_rng(1)
     starts = section_starts(rng.uniform(-4, 4, _MANY), rng.uniform(0, 6, _MANY), 25.0)
     some = starts[0][:_SOME], starts[1][:_SOME]
-
-    def portraits() -> _Digits:
-        if plain:
-            return np.array([measure_portrait(cell) for cell in _CELLS[::10]])
-        with tempfile.TemporaryDirectory() as folder:
-            found = sweep(measure_portrait, _CELLS, Path(folder, "cells.jsonl"), workers=allowed())
-        return np.array([each.record for each in found])
 
     return {
         "ensemble": lambda: orbits(_FIG_11B, *starts, _TIMES, 1e-9).contact_points,
         "section": lambda: section(_FIG_11B, *starts, 25, tolerance=1e-9).times,
         "exponents": lambda: exponents(_FIG_11B, *some, 1000.0, 100.0).largest,
         "basins": lambda: basins(_FIG_11B, *some, 500.0).labels,
-        "portraits": portraits,
     }
 
 
@@ -148,7 +131,7 @@ def _gains(everyone: int) -> Table:
         for name, work in _work().items():
             best: dict[tuple[str, int], float] = defaultdict(lambda: math.inf)
             digits: list[_Digits] = []
-            for done in range(1 + _ROUNDS.get(name, _OTHER_ROUNDS)):
+            for done in range(1 + _ROUNDS):
                 for count in (1, everyone):
                     with at_most(count):
                         began = time.perf_counter()
@@ -176,7 +159,7 @@ def _seconds_together(submit: Callable[..., Future[Answer]], name: str, count: i
 
 def _do_plainly(name: str) -> None:
     """Do a named work in a process of its own, where one thread is allowed."""
-    _work(plain=True)[name]()
+    _work()[name]()
 
 
 if __name__ == "__main__":

@@ -194,7 +194,6 @@ ALONE = {
     "engines",
     "attractors",
     "extremes",
-    "portraits",
     "results",
 }
 PRINTED = {

@@ -25,7 +25,6 @@ from validation.results import controlled
 from validation.studies import engine_study
 from validation.studies.ablation import CHOICES
 from validation.studies.extreme_maps import MAPS
-from validation.studies.portrait_maps import PLANES
 
 approx = pytest.approx
 
@@ -142,7 +141,7 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
     ),
 }
 # Run below, and by the tests of their studies, of the film and of the demo's table.
-ELSEWHERE = "ablation chart check convergence demo design export extremes judge portraits "
+ELSEWHERE = "ablation chart check convergence demo design export extremes judge "
 ELSEWHERE += "fit report steer tradeoff video"
 
 
@@ -501,7 +500,6 @@ def test_the_help_lists_the_commands_and_the_values_of_options(robotball: Robotb
         **{f"{each} --preset": rb.PRESETS for each in ("compare", "section", "export")},
         "convergence --without": [choice.name for choice in CHOICES],
         "extremes [MAP…]": MAPS,
-        "portraits [MAP…]": PLANES,
     }.items():
         command, name = option.split(" ")
         out = robotball(command, "--help")[1]

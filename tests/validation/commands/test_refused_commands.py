@@ -22,7 +22,7 @@ MISTYPED = {
     "--preset": ("--presett", "compare report fit video view steer convergence chart"),
     "--keep-going": ("--keepgoing", "compare"),
     "--no-plots": ("--no-plot", "compare"),
-    "--out": ("--outt", "demo design ablation tradeoff extremes portraits results"),
+    "--out": ("--outt", "demo design ablation tradeoff extremes results"),
     "--duration": ("--durration", "engines export"),
     "--help": ("--hlep", "scenes"),
 }
@@ -62,7 +62,6 @@ REFUSED = {
     },
     "engines fig12 --only mujoco-3.17": ("MuJoCo engines --install mujoco-3.17"),
     "extremes zzzz": "map 'zzzz' momentum frame",
-    "portraits axail": "map 'axail' axial",
     "results --only drifts": "part 'drifts' drift",
     "continue fig06 --of cycle --over K4 --from 0 --to 1": "number 'K4' K",
     "continue fig06 --of cycle --over K3 --from 1 --to 0": "--from 1 --to 0",
@@ -154,7 +153,7 @@ REFUSED = {
     "compare fig12 --json /dev/null/x/a.json": "/dev/null/x",
     **{
         f"{each} --json /dev/null/x/a.json": "/dev/null/x"
-        for each in ("lyapunov fig12", "ablation fig12", "portraits")
+        for each in ("lyapunov fig12", "ablation fig12", "extremes")
     },
     "compare fig12 --json .": ". folder",
     "export fig12 --to a.csv": "a.csv",

@@ -222,14 +222,14 @@ def _replace(page: Path, pattern: str, table: str) -> None:
 
 
 def shell_command(command: str) -> str:
-    """Return a command as a user types it: of robotball, of tests/bench, or a script of examples."""
+    """Return a command as typed: of robotball, of tests/bench, or a script of examples."""
     if command.endswith(".py"):
         return f"python {command}"
     return f"python -m tests.bench.{command}" if is_script(command) else f"robotball {command}"
 
 
 def is_script(command: str) -> bool:
-    return Path(__file__).with_name(f"{command.split()[0]}.py").is_file()
+    return (Path(__file__).parent / f"{command.split()[0]}.py").is_file()
 
 
 def _run(command: str, *options: str) -> None:

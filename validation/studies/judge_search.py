@@ -286,7 +286,11 @@ class Search:
             right = replace(file, times=file.times / stretch)
             truth = self._truth(reference_of(scene, right.times, rtol=_TRIED), 1)
             name = f"the times are {stretch:.5g} times what they should be"
-            yield _Option(_TIME, name, 1, right, truth, scene)
+            option = _Option(_TIME, name, 1, right, truth, scene)
+            # A wrong clock shows in ω as well; another inertia may slow down the path alone.
+            gain = self.found[-1].typical - option.typical
+            if file.angular_velocity is None or gain[2] >= _LESSENS:
+                yield option
 
     def _rate_of_attitude(self) -> _Option:
         rate = _with_own_rate(self._corrected()).angular_velocity

@@ -290,6 +290,19 @@ def test_a_mistake_that_is_not_known_has_no_name(what: str) -> None:
         assert found.plain.path_error < found.tolerance < found.plain.attitude_error
 
 
+def test_a_swing_that_is_slower_is_not_taken_for_a_slow_clock() -> None:
+    """Its path is that of longer times to 1e-5, but ω is 4 % off there.
+
+    The frame's inertia is about the sphere's centre, not its centre of mass.
+    """
+    scene = rb.load_scene("pendulum_robot")
+    frame = scene.ball.frame
+    r, m = frame.centre, frame.mass
+    slower = replace(frame, inertia=frame.inertia + m * (r @ r * np.eye(3) - np.outer(r, r)))
+    found = judged(scene, exact(scene.with_hinges(body={"frame": slower}), 0.5, 25))
+    assert (found.mistakes, found.agrees) == ((), False)
+
+
 def spinning(rate: float) -> rb.Scene:
     """A frame that spins in a shell that hardly turns at the start."""
     scene = replace(FIG12.with_hinges(command={"frame": rate}), duration=0.25)

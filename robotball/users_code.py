@@ -32,6 +32,11 @@ def _line_of(error: BaseException) -> str:
     frames = traceback.extract_tb(error.__traceback__)[1:]
     # A file that is run, and an object that is copied, has Python's own frames around it.
     pythons = ("<frozen", sysconfig.get_path("stdlib"))
-    users = [each for each in frames if not each.filename.startswith(pythons)]
+    users = [
+        frame
+        for frame in frames
+        # A backport that other packages import loads entry points in place of Python's own module.
+        if not frame.filename.startswith(pythons) and "/importlib_metadata/" not in frame.filename
+    ]
     own = [each for each in users if each.filename == users[0].filename]
     return f", in {own[-1].filename} line {own[-1].lineno}" if own else ""

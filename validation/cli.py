@@ -97,14 +97,10 @@ GROUPS = {
     "What the ball does": {
         "section": "validation.studies.contact_sections",
         "lyapunov": "validation.studies.contact_tangent",
-        "basins": "validation.studies.attractors",
+        "basins": "validation.studies.basins",
         "equilibria": "validation.commands.equilibria_list",
         "continue": "validation.studies.branches",
         "chart": "validation.studies.charts",
-    },
-    "The paper": {
-        "results": "validation.studies.paper_results",
-        "attractors": "validation.studies.attractors",
     },
 }
 COMMANDS = {name: module for group in GROUPS.values() for name, module in group.items()}

@@ -49,7 +49,6 @@ Every kind of picture that the program makes, and the command that makes it. `ma
 all of them again, in hours; `python -m tests.bench.gallery history examples` those named."""
 ENGINES = r"\| engine, preset \| step or rtol \|.*?(?=\n\n)"
 _TABLE = r"\| scene \| preset \| step \|.*?(?=\n\n)"
-_RESULTS = r"\n### Equilibria\n.*(?=\n## Open)"
 _LAWS = r"\* `rotation`: .*?(?=\n\n)"
 OUTCOMES = r"\| of [0-9]+ runs each \|.*?(?=\n\n)"
 
@@ -80,8 +79,6 @@ def _main(*only: str) -> None:
     if wanted(_ENGINES, named=True):
         records = [_read(_OUT / f"{scene}-engines.json") for scene in _ENGINES.split()[1:]]
         _replace(_DOCS / "engines.md", ENGINES, engines_table(records))
-    if wanted("results"):
-        _replace(_DOCS / "results.md", _RESULTS, (_OUT / "results.md").read_text(encoding="utf-8"))
     if wanted("random"):
         found = measure_detection(_RANDOM_RUNS, 0, lambda *_: None)
         _write_numbers("random", {**found["extreme"], "false_alarms": len(found["false_alarms"])})

@@ -192,9 +192,7 @@ ALONE = {
     "demo",
     "scenes",
     "engines",
-    "attractors",
     "extremes",
-    "results",
 }
 PRINTED = {
     command

@@ -13,7 +13,7 @@ Along the motion, about the vertical (in place of γ², which is 1 of every atti
 and (M, γ), which are constant, deviations do not grow: of the six exponents four are 0.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -23,38 +23,28 @@ import numpy as np
 from robotball import Scene, Settings, load_scene, preset
 from robotball.engines.ensembles.orbits import (
     LONG_RUN_TOLERANCE,
-    angular_velocity,
-    orbit,
     orbits,
 )
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
 from robotball.equations import Parameters
 from robotball.processes import allowed, in_processes
-from robotball.qualitative.cycles import Cycle, Flow, Followed, close_map, tangent
+from robotball.qualitative.cycles import Flow, tangent
 from robotball.qualitative.long_run import ANY_TURN, Exponents, exponents, standard_error
-from robotball.qualitative.portraits import limit_cycles
 from robotball.qualitative.sections import (
-    Crossings,
-    crossings_of_motion,
-    fixed_point,
     own_start,
     period_of,
     stroboscopic_map,
 )
-from robotball.rotations import Array, multiply, turned
+from robotball.rotations import Array, multiply
 from validation.options import AGREES, File, Preset, SceneName, Threads
 from validation.output import known, progress_bar, write_record
 from validation.studies.contact_sections import (
-    COARSE,
-    each_step,
     level_starts,
     moving_scene,
     sound_run,
 )
-from validation.study import Column, Row, show, table_of
-
-_CLOSED = 1e-9  # of γ and M/|M|
+from validation.study import Column, show, table_of
 
 
 def rolled(model: Model, duration: float, attitudes: Array, momenta: Array) -> tuple[Array, Array]:
@@ -179,138 +169,9 @@ def growths(
     return _Growth(stretch, starts[1], *map(np.concatenate, zip(*parts, strict=True)))
 
 
-def contact_cycle(model: Model, cycle: Cycle, parts: int = 1) -> Cycle:
-    """Return the periodic motion of the contact engine's map near one of the equations.
-
-    parts: of the period, each short enough for what leaves the motion to stay near it. Raises
-    InputError where Newton's method does not converge, or where a run has a fault.
-    """
-    ball, M = model.scene.parameters, cycle.momentum
-    times = np.linspace(0.0, cycle.period, parts + 1)
-    # Off the equations' motion by far more than both engines are apart: the search is the map's.
-    near = turned(orbit(ball, cycle.attitude, M, times)[:-1, :4], np.full((parts, 3), 1e-3))
-
-    def follow(attitudes: Array, duration: float) -> Followed:
-        # Turns alone: M stays what it is, so that the cycle is sought on its level.
-        turns, momenta = np.tile(np.eye(6)[:, :3], (parts, 1, 1)), np.tile(M, (parts, 1))
-        (ends, _), images = tangent(partial(rolled, model, duration), attitudes, momenta, turns)
-        monodromies = images[:, :3]
-        omegas = np.array([angular_velocity(ball, end, M) for end in ends])
-        return ends, monodromies, np.linalg.slogdet(monodromies)[1], omegas
-
-    return close_map(follow, near, M, cycle.period, _CLOSED)
-
-
-def cycle_crossings(model: Model, cycle: Cycle) -> Crossings:
-    """Return where a periodic motion of the contact model crosses g = 0, in a little over a period.
-
-    Raises InputError where the run has a fault.
-    """
-    start = own_start(model.scene, cycle.attitude, cycle.momentum)
-    motion = sound_run(model, start, each_step(model, 1.01 * cycle.period))
-    return crossings_of_motion(motion, model.scene)
-
-
-# The paper's results by both engines -----------------------------------------------------------
-
-
-# By its scene, an attractor's name, its place, which of the six exponents vanish, and the runs that
-# measure them: how many, how long [s], by which preset. A classical ball slips at COARSE's steps.
-_ATTRACTORS = {
-    "fig12": ("limit cycle", "Figs 11a, 12", slice(0, 4), 1, 2000.0, preset("fast")),
-    "fig13": ("limit torus", "Figs 11a, 13", slice(0, 5), 1, 2000.0, preset("fast")),
-    "fig14": ("strange attractor", "Figs 11b, 14", slice(1, 5), 16, 2000.0, COARSE),
-    "classical_chaotic": ("classical chaos", "3.2", slice(1, 5), 12, 1000.0, preset("fast")),
-}
-# Limit cycles by their scenes, in so many parts that neighbours part by e^4 in one at most. Where
-# Fig. 7's is slow, the step's error delays it by 1300 s for one of K₃.
-_CYCLES = {
-    "fig07": ("Fig. 7", 12, "accurate"),
-    "fig08": ("Fig. 8", 4, "balanced"),
-    "fig12": ("Fig. 11a", 1, "balanced"),
-}
-_STRETCH = 10.0  # s: the fastest deviations grow by e^3.4, the slowest shrink no more than that
-_ALIGNED = 200.0  # s, in which the deviations turn to where they belong
-
-
-def limit_cycles_by_both(quick: bool = False) -> Iterator[Row]:
-    """Yield the period and the multiplier of each figure's limit cycle; quick: without Fig. 7's."""
-    for name, (where, parts, settings) in [*_CYCLES.items()][quick:]:
-        scene, place = load_scene(name), ("limit cycle", where, settings)
-        if np.any(scene.start.momentum):
-            cycle = fixed_point(scene.parameters, 3.6, 0.6, 25.0)
-        else:
-            (cycle,) = limit_cycles(scene.parameters)
-        contact = contact_cycle(build(scene, preset(settings)), cycle, parts)
-        own, theirs = (float(abs(each.multipliers[0])) for each in (cycle, contact))
-        yield compared(*place, "period", "s", cycle.period, contact.period, None, "step")
-        yield compared(*place, "|multiplier|", "1", own, theirs, None, "step")
-
-
-def exponents_by_both(quick: bool = False) -> Iterator[Row]:
-    """Yield the exponents and dimensions of attractors; quick: of Fig. 14's, over short times."""
-    for name in ("fig14",) if quick else _ATTRACTORS:
-        yield from _exponent_rows(name, quick)
-
-
-def _exponent_rows(name: str, quick: bool) -> Iterator[Row]:
-    """Yield the exponents of an attractor, their sum and the dimension of its section."""
-    kind, where, zeros, starts, seconds, settings = _ATTRACTORS[name]
-    scene, place = load_scene(name), (kind, where, settings.name)
-    ball, aligned, more = scene.parameters, _ALIGNED, 1e4
-    if quick:
-        starts, seconds, aligned, more = 2, 60.0, 30.0, 1e3
-    attitudes, momenta = level_starts(scene, starts, seed=0)
-    # The equations bring the starts to the attractor.
-    # Compiled equations take a moment for what MuJoCo takes minutes for, and end on the same
-    # attractor.
-    brought = orbits(ball, attitudes, momenta, np.array([0.0, 3000.0]), LONG_RUN_TOLERANCE)
-    begin, skipped = (brought.attitudes[:, -1], momenta), round(aligned / _STRETCH)
-    taken = _STRETCH, skipped, round(seconds / _STRETCH)
-    by_contact = partial(rolled, build(scene, settings), _STRETCH)
-    contact = growths(scene, by_contact, *taken, begin)
-    ours = growth(partial(integrated, ball, _STRETCH), *taken, contact.along.shape[-1], begin)
-    found, right = contact.ends(zeros.stop), ours.ends(zeros.stop)
-    if zeros.start == 1:
-        # An attractor's exponents are known best from more and longer motions than MuJoCo's.
-        right = exponents(ball, *level_starts(scene, 64, seed=1), more)
-        errors = (*found.error, found.dimension_error)
-        by_chance = [f"statistics: σ = {error:.1g}" for error in errors]
-        yield compared(*place, "λ₁", "1/s", right.mean[0], found.mean[0], None, by_chance[0])
-        yield compared(*place, "λ₆", "1/s", right.mean[1], found.mean[1], None, by_chance[1])
-        both = right.dimension, found.dimension
-        yield compared(*place, "dimension of the section", "1", *both, None, by_chance[2])
-    else:
-        last = "λ₅ + λ₆" if zeros.stop == 4 else "λ₆"
-        yield compared(*place, last, "1/s", right.mean[1], found.mean[1], None, "step")
-    a, b = (max(each.spectra.mean(axis=0)[zeros], key=abs) for each in (ours, contact))
-    name = f"farthest from 0 of the other {zeros.stop - zeros.start}"
-    yield compared(*place, name, "1/s", a, b, None, "duration: ln t/t, by shear")
-    logarithms, divergence = contact.by_equations(ball)
-    along, own = (each.mean(axis=(0, 1)) / _STRETCH for each in (logarithms, contact.logarithms))
-    i = int(np.abs(own - along).argmax())
-    name = f"of {len(own)} along one motion, the farthest apart"
-    yield compared(*place, name, "1/s", along[i], own[i], None, "step")
-    yield compared(
-        *place, "mean divergence, sum of all", "1/s", divergence, own.sum(), None, "duration"
-    )
-
-
-def compared(
-    result: str, where: str, preset: str, quantity: str, unit: str,
-    equations: float, contact: float, bound: float | None, decides: str,
-) -> dict[str, Any]:  # fmt: skip
-    """Return a row of a quantity by both engines; bound: of what they may be apart, if any."""
-    return {
-        "result": result, "where": where, "quantity": quantity, "unit": unit,
-        "equations": float(equations), "contact": float(contact), "preset": preset,
-        "apart": float(abs(contact - equations)), "decides": decides,
-        **({} if bound is None else {"bound": bound}),
-    }  # fmt: skip
-
-
 _Mean = tuple[str, float, float | None]
 """A row: a name, a mean and its standard error, if that is known."""
+_STRETCH = 10.0  # s: the fastest deviations grow by e^3.4, the slowest shrink no more than that
 _BATCH = 16  # starts a core followed at once, between two moves of the progress bar
 
 

@@ -125,20 +125,6 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
             "special/*/what": [HOPF] * 2,
         },
     ),
-    "attractors --quick --json a.json": (
-        "",
-        {
-            "measurements/*/holds": [True] * 5,
-            "measurements/0/contact": approx(8.74326136, abs=1e-6),
-        },
-    ),
-    "results --quick --only drift --workers 1 --json a.json": (
-        "largest difference, at 4 rad/s [m/s]",
-        {
-            "parts/drift/*/apart": approx([3.456e-3], rel=0.1),
-            "parts/drift/*/bound": [0.01],
-        },
-    ),
 }
 # Run below, and by the tests of their studies, of the film and of the demo's table.
 ELSEWHERE = "ablation chart check convergence demo design export extremes judge "

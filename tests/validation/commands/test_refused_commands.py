@@ -17,12 +17,12 @@ AT_REST = "fig06 M 'robotball~equilibria~fig06'"
 MISTYPED = {
     "--json": (
         "--jsn",
-        "check judge section lyapunov attractors basins equilibria continue",
+        "check judge section lyapunov basins equilibria continue",
     ),
     "--preset": ("--presett", "compare report fit video view steer convergence chart"),
     "--keep-going": ("--keepgoing", "compare"),
     "--no-plots": ("--no-plot", "compare"),
-    "--out": ("--outt", "demo design ablation tradeoff extremes results"),
+    "--out": ("--outt", "demo design ablation tradeoff extremes"),
     "--duration": ("--durration", "engines export"),
     "--help": ("--hlep", "scenes"),
 }
@@ -62,7 +62,6 @@ REFUSED = {
     },
     "engines fig12 --only mujoco-3.17": ("MuJoCo engines --install mujoco-3.17"),
     "extremes zzzz": "map 'zzzz' momentum frame",
-    "results --only drifts": "part 'drifts' drift",
     "continue fig06 --of cycle --over K4 --from 0 --to 1": "number 'K4' K",
     "continue fig06 --of cycle --over K3 --from 1 --to 0": "--from 1 --to 0",
     "continue fig06 --of cycle --over K3 --from 1 --to inf": "--from~1 --to~inf",

@@ -1,6 +1,5 @@
 """Exponents and limit cycles by the tangent of MuJoCo's map, beside those of the equations."""
 
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -10,19 +9,16 @@ import pytest
 import robotball as rb
 from robotball.engines.mujoco.model import build
 from robotball.equations import scale
-from robotball.processes import at_most
 from robotball.qualitative.cycles import tangent
 from robotball.qualitative.portraits import limit_cycles
-from validation.studies.contact_sections import COARSE, level_starts
+from tests.paper.clouds import COARSE
+from tests.paper.engine_cycles import contact_cycle
+from validation.studies.contact_sections import level_starts
 from validation.studies.contact_tangent import (
-    contact_cycle,
-    exponents_by_both,
     growths,
     integrated,
-    limit_cycles_by_both,
     rolled,
 )
-from validation.study import Row
 
 
 @pytest.mark.parametrize(("name", "numbers"), [("fig14", 5), ("classical_chaotic", 6)])
@@ -66,25 +62,3 @@ def test_mujoco_has_the_unstable_limit_cycle_of_fig8() -> None:
     assert own.period == pytest.approx(cycle.period, abs=5e-5)
     assert own.multipliers[0].real == pytest.approx(cycle.multipliers[0].real, abs=1e-4)
     assert abs(other.period - cycle.period) > 1e-3
-
-
-@pytest.mark.parametrize(
-    ("lines", "bound"),
-    [
-        (limit_cycles_by_both, 1e-6),
-        pytest.param(exponents_by_both, 3e-3, marks=pytest.mark.study),
-    ],
-)
-def test_a_result_is_a_quantity_by_both_engines(
-    lines: Callable[[bool], Iterator[Row]], bound: float
-) -> None:
-    """The cycles of Figs 8 and 11a; of Fig. 14, in a minute, what does not depend on chance."""
-    keys = {"result", "where", "quantity", "unit", "equations", "contact", "preset", "apart"}
-    with at_most(1):
-        found = [*lines(True)]
-    for row in found:
-        assert row.keys() == keys | {"decides"}
-        assert row["apart"] == pytest.approx(abs(row["contact"] - row["equations"]))
-    # Measured 6.9e-8 (cycles); 2e-5 (exponents along one motion) and 1e-4 1/s (their sum, whose
-    # ends may take ln(0.8/0.6)/2 over 60 s).
-    assert max(row["apart"] for row in found if row["decides"] in ("step", "duration")) < bound

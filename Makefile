@@ -153,6 +153,8 @@ $(VENV)/.stamp: pyproject.toml requirements.lock Makefile | $(UV)
 	@$(UV) pip sync $(QUIET) --python $(BIN)/python --require-hashes requirements.lock
 	@echo "set-up: robotball itself"
 	@$(UV) pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation --editable .
+# robotball engines --install needs uv.
+	@test -e $(BIN)/uv || ln -sf "$$(realpath "$$(command -v $(UV))")" $(BIN)/uv
 	@$(BIN)/python -m compileall -q robotball validation
 	@$(BIN)/python -c 'from robotball.engines.ahead import compile_all; compile_all()'
 	@touch $@

@@ -1,4 +1,4 @@
-"""Environments of engines: made by venv and pip, and the processes in which functions run there.
+"""Environments of engines: made with uv, and the processes in which functions run there.
 
 An engine has an environment of its own, so that none decides on another's packages, by the newest
 Python of this machine that its newest release supports. It holds the engine and what that requires.
@@ -12,7 +12,6 @@ A process is started by the environment's interpreter, with a pipe whose closing
 engine prints goes to standard error.
 """
 
-import json
 import operator
 import os
 import pickle
@@ -63,21 +62,30 @@ def pythons() -> dict[str, Path]:
     They are looked for on the PATH and where pyenv and uv keep theirs. Of each version it is the
     first that can make environments; of our own version it is ours.
     """
-    bounds = distribution("robotball").metadata["Requires-Python"]
-    low, end = sorted(int(minor) for minor in re.findall(r"3\.(\d+)", bounds))
-    # A folder of the PATH that is not absolute may be anybody's.
-    own = [each for each in map(Path, os.get_exec_path()) if each.is_absolute()]
+    own = _path()
     # Pyenv may be elsewhere than PYENV_ROOT says, or that may not be set.
     pyenvs = {_PYENV: None} | {each.parent: None for each in own if each.name == "shims"}
     kept = [bins for pyenv in pyenvs for bins in pyenv.glob("versions/*/bin")]
     folders = [*own, *kept, *_UV.glob("*/bin")]
     found: dict[str, Path] = {}
-    for name in (f"python3.{minor}" for minor in range(end - 1, low - 1, -1)):
+    for name in (f"python{version}" for version in _supported()):
         there = filter(None, (which(name, path=str(each)) for each in folders))
         paths = [sys.executable] if name == _OWN_NAME else there
         right = [Path(each) for each in paths if _name_of(each) == name]
         found |= {name.removeprefix("python"): each for each in right[:1]}
     return found
+
+
+def _path() -> list[Path]:
+    """Return the folders of the PATH; one that is not absolute may be anybody's."""
+    return [each for each in map(Path, os.get_exec_path()) if each.is_absolute()]
+
+
+def _supported() -> list[str]:
+    """Return the Python versions that robotball runs on, the newest first."""
+    bounds = distribution("robotball").metadata["Requires-Python"]
+    low, end = sorted(int(minor) for minor in re.findall(r"3\.(\d+)", bounds))
+    return [f"3.{minor}" for minor in range(end - 1, low - 1, -1)]
 
 
 def _name_of(python: str) -> str:
@@ -94,16 +102,6 @@ def python_named(given: str) -> Path:
     return Path(python)
 
 
-def releases(python: Path, package: str) -> list[str]:
-    """Return all releases of a package that have a wheel, of whatever Python, the oldest first."""
-    # Those that a Python cannot install are in pip's talk alone.
-    failure = f"the versions of {package} cannot be listed"
-    said = pip(python, failure, "index", "versions", "-vv", package)
-    name = re.sub(r"[-_.]+", "[-_.]+", package)
-    found = re.findall(rf"/{name}-(\d+(?:\.\d+|\.post\d+)*)-[^/\s]*\.whl", said, re.IGNORECASE)
-    return sorted(set(found), key=_numbers)
-
-
 def _numbers(release: str) -> list[int]:
     return [int(each) for each in re.findall(r"\d+", release)]
 
@@ -113,13 +111,17 @@ def name_of(requirement: str) -> str:
     return re.split(r"[^\w.-]", requirement)[0]
 
 
-def _newest(home: Path, python: Path, requirement: str) -> str:
-    """Return the newest release that pip would take for a Python by wheels, empty for none."""
-    asked = ["install", "--dry-run", "--ignore-installed", "--quiet", "--only-binary=:all:"]
+def _normal(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def _newest(home: Path, version: str, requirement: str) -> str:
+    """Return the newest release that a Python version can have from wheels alone, "" for none."""
+    asked = ("pip", "compile", "--no-annotate", "--only-binary", ":all:", "--python-version")
+    begins = f"{_normal(name_of(requirement))}=="
     with suppress(InputError):
-        by = ["--python", str(python), *asked, "--report", "-", requirement]
-        taken = json.loads(pip(home / "bin" / "python", "", *by))["install"]
-        return next(each["metadata"]["version"] for each in taken if each["requested"])
+        pins = _uv(home, "", *asked, version, "-", text=requirement).splitlines()
+        return next((pin.removeprefix(begins) for pin in pins if pin.startswith(begins)), "")
     return ""
 
 
@@ -179,12 +181,13 @@ def _required(robotball: Distribution) -> list[str]:
 
 
 def make(home: Path, requirements: Sequence[str], python: Path | None = None) -> Path:
-    """Make an environment anew by venv and pip, and return its folder.
+    """Make an environment anew with uv, and return its folder.
 
-    python: by which; None for the newest of this machine that the newest release of the first
+    python: which one; None for the newest of this machine that the newest release of the first
     requirement supports.
-    Raises InputError where pip fails, and in place of a folder that holds something else.
+    Raises InputError if uv is missing or fails, and in place of a folder that holds something else.
     """
+    home = home.absolute()
     if home.is_dir() and any(home.iterdir()) and not (home / "pyvenv.cfg").is_file():
         raise InputError(
             f"{home} is no environment, and would be lost: move it, or give another folder with "
@@ -193,62 +196,60 @@ def make(home: Path, requirements: Sequence[str], python: Path | None = None) ->
     home.mkdir(mode=0o700, parents=True, exist_ok=True)
     home.chmod(0o700)
     _check_own(home, inside=False)  # what is inside goes
-    python, why = (python, "as it was named") if python else _chosen(home, requirements[0])
-    _create(home, python)
+    releases = {each: _newest(home, each, requirements[0]) for each in _supported()}
+    if python is None:
+        # Of Pythons with the same release the first, which is the newest.
+        known = pythons()
+        python = known[max(known, key=lambda version: _numbers(releases[version]))]
     failure = f"{home.name} cannot be installed"
-    pip(home / "bin" / "python", failure, "install", "--quiet", *requirements)
+    _uv(home, failure, "venv", "--clear", "--python", str(python), str(home))
+    _install(home, failure, *requirements)
     if python_name(home) != _OWN_NAME:
         _add_ours(home, failure)
     package, _, release = versions_in(home, requirements[:1]).partition(" ")
-    every = releases(home / "bin" / "python", package) if ">=" in requirements[0] else ()
-    newer = (f"{package} {each}" for each in every if _numbers(each) > _numbers(release))
-    by = f"{versions_in(home, requirements)} by {python_name(home)}, {why}"
-    (_packages(home) / _MADE).write_text("\n".join([by, *newer]), encoding="utf-8")
+    newer = {each for each in releases.values() if _numbers(each) > _numbers(release)}
+    wheels = ", ".join(f"{each or 'none'} for {version}" for version, each in releases.items())
+    by = f"{versions_in(home, requirements)} by {python_name(home)}; newest wheels: {wheels}"
+    mark = [by, *(f"{package} {each}" for each in sorted(newer, key=_numbers))]
+    (_packages(home) / _MADE).write_text("\n".join(mark), encoding="utf-8")
     return home
 
 
-def _create(home: Path, python: Path) -> None:
-    _done(f"{python} makes no environment", str(python), "-I", "-m", "venv", "--clear", str(home))
-
-
-def _chosen(home: Path, requirement: str) -> tuple[Path, str]:
-    """Return the newest Python that the newest release of a requirement supports, and why it is."""
-    known = pythons()
-    _create(home, next(iter(known.values())))  # for its pip
-    found = {each: _newest(home, python, requirement) for each, python in known.items()}
-    newest = max(found.values(), key=_numbers)
-    if not newest:
-        return known[next(iter(known))], "the newest here, as none has all of it in wheels"
-    version = next(each for each, release in found.items() if release == newest)
-    all_of_them = ", ".join(f"{each} has {release or 'none'}" for each, release in found.items())
-    return known[version], f"the newest here of those with that release ({all_of_them})"
+def _install(home: Path, failure: str, *requirements: str) -> None:
+    # Copies, as links would lead to uv's cache, where others may be allowed to write.
+    asked = ("pip", "install", "--link-mode", "copy", "--python", str(home / "bin" / "python"))
+    _uv(home, failure, *asked, *requirements)
 
 
 def _add_ours(home: Path, failure: str) -> None:
     """Install what robotball requires and the engine has not brought, and say what that is."""
     ours, held = distribution("robotball"), _held(home)
-    names = {each.name.lower().replace("_", "-") for each in held}
+    names = {_normal(each.name) for each in held}
     needed = [each for each in _required(ours) if name_of(each) not in names]
-    with tempfile.NamedTemporaryFile("w", suffix=".txt") as fixed:
-        fixed.write("\n".join(f"{each.name}=={each.version}" for each in held))
-        fixed.flush()
-        python = home / "bin" / "python"
-        pip(python, failure, "install", "--quiet", "--constraint", fixed.name, *needed)
+    _install(home, failure, *needed, *(f"{each.name}=={each.version}" for each in held))
     # Code of robotball asks for its version.
     facts = _packages(home) / f"robotball-{ours.version}.dist-info"
     facts.mkdir()
     (facts / "METADATA").write_text(ours.read_text("METADATA") or "", encoding="utf-8")
 
 
-def pip(python: Path, failure: str, *arguments: str) -> str:
-    """Return what an environment's pip prints. Raises InputError, the failure and pip's reason."""
-    return _done(failure, str(python), "-P", "-m", "pip", "--disable-pip-version-check", *arguments)
+def _uv(home: Path, failure: str, *arguments: str, text: str = "") -> str:
+    """Return what uv prints. Raises InputError without uv, and the failure with uv's reason.
 
-
-def _done(failure: str, *command: str) -> str:
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    uv runs in the folder of environments, as it reads settings of the current one. What it makes
+    is for this user alone.
+    """
+    folders = (sysconfig.get_path("scripts"), *map(str, _path()))
+    if (uv := which("uv", path=os.pathsep.join(folders))) is None:
+        raise InputError("engines are installed with uv, which is not found here: pip install uv")
+    done = subprocess.run(
+        [uv, *arguments, "--quiet", "--no-python-downloads"],
+        cwd=home.parent, umask=0o077, input=text, capture_output=True, text=True,
+    )  # fmt: skip
     if done.returncode:
-        raise InputError(f"{failure}: {_last_word(done.stderr or done.stdout)}")
+        # Hints are of options that we do not offer.
+        lines = done.stderr.partition("\nhint:")[0].splitlines()
+        raise InputError(f"{failure}: {' '.join(line.strip(' ×│╰─▶') for line in lines)}")
     return done.stdout
 
 

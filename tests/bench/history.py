@@ -13,6 +13,7 @@ A version runs under our Python, or under the newest Python here that has a whee
 import argparse
 import platform
 import re
+import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -107,10 +108,25 @@ def package_of(engine: str) -> str:
     return environments.name_of(needed[0])
 
 
-def _with_pip(folder: Path) -> Path:
-    """Return the interpreter of an environment for its pip, which serves other Pythons too."""
+def _pip(folder: Path, failure: str, *arguments: str) -> str:
+    """Return what pip prints: unlike uv it lists versions and downloads wheels of other Pythons.
+
+    It has an environment of its own. Raises InputError with its reason if it fails.
+    """
     home = folder / "pip"
-    return interpreter_of(home) or make(home, ["pip"], Path(sys.executable)) / "bin" / "python"
+    python = interpreter_of(home) or make(home, ["pip"], Path(sys.executable)) / "bin" / "python"
+    command = [str(python), "-P", "-m", "pip", "--disable-pip-version-check", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise InputError(f"{failure}: {(done.stderr or done.stdout).strip().splitlines()[-1]}")
+    return done.stdout
+
+
+def releases(said: str, package: str) -> list[str]:
+    """Return the releases that have a wheel for any Python, the oldest first, from pip's words."""
+    name = re.sub(r"[-_.]+", "[-_.]+", package)
+    found = re.findall(rf"/{name}-(\d+(?:\.\d+|\.post\d+)*)-[^/\s]*\.whl", said, re.IGNORECASE)
+    return sorted(set(found), key=lambda each: [int(number) for number in re.findall(r"\d+", each)])
 
 
 def _download(folder: Path, engine: str, version: str, fetched: str) -> Path:
@@ -121,7 +137,7 @@ def _download(folder: Path, engine: str, version: str, fetched: str) -> Path:
     for python in (Path(sys.executable), *environments.pythons().values()):
         try:
             by = ("--python", str(python), *asked, f"{package_of(engine)}=={version}")
-            environments.pip(_with_pip(folder), failure, *by)
+            _pip(folder, failure, *by)
         except InputError as error:
             said.append(str(error))
         else:
@@ -353,7 +369,9 @@ def _main() -> None:
         with progress_bar(len(cells)) as progress:
             return version_rows(sweep(measure_version, cells, journal, limit=_LIMIT, show=progress))
 
-    versions = environments.releases(_with_pip(_HOME), package)
+    # Those that this Python cannot install are in pip's talk alone.
+    talk = _pip(_HOME, f"{package} has no list", "index", "versions", "-vv", package)
+    versions = releases(talk, package)
     if given.bisect:
         some = searched(versions, *given.bisect)
         changes = changes_between(cache(lambda i: rows([some[i]])[0]), len(some))

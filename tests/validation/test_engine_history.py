@@ -19,6 +19,7 @@ from tests.bench.history import (
     measure_version,
     package_of,
     places_of,
+    releases,
     searched,
     version_rows,
 )
@@ -170,3 +171,18 @@ def test_an_engine_without_released_versions_is_refused(engine: str, facts: str)
     """A mistyped one, and one that comes with robotball."""
     with pytest.raises(rb.InputError, match=naming(facts)):
         package_of(engine)
+
+
+TALK = """
+  Found link https://a/engine_x-3.10.0-py3-none-any.whl (from b), version: 3.10.0
+  Found link https://a/engine_x-3.9.1.tar.gz (from b), version: 3.9.1
+  Skipping link: none of the wheel's tags (cp312) are compatible: https://a/Engine.X-3.9.0-cp312.whl
+  Link requires a different Python (3.11.7 not in: '>=3.12'): https://a/engine_x-3.11.0rc1-cp312.whl
+  Found link https://a/engine_x-2.3.1.post1-py3-none-any.whl (from b), version: 2.3.1.post1
+  Found link https://a/other-4.0.0-py3-none-any.whl (from b), version: 4.0.0
+"""
+
+
+def test_releases_are_all_that_have_a_wheel() -> None:
+    """Of any Python, the oldest first; no sdist, no candidate, and of the package alone."""
+    assert releases(TALK, "engine-x") == ["2.3.1.post1", "3.9.0", "3.10.0"]

@@ -249,7 +249,7 @@ class Engines:
     only: Names = ()
     """Engines to run; all that are there if not given. Several: drake,bullet."""
     install: Names = ()
-    """Make environments of their own for these engines first, by pip. Several: drake,bullet."""
+    """Make environments of their own for these engines first, with uv. Several: drake,bullet."""
     python: Annotated[str, arg(metavar="PYTHON", help_behavior_hint="")] = ""
     """Python of new environments, a version or a path; else the newest that an engine takes."""
     environments: Path = ENVIRONMENTS
@@ -261,7 +261,7 @@ class Engines:
     def run(self) -> int:
         known = engine_runs.contestants()
         for each in chosen("engine", listed(self.install), known) if self.install else ():
-            print(f"{each.name}: pip makes its environment, in minutes", file=sys.stderr)
+            print(f"{each.name}: uv makes its environment, in minutes", file=sys.stderr)
             home = engine_runs.install(each, writable_folder(self.environments), self.python)
             print(home, *said_of(home), sep="\n  ")
         some = chosen("engine", listed(self.only), known)

@@ -4,10 +4,13 @@ import os
 import subprocess
 import sys
 from contextlib import suppress
+import sysconfig
 from dataclasses import replace
 from importlib import import_module
 from importlib.metadata import distribution, version
 from pathlib import Path
+from shutil import which
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -229,56 +232,95 @@ def test_pythons_are_found_on_the_path_and_where_pyenv_and_uv_keep_theirs(
         environments.python_named("3.2")
 
 
-TALK = """
-  Found link https://a/engine_x-3.10.0-py3-none-any.whl (from b), version: 3.10.0
-  Found link https://a/engine_x-3.9.1.tar.gz (from b), version: 3.9.1
-  Skipping link: none of the wheel's tags (cp312) are compatible: https://a/Engine.X-3.9.0-cp312.whl
-  Link requires a different Python (3.11.7 not in: '>=3.12'): https://a/engine_x-3.11.0rc1-cp312.whl
-  Found link https://a/engine_x-2.3.1.post1-py3-none-any.whl (from b), version: 2.3.1.post1
-  Found link https://a/other-4.0.0-py3-none-any.whl (from b), version: 4.0.0
-"""
-
-
-def test_releases_are_all_that_have_a_wheel(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of any Python, the oldest first; no sdist, no candidate, and of the package alone."""
-    monkeypatch.setattr(environments, "pip", lambda *_: TALK)
-    found = environments.releases(Path("python"), "engine-x")
-    assert found == ["2.3.1.post1", "3.9.0", "3.10.0"]
-
-
 @pytest.mark.parametrize(
-    ("newest", "taken", "newer"),
+    ("newest", "known", "taken", "newer"),
     [
-        ({"3.14": "", "3.13": "1.10", "3.12": "1.10", "3.11": "1.9"}, "3.13", ["engine 2.0"]),
-        ({"3.14": "2.0", "3.12": "1.10"}, "3.14", []),
-        ({"3.14": "", "3.12": ""}, "3.14", []),
+        ({"3.14": "2.0", "3.13": "1.10", "3.12": "1.9"}, ["3.13", "3.12"], "3.13", ["engine 2.0"]),
+        ({"3.14": "2.0", "3.12": "1.10"}, ["3.14", "3.12"], "3.14", []),
+        ({"3.14": "", "3.13": "1.10", "3.12": "1.10"}, ["3.14", "3.13", "3.12"], "3.13", []),
+        ({"3.14": "", "3.12": ""}, ["3.14", "3.12"], "3.14", []),
     ],
 )
 def test_an_environment_is_by_the_newest_python_of_the_newest_release(
-    newest: dict[str, str], taken: str, newer: list[str], monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
+    newest: dict[str, str], known: list[str], taken: str, newer: list[str],
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
 ) -> None:  # fmt: skip
-    """Version 1.10 is after 1.9; a newer release that none can have is told."""
+    """Version 1.10 is after 1.9; a newer release that no Python here can have is told."""
     made: list[str] = []
 
-    def create(home: Path, python: Path) -> None:
-        made.append(str(python))
-        release = newest[made[-1]]
+    def uv(home: Path, _: str, *arguments: str, text: str = "") -> str:
+        if "compile" in arguments:
+            release = newest[arguments[arguments.index("--python-version") + 1]]
+            return f"another==3\nengine=={release}\n" if release else ""
+        if "venv" not in arguments:
+            return ""
+        made.append(arguments[arguments.index("--python") + 1])
         there = home / "lib" / environments._OWN_NAME / "site-packages"
         info = there / "engine.dist-info"
         info.mkdir(parents=True, exist_ok=True)
-        (info / "METADATA").write_text(f"Name: engine\nVersion: {release or '2.0'}\n")
+        (info / "METADATA").write_text(f"Name: engine\nVersion: {newest[made[-1]] or '2.0'}\n")
+        return ""
 
-    monkeypatch.setattr(environments, "pythons", lambda: {each: Path(each) for each in newest})
-    monkeypatch.setattr(environments, "_newest", lambda _, python, __: newest[str(python)])
-    monkeypatch.setattr(environments, "_create", create)
-    monkeypatch.setattr(environments, "pip", lambda *_: "/engine-1.9-a.whl /engine-2.0-a.whl")
+    monkeypatch.setattr(environments, "_supported", lambda: [*newest])
+    monkeypatch.setattr(environments, "pythons", lambda: {each: Path(each) for each in known})
+    monkeypatch.setattr(environments, "_uv", uv)
     home = environments.make(tmp_path / "engine", ("engine>=1",))
-    assert made[-1] == taken
+    assert made == [taken]
     why, *others = environments.said_of(home)
-    words = f"{taken} has {newest[taken]}" if newest[taken] else "none has all of it in wheels"
-    assert words in why
+    assert f"{newest[taken] or 'none'} for {taken}" in why
     assert others == newer
+
+
+def has_uv() -> bool:
+    return which("uv", path=sysconfig.get_path("scripts")) is not None or which("uv") is not None
+
+
+def tiny_wheel(folder: Path) -> Path:
+    """Make the wheel of a package tiny 1.5, without code."""
+    path, facts = folder / "tiny-1.5-py3-none-any.whl", "tiny-1.5.dist-info"
+    with ZipFile(path, "w") as wheel:
+        wheel.writestr("tiny.py", "")
+        wheel.writestr(f"{facts}/METADATA", "Metadata-Version: 2.1\nName: tiny\nVersion: 1.5\n")
+        wheel.writestr(f"{facts}/WHEEL", "Wheel-Version: 1.0\nTag: py3-none-any\n")
+        wheel.writestr(f"{facts}/RECORD", "")
+    return path
+
+
+def test_an_environment_is_made_and_its_package_runs_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With uv, from a wheel in a folder; only its user can enter, and made again it is empty."""
+    if not has_uv():
+        pytest.skip("there is no uv")
+    tiny_wheel(tmp_path)
+    monkeypatch.setenv("UV_FIND_LINKS", str(tmp_path))
+    monkeypatch.setenv("UV_OFFLINE", "1")
+    for _ in range(2):
+        home = environments.make(tmp_path / "engines" / "tiny", ["tiny>=1"], Path(sys.executable))
+        assert environments.versions_in(home, ["tiny"]) == "tiny 1.5"
+        assert home.stat().st_mode & 0o777 == 0o700
+        python = environments.interpreter_of(home)
+        assert python is not None
+        assert environments.call(python, eval, "__import__('tiny').__name__") == "tiny"
+        assert not (home / "stray").exists()
+        (home / "stray").touch()
+    with pytest.raises(rb.InputError, match=naming("tiny tiny==2")):
+        environments.make(home, ["tiny==2"], Path(sys.executable))
+    assert environments.interpreter_of(home) is None
+
+
+def test_without_uv_a_line_says_how_to_get_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither is one of the current folder run, which the PATH names relative."""
+    (tmp_path / "uv").write_text("#!/bin/sh\n")
+    (tmp_path / "uv").chmod(0o755)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", ".")
+    monkeypatch.setattr(sysconfig, "get_path", lambda _: str(tmp_path / "none"))
+    with pytest.raises(rb.InputError, match="pip install uv"):
+        environments.make(tmp_path / "engine", ["tiny"], Path(sys.executable))
+    assert environments.interpreter_of(tmp_path / "engine") is None
 
 
 def test_an_environment_of_another_python_is_none_when_ours_requires_something_else(

@@ -3,8 +3,8 @@
 import os
 import subprocess
 import sys
-from contextlib import suppress
 import sysconfig
+from contextlib import suppress
 from dataclasses import replace
 from importlib import import_module
 from importlib.metadata import distribution, version

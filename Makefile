@@ -34,7 +34,7 @@ test: setup gl browser lint
 	echo "exit status: pytest $$tests, mypy $$types"; \
 	test $$tests = 0 && test $$types = 0
 
-# Every case of the studies that have many, such as wrong settings that are planted; half an hour.
+# Every case of the studies that have many, such as wrong settings that are planted; an hour.
 test-studies: setup
 	$(BIN)/pytest $(ON_CORES) -m study
 

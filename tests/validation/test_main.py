@@ -172,7 +172,7 @@ FULL = "robotball: the output cannot be written: No space left on device\n"
     [
         # A reader who leaves, as `| head` does.
         ("> >(true)", "validation scenes", 0, ""),
-        ("> >(true)", "validation model fig12 --out -", 0, ""),
+        ("> >(true)", "validation export fig12", 0, ""),
         # Streams that are closed: no file takes their numbers. `python -m robotball` is the same.
         (">&-", "robotball scenes", 0, ""),
         ("<&- >&- 2>&-", COMPARE, 0, ""),

@@ -91,6 +91,7 @@ def differences(cell: Json, text: str) -> list[str]:
 QUICK = ("data_sheet", "first_ten_minutes")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=() if n in QUICK else pytest.mark.study) for n in NOTEBOOKS]
 )

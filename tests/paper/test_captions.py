@@ -50,6 +50,7 @@ BOUNDS = {"fig05b": 1.5e-6, "fig05c": 4e-7, "fig05d": 1e-7, "fig06": 6e-6, "fig0
 BOUNDS |= {"fig08": 7e-7, "fig10": 4e-9, "fig12": 4e-7, "fig13": 4e-7, "fig14": 1e-6}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BOUNDS)
 def test_mujocos_motion_is_the_one_that_starts_as_the_caption_says(name: str) -> None:
     """(2.6), (2.7), (3.2) by scipy; 10 s, or 80 s of Fig. 10, whose ball stops after 36 s."""

@@ -59,6 +59,7 @@ def off(steered: Any) -> float:
     return float(np.linalg.norm(motion.contact_point - steered.wanted, axis=1).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("make", "rolling", "size", "duration"),
     [(three_rotors, "rubber", 0.2, 1.0), (pendulum_robot, "classical", 0.1, 4.0)],
@@ -123,6 +124,7 @@ REFUSED: dict[str, Callable[[], object]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("facts", REFUSED)
 def test_what_cannot_be_steered_is_refused(facts: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """One line with the value."""

@@ -214,6 +214,7 @@ def test_a_printed_command_is_one() -> None:
         assert re.search(rf"\b{name}\b", DOCS["commands.md"]), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "output"),
     [

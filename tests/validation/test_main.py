@@ -127,6 +127,7 @@ def listens(pid: int) -> bool:
     return caught is not None and bool(int(caught[1], 16) >> (signal.SIGTERM - 1) & 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seconds", [0.0, 0.4])
 def test_a_command_that_is_interrupted_while_it_is_loaded_says_so(
     tmp_path: Path, seconds: float
@@ -167,6 +168,7 @@ COMPARE = "validation compare fig12 --duration 0.2 --no-plots --json a.json"
 FULL = "robotball: the output cannot be written: No space left on device\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("streams", "arguments", "status", "error"),
     [

@@ -48,6 +48,7 @@ def table(path: Path, results: list[Result]) -> bytes:
 TROUBLES = ("raises", "ends", "nan", "list", "spins", "hangs")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_cell_that_fails_is_recorded_and_stops_nothing(tmp_path: Path, workers: int) -> None:
     """Whatever a cell does, its reason is one line, and the innocent beside it have records.

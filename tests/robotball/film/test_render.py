@@ -131,6 +131,7 @@ def test_a_name_stands_clear_of_what_stands_above_a_shell(tmp_path: Path) -> Non
     assert clear(FIG12) < -20  # measured -24
 
 
+@pytest.mark.slow
 @screen
 def test_frames_are_the_same_from_any_number_of_processes(monkeypatch: pytest.MonkeyPatch) -> None:
     """To the last pixel, and in order."""
@@ -144,6 +145,7 @@ def test_frames_are_the_same_from_any_number_of_processes(monkeypatch: pytest.Mo
     assert not np.array_equal(drawn[0][0], drawn[0][-1])
 
 
+@pytest.mark.slow
 @screen
 @pytest.mark.parametrize("suffix", ["mp4", "webm", "gif"])
 def test_a_video_has_every_frame_to_the_end_of_the_shorter_motion(
@@ -164,6 +166,7 @@ def test_a_video_has_every_frame_to_the_end_of_the_shorter_motion(
     assert list(tmp_path.iterdir()) == [target]
 
 
+@pytest.mark.slow
 @screen
 @pytest.mark.skipif(cores() < 2, reason="there is one core")
 @pytest.mark.parametrize("suffix", ["mp4", pytest.param("webm", marks=pytest.mark.study)])
@@ -191,6 +194,7 @@ def test_a_motion_of_no_more_than_a_frame_shows_its_start_and_end() -> None:
     assert not np.array_equal(first, last)
 
 
+@pytest.mark.slow
 @screen
 def test_every_choice_changes_the_picture() -> None:
     """Two panes, a ghost, arrows, and the three cameras: no two alike."""
@@ -202,6 +206,7 @@ def test_every_choice_changes_the_picture() -> None:
     assert len(set(drawn)) == len(changes)
 
 
+@pytest.mark.slow
 @screen
 def test_a_rotor_too_fast_for_the_film_shows_no_marks() -> None:
     """At 148 rad/s and 30 frames/s its angle changes nothing but rounding; slowed 60 times it does.

@@ -140,6 +140,7 @@ def at(record: Any, path: str) -> Any:
     return at(inner, rest) if rest else inner
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "words", "numbers"), [(each, *of) for each, of in RUNS.items()], ids=RUNS
 )
@@ -242,6 +243,7 @@ def test_a_robots_own_file_takes_controls(robotball: Robotball, tmp_path: Path) 
     assert len(re.findall("axle.*-40 to 40 deg.* 0.1", err)) == 2
 
 
+@pytest.mark.slow
 def test_a_controller_of_a_file_closes_the_loop(robotball: Robotball, tmp_path: Path) -> None:
     """Results are named after it, from a scene's own start and from random ones; it can be sent."""
     text = "import robotball as rb\nhold = rb.Controller(lambda _: {'frame': -2.0}, 0.01)\n"

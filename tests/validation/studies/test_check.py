@@ -127,6 +127,7 @@ def found_in(own: UserModel, duration: float) -> tuple[list[str], float, float]:
     return causes_of(found), found.error, found.mended_error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=() if n in QUICK else pytest.mark.study) for n in PLANTED]
 )
@@ -213,6 +214,7 @@ def coarsely_checked(text: str, duration: float) -> Checked:
         return check_model(own, "classical", duration, 1e3, lambda *_: None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("facts", NOT_RIGHT)
 def test_what_is_not_right_all_the_time_does_not_agree(facts: str) -> None:
     """The right model would agree over the same time."""
@@ -247,6 +249,7 @@ def geared(gear: float, integrator: str, timestep: float = 0.002) -> str:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("gear", "integrator", "number"),
     [(50, "RK4", "0.01·50²·0.002/0.000306 = 163"), (10, "Euler", "= 6.53")],
@@ -277,6 +280,7 @@ def test_a_model_that_diverges_into_the_floor_diverges(tmp_path: Path) -> None:
     assert "shorter timestep" in causes_of(found)[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", ["Euler", "RK4"])
 def test_a_gain_is_too_high_where_plain_steps_diverge(integrator: str, tmp_path: Path) -> None:
     """Within 5 % on either side of the limit, in 500 steps; implicit ones stay."""

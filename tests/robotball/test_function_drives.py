@@ -35,12 +35,12 @@ def followed(function: Function, *named: float, finest: float | None = None) -> 
 def test_slope_and_integral_are_those_of_the_function() -> None:
     """Of a sine, a bell and a polynomial, by closed forms.
 
-    Measured 3e-12 rad/s² and 5e-15 rad: roundings.
+    Measured 3e-12 rad/s² (1.5e-11 without AVX2, of slopes up to 26) and 5e-15 rad: roundings.
     """
     for function, slope, area in CASES:
         drive = followed(function)
         assert drive.rate(TIMES) == pytest.approx(function(TIMES), rel=1e-14)
-        assert np.abs(drive.acceleration(TIMES) - slope(TIMES)).max() < 1e-11
+        assert np.abs(drive.acceleration(TIMES) - slope(TIMES)).max() < 2e-11
         assert np.abs(drive.angle(TIMES) - area(TIMES)).max() < 5e-14
         assert drive.breakpoints == ()
 

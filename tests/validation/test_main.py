@@ -52,10 +52,12 @@ PIPES: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "
 
 @pytest.fixture(autouse=True)
 def interruptible() -> Iterator[None]:
-    """Takes Ctrl-C, which a process started in a shell's background ignores, and hands on."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    """Restore SIGINT and SIGHUP, which a shell's background job and nohup make children ignore."""
+    interrupt = signal.signal(signal.SIGINT, signal.default_int_handler)
+    hang_up = signal.signal(signal.SIGHUP, signal.SIG_DFL)
     yield
-    signal.signal(signal.SIGINT, before)
+    signal.signal(signal.SIGINT, interrupt)
+    signal.signal(signal.SIGHUP, hang_up)
 
 
 def start(folder: Path, *arguments: str) -> "subprocess.Popen[str]":

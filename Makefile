@@ -74,7 +74,7 @@ lint: setup
 # docs/scene.md, from the tables that the reader uses; a test holds it.
 # Then the site, in out/site; it ends at a dead link and at a name that is not there.
 docs: setup
-	$(BIN)/python -m tests.bench.scene_page > docs/scene.md
+	$(BIN)/python -m bench.scene_page > docs/scene.md
 	$(BIN)/python -m zensical build --clean --strict
 
 # The notebooks of docs/tutorials, run again, with their outputs and pages; a minute.
@@ -84,7 +84,7 @@ tutorials: setup
 # Every picture and table of README and docs, made again by the program; hours on two cores. Some,
 # by the beginnings of their commands:  make gallery ONLY='history examples'
 gallery: setup gl
-	$(BIN)/python -m tests.bench.gallery $(ONLY)
+	$(BIN)/python -m bench.gallery $(ONLY)
 
 # The Pythons of this machine that robotball runs on, the newest first:  3.13=/usr/bin/python3.13
 LIST_PYTHONS = $(BIN)/python -c \
@@ -131,12 +131,12 @@ run-wheel:
 	@echo "the wheel runs on Python $(VERSION)"
 
 bench: setup
-	$(BIN)/python -m tests.bench.speed
-	$(BIN)/python -m tests.bench.kernels
+	$(BIN)/python -m bench.speed
+	$(BIN)/python -m bench.kernels
 
 # The constants of COST_MODEL in robotball/engines/mujoco/limits.py, measured again; half an hour.
 cost-model: setup
-	$(BIN)/python -m tests.bench.cost_model
+	$(BIN)/python -m bench.cost_model
 
 setup: $(VENV)/.stamp
 
@@ -156,7 +156,7 @@ $(VENV)/.stamp: pyproject.toml requirements.lock Makefile | $(UV)
 # robotball engines --install needs uv.
 	@test -e $(BIN)/uv || ln -sf "$$(realpath "$$(command -v $(UV))")" $(BIN)/uv
 	@$(BIN)/python -m compileall -q robotball validation
-	@$(BIN)/python -c 'from robotball.engines.ahead import compile_all; compile_all()'
+	@$(BIN)/python -c 'from robotball.theory.ahead import compile_all; compile_all()'
 	@touch $@
 
 # A machine without uv gets a pinned one in a tool environment of its own.
@@ -169,8 +169,8 @@ $(VENV)/.stamp: pyproject.toml requirements.lock Makefile | $(UV)
 
 # Video needs an off-screen GL; everything else runs without one.
 gl: setup
-	@$(BIN)/python -m robotball.film.gl --quiet || .ci/apt libosmesa6 || true
-	@$(BIN)/python -m robotball.film.gl || true
+	@$(BIN)/python -m robotball.view.gl --quiet || .ci/apt libosmesa6 || true
+	@$(BIN)/python -m robotball.view.gl || true
 
 # Pages are tested in a browser without a window; where there is none these tests are skipped.
 browser:

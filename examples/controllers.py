@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import robotball as rb
-from robotball.equations import space_axes
+from robotball.robot.formulas import space_axes
 
 # Roll to a point and stop: one motor rolls, the other leans the weight to steer.
 

@@ -19,7 +19,7 @@ def main(name: str = "fig12", *presets: str) -> None:
     for each in agreements:
         print(f"{each.settings.name:10} path error {each.path_error or float('nan'):.1e}", end="  ")
         print(f"{each.realtime_factor or float('inf'):6.0f} x real time  {each.verdict}")
-    figure = theory.plot(*(each.motion for each in agreements))
+    figure = rb.plot(theory, *(each.motion for each in agreements))
     path = Path("out", f"{scene.name}-side-by-side.png")
     path.parent.mkdir(exist_ok=True)
     figure.savefig(path)

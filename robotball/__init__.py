@@ -13,8 +13,10 @@ it. Here are its everyday names alone.
 """
 
 import os
+import sys
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
 import lazy_loader
 
@@ -28,12 +30,19 @@ def __dir__() -> list[str]:
     return __all__
 
 
+def validation_package(module: str = "") -> ModuleType:
+    """Import the validation package, or its module of a name such as ".cli".
+
+    It lies in this package if a wheel was installed, as `validation` may then be the name of
+    another package, and beside this package in the checkout.
+    """
+    inside = Path(__file__).with_name("validation").is_dir()
+    return import_module(f"{__name__}.validation{module}" if inside else f"validation{module}")
+
+
 def __getattr__(name: str) -> object:
     if name in _EVERYDAY:
-        # Beside this package in the checkout, and in it where a wheel was installed: there another
-        # package may be called so.
-        inside = Path(__file__).with_name("validation").is_dir()
-        return getattr(import_module(f"{__name__}.validation" if inside else "validation"), name)
+        return getattr(validation_package(), name)
     try:
         return _loaded(name)
     except (AttributeError, RuntimeError, ImportError) as error:
@@ -41,8 +50,15 @@ def __getattr__(name: str) -> object:
         # name. Only where MUJOCO_GL names an OpenGL does that import fail so.
         if os.environ.get("MUJOCO_GL"):
             from robotball.errors import InputError
-            from robotball.film.gl import advice, ended_import
+            from robotball.view.gl import advice, ended_import
 
             if ended_import(error):
                 raise InputError(advice()) from None
         raise error from None
+
+
+# A notebook shows scenes and motions as cells.
+if (shell := getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()) is not None:
+    from robotball.view.notebook import register
+
+    register(shell)

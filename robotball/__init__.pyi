@@ -1,32 +1,19 @@
 """The names of `robotball`, each from its home; loaded when they are first used."""
 
+import types
+
 import validation as _validation
 
-from .ball import Ball as Ball
-from .ball import Frame as Frame
-from .ball import Hinge as Hinge
-from .ball import Link as Link
-from .ball import Pendulum as Pendulum
-from .ball import Rotor as Rotor
-from .ball import Shell as Shell
-from .controllers import Controller as Controller
-from .controllers import Reading as Reading
-from .controllers import Sensors as Sensors
-from .designing import Design as Design
-from .designing import Limits as Limits
-from .designing import design as design
-from .drives import Custom as Custom
-from .drives import Drive as Drive
-from .drives import Ramp as Ramp
-from .drives import Samples as Samples
-from .drives import Sine as Sine
-from .drives import Sum as Sum
-from .engine import Engine as Engine
-from .engine import Request as Request
-from .engine import engine_named as engine_named
-from .engine import engine_names as engine_names
-from .engine import integrate as integrate
-from .engine import simulate as simulate
+from .design.designing import Design as Design
+from .design.designing import Limits as Limits
+from .design.designing import design as design
+from .engines.engine import Engine as Engine
+from .engines.engine import Request as Request
+from .engines.engine import engine_named as engine_named
+from .engines.engine import engine_names as engine_names
+from .engines.engine import integrate as integrate
+from .engines.engine import simulate as simulate
+from .engines.many_motions import simulate_many as simulate_many
 from .engines.mujoco.dm_environment import dm_environment as dm_environment
 from .engines.mujoco.settings import PRESETS as PRESETS
 from .engines.mujoco.settings import Settings as Settings
@@ -36,21 +23,16 @@ from .engines.recorded import load_motion as load_motion
 from .engines.recorded import recorded as recorded
 from .errors import InputError as InputError
 from .errors import SceneWarning as SceneWarning
-from .evidence import Found as Found
-from .evidence import SensorFit as SensorFit
-from .files.export import export_scene as export_scene
-from .files.logs import Log as Log
-from .files.logs import Sensor as Sensor
-from .files.logs import read_log as read_log
-from .files.scene_file import catalog as catalog
-from .files.scene_file import load_scene as load_scene
 from .files.scene_writer import scene_toml as scene_toml
 from .files.trajectories import Trajectory as Trajectory
 from .files.trajectories import read_trajectory as read_trajectory
-from .fitting import Fit as Fit
-from .fitting import fit as fit
-from .loads import Loads as Loads
-from .many_motions import simulate_many as simulate_many
+from .fit.evidence import Found as Found
+from .fit.evidence import SensorFit as SensorFit
+from .fit.fitting import Fit as Fit
+from .fit.fitting import fit as fit
+from .fit.logs import Log as Log
+from .fit.logs import Sensor as Sensor
+from .fit.logs import read_log as read_log
 from .motion import ContactMotion as ContactMotion
 from .motion import ContactReport as ContactReport
 from .motion import EngineSettings as EngineSettings
@@ -58,18 +40,41 @@ from .motion import Fault as Fault
 from .motion import FaultKind as FaultKind
 from .motion import Motion as Motion
 from .motion import ReferenceMotion as ReferenceMotion
-from .motors import Actuator as Actuator
-from .motors import DCMotor as DCMotor
-from .motors import Free as Free
-from .motors import Law as Law
-from .motors import PositionServo as PositionServo
-from .motors import Servo as Servo
-from .motors import Torque as Torque
-from .plane import in_space as in_space
-from .scene import Scene as Scene
-from .scene import Start as Start
-from .scene import sample_times as sample_times
+from .robot.ball import Ball as Ball
+from .robot.ball import Frame as Frame
+from .robot.ball import Hinge as Hinge
+from .robot.ball import Link as Link
+from .robot.ball import Pendulum as Pendulum
+from .robot.ball import Rotor as Rotor
+from .robot.ball import Shell as Shell
+from .robot.controllers import Controller as Controller
+from .robot.controllers import Reading as Reading
+from .robot.controllers import Sensors as Sensors
+from .robot.drives import Custom as Custom
+from .robot.drives import Drive as Drive
+from .robot.drives import Ramp as Ramp
+from .robot.drives import Samples as Samples
+from .robot.drives import Sine as Sine
+from .robot.drives import Sum as Sum
+from .robot.loads import Loads as Loads
+from .robot.motors import Actuator as Actuator
+from .robot.motors import DCMotor as DCMotor
+from .robot.motors import Free as Free
+from .robot.motors import Law as Law
+from .robot.motors import PositionServo as PositionServo
+from .robot.motors import Servo as Servo
+from .robot.motors import Torque as Torque
+from .robot.scene import Scene as Scene
+from .robot.scene import Start as Start
+from .robot.scene import sample_times as sample_times
+from .scene_files.scene_file import catalog as catalog
+from .scene_files.scene_file import load_scene as load_scene
+from .theory.plane import in_space as in_space
+from .view.export import export_scene as export_scene
+from .view.notebook import plot as plot
 
 Agreement = _validation.Agreement
 compare = _validation.compare
 compare_many = _validation.compare_many
+
+def validation_package(module: str = "") -> types.ModuleType: ...

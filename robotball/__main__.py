@@ -1,7 +1,12 @@
-"""`python -m robotball`: the installed command, which a layer above this library brings."""
+"""The `robotball` command, as installed and as `python -m robotball`."""
 
-from importlib.metadata import entry_points
+from robotball import validation_package
+
+
+def main() -> None:
+    """Run the command of the validation package, wherever that lies."""
+    validation_package(".__main__").main()
+
 
 if __name__ == "__main__":
-    command = next(iter(entry_points(group="console_scripts", name="robotball")))
-    command.load()()
+    main()

@@ -6,12 +6,14 @@ And MuJoCo's own warnings, which several rooms keep from being printed.
 import difflib
 import math
 import sys
+import sysconfig
 import threading
+import traceback
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from numbers import Real
-from typing import Any
+from typing import Any, TypeVar
 
 # In SI units, far beyond any ball, and small enough that products of a few do not overflow.
 LARGEST = 1e50
@@ -22,6 +24,7 @@ _FEW = 12  # names that a message lists, so that it stays a line
 _PACKAGES = ("robotball", "validation")
 _WARNED_BY: list[Any] = []  # MuJoCo's function for warnings before each block that is silent
 _SILENCING = threading.Lock()
+_T = TypeVar("_T")
 
 
 class InputError(ValueError):
@@ -180,3 +183,49 @@ def mujoco_silent() -> Iterator[None]:
         # The last block to end, whichever it is, finds what the first one found.
         with _SILENCING:
             mujoco.set_mju_user_warning(_WARNED_BY.pop())
+
+
+def counted(count: int, noun: str) -> str:
+    """Return a number and its noun, such as `1 rotor` or `2 rotors`."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+@contextmanager
+def named(what: object) -> Iterator[None]:
+    """Put the name of a file or of a part of it before the message of an InputError."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{what}: {error}") from None
+
+
+def call_users(what: str, function: Callable[..., _T], *given: Any, at: float | None = None) -> _T:
+    """Call a function that a user wrote, or code of theirs, at a time [s] of the run.
+
+    Whatever it raises becomes an InputError with the user's file and line. That includes SystemExit
+    and other exceptions that are no `Exception`, which would end the program without a word.
+    KeyboardInterrupt passes, as Ctrl-C and other signals end the program with it.
+    """
+    try:
+        return function(*given)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        when = "" if at is None else f" at t = {at:g} s"
+        why = f"{type(error).__name__}: {error}".rstrip(": ")
+        raise InputError(f"{what}{when}{_line_of(error)}: {why}") from error
+
+
+def _line_of(error: BaseException) -> str:
+    """Return ", in FILE line N" for an error raised in a user's file, else ""."""
+    frames = traceback.extract_tb(error.__traceback__)[1:]
+    # A file that is run, and an object that is copied, has Python's own frames around it.
+    pythons = ("<frozen", sysconfig.get_path("stdlib"))
+    users = [
+        frame
+        for frame in frames
+        # A backport that other packages import loads entry points in place of Python's own module.
+        if not frame.filename.startswith(pythons) and "/importlib_metadata/" not in frame.filename
+    ]
+    own = [each for each in users if each.filename == users[0].filename]
+    return f", in {own[-1].filename} line {own[-1].lineno}" if own else ""

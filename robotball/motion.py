@@ -12,19 +12,19 @@ from enum import Enum
 from functools import cache, cached_property
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robotball.ball import Value
-from robotball.errors import InputError, unknown
-from robotball.loads import Loads
+from robotball.errors import InputError, counted, unknown
+from robotball.robot.ball import Value
+from robotball.robot.loads import Loads
+from robotball.robot.scene import Scene
 from robotball.rotations import Array, angle_between, rotation_matrix
-from robotball.scene import Scene
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+Progress = Callable[[float], None]
+"""Called with the fraction of the work that is done."""
 
 _PACKAGES = ("robotball", "mujoco", "numpy", "scipy")  # on whose versions numbers depend
 # The limits that every engine's run is held to.
@@ -254,9 +254,25 @@ class ContactReport(Value):
     versions: Mapping[str, str] = field(default_factory=versions, compare=False)
 
     def __repr__(self) -> str:
-        from robotball.notebook import report_lines
-
-        return report_lines(self)
+        steps = f"{self.steps} steps of at most {self.timestep:g} s"
+        largest = {
+            "slip [m/s]": self.slip,
+            "spin [rad/s]": self.spin,
+            "depth [m]": self.depth,
+            "share of the friction cone used": self.friction_used,
+            "relative error of a hinge's rate": self.hinge_rate_error,
+        }
+        # A run that broke off in its first step has none.
+        readings = [
+            f"largest {name}: {np.max(np.abs(row)):.2g}"
+            for name, row in largest.items()
+            if row.size
+        ]
+        faults = [f"fault: {fault}" for fault in self.faults] or ["no fault"]
+        notes = [f"note: {note}" for note in self.notes]
+        cost = f"{steps}, {self.seconds:.2g} s of processor time"
+        head = f"<{type(self).__name__}, {self.settings.name}: {cost}"
+        return "\n  ".join([head, *readings, *faults, *notes]) + ">"
 
 
 @dataclass(frozen=True, repr=False)
@@ -309,23 +325,15 @@ class Motion(Value):
     hinge_rates: Array
     loads: Loads
 
-    # The notebook's pictures are loaded when a motion is displayed; a run needs none of them.
-
     def __repr__(self) -> str:
-        from robotball.notebook import motion_line
-
-        return motion_line(self)
-
-    def _repr_html_(self) -> str:
-        from robotball.notebook import motion_cell
-
-        return motion_cell(self)
-
-    def plot(self, *others: "Motion") -> "Figure":
-        """Draw the path and momentum of this motion, with those of other motions of its scene."""
-        from robotball.notebook import picture
-
-        return picture([self, *others])
+        report = getattr(self, "report", None)
+        by = f"{self.engine.name} {self.engine.version}"
+        reached = f" to {self.times[-1]:g} s" if len(self.times) else ""
+        line = f"{counted(len(self.times), 'time')}{reached}, path {self.path_length:.4g} m"
+        if report is not None:
+            by += f", {report.settings.name}"
+            line += f", {counted(len(report.faults), 'fault') if report.faults else 'no fault'}"
+        return f"<{type(self).__name__} of {self.scene.name} by {by}: {line}>"
 
     @property
     def gamma(self) -> Array:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from robotball.film import gl
+from robotball.view import gl
 
 Robotball = Callable[..., tuple[int, str, str]]
 
@@ -25,7 +25,9 @@ settings.register_profile("repeatable", derandomize=True, deadline=None, databas
 settings.load_profile("repeatable")
 
 # A check in these that fails shows its values, as one in a test does.
-pytest.register_assert_rewrite("tests.robotball.designs", "tests.robotball.files.scene_texts")
+pytest.register_assert_rewrite(
+    "tests.robotball.design.designs", "tests.robotball.scene_files.scene_texts"
+)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

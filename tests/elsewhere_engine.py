@@ -5,7 +5,7 @@ from typing import Any
 from robotball.engines.adapter import Adapter, World, by_name, version_of
 from robotball.engines.pinocchio import PINOCCHIO
 from robotball.motion import Label
-from robotball.scene import Scene
+from robotball.robot.scene import Scene
 from tests.robotball.engines.test_adapters import Dynamics
 
 

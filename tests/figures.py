@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robotball.equations import Parameters, Rolling, Vector
-from robotball.qualitative.sections import section_starts
+from robotball.dynamics.sections import section_starts
+from robotball.robot.formulas import Parameters, Rolling, Vector
 from robotball.rotations import Array
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from robotball.engine import integrate, request_of, run_request
+from robotball.engines.engine import integrate, request_of, run_request
 from robotball.engines.mujoco import LABEL
 from robotball.motion import (
     ContactMotion,
@@ -19,8 +19,8 @@ from robotball.motion import (
     path_error,
     tolerated,
 )
+from robotball.robot.scene import Scene
 from robotball.rotations import Array
-from robotball.scene import Scene
 
 
 def as_contact(motion: Motion, report: ContactReport, **changes: Any) -> ContactMotion:

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from robotball.engine import Engine, Request, integrate
+from robotball.engines.engine import Engine, Request, integrate
 from robotball.motion import ContactMotion, ContactReport, EngineSettings, Label, extended
+from robotball.robot.scene import Scene
 from robotball.rotations import Array
-from robotball.scene import Scene
 
 ERROR = 1e-4  # of the path, at its end
 PRESETS = {"as it comes": EngineSettings(name="as it comes", error_tolerance=1e-2)}

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robotball.ball import Ball, Frame, Hinge, Hung, Rotor, Shell, shell_inertia
-from robotball.equations import Rolling
+from robotball.robot.ball import Ball, Frame, Hinge, Hung, Rotor, Shell, shell_inertia
+from robotball.robot.formulas import Rolling
+from robotball.robot.scene import Scene, Start
 from robotball.rotations import Array
-from robotball.scene import Scene, Start
 
 _SEED = 20190501
 

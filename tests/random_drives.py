@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from robotball.ball import Rotor
-from robotball.drives import Ramp, Rate, Samples, Sine
-from robotball.motors import Motor, PositionServo, Servo, Torque
-from robotball.scene import Scene, Start
+from robotball.robot.ball import Rotor
+from robotball.robot.drives import Ramp, Rate, Samples, Sine
+from robotball.robot.motors import Motor, PositionServo, Servo, Torque
+from robotball.robot.scene import Scene, Start
 from tests.random_balls import ball_of_points
 from tests.random_robots import MODELS, random_robot
 from tests.robots import turning

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from robotball.ball import Ball, Frame, Hinge, Hung, Link, Pendulum, Rotor, Shell
-from robotball.drives import Sine
-from robotball.equations import Rolling
-from robotball.motors import Actuator, Free, Law, Motor, PositionServo, Servo, Torque
-from robotball.scene import Scene, Start
+from robotball.robot.ball import Ball, Frame, Hinge, Hung, Link, Pendulum, Rotor, Shell
+from robotball.robot.drives import Sine
+from robotball.robot.formulas import Rolling
+from robotball.robot.motors import Actuator, Free, Law, Motor, PositionServo, Servo, Torque
+from robotball.robot.scene import Scene, Start
 from tests.random_balls import cloud_inertia, random_axis
 from tests.robots import turning
 

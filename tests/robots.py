@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from robotball.ball import Ball, Frame, Hinge, Pendulum, Shell, shell_inertia
-from robotball.drives import Ramp, Rate, Sine
-from robotball.equations import Rolling
-from robotball.mechanics import States
 from robotball.motion import Motion
-from robotball.motors import Free, Motor, PositionServo, Servo
+from robotball.robot.ball import Ball, Frame, Hinge, Pendulum, Shell, shell_inertia
+from robotball.robot.drives import Ramp, Rate, Sine
+from robotball.robot.formulas import Rolling
+from robotball.robot.mechanics import States
+from robotball.robot.motors import Free, Motor, PositionServo, Servo
+from robotball.robot.scene import Scene, Start
 from robotball.rotations import Array, rotation_matrix
-from robotball.scene import Scene, Start
 
 X, Y, Z = np.eye(3)
 DURATION = 10.0  # s

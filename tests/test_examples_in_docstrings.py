@@ -43,7 +43,7 @@ def sections_of(text: str) -> dict[str, str]:
 def entries(section: str) -> dict[str, str]:
     """The names of a section, or its types where it has none, each with its description."""
     found = re.findall(r"(?m)^(\S.*)\n((?:(?: +.*)?\n?(?=$| |\n))*)", section.strip("\n") + "\n")
-    return {head.partition(" : ")[0].strip(): text.strip() for head, text in found}
+    return {head.partition(" : ")[0].strip("* "): text.strip() for head, text in found}
 
 
 def needed(value: Any) -> set[str]:

@@ -13,21 +13,21 @@ import pytest
 
 import robotball as rb
 from robotball.errors import UnitWarning
-from robotball.files import robot_file
-from robotball.files.scene_keys import ask
+from robotball.scene_files.scene_keys import ask
+from robotball.user_model import robot_file
 from tests.conftest import Robotball
 from tests.imports import PROJECT
 from tests.messages import naming, unnamed
-from tests.robotball import test_controllers, test_designing, test_fitting, test_refused
-from tests.robotball.engines import test_reduced
+from tests.robotball import test_refused
+from tests.robotball.design import test_designing
 from tests.robotball.engines.mujoco import test_limits, test_settings
-from tests.robotball.files import (
-    test_refused_scene_files,
-    test_robot_file,
-    test_sandbox,
-    test_trajectory_file,
-)
-from tests.robotball.files.scene_texts import edited
+from tests.robotball.files import test_trajectory_file
+from tests.robotball.fit import test_fitting
+from tests.robotball.robot import test_controllers
+from tests.robotball.scene_files import test_refused_scene_files
+from tests.robotball.scene_files.scene_texts import edited
+from tests.robotball.theory import test_reduced
+from tests.robotball.user_model import test_robot_file, test_sandbox
 from tests.validation.commands import test_refused_commands
 from validation.cli import COMMANDS
 

@@ -114,23 +114,26 @@ def test_make_test_fails_if_tests_or_mypy_fail(tmp_path: Path, tests: int, types
     assert ran.stdout.splitlines()[-4:] == lines
 
 
-def test_in_a_wheel_validation_is_a_part_of_robotball(tmp_path: Path) -> None:
-    """No module of it, and not the command, asks for a package `validation`, which is anybody's."""
+def test_the_wheel_has_the_files_of_the_checkout(tmp_path: Path) -> None:
+    """Byte for byte, all in `robotball`; validation names no package `validation`."""
     build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
     subprocess.run(build, cwd=PROJECT, check=True, capture_output=True)
     with ZipFile(next(tmp_path.glob("*.whl"))) as wheel:
-        files = {name: wheel.read(name).decode() for name in wheel.namelist()}
-    assert {name.split("/")[0].split("-")[0] for name in files} == {"robotball"}
-    (commands,) = (text for name, text in files.items() if name.endswith("entry_points.txt"))
-    assert "robotball = robotball.validation.__main__:main" in commands
-    inside = re.compile(r"robotball/validation/.*\.py$")
-    modules = {name: text for name, text in files.items() if inside.match(name)}
+        files = {name: wheel.read(name) for name in wheel.namelist() if ".dist-info/" not in name}
+    folders = ("robotball", "validation", "mjcf")
+    listed = subprocess.check_output(["git", "ls-files", *folders], cwd=PROJECT, text=True)
+    checkout = {
+        (name if name.startswith("robotball/") else f"robotball/{name}"): PROJECT / name
+        for name in listed.splitlines()
+    }
+    assert files == {name: file.read_bytes() for name, file in checkout.items()}
+    modules = [name for name in files if re.match(r"robotball/validation/.*\.py$", name)]
     assert len(modules) > 40
-    for name, text in modules.items():
-        for node in ast.walk(ast.parse(text)):
+    for name in modules:
+        for node in ast.walk(ast.parse(files[name])):
             named: list[object] = []
             if isinstance(node, ast.Import):
-                named += [each.name for each in node.names]
+                named += [alias.name for alias in node.names]
             elif isinstance(node, ast.ImportFrom | ast.Constant):
                 named.append(node.module if isinstance(node, ast.ImportFrom) else node.value)
-            assert not [each for each in named if OUTSIDE.match(str(each))], name
+            assert not [module for module in named if OUTSIDE.match(str(module))], name

@@ -33,7 +33,7 @@ def main() -> None:
     _open_closed()
     _make_lasting()
     with _ended_by_signals() as signals:
-        from validation.cli import main as command
+        from .cli import main as command
 
         try:
             command()

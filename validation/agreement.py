@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robotball import Engine, EngineSettings, Fault, Motion, Scene, integrate
-from robotball.ball import Value
-from robotball.engine import DEFAULT, Request, request_of, run_request, scene_of
+from robotball.engines.engine import DEFAULT, Request, request_of, run_request, scene_of
 from robotball.motion import (
     ContactMotion,
     ContactReport,
@@ -21,10 +20,11 @@ from robotball.motion import (
     path_errors,
     tolerated,
 )
+from robotball.robot.ball import Value
 from robotball.rotations import Array
 
 if TYPE_CHECKING:
-    from validation.sensitivity import Sensitivity
+    from .sensitivity import Sensitivity
 
 _LIMITED = 3.0  # times the reference's own error: a smaller path error may be the reference's
 
@@ -59,7 +59,7 @@ class Agreement(Value):
 
     def __repr__(self) -> str:
         # Here, as a library's user who prints no agreement need not load the terminal's tables.
-        from validation.output import scientific
+        from .output import scientific
 
         errors = f"path error {scientific(self.path_error)}, "
         errors += f"momentum error {scientific(self.momentum_error)}"
@@ -67,7 +67,7 @@ class Agreement(Value):
         return f"<Agreement of {self.scene.name} by {by}: {self.verdict}; {errors}>"
 
     def _repr_html_(self) -> str:
-        from robotball.notebook import cell
+        from robotball.view.notebook import cell
 
         return cell(repr(self), [self.theory, self.motion])
 
@@ -197,7 +197,7 @@ class Agreement(Value):
             return None
         if self.scene.keeps_momentum and not self.keeps_momentum:
             return None  # M is constant however sensitive the motion is: the engine lost it
-        from validation.sensitivity import sensitivity
+        from .sensitivity import sensitivity
 
         return sensitivity(self.engine, self.motion, self.theory)
 
@@ -209,7 +209,7 @@ class Agreement(Value):
         """
         if self.scene.controller is None:
             return None
-        from validation.sensitivity import growth
+        from .sensitivity import growth
 
         return growth(self.theory)
 

@@ -27,7 +27,8 @@ import tyro
 from tyro.conf import subcommand
 
 from robotball.errors import InputError, SceneWarning, UnitWarning, unknown
-from validation.options import BAD_INPUT, Controls, File, Names
+
+from .options import BAD_INPUT, Controls, File, Names
 
 
 @contextlib.contextmanager
@@ -38,7 +39,8 @@ def _standard_output_of(command: object) -> Iterator[None]:
     and, before any work, for a file that cannot be written.
     """
     from robotball.files.replacing import STANDARD_OUTPUT  # which --help does without
-    from validation.output import writable_file
+
+    from .output import writable_file
 
     count = [*map(writable_file, _files(command))].count(STANDARD_OUTPUT)
     if count > 1:
@@ -70,37 +72,37 @@ _AS_GIVEN = "--as-given"  # of every command: numbers that seem to be in another
 # What one wants and its commands, each with the module of its class, loaded when the command runs.
 GROUPS = {
     "Roll and compare": {
-        "demo": "validation.commands.compare",
-        "scenes": "validation.commands.scene_commands",
-        "compare": "validation.commands.compare",
-        "report": "validation.commands.report",
-        "video": "validation.commands.film",
-        "view": "validation.commands.film",
+        "demo": ".commands.compare",
+        "scenes": ".commands.scene_commands",
+        "compare": ".commands.compare",
+        "report": ".commands.report",
+        "video": ".commands.film",
+        "view": ".commands.film",
     },
     "My own robot": {
-        "check": "validation.commands.checking",
-        "design": "validation.commands.building",
-        "steer": "validation.commands.building",
-        "fit": "validation.commands.fitting",
+        "check": ".commands.checking",
+        "design": ".commands.building",
+        "steer": ".commands.building",
+        "fit": ".commands.fitting",
     },
     "Which settings, and their cost": {
-        "ablation": "validation.studies.ablation",
-        "convergence": "validation.studies.convergence",
-        "tradeoff": "validation.studies.tradeoff",
-        "extremes": "validation.studies.extremes",
+        "ablation": ".studies.ablation",
+        "convergence": ".studies.convergence",
+        "tradeoff": ".studies.tradeoff",
+        "extremes": ".studies.extremes",
     },
     "Other engines and programs": {
-        "engines": "validation.studies.engine_study",
-        "export": "validation.commands.scene_commands",
-        "judge": "validation.studies.judge",
+        "engines": ".studies.engine_study",
+        "export": ".commands.scene_commands",
+        "judge": ".studies.judge",
     },
     "What the ball does": {
-        "section": "validation.studies.contact_sections",
-        "lyapunov": "validation.studies.contact_tangent",
-        "basins": "validation.studies.basins",
-        "equilibria": "validation.commands.equilibria_list",
-        "continue": "validation.studies.branches",
-        "chart": "validation.studies.charts",
+        "section": ".studies.contact_sections",
+        "lyapunov": ".studies.contact_tangent",
+        "basins": ".studies.basins",
+        "equilibria": ".commands.equilibria_list",
+        "continue": ".studies.branches",
+        "chart": ".studies.charts",
     },
 }
 COMMANDS = {name: module for group in GROUPS.values() for name, module in group.items()}
@@ -167,7 +169,7 @@ def _refusal(error: Exception) -> str | None:
         case MemoryError():
             return "there is not enough memory for this; ask for less"
         case AttributeError() | RuntimeError() | ImportError():
-            from robotball.film.gl import advice, ended_import
+            from robotball.view.gl import advice, ended_import
 
             return advice() if ended_import(error) else None
     return None
@@ -242,7 +244,7 @@ def _options_in(arguments: Sequence[str]) -> list[str]:
 
 def class_of(name: str) -> type[_Command]:
     """Import and return the class of a command."""
-    command: type[_Command] = getattr(import_module(COMMANDS[name]), name.capitalize())
+    command: type[_Command] = getattr(import_module(COMMANDS[name], __package__), name.capitalize())
     return command
 
 
@@ -266,7 +268,8 @@ def _options_of(name: str) -> type[_Command]:
             kept.append(each)
             names = (node for node in ast.walk(each) if isinstance(node, ast.Name))
             wanted |= {node.id for node in names if isinstance(node.ctx, ast.Load)}
-    module = ModuleType(f"{COMMANDS[name]}.options")
+    module = ModuleType(f"{__package__}{COMMANDS[name]}.options")
+    module.__package__ = f"{__package__}{COMMANDS[name]}".rpartition(".")[0]
     module.__file__ = str(file)  # where tyro reads what stands below an option
     sys.modules[module.__name__] = module
     exec(compile(ast.Module(kept[::-1], []), module.__file__, "exec"), vars(module))
@@ -296,7 +299,7 @@ def _summary(name: str) -> str:
 
 
 def _file_of(name: str) -> Path:
-    place = COMMANDS[name].removeprefix("validation.").replace(".", "/")
+    place = COMMANDS[name].removeprefix(".").replace(".", "/")
     return Path(__file__).parent / f"{place}.py"
 
 

@@ -9,13 +9,14 @@ from robotball import InputError, Motion, Request, Scene, integrate
 from robotball.files.replacing import refused
 from robotball.processes import allowed, in_processes
 from robotball.rotations import Array
-from validation.agreement import Agreement, compare_with
-from validation.output import Show, progress_bar
-from validation.plots import MANY, draw
-from validation.results import Record, record
+
+from .agreement import Agreement, compare_with
+from .output import Show, progress_bar
+from .plots import MANY, draw
+from .results import Record, record
 
 if TYPE_CHECKING:
-    from robotball.film.render import Film
+    from robotball.view.render import Film
 
 
 def compare_all(scenes: Sequence[Scene], comparing: "Comparing") -> list["_Compared"]:
@@ -105,7 +106,7 @@ def film(path: Path, motions: Sequence[Motion], how: "Film | None" = None) -> No
 
     Raises InputError as `write_video` does.
     """
-    from robotball.film.render import write_video  # an encoder and a GL, which only a film needs
+    from robotball.view.render import write_video  # an encoder and a GL, which only a film needs
 
     with refused(path):
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -16,9 +16,10 @@ if TYPE_CHECKING:
 
     from robotball import Request, Scene
     from robotball.rotations import Array
-    from validation.agreement import Agreement
-    from validation.study import Study
-    from validation.sweeps import Cell, Result, Work
+
+    from .agreement import Agreement
+    from .study import Study
+    from .sweeps import Cell, Result, Work
 
 _T = TypeVar("_T")
 AGREES, DISAGREES, BAD_INPUT = 0, 1, 2
@@ -80,8 +81,8 @@ class Sweep:
         journal: the name, without its end, of the file that keeps the results for another time.
         Raises InputError, before the first run, if the folder cannot be written.
         """
-        from validation.output import progress_bar, writable_folder
-        from validation.sweeps import sweep
+        from .output import progress_bar, writable_folder
+        from .sweeps import sweep
 
         writable_folder(self.out)
         place: Any = {"workers": self.workers, "cluster": self.cluster}
@@ -95,9 +96,9 @@ class Sweep:
 
         words: what the command's own options add to the files' names.
         """
-        from validation.output import write_record
-        from validation.results import changed
-        from validation.study import present
+        from .output import write_record
+        from .results import changed
+        from .study import present
 
         # A quick form's files must not take the place of the whole study's.
         stem = study.stem(*words, *changed(self, "quick"))
@@ -132,7 +133,7 @@ class Run:
 
     def request(self, preset: str | None) -> Request:
         """Return the request to the engine."""
-        from robotball.engine import request_of
+        from robotball.engines.engine import request_of
 
         request = request_of(self.engine, preset, self.accuracy, keep_going=self.keep_going)
         if self.environments is None:
@@ -144,8 +145,8 @@ class Run:
 
     def agreements(self, scenes: Sequence[Scene], presets: Sequence[str]) -> list[Agreement]:
         """Run each scene by each preset, the engine's default if none is given, with progress."""
-        from validation.comparing import agreements_of, shifted
-        from validation.output import progress_bar
+        from .comparing import agreements_of, shifted
+        from .output import progress_bar
 
         requests = [self.request(name) for name in presets or (None,)]
         times, strict = times_of(self.duration), self.strict
@@ -178,7 +179,8 @@ class Once:
     def times(self, scene: Scene) -> Array:
         """Return the sample times (n,) [s]. Raises InputError if no picture can be written."""
         from robotball import sample_times
-        from validation.output import writable_folder
+
+        from .output import writable_folder
 
         times = sample_times(seconds_of(self.duration, self.quick, scene))
         writable_folder(self.out)
@@ -186,8 +188,8 @@ class Once:
 
     def present(self, study: Study) -> int:
         """Write a study's picture and the data asked for, and print it; return the status."""
-        from validation.results import changed
-        from validation.study import present
+        from .results import changed
+        from .study import present
 
         stem = study.stem(*changed(self, "duration", "quick"))
         print(present(study, self.out / f"{stem}.png", self.json, self.csv)[0])

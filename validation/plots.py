@@ -16,14 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotball.processes import in_processes, prepare
-from validation.output import in_picture, title, write_picture
+
+from .output import in_picture, title, write_picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from robotball.film.lines import Look
-    from validation.agreement import Agreement
+    from robotball.view.lines import Look
+
+    from .agreement import Agreement
 
 # The type of robotball.rotations, whose import would bring scipy to a process that only draws.
 _Array = NDArray[np.float64]
@@ -45,7 +47,7 @@ def draw(agreements: Sequence["Agreement"], out: Path) -> list[Path]:
 
     They are PNGs in the folder `out`.
     """
-    from validation.results import file_stem
+    from .results import file_stem
 
     name, sheet = file_stem(agreements), sheet_of(agreements)
     drawings = [(kind, sheet, out / f"{name}-{kind}.png") for kind in PICTURES]
@@ -123,7 +125,7 @@ class Sheet:
 
 def sheet_of(agreements: Sequence["Agreement"]) -> Sheet:
     """Return the sheet of one scene's agreements by one engine."""
-    from robotball.film.lines import line_looks
+    from robotball.view.lines import line_looks
 
     theory = agreements[0].theory
     scene = theory.scene

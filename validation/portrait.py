@@ -6,13 +6,14 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from robotball.equations import Parameters
-from robotball.film.looks import INK
-from robotball.qualitative.cycles import Cycle
-from robotball.qualitative.equilibria import FixedCircle, FixedPoint, flow, name_of
-from robotball.qualitative.portraits import curve_of, involute, separatrices
+from robotball.dynamics.cycles import Cycle
+from robotball.dynamics.equilibria import FixedCircle, FixedPoint, flow, name_of
+from robotball.dynamics.portraits import curve_of, involute, separatrices
+from robotball.robot.formulas import Parameters
+from robotball.robot.looks import INK
 from robotball.rotations import Array
-from validation.output import halo
+
+from .output import halo
 
 _DURATION = 400.0  # s, over which a manifold is followed
 _LENGTH = 5.0  # rad, of a manifold that is drawn; later it winds round a focus

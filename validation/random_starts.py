@@ -10,19 +10,19 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robotball import Engine, EngineSettings, Scene, Start, integrate, sample_times, simulate_many
-from robotball.engine import DEFAULT, scene_of
-from robotball.engines import Progress
-from robotball.engines.reduced import motion_of
+from robotball.engines.engine import DEFAULT, scene_of
+from robotball.engines.many_motions import FromStarts, of_each
 from robotball.errors import InputError, check_count
-from robotball.many_motions import FromStarts, of_each
-from robotball.motion import Motion, extended
+from robotball.motion import Motion, Progress, extended
 from robotball.rotations import Array
-from validation.agreement import Agreement
-from validation.options import Run
-from validation.output import known, progress_bar, scientific
-from validation.results import controlled
-from validation.study import Row
-from validation.sweeps import Cell, sweep
+from robotball.theory.reduced import motion_of
+
+from .agreement import Agreement
+from .options import Run
+from .output import known, progress_bar, scientific
+from .results import controlled
+from .study import Row
+from .sweeps import Cell, sweep
 
 ERRORS = ("path_error", "gamma_error", "momentum_error")
 PERCENTILES = {"p5": 5, "p50": 50, "p95": 95, "worst": 100}
@@ -162,7 +162,7 @@ def _references(scenes: Sequence[Scene], times: Array) -> Iterator[Motion]:
     if not all(each.steady and each.not_reduced is None for each in scenes[:1]):
         yield from of_each(partial(_reference, times), scenes)
         return
-    from robotball.engines.ensembles.orbits import kernel_start, orbits
+    from robotball.theory.ensembles.orbits import kernel_start, orbits
 
     # So many at once, so that memory does not grow with the number of starts.
     for i in range(0, len(scenes), _ABREAST):

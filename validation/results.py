@@ -18,13 +18,14 @@ from rich.console import Console
 from rich.markup import escape
 
 from robotball import Controller, InputError, Motion, Scene, catalog, load_scene
-from robotball.drives import Rate
+from robotball.errors import call_users
 from robotball.files.columns import read_samples
 from robotball.files.json_text import json_text
 from robotball.motion import Label, versions
-from robotball.users_code import call_users
-from validation.agreement import Agreement
-from validation.output import (
+from robotball.robot.drives import Rate
+
+from .agreement import Agreement
+from .output import (
     known,
     plain_table,
     print_whole,
@@ -32,7 +33,7 @@ from validation.output import (
     write_rows,
     write_text,
 )
-from validation.sensitivity import Sensitivity
+from .sensitivity import Sensitivity
 
 ALL = "all"  # of an engine's presets
 

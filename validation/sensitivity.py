@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robotball import Engine, Motion, Scene, integrate
-from robotball.engine import Runner
+from robotball.engines.engine import Runner
 from robotball.motion import ContactMotion, path_error, path_errors
+from robotball.robot.scene import Start
 from robotball.rotations import Array, turn_between, turned
-from robotball.scene import Start
 
 # Short beside the time in which a chaotic motion of the catalog doubles a difference, 2 to 6 s.
 _STRETCH = 2.5  # s

@@ -20,12 +20,13 @@ from rich.markup import escape
 from rich.table import Table
 
 from robotball import Motion, Scene, integrate, sample_times, scene_toml
-from robotball.engines.reduced import compiled_states, motion_of
 from robotball.motion import Label
 from robotball.rotations import Array
-from validation.output import panels, print_whole, write_picture, write_record, write_rows
-from validation.results import controlled, file_name
-from validation.sweeps import Cell
+from robotball.theory.reduced import compiled_states, motion_of
+
+from .output import panels, print_whole, write_picture, write_record, write_rows
+from .results import controlled, file_name
+from .sweeps import Cell
 
 CANCELLED = 100.0
 """Times that M may be less accurate than the path: sound runs reach 20, and where it is more, the

@@ -33,7 +33,8 @@ from robotball.files.json_text import json_text
 from robotball.files.replacing import no_regular_file
 from robotball.motion import versions
 from robotball.processes import Answer, EndedError, Worker, cores, pool
-from validation.output import Show, writable_file
+
+from .output import Show, writable_file
 
 Cell = Mapping[str, Any]
 """Plain data, as JSON has it, that says everything about one run: it is the run's identity."""

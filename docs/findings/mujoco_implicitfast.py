@@ -4,7 +4,7 @@ A body of moments .5, .7 and .3 kg m² turns freely for 10 s at steps of 1 ms, a
 at 100 rad/s on a hinge. Its angular momentum is constant; printed is the relative change of its
 size. With the rotor it is Euler's in MuJoCo 3.5, 3.10, 3.11, 3.17 and 4.0. Alone it is +1.6e-2 up
 to 3.6, as by Euler, 2e-14 from 3.7 to 3.10, and -1.6e-2 since 3.11, as by implicit:
-`python -m tests.bench.history mujoco` runs it in every version.
+`python -m bench.history mujoco` runs it in every version.
 """
 
 from importlib.metadata import version

@@ -12,11 +12,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import robotball as rb
-from robotball.film import gl
-from robotball.film.looks import looks_of
-from robotball.film.stage import Camera, Stage
-from robotball.film.tracks import track_of
+from robotball.robot.looks import looks_of
 from robotball.rotations import rotation_matrix
+from robotball.view import gl
+from robotball.view.stage import Camera, Stage
+from robotball.view.tracks import track_of
 
 SIZE = 800, 1000  # pixels of a picture, height and width
 

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import robotball as rb
-from robotball.qualitative.equilibria import fixed_circle, fixed_points
+from robotball.dynamics.equilibria import fixed_circle, fixed_points
 
 OUT = Path("out/fig05.png")
 DURATIONS = {"b": 16.0, "c": 20.0, "d": 6.0}  # s; the caption states none

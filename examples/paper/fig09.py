@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import robotball as rb
-from robotball.qualitative.straight_motions import name_of_line, straight_motions
+from robotball.dynamics.straight_motions import name_of_line, straight_motions
 
 OUT = Path("out/fig09.png")
 BALL = rb.load_scene("fig10").parameters

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import robotball as rb
-from robotball.qualitative import straight_motions as straight
+from robotball.dynamics import straight_motions as straight
 from robotball.rotations import rotation_matrix
 
 OUT = Path("out/fig10.png")

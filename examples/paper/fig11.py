@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import robotball as rb
-from robotball.qualitative.sections import crossings_of_motion, fixed_point, section, section_starts
+from robotball.dynamics.sections import crossings_of_motion, fixed_point, section, section_starts
 
 OUT = Path("out/fig11.png")
 ROOT_F, EARLY = 5.0, 200  # √f [kg m²/s]; crossings before a start has reached an attractor

@@ -25,18 +25,18 @@ from typing import Any, Literal
 
 import numpy as np
 
-from robotball import equations as eq
-from robotball.engine import Engine, Own, Request, as_own, engine_named
-from robotball.engines.dop853 import Compensated, Rate, one_by_one
+from robotball.engines.engine import Engine, Own, Request, as_own, engine_named
 from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of
+from robotball.engines.many_motions import differ_in_start
 from robotball.engines.observe import spans
 from robotball.engines.states import UNKNOWN_FORCE, State, motion_of_rows, start_state
-from robotball.equations import as_vector
 from robotball.errors import InputError, warn
-from robotball.many_motions import differ_in_start
 from robotball.motion import RATE_ERROR, ContactMotion, EngineSettings, Label
+from robotball.robot import formulas as eq
+from robotball.robot.formulas import as_vector
+from robotball.robot.scene import Scene
 from robotball.rotations import Array
-from robotball.scene import Scene
+from robotball.theory.dop853 import Compensated, Rate, one_by_one
 
 # Python's part of a run is measured afterwards, on so many steps or calls without the engine.
 _CALLS = 200

@@ -12,8 +12,8 @@ import numpy as np
 from robotball.engines import adapter
 from robotball.engines.states import State, lifting, links_of
 from robotball.motion import Label
+from robotball.robot.scene import Scene
 from robotball.rotations import Array, from_matrix, rotation_matrix
-from robotball.scene import Scene
 
 _LEAST = 1e-12  # kg, and kg m²: of a body between two joints, which DART would give 1 kg
 

@@ -14,8 +14,8 @@ from scipy.optimize import root_scalar
 from robotball.engines import adapter
 from robotball.engines.states import State, lifting, links_of, start_state
 from robotball.motion import Label
+from robotball.robot.scene import Scene
 from robotball.rotations import Array
-from robotball.scene import Scene
 
 _FIRST_DEPTH, _DEPTH_ERROR = 1e-3, 1e-12  # of the radius, in the search for the depth at rest
 _Integrator = Literal[

@@ -30,7 +30,6 @@ from shutil import which
 from subprocess import PIPE
 from typing import Any, TypeVar
 
-import robotball
 from robotball.errors import InputError, warn
 from robotball.files.replacing import foreign_in, is_own
 from robotball.processes import answered, end_when_closed
@@ -46,7 +45,7 @@ _MADE = "made_by_robotball.txt"  # among the packages; it says by which Python, 
 _OWN_NAME = f"python3.{sys.version_info[1]}"
 # Ours come after its own. They are those of now, as other checkouts use the environment too. Beside
 # a robotball that is installed lie compiled packages, which another Python cannot load.
-_OURS = [str(Path(robotball.__file__).parents[1]), sysconfig.get_path("purelib")]
+_OURS = [str(Path(__file__).parents[2]), sysconfig.get_path("purelib")]
 _BESIDE = _OURS[0].endswith("-packages")
 _START = (
     f"import sys; own = sys.version_info[1] == {sys.version_info[1]}; sys.path += {_OURS}[:1 + own]"

@@ -17,8 +17,8 @@ from scipy.interpolate import CubicSpline
 from robotball.engines import adapter
 from robotball.engines.states import State, lifting
 from robotball.motion import Label
+from robotball.robot.scene import Scene
 from robotball.rotations import Array, conjugate, from_matrix, multiply, rotation_matrix
-from robotball.scene import Scene
 
 _CONTACT_DEPTH = 1e-6  # of the radius: how deep Exudyn's own contact is pressed in by the weight
 _PLANE = 1e4  # radii that the plane reaches

@@ -13,8 +13,8 @@ import numpy as np
 from robotball.engines import adapter
 from robotball.engines.states import State, force_in, links_of, start_state
 from robotball.motion import Label
+from robotball.robot.scene import Scene
 from robotball.rotations import Array, rotation_matrix
-from robotball.scene import Scene
 
 _TIME_CONSTANT = 0.04  # s, of the contact whose impedance is set
 # Of a newcomer's hinges: the servo's gain [N m s/rad], and their armature [kg m²].

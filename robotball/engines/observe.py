@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robotball.loads import Loads
 from robotball.motion import (
     RATE_ERROR,
     ContactMotion,
@@ -28,8 +27,9 @@ from robotball.motion import (
     tolerated,
     with_arrays,
 )
+from robotball.robot.loads import Loads
+from robotball.robot.scene import Scene
 from robotball.rotations import Array, Mask
-from robotball.scene import Scene
 
 
 def spans(

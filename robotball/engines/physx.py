@@ -8,8 +8,8 @@ import numpy as np
 from robotball.engines import adapter
 from robotball.engines.states import State, links_of, principal_inertia
 from robotball.motion import Label
+from robotball.robot.scene import Scene
 from robotball.rotations import Array, from_matrix, perpendicular
-from robotball.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from robotball.errors import InputError, warn
-from robotball.files import as_path, named, readable
+from robotball.errors import InputError, named, warn
+from robotball.files import as_path, readable
 from robotball.files.columns import read_table
 from robotball.files.trajectories import FORMAT, Trajectory, arrays_of, read_trajectory
-from robotball.loads import Loads, loads_of
 from robotball.motion import Label, Motion, pieces
+from robotball.robot.loads import Loads, loads_of
+from robotball.robot.scene import Scene
 from robotball.rotations import Array, angle_between, conjugate, continuous, rotation_matrix
-from robotball.scene import Scene
 
 # An odd number, to have as many neighbours on each side.
 _POINTS = 7  # of the polynomial through a sample and its neighbours; 5 for the estimate

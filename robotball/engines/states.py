@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from robotball.ball import Link
 from robotball.engines.observe import Readings, Recording, attitudes
-from robotball.loads import Loads
 from robotball.motion import DIVERGED, ContactMotion, EngineSettings, Label
+from robotball.robot.ball import Link
+from robotball.robot.loads import Loads
+from robotball.robot.scene import Scene
 from robotball.rotations import Array, from_matrix, multiply, rotation_matrix
-from robotball.scene import Scene
 
 
 def links_of(scene: Scene) -> tuple[Link, ...]:

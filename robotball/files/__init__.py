@@ -60,15 +60,6 @@ def as_path(what: str, path: object) -> Path:
 
 
 @contextmanager
-def named(what: object) -> Iterator[None]:
-    """Put the name of a file or of a part of it before the message of an InputError."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"{what}: {error}") from None
-
-
-@contextmanager
 def opened(path: Path, longest: int = _MOST_CHARACTERS) -> Iterator[BinaryIO]:
     """Open a regular file of at most `longest` bytes for reading, links followed.
 

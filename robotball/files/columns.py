@@ -19,10 +19,10 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from robotball.drives import Samples
-from robotball.errors import InputError
-from robotball.files import MB, named, opened, readable
+from robotball.errors import InputError, named
+from robotball.files import MB, opened, readable
 from robotball.files.replacing import replacing
+from robotball.robot.drives import Samples
 from robotball.rotations import Array
 
 _COMMENT = ("#", "%", "//")  # Python's and gnuplot's, MATLAB's, C++'s

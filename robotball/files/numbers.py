@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from robotball.errors import InputError, unknown
-from robotball.scene import Scene
+from robotball.robot.scene import Scene
 
 
 class Number(NamedTuple):

@@ -13,10 +13,10 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from robotball.drives import COMMAND, Ramp, Rate, Samples, Sine, Sum, key
-from robotball.equations import Rolling
 from robotball.errors import InputError
-from robotball.scene import DOWN, GRAVITY
+from robotball.robot.drives import COMMAND, Ramp, Rate, Samples, Sine, Sum, key
+from robotball.robot.formulas import Rolling
+from robotball.robot.scene import DOWN, GRAVITY
 
 Triple = tuple[float, float, float]
 _Quadruple = tuple[float, float, float, float]
@@ -87,8 +87,8 @@ _DriveName = Literal["prescribed", "servo", "position", "dc_motor", "torque", "f
 class _DriveKind:
     """A way to move a hinge: the key of its command, its motor, and the keys of the motor's fields.
 
-    does: a sentence of docs/scene.md; motor: the name of its class in `robotball.motors`, which is
-    loaded for scenes that have one; None keeps the command exactly; keys: in the order of
+    does: a sentence of docs/scene.md; motor: the name of its class in `robotball.robot.motors`,
+    which is loaded for scenes that have one; None keeps the command exactly; keys: in the order of
     the motor's fields; needed: the keys without which the drive is refused.
     """
 

@@ -12,13 +12,13 @@ from typing import Any, cast
 import msgspec
 import numpy as np
 
-from robotball.ball import Hinge, Pendulum, Rotor, Shell, shell_inertia
-from robotball.drives import Ramp, Rate, Samples, Sine, Sum
 from robotball.errors import InputError
 from robotball.files import scene_tables as tables
 from robotball.files.scene_tables import DRIVES, HingeTable
+from robotball.robot.ball import Hinge, Pendulum, Rotor, Shell, shell_inertia
+from robotball.robot.drives import Ramp, Rate, Samples, Sine, Sum
+from robotball.robot.scene import Scene
 from robotball.rotations import Array
-from robotball.scene import Scene
 
 _REST_COMMENT = "M = 0; ω is not, where frame or rotors turn"
 # Written even where they have their default: a reader would look for a direction and its place.

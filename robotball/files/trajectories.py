@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from robotball.errors import LARGEST, InputError
-from robotball.files import as_path, named
+from robotball.errors import LARGEST, InputError, named
+from robotball.files import as_path
 from robotball.files.columns import Table, read_table, write_table
 from robotball.files.scene_writer import scene_toml
+from robotball.robot.scene import Scene
 from robotball.rotations import Array
-from robotball.scene import Scene
 
 FORMAT = "robotball motion 1"  # by which `recorded` knows a file that has all arrays
 _Place = tuple[str, ...]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.bench.gallery import PICTURES, gallery_page, is_script
+from bench.gallery import PICTURES, gallery_page, is_script
 from tests.imports import PROJECT
 from validation.cli import parse
 

@@ -14,11 +14,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from robotball import InputError, Scene, Settings, preset
-from robotball.engines.ensembles.orbits import LONG_RUN_TOLERANCE
-from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.model import Model, build
-from robotball.equations import Parameters
-from robotball.qualitative.sections import (
+from robotball.dynamics.sections import (
     Crossings,
     crossings_of_motion,
     joined,
@@ -26,8 +22,12 @@ from robotball.qualitative.sections import (
     section,
     section_starts,
 )
+from robotball.engines.mujoco import LABEL
+from robotball.engines.mujoco.model import Model, build
+from robotball.robot.formulas import Parameters
+from robotball.robot.scene import Start
 from robotball.rotations import Array
-from robotball.scene import Start
+from robotball.theory.ensembles.orbits import LONG_RUN_TOLERANCE
 from validation.studies.contact_sections import each_step, random_starts, sound_run
 
 _STRETCH = 100.0  # s; in it M drifts by a few millionths at most

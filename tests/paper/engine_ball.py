@@ -7,9 +7,9 @@ from functools import cache, cached_property
 import numpy as np
 
 from robotball import Motion, Scene, sample_times, simulate
-from robotball.equations import parameters_of
+from robotball.robot.formulas import parameters_of
+from robotball.robot.scene import Start
 from robotball.rotations import Array, from_matrix, rotation_matrix
-from robotball.scene import Start
 from tests.paper.formulas import Numbers, cross, numbers, paper_scene
 
 _INTERVAL = 0.005  # s between samples, one step of "balanced"

@@ -4,11 +4,11 @@ from functools import partial
 
 import numpy as np
 
-from robotball.engines.ensembles.orbits import angular_velocity, orbit
+from robotball.dynamics.cycles import Cycle, Followed, close_map, tangent
+from robotball.dynamics.sections import Crossings, crossings_of_motion, own_start
 from robotball.engines.mujoco.model import Model
-from robotball.qualitative.cycles import Cycle, Followed, close_map, tangent
-from robotball.qualitative.sections import Crossings, crossings_of_motion, own_start
 from robotball.rotations import Array, turned
+from robotball.theory.ensembles.orbits import angular_velocity, orbit
 from validation.studies.contact_sections import each_step, sound_run
 from validation.studies.contact_tangent import rolled
 

@@ -1,7 +1,7 @@
 """The paper's formulas, implemented a second time with matrices, and tools shared by the tests.
 
-Nothing here uses robotball.equations: the tests compare robotball's formulas and motions with these
-formulas. A vector is (3,), a matrix (3, 3), in frame axes; SI units. Misprints are corrected; E1 to
+Nothing here uses robotball.robot.formulas: the tests compare its formulas and motions with these.
+A vector is (3,), a matrix (3, 3), in frame axes; SI units. Misprints are corrected; E1 to
 E30 are the numbers of docs/errata.md.
 """
 
@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
 from robotball import load_scene
-from robotball.equations import Parameters
-from robotball.qualitative.portraits import spread_points
+from robotball.dynamics.portraits import spread_points
+from robotball.robot.formulas import Parameters
 from robotball.rotations import Array, on_circle, tangents
 
 Field = Callable[[Array], Array]

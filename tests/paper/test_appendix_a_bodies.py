@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from robotball.ball import Solid, composed
+from robotball.robot.ball import Solid, composed
 from robotball.rotations import Array, rotation_matrix
 from tests.paper import formulas as f
 from tests.paper.engine_ball import INNER, RUBBER, rate, seen

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from robotball import InputError
-from robotball.ball import beyond_the_shell, check_inertia
-from robotball.designing import masses_allowed
+from robotball.design.designing import masses_allowed
+from robotball.robot.ball import beyond_the_shell, check_inertia
 from robotball.rotations import Array, tangents
 from tests.paper import formulas as f
 from tests.paper.captions import CAPTIONS

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robotball import ball
-from robotball import equations as eq
-from robotball.qualitative import equilibria, normal_forms, straight_motions
+from robotball.dynamics import equilibria, normal_forms, straight_motions
+from robotball.robot import ball
+from robotball.robot import formulas as eq
 from tests.paper import test_appendix_a_bodies as bodies
 from tests.paper import test_section_2_equations_of_motion as motion
 from tests.paper import test_section_3_momentum as momentum

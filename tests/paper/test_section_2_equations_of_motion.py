@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robotball import equations as eq
 from robotball import sample_times, simulate
-from robotball.ball import Frame
-from robotball.equations import as_vector
+from robotball.robot import formulas as eq
+from robotball.robot.ball import Frame
+from robotball.robot.formulas import as_vector
+from robotball.robot.scene import Start
 from robotball.rotations import Array, from_matrix, multiply
-from robotball.scene import Start
 from tests.paper import formulas as f
 from tests.paper.engine_ball import (
     CLASSICAL,

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from robotball.robot.scene import section_state
 from robotball.rotations import Array
-from robotball.scene import section_state
 from tests.paper import formulas as f
 from tests.paper.engine_ball import CLASSICAL, RUBBER, Seen, largest, seen
 from tests.paper.formulas import paper_scene

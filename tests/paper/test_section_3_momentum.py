@@ -8,12 +8,12 @@ import pytest
 from scipy.integrate import cumulative_simpson
 
 from robotball import Scene, sample_times, simulate
-from robotball import equations as eq
-from robotball.engines.ensembles.orbits import kernel_start, orbit
-from robotball.equations import Rolling
-from robotball.qualitative import straight_motions as lines
+from robotball.dynamics import straight_motions as lines
+from robotball.robot import formulas as eq
+from robotball.robot.formulas import Rolling
+from robotball.robot.scene import along_momentum, section_state
 from robotball.rotations import Array, on_circle, rotation_matrix, tangents
-from robotball.scene import along_momentum, section_state
+from robotball.theory.ensembles.orbits import kernel_start, orbit
 from tests.paper import formulas as f
 from tests.paper.captions import PERIOD
 from tests.paper.engine_ball import CLASSICAL, DRIVEN, RUBBER, Seen, largest, seen, seen_of

@@ -12,7 +12,7 @@ from scipy.integrate import cumulative_simpson
 from scipy.optimize import brentq
 from scipy.special import ellipj
 
-from robotball.qualitative import equilibria
+from robotball.dynamics import equilibria
 from robotball.rotations import Array, tangents
 from tests.paper import formulas as f
 from tests.paper.captions import CAPTIONS

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from robotball.qualitative import equilibria
-from robotball.qualitative.cycles import Cycle
-from robotball.qualitative.portraits import limit_cycles
+from robotball.dynamics import equilibria
+from robotball.dynamics.cycles import Cycle
+from robotball.dynamics.portraits import limit_cycles
 from robotball.rotations import Array, tangents
 from tests.paper import formulas as f
 from tests.paper.captions import CAPTIONS

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from numpy import arcsin, arctan2, pi, sqrt
 
-from robotball.equations import as_vector
-from robotball.qualitative import equilibria
-from robotball.qualitative.normal_forms import flow_near, lyapunov_value
+from robotball.dynamics import equilibria
+from robotball.dynamics.normal_forms import flow_near, lyapunov_value
+from robotball.robot.formulas import as_vector
 from robotball.rotations import Array
 from tests.paper import formulas as f
 from tests.paper.formulas import Errors, Numbers, count, worst
-from tests.robotball.qualitative.test_equilibria import random_ball
+from tests.robotball.dynamics.test_equilibria import random_ball
 
 DELTA, THETA = 1, 0  # the index j of the γⱼ that is not zero beside γ₃
 

@@ -5,8 +5,8 @@ from functools import cache
 
 import numpy as np
 
-from robotball.equations import as_vector
-from robotball.qualitative import equilibria
+from robotball.dynamics import equilibria
+from robotball.robot.formulas import as_vector
 from robotball.rotations import Array
 from tests.paper import formulas as f
 from tests.paper.engine_ball import INNER, largest, rate, seen

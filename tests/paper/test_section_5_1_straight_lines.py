@@ -9,7 +9,7 @@ import pytest
 from numpy import cos, sin, sqrt
 from scipy.optimize import brentq
 
-from robotball.qualitative import straight_motions as lines
+from robotball.dynamics import straight_motions as lines
 from robotball.rotations import Array
 from tests.paper import formulas as f
 from tests.paper.captions import line_ball

@@ -5,10 +5,10 @@ from numpy import cos, sin, sqrt
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-from robotball.engines.ensembles.orbits import kernel_start
-from robotball.qualitative.sections import crossings_of_motion, section
+from robotball.dynamics.sections import crossings_of_motion, section
+from robotball.robot.scene import section_state
 from robotball.rotations import Array
-from robotball.scene import section_state
+from robotball.theory.ensembles.orbits import kernel_start
 from tests.paper import formulas as f
 from tests.paper.captions import CAPTIONS, F
 from tests.paper.engine_ball import RUBBER, seen

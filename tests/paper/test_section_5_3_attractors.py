@@ -16,13 +16,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from robotball import preset
-from robotball.engines.compiled import inlined
-from robotball.engines.ensembles.orbits import kernel_start, orbit
-from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.run import run
-from robotball.equations import Parameters
-from robotball.qualitative.cycles import Cycle, monodromy_of, nearest
-from robotball.qualitative.long_run import (
+from robotball.dynamics.cycles import Cycle, monodromy_of, nearest
+from robotball.dynamics.long_run import (
     CHAOS,
     TORUS,
     Basins,
@@ -32,9 +27,14 @@ from robotball.qualitative.long_run import (
     drift,
     exponents,
 )
-from robotball.qualitative.sections import fixed_point, section, section_starts
+from robotball.dynamics.sections import fixed_point, section, section_starts
+from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.run import run
+from robotball.robot.formulas import Parameters
+from robotball.robot.scene import Start
 from robotball.rotations import Array, ComplexArray, from_matrix, rotation_matrix, tangents
-from robotball.scene import Start
+from robotball.theory.compiled import inlined
+from robotball.theory.ensembles.orbits import kernel_start, orbit
 from tests.paper import formulas as f
 from tests.paper.captions import CAPTIONS, PERIOD, F
 from tests.paper.engine_ball import CLASSICAL, seen

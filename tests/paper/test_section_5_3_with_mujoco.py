@@ -12,15 +12,15 @@ import pytest
 
 import robotball as rb
 from robotball import design, sample_times
-from robotball.engines.ensembles.orbits import LONG_RUN_TOLERANCE, orbits
+from robotball.dynamics import long_run
+from robotball.dynamics.cycles import Cycle
+from robotball.dynamics.portraits import limit_cycles
+from robotball.dynamics.sections import fixed_point, own_start, section
 from robotball.engines.mujoco.model import build
-from robotball.equations import speed_bound
-from robotball.qualitative import long_run
-from robotball.qualitative.cycles import Cycle
-from robotball.qualitative.portraits import limit_cycles
-from robotball.qualitative.sections import fixed_point, own_start, section
+from robotball.robot.formulas import speed_bound
+from robotball.robot.scene import Scene, Start
 from robotball.rotations import Array
-from robotball.scene import Scene, Start
+from robotball.theory.ensembles.orbits import LONG_RUN_TOLERANCE, orbits
 from tests.paper.captions import PERIOD
 from tests.paper.clouds import (
     COARSE,

@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 
 from robotball import Motion, Scene, sample_times, simulate
-from robotball.qualitative import equilibria
-from robotball.qualitative import straight_motions as straight
-from robotball.qualitative.normal_forms import flow_near, linear_part
-from robotball.qualitative.portraits import spread_points
-from robotball.qualitative.sections import own_start
+from robotball.dynamics import equilibria
+from robotball.dynamics import straight_motions as straight
+from robotball.dynamics.normal_forms import flow_near, linear_part
+from robotball.dynamics.portraits import spread_points
+from robotball.dynamics.sections import own_start
+from robotball.robot.scene import Start, along_momentum
+from robotball.robot.variations import gyrostat
 from robotball.rotations import Array, multiply, normalised, tangents, turn_between, turned
-from robotball.scene import Start, along_momentum
-from robotball.variations import gyrostat
 from tests.paper.formulas import paper_scene
 from validation.study import compiled_motion
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.files.scene_numbers import numbers_of
+from robotball.fit.residuals import held
+from robotball.fit.scene_numbers import numbers_of
 from robotball.motion import Motion
-from robotball.residuals import held
 from robotball.rotations import multiply, rotation_matrix, turned
 
 Change = Callable[[np.ndarray], np.ndarray]

@@ -13,9 +13,9 @@ import pytest
 import robotball as rb
 import robotball.motion
 from robotball.engines.mujoco import stepping
-from robotball.engines.reduced import motion_of
 from robotball.motion import PIECE, attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array, multiply
+from robotball.theory.reduced import motion_of
 from tests.messages import naming
 
 FIG12 = rb.load_scene("fig12")

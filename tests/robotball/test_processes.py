@@ -19,11 +19,11 @@ import numpy as np
 import pytest
 
 from robotball import InputError, SceneWarning, load_scene
-from robotball.engines.ensembles.orbits import orbits, take
+from robotball.dynamics.long_run import basins, exponents
+from robotball.dynamics.portraits import limit_cycles
+from robotball.dynamics.sections import section, section_starts
 from robotball.processes import Queue, allowed, at_most, in_processes, in_threads
-from robotball.qualitative.long_run import basins, exponents
-from robotball.qualitative.portraits import limit_cycles
-from robotball.qualitative.sections import section, section_starts
+from robotball.theory.ensembles.orbits import orbits, take
 from tests.robotball.jobs import Parcel, faulty, half_written, late, opened, signalled
 
 BALL = load_scene("fig14").parameters

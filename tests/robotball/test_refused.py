@@ -12,19 +12,21 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball import ball, designing, drives, errors, motors, processes, scene
-from robotball.ball import Ball, Frame, Hinge, Link, Rotor, Shell
+from robotball import errors, processes
+from robotball.design import designing
 from robotball.engines.mujoco.mjcf_export import write_model
 from robotball.engines.mujoco.settings import Prescribed
 from robotball.errors import LONGEST_LINE
 from robotball.files import scene_tables
-from robotball.files.parts import solid_of
 from robotball.files.scene_writer import scene_toml
+from robotball.robot import ball, drives, motors, scene
+from robotball.robot.ball import Ball, Frame, Hinge, Link, Rotor, Shell
 from robotball.rotations import Array
+from robotball.scene_files.parts import solid_of
 from tests import random_robots
 from tests.messages import unnamed
-from tests.robotball import designs
-from tests.robotball.own_drive import OwnDrive, of_sine
+from tests.robotball.design import designs
+from tests.robotball.robot.own_drive import OwnDrive, of_sine
 
 FIG12 = rb.load_scene("fig12")
 FAST = rb.preset("fast")

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robotball import equations as eq
+from robotball.robot import formulas as eq
 from robotball.rotations import (
     Array,
     angle_between,

@@ -8,9 +8,9 @@ import pytest
 
 import robotball as rb
 from robotball.motion import versions
-from robotball.notebook import cell
+from robotball.robot.variations import scaled
 from robotball.rotations import multiply
-from robotball.variations import scaled
+from robotball.view.notebook import cell
 from tests.messages import naming, unnamed
 from tests.motions import as_contact
 from validation import Agreement, compare

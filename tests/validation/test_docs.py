@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.files.scene_file import read_scene
-from robotball.qualitative.straight_motions import stability_limit
-from tests.bench.gallery import NUMBERS, OUTCOMES, law_list, outcomes_table
+from bench.gallery import NUMBERS, OUTCOMES, law_list, outcomes_table
+from robotball.dynamics.straight_motions import stability_limit
+from robotball.scene_files.scene_file import read_scene
 from tests.conftest import Robotball
 from tests.imports import PROJECT
 from tests.random_balls import ball_of_points

@@ -6,8 +6,8 @@ import mujoco
 import pytest
 
 import robotball as rb
-from tests.bench.bare_steps import compiled
-from tests.bench.history import (
+from bench.bare_steps import compiled
+from bench.history import (
     bisect,
     cell_of,
     changelog_line,

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from itertools import product
 
-from tests.bench.estimates import ACCURACIES, cells, lines, measure, missed
+from bench.estimates import ACCURACIES, cells, lines, measure, missed
 from validation.sweeps import Result
 
 HONEST = Result(

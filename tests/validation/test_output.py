@@ -16,11 +16,11 @@ import pytest
 from matplotlib.figure import Figure
 
 import robotball as rb
-from robotball.engine import engine_named, engine_names
+from robotball.engines.engine import engine_named, engine_names
 from robotball.engines.mujoco import LABEL
-from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.files.replacing import replacing
-from robotball.film.lines import PRESET_LOOKS, line_looks
+from robotball.theory.reduced import LABEL as EQUATIONS
+from robotball.view.lines import PRESET_LOOKS, line_looks
 from tests.messages import naming, unnamed
 from validation import Agreement, compare
 from validation.cli import parse

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from tests.bench.random_runs import extreme, judged, ordinary, robot
+from bench.random_runs import extreme, judged, ordinary, robot
 from tests.robots import low_weight
 from validation import compare
 

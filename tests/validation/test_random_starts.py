@@ -10,7 +10,7 @@ import pytest
 import robotball as rb
 from robotball.processes import at_most
 from tests.messages import naming
-from tests.robotball.files.scene_texts import PLATE
+from tests.robotball.scene_files.scene_texts import PLATE
 from validation import ManyRuns, compare, compare_many, random_starts
 from validation.study import scene_cell
 from validation.sweeps import Result, sweep

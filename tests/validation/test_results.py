@@ -6,8 +6,8 @@ import pytest
 
 import robotball as rb
 from tests.messages import naming
-from tests.robotball.files.scene_texts import PLATE
-from tests.robotball.files.test_robot_file import trusted, written
+from tests.robotball.scene_files.scene_texts import PLATE
+from tests.robotball.user_model.test_robot_file import trusted, written
 from validation.results import controls_of
 
 __all__ = ["trusted"]  # a fixture

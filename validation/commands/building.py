@@ -9,14 +9,15 @@ import numpy as np
 from tyro.conf import arg
 
 from robotball import InputError, Limits, load_scene, scene_toml
-from robotball import steering as paths
-from robotball.designing import describe, redesign
-from robotball.steering import WantedPath, shortfalls, steer
-from validation.agreement import compare
-from validation.options import AGREES, DISAGREES, OUT, Given, Preset, SceneName
-from validation.output import writable_folder, write_text
-from validation.plots import draw
-from validation.results import changed, file_name
+from robotball.design import steering as paths
+from robotball.design.designing import describe, redesign
+from robotball.design.steering import WantedPath, shortfalls, steer
+
+from ..agreement import compare
+from ..options import AGREES, DISAGREES, OUT, Given, Preset, SceneName
+from ..output import writable_folder, write_text
+from ..plots import draw
+from ..results import changed, file_name
 
 _NEAR_PATH = 1e-3  # of the path's length: how near to it a robot that is steered must come
 

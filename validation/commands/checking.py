@@ -8,21 +8,21 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from robotball.drives import as_drive
 from robotball.engines.mujoco.user_model import UserModel
-from robotball.errors import check_positive, mujoco_silent
-from robotball.files import named
-from robotball.files.robot_file import open_robot, starts_off
-from robotball.files.scene_keys import ask
-from robotball.film.web import view_fragment, view_head
+from robotball.errors import check_positive, mujoco_silent, named
 from robotball.motion import Motion, versions
-from validation.options import AGREES, DISAGREES, OUT, Controls, Duration, File, Given
-from validation.output import progress_bar, writable_folder, write_text
-from validation.report import folded, page, paragraph, plain, table, text
-from validation.report import picture as figure
-from validation.results import controls_of
-from validation.studies import check
-from validation.study import Study, present
+from robotball.robot.drives import as_drive
+from robotball.scene_files.scene_keys import ask
+from robotball.user_model.robot_file import open_robot, starts_off
+from robotball.view.web import view_fragment, view_head
+
+from ..options import AGREES, DISAGREES, OUT, Controls, Duration, File, Given
+from ..output import progress_bar, writable_folder, write_text
+from ..report import folded, page, paragraph, plain, table, text
+from ..report import picture as figure
+from ..results import controls_of
+from ..studies import check
+from ..study import Study, present
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from typing import Annotated
 
 from tyro.conf import arg
 
-from validation.options import (
+from ..options import (
     AGREES,
     BAD_INPUT,
     DISAGREES,
@@ -70,7 +70,7 @@ class Compare:
     def run(self) -> int:
         if self.starts is not None:
             return self._many(self.starts)
-        from validation.plots import prepare_drawing
+        from ..plots import prepare_drawing
 
         if self.plots:  # before the imports that take longest
             prepare_drawing(len(self.scenes))
@@ -78,9 +78,10 @@ class Compare:
         from rich.console import Console
 
         from robotball import InputError, catalog
-        from validation.comparing import Comparing, compare_all
-        from validation.output import writable_folder
-        from validation.results import OWN_FILE, scenes_of, show, write_csv, write_json
+
+        from ..comparing import Comparing, compare_all
+        from ..output import writable_folder
+        from ..results import OWN_FILE, scenes_of, show, write_csv, write_json
 
         # An option without an effect is refused, lest its user rely on it.
         if self.seed or self.cluster or self.device:
@@ -129,9 +130,10 @@ class Compare:
     def _many(self, starts: int) -> int:
         from robotball import InputError
         from robotball.errors import check_count
-        from validation.random_starts import ERRORS, PERCENTILES, many_runs
-        from validation.results import controlled
-        from validation.study import Column, Study, present, scene_cell, table_of
+
+        from ..random_starts import ERRORS, PERCENTILES, many_runs
+        from ..results import controlled
+        from ..study import Column, Study, present, scene_cell, table_of
 
         options, rows, runs = self.run_options, [], {}
         check_count("starts", starts, 1)
@@ -184,13 +186,14 @@ class Demo:
         from rich.markup import escape
 
         from robotball import PRESETS, InputError, load_scene
-        from robotball.film.lines import label_of
-        from robotball.film.render import Film
-        from validation import results
-        from validation.commands.report import FILM
-        from validation.comparing import film, motions_of
-        from validation.output import program, writable_folder, write_text
-        from validation.report.scene_report import report
+        from robotball.view.lines import label_of
+        from robotball.view.render import Film
+
+        from .. import results
+        from ..comparing import film, motions_of
+        from ..output import program, writable_folder, write_text
+        from ..report.scene_report import report
+        from .report import FILM
 
         out, console = writable_folder(self.out), Console(soft_wrap=True)
         # naive is there to fail: what is predicted of it stands behind the table.

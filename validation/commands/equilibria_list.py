@@ -10,8 +10,8 @@ from rich import box
 from rich.table import Table
 
 from robotball import InputError, Scene
-from robotball.qualitative.cycles import Cycle
-from robotball.qualitative.equilibria import (
+from robotball.dynamics.cycles import Cycle
+from robotball.dynamics.equilibria import (
     ContactPath,
     FixedCircle,
     FixedPoint,
@@ -21,8 +21,8 @@ from robotball.qualitative.equilibria import (
     index_sum,
     name_of,
 )
-from robotball.qualitative.portraits import limit_cycles
-from robotball.qualitative.straight_motions import (
+from robotball.dynamics.portraits import limit_cycles
+from robotball.dynamics.straight_motions import (
     StraightMotion,
     name_of_line,
     stability_limit,
@@ -30,12 +30,13 @@ from robotball.qualitative.straight_motions import (
     straight_motions,
 )
 from robotball.rotations import Array, ComplexArray, rotation_matrix
-from validation.options import AGREES, OUT, File, SceneName, Threads
-from validation.output import progress_bar, writable_folder, write_picture, write_record
-from validation.portrait import portrait
-from validation.results import changed, file_name
-from validation.studies.contact_sections import level_starts, steady_scene
-from validation.study import show
+
+from ..options import AGREES, OUT, File, SceneName, Threads
+from ..output import progress_bar, writable_folder, write_picture, write_record
+from ..portrait import portrait
+from ..results import changed, file_name
+from ..studies.contact_sections import level_starts, steady_scene
+from ..study import show
 
 _ROUNDING = 1e-7  # 1/s, of an eigenvalue, which may be a double one
 _NEARLY_STRAIGHT = 1e9  # radii of the ball: beyond, what bends a path is rounding

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import arg
 
-from validation.options import (
+from ..options import (
     AGREES,
     DISAGREES,
     ControllerName,
@@ -25,7 +25,7 @@ from validation.options import (
 )
 
 if TYPE_CHECKING:
-    from validation.agreement import Agreement
+    from ..agreement import Agreement
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,8 @@ class _Shown:
 
     def _agreements(self) -> "list[Agreement]":
         """Compare the scene's motions with progress shown."""
-        from validation.output import writable_folder
-        from validation.results import controlled
+        from ..output import writable_folder
+        from ..results import controlled
 
         options, scene = self.run_options, controlled(self.scene, self.control, self.controller)
         writable_folder(options.out)
@@ -76,15 +76,16 @@ class Video(_Shown):
     threads: Threads = None
 
     def run(self) -> int:
-        from robotball.film.render import Film
-        from validation.comparing import film, motions_of
-        from validation.results import changed, file_name, file_stem
+        from robotball.view.render import Film
+
+        from ..comparing import film, motions_of
+        from ..results import changed, file_name, file_stem
 
         how = Film(self.fps, _size(self.size), self.slow, self.camera, self.ghost, self.arrows)
         words = changed(self, "fps", "size", "slow", "camera", "ghost", "arrows", "as_is")
         if self.as_is:
-            from validation.commands.checking import Check
-            from validation.studies.check import beside
+            from ..studies.check import beside
+            from .checking import Check
 
             duration = self.run_options.duration
             check = Check(Path(self.scene), control=self.control, duration=duration)
@@ -111,11 +112,12 @@ class View(_Shown):
     """Write a page for any browser, which needs no network, in place of a window."""
 
     def run(self) -> int:
-        from robotball.film.viewer import KEYS, check_display, view
-        from robotball.film.web import view_page
-        from validation.comparing import motions_of
-        from validation.output import write_text
-        from validation.results import file_stem
+        from robotball.view.viewer import KEYS, check_display, view
+        from robotball.view.web import view_page
+
+        from ..comparing import motions_of
+        from ..output import write_text
+        from ..results import file_stem
 
         if not self.web:
             # Before the runs, which take longest: without a display nothing could be shown of them.

@@ -1,7 +1,7 @@
 """`robotball fit`: the numbers of a scene that explain a robot's logs, and what the logs tell.
 
-The fit is that of `robotball.fitting`. Here it is asked for, made by other engines too, and shown:
-as text, as a scene file, as a page with the residuals, as JSON.
+The fit is that of `robotball.fit.fitting`. Here it is asked for, made with other engines too, and
+shown as text, as a scene file, as a page with the residuals, as JSON.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,17 +16,18 @@ from rich.console import Console
 from tyro.conf import Positional, arg
 
 from robotball import InputError
-from robotball.engine import request_of, run_request
-from robotball.evidence import Found, SensorFit
+from robotball.engines.engine import request_of, run_request
 from robotball.files import MODEL_FILES
-from robotball.files.logs import Log, read_log
 from robotball.files.numbers import Numbers
-from robotball.files.scene_numbers import numbers_of
-from robotball.film.lines import PRESET_LOOKS, Look
-from robotball.fitting import Fit as Fitted
-from robotball.fitting import fit
-from validation.options import AGREES, DISAGREES, OUT, File, Names, SceneName, listed
-from validation.output import (
+from robotball.fit.evidence import Found, SensorFit
+from robotball.fit.fitting import Fit as Fitted
+from robotball.fit.fitting import fit
+from robotball.fit.logs import Log, read_log
+from robotball.fit.scene_numbers import numbers_of
+from robotball.view.lines import PRESET_LOOKS, Look
+
+from ..options import AGREES, DISAGREES, OUT, File, Names, SceneName, listed
+from ..output import (
     known,
     plain_table,
     print_whole,
@@ -37,8 +38,8 @@ from validation.output import (
     write_record,
     write_text,
 )
-from validation.report import VERDICTS, page, paragraph, plot, table, text
-from validation.report.chart import Line
+from ..report import VERDICTS, page, paragraph, plot, table, text
+from ..report.chart import Line
 
 _EQUATIONS = "equations"
 _STRONG = 0.9  # a correlation that is worth a line

@@ -11,8 +11,9 @@ from rich.console import Console
 from tyro.conf import arg
 
 from robotball import InputError
-from validation.comparing import film, motions_of
-from validation.options import (
+
+from ..comparing import film, motions_of
+from ..options import (
     AGREES,
     DISAGREES,
     ControllerName,
@@ -23,11 +24,11 @@ from validation.options import (
     Several,
     listed,
 )
-from validation.output import program, writable_folder, write_text
-from validation.report.scene_report import report
-from validation.report.study_report import study_report
-from validation.results import file_stem, record, scenes_of
-from validation.results import show as show_table
+from ..output import program, writable_folder, write_text
+from ..report.scene_report import report
+from ..report.study_report import study_report
+from ..results import file_stem, record, scenes_of
+from ..results import show as show_table
 
 FILM = (360, 640)  # px, height and width: the page stays below six megabytes
 _MOST_NAMES = 80  # characters of a file's name that scenes may take
@@ -82,7 +83,7 @@ class Report:
             filmed = Path(folder) / "film.mp4" if self.film else None
             if filmed:
                 # Off-screen drawing is prepared at import, which a report else has no need of.
-                from robotball.film.render import Film
+                from robotball.view.render import Film
 
                 film(filmed, motions_of(first, "video"), Film(size=FILM, ghost=len(first) > 1))
             write_text(path, report(agreements, command, filmed))

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from tyro.conf import arg
 
-from validation.options import AGREES, PRESET, Controls, Duration, SceneName, seconds_of
+from ..options import AGREES, PRESET, Controls, Duration, SceneName, seconds_of
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,9 @@ class Scenes:
         from rich.markup import escape
         from rich.table import Table
 
-        from robotball.files.scene_file import heads
-        from validation.output import print_whole
+        from robotball.scene_files.scene_file import heads
+
+        from ..output import print_whole
 
         table = Table("scene", "rolling", "duration", "title", box=box.SIMPLE_HEAD)
         for name, head in heads().items():
@@ -55,8 +56,9 @@ class Export:
     def run(self) -> int:
         from robotball import export_scene, preset
         from robotball.engines.mujoco.mjcf_export import write_model
-        from validation.output import writable_folder, write_text
-        from validation.results import controlled
+
+        from ..output import writable_folder, write_text
+        from ..results import controlled
 
         scene, settings = controlled(self.scene, self.control), preset(self.preset)
         scene = replace(scene, duration=seconds_of(self.duration, False, scene))

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from robotball.files import contents
-from validation.output import together
-from validation.report.chart import Line, chart, legend
+
+from ..output import together
+from .chart import Line, chart, legend
 
 _HERE = Path(__file__).parent
 _ROWS = 21  # of the table beside a plot

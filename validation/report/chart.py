@@ -12,9 +12,10 @@ from html import escape
 import numpy as np
 
 from robotball.files.json_text import embedded_json
-from robotball.film.lines import Look
 from robotball.rotations import Array
-from validation.plots import LEAST, in_view
+from robotball.view.lines import Look
+
+from ..plots import LEAST, in_view
 
 _POINTS = 400  # of a line at most, since a screen shows no more
 _WIDTH, _HEIGHT = 560, 330  # px of the picture

@@ -9,17 +9,18 @@ from pathlib import Path
 import numpy as np
 
 from robotball import Motion, scene_toml
-from robotball.film.lines import label_of, line_looks
-from robotball.film.web import view_fragment, view_head
+from robotball.errors import counted
 from robotball.motion import versions
-from robotball.notebook import counted
 from robotball.rotations import Array
-from validation.agreement import Agreement
-from validation.output import known, scientific
-from validation.plots import framed
-from validation.report import VERDICTS, embedded, folded, page, paragraph, plain, plot, table, text
-from validation.report.chart import Line
-from validation.results import OWN_FILE, growth_of, needs
+from robotball.view.lines import label_of, line_looks
+from robotball.view.web import view_fragment, view_head
+
+from ..agreement import Agreement
+from ..output import known, scientific
+from ..plots import framed
+from ..results import OWN_FILE, growth_of, needs
+from . import VERDICTS, embedded, folded, page, paragraph, plain, plot, table, text
+from .chart import Line
 
 _ERRORS = {
     "path error": "the largest distance of the two contact points, over the path's length",

@@ -8,7 +8,8 @@ from typing import Any
 
 from robotball import InputError
 from robotball.files import contents, readable
-from validation.report import folded, page, paragraph, picture, plain, table, text
+
+from . import folded, page, paragraph, picture, plain, table, text
 
 _LONGEST = 60  # rows of a table; the file has the others
 _WIDEST = 60  # characters of a cell

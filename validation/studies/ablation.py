@@ -25,15 +25,16 @@ from robotball.engines.mujoco.mujoco_engine import MUJOCO
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import NAIVE
 from robotball.errors import unknown
-from robotball.film.looks import INK
+from robotball.robot.looks import INK
 from robotball.rotations import Array
-from validation.agreement import Agreement
-from validation.options import Controls, Once, OnceOptions, SceneName
-from validation.output import Show, panels, progress_bar, scientific
-from validation.plots import beside
-from validation.results import controlled, record
-from validation.studies.timing import Cost, measure_costs, simulated_second
-from validation.study import Column, Row, Study, table_of
+
+from ..agreement import Agreement
+from ..options import Controls, Once, OnceOptions, SceneName
+from ..output import Show, panels, progress_bar, scientific
+from ..plots import beside
+from ..results import controlled, record
+from ..study import Column, Row, Study, table_of
+from .timing import Cost, measure_costs, simulated_second
 
 _TIMED = 2.0  # s of the motion over which cost is measured; it hardly changes along the way
 _ROUNDS = 5  # of timing, all variants in turn

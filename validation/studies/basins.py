@@ -2,12 +2,13 @@
 
 from dataclasses import dataclass
 
+from robotball.dynamics.long_run import CHAOS, LINE, LOST, TORUS, basins
 from robotball.errors import check_count
-from robotball.qualitative.long_run import CHAOS, LINE, LOST, TORUS, basins
-from validation.options import AGREES, File, SceneName, Threads
-from validation.output import progress_bar, write_record
-from validation.studies.contact_sections import attracted_scene, level_starts
-from validation.study import Column, show, table_of
+
+from ..options import AGREES, File, SceneName, Threads
+from ..output import progress_bar, write_record
+from ..study import Column, show, table_of
+from .contact_sections import attracted_scene, level_starts
 
 
 @dataclass(frozen=True)

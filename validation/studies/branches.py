@@ -16,12 +16,8 @@ from rich.table import Table
 from tyro.conf import arg
 
 from robotball import InputError, Scene, Settings, load_scene, preset
-from robotball.engines.mujoco import LABEL
-from robotball.equations import Parameters
-from robotball.errors import check_positive, unknown
-from robotball.film.looks import ACCENT, INK
-from robotball.qualitative import motion_branches as motions
-from robotball.qualitative.continuation import (
+from robotball.dynamics import motion_branches as motions
+from robotball.dynamics.continuation import (
     BRANCH,
     DOUBLING,
     DRIFT,
@@ -31,18 +27,23 @@ from robotball.qualitative.continuation import (
     Point,
     Watch,
 )
-from robotball.qualitative.cycles import Cycle
-from robotball.qualitative.equilibria import name_of
-from robotball.qualitative.families import NUMBERS
-from robotball.qualitative.long_run import basins
-from robotball.qualitative.portraits import limit_cycles
-from robotball.qualitative.strobed_branches import Driven, swinging
-from validation.options import AGREES, OUT, File, Given, Preset, SceneName, Threads
-from validation.output import Show, halo, panels, progress_bar, writable_folder
-from validation.plots import note
-from validation.results import changed
-from validation.studies.contact_sections import by_contact, level_starts, steady_scene
-from validation.study import Column, Row, Study, show, table_of, write
+from robotball.dynamics.cycles import Cycle
+from robotball.dynamics.equilibria import name_of
+from robotball.dynamics.families import NUMBERS
+from robotball.dynamics.long_run import basins
+from robotball.dynamics.portraits import limit_cycles
+from robotball.dynamics.strobed_branches import Driven, swinging
+from robotball.engines.mujoco import LABEL
+from robotball.errors import check_positive, unknown
+from robotball.robot.formulas import Parameters
+from robotball.robot.looks import ACCENT, INK
+
+from ..options import AGREES, OUT, File, Given, Preset, SceneName, Threads
+from ..output import Show, halo, panels, progress_bar, writable_folder
+from ..plots import note
+from ..results import changed
+from ..study import Column, Row, Study, show, table_of, write
+from .contact_sections import by_contact, level_starts, steady_scene
 
 _NO_BOUND = "period without bound"
 _MARKERS = {FOLD: "^", BRANCH: "s", HOPF: "o", DOUBLING: "D", DRIFT: "P", _NO_BOUND: "*"}

@@ -28,27 +28,28 @@ from scipy.ndimage import distance_transform_edt
 from tyro.conf import arg
 
 from robotball import InputError, Limits, Scene, load_scene, preset
-from robotball.designing import redesign
-from robotball.engines.ensembles.orbits import DONE, LONG_RUN_TOLERANCE, Integers, kernel_start
+from robotball.design.designing import redesign
+from robotball.dynamics.families import NUMBERS, numbers_of, varied
+from robotball.dynamics.long_run import exponents
+from robotball.dynamics.sections import section
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
-from robotball.engines.reduced import LABEL as EQUATIONS
-from robotball.equations import Parameters
 from robotball.errors import check_count, check_positive, unknown
-from robotball.film.looks import ACCENT, FAINT, INK
-from robotball.qualitative.families import NUMBERS, numbers_of, varied
-from robotball.qualitative.long_run import exponents
-from robotball.qualitative.sections import section
+from robotball.robot.formulas import Parameters
+from robotball.robot.looks import ACCENT, FAINT, INK
 from robotball.rotations import Array
-from validation.options import Preset, SceneName, Sweep, SweepOptions
-from validation.output import halo, title
-from validation.plots import note
-from validation.results import changed
-from validation.studies.contact_sections import moving_scene
-from validation.studies.contact_tangent import growth, rolled
-from validation.studies.maps import draw_level
-from validation.study import Column, Row, Study, scene_cell, table_of
-from validation.sweeps import Cell, Work
+from robotball.theory.ensembles.orbits import DONE, LONG_RUN_TOLERANCE, Integers, kernel_start
+from robotball.theory.reduced import LABEL as EQUATIONS
+
+from ..options import Preset, SceneName, Sweep, SweepOptions
+from ..output import halo, title
+from ..plots import note
+from ..results import changed
+from ..study import Column, Row, Study, scene_cell, table_of
+from ..sweeps import Cell, Work
+from .contact_sections import moving_scene
+from .contact_tangent import growth, rolled
+from .maps import draw_level
 
 # Of a neighbour over half of a motion, its logarithm: below 5 on a torus, in chaos beyond 100 over
 # 2000 s; between 10 and 40 are less than one motion in a hundred.

@@ -20,8 +20,6 @@ from rich.markup import escape
 from scipy.optimize import root_scalar
 
 from robotball import InputError, Scene, integrate
-from robotball.drives import Constant, Drive, as_drive
-from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.settings import BY_ERROR, CONSTANT, recipe
 from robotball.engines.mujoco.user_model import (
@@ -33,11 +31,7 @@ from robotball.engines.mujoco.user_model import (
     too_high_gain,
     wrenches,
 )
-from robotball.equations import Rolling
 from robotball.errors import SceneWarning, mujoco_silent
-from robotball.files.mended_file import Change, Editable, Moves, compiled, editable
-from robotball.files.robot_file import body_name, gears_of, geom_name, rolling_of, start_misses
-from robotball.film.lines import PRESET_LOOKS
 from robotball.motion import (
     ContactMotion,
     Motion,
@@ -46,10 +40,17 @@ from robotball.motion import (
     measured_time,
     with_arrays,
 )
+from robotball.robot.drives import Constant, Drive, as_drive
+from robotball.robot.formulas import Rolling
+from robotball.robot.scene import DOWN, GRAVITY
 from robotball.rotations import Array
-from robotball.scene import DOWN, GRAVITY
-from validation.output import Show, known, scientific, title
-from validation.study import Column, Study, table_of
+from robotball.theory.dop853 import LEAST_RTOL
+from robotball.user_model.mended_file import Change, Editable, Moves, compiled, editable
+from robotball.user_model.robot_file import body_name, gears_of, geom_name, rolling_of, start_misses
+from robotball.view.lines import PRESET_LOOKS
+
+from ..output import Show, known, scientific, title
+from ..study import Column, Study, table_of
 
 _INTERVAL = 0.01  # s between the points that are compared, or the model's own step
 _LOOK = 1e-3  # s between the states whose contacts are looked at, or the model's own step

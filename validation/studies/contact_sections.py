@@ -11,12 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from robotball import InputError, Motion, Scene, Settings, load_scene, preset, sample_times
-from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.model import Model, build
-from robotball.engines.mujoco.run import run
-from robotball.engines.reduced import LABEL as EQUATIONS
-from robotball.errors import check_count, check_seed
-from robotball.qualitative.sections import (
+from robotball.dynamics.sections import (
     Crossings,
     crossings_of_motion,
     period_of,
@@ -24,12 +19,18 @@ from robotball.qualitative.sections import (
     section_starts,
     strobed,
 )
-from robotball.qualitative.straight_motions import straight_motions
+from robotball.dynamics.straight_motions import straight_motions
+from robotball.engines.mujoco import LABEL
+from robotball.engines.mujoco.model import Model, build
+from robotball.engines.mujoco.run import run
+from robotball.errors import check_count, check_seed
+from robotball.robot.scene import Start
 from robotball.rotations import Array, multiply, rotation_matrix
-from robotball.scene import Start
-from validation.options import AGREES, OUT, File, Preset, SceneName, Threads
-from validation.output import panels, progress_bar, writable_folder, write_picture, write_record
-from validation.results import changed, file_name
+from robotball.theory.reduced import LABEL as EQUATIONS
+
+from ..options import AGREES, OUT, File, Preset, SceneName, Threads
+from ..output import panels, progress_bar, writable_folder, write_picture, write_record
+from ..results import changed, file_name
 
 
 def sound_run(model: Model, start: Start, times: Array) -> Motion:

@@ -21,30 +21,31 @@ from typing import Any
 import numpy as np
 
 from robotball import Scene, Settings, load_scene, preset
-from robotball.engines.ensembles.orbits import (
-    LONG_RUN_TOLERANCE,
-    orbits,
-)
-from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.model import Model, build
-from robotball.equations import Parameters
-from robotball.processes import allowed, in_processes
-from robotball.qualitative.cycles import Flow, tangent
-from robotball.qualitative.long_run import ANY_TURN, Exponents, exponents, standard_error
-from robotball.qualitative.sections import (
+from robotball.dynamics.cycles import Flow, tangent
+from robotball.dynamics.long_run import ANY_TURN, Exponents, exponents, standard_error
+from robotball.dynamics.sections import (
     own_start,
     period_of,
     stroboscopic_map,
 )
+from robotball.engines.mujoco import LABEL
+from robotball.engines.mujoco.model import Model, build
+from robotball.processes import allowed, in_processes
+from robotball.robot.formulas import Parameters
 from robotball.rotations import Array, multiply
-from validation.options import AGREES, File, Preset, SceneName, Threads
-from validation.output import known, progress_bar, write_record
-from validation.studies.contact_sections import (
+from robotball.theory.ensembles.orbits import (
+    LONG_RUN_TOLERANCE,
+    orbits,
+)
+
+from ..options import AGREES, File, Preset, SceneName, Threads
+from ..output import known, progress_bar, write_record
+from ..study import Column, show, table_of
+from .contact_sections import (
     level_starts,
     moving_scene,
     sound_run,
 )
-from validation.study import Column, show, table_of
 
 
 def rolled(model: Model, duration: float, attitudes: Array, momenta: Array) -> tuple[Array, Array]:

@@ -24,22 +24,23 @@ from rich.markup import escape
 from tyro.conf import arg
 
 from robotball import ContactMotion, InputError, Motion, Scene, Settings, integrate, preset
-from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import ADAPTIVE, INTEGRATORS, MOST_STEPS, OWN
-from robotball.engines.reduced import LABEL as EQUATIONS
-from robotball.film.looks import INK
 from robotball.motion import path_error
+from robotball.robot.looks import INK
 from robotball.rotations import Array
-from validation.options import PRESET, Controls, Names, Once, OnceOptions, SceneName, listed
-from validation.output import Show, panels, progress_bar, scientific
-from validation.plots import note
-from validation.results import controlled
-from validation.studies.ablation import without
-from validation.studies.orders import Order, fit_order, stalled_at
-from validation.study import Column, Row, Study, table_of
+from robotball.theory.dop853 import LEAST_RTOL
+from robotball.theory.reduced import LABEL as EQUATIONS
+
+from ..options import PRESET, Controls, Names, Once, OnceOptions, SceneName, listed
+from ..output import Show, panels, progress_bar, scientific
+from ..plots import note
+from ..results import controlled
+from ..study import Column, Row, Study, table_of
+from .ablation import without
+from .orders import Order, fit_order, stalled_at
 
 FIXED = f"{ADAPTIVE} fixed"
 # The order that theory claims for a smooth motion.

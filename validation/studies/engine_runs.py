@@ -20,14 +20,15 @@ import numpy as np
 from scipy.integrate import trapezoid
 
 from robotball import InputError, engine_named, engine_names, integrate, load_scene, sample_times
-from robotball.engine import DEFAULT, Request, run_request
 from robotball.engines.adapter import Adapter, not_installed
+from robotball.engines.engine import DEFAULT, Request, run_request
 from robotball.engines.environments import interpreter_of, make, python_named
 from robotball.motion import ContactMotion, EngineSettings, Motion, measured_time
 from robotball.rotations import Array, rotation_matrix
-from validation.agreement import Agreement
-from validation.output import known
-from validation.sensitivity import total_defect
+
+from ..agreement import Agreement
+from ..output import known
+from ..sensitivity import total_defect
 
 OLDER = "mujoco-3.17"  # before RK4 was of order 4 on free joints
 

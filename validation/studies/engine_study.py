@@ -15,10 +15,11 @@ from rich.markup import escape
 from tyro.conf import arg
 
 from robotball import InputError, Scene, engine_named, engine_names, load_scene
-from robotball.engine import DEFAULT
+from robotball.engines.engine import DEFAULT
 from robotball.engines.environments import ENVIRONMENTS, call, python_name, said_of, versions_in
-from robotball.film.looks import INK
-from validation.options import (
+from robotball.robot.looks import INK
+
+from ..options import (
     AGREES,
     Duration,
     Names,
@@ -29,14 +30,10 @@ from validation.options import (
     listed,
     seconds_of,
 )
-from validation.output import in_picture, writable_folder, write_record
-from validation.results import changed
-from validation.sensitivity import chaotic
-from validation.studies import engine_runs
-from validation.studies.engine_rows import row_of
-from validation.studies.engine_runs import Contestant, python_of
-from validation.studies.orders import fit_order
-from validation.study import (
+from ..output import in_picture, writable_folder, write_record
+from ..results import changed
+from ..sensitivity import chaotic
+from ..study import (
     CANCELLED,
     Column,
     Row,
@@ -47,7 +44,11 @@ from validation.study import (
     show,
     table_of,
 )
-from validation.sweeps import Cell, Result, rows_of
+from ..sweeps import Cell, Result, rows_of
+from . import engine_runs
+from .engine_rows import row_of
+from .engine_runs import Contestant, python_of
+from .orders import fit_order
 
 _LIMIT = 300.0  # s that a run may take, compilation included
 _ROUNDS = 3  # of timing

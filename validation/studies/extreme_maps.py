@@ -13,9 +13,10 @@ import numpy as np
 
 from robotball import Scene, Servo, Settings, load_scene
 from robotball.engines.mujoco.settings import ADAPTIVE, CONSTANT, INTEGRATORS, MOST_STEPS, recipe
-from robotball.variations import gyrostat, momentum_of, redistributed, scaled
-from validation.studies.maps import grid_cells
-from validation.sweeps import Cell
+from robotball.robot.variations import gyrostat, momentum_of, redistributed, scaled
+
+from ..sweeps import Cell
+from .maps import grid_cells
 
 _SCENES = {"rubber": "fig12", "classical": "classical_regular"}
 TIMESTEP = 2e-3  # s, MuJoCo's default, on maps that do not vary it

@@ -30,12 +30,15 @@ from robotball.engines.mujoco.limits import LAWS, PlannedRun, exceeded, limit_ch
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import Resolved
-from robotball.film.looks import ACCENT, INK
+from robotball.robot.looks import ACCENT, INK
 from robotball.rotations import Array
-from validation.agreement import Agreement
-from validation.options import AGREES, DISAGREES, Several, Sweep, SweepOptions, chosen
-from validation.output import halo, known
-from validation.studies.extreme_maps import (
+
+from ..agreement import Agreement
+from ..options import AGREES, DISAGREES, Several, Sweep, SweepOptions, chosen
+from ..output import halo, known
+from ..study import Column, Row, compiled_motion, table_of
+from ..sweeps import Result
+from .extreme_maps import (
     ERROR_TOLERANCE,
     MAPS,
     QUICK,
@@ -45,9 +48,7 @@ from validation.studies.extreme_maps import (
     cell_run,
     cells_of,
 )
-from validation.studies.maps import MapStudy, draw_cells, draw_level
-from validation.study import Column, Row, compiled_motion, table_of
-from validation.sweeps import Result
+from .maps import MapStudy, draw_cells, draw_level
 
 ACCURATE = 1e-4  # largest error of an accurate run, relative; the recipe's coarsest keeps 1e-6
 WRONG = 0.1  # an error above it is no result at all

@@ -29,11 +29,12 @@ from robotball import (
 )
 from robotball.engines import recorded as derivative
 from robotball.errors import LARGEST, check_positive
+from robotball.fit.sensing import ON_THE_PLANE
 from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array
-from robotball.sensing import ON_THE_PLANE
-from validation.options import AGREES, DISAGREES, Controls, File, SceneName, listed
-from validation.output import (
+
+from ..options import AGREES, DISAGREES, Controls, File, SceneName, listed
+from ..output import (
     known,
     plain_table,
     print_whole,
@@ -41,10 +42,10 @@ from validation.output import (
     scientific,
     write_record,
 )
-from validation.results import controlled
-from validation.studies.judge_search import Lag, Mistake, Search, lag_of, reference_of
-from validation.studies.mistakes import rows_of
-from validation.studies.orders import LEAST, fit_order
+from ..results import controlled
+from .judge_search import Lag, Mistake, Search, lag_of, reference_of
+from .mistakes import rows_of
+from .orders import LEAST, fit_order
 
 # Relative, of path, height, momentum and the hinges' rates; of the attitude in rad.
 _TOLERANCE = 1e-2

@@ -20,7 +20,8 @@ from robotball.engines import recorded as derivative
 from robotball.engines.recorded import sampled_rates
 from robotball.motion import arrays_of, with_arrays
 from robotball.rotations import Array, continuous
-from validation.studies.mistakes import (
+
+from .mistakes import (
     Errors,
     Truth,
     conventions,

@@ -13,10 +13,11 @@ from matplotlib.patches import Rectangle
 from rich.table import Table
 
 from robotball.rotations import Array
-from validation.options import Sweep
-from validation.output import halo, write_record
-from validation.study import Study, show
-from validation.sweeps import Cell, Result, Work, rows_of
+
+from ..options import Sweep
+from ..output import halo, write_record
+from ..study import Study, show
+from ..sweeps import Cell, Result, Work, rows_of
 
 
 def grid_cells(

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotball import Motion, Scene, Trajectory
-from robotball.equations import Rolling
 from robotball.files.trajectories import LENGTHS, RATES
-from robotball.motors import Servo
+from robotball.robot.formulas import Rolling
+from robotball.robot.motors import Servo
+from robotball.robot.variations import scaled_rate
 from robotball.rotations import (
     Array,
     angle_between,
@@ -24,7 +25,6 @@ from robotball.rotations import (
     multiply,
     rotation_matrix,
 )
-from robotball.variations import scaled_rate
 
 _FLOOR = 1e-6  # an error below it explains as little as none
 _MOST = 400  # samples that a convention is tried on

@@ -33,17 +33,16 @@ from robotball.engines.mujoco.settings import (
     recipe,
     settings_from,
 )
-from robotball.film.lines import PRESET_LOOKS
-from robotball.film.looks import ACCENT, FAINT, INK
-from robotball.motors import Servo
-from validation.agreement import Agreement
-from validation.options import Controls, Duration, SceneName, Sweep, SweepOptions, seconds_of
-from validation.output import known, scientific
-from validation.plots import note
-from validation.results import changed, controlled
-from validation.studies.orders import fit_order
-from validation.studies.timing import measure_costs, simulated_second
-from validation.study import (
+from robotball.robot.looks import ACCENT, FAINT, INK
+from robotball.robot.motors import Servo
+from robotball.view.lines import PRESET_LOOKS
+
+from ..agreement import Agreement
+from ..options import Controls, Duration, SceneName, Sweep, SweepOptions, seconds_of
+from ..output import known, scientific
+from ..plots import note
+from ..results import changed, controlled
+from ..study import (
     CANCELLED,
     Column,
     Row,
@@ -54,7 +53,9 @@ from validation.study import (
     scene_cell,
     table_of,
 )
-from validation.sweeps import Cell, Result, rows_of
+from ..sweeps import Cell, Result, rows_of
+from .orders import fit_order
+from .timing import measure_costs, simulated_second
 
 RECIPE = recipe("recipe", 1.0, timestep=PRESETS["balanced"].timestep)  # no error is a fault
 

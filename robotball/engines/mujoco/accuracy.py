@@ -14,9 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from robotball.drive_sampling import seeing_step
-from robotball.engine import as_own
-from robotball.engines.dop853 import LEAST_RTOL
+from robotball.engines.engine import as_own
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.cost_model import COST_MODEL
 from robotball.engines.mujoco.limits import PlannedRun
@@ -39,8 +37,10 @@ from robotball.motion import (
     path_errors,
     tolerated,
 )
+from robotball.robot.drive_sampling import seeing_step
+from robotball.robot.scene import Scene
 from robotball.rotations import Array
-from robotball.scene import Scene
+from robotball.theory.dop853 import LEAST_RTOL
 
 _Run = Callable[[Settings, Array], ContactMotion]
 

@@ -13,12 +13,12 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 
-from robotball.engines.dop853 import Compensated, one_by_one
 from robotball.engines.mujoco.control import Control, put, read_row, right_hand_side
 from robotball.engines.mujoco.settings import Resolved
 from robotball.engines.mujoco.stepping import Portion
 from robotball.motion import Fault, FaultKind
 from robotball.rotations import Array
+from robotball.theory.dop853 import Compensated, one_by_one
 
 _LOOK = 64  # steps between two looks of the monitor; each takes 13 evaluations of the forces
 # A run ends if at the pace of its last 1000 steps the rest needs more than max_steps, and so many

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import mujoco
 import numpy as np
 
-from robotball import equations as eq
 from robotball.engines.mujoco.model import Model, controls_at
+from robotball.robot import formulas as eq
 from robotball.rotations import Array
 
 if TYPE_CHECKING:
-    from robotball.engines.loop import Loop, Sensed
+    from robotball.robot.loop import Loop, Sensed
 
 FREE_QPOS, FREE_QVEL = 7, 6  # coordinates and velocities of the free joint; hinges follow
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -38,7 +38,7 @@ def state_of(data: mujoco.MjData) -> Array:
 
 def senses(model: Model) -> Callable[[mujoco.MjData], "Sensed"]:
     """Return what reads a robot's sensors in a state, without its forces, which take longest."""
-    from robotball.engines.loop import Sensed
+    from robotball.robot.loop import Sensed
 
     compiled, columns, count = model.compiled, model.sensor_columns, len(model.scene.hinges)
     places = [(each.index, columns[f"{each.name}_angle"].start, columns[f"{each.name}_rate"].start)
@@ -141,7 +141,7 @@ class Control:
         self.model, self.steady = model, model.scene.steady
         self.loop: Loop | None = None
         if model.scene.controller is not None:
-            from robotball.engines import loop  # which few scenes need
+            from robotball.robot import loop  # which few scenes need
 
             self.loop = loop.Loop(model.scene, model.scene.controller)
             self.model, self.steady = model.of(self.loop.scene), self.loop.holds

@@ -1,6 +1,6 @@
 """Error and cost of each family of steps, fitted to the catalog and 30 random balls, 10 s each.
 
-The rate is `accuracy.scene_rate`. `python -m tests.bench.cost_model` fits the numbers again and
+The rate is `accuracy.scene_rate`. `python -m bench.cost_model` fits the numbers again and
 prints how far scenes scatter about them.
 """
 

@@ -10,16 +10,16 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from robotball.engine import as_own, integrate, request_of, scene_of
+from robotball.engines.engine import as_own, integrate, request_of, scene_of
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.settings import Prescribed, Settings
 from robotball.engines.observe import spans
 from robotball.errors import InputError, check_positive
 from robotball.motion import DIVERGED
-from robotball.plane import check_still
+from robotball.robot.scene import SAMPLE_INTERVAL, Scene
 from robotball.rotations import Array, as_floats
-from robotball.scene import SAMPLE_INTERVAL, Scene
+from robotball.theory.plane import check_still
 
 try:
     from dm_control.rl.control import Environment, Physics, PhysicsError, Task

@@ -19,17 +19,17 @@ from functools import cached_property, partial, wraps
 
 import numpy as np
 
-from robotball import equations as eq
 from robotball.engines.mujoco.model import ModelHinge, hinges_of
 from robotball.engines.mujoco.settings import Prescribed, Resolved, Settings
 from robotball.engines.observe import step_count
-from robotball.equations import as_vector
 from robotball.errors import InputError, warn
-from robotball.loads import Loads, loads_of
 from robotball.motion import RATE_ERROR, path_unit, tolerated
-from robotball.motors import Servo
+from robotball.robot import formulas as eq
+from robotball.robot.formulas import as_vector
+from robotball.robot.loads import Loads, loads_of
+from robotball.robot.motors import Servo
+from robotball.robot.scene import Scene
 from robotball.rotations import Array, multiply, rotation_matrix, uneven
-from robotball.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -159,7 +159,7 @@ class PlannedRun(Resolved):
         """
         if self.known_loads is not None or self.scene.controller is not None:
             return self.loads
-        from robotball.engine import integrate  # few runs need it
+        from robotball.engines.engine import integrate  # few runs need it
 
         times = np.linspace(0.0, self.duration, _LOADS_SEEN)
         with suppress(InputError):
@@ -457,7 +457,7 @@ def drive_seen(plan: PlannedRun) -> _Found:
     """
     if plan.settings.adaptive or plan.scene.steady:
         return None
-    from robotball.drive_sampling import seeing_step  # most scenes are steady
+    from robotball.robot.drive_sampling import seeing_step  # most scenes are steady
 
     limit = min(plan.settings.error_tolerance, RATE_ERROR)
     error_of = partial(plan.scene.sampling_error, plan.duration)

@@ -10,16 +10,16 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from robotball.ball import Frame, Rotor
 from robotball.engines.mujoco.control import read_row
 from robotball.engines.mujoco.model import ModelHinge, build
 from robotball.engines.mujoco.readings import readings_of
 from robotball.engines.mujoco.settings import Settings, recipe
 from robotball.engines.mujoco.stepping import by_steps, controlled
 from robotball.errors import InputError
-from robotball.loads import Loads
+from robotball.robot.ball import Frame, Rotor
+from robotball.robot.loads import Loads
+from robotball.robot.scene import Friction, MovedHinge, Scene
 from robotball.rotations import Array
-from robotball.scene import Friction, MovedHinge, Scene
 
 # The central differences' half step, a velocity [m/s or rad/s] or an angle [rad]: rounding over it
 # and its own square are both far below the digits that a prediction needs.

@@ -15,17 +15,17 @@ from xml.etree.ElementTree import Element, SubElement
 import mujoco
 import numpy as np
 
-from robotball.ball import PARTS
-from robotball.drives import Drive
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import START, Model, build
 from robotball.engines.mujoco.settings import Prescribed, Settings
-from robotball.files.mended_file import in_comment
-from robotball.film.looks import BLUR, add_materials, looks_of
-from robotball.plane import check_still
+from robotball.robot.ball import PARTS
+from robotball.robot.drives import Drive
+from robotball.robot.looks import BLUR, add_materials, looks_of
+from robotball.robot.scene import Scene
+from robotball.robot.shapes import add_geoms
 from robotball.rotations import Array, conjugate, rotation_matrix
-from robotball.scene import Scene
-from robotball.shapes import add_geoms
+from robotball.theory.plane import check_still
+from robotball.user_model.mended_file import in_comment
 
 _AGREES = 1e-6  # of the path: the largest error of held controls
 _HALVINGS = 5  # of the step at most, to 32 times as many rows of controls

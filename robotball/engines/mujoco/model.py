@@ -18,13 +18,13 @@ import mujoco
 import numpy as np
 from scipy.optimize import root_scalar
 
-from robotball.ball import PARTS, Frame, Link, Pendulum, Rotor, Shell
-from robotball.drives import turns
 from robotball.engines.mujoco.settings import Prescribed, Resolved, Settings
 from robotball.errors import InputError, mujoco_silent
-from robotball.motors import Actuator, Free, Law, Motor, PositionServo, Servo, Torque
+from robotball.robot.ball import PARTS, Frame, Link, Pendulum, Rotor, Shell
+from robotball.robot.drives import turns
+from robotball.robot.motors import Actuator, Free, Law, Motor, PositionServo, Servo, Torque
+from robotball.robot.scene import MovedHinge, Scene
 from robotball.rotations import Array, multiply, rotation_matrix, z_along
-from robotball.scene import MovedHinge, Scene
 
 
 @dataclass(frozen=True)

@@ -10,16 +10,15 @@ and that of settings), `user_model`, `mjcf_export`, `ports` (MJX and MuJoCo Warp
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from robotball.engine import Engine, Request, Runner, as_own
-from robotball.engines import Progress
+from robotball.engines.engine import Engine, Request, Runner, as_own
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.limits import precheck
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import held, run
 from robotball.engines.mujoco.settings import PRESETS, Settings
-from robotball.motion import ContactMotion, EngineSettings
+from robotball.motion import ContactMotion, EngineSettings, Progress
+from robotball.robot.scene import Scene
 from robotball.rotations import Array
-from robotball.scene import Scene
 
 # A ball near an unstable motion magnifies the rounding of its start to half of it.
 LEAST_ACCURACY = 1e-11

@@ -18,9 +18,9 @@ from robotball.engines.mujoco.model import Model, ModelHinge, build, controls_at
 from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings
 from robotball.engines.states import State, force_in
 from robotball.motion import Label
-from robotball.motors import Servo
+from robotball.robot.motors import Servo
+from robotball.robot.scene import Scene
 from robotball.rotations import Array, rotation_matrix
-from robotball.scene import Scene
 
 _PASSES = 50  # of the loop at most in one call, whose controls are an array of fixed size
 
@@ -129,7 +129,7 @@ def _advance(many: bool) -> Callable[..., Any]:
     """Return the compiled loop: model, data, controls (_PASSES, nu), step [s], count → data."""
     import jax
 
-    from robotball.engines.compiled import cache_folder
+    from robotball.theory.compiled import cache_folder
 
     # The loop takes 20 s to compile, and each run of a comparison has a process of its own.
     folder = cache_folder()

@@ -7,12 +7,12 @@ product of rows take several times as long.
 import mujoco
 import numpy as np
 
-from robotball import equations as eq
 from robotball.engines.mujoco.model import Model
 from robotball.engines.observe import Readings, Sign, attitudes, lengths
-from robotball.loads import Loads
 from robotball.motion import DIVERGED, Fault, FaultKind
-from robotball.motors import Free
+from robotball.robot import formulas as eq
+from robotball.robot.loads import Loads
+from robotball.robot.motors import Free
 from robotball.rotations import Array, Mask, rotation_matrix
 
 # Sensors of coordinates and velocities, whose size shows whether a state has diverged.

@@ -22,17 +22,17 @@ import mujoco
 import numpy as np
 from mujoco.rollout import rollout
 
+from robotball.engines.many_motions import FromStarts, differ_in_start, of_each
 from robotball.engines.mujoco.limits import check_length, precheck
 from robotball.engines.mujoco.model import Model, build, carrying_depth, start_state
 from robotball.engines.mujoco.run import held, observed, run
 from robotball.engines.mujoco.settings import Resolved, Settings
 from robotball.engines.mujoco.stepping import Portion, controlled, stretches
 from robotball.errors import mujoco_silent
-from robotball.many_motions import FromStarts, differ_in_start, of_each
 from robotball.motion import ContactMotion, FaultKind
 from robotball.processes import allowed
+from robotball.robot.scene import Scene
 from robotball.rotations import Array
-from robotball.scene import Scene
 
 _BYTES = 4e7  # of the rows of all runs that have begun: fifty runs of 2000 steps
 _ABREAST = 64  # runs at most, as the first motion is read when so many have begun

@@ -3,16 +3,15 @@
 from collections.abc import Iterable
 from dataclasses import replace
 
-from robotball.engines import Progress
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.limits import check_length
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.readings import own_faults, readings_of
 from robotball.engines.mujoco.stepping import Portion, by_steps, controlled
 from robotball.engines.observe import Recording
-from robotball.motion import ContactMotion
+from robotball.motion import ContactMotion, Progress
+from robotball.robot.scene import Scene
 from robotball.rotations import Array
-from robotball.scene import Scene
 
 
 def run(

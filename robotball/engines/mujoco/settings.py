@@ -19,11 +19,11 @@ import mujoco
 import numpy as np
 from msgspec import Meta
 
-from robotball.engines.dop853 import LEAST_RTOL
 from robotball.errors import LARGEST, InputError, check_positive
 from robotball.motion import EngineSettings, preset_named
-from robotball.motors import Servo
-from robotball.scene import Scene
+from robotball.robot.motors import Servo
+from robotball.robot.scene import Scene
+from robotball.theory.dop853 import LEAST_RTOL
 
 _RK4_REAL, _RK4_IMAGINARY = 2.785, 2.828  # where |1 + z + z²/2 + z³/6 + z⁴/24| = 1 on the axes
 _EXPLICIT_REAL = 2.0  # where |1 - z| = 1

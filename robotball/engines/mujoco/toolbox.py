@@ -3,7 +3,7 @@
 The rollouts and the least squares are the toolbox's. Its sensors come a step late, and its controls
 between two are interpolated; so readings are made of the states, whose times are right, and each
 step gets its own control. Which numbers are free, and what readings are held against, is
-`robotball.fitting`'s, the same as by the equations: what differs is the file's contact alone.
+`robotball.fit.fitting`'s, the same as by the equations: what differs is the file's contact alone.
 """
 
 import io
@@ -15,15 +15,15 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from robotball.drives import as_drive
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.user_model import UserModel, readings_of, row_of, table_of
 from robotball.errors import InputError, mujoco_silent
-from robotball.files.robot_numbers import RobotScene
-from robotball.loads import Loads
 from robotball.motion import Motion
+from robotball.robot.drives import as_drive
+from robotball.robot.loads import Loads
+from robotball.robot.scene import Scene
 from robotball.rotations import Array
-from robotball.scene import Scene
+from robotball.user_model.robot_numbers import RobotScene
 
 sysid: Any = import_module("mujoco.sysid")  # by its own types the rest of mujoco would have none
 _FARTHEST = 100.0  # of an unknown's size: the toolbox takes no limit that is infinite

@@ -13,10 +13,10 @@ import mujoco
 import numpy as np
 from scipy.optimize import brentq
 
-from robotball.drives import Drive
 from robotball.engines.mujoco.control import FREE_QPOS, FREE_QVEL, STATE, Control, Steps, state_of
 from robotball.engines.mujoco.model import Model
-from robotball.motors import Law
+from robotball.robot.drives import Drive
+from robotball.robot.motors import Law
 from robotball.rotations import Array
 
 # The part of a limit by which a motor's law may be beyond it on the wrong side. A switch found so

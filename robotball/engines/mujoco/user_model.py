@@ -14,18 +14,17 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from robotball.drives import Constant, Drive
 from robotball.engines.mujoco import LABEL
 from robotball.engines.observe import Readings, Recording
-from robotball.equations import Rolling
-from robotball.errors import InputError, mujoco_silent, unknown
-from robotball.files import named
-from robotball.files.robot_file import RobotFile, gears_of
-from robotball.files.robot_scene import scene_of
-from robotball.loads import Loads
+from robotball.errors import InputError, mujoco_silent, named, unknown
 from robotball.motion import DIVERGED, ContactMotion, EngineSettings
+from robotball.robot.drives import Constant, Drive
+from robotball.robot.formulas import Rolling
+from robotball.robot.loads import Loads
+from robotball.robot.scene import Scene
 from robotball.rotations import Array, Mask, from_matrix, rotation_matrix
-from robotball.scene import Scene
+from robotball.user_model.robot_file import RobotFile, gears_of
+from robotball.user_model.robot_scene import scene_of
 
 _PATIENCE = 12.0  # s of processor time that a run as it is may take
 # Of the time, and of the radius: a sphere that is off the plane so long or so far is aloft.

@@ -18,7 +18,6 @@ import pytest
 
 import robotball as rb
 from robotball import FaultKind
-from robotball.engine import OURS
 from robotball.engines import adapter
 from robotball.engines.adapter import (
     Adapter,
@@ -30,14 +29,15 @@ from robotball.engines.adapter import (
     on_device,
     spin_damping,
 )
+from robotball.engines.engine import OURS
 from robotball.engines.environments import ENVIRONMENTS, interpreter_of
 from robotball.engines.pinocchio import PINOCCHIO
 from robotball.engines.states import State, lifting, links_of, principal_inertia
 from robotball.motion import Label, momentum_error, path_error
+from robotball.robot.scene import Scene
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
-from robotball.scene import Scene
 from tests.messages import naming, unnamed
-from tests.robotball.engines.multibody.second_form import SecondForm
+from tests.robotball.theory.multibody.second_form import SecondForm
 from tests.robots import worked
 
 pytestmark = pytest.mark.core

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engine import request_of
-from robotball.motors import Servo
+from robotball.engines.engine import request_of
+from robotball.robot.motors import Servo
 from robotball.rotations import Array
 from tests.messages import naming, unnamed
 from tests.off_engine import OFF

@@ -12,7 +12,7 @@ from robotball.files import columns as table_file
 from robotball.files import contents
 from robotball.files.columns import read_samples, read_table
 from robotball.files.replacing import replacing
-from robotball.files.robot_file import solid_of_file
+from robotball.user_model.robot_file import solid_of_file
 from tests.messages import naming
 
 READERS: dict[str, Callable[[Path], object]] = {

@@ -7,11 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import robotball as rb
-from robotball.drives import Rate
-from robotball.motors import Free
-from robotball.scene import Friction
+from robotball.robot.drives import Rate
+from robotball.robot.motors import Free
+from robotball.robot.scene import Friction
 from tests.random_robots import random_scene
-from tests.robotball.files.scene_texts import scene_of
+from tests.robotball.scene_files.scene_texts import scene_of
 
 CURVES: tuple[rb.Ramp | rb.Sine | rb.Samples, ...] = (
     rb.Samples(times=(0.0, 0.1, 1 / 3, 1e10), values=(1e-300, -0.1, 1e6, 2 / 3)),

@@ -16,7 +16,7 @@ from robotball.files.columns import read_table
 from robotball.files.trajectories import Trajectory, read_trajectory
 from robotball.motion import arrays_of
 from tests.messages import naming, unnamed, untold
-from tests.robotball.files.scene_texts import scene_of
+from tests.robotball.scene_files.scene_texts import scene_of
 
 FIG12 = rb.load_scene("fig12")
 KINDS = ("csv", "npz", "parquet")

@@ -19,7 +19,7 @@ import pytest
 import robotball as rb
 from tests.conftest import Robotball
 from tests.messages import unnamed
-from tests.robotball.files.scene_texts import PLATE
+from tests.robotball.scene_files.scene_texts import PLATE
 from validation.cli import COMMANDS, GROUPS, main
 from validation.results import controlled
 from validation.studies import engine_study

@@ -9,11 +9,11 @@ import pytest
 
 import robotball as rb
 from robotball.engines.mujoco import toolbox
-from robotball.files.robot_numbers import robot_numbers
-from robotball.files.scene_numbers import numbers_of
+from robotball.fit.scene_numbers import numbers_of
+from robotball.user_model.robot_numbers import robot_numbers
 from tests.conftest import Robotball
 from tests.messages import unnamed
-from tests.robotball.test_fitting import NOISE, log, off
+from tests.robotball.fit.test_fitting import NOISE, log, off
 from tests.validation.json_keys import misfits
 from validation.commands import fitting
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import robotball as rb
-from robotball.engine import OURS
+from robotball.engines.engine import OURS
 from robotball.engines.mujoco.mujoco_engine import MUJOCO
 from tests.conftest import Robotball
 from tests.messages import unnamed

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.film.lines import Look
+from robotball.view.lines import Look
 from tests.browser import Browser, needs_browser, opened
 from tests.conftest import Robotball
 from tests.messages import unnamed

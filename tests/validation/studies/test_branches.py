@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.qualitative import motion_branches
-from robotball.qualitative.continuation import DRIFT, FOLD, UNFINISHED, Branch, Point, Watch
+from robotball.dynamics import motion_branches
+from robotball.dynamics.continuation import DRIFT, FOLD, UNFINISHED, Branch, Point, Watch
 from tests.messages import unnamed
 from validation.studies import branches
 from validation.studies.branches import Continue, _branch_picture

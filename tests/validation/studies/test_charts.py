@@ -13,13 +13,13 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import robotball as rb
-from robotball import equations as eq
-from robotball.engines.ensembles.orbits import Integers, kernel_start
-from robotball.engines.ensembles.steppers import ball_of, row_of
-from robotball.qualitative.families import varied
-from robotball.qualitative.long_run import exponents
-from robotball.qualitative.sections import section
+from robotball.dynamics.families import varied
+from robotball.dynamics.long_run import exponents
+from robotball.dynamics.sections import section
+from robotball.robot import formulas as eq
 from robotball.rotations import Array, multiply, rotation_matrix
+from robotball.theory.ensembles.orbits import Integers, kernel_start
+from robotball.theory.ensembles.steppers import ball_of, row_of
 from tests.conftest import Robotball
 from tests.messages import naming
 from validation.options import Sweep

@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.drives import Sine
 from robotball.engines.mujoco.user_model import UserModel, observed, too_high_gain
-from robotball.files.robot_file import open_robot
-from robotball.film.lines import label_of
-from robotball.film.web import view_fragment
+from robotball.robot.drives import Sine
 from robotball.rotations import Array
+from robotball.user_model.robot_file import open_robot
+from robotball.view.lines import label_of
+from robotball.view.web import view_fragment
 from tests.conftest import Robotball
 from tests.messages import naming, unnamed
-from tests.robotball.files.test_robot_file import GIMBAL, HULL
+from tests.robotball.user_model.test_robot_file import GIMBAL, HULL
 from validation import compare
 from validation.studies import check
 from validation.studies.check import Checked, beside, causes_of, check_model

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.dynamics.cycles import tangent
+from robotball.dynamics.portraits import limit_cycles
 from robotball.engines.mujoco.model import build
-from robotball.equations import scale
-from robotball.qualitative.cycles import tangent
-from robotball.qualitative.portraits import limit_cycles
+from robotball.robot.formulas import scale
 from tests.paper.clouds import COARSE
 from tests.paper.engine_cycles import contact_cycle
 from validation.studies.contact_sections import level_starts

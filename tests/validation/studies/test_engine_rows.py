@@ -3,7 +3,7 @@
 import pytest
 
 from robotball import engine_named
-from robotball.engine import OURS
+from robotball.engines.engine import OURS
 from validation.studies.engine_rows import row_of
 
 

@@ -10,9 +10,9 @@ from zipfile import ZipFile
 import pytest
 
 import robotball as rb
-from robotball.engines.dop853 import LEAST_RTOL
+from bench.gallery import engines_table
 from robotball.engines.environments import call, versions_in
-from tests.bench.gallery import engines_table
+from robotball.theory.dop853 import LEAST_RTOL
 from tests.messages import naming
 from validation.studies import engine_study
 from validation.studies.engine_runs import (

@@ -11,9 +11,9 @@ import pytest
 from matplotlib.figure import Figure
 
 import robotball as rb
+from bench.random_runs import extreme, ordinary
 from robotball import FaultKind
 from robotball.engines.mujoco.settings import ADAPTIVE
-from tests.bench.random_runs import extreme, ordinary
 from tests.conftest import Robotball
 from validation import compare
 from validation.studies.extreme_maps import (

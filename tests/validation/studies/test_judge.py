@@ -10,11 +10,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import robotball as rb
-from robotball.drives import Constant, Rate, as_drive
-from robotball.equations import Rolling
 from robotball.motion import attitude_error, path_error
+from robotball.robot.drives import Constant, Rate, as_drive
+from robotball.robot.formulas import Rolling
+from robotball.robot.variations import scaled_rate
 from robotball.rotations import Array, conjugate, from_matrix, multiply, rotation_matrix
-from robotball.variations import scaled_rate
 from tests.conftest import Robotball
 from tests.euler_engine import euler
 from tests.messages import naming, unnamed, untold

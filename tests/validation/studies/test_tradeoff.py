@@ -14,12 +14,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import robotball as rb
+from bench.gallery import numbers_of_tradeoff
+from bench.parts import parts_of, rows_of, split
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import NAIVE, recipe
-from robotball.motors import Servo
-from tests.bench.gallery import numbers_of_tradeoff
-from tests.bench.parts import parts_of, rows_of, split
+from robotball.robot.motors import Servo
 from tests.conftest import Robotball
 from tests.messages import unnamed
 from tests.validation.examples import example

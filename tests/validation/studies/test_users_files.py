@@ -7,7 +7,7 @@ import pytest
 
 import robotball as rb
 from robotball.errors import UnitWarning
-from robotball.files import robot_file
+from robotball.user_model import robot_file
 from tests.conftest import Robotball
 from tests.messages import naming, unnamed
 from tests.validation.studies.users_files import CASES, REFUSED, Case

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engine import as_own
+from robotball.engines.engine import as_own
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.accuracy import reach, scene_rate
 from robotball.engines.mujoco.mujoco_engine import LEAST_ACCURACY

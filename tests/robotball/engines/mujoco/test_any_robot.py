@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.ball import Ball, Frame, Hinge, Shell, shell_inertia
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.rolling_resistance import Resistance
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import for_load
-from robotball.scene import Friction
+from robotball.robot.ball import Ball, Frame, Hinge, Shell, shell_inertia
+from robotball.robot.scene import Friction
 from tests.messages import naming
 from tests.motions import Pair, pair_of
 from tests.random_robots import random_scene, random_tree

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.robot.scene import Friction
 from robotball.rotations import Array
-from robotball.scene import Friction
 from tests.messages import naming, unnamed
 
 FIG12, WOBBLING = rb.load_scene("fig12"), rb.load_scene("wobbling_drive")

@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.ball import Ball, Frame, Hinge, Shell
-from robotball.drive_sampling import seeing_step
 from robotball.engines.mujoco import limits
 from robotball.engines.mujoco.limits import (
     LAWS,
@@ -23,9 +21,11 @@ from robotball.engines.mujoco.limits import (
 from robotball.engines.mujoco.linearised import linearised_start, momentum_loss
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.settings import Prescribed, recipe
-from robotball.motors import Actuator, Free, Law, Servo
-from robotball.scene import Friction
-from robotball.variations import scaled
+from robotball.robot.ball import Ball, Frame, Hinge, Shell
+from robotball.robot.drive_sampling import seeing_step
+from robotball.robot.motors import Actuator, Free, Law, Servo
+from robotball.robot.scene import Friction
+from robotball.robot.variations import scaled
 from tests.messages import naming, unnamed
 from tests.motions import Pair, pair_of
 from tests.random_balls import ball_of_points

@@ -12,7 +12,7 @@ import pytest
 
 import robotball as rb
 from robotball.engines.mujoco.mjcf_export import Written, write_model
-from robotball.scene import Friction
+from robotball.robot.scene import Friction
 from tests.messages import unnamed
 from tests.random_robots import random_tree
 from tests.robots import worked

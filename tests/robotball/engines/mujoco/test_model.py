@@ -9,7 +9,7 @@ import pytest
 import robotball as rb
 from robotball.engines.mujoco.mjcf_export import dress
 from robotball.engines.mujoco.model import Model, build
-from robotball.variations import scaled
+from robotball.robot.variations import scaled
 from tests.messages import naming
 
 pytestmark = pytest.mark.core

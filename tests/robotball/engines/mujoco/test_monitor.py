@@ -15,7 +15,7 @@ from robotball.engines.mujoco.readings import own_faults, readings_of
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.stepping import by_steps, controlled
 from robotball.engines.observe import Recording, spans
-from robotball.motors import Servo
+from robotball.robot.motors import Servo
 from robotball.rotations import Array
 from tests.motions import pair_of
 

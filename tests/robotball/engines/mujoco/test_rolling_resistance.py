@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.ball import Ball, Shell, shell_inertia
 from robotball.engines.mujoco import control
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.stepping import controlled
-from robotball.motors import Motor
-from robotball.scene import Friction
+from robotball.robot.ball import Ball, Shell, shell_inertia
+from robotball.robot.motors import Motor
+from robotball.robot.scene import Friction
 from tests.robots import Y, low_weight, robot, worked
 
 pytestmark = pytest.mark.core

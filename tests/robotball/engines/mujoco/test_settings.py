@@ -23,8 +23,8 @@ from robotball.engines.mujoco.settings import (
     for_load,
     settings_from,
 )
-from robotball.motors import Servo
-from robotball.variations import scaled
+from robotball.robot.motors import Servo
+from robotball.robot.variations import scaled
 from tests.messages import naming
 from tests.robots import worked
 

@@ -10,9 +10,9 @@ from scipy.optimize import least_squares
 
 import robotball as rb
 from robotball.engines.mujoco import toolbox
-from robotball.files.robot_numbers import RobotNumbers, robot_numbers
-from robotball.fitting import fit
+from robotball.fit.fitting import fit
 from robotball.rotations import Array, turned
+from robotball.user_model.robot_numbers import RobotNumbers, robot_numbers
 
 pytest.importorskip("tabulate", reason="the extra sysid is not installed")
 

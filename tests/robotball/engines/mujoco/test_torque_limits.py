@@ -45,7 +45,7 @@ def test_parts_of_a_step_add_up_and_meet_at_the_switch() -> None:
     assert sides == [k >= int(t / STEP) for k in range(STEPS)]
 
 
-def wanted(data: mujoco.MjData, law: rb.Law, command: rb.drives.Drive) -> float:
+def wanted(data: mujoco.MjData, law: rb.Law, command: rb.robot.drives.Drive) -> float:
     angle, rate = float(data.qpos[FREE_QPOS]), float(data.qvel[FREE_QVEL])
     return float(law.torque(command.rate(data.time), angle, rate))
 

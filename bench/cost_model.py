@@ -1,0 +1,284 @@
+"""Measure the cost model by which settings are chosen for a requested accuracy.
+
+Every scene of the catalog and random balls run at both families of the recipe: RK4 at many steps,
+and adaptive at many tolerances. The coefficients fitted to these runs stand beside those in use.
+For four accuracies a second table shows what they took over the cheapest of the configurations
+searched; `bench.estimates` measures whether they are reached.
+"""
+
+import argparse
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from robotball import Motion, Scene, SceneWarning, Settings, catalog, integrate, load_scene
+from robotball.engines.engine import as_own, simulate
+from robotball.engines.mujoco import LABEL
+from robotball.engines.mujoco.accuracy import LOOSER, RK4_EVALUATIONS, scene_rate
+from robotball.engines.mujoco.cost_model import COST_MODEL
+from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.run import run
+from robotball.engines.mujoco.settings import ADAPTIVE, recipe
+from robotball.rotations import Array
+from tests.random_balls import ball_of_points
+from validation.agreement import Agreement
+from validation.output import plain_table, progress_bar, write_record
+from validation.sweeps import Cell, sweep
+
+_BALLS = 30
+_TARGETS = (1e-4, 1e-6, 1e-8, 1e-10)
+_STEPS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24, 29, 35)  # of RK4 in a sample interval
+_RTOLS = tuple(10 ** (-half / 2) for half in range(14, 27))  # half a decade apart
+_ENOUGH = 3e-11  # a finer run than one of this error is no target's best
+
+
+def _cells() -> list[Cell]:
+    """Return the scenes of the catalog, and the random balls."""
+    return [
+        *({"scene": name} for name in catalog()),
+        *({"ball": number} for number in range(_BALLS)),
+    ]
+
+
+def _measure(cell: Cell) -> Mapping[str, Any]:
+    """Return the runs of both families, and one case a target; errors against the equations."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SceneWarning)
+        scene = ball_of_points(cell["ball"]) if "ball" in cell else load_scene(cell["scene"])
+        theory = integrate(scene)
+        interval = float(theory.times[1])
+        rk4 = (recipe("", 1.0, timestep=interval / n) for n in _STEPS)
+        adaptive = (recipe("", 1.0, integrator=ADAPTIVE, rtol=rtol) for rtol in _RTOLS)
+        return {
+            "scene": scene.name,
+            "steady": scene.steady,
+            "motors": any(hinge.motor for hinge in scene.hinges),
+            "rate": scene_rate(scene),
+            "duration": scene.duration,
+            "samples": len(theory.times),
+            "rk4": _search(scene, theory, rk4),
+            # What timings drift by should not fall between the families and the cases.
+            "cases": [_case(scene, theory, target) for target in _TARGETS],
+            # A servo's stiffness, not the error, would set the steps.
+            "adaptive": []
+            if any(hinge.motor for hinge in scene.hinges)
+            else _search(scene, theory, adaptive),
+        }
+
+
+def _search(scene: Scene, theory: Motion, family: Iterable[Settings]) -> list[dict[str, Any]]:
+    """Return the runs of a family from the coarsest on, until one is enough for any target."""
+    runs: list[dict[str, Any]] = []
+    for settings in family:
+        runs.append(_run(scene, theory, settings))
+        error = runs[-1]["error"]
+        if error is not None and error < _ENOUGH:
+            break
+    return runs
+
+
+def _run(scene: Scene, theory: Motion, settings: Settings) -> dict[str, Any]:
+    agreement = Agreement(theory, run(build(scene, settings), theory.times))
+    diagnostics = agreement.report
+    return {
+        "size": settings.rtol if settings.adaptive else settings.timestep,
+        "error": agreement.path_error,
+        "drift": agreement.momentum_error,
+        "sound": not agreement.faults,
+        "steps": diagnostics.steps,
+        "seconds": diagnostics.seconds,
+    }
+
+
+def _case(scene: Scene, theory: Motion, target: float) -> dict[str, Any]:
+    """Return the seconds of a run to an accuracy, and of its last part, at the settings chosen."""
+    report = simulate(scene, theory.times, accuracy=target).report
+    return {
+        "target": target,
+        "adaptive": as_own(report.settings, Settings, LABEL).adaptive,
+        "seconds": report.total_seconds,
+        "last_seconds": report.seconds,
+    }
+
+
+def _best_seconds(record: Mapping[str, Any], target: float) -> float:
+    """Return the least time [s] of a sound run of an error within the target, or infinity."""
+    runs = [*record["rk4"], *record["adaptive"]]
+    return min(
+        (
+            each["seconds"]
+            for each in runs
+            if each["sound"] and each["error"] is not None and each["error"] <= target
+        ),
+        default=np.inf,
+    )
+
+
+_Record = Mapping[str, Any]
+_WIDTH = 130  # characters, which the table of cases needs
+_STYLE: dict[str, Any] = {"title_justify": "left", "padding": (0, 1), "show_edge": True}
+_ROUNDING = 1e-11  # errors below this multiple of it no longer show an order
+
+
+def _main() -> None:
+    """Measure what is missing, and print both tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("out"))
+    parser.add_argument("--workers", type=int)
+    given = parser.parse_args()
+    everything = _cells()
+    with progress_bar(len(everything)) as show:
+        results = sweep(
+            _measure, everything, given.out / "front.jsonl", workers=given.workers, show=show
+        )
+    console = Console(width=_WIDTH)
+    for result in results:
+        if result.failure:
+            console.print(f"{result.cell}: {result.failure}", style="yellow")
+    records = [result.record for result in results if result.record is not None]
+    console.print(_coefficient_table(records))
+    console.print(_case_table(records))
+    write_record(given.out / "front.json", {"coefficients": _coefficients(records)})
+
+
+def _coefficients(records: Sequence[_Record]) -> dict[str, tuple[float, float]]:
+    """Each field of Front as measured: the value, and the scatter of single scenes about it.
+
+    Orders are low percentiles, for an estimate to be too small only rarely. Scatter is
+    a factor for gain, density and step, and absolute for the others.
+    """
+    records = [record for record in records if not record["motors"]]
+    steady = [record for record in records if record["steady"]]
+    order = np.array([each for record in records for each in _orders(record)])
+    rtol_order = np.array([each for record in records for each in _rtol_orders(record)])
+    stiffness = np.array([_stiffness(record) for record in records])
+    gain = np.array([_gain(record) for record in records])
+    power, log_gain = np.polyfit(np.log(stiffness), np.log(gain), 1)
+    growth, density = np.array([_density(record) for record in records]).T
+    step = np.array([_per_step(record) for record in steady])
+    adaptive_step, sample = np.array([_per_adaptive_step(record) for record in steady]).T
+    control = [
+        (_per_step(record) - np.median(step)) / RK4_EVALUATIONS
+        for record in records
+        if not record["steady"]
+    ]
+    return {
+        "order": (float(np.percentile(order, 3)), float(order.std())),
+        "rtol_order": (float(np.percentile(rtol_order, 10)), float(rtol_order.std())),
+        "gain": (float(np.exp(log_gain)), _factor(gain / stiffness**power)),
+        "power": (float(power), 0.0),
+        "density": (float(np.median(density)), _factor(density)),
+        "growth": (float(np.median(growth)), float(growth.std())),
+        "step": (float(np.median(step)), _factor(step)),
+        "adaptive_step": (float(np.median(adaptive_step)), float(adaptive_step.std())),
+        "sample": (float(np.median(sample)), float(sample.std())),
+        "control": (float(np.median(control)), float(np.std(control))),
+    }
+
+
+def _orders(record: _Record) -> list[float]:
+    """Return the orders of the error, from the longest step of RK4 to each shorter one."""
+    first, *others = record["rk4"]
+    return [_order(first, each) for each in others if each["error"] > _ROUNDING]
+
+
+def _rtol_orders(record: _Record) -> list[float]:
+    """Return the orders of the error in rtol, between rtols LOOSER apart as accuracy uses them."""
+    runs = record["adaptive"]
+    apart = round(np.log(LOOSER) / np.log(runs[0]["size"] / runs[1]["size"]))
+    return [
+        _order(loose, tight)
+        for loose, tight in zip(runs, runs[apart:], strict=False)
+        if tight["error"] > _ROUNDING and loose["sound"]
+    ]
+
+
+def _order(coarse: _Record, fine: _Record) -> float:
+    return float(np.log(coarse["error"] / fine["error"]) / np.log(coarse["size"] / fine["size"]))
+
+
+def _stiffness(record: _Record) -> float:
+    """Return RK4's error where the scene turns by a radian in a step, along its fourth order."""
+    run = record["rk4"][0]
+    return float(run["error"] / (record["rate"] * run["size"]) ** 4)
+
+
+def _gain(record: _Record) -> float:
+    """Return DOP853's error over rtol, a geometric mean, from its drift of M and RK4's of both."""
+    first = record["rk4"][0]
+    drifts = [
+        run["drift"] / run["size"] for run in record["adaptive"] if 1e-12 < run["size"] < 2e-9
+    ]
+    return float(np.exp(np.mean(np.log(drifts)))) * first["error"] / first["drift"]
+
+
+def _density(record: _Record) -> tuple[float, float]:
+    """Return the power of 1/rtol with which steps grow, and their number at 1e-11 a radian."""
+    runs = [run for run in record["adaptive"] if run["size"] < 2e-9]
+    sizes, steps = (np.log([run[key] for run in runs]) for key in ("size", "steps"))
+    slope, at_one = np.polyfit(sizes, steps, 1)
+    turned = record["rate"] * record["duration"]
+    return -float(slope), float(np.exp(at_one + slope * np.log(1e-11)) / turned)
+
+
+def _per_step(record: _Record) -> float:
+    return float(np.median([run["seconds"] / run["steps"] for run in record["rk4"]]))
+
+
+def _per_adaptive_step(record: _Record) -> Array:
+    """Return the seconds of a step of DOP853 and of a sample."""
+    runs = record["adaptive"]
+    seconds = np.array([run["seconds"] for run in runs])
+    counts = np.array([[run["steps"], record["samples"]] for run in runs])
+    return np.linalg.lstsq(counts / seconds[:, None], np.ones(len(runs)), rcond=None)[0]
+
+
+def _factor(values: Array) -> float:
+    """Return the standard deviation of the logarithm, as a factor."""
+    return float(np.exp(np.std(np.log(values))))
+
+
+def _coefficient_table(records: Sequence[_Record]) -> Table:
+    """Return the table of the coefficients measured now beside those in use."""
+    headings = ("coefficient", "in use", "measured", "scatter")
+    table = plain_table(headings, title="the front", **_STYLE)
+    for name, (value, scatter) in _coefficients(records).items():
+        table.add_row(name, f"{getattr(COST_MODEL, name):.3g}", f"{value:.3g}", f"{scatter:.2g}")
+    return table
+
+
+def _case_table(records: Sequence[_Record]) -> Table:
+    """Return a row an accuracy: how often the adaptive steps were chosen, and what it took."""
+    headings = (
+        "requested", "cases", "DOP853", "CPU / best\nmedian", "90 %", "largest", "over 2",
+        "last run\nmedian", "largest",
+    )  # fmt: skip
+    table = plain_table(headings, (), title="accuracies requested", **_STYLE)
+    for target in (*_TARGETS, None):
+        cases = [
+            (case["adaptive"], case["seconds"] / best, case["last_seconds"] / best)
+            for record in records
+            for case in record["cases"]
+            if target in (None, case["target"])
+            and np.isfinite(best := _best_seconds(record, case["target"]))
+        ]
+        adaptive, whole, last = np.array(cases).T
+        shares = (np.median(whole), np.percentile(whole, 90), whole.max())
+        table.add_row(
+            "all" if target is None else f"{target:g}",
+            str(len(cases)),
+            f"{adaptive.sum():.0f}",
+            *(f"{share:.2f}" for share in shares),
+            f"{(whole > 2).sum()}",
+            *(f"{share:.2f}" for share in (np.median(last), last.max())),
+        )
+    return table
+
+
+if __name__ == "__main__":
+    _main()

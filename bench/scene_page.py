@@ -1,0 +1,78 @@
+"""Write docs/scene.md: `python -m bench.scene_page > docs/scene.md`, as `make docs` does.
+
+Its prose is scene_page.md, its tables are the records of `scene_tables`.
+"""
+
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from msgspec import inspect
+
+from robotball.files.scene_tables import DRIVES, HingeTable
+from robotball.scene_files.parts import DENSITIES
+from robotball.scene_files.scene_keys import meaning_of, struct_of, tables_at
+from robotball.user_model.robot_scene import RobotTable
+
+
+def page() -> str:
+    """Return docs/scene.md: the prose, with a table of keys for each line `{name}` of it."""
+    prose = Path(__file__).with_name("scene_page.md").read_text()
+    return re.sub(r"(?m)^\{([\w.]+)\}$", lambda found: "\n".join(_rows(found[1])), prose)
+
+
+def _rows(name: str) -> Iterator[str]:
+    """Yield the lines of the table for a path in a scene file, or a kind of part or command."""
+    if name == "materials":
+        yield from ("| `material` | density [kg/m³] |", "|---|---|")
+        yield from (f"| `{each}` | {density:g} |" for each, density in DENSITIES.items())
+        return
+    if name == "drives":
+        yield from ("| `drive` | what it does | it needs | it may have |", "|---|---|---|---|")
+        for drive, kind in DRIVES.items():
+            optional = tuple(each for each in kind.allowed if each not in kind.needed)
+            yield f"| `{drive}` | {kind.does} | {_codes(kind.needed)} | {_codes(optional)} |"
+        return
+    yield from ("| key | what it says | unit | if not given |", "|---|---|---|---|")
+    # A hinge's keys are in a table of their own, not in that of every body that has a hinge.
+    left_out = set() if name == "hinge" else set(HingeTable.__struct_fields__)
+    for field in _documented(name).fields:
+        if field.name not in left_out:
+            meaning, unit = meaning_of(field)
+            yield f"| `{field.name}` | {meaning} | {unit} | {_default(field)} |"
+
+
+def _documented(name: str) -> inspect.StructType:
+    if name == "hinge":
+        return struct_of(HingeTable)
+    if name == "robot":
+        return struct_of(RobotTable)
+    # Parts and commands are alike in every body; those of the frame stand for all.
+    kinds = [table for path in ("frame.part", "frame.rate") for table in tables_at(path)]
+    at_path = tables_at("" if name == "scene" else name)
+    return [*(table for table in kinds if table.tag == name), *at_path][0]
+
+
+def _default(field: inspect.Field) -> str:
+    match field.default:
+        case _ if field.required:
+            return "needed"
+        case bool(value):
+            return f"`{str(value).lower()}`"
+        case float(value):
+            return f"`{value:g}`"
+        case str(value) if value:
+            return f"`{value}`"
+        case (_, *_) as values:
+            return f"`[{', '.join(f'{each:g}' for each in values)}]`"
+        case _:
+            return ""
+
+
+def _codes(keys: tuple[str, ...]) -> str:
+    return ", ".join(f"`{each}`" for each in keys)
+
+
+if __name__ == "__main__":
+    sys.stdout.write(page())

@@ -1,0 +1,191 @@
+"""Many motions at once, by a contact engine: from many starts, or of many scenes."""
+
+import ctypes
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar, overload
+
+from robotball.engines.engine import DEFAULT, Engine, Request, as_of, request_of, runnable, scene_of
+from robotball.errors import InputError
+from robotball.motion import ContactMotion, EngineSettings, Progress
+from robotball.processes import in_processes, pickled_jobs
+from robotball.robot.scene import Scene, Start
+from robotball.rotations import Array
+
+_Result = TypeVar("_Result")
+
+
+@dataclass(frozen=True, eq=False)
+class FromStarts(Sequence[Scene]):
+    """A scene from many starts. Each is made when it is asked for, as making it takes 0.2 ms.
+
+    Raises InputError for a start that is no Start.
+    """
+
+    scene: Scene
+    starts: Sequence[Start]
+
+    def __post_init__(self) -> None:
+        given: Any = self.starts
+        starts = [*given] if isinstance(given, Iterable) else [given]
+        for i, each in enumerate(starts):
+            if not isinstance(each, Start):
+                raise InputError(
+                    f"starts must be Start(attitude, momentum), one or more; number {i} is {each!r}"
+                )
+        object.__setattr__(self, "starts", starts)
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    @overload
+    def __getitem__(self, at: int) -> Scene: ...
+    @overload
+    def __getitem__(self, at: slice) -> "FromStarts": ...
+    def __getitem__(self, at: int | slice) -> "Scene | FromStarts":
+        if isinstance(at, slice):
+            return FromStarts(self.scene, self.starts[at])
+        return self.scene.from_start(self.starts[at])
+
+
+def of_each(work: Callable[[Scene], _Result], scenes: Sequence[Scene]) -> Iterator[_Result]:
+    """Yield what `work` returns of each scene, by processes; here where it cannot be pickled."""
+    if isinstance(scenes, FromStarts):
+        of_start = partial(_of_start, work, scenes.scene)
+        # Any Start can be pickled, and to try it with 1e5 of them takes seconds.
+        here = pickled_jobs(of_start, ()) is None
+        return map(of_start, scenes.starts) if here else in_processes(of_start, scenes.starts)
+    return in_processes(work, scenes, or_here=True)
+
+
+def _of_start(work: Callable[[Scene], _Result], scene: Scene, start: Start) -> _Result:
+    return work(scene.from_start(start))
+
+
+def simulate_many(
+    scene: Scene | str | Path | Sequence[Scene],
+    starts: Sequence[Start] | None = None,
+    times: Array | None = None,
+    settings: EngineSettings | str | None = None,
+    *,
+    engine: Engine | str = DEFAULT,
+    device: str | None = None,
+    progress: Progress | None = None,
+) -> Iterator[ContactMotion]:
+    """Simulate many starts of a scene, or many scenes, by a contact engine.
+
+    Each motion is the one that `simulate` returns for its scene, to the last bit. An engine that
+    can works on all cores. Motions are made as the iterator advances, so memory does not grow with
+    their number. With `device` the engine steps all balls abreast, and the motions are equal to
+    rounding.
+
+    Parameters
+    ----------
+    scene : Scene, str, Path or sequence of Scene
+        The scene whose ball is started many times, its name or file, or several scenes. Several
+        scenes may differ in their drives and bodies too.
+    starts : sequence of Start, optional
+        The starts of a single scene. Several scenes have their own.
+    times : (n,), s, optional
+        Sample times, increasing from 0. The default is the times of the first scene.
+    settings : EngineSettings or str, optional
+        The engine's settings, or the name of a preset. The default is the engine's default preset.
+    engine : Engine or str, default "mujoco"
+        The engine, or its name.
+    device : str, optional
+        "cpu" or "cuda", in place of the device in the settings. Only some engines have a choice.
+    progress : callable, optional
+        Called with the fraction of the runs that are done, from 0 to 1.
+
+    Returns
+    -------
+    iterator of ContactMotion
+        The motions, in the order of the starts or of the scenes.
+
+    Raises
+    ------
+    InputError
+        If `starts` is given with several scenes or missing with one, if one of them is no Start, if
+        the engine has no choice of a device, and wherever `simulate` raises it. What is wrong with
+        a start is found when its motion is made.
+
+    Warns
+    -----
+    SceneWarning
+        If settings are predicted to fail, or if a motion can hardly be intended. Of scenes that
+        differ only in their start, only those with the least and the largest momentum are checked.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> import robotball as rb
+    >>> scene = rb.load_scene("fig12")
+    >>> starts = [replace(scene.start, momentum=f * scene.start.momentum) for f in (0.5, 1.0)]
+    >>> for motion in rb.simulate_many(scene, starts, rb.sample_times(1.0), "fast"):
+    ...     print(f"{motion.path_length:.2f} m")
+    1.87 m
+    2.74 m
+    """
+    request = request_of(engine, settings)
+    if device is not None:
+        own: Any = request.settings
+        if not hasattr(own, "device"):
+            raise InputError(f"{request.engine.label.name} has no choice of a device: leave it out")
+        _check_device(device)
+        request = replace(request, settings=replace(own, device=device))
+    if isinstance(scene, Scene | str | Path) and starts is not None:
+        scene = FromStarts(scene_of(scene), starts)
+    elif isinstance(scene, Scene | str | Path) or starts is not None:
+        raise InputError("give starts with one scene, and none with several")
+    for each in scene[:1] if isinstance(scene, FromStarts) else scene:
+        times = runnable(each, times, request)
+    return iter(()) if times is None else _each(scene, times, request, progress)
+
+
+def _check_device(device: str) -> None:
+    """Raise InputError for a device that is none, before an engine takes seconds to find it out."""
+    if device not in ("cpu", "cuda"):
+        raise InputError(f"there is no device {device!r}: give cpu or cuda")
+    if device == "cuda":
+        try:
+            ctypes.CDLL("libcuda.so.1")
+        except OSError:
+            raise InputError(
+                "there is no device 'cuda': give cpu, as no driver for CUDA is found"
+            ) from None
+
+
+def _each(
+    scenes: Sequence[Scene], times: Array, request: Request, progress: Progress | None
+) -> Iterator[ContactMotion]:
+    """Yield the motions of `simulate_many`."""
+    assert request.settings is not None  # as no accuracy is requested
+    end = float(times[-1])
+    whole: Sequence[Scene]
+    if isinstance(scenes, FromStarts):
+        whole = FromStarts(scenes.scene.until(end), scenes.starts)
+    else:
+        whole = [each.until(end) for each in scenes]
+    motions = request.engine.run_many(whole, times, request.settings) if whole else ()
+    for i, motion in zip(range(len(scenes)), motions, strict=True):
+        yield as_of(scenes[i], motion)
+        if progress is not None:
+            progress((i + 1) / len(scenes))
+
+
+def differ_in_start(scenes: Sequence[Scene]) -> bool:
+    """Return whether scenes differ in nothing but how the ball and its hinges start."""
+    if isinstance(scenes, FromStarts):
+        return True
+    first = scenes[0]
+    angles = [each.angle for each in first.ball.hinges]
+    rates = [each.rate for each in first.ball.hinges]
+
+    def as_first(scene: Scene) -> Scene:
+        if scene.ball is not first.ball and len(scene.hinges) == len(first.hinges):
+            scene = scene.with_hinges(angle=angles, rate=rates)
+        return scene.from_start(first.start)
+
+    return all(as_first(each) == first for each in scenes)

@@ -1,0 +1,1 @@
+"""Logs of real robots, and the parameters of a scene fitted to them."""

@@ -1,0 +1,503 @@
+"""Drives: what a hinge is commanded over time.
+
+A drive is a function of time with its derivative and integral: a number, Ramp, Sine, Samples, Sum,
+or a function of the user's (Custom), whose derivative and integral are found by polynomials. It is
+smooth between its breakpoints and continuous at them, and every integration stops there. Times are
+scalars or increasing columns, in s from the start of the motion; SI units.
+
+A hinge without a motor keeps the drive as its rate [rad/s] exactly; to one with a motor it is a
+command, see `motors`.
+
+In order: a drive and its kinds, the drive of what a user gives as a rate. Users' functions are
+followed in `function_drives`, which is loaded for scenes that have one; how the steps of a run see
+drives that change is in `drive_sampling`.
+"""
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Any, Literal, Protocol, runtime_checkable
+
+import msgspec
+import numpy as np
+
+from robotball.errors import END_ROUNDING, InputError, check_positive, check_size
+
+_Time = Any  # a float, or a column (n,)
+_Scalar = Any  # a float, or a column (n,)
+
+
+@runtime_checkable
+class Drive(Protocol):
+    """Give the rate of a hinge over time.
+
+    Any object with these members can be a rate of a scene. A hinge with a motor takes the drive as
+    the command of the motor. Times are scalars or increasing columns (n,), in s from the start of
+    the motion.
+
+    Attributes
+    ----------
+    breakpoints : tuple of float, s
+        The times at which the rate is not smooth.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> drive = rb.Sine(amplitude=1.0, frequency=0.5)
+    >>> isinstance(drive, rb.Drive)
+    True
+    >>> print(f"{drive.rate(0.5):.3f} rad/s, {drive.angle(0.5):.3f} rad")
+    1.000 rad/s, 0.318 rad
+    """
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Times at which the rate is not smooth [s]."""
+        ...
+
+    def rate(self, t: _Time) -> Any:
+        """Return the rate [rad/s]."""
+        ...
+
+    def acceleration(self, t: _Time) -> Any:
+        """Return the derivative of the rate [rad/s²]; at a breakpoint, the one from there on."""
+        ...
+
+    def angle(self, t: _Time) -> Any:
+        """Return the integral of the rate from time 0 [rad]."""
+        ...
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A rate that does not change [rad/s]."""
+
+    value: float
+    breakpoints: tuple[float, ...] = ()
+
+    # 0·t gives the results the shape of the times.
+
+    def rate(self, t: _Time) -> Any:
+        return self.value + 0.0 * t
+
+    def acceleration(self, t: _Time) -> Any:
+        return 0.0 * t
+
+    def angle(self, t: _Time) -> Any:
+        return self.value * t
+
+
+COMMAND = "of the command"
+
+
+def key(meaning: str, unit: str = "") -> msgspec.Meta:
+    """Annotate a key of a scene file with its meaning, a line of Markdown, and its unit.
+
+    The reader of scene files and docs/scene.md both take them from here.
+    """
+    return msgspec.Meta(description=meaning, extra={"unit": unit})
+
+
+class _Curve(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
+    """A drive that a scene file can describe, by a table with the key `kind`."""
+
+
+# By shape of a ramp, for the fraction u of its time: how far the rate has come, its slope over u,
+# and the area under it.
+_SHAPES: dict[str, tuple[Callable[[Any], Any], ...]] = {
+    "linear": (lambda u: u, lambda u: 1.0, lambda u: u * u / 2),
+    "smooth": (
+        lambda u: u * u * (3 - 2 * u),
+        lambda u: 6 * u * (1 - u),
+        lambda u: u**3 * (1 - u / 2),
+    ),
+    "quintic": (
+        lambda u: u**3 * (10 + u * (6 * u - 15)),
+        lambda u: 30 * (u * (1 - u)) ** 2,
+        lambda u: u**4 * (2.5 + u * (u - 3)),
+    ),
+}
+
+
+class Ramp(_Curve, frozen=True, kw_only=True, tag="ramp"):
+    """Change a rate from `initial` to `final` between two times.
+
+    At the fraction u of the time, the rate has covered u of the way if the shape is linear, 3u² -
+    2u³ if it is smooth, and 10u³ - 15u⁴ + 6u⁵ if it is quintic. The acceleration of a smooth ramp
+    does not jump. Neither does the jerk of a quintic one.
+
+    Attributes
+    ----------
+    final : float, rad/s
+        The rate from `end` on. For a hinge with a motor, it has the unit of the command.
+    end : float, s
+        The time at which the ramp ends.
+    initial : float, rad/s
+        The rate until `start`, with the unit of `final`.
+    start : float, s
+        The time at which the ramp starts.
+    shape : {"linear", "smooth", "quintic"}
+        How the rate goes from one value to the other.
+
+    Raises
+    ------
+    InputError
+        If the ramp starts before 0 s, does not end after its start, or has a value that is not
+        finite.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> ramp = rb.Ramp(final=3.0, start=1.0, end=2.0, shape="smooth")
+    >>> [float(ramp.rate(t)) for t in (0.0, 1.5, 2.0)]
+    [0.0, 1.5, 3.0]
+    """
+
+    final: Annotated[float, key("the value from `end` on", COMMAND)]
+    end: Annotated[float, key("when the ramp ends", "s")]
+    initial: Annotated[float, key("the value until `start`", COMMAND)] = 0.0
+    start: Annotated[float, key("when the ramp starts", "s")] = 0.0
+    shape: Annotated[
+        Literal["linear", "smooth", "quintic"],
+        key("`linear`; `smooth`: no jump of the slope; `quintic`: nor of the slope's slope"),
+    ] = "linear"
+
+    def __post_init__(self) -> None:
+        check_size("a ramp's start", self.start, "s")
+        check_size("a ramp's end", self.end, "s")
+        if not 0 <= self.start < self.end:
+            raise InputError(
+                f"a ramp must start at 0 or later and end after that, not from "
+                f"{self.start:g} to {self.end:g} s"
+            )
+        check_positive("the time that a ramp takes", self.end - self.start, "s")
+        check_size("a ramp's initial value", self.initial)
+        check_size("a ramp's final value", self.final)
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        return (self.start, self.end)
+
+    def _fraction(self, t: _Time) -> Any:
+        u = (t - self.start) / (self.end - self.start)
+        # Of a single time NumPy takes as long as the derivative of a ball.
+        return min(max(u, 0.0), 1.0) if isinstance(u, float) else np.clip(u, 0.0, 1.0)
+
+    def rate(self, t: _Time) -> Any:
+        way, _, _ = _SHAPES[self.shape]
+        return self.initial + (self.final - self.initial) * way(self._fraction(t))
+
+    def acceleration(self, t: _Time) -> Any:
+        _, slope, _ = _SHAPES[self.shape]
+        # At a breakpoint the slope is that from there on: none at the end.
+        inside = (t >= self.start) & (t < self.end)
+        rise = self.final - self.initial
+        return inside * slope(self._fraction(t)) * rise / (self.end - self.start)
+
+    def angle(self, t: _Time) -> Any:
+        _, _, area = _SHAPES[self.shape]
+        rise = (self.final - self.initial) * (self.end - self.start)
+        after = np.maximum(t - self.end, 0.0)
+        covered = self.initial * t + rise * area(self._fraction(t))
+        return covered + (self.final - self.initial) * after
+
+
+class Sine(_Curve, frozen=True, kw_only=True, tag="sine"):
+    """Swing a rate about a mean, as mean + amplitude·sin(2π frequency t + phase).
+
+    Attributes
+    ----------
+    amplitude : float, rad/s
+        How far the rate swings from the mean. For a hinge with a motor, it has the unit of the
+        command.
+    frequency : float, Hz
+        The number of swings in a second.
+    mean : float, rad/s
+        The rate about which it swings, with the unit of `amplitude`.
+    phase : float, rad
+        The phase at time 0.
+
+    Raises
+    ------
+    InputError
+        If the frequency is not positive, or a number is not finite.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> sine = rb.Sine(mean=2.0, amplitude=1.0, frequency=0.25)
+    >>> print(f"{sine.rate(1.0):.3f} rad/s")
+    3.000 rad/s
+    """
+
+    amplitude: Annotated[float, key("how far it swings from the mean", COMMAND)]
+    frequency: Annotated[float, key("swings in a second", "Hz")]
+    mean: Annotated[float, key("what it swings about", COMMAND)] = 0.0
+    phase: Annotated[float, key("where in its swing it starts", "rad")] = 0.0
+
+    def __post_init__(self) -> None:
+        check_positive("a sine's frequency", self.frequency, "Hz")
+        check_size("a sine's amplitude", self.amplitude)
+        check_size("a sine's mean", self.mean)
+        check_size("a sine's phase", self.phase, "rad")
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        return ()
+
+    def _phase(self, t: _Time) -> Any:
+        return 2 * np.pi * self.frequency * t + self.phase
+
+    def rate(self, t: _Time) -> Any:
+        return self.mean + self.amplitude * np.sin(self._phase(t))
+
+    def acceleration(self, t: _Time) -> Any:
+        return 2 * np.pi * self.frequency * self.amplitude * np.cos(self._phase(t))
+
+    def angle(self, t: _Time) -> Any:
+        swing = (np.cos(self.phase) - np.cos(self._phase(t))) / (2 * np.pi * self.frequency)
+        return self.mean * t + self.amplitude * swing
+
+
+class Samples(_Curve, frozen=True, dict=True, kw_only=True, tag="samples"):
+    """Pass a rate through values at given times, with a continuous slope.
+
+    Between two samples the rate is a monotone cubic of Fritsch and Carlson, which overshoots
+    nowhere. The rate is not defined before the first sample or after the last, so the samples must
+    reach over the whole run.
+
+    Attributes
+    ----------
+    times : tuple of float, s
+        Two increasing times or more. Arrays are accepted.
+    values : tuple of float, rad/s
+        The rate at each time. For a hinge with a motor, it has the unit of the command.
+
+    Raises
+    ------
+    InputError
+        If there are not as many values as times, fewer than two, times that do not increase, or
+        numbers that are not finite.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> rate = rb.Samples(times=(0.0, 1.0, 2.0), values=(0.0, 2.0, 2.0))
+    >>> [float(rate.rate(t)) for t in (0.0, 1.0, 1.5)]
+    [0.0, 2.0, 2.0]
+    """
+
+    times: tuple[float, ...]  # s
+    values: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.times) != len(self.values) or len(self.times) < 2:
+            raise InputError(
+                f"samples need as many values as times, two or more: not {len(self.times)} times "
+                f"and {len(self.values)} values"
+            )
+        for name, numbers in (("time", self.times), ("value", self.values)):
+            for i, number in enumerate(numbers, start=1):
+                check_size(f"{name} {i} of the samples", number)
+        for i, (before, after) in enumerate(itertools.pairwise(self.times), start=2):
+            if not after > before:
+                raise InputError(
+                    f"the times of samples must increase: time {i} is {after:g} s, after "
+                    f"{before:g} s"
+                )
+        # Arrays are taken too, but only tuples of numbers make two rates comparable.
+        for name in ("times", "values"):
+            msgspec.structs.force_setattr(self, name, tuple(map(float, getattr(self, name))))
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        return self.times[1:-1]
+
+    @cached_property
+    def _cubics(self) -> tuple[Any, Any, Any]:
+        """The rate, its derivative and its integral from the first sample, piece by piece."""
+        from scipy.interpolate import PchipInterpolator
+
+        rate = PchipInterpolator(self.times, self.values)
+        return rate, rate.derivative(), rate.antiderivative()
+
+    # scipy answers a scalar by an array of no dimension, from which [()] takes the number.
+
+    def rate(self, t: _Time) -> Any:
+        return self._cubics[0](t)[()]
+
+    def acceleration(self, t: _Time) -> Any:
+        return self._cubics[1](t)[()]
+
+    def angle(self, t: _Time) -> Any:
+        area = self._cubics[2]
+        return (area(t) - area(0.0))[()]
+
+
+@dataclass(frozen=True)
+class Sum:
+    """Add several rates.
+
+    Attributes
+    ----------
+    parts : tuple
+        The rates: numbers, drives or functions of time. A part that is a Sum is replaced by its
+        parts.
+
+    Raises
+    ------
+    InputError
+        If there are no parts.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> rate = rb.Sum((2.0, rb.Ramp(final=1.0, end=0.5)))
+    >>> scene = rb.load_scene("fig12").with_hinges(command={"frame": rate})
+    >>> motion = rb.integrate(scene, rb.sample_times(0.5))
+    >>> print(f"{motion.hinge_rates[-1, 0]:.3f} rad/s")
+    3.000 rad/s
+    """
+
+    parts: tuple["Rate", ...]
+
+    def __post_init__(self) -> None:
+        parts = (part.parts if isinstance(part, Sum) else (part,) for part in self.parts)
+        object.__setattr__(self, "parts", tuple(itertools.chain.from_iterable(parts)))
+        if not self.parts:
+            raise InputError("a sum needs at least one rate")
+
+
+@dataclass(frozen=True)
+class Custom:
+    """Take a rate from a function of time.
+
+    The function must be continuous, and smooth between the breakpoints. No function is called
+    outside the times of a run. A pulse that is shorter than `finest` and has no breakpoints may
+    fall between two looks at the function. Every engine then misses the pulse, so that all agree.
+
+    Attributes
+    ----------
+    function : callable
+        Returns the rate [rad/s] at a time [s].
+    breakpoints : tuple of float, s
+        The times at which the rate is not smooth.
+    derivative : callable or None
+        Returns the derivative of the rate [rad/s²]. If None, polynomials that follow the function
+        give it.
+    integral : callable or None
+        Returns the integral of the rate from time 0 [rad]. If None, polynomials that follow the
+        function give it.
+    finest : float or None, s
+        The longest time between two looks at the function, which are at uneven times. If None, it
+        is a millisecond, or a 100 000th of a longer run.
+
+    Raises
+    ------
+    InputError
+        If `finest` is not positive.
+
+    Examples
+    --------
+    >>> import math
+    >>> import robotball as rb
+    >>> rate = rb.Custom(lambda t: 2.0 + math.tanh(t))
+    >>> scene = rb.load_scene("fig12").with_hinges(command={"frame": rate})
+    >>> motion = rb.integrate(scene, rb.sample_times(0.5))
+    >>> print(f"{motion.hinge_rates[-1, 0]:.3f} rad/s")
+    2.462 rad/s
+    """
+
+    function: Callable[[float], float]
+    breakpoints: tuple[float, ...] = ()
+    derivative: Callable[[float], float] | None = None
+    integral: Callable[[float], float] | None = None
+    finest: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.finest is not None:
+            check_positive("the finest that a function is looked at", self.finest, "s")
+
+
+Rate = float | Ramp | Sine | Samples | Sum | Custom | Drive | Callable[[float], float]
+
+
+def as_drive(rate: Rate, end: float) -> Drive:
+    """Return the drive of a rate in a run from 0 to `end` [s].
+
+    rate: a number [rad/s], a Ramp, a Sine, Samples, a Sum, a function of time, a Custom, or an
+    object of one's own with a Drive's members. Raises InputError where it is none of these, not
+    finite at the start, or samples that do not reach over the run.
+    """
+    drive: Drive
+    if isinstance(rate, Samples):
+        _check_covers(rate, end)
+        drive = rate
+    elif isinstance(rate, Sum):
+        drives = tuple(as_drive(part, end) for part in rate.parts)
+        steady = [each.value for each in drives if isinstance(each, Constant)]
+        # Numbers add up to a number, so that the scene stays steady and may take compiled steps.
+        drive = Constant(sum(steady)) if len(steady) == len(drives) else Total(drives)
+    elif isinstance(rate, Constant | Ramp | Sine | Total):
+        drive = rate
+    elif isinstance(rate, Custom | Drive) or callable(rate):
+        from robotball.robot.function_drives import Followed, Held
+
+        drive = rate if isinstance(rate, Held) else Followed(end, *vars(as_custom(rate)).values())
+    else:
+        drive = Constant(_number(rate))
+    check_size("a drive's rate at t = 0 s", float(drive.rate(0.0)), "rad/s")
+    return drive
+
+
+def _check_covers(samples: Samples, end: float) -> None:
+    first, last = samples.times[0], samples.times[-1]
+    if not (first <= 0 and last >= end * (1 - END_ROUNDING)):
+        raise InputError(
+            f"samples from t = {first:g} to {last:g} s do not reach over the run, from 0 to "
+            f"{end:g} s; give more of them, or shorten the run"
+        )
+
+
+def as_custom(rate: Custom | Drive | Callable[[float], float]) -> Custom:
+    """Return the Custom of a user's function, or of an object of one's own."""
+    if isinstance(rate, Drive):
+        # A user's own object may have a wrong derivative, so it is checked as a Custom's is.
+        return Custom(rate.rate, tuple(rate.breakpoints), rate.acceleration, rate.angle)
+    return rate if isinstance(rate, Custom) else Custom(rate)
+
+
+def _number(rate: Any) -> float:
+    try:
+        return float(rate)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"a rate is a number, a function of time, or a drive with breakpoints, rate, "
+            f"acceleration and angle, not {rate!r}"
+        ) from None
+
+
+@dataclass(frozen=True)
+class Total:
+    """The drive of a Sum, whose parts are drives over the run."""
+
+    drives: tuple[Drive, ...]
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        return tuple(sorted({t for drive in self.drives for t in drive.breakpoints}))
+
+    def rate(self, t: _Time) -> Any:
+        return sum(drive.rate(t) for drive in self.drives)
+
+    def acceleration(self, t: _Time) -> Any:
+        return sum(drive.acceleration(t) for drive in self.drives)
+
+    def angle(self, t: _Time) -> Any:
+        return sum(drive.angle(t) for drive in self.drives)
+
+
+def turns(drive: Drive) -> bool:
+    """Return whether the hinge ever turns. One whose rate is always 0 is fixed, motorless."""
+    return drive != Constant(0.0)

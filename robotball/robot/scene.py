@@ -1,0 +1,656 @@
+"""Scene: a ball, its drives, a rolling model, a plane and a start; all that an engine needs.
+
+A scene is checked and made exact when it is made, so that every engine starts from one state.
+In order: sample times, friction of the plane, starts in the forms of the paper, hinges as engines
+take them, the scene.
+"""
+
+import math
+from copy import copy
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from robotball.errors import (
+    LARGEST,
+    InputError,
+    check_not_negative,
+    check_positive,
+    check_size,
+    counted,
+    named,
+)
+from robotball.robot.ball import ROUNDING, Ball, Given, Link, Value, cached_array, imbalance
+from robotball.robot.drives import Constant, Drive, Rate, as_drive, turns
+from robotball.robot.formulas import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
+from robotball.rotations import Array, as_floats, from_matrix, normalised, rotation_matrix, uneven
+
+if TYPE_CHECKING:
+    from robotball.robot.controllers import Controller
+    from robotball.robot.mechanics import Robot, States
+    from robotball.robot.motors import Actuator, Motor
+
+SAMPLE_INTERVAL = 0.02  # s, of the scene's own times
+# Of motions of hours, which take a fifth of the memory so.
+_LONG, _LONG_INTERVAL = 1e4, 0.1  # s
+_MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each in a file, 120 in memory
+
+
+def sample_times(duration: float, interval: float | None = None) -> Array:
+    """Return equally spaced times.
+
+    Parameters
+    ----------
+    duration : float
+        Last of the times, s.
+    interval : float, optional
+        How far apart they are at most, s. If None, 0.02 s up to 1e4 s, and 0.1 s of a longer
+        motion.
+
+    Returns
+    -------
+    array (n,)
+        Times from 0 to the duration, s.
+
+    Raises
+    ------
+    InputError
+        If the duration is not positive and finite, or asks for more than ten million times.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> rb.sample_times(1.0, 0.25).tolist()
+    [0.0, 0.25, 0.5, 0.75, 1.0]
+    """
+    check_positive("duration", duration, "s")
+    if interval is not None:
+        check_positive("interval", interval, "s")
+    else:
+        interval = _LONG_INTERVAL if duration > _LONG else SAMPLE_INTERVAL
+    if not duration / interval < _MOST_SAMPLES:
+        raise InputError(
+            f"{duration:g} s would be {duration / interval:.3g} samples {interval:g} s apart, of "
+            f"at most {_MOST_SAMPLES:g}; give times of your own"
+        )
+    # 10 s are 500 intervals of 0.02 s, though 10/0.02 may round to a little more than 500.
+    return np.linspace(0.0, duration, int(np.ceil(duration / interval * (1 - 1e-12))) + 1)
+
+
+def check_times(times: Array) -> Array:
+    """Return times (n,) as floats. Raises InputError unless finite, increasing and from 0."""
+    times = as_floats("times", times)
+    if times.ndim != 1 or len(times) < 2:
+        raise InputError(f"times must be two or more (sample_times), not of shape {times.shape}")
+    if not np.all(np.isfinite(times)):
+        raise InputError("times must be finite")
+    check_size("the last of the times", float(times[-1]), "s")
+    if times[0] != 0:
+        raise InputError(f"times must start at 0, not at {times[0]:g}")
+    late = np.flatnonzero(np.diff(times) <= 0)
+    if len(late):
+        i = int(late[0])
+        raise InputError(f"times must increase: {times[i + 1]:g} follows {times[i]:g}")
+    return times
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Coefficients of friction between shell and plane; None is as much as the motion needs.
+
+    sliding    1, the largest friction over the normal force
+    torsional  m, the largest torque about the vertical over the normal force
+    rolling    m, the torque against rolling over the normal force; 0 is none
+    """
+
+    sliding: float | None = None
+    torsional: float | None = None
+    rolling: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.sliding is not None:
+            check_positive("the sliding friction", self.sliding, "")
+        if self.torsional is not None:
+            check_positive("the torsional friction", self.torsional, "m")
+        check_not_negative("the rolling friction", self.rolling, "m")
+
+
+# The largest error of a given unit vector, right angle or horizontal momentum. The six digits of a
+# figure's caption pass and a wrong number does not. A value that passes is then made exact.
+_CAPTION = 1e-5
+# The largest rounding error of a momentum, relative to the terms whose sum it is.
+_START_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True)
+class Start(Given):
+    """Say how the ball lies and rolls at the start of a motion.
+
+    Parameters
+    ----------
+    attitude : array (4,)
+        Quaternion (w, x, y, z) of the frame, frame to world.
+    momentum : array (3,)
+        M in world axes, kg m²/s.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> start = rb.Start(attitude=(1, 0, 0, 0), momentum=(0.0, 0.5, 0.0))
+    >>> start.momentum.tolist()
+    [0.0, 0.5, 0.0]
+    """
+
+    attitude: Array
+    momentum: Array
+
+    @cached_array
+    def to_world(self) -> Array:
+        """The attitude as a matrix (3, 3), frame to world; its rows are α, β, γ."""
+        return rotation_matrix(self.attitude)
+
+
+def section_state(L: float, l: float, g: float, f: float, c: float = 0.0) -> tuple[Array, Array]:
+    """Return γ (3,) and M (3,), in principal axes, at section coordinates (5.5).
+
+    L [kg m²/s] and l [rad] place M, whose square is f [(kg m²/s)²]; g [rad] turns γ about it;
+    c = (M, γ) [kg m²/s]. Raises InputError unless f > 0, L² <= f and c² < f.
+    """
+    if not f > 0:
+        raise InputError(f"f = M² must be positive, not {f:g}")
+    G = np.sqrt(f)
+    if not abs(L) <= G:
+        raise InputError(f"|L| = {abs(L):g} must not exceed sqrt(f) = {G:g}")
+    if not abs(c) < G:
+        raise InputError(f"|c| = {abs(c):g} must be smaller than sqrt(f) = {G:g}")
+    across = np.sqrt(1 - (L / G) ** 2)
+    M = G * np.array([across * np.sin(l), across * np.cos(l), L / G])
+    node = np.array([np.cos(l), -np.sin(l), 0.0])
+    level = np.array([L / G * np.sin(l), L / G * np.cos(l), -across])
+    gamma = np.sin(g) * node + np.cos(g) * level
+    return c / f * M + np.sqrt(1 - c * c / f) * gamma, M
+
+
+def along_momentum(gamma: Array, M: Array) -> Start:
+    """Return the start in the world axes of section 3.3: OX is against the horizontal part of M.
+
+    α = -(M - cγ)/√(f - c²), β = M×γ/√(f - c²), with gamma (3,) a unit vector and M (3,), both in
+    frame axes. Raises InputError where M is vertical or zero, for then α and β must be given.
+    """
+    c = M @ gamma
+    horizontal = M - c * gamma
+    size = np.linalg.norm(horizontal)
+    # What rounding leaves of a vertical M has a direction, but no meaning.
+    if not size > 1e-12 * np.linalg.norm(M):
+        raise InputError("M has no horizontal part to lay OX along; give alpha or a quaternion too")
+    return Start(
+        attitude=attitude_of_axes(gamma, -horizontal / size), momentum=np.array([-size, 0.0, c])
+    )
+
+
+def attitude_of_axes(gamma: Array, alpha: Array) -> Array:
+    """Return the quaternion (4,) of γ (3,) and α (3,): space's Z and X, unit vectors in frame axes.
+
+    Raises InputError unless they are orthogonal.
+    """
+    cosine = float(gamma @ alpha)
+    if not abs(cosine) <= _CAPTION:
+        raise InputError(f"gamma and alpha are not orthogonal: (gamma, alpha) = {cosine:.6g}")
+    # Made orthogonal to rounding: γ is kept, as it turns the ball, while α is only its heading.
+    alpha = alpha - cosine * gamma
+    alpha = alpha / np.linalg.norm(alpha)
+    return from_matrix(np.stack([alpha, np.cross(gamma, alpha), gamma]))
+
+
+def unit(name: str, v: Array) -> Array:
+    """Return `v` (n,) at length one exactly. Raises InputError if it is not a unit vector."""
+    length = math.hypot(*v.tolist())  # overflows nowhere
+    if not abs(length - 1) <= _CAPTION:
+        raise InputError(f"{name} is not of unit length: |{name}| = {length:.6g}")
+    return normalised(v)
+
+
+def horizontal(M: Array, scale: float) -> Array:
+    """Return M (3,) in world axes without its vertical part, which (3.1) makes zero in rubber.
+
+    scale: the size of the terms whose sum M is [kg m²/s]; where they cancel, M is their rounding.
+    Raises InputError where the vertical part is more than a caption's rounding.
+    """
+    size, vertical = math.hypot(*M.tolist()), float(M[2])
+    if not abs(vertical) <= max(_CAPTION * size, _START_ROUNDING * scale):
+        raise InputError(
+            f"M is not horizontal, as the rubber model's is by (3.1): (M, gamma) = {vertical:.6g} "
+            f"of |M| = {size:.6g} kg m²/s"
+        )
+    return M * [1.0, 1.0, 0.0]
+
+
+def check_no_spin(shell: Array, gamma: Array) -> None:
+    """Raise InputError unless the shell's ω - Ω (3,) has no part along γ, as (2.2) demands."""
+    spin = float(shell @ gamma)
+    if not abs(spin) <= _CAPTION * float(np.linalg.norm(shell)):
+        raise InputError(
+            f"angular_velocity spins the shell on the spot, which the rubber model forbids (2.2): "
+            f"(ω - Ω, γ) = {spin:.6g} rad/s"
+        )
+
+
+@dataclass(frozen=True)
+class MovedHinge:
+    """A hinge as engines take it: that of the ball, with all that its scene knows of it.
+
+    body    with its name, axis and pivot, as it is where all hinges are at 0
+    command of the motor, a function of time: `rate(t)` is its value, in the motor's own unit
+    motor   None: the hinge keeps the commanded rate exactly
+    angle   rad at the start; m of a slide
+    rate    rad/s at the start; m/s of a slide
+    """
+
+    body: Link
+    command: Drive
+    motor: "Motor | None"
+    angle: float
+    rate: float
+
+    @property
+    def name(self) -> str:
+        """The name of the body that turns: frame, rotor1, …, pendulum1, …, or a link's."""
+        return self.body.name
+
+
+GRAVITY = 9.81  # m/s², MuJoCo's own default
+DOWN = (0.0, 0.0, -1.0)
+_STANDS = 1e-6  # of the rate of a ball that falls by its radius: a hinge so slow stands still
+_RATES_SEEN = 501  # times over a scene at which the largest rate of a hinge is looked for
+_SMALL = 0.3  # of |K| + d|Ω|: where M is below it, K and dΩ turn the ball rather than M
+
+
+@dataclass(frozen=True, repr=False)
+class Scene(Value):
+    """Set up one experiment, the same for every engine.
+
+    Parameters
+    ----------
+    name : str
+        One word, for tables and names of files.
+    title : str
+        One line, for plots.
+    source : str
+        Where the numbers come from.
+    ball : Ball
+        Bodies, what moves them, and how they are hinged at the start.
+    rolling : {"rubber", "classical"}
+        Rolling model: rubber forbids slipping and spinning about the vertical, classical slipping
+        alone.
+    start : Start
+        Attitude and momentum. One that misses the rolling model by rounding is put on it: its
+        attitude becomes a unit quaternion, a rubber ball's M horizontal.
+    duration : float
+        Of the motion, s.
+    gravity : float, optional
+        m/s².
+    gravity_direction : tuple of 3 floats, optional
+        Direction of the fall in world axes, whose Z is the plane's normal; an inclined plane has a
+        horizontal part.
+    friction : Friction, optional
+        Friction of the plane.
+    actuators : tuple of Actuator, optional
+        Motors that move several hinges by gears, besides what each hinge has of its own.
+    controller : Controller, optional
+        What commands the motors by the robot's sensors, in place of the commands given here.
+    plane_motion : tuple of 3 rates, optional
+        The plane's acceleration along the world's X, Y and Z, each a rate in m/s². The plane does
+        not turn, and is at rest at time 0. Contact points and velocities are seen from the plane;
+        `in_space` tells where the ball is in space.
+
+    Raises
+    ------
+    InputError
+        If a number cannot be, the start misses the rolling model, a command is no function of time
+        over the duration, an actuator is on a hinge that it cannot move, or a controller has no
+        motor to command.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> scene = rb.load_scene("fig12")
+    >>> scene.rolling, [hinge.name for hinge in scene.hinges]
+    ('rubber', ['frame', 'rotor1'])
+    >>> faster = scene.with_hinges(command={"frame": 3.0})
+    >>> faster.hinges[0].rate
+    3.0
+    """
+
+    name: str
+    title: str
+    source: str
+    ball: Ball
+    rolling: Rolling
+    start: Start
+    duration: float
+    gravity: float = GRAVITY
+    gravity_direction: tuple[float, float, float] = DOWN
+    friction: Friction = field(default_factory=Friction)
+    actuators: "tuple[Actuator, ...]" = ()
+    controller: "Controller | None" = None
+    plane_motion: tuple[Rate, Rate, Rate] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if self.rolling not in ROLLING_MODELS:
+            raise InputError(f"rolling must be one of {ROLLING_MODELS}, not {self.rolling!r}")
+        check_positive("duration", self.duration, "s")
+        check_positive("gravity", self.gravity, "m/s²")
+        assert len(self.hinges) == len(self.ball.hinges)  # commands are checked as drives are made
+        down = as_floats("gravity_direction", self.gravity_direction, (3,))
+        down = unit("gravity_direction", down)
+        if not down[2] < 0:
+            raise InputError(
+                f"gravity_direction must press the ball on the plane: its Z is {down[2]:.6g}, and "
+                "must be negative"
+            )
+        object.__setattr__(self, "gravity_direction", tuple(down.tolist()))
+        self._begin(self.start)
+        moved = [hinge.name for hinge in self.hinges if hinge.motor]
+        for actuator in self.actuators:
+            for name, ratio in actuator.gears:
+                check_size(f"{actuator.name}'s gear", ratio)
+                if name not in moved:
+                    raise InputError(
+                        f"{actuator.name} moves the hinge of {name!r}, which must be one whose "
+                        f"rate is not given; those are {', '.join(moved) or 'none'}"
+                    )
+        if self.controller is not None and not self.actuators:
+            from robotball.robot.motors import Free  # few scenes have a controller
+
+            if all(isinstance(hinge.motor, Free | None) for hinge in self.hinges):
+                raise InputError(
+                    f"{self.name} has no motor that a controller could command: give a hinge one, "
+                    "as Servo"
+                )
+
+    def _begin(self, start: Start) -> None:
+        """Set the start, made exact. Raises InputError where it misses the rolling model."""
+        if not isinstance(start, Start):
+            raise InputError(f"a scene's start must be Start(attitude, momentum), not {start!r}")
+        for part in start.momentum.tolist():
+            check_size("the start's momentum", part, "kg m²/s", LARGEST**3)
+        attitude, momentum = unit("attitude", start.attitude), start.momentum
+        object.__setattr__(self, "start", start)  # whose M has the scale of its own rounding
+        if self.rolling == "rubber":
+            momentum = horizontal(momentum, self.momentum_scale)
+        # Made exact once, here: engines that each normalise it would start from different states.
+        object.__setattr__(self, "start", Start(attitude, momentum))
+
+    def __repr__(self) -> str:
+        ball = self.ball
+        inside = [counted(len(ball.rotors), "rotor")] if ball.rotors else []
+        inside += [counted(len(ball.pendulums), "pendulum")] if ball.pendulums else []
+        parts = [self.rolling, *inside, f"{ball.mass:.4g} kg", f"radius {ball.radius:.4g} m"]
+        return f"<Scene {self.name}: {', '.join(parts)}; {self.duration:g} s>"
+
+    @cached_array
+    def times(self) -> Array:
+        """The sample times (n,) that are taken where none are given, from 0 to the duration [s]."""
+        return sample_times(self.duration)
+
+    @cached_array
+    def principal_axes(self) -> Array:
+        """The rotation (3, 3) from principal to frame axes: v_frame = principal_axes @ v."""
+        return self.ball.principal[1]
+
+    @cached_array
+    def principal_quaternion(self) -> Array:
+        """`principal_axes` as a quaternion (4,)."""
+        return from_matrix(self.principal_axes)
+
+    @cached_property
+    def hinges(self) -> tuple[MovedHinge, ...]:
+        """The ball's hinges as they start, with commands as drives over the scene's duration."""
+        hinges = []
+        for given, link in zip(self.ball.hinges, self.ball.tree[1:], strict=True):
+            command, rate = self._drive(link.name, given.command), given.rate
+            if rate is None:  # a Torque's command and a PositionServo's are no rates
+                follows = given.motor is None or given.motor.follows_rate
+                rate = float(command.rate(0.0)) if follows else 0.0
+            hinges.append(MovedHinge(link, command, given.motor, float(given.angle), float(rate)))
+        return tuple(hinges)
+
+    @cached_property
+    def drives(self) -> tuple[Drive, ...]:
+        """The hinges' commands."""
+        return tuple(hinge.command for hinge in self.hinges)
+
+    def _drive(self, name: str, rate: Rate) -> Drive:
+        # The message of a drive does not know whose it is.
+        with named(name):
+            return as_drive(rate, self.duration)
+
+    @cached_property
+    def controls(self) -> tuple[Drive, ...]:
+        """The actuators' commands."""
+        return tuple(self._drive(each.name, each.control(self.duration)) for each in self.actuators)
+
+    @cached_property
+    def plane_drives(self) -> tuple[Drive, ...]:
+        """The plane's acceleration along X, Y and Z."""
+        if len(self.plane_motion) != 3:
+            raise InputError(f"plane_motion must be 3 rates, X, Y and Z: not {self.plane_motion}")
+        return tuple(map(self._drive, map("the plane along {}".format, "XYZ"), self.plane_motion))
+
+    @cached_property
+    def _over_time(self) -> tuple[Drive, ...]:
+        """All that is given as a function of time."""
+        return (*self.drives, *self.controls, *self.plane_drives)
+
+    def with_hinges(self, **given: Any) -> "Scene":
+        """Return the scene with another ball, of `Ball.with_hinges`."""
+        return replace(self, ball=self.ball.with_hinges(**given))
+
+    def from_start(self, start: Start) -> "Scene":
+        """Return the scene from another start, in a tenth of the time that `replace` takes.
+
+        All that is known already of its bodies and drives is known of the other scene.
+        """
+        scene = copy(self)
+        vars(scene).pop("momentum_scale", None)  # all else that is kept depends on no start
+        scene._begin(start)
+        return scene
+
+    def with_controller(self, controller: "Controller") -> "Scene":
+        """Return the scene with its loop closed by a controller."""
+        return replace(self, controller=controller)
+
+    def check_open(self, what: str) -> None:
+        """Raise InputError where a controller closes the loop, which `what` cannot hold."""
+        if self.controller is not None:
+            raise InputError(
+                f"{self.name}: {what} cannot hold a controller; keep the Python that has it, and "
+                "write the scene without one"
+            )
+
+    @cached_property
+    def robot(self) -> "Robot":
+        """The bodies and the armatures as the numbers that `robotball.robot.mechanics` takes."""
+        # Balanced scenes at given rates are integrated by (3.2) and (3.3), and need no mechanics.
+        from robotball.robot.mechanics import robot_of
+
+        return robot_of(self.ball)
+
+    @cached_array
+    def hinged(self) -> Array:
+        """The hinges' angles and rates (2, 1, h) at the start, as `robot` takes one state's."""
+        return np.array([[[h.angle for h in self.hinges]], [[h.rate for h in self.hinges]]])
+
+    @property
+    def gravity_world(self) -> Array:
+        """G (3,) in world axes [m/s²]."""
+        return self.gravity * np.array(self.gravity_direction)
+
+    def gravity_at(self, t: Any) -> Array:
+        """Return gravity (..., 3) as the moving plane has it at times t (...) [s], world axes."""
+        # In a frame that is accelerated, all that is free falls against its acceleration.
+        return self.gravity_world - np.array([each.rate(t) for each in self.plane_drives]).T
+
+    @cached_property
+    def plane_moves(self) -> bool:
+        """Whether the plane is ever accelerated."""
+        return any(map(turns, self.plane_drives))
+
+    @cached_property
+    def level(self) -> bool:
+        """Whether gravity is along the plane's normal, as the moving plane has it."""
+        return self.gravity_direction == DOWN and not any(map(turns, self.plane_drives[:2]))
+
+    @cached_property
+    def not_reduced(self) -> str | None:
+        """One line: why (3.2) and (3.3) do not describe the scene; None where they do."""
+        if offset := imbalance(self.ball):
+            return offset
+        if self.ball.pendulums:
+            return "a pendulum moves the centre of mass"
+        if self.ball.general:
+            return "its bodies are a tree of links, or its shell is not symmetric"
+        if any(hinge.motor for hinge in self.hinges):
+            return "a hinge has a motor, which does not keep its rate exactly"
+        if not self.level:
+            return "the plane is inclined or moves sideways"
+        if self.friction.rolling:
+            return "the plane resists rolling"
+        return None
+
+    def check_reduced(self) -> None:
+        """Raise InputError where (3.2) and (3.3) do not describe the scene."""
+        if self.not_reduced:
+            raise InputError(
+                f"{self.name}: {self.not_reduced}; this needs a scene that the paper's equations "
+                "(3.2) and (3.3) describe: a balanced ball at given rates on a level plane"
+            )
+
+    @property
+    def load_varies(self) -> bool:
+        """Whether the normal force may change."""
+        return self.plane_moves or self._off_centre
+
+    @cached_property
+    def _off_centre(self) -> bool:
+        """Whether the centre of mass is or comes off the sphere's."""
+        # A pendulum hung at its centre of mass turns, but moves no mass.
+        pivots = [body.pivot - body.centre for body in self.ball.pendulums]
+        swings = [np.cross(b.axis, p) for b, p in zip(self.ball.pendulums, pivots, strict=True)]
+        far = ROUNDING * self.ball.radius
+        moves = self.ball.general or any(np.linalg.norm(s) > far for s in swings)
+        return imbalance(self.ball) is not None or moves
+
+    @cached_property
+    def keeps_momentum(self) -> bool:
+        """Whether M is constant in space: balanced, on a level plane that resists no rolling.
+
+        The plane may move up and down.
+        """
+        return self.level and not self._off_centre and not self.friction.rolling
+
+    def until(self, end: float) -> "Scene":
+        """Return the scene of a run that ends at `end` [s]; its drives cover 0 to `end`.
+
+        Raises InputError where a drive given by a function jumps on the way.
+        """
+        if self.steady:
+            return self
+        scene = replace(self, duration=end)
+        assert scene.breakpoints is not None  # raises before the run, not in its midst
+        return scene
+
+    @cached_property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Times after 0 at which a drive or the plane is not smooth, or the controller acts [s]."""
+        stops = {*self.controller.stops(self.duration)} if self.controller else set()
+        return tuple(sorted({t for o in self._over_time for t in o.breakpoints if t > 0} | stops))
+
+    @cached_property
+    def largest_rates(self) -> tuple[float, ...]:
+        """The largest size of each hinge's command over the scene."""
+        times = uneven(self.duration, self.duration / _RATES_SEEN)
+        return tuple(float(np.abs(drive.rate(times)).max()) for drive in self.drives)
+
+    @cached_property
+    def rate_scales(self) -> tuple[float, ...]:
+        """The unit of relative errors of each hinge's rate: the largest command, unless it is tiny.
+
+        A command that is 0 over the whole scene has no relative error. Its hinge stands still, and
+        the unit of its rate is that of a ball that falls by its radius.
+        """
+        falling, a = math.sqrt(self.gravity / self.ball.radius), self.ball.radius
+        units = [a * falling if hinge.body.slides else falling for hinge in self.hinges]
+        both = zip(self.largest_rates, units, strict=True)
+        return tuple(largest if largest > _STANDS * unit else unit for largest, unit in both)
+
+    @cached_property
+    def steady(self) -> bool:
+        """Whether all rates and the plane's acceleration are constant."""
+        return self.controller is None and all(isinstance(o, Constant) for o in self._over_time)
+
+    def sampling_error(self, end: float, timestep: float) -> float:
+        """Return `sampling_error` of all that changes, in steps [s] of a run to `end` [s]."""
+        from robotball.robot.drive_sampling import sampling_error  # most scenes are steady
+
+        stops = np.array([0.0, *(t for t in self.breakpoints if t < end), end])
+        return sampling_error(self._over_time, stops, timestep)
+
+    def parameters_at(self, t: float) -> Parameters:
+        """Return the numbers of the equations at time t [s], in principal axes."""
+        return parameters_of(self.ball, self.rolling, [float(each.rate(t)) for each in self.drives])
+
+    @cached_property
+    def parameters(self) -> Parameters:
+        """The numbers of (3.2) or (3.3), in principal axes; InputError unless they are constant."""
+        self.check_reduced()
+        if not self.steady:
+            raise InputError(f"{self.name}: drives or plane change in time; use parameters_at(t)")
+        return self._first_parameters
+
+    @cached_property
+    def _first_parameters(self) -> Parameters:
+        return self.parameters_at(0.0)
+
+    @cached_property
+    def momentum_scale(self) -> float:
+        """The unit of relative errors of M [kg m²/s]: |M| of the start, where that is not small.
+
+        A ball that starts from rest has M = 0 or rounding. Then K and dΩ turn it and set the
+        scale; where these are zero as well, it is the M of a ball that falls by its radius. So
+        the scale is proportional to the masses, whatever their unit.
+        """
+        start = math.hypot(*self.start.momentum.tolist())
+        falling = self.ball.d * float(np.sqrt(self.gravity / self.ball.radius))
+        if self.not_reduced:
+            return max(start, falling)
+        with np.errstate(over="ignore", invalid="ignore"):  # refused by the equations, not here
+            numbers = self._first_parameters
+        turned = math.hypot(*numbers.K) + numbers.d * math.hypot(*numbers.Omega)
+        return max(start, _SMALL * turned) or falling
+
+    def angular_velocity_at(self, start: Start) -> Array:
+        """Return ω (3,) of the frame, in frame axes, at any start of this ball [rad/s]."""
+        to_frame = start.to_world.T
+        if self.not_reduced:
+            angles, rates = self.hinged
+            gamma, M = to_frame[None, :, 2], (to_frame @ start.momentum)[None]
+            return self.robot.angular_velocity(gamma, angles, M, rates, self.rolling)[0]
+        to_principal = self.principal_axes.T @ to_frame
+        M, gamma = to_principal @ start.momentum, to_principal[:, 2]
+        omega = self._first_parameters.angular_velocity(as_vector(M), as_vector(gamma))
+        return self.principal_axes @ np.array(omega)
+
+    def momentum_of(self, omega: Array) -> Array:
+        """Return M (3,) in world axes of a start with ω (3,) of the frame, in frame axes [rad/s].
+
+        In the rubber model the shell must not spin.
+        """
+        return np.asarray(self.start.to_world @ self.states_of(omega).momentum(self.rolling)[0])
+
+    def states_of(self, omega: Array) -> "States":
+        """Return the robot at the start, where the frame has ω (3,), in frame axes [rad/s]."""
+        gamma, (angles, rates) = self.start.to_world[None, 2], self.hinged
+        return self.robot.states(gamma, angles, omega[None], rates)

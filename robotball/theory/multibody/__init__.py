@@ -1,0 +1,1 @@
+"""The equations of any robot that rolls, and their integration."""

@@ -1,0 +1,374 @@
+"""The derivative of a robot's state, by the formulas of robotball.robot.mechanics, compiled.
+
+A state is (q, X, Y, M, loss, angles, h, work): the frame's attitude, the contact point, the
+momentum M in space axes, the work lost to rolling resistance, and of every hinge its angle, its
+momentum (used where its rate is not given) and the work of its motors. A motor moves one hinge, or
+several by gears. Where the plane moves, its work on the ball follows. The derivative is computed
+with readings of the state, the forces and rates that it takes: see `Readings`.
+
+To call compiled code takes longer than one derivative, so `differentiate` has all stages of a step,
+of one robot or of several.
+"""
+
+from functools import cache
+from types import FunctionType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from robotball.robot import formulas as eq
+from robotball.robot import mechanics
+from robotball.robot.formulas import Vector
+from robotball.robot.mechanics import (
+    COLUMN,
+    MOVING,
+    PLACED,
+    TURNING,
+    bias,
+    constrain,
+    eliminate,
+    mass_matrix,
+    momentum_rates,
+    move,
+    partial_velocities,
+    place,
+    push,
+    put,
+    solve,
+    vector,
+)
+from robotball.robot.motors import SLOW
+from robotball.rotations import Array, Mask
+from robotball.theory.compiled import compiled_from, inlined, text_of
+
+# Places in a state; from HINGES on the angles, the momenta and the work, h numbers each.
+POINT, MOMENTUM, LOSS, HINGES = 4, 6, 9, 10
+# Places in the readings; from PER_HINGE on the hinges' rates and torques, h each, and the motors'
+# torques without limits.
+_FORCE, _PLANE_TORQUE, _OMEGA, _ROLLING, PER_HINGE = 0, 3, 6, 9, 12
+# Places in a motor's row: the numbers of its law.
+_PER_COMMAND, _PER_ANGLE, _PER_RATE, _AT_REST, LIMIT, _FRICTION, MOTOR = 0, 1, 2, 3, 4, 5, 6
+# rad/s: a shell that rolls no faster stands. The direction of the resistance, which would jump at
+# rest, is smoothed below it.
+STANDING = 1e-8
+_Axes = tuple[Vector, Vector, Vector]
+
+
+# The formulas call each other by name, and numba compiles only calls of functions that it knows.
+for _module in (eq, mechanics):
+    for _function in vars(_module).values():
+        if isinstance(_function, FunctionType):
+            inlined(_function)
+
+
+class Machine(NamedTuple):
+    """The numbers of a scene that stay while it moves; of n robots, those of each are in a row.
+
+    bodies, radius, carrier: of its `Robot`; motors (m, MOTOR), the numbers of their laws; gears
+    (m, h); resistance m, of the plane to rolling. The same of all robots: carrier; given (6 + h,):
+    whether a rate is given, and whether the shell may turn about each axis of space, which goes
+    with the modes; spin_free: whether it may not turn about the vertical.
+    """
+
+    bodies: Array
+    radius: Any
+    carrier: int
+    motors: Array
+    gears: Array
+    given: Mask
+    spin_free: bool
+    resistance: Any
+
+
+class Inputs(NamedTuple):
+    """What is given at the stages of a step (s, ...); of n robots, those of each are in a row.
+
+    rates, accelerations (s, h): of the hinges; commands (s, m): of the motors; gravity (s, 3) m/s²
+    and plane (s, 3) m/s, the plane's velocity: world axes.
+    """
+
+    rates: Array
+    accelerations: Array
+    commands: Array
+    gravity: Array
+    plane: Array
+
+
+class Modes(NamedTuple):
+    """The modes of a robot; while they stay, the derivative is a smooth function of the state.
+
+    motors (m,): -1, 0 or 1, the side of its limit on which a motor is; standing: whether the
+    plane's resistance to rolling holds the shell; toward (3,), world: the direction in which it
+    will roll.
+    """
+
+    motors: NDArray[np.int64]
+    standing: bool = False
+    toward: Array = np.zeros(3)
+
+
+class Work(NamedTuple):
+    """What the derivative writes on its way: compiled code that makes no array compiles faster.
+
+    state (size,); placed, columns, moving: as `mechanics` names them; matrix (6 + h, 6 + h): 𝓜 with
+    its border, as `eliminate` leaves it; rows (5, 6 + h).
+    """
+
+    state: Array
+    placed: Array
+    columns: Array
+    moving: Array
+    matrix: Array
+    rows: Array
+
+
+def work_of(size: int, hinges: int) -> Work:
+    """Return room for what the derivative of a state (size,) writes on its way."""
+    b, k = 1 + hinges, 6 + hinges
+    shapes = (size,), (b, PLACED), (b, 3 + hinges, COLUMN), (b, MOVING), (k, k), (5, k)
+    return Work(*map(np.zeros, shapes))
+
+
+@inlined
+def _pose(state: Any, machine: Machine, standing: bool, work: Work) -> _Axes:
+    """Place the bodies and eliminate 𝓜. Returns the axes of space, seen from the carrier."""
+    count, given = len(machine.bodies) - 1, machine.given
+    axes = eq.space_axes((state[0], state[1], state[2], state[3]))
+    place(machine.bodies, machine.carrier, state[HINGES : HINGES + count], work.placed)
+    partial_velocities(machine.bodies, work.placed, machine.radius, axes[2], work.columns)
+    mass_matrix(machine.bodies, work.placed, work.columns, work.matrix)
+    # A shell that stands turns about neither horizontal axis, a rubber one not about the vertical.
+    given[3 + count] = given[4 + count] = not standing
+    given[5 + count] = not machine.spin_free
+    constrain(work.matrix, axes)
+    eliminate(work.matrix, given)
+    return axes
+
+
+@inlined
+def _motors_act(
+    machine: Machine, commands: Any, sides: Any, state: Any, u: Any, torques: Any, unlimited: Any
+) -> None:
+    """Write the torques (h,) of the motors on the hinges, and those (m,) without limits."""
+    count = len(torques)
+    torques[:] = 0.0
+    for i in range(len(unlimited)):
+        motor, angle, speed = machine.motors[i], 0.0, 0.0
+        for j in range(count):
+            angle += machine.gears[i, j] * state[HINGES + j]
+            speed += machine.gears[i, j] * u[3 + j]
+        free = (
+            motor[_PER_COMMAND] * commands[i]
+            - motor[_PER_ANGLE] * angle
+            - motor[_PER_RATE] * speed
+            + motor[_AT_REST]
+        )
+        if motor[_FRICTION] > 0:
+            free -= motor[_FRICTION] * np.tanh(speed / SLOW)
+        unlimited[i] = free
+        torque = free if sides[i] == 0 else sides[i] * motor[LIMIT]
+        for j in range(count):
+            torques[j] += machine.gears[i, j] * torque
+
+
+@inlined
+def _across(v: Vector, gamma: Vector) -> Vector:
+    return eq.subtract(v, eq.scale(eq.dot(v, gamma), gamma))
+
+
+@inlined
+def _along(toward: Any, axes: _Axes, rolling: Vector) -> Vector:
+    """Return the direction of the rolling, which the plane's resistance is against."""
+    # Below STANDING it goes over, without a jump, into the one in which the shell will roll.
+    speed = np.sqrt(eq.dot(rolling, rolling))
+    ahead = eq.seen_from_frame(vector(toward, 0), axes)
+    along = eq.add(rolling, eq.scale(max(STANDING - speed, 0.0), ahead))
+    length = np.sqrt(eq.dot(along, along))
+    return eq.scale(1 / length if length > STANDING / 2 else 0.0, along)
+
+
+@inlined
+def _write_rates(
+    machine: Machine, axes: _Axes, gravity: Vector, by_plane: Vector, torques: Any,
+    state: Any, work: Work, rate: Any,
+) -> None:  # fmt: skip
+    """Write the derivative of the state; by_plane: the plane's horizontal torque."""
+    (alpha, beta, gamma), count, moving = axes, len(torques), work.moving
+    u, momenta = work.rows[1], work.rows[0]
+    momentum_rates(machine.bodies, work.placed, moving, machine.radius, gamma, gravity, momenta)
+    L_rate, shell = eq.add(vector(momenta, 0), by_plane), vector(u, 0)
+    M_rate = eq.cross(gamma, L_rate) if machine.spin_free else L_rate
+    q, omega = (state[0], state[1], state[2], state[3]), vector(moving[machine.carrier], TURNING)
+    rate[0], rate[1], rate[2], rate[3] = eq.attitude_rate(q, omega)
+    rate[POINT], rate[POINT + 1] = eq.contact_velocity(
+        alpha, beta, shell, (0.0, 0.0, 0.0), machine.radius
+    )
+    put(rate, MOMENTUM, (eq.dot(alpha, M_rate), eq.dot(beta, M_rate), eq.dot(gamma, M_rate)))
+    if machine.spin_free:
+        # M = γ×L is horizontal, and rounding must not add up to anything else.
+        rate[MOMENTUM + 2] = 0.0
+    rate[LOSS] = -eq.dot(by_plane, shell)
+    for j in range(count):
+        rate[HINGES + j] = u[3 + j]
+        rate[HINGES + count + j] = 0.0 if machine.given[3 + j] else momenta[3 + j] + torques[j]
+        rate[HINGES + 2 * count + j] = torques[j] * u[3 + j]
+
+
+@inlined
+def _differentiate(
+    state: Any, machine: Machine, modes: Modes, inputs: Inputs, s: int, work: Work, rate: Any,
+    readings: Any,
+) -> None:  # fmt: skip
+    """Write the derivative of a state at stage s, and its readings."""
+    count, given, matrix = len(machine.bodies) - 1, machine.given, work.matrix
+    rows, gravity = work.rows, vector(inputs.gravity[s], 0)
+    rows[:] = 0.0
+    right, u, u_rate, torques_bias, by_torque = rows[0], rows[1], rows[2], rows[3], rows[4]
+    axes = _pose(state, machine, modes.standing, work)
+    gamma, gravity = axes[2], eq.seen_from_frame(gravity, axes)
+    M = eq.seen_from_frame(vector(state, MOMENTUM), axes)
+    # L = M×γ + λγ in the rubber model; (ω_s, γ) = 0 stands in for the unknown λ.
+    put(right, 0, eq.cross(M, gamma) if machine.spin_free else M)
+    for j in range(count):
+        right[3 + j], u[3 + j] = state[HINGES + count + j], inputs.rates[s, j]
+    solve(matrix, given, right, u)
+    move(work.columns, u, work.moving)
+    torques = readings[PER_HINGE + count : PER_HINGE + 2 * count]
+    unlimited = readings[PER_HINGE + 2 * count :]
+    _motors_act(machine, inputs.commands[s], modes.motors, state, u, torques, unlimited)
+    force = bias(
+        machine.bodies, work.placed, work.columns, work.moving, machine.radius, gamma, gravity, u,
+        torques_bias,
+    )  # fmt: skip
+    for i in range(3 + count):
+        right[i] = -torques_bias[i]
+    for j in range(count):
+        right[3 + j] += torques[j]
+        u_rate[3 + j] = inputs.accelerations[s, j]
+    solve(matrix, given, right, u_rate)
+    force = eq.add(force, push(machine.bodies, work.columns, u_rate))
+    rolling = _across(vector(u, 0), gamma)
+    resisting = eq.scale(0.0, gamma)
+    if machine.resistance > 0 and not modes.standing:
+        # The torque is μN, and N is linear in it.
+        along = _along(modes.toward, axes, rolling)
+        right[:] = 0.0
+        put(right, 0, eq.scale(-1.0, along))
+        solve(matrix, given, right, by_torque)
+        by_unit = push(machine.bodies, work.columns, by_torque)
+        torque = machine.resistance * eq.dot(gamma, force)
+        torque = torque / (1 - machine.resistance * eq.dot(gamma, by_unit))
+        for i in range(6 + count):
+            u_rate[i] += torque * by_torque[i]
+        force, resisting = eq.add(force, eq.scale(torque, by_unit)), eq.scale(-torque, along)
+    # The last unknowns are the plane's torques about the axes of space, but for their sign.
+    level = eq.add(eq.scale(u_rate[3 + count], axes[0]), eq.scale(u_rate[4 + count], axes[1]))
+    level = eq.subtract(resisting, level)
+    for j in range(count):
+        if given[3 + j]:
+            torques[j] = torques_bias[3 + j]
+            for i in range(3 + count):
+                torques[j] += matrix[3 + j, i] * u_rate[i]
+    _write_rates(machine, axes, gravity, level, torques, state, work, rate)
+    for i in range(3):
+        readings[_FORCE + i] = eq.dot(axes[i], force)
+        readings[_PLANE_TORQUE + i] = eq.dot(axes[i], resisting) - u_rate[3 + count + i]
+        readings[_OMEGA + i] = work.moving[machine.carrier, TURNING + i]
+        readings[_ROLLING + i] = eq.dot(axes[i], rolling)
+    for j in range(count):
+        readings[PER_HINGE + j] = u[3 + j]
+    if len(state) > HINGES + 3 * count:
+        rate[HINGES + 3 * count] = eq.dot(vector(readings, _FORCE), vector(inputs.plane[s], 0))
+
+
+_ROW, _TABLE, _TABLES = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
+_MACHINE = (
+    _TABLES, _ROW, types.int64, _TABLES, _TABLES, types.boolean[::1], types.boolean, _ROW,
+)  # fmt: skip
+_SIGNATURE = types.void(
+    types.NamedTuple(_MACHINE, Machine),
+    types.NamedTuple((types.int64[::1], types.boolean, _ROW), Modes),
+    types.NamedUniTuple(_TABLES, 5, Inputs),
+    types.float64, _TABLE, _ROW, _ROW, _TABLE, _ROW, _TABLE,
+    types.NamedTuple((_ROW, _TABLE, _TABLES, _TABLE, _TABLE, _TABLE), Work),
+)  # fmt: skip
+
+
+@compiled_from(text_of(eq.__file__, mechanics.__file__, __file__), _SIGNATURE)
+def _differentiate_stages(
+    machines: Machine, modes: Modes, inputs: Inputs, length: float, weights: Any, base: Any,
+    begin: Any, slopes: Any, ends: Any, readings: Any, work: Work,
+) -> None:  # fmt: skip
+    size = len(work.state)
+    for k in range(len(readings)):
+        machine = Machine(
+            machines.bodies[k], machines.radius[k], machines.carrier, machines.motors[k],
+            machines.gears[k], machines.given, machines.spin_free, machines.resistance[k],
+        )  # fmt: skip
+        own = Inputs(
+            inputs.rates[k], inputs.accelerations[k], inputs.commands[k], inputs.gravity[k],
+            inputs.plane[k],
+        )  # fmt: skip
+        for s in range(len(weights)):
+            before = len(slopes) - len(weights) + s
+            rate = slopes[before, k * size : (k + 1) * size]
+            for i in range(size):
+                change, at = 0.0, k * size + i
+                for j in range(before):
+                    change += weights[s, j] * slopes[j, at]
+                ends[at] = begin[at] + length * change
+                work.state[i] = base[at] + ends[at]
+            _differentiate(work.state, machine, modes, own, s, work, rate, readings[k])
+
+
+@cache
+def differentiate() -> Any:
+    """Return the compiled function for the derivatives at the stages of a step, of n robots.
+
+    It takes machines, modes and inputs; length, weights, base, begin and slopes as `dop853.Stages`
+    has them, for the states of all robots, one after another; where it writes the last displacement
+    and the readings (n, ...) there; and room for its work.
+    """
+    # By the entry of its only signature: to look at the types of its records again and again would
+    # take longer than the derivative of a ball.
+    return next(iter(_differentiate_stages.code.overloads.values())).entry_point
+
+
+class Readings(NamedTuple):
+    """Readings of states (...); world axes, but for omega.
+
+    force         (..., 3)  N, of the plane on the shell
+    plane_torque  (..., 3)  N m, of the plane on the shell about the contact point
+    omega         (..., 3)  rad/s of the frame, frame axes
+    rolling       (..., 3)  rad/s, the horizontal part of the shell's angular velocity
+    rates         (..., h)  rad/s, of the hinges
+    torques       (..., h)  N m, of the motors on the hinges
+    unlimited     (..., m)  N m, the motors' torques as they would be without limits
+    """
+
+    force: Array
+    plane_torque: Array
+    omega: Array
+    rolling: Array
+    rates: Array
+    torques: Array
+    unlimited: Array
+
+    @property
+    def normal(self) -> float:
+        """The normal force [N] of a single state."""
+        return float(self.force[2])
+
+
+def readings_of(numbers: Array, count: int) -> Readings:
+    """Return the readings of `count` hinges in an array (..., PER_HINGE + 2h + m), as views."""
+    # In slices: np.split takes longer than the derivative.
+    torques, unlimited = PER_HINGE + count, PER_HINGE + 2 * count
+    starts = (_FORCE, _PLANE_TORQUE, _OMEGA, _ROLLING)
+    force, plane_torque, omega, rolling = [numbers[..., i : i + 3] for i in starts]
+    return Readings(
+        force, plane_torque, omega, rolling, numbers[..., PER_HINGE:torques],
+        numbers[..., torques:unlimited], numbers[..., unlimited:],
+    )  # fmt: skip

@@ -1,0 +1,204 @@
+"""Robots whose states are differentiated together: their starts, drives and modes."""
+
+from collections.abc import Iterable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from robotball.robot.drives import Constant, Drive, Ramp
+from robotball.robot.function_drives import Held
+from robotball.robot.scene import Scene
+from robotball.rotations import Array
+from robotball.theory.dop853 import STAGES
+from robotball.theory.multibody.derivative import (
+    HINGES,
+    LIMIT,
+    MOMENTUM,
+    MOTOR,
+    PER_HINGE,
+    Inputs,
+    Machine,
+    Modes,
+    Readings,
+    differentiate,
+    readings_of,
+    work_of,
+)
+
+
+class System:
+    """The derivative of a scene's state in given modes, up to the time `end` of a smooth piece.
+
+    Of several scenes, which differ by numbers alone, a state has the numbers of all, in the modes
+    of the first. Its readings, and so its margins, are those of the first.
+    """
+
+    def __init__(self, *scenes: Scene) -> None:
+        first, self.scenes = scenes[0], scenes
+        hinges, robot = first.hinges, first.robot
+        self.scene, self.count = first, len(hinges)
+        given = np.array([False] * 3 + [hinge.motor is None for hinge in hinges] + [True] * 3)
+        motors = np.stack([_laws_of(each) for each in scenes])
+        self.size = HINGES + 3 * self.count + first.plane_moves
+        self.readings_size = PER_HINGE + 2 * self.count + motors.shape[1]
+        self.limits = motors[0, :, LIMIT]
+        self.limited = np.flatnonzero(np.isfinite(self.limits)).tolist()
+        self.ranges = [
+            (HINGES + i, each.range) for i, each in enumerate(first.ball.tree[1:]) if each.range
+        ]
+        self.modes = Modes(np.zeros(motors.shape[1], dtype=np.int64))
+        # The plane's coefficient of resistance to rolling [m].
+        self.resistance = float(first.friction.rolling)
+        self.machine = Machine(
+            np.stack([each.robot.bodies for each in scenes]),
+            np.array([float(each.robot.radius) for each in scenes]),
+            robot.carrier,
+            motors,
+            np.stack([_gears_of(each) for each in scenes]),
+            given,
+            first.rolling == "rubber",
+            np.array([float(each.friction.rolling) for each in scenes]),
+        )
+        widths = self.count, self.count, motors.shape[1], 3, 3
+        self._inputs = Inputs(*(np.zeros((len(scenes), STAGES, width)) for width in widths))
+        for k, each in enumerate(scenes):
+            self._inputs.gravity[k] = each.gravity_at(0.0)
+        self._work = work_of(self.size, self.count)
+        self._commands = [
+            [*(hinge.command for hinge in each.hinges if hinge.motor is not None), *each.controls]
+            for each in scenes
+        ]
+        self.holds = any(isinstance(command, Held) for command in self._commands[0])
+        # The planes that move differently, each by a scene and the robots on it.
+        self._planes: dict[Any, tuple[Scene, list[int]]] = {}
+        for k, each in enumerate(scenes if first.plane_moves else ()):
+            plane = *each.gravity_world.tolist(), *each.plane_drives
+            self._planes.setdefault(plane, (each, []))[1].append(k)
+        self._rates = [
+            (i, hinge.command, k)
+            for k, each in enumerate(scenes)
+            for i, hinge in enumerate(each.hinges)
+            if hinge.motor is None
+        ]
+        self.begin(0.0, np.inf)
+
+    def begin(self, t: float, end: float) -> None:
+        """Begin a smooth piece from t to `end` [s], in which each command is one drive."""
+        # A drive's rate may jump at the end, and the piece's last state is before the jump.
+        self.end = float(np.nextafter(end, t))
+        self._known: tuple[float, bytes, Modes] | None = None
+        commands = [
+            (i, command.at(t) if isinstance(command, Held) else command, k)
+            for k, each in enumerate(self._commands)
+            for i, command in enumerate(each)
+        ]
+        for i, drive, k in commands:
+            self._inputs.commands[k, :, i] = drive.rate(t)
+        for i, drive, k in self._rates:
+            self._inputs.rates[k, :, i], self._inputs.accelerations[k, :, i] = drive.rate(t), 0.0
+        self._changing_commands = _changing(commands, t, end)
+        self._changing_rates = _changing(self._rates, t, end)
+
+    @cached_property
+    def scale(self) -> Array:
+        """The units in which the errors of a state's numbers are measured."""
+        return np.concatenate([_scale_of(each) for each in self.scenes])
+
+    def start(self) -> Array:
+        """Return the state at the start of the scene."""
+        return np.concatenate([self._start_of(each) for each in self.scenes])
+
+    def _start_of(self, scene: Scene) -> Array:
+        state, start = np.zeros(self.size), scene.start
+        state[:4], state[MOMENTUM : MOMENTUM + 3] = start.attitude, start.momentum
+        state[HINGES : HINGES + self.count] = scene.hinged[0, 0]
+        if not self.machine.given[3 : 3 + self.count].all():
+            one = scene.states_of(scene.angular_velocity_at(start))
+            state[HINGES + self.count : HINGES + 2 * self.count] = one.momenta[3:, 0]
+        return state
+
+    def rate(self, t: float, state: Array) -> Array:
+        """Return the derivative of a state at time t [s]."""
+        base, slopes = np.array(state, dtype=float), np.empty((1, len(state)))
+        self.stages(np.array([t]), 0.0, np.empty((1, 0)), base, np.zeros_like(base), slopes)
+        return slopes[0]
+
+    def readings(self, t: float, state: Array) -> Readings:
+        """Return the readings of a state at time t [s]."""
+        return readings_of(self.numbers(t, state)[0], self.count)
+
+    def numbers(self, t: float, state: Array) -> Array:
+        """Return the numbers of the readings at time t [s], a row for each scene."""
+        # Margins are read where a step ends, and there it has read them.
+        known = self._known
+        if not known or known[:2] != (t, state.tobytes()) or known[2] is not self.modes:
+            self.rate(t, state)
+        return self._numbers
+
+    def stages(
+        self, times: Array, length: float, weights: Array, base: Array, begin: Array, slopes: Array
+    ) -> Array:
+        """Write the derivatives at the stages of a step, as `dop853.Stages` has them."""
+        self._drive(times)
+        ends, self._numbers = np.empty_like(base), np.empty((len(self.scenes), self.readings_size))
+        differentiate()(
+            self.machine, self.modes, self._inputs, length, weights, base, begin, slopes, ends,
+            self._numbers, self._work,
+        )  # fmt: skip
+        self._known = float(times[-1]), (base + ends).tobytes(), self.modes
+        return ends
+
+    def _drive(self, times: Array) -> None:
+        """Set the drives and the plane as they are at the stages' times (s,) [s]."""
+        # A piece's last state has the acceleration of this piece, not that of the next one.
+        inputs, within, stages = self._inputs, np.minimum(times, self.end), slice(len(times))
+        for i, drive, robots in self._changing_rates:
+            rates, accelerations = drive.rate(times), drive.acceleration(within)
+            for k in robots:
+                inputs.rates[k, stages, i] = rates
+                inputs.accelerations[k, stages, i] = accelerations
+        for i, drive, robots in self._changing_commands:
+            commands = drive.rate(within)  # one that is held may jump
+            for k in robots:
+                inputs.commands[k, stages, i] = commands
+        for scene, robots in self._planes.values():
+            inputs.gravity[robots, stages] = scene.gravity_at(times)
+            velocity = np.array([each.angle(times) for each in scene.plane_drives])
+            inputs.plane[robots, stages] = velocity.T
+
+
+def _changing(
+    drives: Iterable[tuple[int, Drive, int]], t: float, end: float
+) -> list[tuple[int, Drive, list[int]]]:
+    """Return drives that change from t to `end` [s], each once, with its place and its robots."""
+    found: dict[tuple[int, Drive], list[int]] = {}
+    for i, drive, robot in drives:
+        past = isinstance(drive, Ramp) and (t >= drive.end or end <= drive.start)
+        if not (past or isinstance(drive, Constant)):
+            found.setdefault((i, drive), []).append(robot)
+    return [(i, drive, each) for (i, drive), each in found.items()]
+
+
+def _laws_of(scene: Scene) -> Array:
+    """Return the laws (m, MOTOR) of a scene's motors, those of hinges first."""
+    laws = [hinge.motor.law for hinge in scene.hinges if hinge.motor is not None]
+    return np.array([*laws, *(each.law for each in scene.actuators)]).reshape(-1, MOTOR)
+
+
+def _gears_of(scene: Scene) -> Array:
+    """Return how much each motor (m, h) turns by a hinge's angle."""
+    names = [hinge.name for hinge in scene.hinges]
+    own = [{hinge.name: 1.0} for hinge in scene.hinges if hinge.motor is not None]
+    gears = [*own, *(dict(each.gears) for each in scene.actuators)]
+    rows = [[each.get(name, 0.0) for name in names] for each in gears]
+    return np.array(rows).reshape(len(rows), len(names))
+
+
+def _scale_of(scene: Scene) -> Array:
+    # Fixed ones: a ball at rest has no momentum or energy of its own to measure errors by.
+    energy, unit = scene.ball.mass * scene.gravity * scene.ball.radius, np.ones(len(scene.hinges))
+    momentum = scene.momentum_scale
+    of_ball = [*np.ones(4), *[scene.ball.radius] * 2, *[momentum] * 3, energy]
+    of_plane = [energy] * scene.plane_moves
+    return np.concatenate([of_ball, unit, momentum * unit, energy * unit, of_plane])

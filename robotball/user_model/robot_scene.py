@@ -1,0 +1,229 @@
+"""Make the scene of a user's own robot: its tree, actuators and controls, as its file starts.
+
+In order: the table of a scene file that names the robot's, the scene, the joints and actuators.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated, Any
+
+import msgspec
+import mujoco
+import numpy as np
+
+from robotball.errors import InputError, check_positive, named, unknown, warn
+from robotball.files.scene_tables import Command, Table, rate_of
+from robotball.robot.activations import Activation
+from robotball.robot.ball import Ball, Hinge, Link
+from robotball.robot.drives import Rate, Samples, key
+from robotball.robot.formulas import Rolling
+from robotball.robot.motors import Actuator, Free, Law
+from robotball.robot.scene import DOWN, Friction, Scene, Start
+from robotball.rotations import from_matrix
+from robotball.user_model.robot_file import (
+    LEVEL,
+    RobotFile,
+    gears_of,
+    open_robot,
+    rolling_of,
+    starts_off,
+)
+
+_STATELESS, _INTEGRATOR = int(mujoco.mjtDyn.mjDYN_NONE), int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
+_AFFINE = (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE))
+_FILTERS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))
+_NO_LIMITS = (-np.inf, np.inf)
+_DURATION = 10.0  # s, the longest of a scene from a file, which has none
+
+
+class RobotTable(Table, frozen=True, kw_only=True):
+    """The table of a scene file whose robot is in a file of its own."""
+
+    robot: Annotated[
+        str, key("the robot's MJCF or URDF file; a relative path is from the scene's own folder")
+    ]
+    title: Annotated[str | None, key("one line, for tables and plots")] = None
+    rolling: Annotated[
+        Rolling | None, key("`rubber` or `classical`, in place of what the contact's condim says")
+    ] = None
+    shell: Annotated[str | None, key("the body or geom that rolls, where several could")] = None
+    keyframe: Annotated[str | None, key("where it starts, in place of the first keyframe")] = None
+    duration: Annotated[
+        float | None, key("of the motion; 10 if not given, or as long as the samples", "s")
+    ] = None
+    controls: Annotated[
+        dict[str, Command] | None,
+        key("`[controls]`, commands by the names of actuators, in place of the keyframe's"),
+    ] = None
+
+
+def scene_of_robot(
+    path: Path, table: Mapping[str, Any], controls: Mapping[str, Rate] = MappingProxyType({})
+) -> Scene:
+    """Return the scene of a robot's own file, as it starts and with the controls that it has.
+
+    path: of the scene; table: of its TOML file, or one that names the robot's file alone; controls:
+    of actuators by name, over time, in place of those that the table or the robot's file gives. The
+    scene lasts 10 s, or as long as the controls are given, where the table does not say. Warns of
+    what is added or left out. Raises InputError for a key that says what the robot's file says, for
+    a file that cannot roll, and for what the equations do not describe.
+    """
+    if "robot" not in table:
+        raise InputError("controls are those of a robot's own file, and the scene names none")
+    for each in table:
+        if each not in RobotTable.__struct_fields__:
+            raise unknown("key beside robot", each, RobotTable.__struct_fields__)
+    given = msgspec.convert(table, RobotTable)
+    file, controls = path.parent / given.robot, {**controls_of(given, path.parent), **controls}
+    robot = open_robot(file, given.shell)
+    data, duration = robot.start(given.keyframe), given.duration
+    if duration is None:
+        ends = [each.times[-1] for each in controls.values() if isinstance(each, Samples)]
+        duration = min([_DURATION, *ends])
+    with named(file):
+        for note in (*robot.notes, *starts_off(robot, data)):
+            warn(f"{file.name}: {note}")
+        scene = scene_of(robot, data, controls, given.rolling, duration)
+    return replace(scene, name=path.stem, title=given.title or scene.title)
+
+
+def controls_of(table: RobotTable, folder: Path) -> dict[str, Rate]:
+    """Return the controls of a scene file's table; folder: of files that it names."""
+    return {name: rate_of(each, folder) for name, each in (table.controls or {}).items()}
+
+
+def scene_of(
+    robot: RobotFile,
+    data: Any,
+    controls: Mapping[str, Rate],
+    rolling: Rolling | None,
+    duration: float,
+) -> Scene:
+    """Return the scene of a file's robot, which rolls on the plane from its start."""
+    model, contact = robot.model, robot.contact(data)
+    to_plane = robot.plane_axes(data)
+    down = to_plane @ model.opt.gravity
+    gravity = float(np.linalg.norm(down))
+    check_positive("gravity", gravity, "m/s²")
+    level = down[2] < -LEVEL * gravity
+    rolling = rolling or rolling_of(contact)
+    to_world = to_plane @ data.geom_xmat[robot.sphere].reshape(3, 3)
+    (shell, links), gears, hinges = robot.tree, gears_of(model), []
+    for joint, link in links.items():
+        angle = float(data.qpos[model.jnt_qposadr[joint]])
+        rate = float(data.qvel[model.jnt_dofadr[joint]])
+        name, low, high = link.range or ("", *_NO_LIMITS)
+        if not low <= angle <= high:
+            raise InputError(
+                f"{name} starts at {angle:g} {'m' if link.slides else 'rad'}, outside its range of "
+                f"{low:g} to {high:g}"
+            )
+        hinges.append(Hinge(link, motor=_passive(model, joint, gears), angle=angle, rate=rate))
+    turning = to_plane @ robot.moving(data)[:3]
+    if rolling == "rubber":  # whose shell does not spin
+        turning = turning * [1.0, 1.0, 0.0]
+    scene = Scene(
+        name=robot.path.stem,
+        title=f"The robot of {robot.path.name}",
+        source=str(robot.path),
+        ball=Ball(shell, tuple(hinges)),
+        rolling=rolling,
+        actuators=tuple(_actuators(model, links, data, controls)),
+        gravity=gravity,
+        gravity_direction=DOWN if level else tuple((down / gravity).tolist()),
+        friction=Friction(rolling=float(contact.friction[3]) if contact.dim == 6 else 0.0),
+        start=Start(from_matrix(to_world), np.zeros(3)),
+        duration=duration,
+    )
+    momentum = scene.momentum_of(to_world.T @ turning)
+    return replace(scene, start=replace(scene.start, momentum=momentum))
+
+
+def _passive(model: Any, joint: int, gears: Mapping[str, Mapping[int, float]]) -> Free:
+    """Return what a joint has without its actuators' forces; their rotors turn with it."""
+    dof = int(model.jnt_dofadr[joint])
+    if np.any(model.jnt_stiffnesspoly[joint]) or np.any(model.dof_dampingpoly[dof]):
+        name = model.joint(joint).name
+        raise InputError(f"{name}: a stiffness or damping that is no constant is not supported")
+    squares = np.array([moved.get(joint, 0.0) ** 2 for moved in gears.values()])
+    return Free(
+        damping=float(model.dof_damping[dof] + squares @ model.actuator_damping),
+        stiffness=float(model.jnt_stiffness[joint]),
+        rest=float(model.qpos_spring[model.jnt_qposadr[joint]]),
+        armature=float(model.dof_armature[dof] + squares @ model.actuator_armature),
+        friction=float(model.dof_frictionloss[dof]),
+    )
+
+
+def _actuators(
+    model: Any, links: Mapping[int, Link], data: Any, controls: Mapping[str, Rate]
+) -> Iterator[Actuator]:
+    """Yield the actuators of a file, whose joints move links by name; not those of other bodies.
+
+    Those without a control of their own keep the start's.
+    """
+    gears = gears_of(model)
+    for name in controls:
+        if name not in gears:
+            raise unknown("actuator", name, gears)
+    moved_by = Counter(joint for moved in gears.values() for joint in moved)
+    for i, (name, moved) in enumerate(gears.items()):
+        if moved.keys().isdisjoint(links):
+            continue
+        if len(moved) > 1 and (model.actuator_armature[i] or model.actuator_damping[i]):
+            raise InputError(f"{name}: armature or damping of its own takes a single joint")
+        low, high = model.actuator_forcerange[i] if model.actuator_forcelimited[i] else _NO_LIMITS
+        for joint, ratio in moved.items():
+            if model.jnt_actfrclimited[joint]:
+                if len(moved) > 1 or moved_by[joint] > 1 or not ratio:
+                    raise InputError(
+                        f"{model.joint(joint).name}: actuatorfrcrange is supported for a joint "
+                        "with one actuator, which moves no other"
+                    )
+                ends = sorted(model.jnt_actfrcrange[joint] / ratio)
+                low, high = max(low, ends[0]), min(high, ends[1])
+        # A law's limit is the same both ways; what is not is a constant torque beside it.
+        middle = float(low + high) / 2 if np.isfinite(high) else 0.0
+        own = tuple((links[joint].name, ratio) for joint, ratio in moved.items())
+        within = model.actuator_ctrlrange[i] if model.actuator_ctrllimited[i] else _NO_LIMITS
+        law = _law(model, i, name)
+        yield Actuator(
+            name,
+            own,
+            law._replace(at_rest=law.at_rest - middle, limit=float(high) - middle),
+            command=controls.get(name, float(data.ctrl[i])),
+            activation=_activation(model, i, name, data),
+            within=(float(within[0]), float(within[1])),
+        )
+        if middle:
+            yield Actuator(f"{name}_offset", own, Law(0.0, 0.0, 0.0, at_rest=middle))
+
+
+def _activation(model: Any, i: int, name: str, data: Any) -> Activation | None:
+    """Return the state of an actuator's own, as it starts."""
+    kind, at = model.actuator_dyntype[i], int(model.actuator_actadr[i])
+    if kind == _STATELESS:
+        return None
+    if kind not in (_INTEGRATOR, *_FILTERS) or model.actuator_actnum[i] != 1:
+        raise InputError(
+            f"{name}: a muscle's, PID's or DC motor's state is not supported; take a filter or an "
+            "integrator"
+        )
+    limited, limits = model.actuator_actlimited[i], model.actuator_actrange[i].tolist()
+    settling = None if kind == _INTEGRATOR else float(model.actuator_dynprm[i, 0])
+    if settling is not None:
+        check_positive(f"{name}'s time constant", settling, "s")
+    return Activation(float(data.act[at]), settling, *(limits if limited else ()))
+
+
+def _law(model: Any, i: int, name: str) -> Law:
+    """Return an actuator's law. Raises InputError unless it is affine."""
+    gain, bias = model.actuator_gainprm[i], model.actuator_biasprm[i]
+    fixed = model.actuator_gaintype[i] == int(mujoco.mjtGain.mjGAIN_FIXED)
+    if not (fixed and model.actuator_biastype[i] in _AFFINE):
+        raise InputError(f"{name}: its gain and bias must be affine, as those of a motor or servo")
+    b0, b1, b2 = bias[:3].tolist() if model.actuator_biastype[i] else (0.0, 0.0, 0.0)
+    return Law(float(gain[0]), -b1, -b2, b0)

@@ -1,0 +1,96 @@
+"""Find an OpenGL that draws off-screen; `python -m robotball.view.gl` prints which, or the fix.
+
+A broken OpenGL can end the process that tries it, so each candidate is tried in a child process.
+"""
+
+import functools
+import importlib
+import os
+import platform
+import subprocess
+import sys
+from traceback import walk_tb
+from typing import Any
+
+_PATIENCE = 60.0  # s, for one candidate: several times what a loaded machine needs
+_OFF = ("disable", "disabled", "off", "false", "0")
+_ANY = ("", "enable", "enabled", "on", "true", "1")
+_FIX = {"Linux": "sudo apt-get install libosmesa6", "Darwin": "a session with a window server"}
+
+# MuJoCo takes its backend from MUJOCO_GL when it is first imported, as it is in the child.
+_PROBE = """
+import mujoco
+with mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 8, 8) as renderer:
+    renderer.render()
+"""
+
+
+@functools.cache
+def find_backend() -> str | None:
+    """Return the name of an off-screen GL that works here ("egl", "osmesa", …), or None.
+
+    If MUJOCO_GL is set, it is the only candidate. The result is cached for the process.
+    """
+    return next(filter(_works, _candidates()), None)
+
+
+def context(width: int, height: int, backend: str) -> Any:
+    """Return a MuJoCo GLContext, made current, for pictures up to this size in pixels.
+
+    backend: as `find_backend()` returned, here or in another process. It is independent of the
+    backend that `import mujoco` chose.
+    """
+    made = importlib.import_module(f"mujoco.{backend}").GLContext(width, height)
+    made.make_current()
+    return made
+
+
+def advice() -> str:
+    """Return one line: why there is no off-screen GL, and how to get one."""
+    chosen = os.environ.get("MUJOCO_GL")
+    platform_of_pyopengl = os.environ.get("PYOPENGL_PLATFORM")
+    if chosen and platform_of_pyopengl not in (None, "", chosen):
+        both = f"MUJOCO_GL={chosen} and PYOPENGL_PLATFORM={platform_of_pyopengl}"
+        return f"no off-screen GL with {both}; unset both, or name the same one twice"
+    if chosen:
+        return f"no off-screen GL with MUJOCO_GL={chosen}; unset it, or name one that works here"
+    fix = _FIX.get(platform.system(), "an OpenGL driver")
+    return f"no off-screen GL; video needs: {fix}"
+
+
+def ended_import(error: Exception) -> bool:
+    """Return whether the error was raised in MuJoCo's import, which loads MUJOCO_GL's OpenGL."""
+    modules = {frame.f_globals.get("__name__") for frame, _ in walk_tb(error.__traceback__)}
+    return bool(os.environ.get("MUJOCO_GL")) and "mujoco" in modules
+
+
+def _candidates() -> tuple[str, ...]:
+    chosen = os.environ.get("MUJOCO_GL", "").lower().strip()
+    if chosen in _OFF:
+        return ()
+    if chosen not in _ANY:
+        # MuJoCo's names for a window's OpenGL on Linux and on Windows; GLFW is how it opens both.
+        return ("glfw",) if chosen in ("glx", "wgl") else (chosen,)
+    # EGL first, which may have a GPU; OSMesa draws on the processor.
+    return {"Linux": ("egl", "osmesa"), "Darwin": ("cgl", "glfw")}.get(platform.system(), ("glfw",))
+
+
+def _works(backend: str) -> bool:
+    try:
+        child = subprocess.run(
+            [sys.executable, "-P", "-c", _PROBE],
+            env={**os.environ, "MUJOCO_GL": backend},
+            capture_output=True,
+            timeout=_PATIENCE,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return False
+    return child.returncode == 0
+
+
+if __name__ == "__main__":
+    _backend = find_backend()
+    if "--quiet" not in sys.argv:
+        print(advice() if _backend is None else f"off-screen GL: {_backend}")
+    sys.exit(_backend is None)

@@ -1,0 +1,105 @@
+"""Play balls in step in MuJoCo's interactive viewer, the last as a ghost."""
+
+import os
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from robotball.errors import InputError
+from robotball.motion import Motion
+from robotball.robot.looks import GHOST, looks_of
+from robotball.view.lines import colours_of
+from robotball.view.stage import build_stage, pose
+from robotball.view.tracks import track_of
+
+KEYS = "space: pause; left, right: half a second; up, down: twice or half the speed; home: start"
+SPACE, HOME, RIGHT, LEFT, DOWN, UP = 32, 268, 262, 263, 264, 265  # GLFW's codes
+_JUMP, _FRAME = 0.5, 1 / 60  # s; a window of 60 pictures a second is smooth on any screen
+
+
+@dataclass
+class Clock:
+    """The time [s] and speed at which a motion is played, and how keys change them."""
+
+    end: float
+    t: float = 0.0
+    speed: float = 1.0
+    playing: bool = True
+
+    def key(self, code: int) -> None:
+        """Apply a key of the viewer, by GLFW's code."""
+        if code == SPACE:
+            self.playing = not self.playing
+        elif code in (LEFT, RIGHT):
+            jump = _JUMP if code == RIGHT else -_JUMP
+            self.t = float(np.clip(self.t + jump, 0.0, self.end))
+        elif code in (UP, DOWN):
+            self.speed *= 2.0 if code == UP else 0.5
+        elif code == HOME:
+            self.t = 0.0
+
+    def pass_on(self, seconds: float) -> None:
+        """Advance by real time [s]; after the end the motion begins anew."""
+        if self.playing:
+            self.t += seconds * self.speed
+            if self.t > self.end:
+                self.t = 0.0
+
+
+def check_display() -> None:
+    """Raise InputError if no window can be opened."""
+    no_display = "there is no display for a viewer here; --web writes a page for any browser"
+    if sys.platform == "linux" and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
+        raise InputError(no_display)
+    # macOS opens windows in the main thread alone, which mjpython leaves to the viewer.
+    if sys.platform == "darwin" and "mjpython" not in os.environ.get("MJPYTHON_BIN", ""):
+        raise InputError("on macOS a viewer needs mjpython in place of python; or take --web")
+    import warnings
+
+    import glfw  # which only a window needs
+
+    # The reason comes as a warning, beside the value that says that it failed.
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        if not glfw.init():
+            raise InputError(no_display)
+
+
+def view(motions: Sequence[Motion]) -> None:
+    """Show motions of a scene until the window is closed.
+
+    Raises InputError if there is no display.
+    """
+    check_display()
+    from mujoco import viewer
+
+    tracks, looks = list(map(track_of, motions)), looks_of(motions[-1].scene.ball)
+    colours, opacities = colours_of(motions), [1.0] * (len(motions) - 1) + [GHOST]
+    model = build_stage(looks, colours, opacities).compile()
+    data = mujoco.MjData(model)
+    clock = Clock(max(float(each.times[-1]) for each in motions))
+    before = time.monotonic()
+    with viewer.launch_passive(
+        model, data, key_callback=clock.key, show_left_ui=False, show_right_ui=False
+    ) as window:
+        window.cam.elevation, window.cam.distance = -22.0, 9.0
+        while window.is_running():
+            now = time.monotonic()
+            clock.pass_on(now - before)
+            before = now
+            at = np.array([clock.t])
+            stands = [track.stands(track.at(at)) for track in tracks]
+            # The viewer draws from the same data in a thread of its own.
+            with window.lock():
+                pose(model, data, looks, stands)
+                window.cam.lookat[:] = np.mean([each["shell"][1][0] for each in stands], axis=0)
+            place = mujoco.mjtFontScale.mjFONTSCALE_150, mujoco.mjtGridPos.mjGRID_TOPLEFT
+            window.set_texts((*place, f"t = {clock.t:.2f} s   {clock.speed:g} x", ""))
+            window.sync()
+            time.sleep(max(0.0, _FRAME - (time.monotonic() - now)))

@@ -1,0 +1,145 @@
+"""Write motions as a web page with a 3-D view to orbit, play and scrub, without a network."""
+
+import html
+from base64 import b64encode
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotball.errors import InputError
+from robotball.files.json_text import embedded_json
+from robotball.robot import looks as palette
+from robotball.robot.ball import Ball
+from robotball.robot.looks import MARKS, Looks, looks_of, materials_of
+from robotball.robot.shapes import Shape
+from robotball.view.lines import colours_of, label_of
+from robotball.view.tracks import heading_of, track_of
+
+_HERE = Path(__file__).parent
+STEP = 0.02  # s between the samples of a view
+MOST = 20_000  # samples, which keep a page to some megabytes
+MESHES = 60_000  # triangles, which are less than two
+
+
+def view_head() -> str:
+    """Return the style and script that the views of a page share; it stands once a page."""
+    style, script = ((_HERE / f"web.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
+    return f"<style>{style}</style>\n<script>{script}</script>"
+
+
+def view_fragment(motions: Sequence[Any]) -> str:
+    """Return HTML of a 3-D view of `Motion`s of a scene; put `view_head` before it.
+
+    The balls stand side by side, or the last is a ghost over the others. Motions longer than MOST
+    samples are cut there. Raises InputError for a motion of fewer than two times.
+    """
+    data = view_data(motions)
+    shown, whole = data["end"], max(float(motion.times[-1]) for motion in motions)
+    if shown < whole * (1 - 1e-9):
+        data["note"] = f"The first {shown:g} s of {whole:g} s are shown."
+    data["label"] = f"The rolling ball of {motions[0].scene.name}"
+    return (
+        '<div class="rb-view">'
+        f'<script type="application/json">{embedded_json(data)}</script><script>'
+        "rollingBalls(document.currentScript.parentElement);</script></div>"
+    )
+
+
+def view_page(motions: Sequence[Any]) -> str:
+    """Return an HTML page with the view alone."""
+    title = html.escape(" ".join(motions[0].scene.title.split()))
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        '<meta name="color-scheme" content="light dark"><link rel="icon" href="data:,">'
+        f"<title>{title}</title>{view_head()}\n"
+        "<style>body { margin: 1em auto; max-width: 75em; padding: 0 1em; }"
+        "h1 { font: 600 1.2em system-ui, sans-serif; }</style></head>\n"
+        f"<body><h1>{title}</h1>\n{view_fragment(motions)}\n</body></html>\n"
+    )
+
+
+def view_data(motions: Sequence[Any]) -> dict[str, Any]:
+    """Return the script's data: bodies, materials, and for each ball a row a sample.
+
+    All meshes together have MESHES triangles at most; of larger ones the corners that are near each
+    other are joined.
+    """
+    scene = motions[0].scene
+    if min(len(motion.times) for motion in motions) < 2:
+        raise InputError("a view needs motions of two times at least")
+    last = max(float(motion.times[-1]) for motion in motions)
+    # The samples are STEP apart, but for a motion that is shorter.
+    step = min(STEP, last / 2)
+    end = min(last, step * (MOST - 1))
+    grid = step * np.arange(int(np.floor(end / step * (1 + 1e-9))) + 1)
+    parts = [track_of(each).at(grid[grid <= each.times[-1] * (1 + 1e-9)]) for each in motions]
+    ball, looks = scene.ball, looks_of(scene.ball)
+    shared = min(len(part.attitude) for part in parts)
+    rest = parts[-1].contact_point[:shared]
+    return {
+        "step": step,
+        "end": float(grid[-1]),
+        "count": len(grid),
+        "hinges": len(scene.hinges),
+        "heading": heading_of(parts[-1].contact_point),
+        "bodies": list(_bodies(ball, looks)),
+        "materials": materials_of(looks),
+        "balls": [
+            {
+                "name": label_of(motion),
+                "colour": palette.rgb(colour),
+                "count": len(part.attitude),
+                "apart": _packed(np.linalg.norm(part.contact_point[:shared] - rest, axis=1)),
+                "rows": _packed(
+                    np.hstack([part.contact_point / ball.radius, part.attitude, part.hinge_angles])
+                ),
+            }
+            for motion, part, colour in zip(motions, parts, colours_of(motions), strict=True)
+        ],
+    }
+
+
+def _bodies(ball: Ball, looks: Looks) -> Iterator[dict[str, Any]]:
+    """Yield each body, with its shapes and the joint by which it stands on its parent, a number.
+
+    A motion gives the attitude of the frame, so that the shell stands on the frame, and turns
+    backwards; without a frame it gives the shell's own.
+    """
+    names, carrier = [link.name for link in ball.tree], int(ball.has_frame)
+    meshes = sum(each.kind == "mesh" for shapes in looks.values() for each in shapes)
+    for i, link in enumerate(ball.tree):
+        joint, sign = (ball.tree[carrier], -1) if i < carrier else (link, 1)
+        parent = carrier if i < carrier else names.index(link.parent or link.name)
+        marked = any(each.material == MARKS for each in looks[link.name])
+        yield {
+            "name": link.name,
+            "parent": -1 if i == carrier else parent,
+            "hinge": max(i, 1) - 1,
+            "sign": sign,
+            "slides": joint.slides,
+            "axis": (joint.axis / (ball.radius if joint.slides else 1)).tolist(),
+            "pivot": (joint.pivot / ball.radius).tolist(),
+            "marked": marked,
+            "shapes": [_json_tree(each, meshes) for each in looks[link.name]],
+        }
+
+
+def _json_tree(shape: Shape, meshes: int) -> dict[str, Any]:
+    """Return a shape as the script takes it, a mesh as one of so many."""
+    thin = shape.thinned(MESHES // max(meshes, 1))
+    return {
+        "kind": shape.kind,
+        **{name: getattr(shape, name).round(6).tolist() for name in ("size", "pos", "turn")},
+        "material": shape.material,
+        "mesh": [_packed(thin.vertices), _packed(thin.faces)],
+    }
+
+
+def _packed(numbers: NDArray[Any]) -> str:
+    """Encode numbers as little-endian 32-bit floats in base 64."""
+    # Seven digits are more than a picture shows, and half of the page.
+    return b64encode(numbers.astype("<f4").tobytes()).decode("ascii")

@@ -1,0 +1,290 @@
+"""Motion from rest, section 4: the fixed points of (4.1) and their circle, cycles, manifolds."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from robotball import integrate, load_scene
+from robotball.dynamics.equilibria import (
+    ContactPath,
+    FixedCircle,
+    attitude_at,
+    closed_form_points,
+    contact_path,
+    fixed_circle,
+    fixed_point_at,
+    fixed_points,
+    flow,
+    index_sum,
+    jacobian,
+    name_of,
+    proposition_2,
+    rate_scale,
+)
+from robotball.dynamics.portraits import limit_cycles, separatrices
+from robotball.errors import InputError
+from robotball.robot.formulas import Parameters, Vector, as_vector
+from robotball.robot.scene import Start
+from robotball.rotations import rotation_matrix
+from robotball.theory.ensembles.orbits import orbit
+from tests.figures import CLASSICAL, ball, from_rest
+from tests.messages import naming
+
+A: Vector = (0.5, 0.4, 0.3)
+OMEGA: Vector = (4.0, 2.0, 1.0)
+NOTHING: Vector = (0.0, 0.0, 0.0)
+GAMMA = np.array([0.6, 0.48, 0.64])
+
+
+# All of them -------------------------------------------------------------------------------
+
+
+def random_ball(rng: np.random.Generator, K: Vector) -> Parameters:
+    return ball(as_vector(rng.uniform(0.2, 1.0, 3)), as_vector(rng.uniform(-4, 4, 3)), K, d=0.01)
+
+
+def test_the_search_finds_the_points_of_the_closed_form() -> None:
+    """Section 4.1's formulas and the resultant agree on Figs 6 to 8 and on 30 random balls.
+
+    Measured 2.5e-15 of 200 balls: the rounding of a rate over the smaller eigenvalue, which falls
+    to 0 where points vanish.
+    """
+    rng = np.random.default_rng(6)
+    balls = [from_rest(K3) for K3 in (0.3, 0.52, 3.0)]
+    balls += [random_ball(rng, (0.0, 0.0, rng.uniform(-2, 2))) for _ in range(30)]
+    numbers = []
+    for some in balls:
+        searched = np.array([point.gamma for point in fixed_points(some)])
+        formula = np.array(list(closed_form_points(some).values()))
+        apart = np.linalg.norm(searched[:, None] - formula, axis=2)
+        assert len(searched) == len(formula)
+        assert max(apart.min(axis=0).max(), apart.min(axis=1).max()) < 1e-11
+        numbers.append(len(searched))
+    assert numbers[:3] == [10, 6, 2]
+    assert set(numbers[3:]) == {2, 6, 10}
+
+
+@pytest.mark.parametrize(
+    ("moments", "Omega", "K"),
+    [
+        ((0.5, 0.5, 0.3), (0.0, 0.0, 1.0), (0.0, 0.0, 0.1)),
+        ((0.5, 0.5, 0.3), (0.0, 0.0, 1.0), (0.0, 0.0, -1.34)),
+        ((0.5, 0.3, 0.5), (0.3, 0.0, 1.0), (0.0, 2.0, 0.0)),
+        ((0.5, 0.5, 0.5), (0.1, 0.2, 1.0), (0.3, -0.2, 0.1)),
+        ((0.5, 0.4, 0.25), (-0.5, 0.8, -0.5), (1.0, -2.0, 2.0)),
+    ],
+)
+def test_a_curve_of_complex_fixed_points_is_no_curve(
+    moments: Vector, Omega: Vector, K: Vector
+) -> None:
+    """Two equal moments, a uniform ball and Ω = -AK: ±AK alone rest, found to 1e-13.
+
+    The resultant is singular, so that its eigenvalues are rounding.
+    """
+    points = fixed_points(ball(moments, Omega, K))
+    assert Counter(point.kind for point in points) == {"centre": 2}
+    along = np.multiply(moments, K) / np.linalg.norm(np.multiply(moments, K))
+    assert np.abs(np.abs([point.gamma @ along for point in points]) - 1).max() < 1e-13
+
+
+def symmetric(K3: float, first: float = 0.5) -> Parameters:
+    """A ball that rests at γ₃² = a₁a₃K₃/((a₃ - a₁)Ω₃), a circle, for K₃ from -4/3 to 0."""
+    return ball((first, 0.5, 0.3), (0.0, 0.0, 1.0), (0.0, 0.0, K3))
+
+
+@pytest.mark.parametrize(
+    ("find", "some", "facts"),
+    [
+        (fixed_points, CLASSICAL, "rubber"),
+        (fixed_points, ball(A, NOTHING, NOTHING), "rests"),
+        (fixed_points, ball((0.5, 0.5, 0.3), OMEGA, NOTHING), "three different moments"),
+        (fixed_points, symmetric(-1.33), "curve"),
+        (fixed_points, symmetric(-0.01), "curve"),
+        (fixed_points, symmetric(-0.1, 0.5 + 1e-12), "curve"),
+        (closed_form_points, CLASSICAL, "rubber K"),
+        (closed_form_points, replace(from_rest(0.3), K=(0.1, 0.0, 0.3)), "rubber K"),
+        (closed_form_points, ball((0.5, 0.5, 0.3), OMEGA, (0.0, 0.0, 0.3)), "three different"),
+        (closed_form_points, ball(A, (4.0, 0.0, 0.0), (0.0, 0.0, 0.3)), "not zero"),
+        (partial(contact_path, gamma=GAMMA), from_rest(0.3), "gamma"),
+        (partial(contact_path, gamma=GAMMA), CLASSICAL, "rubber"),
+    ],
+)
+def test_what_has_no_isolated_points_or_no_formula_is_refused(
+    find: Callable[[Parameters], object], some: Parameters, facts: str
+) -> None:
+    with pytest.raises(InputError, match=naming(facts)):
+        find(some)
+
+
+def test_the_refused_curve_rests_and_almost_equal_moments_are_told_apart() -> None:
+    """The flow is 0 on the circle of `symmetric`; 1e-6 from equal there are ten points."""
+    third = np.sqrt(0.75 * 0.7)
+    assert np.abs(flow(symmetric(-0.7), (np.sqrt(1 - third**2), 0.0, third))).max() < 1e-15
+    assert len(fixed_points(symmetric(-0.1, 0.5 + 1e-6))) == 10
+
+
+# Their types and names ---------------------------------------------------------------------
+
+TYPES = {
+    "slow stable focus": "Γ₅ Γ₆",
+    "unstable node": "δ₁ δ₂",
+    "saddle": "δ₃ δ₄ θ₁ θ₂",
+    "stable focus": "θ₃ θ₄",
+}
+
+
+def test_points_have_the_papers_names_and_types() -> None:
+    """Fig. 6's ten as section 4.2 lists them; a pair is a point and its opposite.
+
+    K = 0 has the names of (4.4) but for those on the circle; K off the axes has none.
+    """
+    some = from_rest(0.3)
+    found = {name_of(some, point.gamma): point for point in fixed_points(some)}
+    assert len(found) == 10
+    for kind, names in TYPES.items():
+        assert {found[name].kind for name in names.split()} == {kind}
+    for first, second in (("δ₁", "δ₂"), ("δ₃", "δ₄"), ("θ₁", "θ₂"), ("θ₃", "θ₄"), ("Γ₅", "Γ₆")):
+        assert found[first].gamma == pytest.approx(-found[second].gamma, abs=1e-14)
+    assert "".join(closed_form_points(from_rest(0.0))) == "Γ₁Γ₂Γ₃Γ₄Γ₅Γ₆"
+    assert "".join(closed_form_points(ball(A, (4.0, 2.0, 0.0), NOTHING))) == "Γ₁Γ₂Γ₃Γ₄"
+    assert name_of(from_rest(0.0), np.array([0.0, -1.0, 0.0])) == "Γ₄"
+    assert name_of(from_rest(0.3), GAMMA) == ""
+    assert name_of(replace(from_rest(0.3), K=(0.1, 0.0, 0.3)), np.array([0.0, 0.0, 1.0])) == ""
+
+
+def test_the_axis_of_k_is_a_saddle_or_a_weak_focus_by_proposition_2() -> None:
+    """For 60 random balls, by A₁A₂ and by B/A₁, the eigenvalues and the value of third order."""
+    rng, found = np.random.default_rng(12), Counter[str]()
+    for _ in range(60):
+        some = random_ball(rng, (0.0, 0.0, rng.normal()))
+        A1, A2, B = proposition_2(some)
+        focus = "slow stable focus" if B / A1 < 0 else "slow unstable focus"
+        for side in (1.0, -1.0):
+            kind = fixed_point_at(some, np.array([0.0, 0.0, side])).kind
+            assert kind == ("saddle" if A1 * A2 < 0 else focus)
+            found[kind] += 1
+    assert len(found) == 3
+    assert min(found.values()) > 10
+
+
+@pytest.mark.parametrize("name", ["θ₃", "δ₂"])
+def test_at_rest_in_the_frame_the_contact_point_runs_on_a_circle(name: str) -> None:
+    """Radius, turning and direction are those of Fig. 6's motion over 2 s.
+
+    The integrator's error, in metres of 9 m: measured 4.3e-13.
+    """
+    scene = load_scene("fig06")
+    gamma = closed_form_points(scene.parameters)[name]
+    path = contact_path(scene.parameters, gamma)
+    start = Start(attitude_at(scene.principal_axes @ gamma), np.zeros(3))
+    times = np.linspace(0.0, 2.0, 21)
+    motion = integrate(replace(scene, start=start), times)
+    axes = rotation_matrix(start.attitude)
+    v = (axes[:2] @ scene.principal_axes @ np.cross(gamma, scene.parameters.Omega)) @ [1, 1j]
+    assert path.speed == pytest.approx(abs(v))
+    assert path.radius == pytest.approx(abs(v / path.turning))
+    # v turned by s t, integrated: a circle through the start with its centre to the left.
+    expected = v * (np.exp(1j * path.turning * times) - 1) / (1j * path.turning)
+    moved = (motion.contact_point - motion.contact_point[0]) @ [1, 1j]
+    assert np.abs(moved - expected).max() < 1e-11
+    straight = contact_path(ball(A, (0.0, 2.0, 0.0), NOTHING), np.array([1.0, 0.0, 0.0]))
+    assert straight == ContactPath(2.0, 0.0)
+    assert straight.radius == np.inf
+
+
+# The circle of them, K = 0 -----------------------------------------------------------------
+
+
+def circle_of(some: Parameters) -> FixedCircle:
+    circle = fixed_circle(some)
+    assert circle is not None
+    return circle
+
+
+@pytest.mark.parametrize(
+    ("Omega", "kinds", "circle"),
+    [
+        (OMEGA, {"centre": 4, "saddle": 2}, 0),
+        ((4.0, 2.0, 0.01), {"centre": 4, "saddle": 2}, 0),
+        ((4.0, 2.0, 0.0), {"centre": 2, "saddle": 2}, 2),  # Γ₅ and Γ₆ lie on the circle
+        ((4.0, 0.0, 1.0), {"centre": 4}, -2),  # Γ₃ and Γ₄ do
+        ((0.0, 0.0, 2.0), {"centre": 2}, 0),
+    ],
+)
+def test_points_and_circle_have_indices_that_add_up_to_2(
+    Omega: Vector, kinds: dict[str, int], circle: int
+) -> None:
+    """The circle's own is counted by how the flow turns beside it, and is not what is missing."""
+    some = ball(A, Omega, NOTHING)
+    points = fixed_points(some)
+    assert Counter(point.kind for point in points) == kinds
+    assert circle_of(some).index == circle
+    assert index_sum(points) + circle == 2
+
+
+def test_every_point_of_the_circle_rests_and_attracts_at_its_rate() -> None:
+    """Measured 1.4e-17 of the rates, and 5.6e-16 1/s of the eigenvalues: rounding of both.
+
+    Beside the circle, a control, the flow is not zero.
+    """
+    some = from_rest(0.0)
+    circle = circle_of(some)
+    gamma = circle.at(np.linspace(0.1, 6.2, 40))
+    assert np.abs(flow(some, tuple(gamma.T))).max() < 1e-16 * rate_scale(some)
+    beside = gamma + 0.01 * np.cross(*circle.axes)
+    assert np.linalg.norm(flow(some, tuple(beside.T)), axis=0).max() > 1e-3 * rate_scale(some)
+    for point, rate in zip(gamma, circle.rate(gamma), strict=True):
+        values = np.sort(np.linalg.eigvals(jacobian(some, point)).real)
+        assert values == pytest.approx(np.sort([0.0, rate]), abs=2e-15)
+
+
+def test_a_circle_is_found_in_spite_of_rounding_and_nowhere_else() -> None:
+    """Fig. 5's K is computed from bodies: what is rounding counts as zero, and 1e-9 does not."""
+    scene = load_scene("fig05b").parameters
+    for K in (scene.K, (3e-16, -1e-16, 4e-16)):
+        assert fixed_circle(replace(scene, K=K)) is not None
+        assert len(fixed_points(replace(scene, K=K))) == 6
+    for some in (replace(scene, K=(0.0, 0.0, 1e-9)), ball(A, NOTHING, NOTHING), CLASSICAL):
+        assert fixed_circle(some) is None
+
+
+# Limit cycles and manifolds ----------------------------------------------------------------
+
+
+def test_a_cycles_multiplier_is_how_its_neighbours_part() -> None:
+    """Fig. 8: a neighbour 1e-6 away is 2.28 times as far off after a period, to 1e-4."""
+    some = from_rest(3.0)
+    (cycle,) = limit_cycles(some)
+    rate = np.array(flow(some, as_vector(cycle.gamma)))
+    across = np.cross(cycle.gamma, rate / np.linalg.norm(rate))
+    ends, times = [], np.array([0.0, cycle.period])
+    for gamma in (cycle.gamma, cycle.gamma + 1e-6 * across):
+        attitude = attitude_at(gamma / np.linalg.norm(gamma))
+        ends.append(rotation_matrix(orbit(some, attitude, np.zeros(3), times)[:, :4])[-1, 2])
+    assert np.abs(ends[0] - cycle.gamma).max() < 1e-10
+    assert (ends[1] - ends[0]) @ across / 1e-6 == pytest.approx(cycle.multipliers[0].real, rel=1e-4)
+
+
+def test_every_saddle_has_four_manifolds_along_the_flow() -> None:
+    """They leave the saddle by 1e-4, and dγ/dt is along them, or against them where stable."""
+    ball = from_rest(0.3)
+    points = fixed_points(ball)
+    found = separatrices(ball, points, 100.0)
+    assert len(found) == 4 * sum(point.kind == "saddle" for point in points)
+    for one, other in zip(found[::2], found[1::2], strict=True):
+        # Halves begin on opposite sides: measured 1e-8, the square of the offset.
+        assert np.abs(one.path[0] + other.path[0] - 2 * one.saddle.gamma).max() < 3e-8
+    for each in found:
+        assert np.linalg.norm(each.path[0] - each.saddle.gamma) < 1.1e-4
+        middle = len(each.path) // 2
+        step = each.path[middle + 1] - each.path[middle - 1]
+        rate = np.array(flow(ball, tuple(each.path[middle])))
+        if np.linalg.norm(rate) > 1e-3:
+            along = step @ rate / np.linalg.norm(step) / np.linalg.norm(rate)
+            assert along * (-1 if each.stable else 1) > 0.99
+    # Fig. 8's ball has no saddle.
+    assert separatrices(from_rest(3.0), fixed_points(from_rest(3.0)), 10.0) == []

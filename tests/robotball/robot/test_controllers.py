@@ -1,0 +1,488 @@
+"""Closed loops: both engines call a controller at the same times, and roll the same way."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import robotball as rb
+from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.stepping import controlled
+from robotball.motion import path_error
+from robotball.processes import at_most
+from robotball.robot.activations import Activation
+from robotball.robot.loop import Loop
+from robotball.theory.multibody.integration import March
+from robotball.theory.multibody.system import System
+from tests.messages import naming
+from tests.off_engine import OFF
+from tests.robotball.scene_files.scene_texts import PLATE
+
+PENDULUM, STEERED = (rb.load_scene(n) for n in ("pendulum_robot", "steered_pendulum_robot"))
+TIMES = rb.sample_times(1.0)
+Answer = Mapping[str, float]
+
+
+def damped(reading: rb.Reading) -> Answer:
+    """A rate against the swing, and a lean that steers."""
+    return {
+        "frame": -2.0 - 0.5 * reading.gyro[1],
+        "pendulum1": 0.2 * reading.gyro[0] + 0.1 * math.sin(3 * reading.time),
+    }
+
+
+def timed(reading: rb.Reading) -> Answer:
+    """Commands by the clock alone."""
+    return {"frame": -math.sin(5 * reading.time)}
+
+
+@dataclass
+class Log:
+    """A controller that keeps what it reads outside of itself, and what it counts in itself."""
+
+    commands: Callable[[rb.Reading], Answer]
+    seen: Callable[[rb.Reading], Any]
+    calls: int = 0
+    parts: dict[str, int] = field(default_factory=dict)
+
+    def __call__(self, reading: rb.Reading) -> Answer:
+        self.calls += 1
+        self.parts["call"] = self.calls
+        self.seen(reading)
+        return self.commands(reading)
+
+
+def readings_of(
+    controller: rb.Controller, run: Callable[[rb.Scene], rb.Motion], scene: rb.Scene = STEERED
+) -> tuple[list[rb.Reading], rb.Motion]:
+    """Return what a controller reads in a run, and the motion."""
+    kept: list[rb.Reading] = []
+    # A function is not copied for a run, and so keeps the list.
+    log = replace(controller, function=Log(controller.function, lambda each: kept.append(each)))
+    motion = run(scene.with_controller(log))
+    # MuJoCo's run is checked by one in other steps, whose calls follow.
+    return kept[: 1 + [each.time for each in kept[1:] + kept[:1]].index(0.0)], motion
+
+
+def integrated(scene: rb.Scene) -> rb.Motion:
+    return rb.integrate(scene, TIMES)
+
+
+def balanced(scene: rb.Scene) -> rb.Motion:
+    return rb.simulate(scene, TIMES)
+
+
+# Agreement -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("preset", "most"), [("balanced", 5e-7), ("accurate", 1e-9)])
+def test_both_engines_roll_a_closed_loop_alike(preset: str, most: float) -> None:
+    """Measured 1.8e-7 and 2.5e-10 of the path; of commands that are 1e-4 larger in one, 8.1e-5."""
+    scene = STEERED.with_controller(rb.Controller(damped, 0.01))
+    theory = integrated(scene)
+    assert path_error(rb.simulate(scene, TIMES, preset), theory) < most
+    near = lambda reading: {n: 1.0001 * v for n, v in damped(reading).items()}  # noqa: E731
+    other = rb.simulate(scene.with_controller(rb.Controller(near, 0.01)), TIMES, preset)
+    assert path_error(other, theory) > 100 * most
+
+
+def test_the_error_of_a_closed_loop_falls_as_that_of_rk4() -> None:
+    """Order 4 from 10 to 5 ms with 50 calls a second, which no step crosses; measured 4.2."""
+    scene = STEERED.with_controller(rb.Controller(damped, 0.02))
+    theory = integrated(scene)
+    coarse, fine = (
+        replace(rb.preset("balanced"), timestep=step, error_tolerance=1e-3)
+        for step in (0.01, 0.005)
+    )
+    errors = [path_error(rb.simulate(scene, TIMES, each), theory) for each in (coarse, fine)]
+    assert 3.5 < math.log2(errors[0] / errors[1]) < 4.6
+
+
+@pytest.mark.parametrize("settings", ["adaptive", None])
+def test_steps_that_are_chosen_by_their_error_end_on_the_calls_too(settings: str | None) -> None:
+    """DOP853 on MuJoCo's forces, and an accuracy that is asked for; measured 2.7e-14 and 1e-8."""
+    scene, accuracy = STEERED.with_controller(rb.Controller(damped, 0.02)), None
+    if settings is None:
+        accuracy = 1e-7
+    motion = rb.simulate(scene, TIMES, settings, accuracy=accuracy)
+    assert path_error(motion, integrated(scene)) < (accuracy or 1e-12)
+
+
+@pytest.mark.parametrize("run", [integrated, balanced])
+def test_a_loop_of_one_command_is_the_open_motion(run: Callable[[rb.Scene], rb.Motion]) -> None:
+    """Of the same command from the start; measured 8e-16, and nothing in MuJoCo."""
+    scene = PENDULUM.with_hinges(command={"frame": -3.0}, rate={"frame": 0.0})
+    other = scene.with_hinges(command={"frame": 1.0})
+    loop = other.with_controller(rb.Controller(lambda _: {"frame": -3.0}, 0.01))
+    assert path_error(run(loop), run(scene)) < 1e-13
+    assert path_error(run(other), run(scene)) > 0.1
+
+
+# What is called when ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("run", [integrated, balanced])
+@pytest.mark.parametrize("period", [0.01, 1 / 30, 0.007])
+def test_calls_are_at_multiples_of_the_period(
+    run: Callable[[rb.Scene], rb.Motion], period: float
+) -> None:
+    """From 0 to before the end, to the last bit, once each."""
+    kept, _ = readings_of(rb.Controller(damped, period), run)
+    assert [each.time for each in kept] == [i * period for i in range(math.ceil(1.0 / period))]
+
+
+def test_both_engines_read_the_same_and_what_is_read_is_the_motion() -> None:
+    """All sensors at all calls; measured 3.6e-6 rad/s apart, and 1e-15 from its own motion."""
+    controller = rb.Controller(damped, 0.02, sensors=rb.Sensors(contact_point=True))
+    seen = [readings_of(controller, run) for run in (integrated, balanced)]
+    for kept, motion in seen:
+        for i, reading in enumerate(kept):
+            names = [hinge.name for hinge in STEERED.hinges]
+            assert reading.contact_point is not None
+            assert [*reading.angles] == [*reading.rates] == names
+            read: list[Any] = [reading.gyro, reading.attitude, [*reading.angles.values()],
+                    [*reading.rates.values()], reading.contact_point]  # fmt: skip
+            had = [motion.angular_velocity[i], motion.attitude[i], motion.hinge_angles[i],
+                   motion.hinge_rates[i], motion.contact_point[i]]  # fmt: skip
+            assert np.abs(np.concatenate(read) - np.concatenate(had)).max() < 1e-13
+    gyros = [np.array([each.gyro for each in kept]) for kept, _ in seen]
+    assert np.abs(gyros[0] - gyros[1]).max() < 1e-5
+    assert np.abs(gyros[0]).max() > 0.1
+
+
+@pytest.mark.parametrize("run", [integrated, balanced])
+def test_a_delay_has_the_commands_take_effect_later(run: Callable[[rb.Scene], rb.Motion]) -> None:
+    """By two periods, or by a part of one: as commands by a clock that is late; the scene's before.
+
+    Measured 2e-16; without a delay the path is 6e-2 off.
+    """
+    open_ = PENDULUM.with_hinges(command={"frame": 0.5}, rate={"frame": 0.0})
+
+    def late(reading: rb.Reading) -> Answer:
+        return {"frame": -math.sin(5 * (reading.time - 0.04)) if reading.time > 0.03 else 0.5}
+
+    paths = [
+        run(open_.with_controller(each))
+        for each in (
+            rb.Controller(late, 0.02),
+            rb.Controller(timed, 0.02, delay=0.04),
+            rb.Controller(timed, 0.02),
+        )
+    ]
+    assert path_error(paths[1], paths[0]) < 1e-13
+    assert path_error(paths[2], paths[0]) > 1e-2
+
+
+def test_a_scenes_own_command_holds_until_the_first_takes_effect() -> None:
+    """A ramp for half a second, then the loop, in both engines; measured 2.3e-10, open 2e-11."""
+    ramp = rb.Ramp(final=-3.0, end=0.4, shape="quintic")
+    scene = PENDULUM.with_hinges(command={"frame": ramp})
+    loop = scene.with_controller(rb.Controller(timed, 0.01, delay=0.5))
+    theory = integrated(loop)
+    assert path_error(rb.simulate(loop, TIMES, "accurate"), theory) < 2e-9
+    half = TIMES <= 0.5
+    before = integrated(scene).contact_point[half]
+    assert np.abs(theory.contact_point[half] - before).max() < 1e-13
+    assert path_error(integrated(scene), theory) > 0.1
+
+
+def test_a_name_that_is_left_out_keeps_its_command() -> None:
+    """An empty answer changes nothing, and a hinge that is never named has its own command."""
+    once = rb.Controller(lambda r: {"frame": -1.0} if r.time == 0 else {}, 0.01)
+    always = rb.Controller(lambda r: {"frame": -1.0}, 0.01)
+    ends = [integrated(STEERED.with_controller(each)).contact_point[-1] for each in (once, always)]
+    assert np.abs(ends[0] - ends[1]).max() < 1e-13
+
+
+# Sensors ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("run", [integrated, balanced])
+def test_a_latency_has_older_states_read(run: Callable[[rb.Scene], rb.Motion]) -> None:
+    """By 0.014 s, which is no multiple of the period; the start as long as there is nothing older.
+
+    Commands by the clock, so that the motion is the same; measured 5e-15, in MuJoCo 2e-8.
+    """
+    plain = rb.Controller(timed, 0.02)
+    late = replace(plain, sensors=rb.Sensors(latency=0.014))
+    kept, _ = readings_of(late, run, PENDULUM)
+    times = np.array([0.0, *(0.02 * np.arange(1, 50) - 0.014), 1.0])
+    scene = PENDULUM.with_controller(plain)
+    exact = rb.integrate(scene, times).hinge_angles[:-1, 0]
+    off = np.abs(np.array([each.angles["frame"] for each in kept]) - exact)
+    assert off.max() < 1e-6
+    assert np.ptp(exact) > 0.2
+
+
+def test_noise_is_the_same_in_both_engines_and_another_by_another_seed() -> None:
+    """Of every sensor, as large as it was asked for; resolution rounds what is noisy."""
+    noise = {"gyro": 0.02, "attitude": 0.01, "angles": 0.003, "contact_point": 0.005}
+    sensors = rb.Sensors(noise, {"rates": 0.5}, contact_point=True, seed=3)
+    noisy = rb.Controller(timed, 0.01, sensors=sensors)
+    other = replace(noisy, sensors=replace(sensors, seed=4))
+    plain = replace(noisy, sensors=rb.Sensors(contact_point=True))
+
+    def numbers(controller: rb.Controller, run: Callable[[rb.Scene], rb.Motion]) -> Any:
+        kept, _ = readings_of(controller, run)
+        assert all(abs(each.attitude @ each.attitude - 1) < 1e-14 for each in kept)
+        return {
+            "gyro": np.array([each.gyro for each in kept]),
+            "attitude": 2 * np.array([each.attitude for each in kept]),
+            "angles": np.array([[*each.angles.values()] for each in kept]),
+            "contact_point": np.array([each.contact_point for each in kept]),
+            "rates": np.array([[*each.rates.values()] for each in kept]),
+        }
+
+    one, engine, seeded = numbers(noisy, integrated), numbers(noisy, balanced), None
+    seeded, true = numbers(other, integrated), numbers(plain, integrated)
+    for name, sigma in noise.items():
+        assert np.abs(one[name] - engine[name]).max() < 1e-4 * sigma + 1e-5
+        assert np.abs(one[name] - seeded[name]).max() > sigma
+        # Of 100 readings; of a quaternion's four numbers three turn.
+        spread = np.std(one[name] - true[name]) / math.sqrt(0.75 if name == "attitude" else 1.0)
+        assert spread == pytest.approx(sigma, rel=0.15), name
+    assert np.abs(one["rates"] / 0.5 - np.round(one["rates"] / 0.5)).max() < 1e-12
+    assert np.abs(one["rates"] - true["rates"]).max() == pytest.approx(0.25, abs=0.02)
+
+
+# State -----------------------------------------------------------------------------------------
+
+
+class Integrating:
+    """A controller with a memory."""
+
+    def __init__(self) -> None:
+        self.sum = 0.0
+
+    def __call__(self, reading: rb.Reading) -> Answer:
+        self.sum += 0.01 * (3.0 + reading.rates["frame"])
+        return {"frame": -3.0 - 2.0 * self.sum}
+
+    def command(self, reading: rb.Reading) -> Answer:
+        return self(reading)
+
+
+@pytest.mark.parametrize("method", [False, True])
+def test_a_state_is_new_in_every_run(method: bool) -> None:
+    """Of an object and of a method of one; the given object stays as it is."""
+    memory = Integrating()
+    controller = rb.Controller(memory.command if method else memory, 0.01)
+    scene = PENDULUM.with_controller(controller)
+    motions = [balanced(scene), balanced(scene)]
+    assert np.array_equal(motions[0].contact_point, motions[1].contact_point)
+    assert memory.sum == 0.0
+    # The equations' estimate of their own error runs the loop again, from its first state.
+    assert rb.integrate(scene, TIMES).reference_error < 1e-12
+
+
+def test_many_motions_are_those_of_single_runs() -> None:
+    """To the last bit, each with a state of its own."""
+    scene = PENDULUM.with_controller(rb.Controller(Integrating(), 0.01))
+    tilts = [np.array([1.0, 0.05 * i, 0.0, 0.0]) for i in range(3)]
+    starts = [rb.Start(q / np.linalg.norm(q), np.zeros(3)) for q in tilts]
+    with at_most(1):  # here, as a process takes seconds to start
+        many = [*rb.simulate_many(scene, starts, rb.sample_times(0.5), "fast")]
+    for start, motion in zip(starts, many, strict=True):
+        alone = rb.simulate(replace(scene, start=start), rb.sample_times(0.5), "fast")
+        assert np.array_equal(alone.contact_point, motion.contact_point)
+    assert not np.array_equal(many[0].contact_point, many[1].contact_point)
+
+
+# What it costs ---------------------------------------------------------------------------------
+
+
+def test_a_call_costs_mujoco_no_step_and_no_callback() -> None:
+    """As many steps as the open run, and from the first commands on none calls Python."""
+    scene = PENDULUM.with_controller(rb.Controller(timed, 0.01))
+    assert rb.simulate(scene, TIMES).report.steps == rb.simulate(PENDULUM, TIMES).report.steps
+    with controlled(build(scene, rb.preset("balanced"))) as control:
+        assert not control.steady  # the scene's own ramp
+        control.begin(control.model.start_data(), (0.0, 0.005))
+        assert control.steady
+
+
+def test_a_call_costs_the_equations_no_search_for_a_step() -> None:
+    """Less than twice the steps of the open motion with the same command; measured 1.34 times."""
+    steps, open_ = [], PENDULUM.with_hinges(command={"frame": -3.0})
+    hold = rb.Controller(lambda _: {"frame": -3.0}, 0.01)
+    for scene in (open_, open_.with_controller(hold)):
+        loop = Loop(scene, scene.controller) if scene.controller else None
+        march = March(System(loop.scene if loop else scene), 1e-15, 1.0, 10_000, loop=loop)
+        march.run(TIMES)
+        steps.append(march.steps)
+    assert steps[1] < 1.6 * steps[0]
+
+
+# Refused ---------------------------------------------------------------------------------------
+
+
+def failing(reading: rb.Reading) -> Answer:
+    if reading.time > 0.04:
+        raise KeyError("battery")
+    return {"frame": 1.0}
+
+
+@pytest.mark.parametrize("run", [integrated, balanced])
+def test_an_exception_ends_the_run_with_its_line(run: Callable[[rb.Scene], rb.Motion]) -> None:
+    """With the time, the file, the line and what was raised; also of one deep in a library."""
+    line = failing.__code__.co_firstlineno + 2
+    here = str(Path(__file__))
+    facts = f"pendulum_robot controller 0.05~s {here} line~{line} KeyError"
+    with pytest.raises(rb.InputError, match=naming(facts)):
+        run(PENDULUM.with_controller(rb.Controller(failing, 0.01)))
+    deep = rb.Controller(lambda _: {"frame": np.linalg.inv(np.zeros((2, 2)))[0, 0]}, 0.01)
+    with pytest.raises(rb.InputError, match=naming(f"{here} LinAlgError Singular")):
+        run(PENDULUM.with_controller(deep))
+
+
+@pytest.mark.parametrize("raised", [SystemExit, GeneratorExit, BaseException])
+def test_a_controller_cannot_end_the_program(raised: type[BaseException]) -> None:
+    def leaving(reading: rb.Reading) -> Answer:
+        raise raised
+
+    with pytest.raises(
+        rb.InputError, match=rf"fails at t = 0 s, in .* line \d+: {raised.__name__}"
+    ):
+        integrated(PENDULUM.with_controller(rb.Controller(leaving, 0.01)))
+
+
+def test_an_interrupt_in_a_controller_ends_the_run_as_it_is() -> None:
+    def interrupted(reading: rb.Reading) -> Answer:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        integrated(PENDULUM.with_controller(rb.Controller(interrupted, 0.01)))
+
+
+class Uncopied:
+    def __call__(self, reading: rb.Reading) -> Answer:
+        return {}
+
+    def __deepcopy__(self, memo: Any) -> Any:
+        raise TypeError("there is one battery")
+
+
+def answering(answer: Any, **given: Any) -> rb.Scene:
+    """The robot, and the swinging frame of another, under a controller of one answer."""
+    return given.pop("scene", PENDULUM).with_controller(rb.Controller(lambda _: answer, 0.1))
+
+
+SERVOS = rb.load_scene("servo_motors").with_hinges(motor={"rotor1": rb.Free()})
+KEPT = rb.load_scene("servo_motors").with_hinges(motor={"rotor1": None})
+FILTERED = replace(
+    PENDULUM,
+    actuators=(
+        rb.Actuator(
+            "pull", (("frame", 1.0),), rb.Torque().law, activation=Activation(0.0, settling=0.1)
+        ),
+    ),
+)
+RUNS = {
+    "None": (answering(None), "{'frame':~1.0} None t~=~0"),
+    "list": (answering([1.0]), "[1.0]"),
+    "unknown": (
+        answering({"fram": 1.0}),
+        "pendulum_robot controller 'fram' frame",
+    ),
+    "NaN": (
+        answering({"frame": math.nan}),
+        "nan frame 0~s",
+    ),
+    "word": (
+        answering({"frame": "fast"}),
+        "'fast' frame 0~s",
+    ),
+    "kept": (answering({"rotor1": 1.0}, scene=KEPT), "rotor1 exactly"),
+    "free": (answering({"rotor1": 1.0}, scene=SERVOS), "rotor1 freely"),
+    "lag": (answering({"pull": 1.0}, scene=FILTERED), "pull activation"),
+    "copy": (
+        PENDULUM.with_controller(rb.Controller(Uncopied(), 0.1)),
+        "copied line TypeError battery",
+    ),
+    "arguments": (
+        PENDULUM.with_controller(rb.Controller(lambda: {}, 0.1)),  # type: ignore[arg-type,misc]
+        "0~s TypeError arguments",
+    ),
+    "often": (
+        PENDULUM.with_controller(rb.Controller(timed, 1e-9)),
+        "1e+09 1~s 1e+06 period",
+    ),
+}
+
+
+@pytest.mark.parametrize("run", [integrated, balanced])
+@pytest.mark.parametrize("name", RUNS)
+def test_a_controller_that_gives_no_commands_is_refused(
+    name: str, run: Callable[[rb.Scene], rb.Motion]
+) -> None:
+    """By both engines, in a line that says what was wrong."""
+    scene, facts = RUNS[name]
+    with pytest.raises(rb.InputError, match=naming(facts)):
+        run(scene)
+
+
+@pytest.mark.parametrize(
+    ("make", "facts"),
+    [
+        (lambda: rb.Controller("stop", 0.1), "function 'stop'"),  # type: ignore
+        (lambda: rb.Controller(timed, 0.0), "period 0~s"),
+        (lambda: rb.Controller(timed, 0.1, delay=-1.0), "delay -1~s"),
+        (lambda: rb.Sensors({"gyros": 1.0}), "noise 'gyros'"),
+        (lambda: rb.Sensors({"contact_point": 1.0}), "noise 'contact_point'"),
+        (lambda: rb.Sensors({}, {"attitude": 1.0}), "resolution 'attitude'"),
+        (lambda: rb.Sensors({"gyro": -1.0}), "noise gyro"),
+        (lambda: rb.Sensors(latency=math.inf), "latency inf"),
+        (lambda: rb.Sensors(seed=-1), "seed 0"),
+        (
+            lambda: rb.load_scene("fig12").with_controller(rb.Controller(timed, 0.1)),
+            "fig12 motor",
+        ),
+    ],
+)
+def test_a_controller_that_cannot_be_is_refused(make: Callable[[], object], facts: str) -> None:
+    """Where it is made, or given to a scene without a motor."""
+    with pytest.raises(rb.InputError, match=naming(facts)):
+        make()
+
+
+def test_what_holds_no_controller_says_so(tmp_path: Path) -> None:
+    """A scene file, an export, an engine without them; a motion's file says what it lacks."""
+    scene = PENDULUM.with_controller(rb.Controller(timed, 0.1))
+    with pytest.raises(rb.InputError, match=naming("scene~file controller")):
+        rb.scene_toml(scene)
+    with pytest.raises(rb.InputError, match=naming("export controller")):
+        rb.export_scene(scene, tmp_path)
+    with pytest.raises(rb.InputError, match=naming("Off pendulum_robot controllers")):
+        rb.simulate(scene, TIMES, engine=OFF)
+    motion = rb.integrate(scene, rb.sample_times(0.1))
+    assert motion.scene is scene
+    motion.save(tmp_path / "run.csv")
+    assert "controller" in (tmp_path / "run.csv").read_text(encoding="utf-8")
+    again = rb.load_motion(tmp_path / "run.csv", PENDULUM)
+    assert np.array_equal(again.contact_point, motion.contact_point)
+
+
+# Actuators of a robot's own file ---------------------------------------------------------------
+
+
+def test_an_actuator_of_a_robots_own_file_is_commanded_within_its_range(tmp_path: Path) -> None:
+    """By its own name; a command beyond its range is the range's end, in both engines."""
+    file = tmp_path / "mybot.xml"
+    file.write_text(PLATE, encoding="utf-8")
+    scene = replace(rb.load_scene(file), duration=1.0)
+    (drive, *_) = scene.actuators
+    limited = replace(scene, actuators=(replace(drive, within=(-0.03, 0.03)), *scene.actuators[1:]))
+
+    def ends(scene: rb.Scene, command: float) -> Any:
+        loop = scene.with_controller(rb.Controller(lambda _: {drive.name: command}, 0.02))
+        times = rb.sample_times(0.5)
+        theory, motion = rb.integrate(loop, times), rb.simulate(loop, times)
+        assert path_error(motion, theory) < 1e-6
+        return theory.contact_point[-1]
+
+    assert np.array_equal(ends(limited, 5.0), ends(scene, 0.03))
+    assert not np.allclose(ends(scene, 0.03), ends(scene, 0.02), atol=1e-6)

@@ -1,0 +1,84 @@
+"""Code that is traced from functions, and dual numbers, compute what the functions do."""
+
+import inspect
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+
+from robotball.theory.ensembles import flatten
+from robotball.theory.ensembles.flatten import LANES, Dual, Tape, lane_function
+
+pytestmark = pytest.mark.core
+
+
+def sample(x: Any, y: Any) -> tuple[Any, Any]:
+    """Every operation that functions of symbols and of dual numbers may use."""
+    z = (x - 2) * y / (1 + x * y) - x * y / 2 + 0 * x
+    return -z + (3 - x) * (2 / y - x), 1 * y + 0
+
+
+def test_traced_code_and_dual_numbers_are_the_function_and_its_derivative() -> None:
+    """A function, the code traced from it, and its slope by central differences.
+
+    The products of the code are commuted. Measured 4.5e-11 of the slope, the difference's rounding.
+    """
+    tape = Tape()
+    for row, result in enumerate(sample(tape.read(0), tape.read(1)), start=2):
+        tape.write(row, result)
+    w = np.linspace(0.5, 3.0, 4 * LANES)
+    numba.njit(lane_function("compute", tape, LANES))(w)
+    x, y, *found = w.reshape(4, LANES)
+    expected = sample(x, y)
+    assert np.abs(found[0] - expected[0]).max() < 1e-15
+    assert np.array_equal(found[1], expected[1])
+    moving = sample(Dual(x, 0.6), Dual(y, -0.8))
+    for i in range(2):
+        ahead, behind = (sample(x + h * 0.6, y - h * 0.8)[i] for h in (1e-5, -1e-5))
+        assert np.abs(moving[i].value - expected[i]).max() < 1e-15
+        assert np.abs(moving[i].slope - (ahead - behind) / 2e-5).max() < 2e-10
+
+
+def test_the_source_of_a_lane_function_is_where_it_says() -> None:
+    """numba reads it there, and since Python 3.13 an error is raised if there is no such text."""
+    function = lane_function("with_a_source", Tape(), LANES)
+    assert inspect.getsourcefile(function) == flatten.__file__
+    assert inspect.getsource(function).split()[:2] == ["def", "in_every_lane(w:"]
+
+
+def test_each_lane_function_runs_its_own_tape(tmp_path: Path) -> None:
+    """Of two tapes and two numbers of lanes, compiled, and loaded from numba's cache.
+
+    A name belongs to one tape, as the compiled code has nothing else to tell tapes apart.
+    """
+    script = """
+import sys
+import numba, numpy as np
+from robotball.theory.ensembles import flatten
+from robotball.theory.ensembles.flatten import Tape, lane_function
+for name, factor, lanes in ("double", 2.0, 1), ("wide", 2.0, 2), ("triple", 3.0, 1):
+    tape = Tape()
+    tape.write(1, factor * tape.read(0))
+    run = numba.njit("void(f8[::1])", cache=True)(lane_function(name, tape, lanes))
+    workspace = np.array([1.0, 5.0, 0.0, 0.0])
+    run(workspace)
+    print(*workspace, run.stats.cache_misses.total())
+try:
+    lane_function("double", tape, 1)
+except ValueError as error:
+    print(error)
+"""
+    machine = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-c", script]
+    for misses in 1, 0:
+        assert subprocess.check_output(command, env=machine, text=True).splitlines() == [
+            f"1.0 2.0 0.0 0.0 {misses}",
+            f"1.0 5.0 2.0 10.0 {misses}",
+            f"1.0 3.0 0.0 0.0 {misses}",
+            "the lane function double runs another tape: choose another name",
+        ]

@@ -1,0 +1,122 @@
+"""The 3-D view of a page: it draws, plays, scrubs and turns in a browser without a network."""
+
+import json
+import re
+from base64 import b64decode
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import robotball as rb
+from robotball.rotations import rotation_matrix
+from robotball.view.poses import poses
+from robotball.view.web import MOST, STEP, view_data, view_fragment, view_page
+from tests.browser import needs_browser, opened
+from tests.messages import naming, unnamed
+from tests.random_robots import random_tree
+
+TIMES = np.linspace(0.0, 2.0, 101)  # s
+THEORY = rb.integrate(rb.load_scene("three_rotors"), TIMES)
+
+
+def test_a_view_carries_the_motion_as_it_is() -> None:
+    """Rows are contact points in radii, attitudes and hinge angles, as 32-bit floats."""
+    data = view_data([THEORY])
+    rows = np.frombuffer(b64decode(data["balls"][0]["rows"]), "<f4").reshape(len(TIMES), -1)
+    wanted = [THEORY.contact_point / THEORY.scene.ball.radius, THEORY.attitude, THEORY.hinge_angles]
+    # Measured 1e-5 on an angle of 300 rad: the rounding of 32 bits.
+    assert np.allclose(rows, np.column_stack(wanted), rtol=1e-7, atol=1e-6)
+    assert data["step"] == STEP
+
+
+def test_a_motion_too_long_or_too_short_says_so() -> None:
+    """A thousandfold duration has no more samples than MOST; one that ended at its start none."""
+    long = replace(THEORY, times=THEORY.times * 1000)
+    assert view_data([long])["count"] == MOST
+    assert unnamed("399.98~s 2000~s", view_fragment([long])) == []
+    with pytest.raises(rb.InputError, match=naming("two")):
+        view_fragment([replace(THEORY, times=THEORY.times[:1])])
+
+
+def test_a_title_is_text_and_never_markup_and_nothing_is_asked_for_outside() -> None:
+    """Whatever a user calls his scene; no address, no file."""
+    scene = replace(THEORY.scene, title="<b>&</script>", name='a"</script>')
+    page = view_page([replace(THEORY, scene=scene)])
+    assert "<b>" not in page
+    assert page.count("</script>") == page.count("<script")
+    found = re.search(r'<script type="application/json">(.*?)</script>', page)
+    assert found is not None
+    assert json.loads(found[1])["balls"][0]["name"] == THEORY.engine.name
+    assert "http" not in page
+    assert re.findall(r'(?:src|href)="(?!data:)', page) == []
+
+
+DRIVE = """(async () => {
+const view = document.querySelector(".rb-view"), canvas = view.querySelector("canvas");
+const find = name => view.querySelector(`[data-is=${name}]`), shots = [];
+const wait = () => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)));
+const shot = async () => { await wait(); shots.push(canvas.toDataURL()); };
+const at = () => +view.dataset.drawn;
+find("play").click(); await wait(); await shot(); await shot();
+const bar = find("time"); bar.value = 1.5; bar.oninput(); await shot(); const scrubbed = at();
+const point = (kind, clientX, clientY) =>
+  canvas.dispatchEvent(new PointerEvent(kind, {clientX, clientY, pointerId: 1}));
+canvas.setPointerCapture = () => {};
+point("pointerdown", 100, 100); point("pointermove", 160, 120); point("pointerup", 160, 120);
+await shot();
+find("ghost").click(); await shot();
+find("play").click(); while (at() === scrubbed) await wait();
+return {scrubbed, played: at(), distinct: new Set(shots).size, still: shots[0] === shots[1],
+        size: shots[0].length, line: find("line").textContent,
+        overflow: document.documentElement.scrollWidth - innerWidth,
+        names: [...view.querySelectorAll(".rb-name")].map(name => name.textContent)};
+})()"""
+PLACES = """[...document.querySelectorAll(".rb-view")].map(({rollingBalls}) => {
+  rollingBalls.set({t: 1.0, playing: false}); return rollingBalls.places();
+})"""
+
+
+@needs_browser
+@pytest.mark.slow
+def test_a_view_plays_scrubs_and_turns(tmp_path: Path) -> None:
+    """Paused it stands still; scrubbed, turned and laid over it shows something else each time."""
+    moved = replace(THEORY, contact_point=THEORY.contact_point * 1.5)
+    with opened(view_page([moved, THEORY]), tmp_path, 360) as browser:
+        told = browser.run(DRIVE)
+        assert browser.console == []
+        assert [each for each in browser.requests if not each.startswith(("file:", "data:"))] == []
+    assert told["still"]
+    assert told["distinct"] == 4
+    assert told["size"] > 20_000  # an empty picture has 2 to 10 thousand characters
+    assert told["scrubbed"] == pytest.approx(1.5, abs=1e-6)
+    assert told["played"] != told["scrubbed"]
+    assert re.fullmatch(r"t = \d\.\d\d s", told["line"])
+    assert re.fullmatch(r"equations\n\d\.\d+ m off", told["names"][0])
+    assert told["names"][1] == "equations"
+    assert told["overflow"] <= 0
+
+
+@needs_browser
+@pytest.mark.slow
+def test_a_view_s_bodies_stand_as_the_motion_s(tmp_path: Path) -> None:
+    """Rotors, and trees with slides, with and without a frame, three views of a page.
+
+    At t = 1 s, by the poses of the library; measured 1.5e-6: 32 bits of a rotor's angle.
+    """
+    trees = (random_tree(np.random.default_rng(3), framed) for framed in (False, True))
+    motions = [THEORY, *(rb.integrate(tree, TIMES[:76]) for tree in trees)]
+    with opened(
+        view_page([THEORY]) + "".join(view_fragment([each]) for each in motions[1:]), tmp_path
+    ) as browser:
+        found = browser.run(PLACES)
+    off = []
+    for motion, places in zip(motions, found, strict=True):
+        ball, row = motion.scene.ball, int(np.argmin(np.abs(motion.times - 1.0)))
+        for (name, body), columns in zip(ball.named_bodies, places, strict=True):
+            matrix, wanted = np.array(columns).reshape(4, 4).T, poses(motion)[name]
+            off.append(matrix[:3, :3] - rotation_matrix(wanted.attitude[row]))
+            centre = matrix[:3, 3] + matrix[:3, :3] @ body.centre / ball.radius
+            off.append(centre - wanted.position[row] / ball.radius)
+    assert max(np.abs(each).max() for each in off) < 3e-6

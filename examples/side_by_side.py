@@ -14,7 +14,8 @@ def main(name: str = "fig12", *presets: str) -> None:
     scene = rb.load_scene(name)
     theory = rb.integrate(scene)
     agreements = [
-        rb.compare(scene, preset, theory=theory) for preset in presets or ("naive", "balanced")
+        rb.compare(scene, settings=preset, theory=theory)
+        for preset in presets or ("naive", "balanced")
     ]
     for each in agreements:
         print(f"{each.settings.name:10} path error {each.path_error or float('nan'):.1e}", end="  ")

@@ -23,7 +23,6 @@ from .engines.recorded import load_motion as load_motion
 from .engines.recorded import recorded as recorded
 from .errors import InputError as InputError
 from .errors import SceneWarning as SceneWarning
-from .files.scene_writer import scene_toml as scene_toml
 from .files.trajectories import Trajectory as Trajectory
 from .files.trajectories import read_trajectory as read_trajectory
 from .fit.evidence import Found as Found
@@ -71,6 +70,7 @@ from .scene_files.scene_file import catalog as catalog
 from .scene_files.scene_file import load_scene as load_scene
 from .theory.plane import in_space as in_space
 from .view.export import export_scene as export_scene
+from .view.export import scene_toml as scene_toml
 from .view.notebook import plot as plot
 
 Agreement = _validation.Agreement

@@ -232,7 +232,7 @@ class ContactReport(Value):
     Examples
     --------
     >>> import robotball as rb
-    >>> report = rb.simulate(rb.load_scene("fig12"), rb.sample_times(0.5), "fast").report
+    >>> report = rb.simulate(rb.load_scene("fig12"), 0.5, settings="fast").report
     >>> report.steps, report.faults, bool(report.slip.max() < 1e-3)
     (25, (), True)
     """
@@ -307,7 +307,7 @@ class Motion(Value):
     Examples
     --------
     >>> import robotball as rb
-    >>> motion = rb.integrate(rb.load_scene("fig12"), rb.sample_times(0.5))
+    >>> motion = rb.integrate(rb.load_scene("fig12"), 0.5)
     >>> motion.attitude.shape, motion.hinge_rates.shape
     ((26, 4), (26, 2))
     >>> print(f"{motion.path_length:.3f} m")
@@ -396,7 +396,7 @@ class ReferenceMotion(Motion):
     Examples
     --------
     >>> import robotball as rb
-    >>> theory = rb.integrate(rb.load_scene("fig12"), rb.sample_times(0.5))
+    >>> theory = rb.integrate(rb.load_scene("fig12"), 0.5)
     >>> theory.reference_error < 1e-12
     True
     """
@@ -433,7 +433,7 @@ class ContactMotion(Motion):
     Examples
     --------
     >>> import robotball as rb
-    >>> motion = rb.simulate(rb.load_scene("fig12"), rb.sample_times(0.5), "fast")
+    >>> motion = rb.simulate(rb.load_scene("fig12"), 0.5, settings="fast")
     >>> motion.report.settings.name, motion.report.faults
     ('fast', ())
     """

@@ -140,8 +140,8 @@ def known(value: float | None) -> float | None:
 
 
 def scientific(value: float | None) -> str:
-    """Return a number in two digits; a dash where a run that broke off has none."""
-    return "-" if value is None else f"{value:.1e}"
+    """Return a number in two digits, or a dash for None and NaN."""
+    return "-" if value is None or math.isnan(value) else f"{value:.1e}"
 
 
 def plain_table(

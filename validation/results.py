@@ -185,13 +185,13 @@ def record(agreement: Agreement) -> Record:
         "duration": float(agreement.theory.times[-1]),
         "samples": len(agreement.theory.times),
         "path_length": agreement.theory.path_length,
-        "path_error": agreement.path_error,
+        "path_error": known(agreement.path_error),
         "reference_error": agreement.reference_error,
         "estimated_error": report.estimated_error,
-        "gamma_error": agreement.gamma_error,
-        "attitude_error": agreement.attitude_error,
-        "momentum_error": agreement.momentum_error,
-        "momentum_drift": agreement.momentum_error,  # its name in version 0.1
+        "gamma_error": known(agreement.gamma_error),
+        "attitude_error": known(agreement.attitude_error),
+        "momentum_error": known(agreement.momentum_error),
+        "momentum_drift": known(agreement.momentum_error),  # its name in version 0.1
         "friction_used": known(report.friction_used.max(initial=0.0)),
         "needs": needs(agreement.theory),
         "steps": report.steps,

@@ -16,7 +16,7 @@ import numpy as np
 from robotball.errors import LARGEST, InputError, named
 from robotball.files import as_path
 from robotball.files.columns import Table, read_table, write_table
-from robotball.files.scene_writer import scene_toml
+from robotball.files.scene_writer import toml_of
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
 
@@ -63,7 +63,7 @@ def write_motion(
     # The whole scene, so that the file can be compared without another file beside it.
     header["scene"] = scene.name
     try:
-        header["scene_toml"] = scene_toml(scene)
+        header["scene_toml"] = toml_of(scene)
     except InputError as error:
         header["scene_toml_missing"] = str(error)
     write_table(path, Table(columns, units, header))
@@ -200,10 +200,9 @@ def read_trajectory(path: str | Path) -> Trajectory:
 
     Examples
     --------
-    >>> from pathlib import Path
     >>> import robotball as rb
-    >>> rb.integrate(rb.load_scene("fig12"), rb.sample_times(0.5)).save("run.csv")
-    >>> trajectory = rb.read_trajectory(Path("run.csv"))
+    >>> rb.integrate(rb.load_scene("fig12"), 0.5).save("run.csv")
+    >>> trajectory = rb.read_trajectory("run.csv")
     >>> trajectory.position.shape, trajectory.notes
     ((26, 3), ())
     """

@@ -52,7 +52,7 @@ class Found:
     --------
     >>> import numpy as np
     >>> import robotball as rb
-    >>> motion = rb.integrate("pendulum_robot", rb.sample_times(2.0))
+    >>> motion = rb.integrate("pendulum_robot", 2.0)
     >>> gyro = rb.Sensor("gyro", motion.times, motion.angular_velocity)
     >>> log = rb.Log("run", (gyro,), {})
     >>> found = rb.fit("pendulum_robot", [log], ["frame.kv"], noise={"gyro": 0.02})
@@ -93,7 +93,7 @@ class SensorFit:
     --------
     >>> import numpy as np
     >>> import robotball as rb
-    >>> motion = rb.integrate("pendulum_robot", rb.sample_times(2.0))
+    >>> motion = rb.integrate("pendulum_robot", 2.0)
     >>> gyro = rb.Sensor("gyro", motion.times, motion.angular_velocity)
     >>> log = rb.Log("run", (gyro,), {})
     >>> found = rb.fit("pendulum_robot", [log], ["frame.kv"], noise={"gyro": 0.02})

@@ -114,7 +114,7 @@ def plot(*motions: Motion) -> "Figure":
     Examples
     --------
     >>> import robotball as rb
-    >>> figure = rb.plot(rb.integrate("fig12", rb.sample_times(0.5)))
+    >>> figure = rb.plot(rb.integrate("fig12", 0.5))
     >>> len(figure.axes)
     2
     """

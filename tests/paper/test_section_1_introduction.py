@@ -108,7 +108,11 @@ def test_both_chaplygin_balls_cross_the_section_on_the_same_curve_at_different_r
         rubber = scene.rolling == "rubber"
         start = along_momentum(gamma, np.cross(gamma, level) if rubber else level)
         scene, times = replace(scene, start=start), sample_times(210.0, 0.01)
-        motion = simulate(scene, times, settings) if settings else integrate(scene, times, 1e-12)
+        motion = (
+            simulate(scene, times, settings=settings)
+            if settings
+            else integrate(scene, times, 1e-12)
+        )
         if rubber:  # ℓ in place of M is as constant in space
             motion = replace(motion, momentum=np.cross(motion.momentum, [0.0, 0.0, 1.0]))
         return crossings_of_motion(motion, scene).only(1).states

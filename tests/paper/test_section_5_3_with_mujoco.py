@@ -190,7 +190,7 @@ def test_the_drift_along_OX_over_omega_is_that_of_the_equations() -> None:
         other = replace(scene, ball=bodies.ball)
         for start in zip(*level_starts(other, 2, seed=0), strict=True):
             begun = replace(other, start=own_start(other, *start))
-            motion = rb.simulate(begun, np.array([0.0, 50.0, 100.0]), "fast")
+            motion = rb.simulate(begun, np.array([0.0, 50.0, 100.0]), settings="fast")
             # M as at the start: its drift over the transient would lead to another level.
             late = replace(other, start=Start(motion.attitude[1], begun.start.momentum))
             theory = compiled_motion(late, np.array([0.0, 50.0])).contact_point[1, 0]
@@ -203,7 +203,7 @@ def test_the_drift_along_OX_over_omega_is_that_of_the_equations() -> None:
 @pytest.mark.parametrize(("name", "seconds"), [("fig14", 4000.0), ("wobbling_drive", 1000.0)])
 def test_in_long_runs_the_momentum_is_kept_and_bounds_the_speed(name: str, seconds: float) -> None:
     scene, times = paper_scene(name), sample_times(seconds)
-    motion = rb.simulate(scene, times, "fast")
+    motion = rb.simulate(scene, times, settings="fast")
     size = np.array([np.linalg.norm(scene.start.momentum)])
     balls = map(scene.parameters_at, times[: 1 if scene.steady else 1000])
     # By (2.1) the contact point moves at a|ω - Ω| at most.

@@ -48,7 +48,7 @@ def test_the_header_has_the_scene_the_engine_and_the_units(tmp_path: Path) -> No
 
     From a contact engine's timestep the order of convergence of several files is told.
     """
-    motion = rb.simulate(FIG12, np.linspace(0, 0.1, 5), "balanced")
+    motion = rb.simulate(FIG12, np.linspace(0, 0.1, 5), settings="balanced")
     motion.save(tmp_path / "m.csv")
     table = read_table(tmp_path / "m.csv")
     assert scene_of(table.header["scene_toml"]) == replace(FIG12, name="mine")

@@ -47,9 +47,9 @@ def test_times_are_a_duration_or_an_array(times: Any) -> None:
 
 def test_a_preset_in_place_of_times_is_refused_with_the_keyword() -> None:
     with pytest.raises(rb.InputError, match=naming("times 'fast' settings='fast'")):
-        rb.compare("fig12", "fast")  # type: ignore[arg-type]
+        rb.compare("fig12", "fast")
     with pytest.raises(TypeError):
-        rb.simulate("fig12", 1.0, "fast")  # type: ignore[misc]
+        rb.simulate("fig12", 1.0, "fast")  # type: ignore[call-arg]
 
 
 def test_a_scene_is_a_name_or_a_path_wherever_a_function_takes_one(

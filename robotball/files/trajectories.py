@@ -17,6 +17,7 @@ from robotball.errors import LARGEST, InputError, named
 from robotball.files import as_path
 from robotball.files.columns import Table, read_table, write_table
 from robotball.files.scene_writer import toml_of
+from robotball.robot.ball import Value
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
 
@@ -127,7 +128,7 @@ _FINITE = f"it must be finite, and at most {LARGEST:g} in size"
 
 
 @dataclass(frozen=True)
-class Trajectory:
+class Trajectory(Value):
     """Hold a ball's motion as a file has it, in SI units.
 
     Frames and origins are those of the file.

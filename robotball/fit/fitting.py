@@ -43,6 +43,7 @@ from robotball.fit.residuals import (
 )
 from robotball.fit.scene_numbers import numbers_of
 from robotball.fit.sensing import FEWEST, noise_of
+from robotball.robot.ball import Value
 from robotball.robot.scene import Scene, Start
 from robotball.rotations import Array
 
@@ -59,7 +60,7 @@ _MOST_TRIALS = 40  # of each part of the logs, so that a hopeless fit ends in se
 
 
 @dataclass(frozen=True)
-class Fit:
+class Fit(Value):
     """Hold a scene that was fitted to logs.
 
     Attributes

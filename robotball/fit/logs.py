@@ -25,6 +25,7 @@ from robotball.files.trajectories import (
     to_unit,
     together,
 )
+from robotball.robot.ball import Value, read_only
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
 
@@ -54,7 +55,7 @@ _SPARSEST = 30.0  # times √(radius/gravity), from one reading to the next at m
 
 
 @dataclass(frozen=True)
-class Sensor:
+class Sensor(Value):
     """Hold the readings of one sensor.
 
     Attributes
@@ -81,7 +82,7 @@ class Sensor:
 
 
 @dataclass(frozen=True)
-class Log:
+class Log(Value):
     """Hold what a robot's sensors read, and what its motors were commanded.
 
     Attributes
@@ -193,7 +194,7 @@ def _log_of(table: Table, name: str, scene: Scene) -> Log:
         there = np.isfinite(column)
         if not there.any():
             raise InputError(f"{motor}_command is empty")
-        commands[motor] = times[there], column[there]
+        commands[motor] = read_only(times[there]), read_only(column[there])
     return Log(name, sensors, commands, tuple(notes))
 
 

@@ -10,13 +10,12 @@ from scipy.spatial import cKDTree
 from robotball import integrate, sample_times, simulate
 from robotball.dynamics.sections import (
     crossings_of_motion,
-    invariant_curve,
     period_of,
-    shared_integral,
 )
 from robotball.fit.sensing import of_shell
 from robotball.robot.scene import Start, along_momentum, section_state
 from robotball.rotations import Array
+from tests.invariant_curves import invariant_curve, shared_integral
 from tests.paper import formulas as f
 from tests.paper.engine_ball import DRIVEN, RUBBER, largest, seen, seen_of
 from tests.paper.formulas import Errors, Numbers, cross, paper_scene, worst

@@ -7,6 +7,9 @@ import validation as _validation
 from .design.designing import Design as Design
 from .design.designing import Limits as Limits
 from .design.designing import design as design
+from .dynamics.equilibria import equilibria as equilibria
+from .dynamics.long_run import exponents as exponents
+from .dynamics.sections import section as section
 from .engines.engine import Engine as Engine
 from .engines.engine import Request as Request
 from .engines.engine import engine_named as engine_named
@@ -72,6 +75,7 @@ from .theory.plane import in_space as in_space
 from .view.export import export_scene as export_scene
 from .view.export import scene_toml as scene_toml
 from .view.notebook import plot as plot
+from .view.render import film as film
 
 Agreement = _validation.Agreement
 compare = _validation.compare

@@ -210,9 +210,9 @@ def section(
     >>> import robotball as rb
     >>> found = rb.section("fig12", 4)
     >>> found.times.shape, found.directions[0].tolist()
-    ((1, 4), [-1, 1, -1, 1])
+    ((1, 4), [1, -1, 1, -1])
     >>> print(f"{found.L[0, 2]:.3f} kg m²/s")
-    1
+    -1.910 kg m²/s
     """
     return sections_of(*starts_of(scene, starts), count, g, direction)
 

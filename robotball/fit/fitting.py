@@ -101,7 +101,7 @@ class Fit(Value):
     >>> motion = rb.integrate("pendulum_robot", 2.0)
     >>> gyro = rb.Sensor("gyro", motion.times, motion.angular_velocity)
     >>> log = rb.Log("run", (gyro,), {})
-    >>> found = rb.fit("pendulum_robot", "run.csv", ["frame.kv"], noise={"gyro": 0.02})
+    >>> found = rb.fit("pendulum_robot", log, ["frame.kv"], noise={"gyro": 0.02})
     >>> found.explains, found.undetermined
     (True, ())
     """

@@ -367,6 +367,16 @@ class Motion(Value):
         timestep = report.timestep if isinstance(report, ContactReport) else None
         write_motion(Path(path), self.scene, asdict(self.engine), dict(arrays_of(self)), timestep)
 
+    def to_xarray(self) -> Any:
+        """Return the motion as an xarray.Dataset over `time`, with units as attributes.
+
+        Vectors in world axes have the dimension `world`, those in frame axes `frame`, so that they
+        are not mixed. Raises InputError if the optional package xarray is not installed.
+        """
+        from robotball.files.trajectories import dataset_of
+
+        return dataset_of(self.scene, asdict(self.engine), dict(arrays_of(self)))
+
 
 def _gamma_of(attitude: Array) -> Array:
     """Return γ (n, 3) of attitudes (n, 4)."""

@@ -22,7 +22,8 @@ import lazy_loader
 
 # What is named in __init__.pyi is loaded when it is first used.
 _loaded, _, _own = lazy_loader.attach_stub(__name__, __file__)
-_EVERYDAY = ("Agreement", "compare", "compare_many")  # of `validation`, which needs all of this
+# Of `validation`, which needs all of this.
+_EVERYDAY = ("Agreement", "assert_agrees", "compare", "compare_many", "sweep")
 __all__ = sorted([*_own, *_EVERYDAY])
 
 

@@ -79,6 +79,8 @@ from .view.render import film as film
 
 Agreement = _validation.Agreement
 compare = _validation.compare
+assert_agrees = _validation.assert_agrees
 compare_many = _validation.compare_many
+sweep = _validation.sweep
 
 def validation_package(module: str = "") -> types.ModuleType: ...

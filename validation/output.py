@@ -179,6 +179,13 @@ def print_whole(table: "Table", console: Console) -> None:
     console.width = terminal
 
 
+def as_text(write: Callable[[Console], None]) -> str:
+    """Return what a function prints on a console, without colours."""
+    text = io.StringIO()
+    write(Console(file=text, width=_WIDEST, color_system=None))
+    return text.getvalue()
+
+
 def writable_folder(path: Path) -> Path:
     """Return `path`, in which files can be written; raises InputError where they can't.
 

@@ -2,6 +2,8 @@
 
 import inspect
 import re
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -85,6 +87,48 @@ def test_a_scene_is_a_name_or_a_path_wherever_a_function_takes_one(
     ):
         with pytest.raises(rb.InputError, match=naming("scene 'fig21' fig12")):
             call("fig21")
+
+
+def arrays_in(value: Any, name: str) -> Iterator[tuple[str, np.ndarray[Any, Any]]]:
+    """The arrays of a record, and of the records, tuples and mappings in it."""
+    if isinstance(value, np.ndarray):
+        yield name, value
+    elif is_dataclass(value):
+        for each in fields(value):
+            yield from arrays_in(getattr(value, each.name), f"{name}.{each.name}")
+    elif isinstance(value, list | tuple):
+        for i, each in enumerate(value):
+            yield from arrays_in(each, f"{name}[{i}]")
+    elif isinstance(value, Mapping):
+        for key, each in value.items():
+            yield from arrays_in(each, f"{name}[{key}]")
+
+
+def test_no_array_of_a_public_record_can_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A record was checked when it was made; an array that a user gave stays the user's."""
+    monkeypatch.chdir(tmp_path)
+    times = np.linspace(0.0, 0.5, 26)
+    theory = rb.integrate("pendulum_robot", times)
+    theory.save("run.csv")
+    records = {
+        "scene": theory.scene,
+        "theory": theory,
+        "motion": rb.simulate("pendulum_robot", times),
+        "trajectory": rb.read_trajectory("run.csv"),
+        "recorded": rb.recorded("pendulum_robot", rb.read_trajectory("run.csv")),
+        "log": rb.read_log("run.csv", "pendulum_robot"),
+        "section": rb.section("fig12", 3),
+        "exponents": rb.exponents("fig12", 20.0, transient=10.0),
+        "equilibria": rb.equilibria("fig06"),
+        "agreement": rb.compare("fig12", 0.1),
+    }
+    found = [each for name, record in records.items() for each in arrays_in(record, name)]
+    assert len(found) > 100
+    assert [name for name, array in found if array.flags.writeable] == []
+    times[:] = 0.0
+    assert theory.times[-1] == 0.5
 
 
 def test_several_scenes_may_be_names() -> None:

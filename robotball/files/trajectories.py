@@ -18,7 +18,7 @@ from robotball.errors import LARGEST, InputError, named
 from robotball.files import as_path
 from robotball.files.columns import Table, read_table, write_table
 from robotball.files.scene_writer import toml_of
-from robotball.robot.ball import Value
+from robotball.robot.ball import Value, read_only
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
 
@@ -312,7 +312,7 @@ def recognized(
         if name is None and without_unit(title)[0] in more:
             name, unit = without_unit(title)
         if name is None:
-            others[title] = column
+            others[title] = read_only(column)
             continue
         if name in columns:
             raise InputError(f"{came_as[name]!r} and {title!r} are both the column {name}")

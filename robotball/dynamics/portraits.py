@@ -66,7 +66,7 @@ def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 6
     centres = _of_index_one(points)
 
     def known(gamma: Array) -> bool:
-        return any(lies_on(sign * gamma, curve) for curve in curves for sign in (1, -1))
+        return any(_lies_on(sign * gamma, curve) for curve in curves for sign in (1, -1))
 
     # A cycle is closed in the direction of time in which it attracts: the other loses all digits.
     for ball, sense in ((parameters, 1), (reversed_in_time(parameters), -1)):
@@ -197,14 +197,14 @@ def involute(gamma: Array) -> Array:
     return np.stack([phi, gamma[..., 2]], axis=-1)
 
 
-def lies_on(gamma: Array, curve: Array) -> bool:
+def _lies_on(gamma: Array, curve: Array) -> bool:
     """Return whether γ (3,) is as near to a closed curve (n, 3) as its samples are apart."""
     spacing = np.linalg.norm(np.diff(curve, axis=0), axis=1).max()
     return bool(np.linalg.norm(curve - gamma, axis=1).min() < spacing)
 
 
 @dataclass(frozen=True)
-class Separatrix(Value):
+class _Separatrix(Value):
     """Half of a saddle's manifold: γ (n, 3) from the saddle on, back in time where it is stable.
 
     end: the fixed point that it reaches; None where it reaches none in the time allowed.
@@ -218,7 +218,7 @@ class Separatrix(Value):
 
 def separatrices(
     parameters: Parameters, points: Sequence[FixedPoint], duration: float
-) -> list[Separatrix]:
+) -> list[_Separatrix]:
     """Follow both halves of both manifolds of every saddle for a duration [s]."""
     times = sample_times(duration, _INTERVAL)
     found = []
@@ -231,7 +231,7 @@ def separatrices(
         runs = orbits(ball, attitude_at(starts), np.zeros_like(starts), times)
         for (saddle, _), each in zip(halves, runs.attitudes, strict=True):
             path = rotation_matrix(each)[:, 2]
-            found.append(Separatrix(saddle, stable, path, reached(path[-1], points)))
+            found.append(_Separatrix(saddle, stable, path, reached(path[-1], points)))
     return found
 
 

@@ -309,8 +309,8 @@ def recognized(
     came_as: dict[str, str] = {}
     for title, column in table.columns.items():
         name, unit = _parsed(title)
-        if name is None and without_unit(title)[0] in more:
-            name, unit = without_unit(title)
+        if name is None and _without_unit(title)[0] in more:
+            name, unit = _without_unit(title)
         if name is None:
             others[title] = read_only(column)
             continue
@@ -323,7 +323,7 @@ def recognized(
 
 def _parsed(title: str) -> tuple[str | None, str | None]:
     """Return a column's name and its title's unit: `x`, `x [mm]`, `x_mm`, `pos.x (mm)`."""
-    bare, unit = without_unit(title)
+    bare, unit = _without_unit(title)
     name = _KNOWN.get(_plain(bare))
     if name is None and "_" in bare:
         first, _, last = bare.rpartition("_")
@@ -335,7 +335,7 @@ def _parsed(title: str) -> tuple[str | None, str | None]:
     return name, unit
 
 
-def without_unit(title: str) -> tuple[str, str | None]:
+def _without_unit(title: str) -> tuple[str, str | None]:
     """Return a title without its unit in brackets, and the unit."""
     found = re.match(r"(.*?)\s*[\[(](.*?)[\])]\s*$", title)
     return (found[1], found[2]) if found else (title, None)

@@ -100,7 +100,8 @@ def times_of(times: Times, scene: "Scene | None" = None) -> Array:
     if times.ndim == 0:
         return sample_times(float(times))
     if times.ndim != 1 or len(times) < 2:
-        raise InputError(f"times must be a duration or two or more, not of shape {times.shape}")
+        shape = times.shape
+        raise InputError(f"times must be a duration [s] or two or more times, not of shape {shape}")
     if not np.all(np.isfinite(times)):
         raise InputError("times must be finite")
     check_size("the last of the times", float(times[-1]), "s")

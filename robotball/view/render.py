@@ -372,8 +372,7 @@ class _Painter:
 
 def _notes(motions: Sequence[Motion], film: Film, looks: Looks) -> Iterator[str]:
     """Yield the engines' versions, and what a film shows otherwise than it is."""
-    engines = [each.engine for each in motions[:-1] or motions]
-    yield from dict.fromkeys(f"{each.name} {each.version}" for each in engines)
+    yield from dict.fromkeys(f"{each.engine.name} {each.engine.version}" for each in motions[:-1])
     if film.slow != 1:
         slow, way = (film.slow, "slower") if film.slow > 1 else (1 / film.slow, "faster")
         yield f"{slow:g} times {way} than life"

@@ -18,8 +18,8 @@ from robotball.rotations import Array
 
 from .agreement import compare
 from .output import as_text, plain_table, print_whole, scientific
+from .random_starts import ERRORS
 
-_ERRORS = ("path_error", "gamma_error", "momentum_error")
 _MANY = 8  # values; fewer are run before as many processes have started
 
 
@@ -56,7 +56,7 @@ class Sweep:
         for row in self.rows:
             value = row["value"]
             text = value if isinstance(value, str) else f"{value:g}"
-            table.add_row(text, *(scientific(row[name]) for name in _ERRORS), row["verdict"])
+            table.add_row(text, *(scientific(row[name]) for name in ERRORS), row["verdict"])
         return as_text(partial(print_whole, table)).rstrip()
 
 
@@ -140,11 +140,11 @@ def sweep(
 
 def _row(times: Array, engine: Engine, job: tuple[Any, Scene, EngineSettings]) -> dict[str, Any]:
     value, scene, settings = job
-    errors: dict[str, float] = dict.fromkeys(_ERRORS, np.nan)
+    errors: dict[str, float] = dict.fromkeys(ERRORS, np.nan)
     try:
         found = compare(scene, times, settings=settings, engine=engine)
     except InputError as error:
         return {"value": value, **errors, "agrees": False, "verdict": str(error), "seconds": 0.0}
-    errors = {name: getattr(found, name) for name in _ERRORS}
+    errors = {name: getattr(found, name) for name in ERRORS}
     more = {"agrees": found.agrees, "verdict": found.verdict, "seconds": found.report.seconds}
     return {"value": value, **errors, **more}

@@ -119,7 +119,9 @@ def _write_frame(path: Path) -> None:
     """Write the README's picture: one frame of a film of fig12."""
     import mediapy
 
-    found = [compare("fig12", name, sample_times(_FILMED)) for name in ("naive", "balanced")]
+    found = [
+        compare("fig12", sample_times(_FILMED), settings=name) for name in ("naive", "balanced")
+    ]
     film = Film(ghost=True)
     shown = islice(frames(motions_of(found, "film"), film), round(_SHOWN * film.fps), None)
     with replacing(path) as temporary:

@@ -38,7 +38,14 @@ from robotball.errors import unknown
 from robotball.motion import Label
 from robotball.robot.looks import INK
 from validation.agreement import Agreement
-from validation.output import panels, progress_bar, writable_folder, write_picture, write_text
+from validation.output import (
+    known,
+    panels,
+    progress_bar,
+    writable_folder,
+    write_picture,
+    write_text,
+)
 from validation.studies import engine_study
 from validation.studies.engine_rows import row_of
 from validation.studies.engine_runs import fixed_work
@@ -198,7 +205,7 @@ def _bare(cell: Cell, python: str, preset: str) -> dict[str, Any]:
     state = shell_state(model, np.array(found["qpos"]), np.array(found["qvel"]))
     run = {"timestep": step, "steps": round(times[-1] / step), "seconds": seconds}
     motion = motion_of_rows(LABEL, scene, times, state.row, settings, **run)
-    error = Agreement(integrate(scene, times), motion).path_error
+    error = known(Agreement(integrate(scene, times), motion).path_error)
     fault, without = "; ".join(map(str, motion.report.faults[:1])), ", ".join(found["left_out"])
     return {"error": error, "fault": fault, "cost": cost, "without": without}
 

@@ -27,7 +27,7 @@ from scipy.integrate import solve_ivp
 
 from robotball import load_scene
 from robotball.dynamics.long_run import ANY_TURN
-from robotball.dynamics.sections import section, section_starts
+from robotball.dynamics.sections import section_starts, sections_of
 from robotball.processes import at_most
 from robotball.robot import formulas as eq
 from robotball.robot.formulas import Parameters
@@ -284,12 +284,12 @@ def _level_states(attitudes: Array, momenta: Array) -> Array:
 def _section_points(attitudes: Array, momenta: Array) -> None:
     """Compare sections, in both directions of g = 0, by the time of each start's last point."""
     first = attitudes[:_LANES], momenta[:_LANES]
-    best = section(_FIG11B, *first, _POINTS, tolerance=1e-15).times
+    best = sections_of(_FIG11B, *first, _POINTS, tolerance=1e-15).times
     horizon = float(best.max()) + 1.0
     form, begin = _level_equations(_FIG11B), _level_states(*first)
 
     def ours(tolerance: float) -> _Run:
-        return lambda: section(_FIG11B, attitudes, momenta, _POINTS, tolerance=tolerance).times[
+        return lambda: sections_of(_FIG11B, attitudes, momenta, _POINTS, tolerance=tolerance).times[
             :_LANES
         ]
 

@@ -38,7 +38,7 @@ from robotball.robot.motors import Servo
 from robotball.robot.variations import scaled, scaled_body, with_bodies
 from robotball.rotations import Array
 from validation.agreement import compare
-from validation.output import Show, progress_bar
+from validation.output import Show, known, progress_bar
 from validation.random_starts import random_start
 from validation.studies.extremes import WRONG
 
@@ -298,14 +298,14 @@ def judged(run: _RandomRun) -> _Judged:
         try:
             theory = integrate(run.scene, run.times, max_steps=_REFERENCE_STEPS)
             warned = exceeded(run.scene, run.settings, run.times)
-            agreement = compare(run.scene, run.settings, theory=theory)
+            agreement = compare(run.scene, settings=run.settings, theory=theory)
         except InputError as error:
             return _Judged(run, None, False, (), (), str(error))
     measured = (agreement.path_error, agreement.momentum_error)
     return _Judged(
         run,
-        agreement.path_error,
-        all(value is not None and value <= run.settings.error_tolerance for value in measured),
+        known(agreement.path_error),
+        all(value <= run.settings.error_tolerance for value in measured),
         tuple(map(str, warned)),
         tuple(map(str, agreement.faults)),
     )

@@ -19,8 +19,8 @@ from rich.console import Console
 from rich.table import Table
 
 from robotball import PRESETS, Motion, Scene, integrate, load_scene
-from robotball.dynamics.long_run import basins, exponents
-from robotball.dynamics.sections import section, section_starts
+from robotball.dynamics.long_run import basins, exponents_of
+from robotball.dynamics.sections import section_starts, sections_of
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run
 from robotball.processes import Answer, at_most, cores, pool
@@ -117,8 +117,8 @@ def _work() -> dict[str, Callable[[], _Digits]]:
 
     return {
         "ensemble": lambda: orbits(_FIG_11B, *starts, _TIMES, 1e-9).contact_points,
-        "section": lambda: section(_FIG_11B, *starts, 25, tolerance=1e-9).times,
-        "exponents": lambda: exponents(_FIG_11B, *some, 1000.0, 100.0).largest,
+        "section": lambda: sections_of(_FIG_11B, *starts, 25, tolerance=1e-9).times,
+        "exponents": lambda: exponents_of(_FIG_11B, *some, 1000.0, 100.0).largest,
         "basins": lambda: basins(_FIG_11B, *some, 500.0).labels,
     }
 

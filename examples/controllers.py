@@ -141,7 +141,7 @@ def main() -> None:
         theory, unit = rb.integrate(scene), "rad/s" if name == "damp" else "m"
         print(f"{name}: missed by {missed(theory):.2g} {unit} by the equations")
         for settings in ("accurate", "naive"):
-            agreement = rb.compare(scene, settings, theory=theory)
+            agreement = rb.compare(scene, settings=settings, theory=theory)
             missing, off = missed(agreement.motion), agreement.path_error
             print(f"  {missing:.2g} {unit} by {settings}, off by {off:.1e} of the path")
         print(f"  a start turned by a small δ rad is off by {agreement.loop_growth:.2g} δ")

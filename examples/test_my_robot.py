@@ -12,27 +12,26 @@ import robotball as rb
 
 ROBOT = Path(__file__).parent / "my_robot.toml"
 SETTINGS = rb.preset("balanced")
-TIMES = rb.sample_times(2.0)
+DURATION = 2.0  # s
 
 
 @pytest.fixture(scope="module")
-def agreement() -> rb.Agreement:
-    return rb.compare(ROBOT, SETTINGS, TIMES)
+def theory() -> rb.Motion:
+    return rb.integrate(ROBOT, DURATION)
 
 
-def test_the_engine_rolls_my_robot_as_the_equations_do(agreement: rb.Agreement) -> None:
+def test_the_engine_rolls_my_robot_as_the_equations_do(theory: rb.Motion) -> None:
     """No fault, and the path right to 5e-9; measured 1.5e-9."""
-    assert agreement.faults == ()
-    assert agreement.path_error is not None
+    agreement = rb.assert_agrees(ROBOT, settings=SETTINGS, theory=theory)
     assert agreement.path_error < 5e-9
 
 
-def test_my_robot_needs_no_more_friction_than_its_floor_gives(agreement: rb.Agreement) -> None:
+def test_my_robot_needs_no_more_friction_than_its_floor_gives(theory: rb.Motion) -> None:
     """The floor gives 0.6; measured 0.09."""
-    assert float(np.max(agreement.theory.loads.sliding_friction)) < 0.6
+    assert float(np.max(theory.loads.sliding_friction)) < 0.6
 
 
-def test_my_robot_rolls_where_it_did_last_time(agreement: rb.Agreement) -> None:
+def test_my_robot_rolls_where_it_did_last_time(theory: rb.Motion) -> None:
     """Where the contact point is after two seconds [m]."""
     end = (0.276348, 0.027102)
-    assert agreement.theory.contact_point[-1] == pytest.approx(end, abs=1e-6)
+    assert theory.contact_point[-1] == pytest.approx(end, abs=1e-6)

@@ -2,10 +2,10 @@
 
     import robotball as rb
 
-    scene = rb.load_scene("fig12")   # a name of rb.catalog(), or the path of a robot's file
-    theory = rb.integrate(scene)     # the motion by the equations
-    motion = rb.simulate(scene)      # the motion by MuJoCo
-    agreement = rb.compare(scene)    # both motions, how far apart they are, and a verdict
+    scene = rb.load_scene("fig12")        # a name of rb.catalog(), or the path of a robot's file
+    theory = rb.integrate(scene)          # the motion by the equations
+    motion = rb.simulate(scene, 5.0)      # the motion by MuJoCo, for 5 s
+    agreement = rb.compare(scene, settings="balanced")  # both motions, their errors, a verdict
     print(agreement.path_error, motion.report)
 
 `compare` and the studies are in the package `validation`, which comes with this one and stands on
@@ -22,7 +22,8 @@ import lazy_loader
 
 # What is named in __init__.pyi is loaded when it is first used.
 _loaded, _, _own = lazy_loader.attach_stub(__name__, __file__)
-_EVERYDAY = ("Agreement", "compare", "compare_many")  # of `validation`, which needs all of this
+# Of `validation`, which needs all of this.
+_EVERYDAY = ("Agreement", "assert_agrees", "compare", "compare_many", "sweep")
 __all__ = sorted([*_own, *_EVERYDAY])
 
 

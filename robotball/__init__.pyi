@@ -7,6 +7,9 @@ import validation as _validation
 from .design.designing import Design as Design
 from .design.designing import Limits as Limits
 from .design.designing import design as design
+from .dynamics.equilibria import equilibria as equilibria
+from .dynamics.long_run import exponents as exponents
+from .dynamics.sections import section as section
 from .engines.engine import Engine as Engine
 from .engines.engine import Request as Request
 from .engines.engine import engine_named as engine_named
@@ -23,7 +26,6 @@ from .engines.recorded import load_motion as load_motion
 from .engines.recorded import recorded as recorded
 from .errors import InputError as InputError
 from .errors import SceneWarning as SceneWarning
-from .files.scene_writer import scene_toml as scene_toml
 from .files.trajectories import Trajectory as Trajectory
 from .files.trajectories import read_trajectory as read_trajectory
 from .fit.evidence import Found as Found
@@ -71,10 +73,14 @@ from .scene_files.scene_file import catalog as catalog
 from .scene_files.scene_file import load_scene as load_scene
 from .theory.plane import in_space as in_space
 from .view.export import export_scene as export_scene
+from .view.export import scene_toml as scene_toml
 from .view.notebook import plot as plot
+from .view.render import film as film
 
 Agreement = _validation.Agreement
 compare = _validation.compare
+assert_agrees = _validation.assert_agrees
 compare_many = _validation.compare_many
+sweep = _validation.sweep
 
 def validation_package(module: str = "") -> types.ModuleType: ...

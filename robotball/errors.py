@@ -71,7 +71,7 @@ class SceneWarning(UserWarning):
     >>> scene = rb.load_scene("fig12").with_hinges(command={"frame": rate})
     >>> with warnings.catch_warnings(record=True) as caught:
     ...     warnings.simplefilter("always")
-    ...     motion = rb.simulate(scene, rb.sample_times(0.1), "fast")
+    ...     motion = rb.simulate(scene, 0.1, settings="fast")
     >>> print(caught[0].category.__name__)
     SceneWarning
     """

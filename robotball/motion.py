@@ -232,7 +232,7 @@ class ContactReport(Value):
     Examples
     --------
     >>> import robotball as rb
-    >>> report = rb.simulate(rb.load_scene("fig12"), rb.sample_times(0.5), "fast").report
+    >>> report = rb.simulate(rb.load_scene("fig12"), 0.5, settings="fast").report
     >>> report.steps, report.faults, bool(report.slip.max() < 1e-3)
     (25, (), True)
     """
@@ -307,7 +307,7 @@ class Motion(Value):
     Examples
     --------
     >>> import robotball as rb
-    >>> motion = rb.integrate(rb.load_scene("fig12"), rb.sample_times(0.5))
+    >>> motion = rb.integrate(rb.load_scene("fig12"), 0.5)
     >>> motion.attitude.shape, motion.hinge_rates.shape
     ((26, 4), (26, 2))
     >>> print(f"{motion.path_length:.3f} m")
@@ -367,6 +367,16 @@ class Motion(Value):
         timestep = report.timestep if isinstance(report, ContactReport) else None
         write_motion(Path(path), self.scene, asdict(self.engine), dict(arrays_of(self)), timestep)
 
+    def to_xarray(self) -> Any:
+        """Return the motion as an xarray.Dataset over `time`, with units as attributes.
+
+        Vectors in world axes have the dimension `world`, those in frame axes `frame`, so that they
+        are not mixed. Raises InputError if the optional package xarray is not installed.
+        """
+        from robotball.files.trajectories import dataset_of
+
+        return dataset_of(self.scene, asdict(self.engine), dict(arrays_of(self)))
+
 
 def _gamma_of(attitude: Array) -> Array:
     """Return γ (n, 3) of attitudes (n, 4)."""
@@ -396,7 +406,7 @@ class ReferenceMotion(Motion):
     Examples
     --------
     >>> import robotball as rb
-    >>> theory = rb.integrate(rb.load_scene("fig12"), rb.sample_times(0.5))
+    >>> theory = rb.integrate(rb.load_scene("fig12"), 0.5)
     >>> theory.reference_error < 1e-12
     True
     """
@@ -433,7 +443,7 @@ class ContactMotion(Motion):
     Examples
     --------
     >>> import robotball as rb
-    >>> motion = rb.simulate(rb.load_scene("fig12"), rb.sample_times(0.5), "fast")
+    >>> motion = rb.simulate(rb.load_scene("fig12"), 0.5, settings="fast")
     >>> motion.report.settings.name, motion.report.faults
     ('fast', ())
     """

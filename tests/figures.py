@@ -35,3 +35,14 @@ def spread_starts(
     """Attitudes (n, 4) and momenta (n, 3) all over the section's annulus, as far as |L| = most."""
     rng = np.random.default_rng(seed)
     return section_starts(rng.uniform(-most, most, n), rng.uniform(0, 6.28, n), F, g, c)
+
+
+def proposition_2(parameters: Parameters) -> tuple[float, float, float]:
+    """Return A₁, A₂ [1/s], B of Proposition 2, by which Γ₅, Γ₆ are saddles or weak foci.
+
+    A₁A₂ < 0: saddles; else weak foci, stable iff B/A₁ < 0, with B without the paper's factor K₃.
+    """
+    (a1, a2, a3), (Omega1, Omega2, Omega3) = parameters.A, parameters.Omega
+    A1 = a1 * a3 * parameters.K[2] + (a1 - a3) * Omega3
+    A2 = a2 * a3 * parameters.K[2] + (a2 - a3) * Omega3
+    return A1, A2, Omega1 * Omega2 * ((a2 - a3) ** 2 * A1**2 - (a1 - a3) ** 2 * A2**2)

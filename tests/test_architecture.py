@@ -196,7 +196,7 @@ def test_every_name_that_a_docstring_or_comment_mentions_exists() -> None:
 
 
 def test_the_core_names_validation_where_its_everyday_names_are_asked_for() -> None:
-    """`robotball.compare` and two others are validation's, and load it when they are used.
+    """`robotball.compare` and four others are validation's, and load it when they are used.
 
     A user who has one line to write should write one import. Else robotball stands by itself.
     """
@@ -215,7 +215,8 @@ print(before, *(getattr(rb, name).__module__ for name in rb._EVERYDAY), "compare
 """
     told = subprocess.check_output([sys.executable, "-c", code], text=True).split()
     assert told == [
-        "False", "validation.agreement", "validation.agreement", "validation.random_starts", "True",
+        "False", "validation.agreement", "validation.results", "validation.agreement",
+        "validation.random_starts", "validation.parameter_sweep", "True",
     ]  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from robotball.view import gl
 from tests.imports import PUBLIC
 
 # The sections of NumPy's guide that are in use, in its order.
@@ -109,6 +110,8 @@ def test_an_example_prints_what_it_says(
     """Each runs alone, in an empty folder, and imports what it uses."""
     if name == "dm_environment":
         pytest.importorskip("dm_control", reason="dm-control is not installed")
+    if name == "film" and gl.find_backend() is None:
+        pytest.skip(gl.advice())
     monkeypatch.chdir(tmp_path)
     assert failures(docstring(home, name)) == []
 

@@ -1,5 +1,6 @@
 """Compare a contact engine's motion of a scene with the reference's."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -21,6 +22,7 @@ from robotball.motion import (
     tolerated,
 )
 from robotball.robot.ball import Value
+from robotball.robot.scene import Times
 from robotball.rotations import Array
 
 if TYPE_CHECKING:
@@ -33,7 +35,8 @@ _LIMITED = 3.0  # times the reference's own error: a smaller path error may be t
 class Agreement(Value):
     """Hold a contact engine's motion beside the reference's, and measure their difference.
 
-    A motion that broke off has no measures. They are None, and `faults` says why.
+    The errors of a motion that broke off are NaN, so that it is within no tolerance; `verdict` says
+    why it did. Up to its fault, `path_errors` and `momentum_errors` have the errors over time.
 
     Attributes
     ----------
@@ -48,7 +51,7 @@ class Agreement(Value):
     --------
     >>> import robotball as rb
     >>> from validation import compare
-    >>> agreement = compare("fig12", "fast", rb.sample_times(0.5))
+    >>> agreement = compare("fig12", 0.5, settings="fast")
     >>> agreement.path_error < agreement.tolerance, agreement.faults
     (True, ())
     """
@@ -108,29 +111,29 @@ class Agreement(Value):
         return momentum_errors(self.motion, self.theory)
 
     @property
-    def path_error(self) -> float | None:
+    def path_error(self) -> float:
         """The largest contact-point error over the path's length or the radius."""
         return self._measured(path_error)
 
     @property
-    def attitude_error(self) -> float | None:
+    def attitude_error(self) -> float:
         """The largest angle between the two attitudes [rad]."""
         return self._measured(attitude_error)
 
     @property
-    def gamma_error(self) -> float | None:
+    def gamma_error(self) -> float:
         """The largest angle between the two verticals, seen from the frame [rad]."""
         return self._measured(gamma_error)
 
     @property
-    def momentum_error(self) -> float | None:
+    def momentum_error(self) -> float:
         """The largest error of M, relative."""
         return self._measured(momentum_error)
 
-    def _measured(self, measure: Callable[[Motion, Motion], float]) -> float | None:
-        # The error of a part would be smaller than that of the whole, and would look like a better
-        # run.
-        return measure(self.motion, self.theory) if self.finished else None
+    def _measured(self, measure: Callable[[Motion, Motion], float]) -> float:
+        # The error up to a fault is smaller than that of the whole motion: a run that broke off
+        # would look better than one that finished.
+        return measure(self.motion, self.theory) if self.finished else math.nan
 
     @property
     def realtime_factor(self) -> float:
@@ -160,9 +163,8 @@ class Agreement(Value):
 
     @property
     def _near(self) -> bool:
-        error = self.path_error
-        # Not `error > tolerance`, by which an error that is no number would agree.
-        if self.faults or error is None or not error <= self.tolerance:
+        # Not `error > tolerance`: NaN must not agree.
+        if self.faults or not self.path_error <= self.tolerance:
             return False
         return self.settings.accuracy is not None or self.keeps_momentum
 
@@ -183,8 +185,8 @@ class Agreement(Value):
     @property
     def limited_by_reference(self) -> bool:
         """Whether the path error may be as much the reference's own as the engine's."""
-        error, own = self.path_error, self.reference_error
-        return error is not None and own is not None and error < _LIMITED * own
+        own = self.reference_error
+        return own is not None and self.path_error < _LIMITED * own
 
     @cached_property
     def sensitivity(self) -> "Sensitivity | None":
@@ -234,9 +236,9 @@ class Agreement(Value):
 
 def compare(
     scene: Scene | str | Path,
-    settings: EngineSettings | str | None = None,
-    times: Array | None = None,
+    times: Times = None,
     *,
+    settings: EngineSettings | str | None = None,
     engine: Engine | str = DEFAULT,
     accuracy: float | None = None,
     theory: Motion | None = None,
@@ -251,10 +253,10 @@ def compare(
     ----------
     scene : Scene, str or Path
         The scene, a name of the catalog, or the path of a TOML, MJCF or URDF file.
+    times : float or (n,), s, optional
+        The duration, or sample times that increase from 0. The default is `scene.times`.
     settings : EngineSettings or str, optional
         The engine's settings, or the name of a preset. The default is the engine's default preset.
-    times : (n,), s, optional
-        Sample times, increasing from 0. The default is `scene.times`.
     engine : Engine or str, default "mujoco"
         The engine, or its name.
     accuracy : float, optional
@@ -286,7 +288,7 @@ def compare(
     --------
     >>> import robotball as rb
     >>> from validation import compare
-    >>> compare("fig12", "fast", rb.sample_times(0.5)).verdict
+    >>> compare("fig12", 0.5, settings="fast").verdict
     'agrees'
     """
     scene = scene_of(scene)

@@ -104,15 +104,16 @@ def agreements_of(
 def film(path: Path, motions: Sequence[Motion], how: "Film | None" = None) -> None:
     """Film motions of a scene at `path`, by default as `Film()` says; the last is the equations'.
 
-    Raises InputError as `write_video` does.
+    Raises InputError as `robotball.film` does.
     """
-    from robotball.view.render import write_video  # an encoder and a GL, which only a film needs
+    from robotball.view import render  # an encoder and a GL, which only a film needs
 
     with refused(path):
         path.parent.mkdir(parents=True, exist_ok=True)
     with progress_bar(1) as show:
         words = f"{motions[-1].scene.name}: video"
-        write_video(path, motions, how, progress=lambda part: show(part, words))
+        options = vars(how) if how else {}
+        render.film(path, motions, progress=lambda part: show(part, words), **options)
 
 
 def motions_of(agreements: Sequence[Agreement], kind: str) -> list[Motion]:

@@ -140,8 +140,8 @@ def known(value: float | None) -> float | None:
 
 
 def scientific(value: float | None) -> str:
-    """Return a number in two digits; a dash where a run that broke off has none."""
-    return "-" if value is None else f"{value:.1e}"
+    """Return a number in two digits, or a dash for None and NaN."""
+    return "-" if value is None or math.isnan(value) else f"{value:.1e}"
 
 
 def plain_table(
@@ -177,6 +177,13 @@ def print_whole(table: "Table", console: Console) -> None:
         console.width = terminal
     console.print(table)
     console.width = terminal
+
+
+def as_text(write: Callable[[Console], None]) -> str:
+    """Return what a function prints on a console, without colours."""
+    text = io.StringIO()
+    write(Console(file=text, width=_WIDEST, color_system=None))
+    return text.getvalue()
 
 
 def writable_folder(path: Path) -> Path:

@@ -14,6 +14,7 @@ from robotball.engines.engine import DEFAULT, scene_of
 from robotball.engines.many_motions import FromStarts, of_each
 from robotball.errors import InputError, check_count
 from robotball.motion import Motion, Progress, extended
+from robotball.robot.scene import Times, times_of
 from robotball.rotations import Array
 from robotball.theory.reduced import motion_of
 
@@ -86,9 +87,9 @@ class ManyRuns:
 def compare_many(
     scene: Scene | str | Path,
     starts: Sequence[Start],
-    settings: EngineSettings | str | None = None,
-    times: Array | None = None,
+    times: Times = None,
     *,
+    settings: EngineSettings | str | None = None,
     engine: Engine | str = DEFAULT,
     device: str | None = None,
     progress: Progress | None = None,
@@ -101,13 +102,13 @@ def compare_many(
     Parameters
     ----------
     scene : Scene, str or Path
-        The scene whose ball is started many times, its name or its file.
+        The scene, a name of the catalog, or the path of a TOML, MJCF or URDF file.
     starts : sequence of Start
         The starts.
+    times : float or (n,), s, optional
+        The duration, or sample times that increase from 0. The default is `scene.times`.
     settings : EngineSettings or str, optional
         The engine's settings, or the name of a preset. The default is the engine's default preset.
-    times : (n,), s, optional
-        Sample times, increasing from 0. The default is `scene.times`.
     engine : Engine or str, default "mujoco"
         The engine, or its name.
     device : str, optional
@@ -138,22 +139,23 @@ def compare_many(
     >>> from validation import compare_many
     >>> scene = rb.load_scene("fig12")
     >>> starts = [replace(scene.start, momentum=f * scene.start.momentum) for f in (0.5, 1.5)]
-    >>> runs = compare_many("fig12", starts, "fast", rb.sample_times(0.5))
+    >>> runs = compare_many("fig12", starts, 0.5, settings="fast")
     >>> [row["agrees"] for row in runs.rows]
     [True, True]
     """
     scenes = FromStarts(scene_of(scene), starts)
     check_count("the number of starts", len(scenes), 1)
-    times = scenes[0].times if times is None else times
+    times = times_of(times, scenes.scene)
     more: Any = {"engine": engine, "device": device, "progress": progress}
-    motions = simulate_many(scenes, None, times, settings, **more)
+    motions = simulate_many(scenes, None, times, settings=settings, **more)
     return ManyRuns(tuple(map(_start_row, map(Agreement, _references(scenes, times), motions))))
 
 
 def _start_row(agreement: Agreement) -> Row:
     fault = agreement.faults[0].kind.name if agreement.faults else None
-    row = {name: getattr(agreement, name) for name in (*ERRORS, "agrees")}
-    return row | {"fault": fault, "seconds": agreement.report.seconds}
+    row = {name: known(getattr(agreement, name)) for name in ERRORS}
+    more = {"agrees": agreement.agrees, "fault": fault, "seconds": agreement.report.seconds}
+    return row | more
 
 
 def _references(scenes: Sequence[Scene], times: Array) -> Iterator[Motion]:
@@ -190,7 +192,9 @@ def of_cell(cell: Cell, progress: Progress | None = None) -> Mapping[str, Any]:
     options = Run(**{name: cell[name] for name in ("engine", "keep_going", "environments")})
     of = options.request(cell["preset"])
     more: Any = {"engine": of.engine, "device": cell["device"], "progress": progress}
-    found = compare_many(scene, starts, of.settings, sample_times(cell["duration"]), **more)
+    found = compare_many(
+        scene, starts, sample_times(cell["duration"]), settings=of.settings, **more
+    )
     return {"rows": found.rows}
 
 

@@ -9,6 +9,7 @@ import runpy
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
+from functools import partial
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
@@ -17,15 +18,27 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
-from robotball import Controller, InputError, Motion, Scene, catalog, load_scene
+from robotball import (
+    Controller,
+    Engine,
+    EngineSettings,
+    InputError,
+    Motion,
+    Scene,
+    catalog,
+    load_scene,
+)
+from robotball.engines.engine import DEFAULT
 from robotball.errors import call_users
 from robotball.files.columns import read_samples
 from robotball.files.json_text import json_text
 from robotball.motion import Label, versions
 from robotball.robot.drives import Rate
+from robotball.robot.scene import Times
 
-from .agreement import Agreement
+from .agreement import Agreement, compare
 from .output import (
+    as_text,
     known,
     plain_table,
     print_whole,
@@ -185,13 +198,13 @@ def record(agreement: Agreement) -> Record:
         "duration": float(agreement.theory.times[-1]),
         "samples": len(agreement.theory.times),
         "path_length": agreement.theory.path_length,
-        "path_error": agreement.path_error,
+        "path_error": known(agreement.path_error),
         "reference_error": agreement.reference_error,
         "estimated_error": report.estimated_error,
-        "gamma_error": agreement.gamma_error,
-        "attitude_error": agreement.attitude_error,
-        "momentum_error": agreement.momentum_error,
-        "momentum_drift": agreement.momentum_error,  # its name in version 0.1
+        "gamma_error": known(agreement.gamma_error),
+        "attitude_error": known(agreement.attitude_error),
+        "momentum_error": known(agreement.momentum_error),
+        "momentum_drift": known(agreement.momentum_error),  # its name in version 0.1
         "friction_used": known(report.friction_used.max(initial=0.0)),
         "needs": needs(agreement.theory),
         "steps": report.steps,
@@ -273,6 +286,65 @@ def show(records: Sequence[Record], console: Console) -> None:
     console.print(_SYMBOLS + _NAIVE * ("naive" in within), style="dim", highlight=False)
     for line, style in ((f"tolerance: {', '.join(within.values())}", "dim"), *below):
         console.print(escape(line), style=style, soft_wrap=not console.is_terminal)
+
+
+def assert_agrees(
+    scene: Scene | str | Path,
+    times: Times = None,
+    *,
+    settings: EngineSettings | str | None = None,
+    engine: Engine | str = DEFAULT,
+    accuracy: float | None = None,
+    theory: Motion | None = None,
+) -> Agreement:
+    """Assert in a test that an engine rolls a scene as the equations do.
+
+    Parameters
+    ----------
+    scene : Scene, str or Path
+        The scene, a name of the catalog, or the path of a TOML, MJCF or URDF file.
+    times : float or (n,), s, optional
+        The duration, or sample times that increase from 0. The default is `scene.times`.
+    settings : EngineSettings or str, optional
+        The engine's settings, or the name of a preset. The default is the engine's default preset.
+    engine : Engine or str, default "mujoco"
+        The engine, or its name.
+    accuracy : float, optional
+        The path error to reach, in place of settings.
+    theory : Motion, optional
+        The motion by the equations at these times, if it is known.
+
+    Returns
+    -------
+    Agreement
+        Both motions and their errors, for further assertions.
+
+    Raises
+    ------
+    AssertionError
+        If the motions do not agree. The message has the table of the comparison and the first
+        fault.
+    InputError
+        If `compare` raises it.
+
+    Warns
+    -----
+    SceneWarning
+        If `compare` warns.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> rb.assert_agrees("fig12", 0.5, settings="fast").path_error < 1e-6
+    True
+    """
+    how: Any = {"settings": settings, "engine": engine, "accuracy": accuracy, "theory": theory}
+    agreement = compare(scene, times, **how)
+    if not agreement.agrees:
+        table = as_text(partial(show, [record(agreement)]))
+        why = agreement.faults[0] if agreement.faults else agreement.verdict
+        raise AssertionError(f"{agreement.scene.name}: {why}\n{table.rstrip()}")
+    return agreement
 
 
 def growth_of(growth: float) -> str:

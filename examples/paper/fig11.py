@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import robotball as rb
-from robotball.dynamics.sections import crossings_of_motion, fixed_point, section, section_starts
+from robotball.dynamics import sections
 
 OUT = Path("out/fig11.png")
 ROOT_F, EARLY = 5.0, 200  # √f [kg m²/s]; crossings before a start has reached an attractor
@@ -30,7 +30,8 @@ def main(starts: int = 40, duration: float = 600.0) -> dict[str, float]:
     panels = {"a": ("fig12", "fig13"), "b": ("fig14",)}
     for axes, (panel, names) in zip(figure.subplots(1, 2), panels.items(), strict=True):
         ball = rb.load_scene(names[0]).parameters
-        theory = section(ball, *section_starts(L, l, ROOT_F**2), 3 * EARLY)
+        begin = sections.section_starts(L, l, ROOT_F**2)
+        theory = sections.sections_of(ball, *begin, 3 * EARLY)
         for some, colour in ((theory[:, :EARLY], "0.8"), (theory[:, EARLY:], "#D55E00")):
             axes.plot(
                 some.l.ravel() % (2 * np.pi), some.L.ravel() / ROOT_F, ".", color=colour, ms=2
@@ -38,9 +39,9 @@ def main(starts: int = 40, duration: float = 600.0) -> dict[str, float]:
         for name in names:
             scene = rb.load_scene(name)
             motion = rb.simulate(scene, rb.sample_times(duration, 0.005))
-            found = crossings_of_motion(motion, scene)
+            found = sections.crossings_of_motion(motion, scene)
             axes.plot(found.l % (2 * np.pi), found.L / ROOT_F, "x", color="#0072B2", ms=4)
-            exact = section(ball, scene.start.attitude[None], scene.start.momentum[None], 10)
+            exact = rb.section(scene, 10)
             gap = np.linalg.norm(found.states[:10] - exact.states[0], axis=1)
             numbers[f"error of {name}"] = float(gap.max())
             if name == "fig12":  # the cycle crosses twice
@@ -48,7 +49,7 @@ def main(starts: int = 40, duration: float = 600.0) -> dict[str, float]:
         axes.set(xlabel="l [rad]", ylabel="L/√f", ylim=(-1.05, 1.05))
         axes.set_title(f"({panel}) dots: equations, early ones grey; crosses: MuJoCo")
     ball = rb.load_scene("fig12").parameters
-    numbers["period, equations"] = fixed_point(ball, 3.6, 0.6, ROOT_F**2).period
+    numbers["period, equations"] = sections.fixed_point(ball, 3.6, 0.6, ROOT_F**2).period
     OUT.parent.mkdir(exist_ok=True)
     figure.savefig(OUT)
     return numbers

@@ -25,7 +25,7 @@ def main(duration: float = 160.0) -> dict[str, float]:
     axes = figure.subplot_mosaic("a;b", height_ratios=(3, 2))
     axes["a"].plot(*theory.contact_point.T, color=theory.engine.colour, lw=4, alpha=0.5)
     for preset in ("fast", "balanced", "accurate"):
-        engine = rb.simulate(scene, times, preset)
+        engine = rb.simulate(scene, times, settings=preset)
         gap = np.linalg.norm(engine.contact_point - theory.contact_point, axis=1)
         axes["b"].semilogy(times[1:], gap[1:], label=f"{engine.engine.name}, {preset}")
         if preset == "balanced":

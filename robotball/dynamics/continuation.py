@@ -51,7 +51,7 @@ _LINEAR = 1e-4  # of the residuals: a central difference below it is linear
 _TINY = 1e-30j  # of an imaginary step, which has no rounding
 
 
-Residual = Callable[[Array, float], Array]
+_Residual = Callable[[Array, float], Array]
 Look = tuple[Array, Array, Callable[[], Array]]
 """Residuals (m,), their derivatives (m, n + 1) by u and s, and what returns exponents (k,)."""
 
@@ -137,7 +137,7 @@ class Problem:
         return direction[None] / np.linalg.norm(direction)
 
 
-def steady(residual: Residual, exponents: Residual, watch: Watch = SILENT) -> Problem:
+def steady(residual: _Residual, exponents: _Residual, watch: Watch = SILENT) -> Problem:
     """Return the problem of an analytic function's zeros, with the exponents (k,) at each."""
 
     def look(u: Array, s: float) -> Look:
@@ -146,13 +146,13 @@ def steady(residual: Residual, exponents: Residual, watch: Watch = SILENT) -> Pr
     return Problem(look, watch=watch)
 
 
-def derivatives(residual: Residual, u: Array, s: float) -> Array:
+def derivatives(residual: _Residual, u: Array, s: float) -> Array:
     """Return the derivatives (m, n + 1) of an analytic function (m, ...) by u (n, ...) and s."""
     by_u = residual(u[:, None] + _TINY * np.eye(len(u)), s).imag / _TINY.imag
     return np.column_stack([by_u, by_parameter(residual, u, s)])
 
 
-def by_parameter(residual: Residual, u: Array, s: float) -> Array:
+def by_parameter(residual: _Residual, u: Array, s: float) -> Array:
     """Return the derivative (m,) of a function by s, from differences small enough to be linear."""
     step = _APART
     while np.abs(change := residual(u, s + step) - residual(u, s - step)).max() > _LINEAR:

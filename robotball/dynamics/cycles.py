@@ -15,6 +15,7 @@ from functools import reduce
 import numpy as np
 
 from robotball.errors import InputError
+from robotball.robot.ball import Value
 from robotball.robot.formulas import Parameters
 from robotball.rotations import Array, rotation_matrix, turn_between, turned
 from robotball.theory.ensembles.orbits import STEP_TOLERANCE, Starts, angular_velocity
@@ -31,7 +32,7 @@ Flow = Callable[[Array, Array], tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
-class Cycle:
+class Cycle(Value):
     """A motion whose γ and M repeat.
 
     attitude (4,), frame to world, and momentum (3,) kg m²/s, world, at some moment of it; period

@@ -23,14 +23,18 @@ with four solutions where |κ| < 1. ν₁, κ₁ of the paper belong to Δ (j = 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
+from pathlib import Path
 
 import numpy as np
 from scipy.linalg import eig
 
 from robotball.dynamics.normal_forms import flow_near, linear_part, lyapunov_value
+from robotball.engines.engine import scene_of
 from robotball.errors import InputError
 from robotball.robot import formulas as eq
+from robotball.robot.ball import Value
 from robotball.robot.formulas import Parameters, Vector, as_vector
+from robotball.robot.scene import Scene
 from robotball.rotations import (
     Array,
     ComplexArray,
@@ -52,7 +56,7 @@ _SAME = 1e-6  # of a unit vector: what is that near a point of a formula is that
 
 
 @dataclass(frozen=True)
-class FixedPoint:
+class FixedPoint(Value):
     """A fixed point of (4.1): γ (3,), the eigenvalues (2,) there [1/s] and the type by them.
 
     kind: "saddle", "stable node", "unstable node", "stable focus", "unstable focus"; where the
@@ -84,6 +88,38 @@ class ContactPath:
 def flow(parameters: Parameters, gamma: Vector) -> Vector:
     """Return dγ/dt of (4.1) [1/s]. γ may be of any arithmetic."""
     return eq.cross(gamma, parameters.angular_velocity(_REST, gamma))
+
+
+def equilibria(scene: Scene | str | Path) -> list[FixedPoint]:
+    """Find the fixed points of a rubber ball's motion from rest.
+
+    At a fixed point the vertical γ stays in the frame, and the contact point describes a circle or
+    a line. The scene must be balanced, with constant rates; its start does not matter.
+
+    Parameters
+    ----------
+    scene : Scene, str or Path
+        The scene, a name of the catalog, or the path of a TOML, MJCF or URDF file.
+
+    Returns
+    -------
+    list of FixedPoint
+        The isolated fixed points, each with its γ in principal axes, its eigenvalues and its type.
+
+    Raises
+    ------
+    InputError
+        If the scene is not balanced, if its rates change, if its rolling model is classical, if
+        fixed points fill a curve, or if `load_scene` raises it.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> points = rb.equilibria("fig06")
+    >>> len(points), sorted({point.kind for point in points})
+    (10, ['saddle', 'slow stable focus', 'stable focus', 'unstable node'])
+    """
+    return fixed_points(scene_of(scene).parameters)
 
 
 def fixed_points(parameters: Parameters) -> list[FixedPoint]:
@@ -275,7 +311,7 @@ def attitude_at(gamma: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class FixedCircle:
+class FixedCircle(Value):
     """Fixed points γ = cos ψ axes[0] + sin ψ axes[1], of which those with sin 2ψ > 0 attract: Σ_s.
 
     axes (2, 3): unit vectors across Ω, right-handed with it, along which Σ_s and Σ_u meet; index:
@@ -348,17 +384,6 @@ def kappa(parameters: Parameters, j: int) -> float:
     a, a3 = parameters.A[j], parameters.A[2]
     level = 2 * a * a3 * parameters.K[2] / (a3 - a) - parameters.Omega[2]
     return float(level / np.hypot(parameters.Omega[j], parameters.Omega[2]))
-
-
-def proposition_2(parameters: Parameters) -> tuple[float, float, float]:
-    """Return A₁, A₂ [1/s], B of Proposition 2, by which Γ₅, Γ₆ are saddles or weak foci.
-
-    A₁A₂ < 0: saddles; else weak foci, stable iff B/A₁ < 0, with B without the paper's factor K₃.
-    """
-    (a1, a2, a3), (Omega1, Omega2, Omega3) = parameters.A, parameters.Omega
-    A1 = a1 * a3 * parameters.K[2] + (a1 - a3) * Omega3
-    A2 = a2 * a3 * parameters.K[2] + (a2 - a3) * Omega3
-    return A1, A2, Omega1 * Omega2 * ((a2 - a3) ** 2 * A1**2 - (a1 - a3) ** 2 * A2**2)
 
 
 def closed_form_points(parameters: Parameters) -> dict[str, Array]:

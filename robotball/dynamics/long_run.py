@@ -13,14 +13,18 @@ its crossings of a section repeat, on a cycle, or do not: then λ₁ parts tori 
 In order: exponents, drift, basins.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from robotball.dynamics.cycles import Cycle, close, nearest
-from robotball.dynamics.sections import section
+from robotball.dynamics.sections import sections_of, starts_of
 from robotball.errors import InputError
+from robotball.robot.ball import Value
 from robotball.robot.formulas import Parameters, speed_bound
+from robotball.robot.scene import Scene, Start
 from robotball.rotations import Array, Mask, rotation_matrix
 from robotball.theory.ensembles.orbits import LONG_RUN_TOLERANCE, Balls, Integers, Starts, orbits
 from robotball.theory.ensembles.steppers import DEVIATION, PATH, System
@@ -31,7 +35,7 @@ ANY_TURN = (0.6, 0.48, 0.64)
 
 
 @dataclass(frozen=True)
-class Exponents:
+class Exponents(Value):
     """The exponents of n starts, each from its own run, and what they say together.
 
     halves: (n, 2) 1/s, λ₁ over either half of each run; divergence: (n,) 1/s, ⟨div⟩ of each;
@@ -79,6 +83,50 @@ class Exponents:
 
 
 def exponents(
+    scene: Scene | str | Path,
+    duration: float = 1e4,
+    *,
+    starts: Sequence[Start] | None = None,
+    transient: float = 1000.0,
+) -> Exponents:
+    """Estimate the Lyapunov exponents of motions by the equations.
+
+    The scene must be balanced, with constant rates and M other than zero. A positive largest
+    exponent means chaos. That of a regular motion falls to 0 as ln(t)/t.
+
+    Parameters
+    ----------
+    scene : Scene, str or Path
+        The scene, a name of the catalog, or the path of a TOML, MJCF or URDF file.
+    duration : float, default 1e4, s
+        The time over which the growth of a deviation is averaged.
+    starts : sequence of Start, optional
+        The starts of the motions. The default is the start of the scene.
+    transient : float, default 1000, s
+        The time before that, in which the motion settles.
+
+    Returns
+    -------
+    Exponents
+        The largest and the smallest exponent of each motion, with their standard errors.
+
+    Raises
+    ------
+    InputError
+        If the paper's equations do not describe the scene, if its rates change, if M is zero, if a
+        time is not positive, if a motion cannot be followed, or if `load_scene` raises it.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> chaotic, regular = (rb.exponents(name, 2000.0) for name in ("fig14", "fig12"))
+    >>> bool(chaotic.largest[0] > 0.05 > 0.01 > regular.largest[0])
+    True
+    """
+    return exponents_of(*starts_of(scene, starts), duration, transient)
+
+
+def exponents_of(
     balls: Balls,
     attitudes: Array,
     momenta: Array,
@@ -117,7 +165,7 @@ def _mean_rates(
 
 
 @dataclass(frozen=True)
-class Drift:
+class Drift(Value):
     """Mean motions of the contact points of n starts, along and across their momenta.
 
     velocities (n, 2) m/s: along OX = -M/√f of section 3.3, which each start has for itself, and
@@ -182,7 +230,7 @@ _CHAOS_TIME, _CHAOTIC_GROWTH = 1000.0, 30.0
 
 
 @dataclass(frozen=True)
-class Basins:
+class Basins(Value):
     """labels (n,): for each start the number of its cycle in `cycles`, or TORUS, CHAOS, LINE, LOST.
 
     All tori have one label, as have all chaotic attractors and all straight-line motions (section
@@ -215,7 +263,7 @@ def basins(
     if not len(followed):
         return Basins(labels, ())
     ends = at_end[followed]
-    crossings = section(
+    crossings = sections_of(
         parameters, ends, momenta[followed], _CROSSINGS, tolerance=LONG_RUN_TOLERANCE
     )
     labels[followed[crossings.status > 0]] = LOST
@@ -231,7 +279,7 @@ def basins(
         if cycle is None:
             continue
         # All starts that have reached this cycle are labelled at once, so that it is closed once.
-        own = section(parameters, cycle.attitude[None], cycle.momentum[None], _CROSSINGS)
+        own = sections_of(parameters, cycle.attitude[None], cycle.momentum[None], _CROSSINGS)
         reached: Mask = nearest(points[:, -1], own.states[0]) < _REACHED
         if reached[i]:
             labels[followed[reached & (labels[followed] == TORUS)]] = len(cycles)
@@ -240,7 +288,7 @@ def basins(
     undecided = np.flatnonzero(labels == TORUS)
     if len(undecided):
         begin = settled.attitudes[undecided, 1]
-        growth = exponents(parameters, begin, momenta[undecided], _CHAOS_TIME, transient=100.0)
+        growth = exponents_of(parameters, begin, momenta[undecided], _CHAOS_TIME, transient=100.0)
         labels[undecided[growth.largest * _CHAOS_TIME > _CHAOTIC_GROWTH]] = CHAOS
     return Basins(labels, tuple(cycles))
 

@@ -1,4 +1,4 @@
-"""The phase portrait of motion from rest (4.1): limit cycles, separatrices, basins.
+"""The phase portrait of motion from rest (4.1): limit cycles and separatrices.
 
 With M = 0 chaos is impossible: on the sphere every motion ends at a fixed point or on a cycle. The
 fixed points are those of `equilibria`.
@@ -11,7 +11,7 @@ fixed point of index 1 whose opposite is in the other. Either way C crosses the 
 circle from some fixed point of index 1 to its opposite: the cycles are where an orbit that starts
 on such an arc comes back to where it started.
 
-*Separatrices*, the stable and unstable manifolds of the saddles, part the *basins* on the sphere.
+*Separatrices* are the stable and unstable manifolds of the saddles.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,19 +19,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robotball.dynamics.cycles import Cycle, close, nearest
+from robotball.dynamics.cycles import Cycle, close
 from robotball.dynamics.equilibria import (
     FixedPoint,
     attitude_at,
     fixed_points,
     flow,
     jacobian,
-    name_of,
     rate_scale,
 )
 from robotball.dynamics.sections import crossings
 from robotball.errors import InputError
 from robotball.robot import formulas as eq
+from robotball.robot.ball import Value
 from robotball.robot.formulas import Parameters, as_vector
 from robotball.robot.scene import sample_times
 from robotball.rotations import Array, from_matrix, on_circle, rotation_matrix, tangents
@@ -51,94 +51,6 @@ _HYPERBOLIC = 1e-5
 _OFFSET = 1e-4
 _REACHED = 0.02  # of a fixed point: a manifold that ends that near to it ends there
 _INTERVAL = 0.05  # s, at most, between two samples
-LONGEST = 300.0  # rad, by the rates of the flow, of a cycle's period
-_TRIES = 5  # each four times as long, while something that must be there is not
-_SETTLING = 5000.0  # rad, that every start is given
-_STARTS = 120
-_TOLERANCE = 1e-9  # of a step: an attractor forgives what a path does not
-
-
-@dataclass(frozen=True)
-class _PhasePortrait:
-    """The fixed points, limit cycles and basins of one ball.
-
-    points; cycles, one of each pair C, -C; basins: the share of the sphere that each attractor has,
-    by the name of its point, or "cycle" and its number; γ and -γ count as one.
-    """
-
-    points: tuple[FixedPoint, ...]
-    cycles: tuple[Cycle, ...]
-    basins: dict[str, float]
-
-
-def phase_portrait(parameters: Parameters) -> _PhasePortrait:
-    """Return the phase portrait of a rubber ball. Raises InputError where it is degenerate.
-
-    Something must attract and something repel. Where no fixed point does, slower cycles are looked
-    for; else those slower than LONGEST are not.
-    """
-    points = fixed_points(parameters)
-    # The search costs as its longest period; most balls have fast cycles or none.
-    for attempt in range(_TRIES):
-        cycles = limit_cycles(parameters, 4**attempt * LONGEST / rate_scale(parameters))
-        if _complete(points, cycles):
-            break
-    shares = basin_shares(parameters, points, cycles, _STARTS)
-    return _PhasePortrait(tuple(points), tuple(cycles), shares)
-
-
-def _complete(points: Sequence[FixedPoint], cycles: Sequence[Cycle]) -> bool:
-    """Return whether something attracts and something repels; a centre is both."""
-    kinds = " ".join(f" {point.kind}" for point in points)
-    attracts = any(abs(cycle.multipliers[0]) < 1 for cycle in cycles)
-    repels = any(abs(cycle.multipliers[0]) > 1 for cycle in cycles)
-    centre = "centre" in kinds
-    return (attracts or centre or " stable" in kinds) and (repels or centre or "unstable" in kinds)
-
-
-def basin_shares(
-    parameters: Parameters, points: Sequence[FixedPoint], cycles: Sequence[Cycle], starts: int
-) -> dict[str, float]:
-    """Return the share of starts over the sphere that end nearest to each attractor.
-
-    All of them end at some attractor; near a slow focus that takes longer than anyone waits, so
-    they are not asked to have arrived.
-    """
-    attractors: dict[str, list[Array]] = {}
-    for point in points:
-        if point.kind in ("stable node", "stable focus", "slow stable focus"):
-            attractors.setdefault(_pair_name(parameters, point), []).append(point.gamma[None])
-    for number, cycle in enumerate(cycles):
-        if abs(cycle.multipliers[0]) < 1:
-            curve = curve_of(parameters, cycle.gamma, cycle.period)[::8]
-            attractors[f"cycle {number}"] = [curve, -curve]
-    # A centre attracts nothing, and every motion goes on round it.
-    if not attractors:
-        return {}
-    attitudes = attitude_at(spread_points(starts))
-    times = np.array([0.0, _SETTLING / rate_scale(parameters)])
-    ends = orbits(parameters, attitudes, np.zeros((starts, 3)), times, _TOLERANCE).attitudes[:, 1]
-    gamma = rotation_matrix(ends)[:, 2]
-    distances = np.array([nearest(gamma, np.concatenate(each)) for each in attractors.values()])
-    reached = distances.argmin(axis=0)
-    return {name: float(np.mean(reached == i)) for i, name in enumerate(attractors)}
-
-
-def _pair_name(parameters: Parameters, point: FixedPoint) -> str:
-    """Return the name of a fixed point and its opposite together, such as "θ₃,₄"."""
-    names = sorted(filter(None, (name_of(parameters, s * point.gamma) for s in (1.0, -1.0))))
-    if len(names) < 2:
-        return "unnamed"
-    return f"{names[0]},{names[1][-1]}"
-
-
-def spread_points(count: int) -> Array:
-    """Return points (count, 3) spread evenly over the unit sphere, along Fibonacci's spiral."""
-    # Equal steps of z have equal areas; the golden angle keeps neighbours apart.
-    i = np.arange(count) + 0.5
-    z, turn = 1 - 2 * i / count, np.pi * (3 - np.sqrt(5)) * i
-    across = np.sqrt(1 - z * z)
-    return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1)
 
 
 def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 64) -> list[Cycle]:
@@ -154,7 +66,7 @@ def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 6
     centres = _of_index_one(points)
 
     def known(gamma: Array) -> bool:
-        return any(lies_on(sign * gamma, curve) for curve in curves for sign in (1, -1))
+        return any(_lies_on(sign * gamma, curve) for curve in curves for sign in (1, -1))
 
     # A cycle is closed in the direction of time in which it attracts: the other loses all digits.
     for ball, sense in ((parameters, 1), (reversed_in_time(parameters), -1)):
@@ -285,14 +197,14 @@ def involute(gamma: Array) -> Array:
     return np.stack([phi, gamma[..., 2]], axis=-1)
 
 
-def lies_on(gamma: Array, curve: Array) -> bool:
+def _lies_on(gamma: Array, curve: Array) -> bool:
     """Return whether γ (3,) is as near to a closed curve (n, 3) as its samples are apart."""
     spacing = np.linalg.norm(np.diff(curve, axis=0), axis=1).max()
     return bool(np.linalg.norm(curve - gamma, axis=1).min() < spacing)
 
 
 @dataclass(frozen=True)
-class Separatrix:
+class _Separatrix(Value):
     """Half of a saddle's manifold: γ (n, 3) from the saddle on, back in time where it is stable.
 
     end: the fixed point that it reaches; None where it reaches none in the time allowed.
@@ -306,7 +218,7 @@ class Separatrix:
 
 def separatrices(
     parameters: Parameters, points: Sequence[FixedPoint], duration: float
-) -> list[Separatrix]:
+) -> list[_Separatrix]:
     """Follow both halves of both manifolds of every saddle for a duration [s]."""
     times = sample_times(duration, _INTERVAL)
     found = []
@@ -319,7 +231,7 @@ def separatrices(
         runs = orbits(ball, attitude_at(starts), np.zeros_like(starts), times)
         for (saddle, _), each in zip(halves, runs.attitudes, strict=True):
             path = rotation_matrix(each)[:, 2]
-            found.append(Separatrix(saddle, stable, path, reached(path[-1], points)))
+            found.append(_Separatrix(saddle, stable, path, reached(path[-1], points)))
     return found
 
 

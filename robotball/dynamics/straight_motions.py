@@ -11,6 +11,7 @@ import numpy as np
 from robotball.dynamics.normal_forms import flow_near, linear_part
 from robotball.errors import InputError
 from robotball.robot import formulas as eq
+from robotball.robot.ball import Value
 from robotball.robot.formulas import Parameters, as_vector
 from robotball.rotations import Array, ComplexArray
 
@@ -18,7 +19,7 @@ _ROUNDING = 1e-9  # relative: a component below it was meant to be zero
 
 
 @dataclass(frozen=True)
-class StraightMotion:
+class StraightMotion(Value):
     """A motion with ω = 0. SI units, frame axes.
 
     gamma (3,), momentum (3,); speed of the contact point, m/s; eigenvalues (3,) of the motion near

@@ -61,7 +61,7 @@ def numbers_of(scene: Scene) -> dict[str, float]:
     }  # fmt: skip
 
 
-def with_number(scene: Scene, name: str, value: float) -> Scene:
+def _with_number(scene: Scene, name: str, value: float) -> Scene:
     """Return the scene with one of its numbers changed.
 
     The frequency is that of all sines together. Raises InputError for an unknown name, and for a
@@ -124,7 +124,7 @@ class Driven(Range):
 
     def at(self, s: float) -> tuple[Scene, float]:
         """Return the scene at s, and the unit of M, which is the same at all s [kg m²/s]."""
-        return with_number(self.scene, self.name, self.value(s)), self.scene.momentum_scale
+        return _with_number(self.scene, self.name, self.value(s)), self.scene.momentum_scale
 
     @cached_property
     def _headed(self) -> bool:

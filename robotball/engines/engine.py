@@ -26,7 +26,7 @@ from robotball.motion import (
     preset_named,
 )
 from robotball.robot.loads import Loads
-from robotball.robot.scene import Scene, check_times
+from robotball.robot.scene import Scene, Times, times_of
 from robotball.rotations import Array
 from robotball.theory.dop853 import LEAST_RTOL
 
@@ -230,9 +230,9 @@ def scene_of(scene: Scene | str | Path) -> Scene:
 
 def simulate(
     scene: Scene | str | Path,
-    times: Array | None = None,
-    settings: EngineSettings | str | None = None,
+    times: Times = None,
     *,
+    settings: EngineSettings | str | None = None,
     engine: Engine | str = DEFAULT,
     accuracy: float | None = None,
     strict: bool = False,
@@ -247,8 +247,8 @@ def simulate(
     ----------
     scene : Scene, str or Path
         The scene, a name of the catalog, or the path of a TOML, MJCF or URDF file.
-    times : (n,), s, optional
-        Sample times, increasing from 0. The default is `scene.times`.
+    times : float or (n,), s, optional
+        The duration, or sample times that increase from 0. The default is `scene.times`.
     settings : EngineSettings or str, optional
         The engine's settings, or the name of a preset. The default is the engine's default preset.
     engine : Engine or str, default "mujoco"
@@ -282,7 +282,7 @@ def simulate(
     Examples
     --------
     >>> import robotball as rb
-    >>> motion = rb.simulate("fig12", rb.sample_times(0.5), "fast")
+    >>> motion = rb.simulate("fig12", 0.5, settings="fast")
     >>> print(f"{motion.path_length:.3f} m in {motion.report.steps} steps")
     1.857 m in 25 steps
     """
@@ -329,7 +329,7 @@ def _check_accuracy(
         )
 
 
-def run_request(scene: Scene, times: Array | None, request: Request) -> ContactMotion:
+def run_request(scene: Scene, times: Times, request: Request) -> ContactMotion:
     """Simulate the scene as `simulate` does, by a request."""
     times = runnable(scene, times, request)
     # The drives must reach to the last time that is asked for, which may be beyond the scene's own
@@ -337,7 +337,7 @@ def run_request(scene: Scene, times: Array | None, request: Request) -> ContactM
     return as_of(scene, request.engine.run(scene.until(float(times[-1])), times, request))
 
 
-def runnable(scene: Scene, times: Array | None, request: Request) -> Array:
+def runnable(scene: Scene, times: Times, request: Request) -> Array:
     """Return the times of a run. Raises InputError where the engine cannot run the scene."""
     if why := request.engine.cannot_express(scene):
         raise InputError(f"{request.engine.label.name} cannot run {scene.name}: {why}")
@@ -346,7 +346,7 @@ def runnable(scene: Scene, times: Array | None, request: Request) -> Array:
             f"{request.engine.label.name} cannot run {scene.name}: it has no controllers; take "
             "mujoco or multibody"
         )
-    return scene.times if times is None else check_times(times)
+    return times_of(times, scene)
 
 
 def as_of(scene: Scene, motion: ContactMotion) -> ContactMotion:
@@ -396,7 +396,7 @@ _EQUATIONS: dict[_Equations, str] = {
 
 def integrate(
     scene: Scene | str | Path,
-    times: Array | None = None,
+    times: Times = None,
     rtol: float = LEAST_RTOL,
     max_steps: int | None = None,
     *,
@@ -411,8 +411,8 @@ def integrate(
     ----------
     scene : Scene, str or Path
         The scene, a name of the catalog, or the path of a TOML, MJCF or URDF file.
-    times : (n,), s, optional
-        Sample times, increasing from 0. The default is `scene.times`.
+    times : float or (n,), s, optional
+        The duration, or sample times that increase from 0. The default is `scene.times`.
     rtol : float, default 1e-15
         The relative error allowed in one step, at least the default.
     max_steps : int, optional
@@ -444,14 +444,14 @@ def integrate(
     Examples
     --------
     >>> import robotball as rb
-    >>> motion = rb.integrate("fig12", rb.sample_times(0.5))
+    >>> motion = rb.integrate("fig12", 0.5)
     >>> motion.contact_point.shape
     (26, 2)
     >>> print(f"{motion.path_length:.3f} m")
     1.857 m
     """
     scene = scene_of(scene)
-    times = scene.times if times is None else check_times(times)
+    times = times_of(times, scene)
     check_size("rtol", rtol)
     if not LEAST_RTOL <= rtol < 1:
         raise InputError(f"rtol must be at least {LEAST_RTOL:g} and less than 1, not {rtol:g}")

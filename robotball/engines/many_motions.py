@@ -11,7 +11,7 @@ from robotball.engines.engine import DEFAULT, Engine, Request, as_of, request_of
 from robotball.errors import InputError
 from robotball.motion import ContactMotion, EngineSettings, Progress
 from robotball.processes import in_processes, pickled_jobs
-from robotball.robot.scene import Scene, Start
+from robotball.robot.scene import Scene, Start, Times
 from robotball.rotations import Array
 
 _Result = TypeVar("_Result")
@@ -65,11 +65,11 @@ def _of_start(work: Callable[[Scene], _Result], scene: Scene, start: Start) -> _
 
 
 def simulate_many(
-    scene: Scene | str | Path | Sequence[Scene],
+    scene: Scene | str | Path | Sequence[Scene | str | Path],
     starts: Sequence[Start] | None = None,
-    times: Array | None = None,
-    settings: EngineSettings | str | None = None,
+    times: Times = None,
     *,
+    settings: EngineSettings | str | None = None,
     engine: Engine | str = DEFAULT,
     device: str | None = None,
     progress: Progress | None = None,
@@ -83,13 +83,14 @@ def simulate_many(
 
     Parameters
     ----------
-    scene : Scene, str, Path or sequence of Scene
+    scene : Scene, str, Path or sequence of these
         The scene whose ball is started many times, its name or file, or several scenes. Several
         scenes may differ in their drives and bodies too.
     starts : sequence of Start, optional
         The starts of a single scene. Several scenes have their own.
-    times : (n,), s, optional
-        Sample times, increasing from 0. The default is the times of the first scene.
+    times : float or (n,), s, optional
+        The duration, or sample times that increase from 0. The default is the times of the first
+        scene.
     settings : EngineSettings or str, optional
         The engine's settings, or the name of a preset. The default is the engine's default preset.
     engine : Engine or str, default "mujoco"
@@ -123,7 +124,7 @@ def simulate_many(
     >>> import robotball as rb
     >>> scene = rb.load_scene("fig12")
     >>> starts = [replace(scene.start, momentum=f * scene.start.momentum) for f in (0.5, 1.0)]
-    >>> for motion in rb.simulate_many(scene, starts, rb.sample_times(1.0), "fast"):
+    >>> for motion in rb.simulate_many(scene, starts, 1.0, settings="fast"):
     ...     print(f"{motion.path_length:.2f} m")
     1.87 m
     2.74 m
@@ -135,13 +136,18 @@ def simulate_many(
             raise InputError(f"{request.engine.label.name} has no choice of a device: leave it out")
         _check_device(device)
         request = replace(request, settings=replace(own, device=device))
-    if isinstance(scene, Scene | str | Path) and starts is not None:
-        scene = FromStarts(scene_of(scene), starts)
-    elif isinstance(scene, Scene | str | Path) or starts is not None:
+    one = isinstance(scene, Scene | str | Path)
+    if one != (starts is not None):
         raise InputError("give starts with one scene, and none with several")
-    for each in scene[:1] if isinstance(scene, FromStarts) else scene:
-        times = runnable(each, times, request)
-    return iter(()) if times is None else _each(scene, times, request, progress)
+    scenes: Sequence[Scene]
+    if isinstance(scene, Scene | str | Path):
+        scenes = FromStarts(scene_of(scene), starts or ())
+    else:
+        scenes = scene if isinstance(scene, FromStarts) else [*map(scene_of, scene)]
+    sampled: Array | None = None
+    for each in scenes[:1] if isinstance(scenes, FromStarts) else scenes:
+        sampled = runnable(each, times if sampled is None else sampled, request)
+    return iter(()) if sampled is None else _each(scenes, sampled, request, progress)
 
 
 def _check_device(device: str) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from robotball.engines.engine import scene_of
 from robotball.errors import InputError, named, warn
 from robotball.files import as_path, readable
 from robotball.files.columns import read_table
@@ -136,11 +137,10 @@ class RecordedMotion(Motion):
 
     Examples
     --------
-    >>> from pathlib import Path
     >>> import robotball as rb
     >>> scene = rb.load_scene("fig12")
-    >>> rb.integrate(scene, rb.sample_times(0.5)).save("run.csv")
-    >>> motion = rb.recorded(scene, rb.read_trajectory(Path("run.csv")))
+    >>> rb.integrate(scene, 0.5).save("run.csv")
+    >>> motion = rb.recorded(scene, rb.read_trajectory("run.csv"))
     >>> print(f"{motion.rolling_radius:.3f} m")
     1.000 m
     """
@@ -155,15 +155,15 @@ class RecordedMotion(Motion):
     height: Array
 
 
-def load_motion(path: str | Path, scene: Scene) -> Motion:
+def load_motion(path: str | Path, scene: Scene | str | Path) -> Motion:
     """Read the motion of a scene from a file.
 
     Parameters
     ----------
     path : str or Path
         A file that `Motion.save` wrote, or a trajectory of any simulator as CSV, NPZ or Parquet.
-    scene : Scene
-        The scene that the file is a motion of.
+    scene : Scene, str or Path
+        The scene that the file is a motion of, its name or its file.
 
     Returns
     -------
@@ -185,12 +185,12 @@ def load_motion(path: str | Path, scene: Scene) -> Motion:
     --------
     >>> import robotball as rb
     >>> scene = rb.load_scene("fig12")
-    >>> motion = rb.integrate(scene, rb.sample_times(0.5))
+    >>> motion = rb.integrate(scene, 0.5)
     >>> motion.save("run.csv")
     >>> bool((rb.load_motion("run.csv", scene).momentum == motion.momentum).all())
     True
     """
-    path = as_path("a motion", path)
+    path, scene = as_path("a motion", path), scene_of(scene)
     table = read_table(path)
     if table.header.get("format") != FORMAT:
         return recorded(scene, read_trajectory(path))
@@ -203,7 +203,7 @@ def load_motion(path: str | Path, scene: Scene) -> Motion:
     return Motion(scene=scene, engine=_label(table.header, path.stem), **own, loads=Loads(**loads))
 
 
-def recorded(scene: Scene, trajectory: Trajectory) -> RecordedMotion:
+def recorded(scene: Scene | str | Path, trajectory: Trajectory) -> RecordedMotion:
     """Take a trajectory as a motion of a scene.
 
     What the trajectory does not have is computed from its samples. Rates are slopes of polynomials
@@ -211,8 +211,8 @@ def recorded(scene: Scene, trajectory: Trajectory) -> RecordedMotion:
 
     Parameters
     ----------
-    scene : Scene
-        The scene that the trajectory is a motion of.
+    scene : Scene, str or Path
+        The scene that the trajectory is a motion of, its name or its file.
     trajectory : Trajectory
         The trajectory, as `read_trajectory` returns it.
 
@@ -228,14 +228,14 @@ def recorded(scene: Scene, trajectory: Trajectory) -> RecordedMotion:
 
     Examples
     --------
-    >>> from pathlib import Path
     >>> import robotball as rb
     >>> scene = rb.load_scene("fig12")
-    >>> rb.integrate(scene, rb.sample_times(0.5)).save("run.csv")
-    >>> motion = rb.recorded(scene, rb.read_trajectory(Path("run.csv")))
+    >>> rb.integrate(scene, 0.5).save("run.csv")
+    >>> motion = rb.recorded(scene, rb.read_trajectory("run.csv"))
     >>> bool(motion.slip.max() < 1e-3)
     True
     """
+    scene = scene_of(scene)
     times, attitude = trajectory.times, trajectory.attitude
     omega, omega_error = _angular_velocity(trajectory)
     angles, hinge_rates = _hinges(scene, trajectory)

@@ -32,7 +32,7 @@ _MARKS = {
     codecs.BOM_UTF16_BE: "utf-16",
 }
 _LINES = 20_000  # that are read at once, so that a file's text never stands whole in memory
-LONGEST = 4_000_000_000  # bytes: a motion of a day, every 20 ms, takes 2.5e9 as CSV
+_LONGEST = 4_000_000_000  # bytes: a motion of a day, every 20 ms, takes 2.5e9 as CSV
 _MOST_BYTES = 1_000_000_000  # bytes in memory, of all numbers: that motion takes 0.9e9
 _WORD = 8  # bytes of a number
 # Members of an NPZ, and metadata of a Parquet, that hold JSON; units are in the header of a CSV.
@@ -77,7 +77,7 @@ def read_table(path: Path, gaps: bool = False) -> Table:
     read = _of_suffix(path, {**texts, ".npz": _read_npz, ".parquet": _read_parquet})
     # A reader says what is wrong with the bytes; the file's name is put before it here.
     what = f"it is no {path.suffix[1:].upper()} file that can be read"
-    with opened(path, LONGEST) as file, named(path), readable(what):
+    with opened(path, _LONGEST) as file, named(path), readable(what):
         table = read(file)
     lengths = {name: len(column) for name, column in table.columns.items()}
     if len(set(lengths.values())) > 1:

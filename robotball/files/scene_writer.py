@@ -25,33 +25,10 @@ _REST_COMMENT = "M = 0; ω is not, where frame or rotors turn"
 _ALWAYS = ("axis", "pivot")
 
 
-def scene_toml(scene: Scene) -> str:
-    """Write a scene as the text of a scene file.
+def toml_of(scene: Scene) -> str:
+    """Return the text of a scene file.
 
-    `load_scene` reads the same scene from it, to the last bit. The name of the scene is the name of
-    the file, and is not in the text. Rotors stand before pendulums.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene to write.
-
-    Returns
-    -------
-    str
-        The text, with the bodies, rates and start of the scene.
-
-    Raises
-    ------
-    InputError
-        If the scene has a rate by a function of time, links, actuators or a controller, which no
-        scene file can hold.
-
-    Examples
-    --------
-    >>> import robotball as rb
-    >>> print(rb.scene_toml(rb.load_scene("fig12")).splitlines()[0])
-    title = "Drifting along a limit cycle, rubber (Fig. 12)"
+    Raises InputError for a rate by a function of time, links, actuators or a controller.
     """
     # The start comes last, and its momentum last in it: the remark is on that line. From rest means
     # M = 0 in the paper, where a robot's builder would expect ω = 0.

@@ -10,13 +10,15 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from robotball.errors import LARGEST, InputError, named
 from robotball.files import as_path
 from robotball.files.columns import Table, read_table, write_table
-from robotball.files.scene_writer import scene_toml
+from robotball.files.scene_writer import toml_of
+from robotball.robot.ball import Value, read_only
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
 
@@ -25,19 +27,73 @@ _Place = tuple[str, ...]
 Units = dict[str, float]  # each unit in SI units
 
 
-def _layout(scene: Scene) -> Iterator[tuple[_Place, tuple[str, ...], str]]:
-    """Yield where each array of a motion stands, the names of its columns, and their unit."""
+@dataclass(frozen=True)
+class _Array:
+    """An array of a motion: its place, the names of its columns, their unit and dimension.
+
+    dimension: "" for an array (n,), else that of its columns. Vectors in world and in frame axes
+    have dimensions of different names.
+    """
+
+    place: _Place
+    columns: tuple[str, ...]
+    unit: str
+    dimension: str = ""
+
+
+def _layout(scene: Scene) -> Iterator[_Array]:
+    """Yield the arrays of a motion."""
     hinges = [hinge.name for hinge in scene.hinges]
-    yield ("times",), ("t",), "s"
-    yield ("contact_point",), ("x", "y"), "m"
-    yield ("attitude",), ("qw", "qx", "qy", "qz"), "1"
-    yield ("angular_velocity",), ("wx", "wy", "wz"), "rad/s"
-    yield ("momentum",), ("Mx", "My", "Mz"), "kg m²/s"
-    yield ("hinge_angles",), tuple(f"{name}_angle" for name in hinges), "rad"
-    yield ("hinge_rates",), tuple(f"{name}_rate" for name in hinges), "rad/s"
-    yield ("loads", "contact_force"), ("force_x", "force_y", "force_z"), "N"
-    yield ("loads", "spin_torque"), ("spin_torque",), "N m"
-    yield ("loads", "motor_torques"), tuple(f"{name}_torque" for name in hinges), "N m"
+
+    def of_hinges(what: str) -> tuple[str, ...]:
+        return tuple(f"{name}_{what}" for name in hinges)
+
+    yield _Array(("times",), ("t",), "s")
+    yield _Array(("contact_point",), ("x", "y"), "m", "plane")
+    yield _Array(("attitude",), ("qw", "qx", "qy", "qz"), "1", "quaternion")
+    yield _Array(("angular_velocity",), ("wx", "wy", "wz"), "rad/s", "frame")
+    yield _Array(("momentum",), ("Mx", "My", "Mz"), "kg m²/s", "world")
+    yield _Array(("hinge_angles",), of_hinges("angle"), "rad", "hinge")
+    yield _Array(("hinge_rates",), of_hinges("rate"), "rad/s", "hinge")
+    yield _Array(("loads", "contact_force"), ("force_x", "force_y", "force_z"), "N", "world")
+    yield _Array(("loads", "spin_torque"), ("spin_torque",), "N m")
+    yield _Array(("loads", "motor_torques"), of_hinges("torque"), "N m", "hinge")
+
+
+# The arrays (n,) of a contact engine's report, and their units.
+_REPORT = {"slip": "m/s", "spin": "rad/s", "depth": "m", "friction_used": "1"}
+_REPORT["hinge_rate_error"] = "1"
+
+
+def dataset_of(scene: Scene, engine: Mapping[str, str], arrays: Mapping[_Place, Array]) -> Any:
+    """Return the arrays of a motion as an xarray.Dataset, with units as attributes.
+
+    Raises InputError if xarray is not installed.
+    """
+    try:
+        import xarray
+    except ImportError:
+        raise InputError(
+            "to_xarray needs xarray: install robotball's extra `xarray`, or pip install xarray"
+        ) from None
+    coordinates: dict[str, Any] = {
+        "time": ("time", arrays[("times",)], {"units": "s"}),
+        "plane": ["X", "Y"],
+        "world": ["X", "Y", "Z"],
+        "frame": ["x", "y", "z"],
+        "quaternion": ["w", "x", "y", "z"],
+        "hinge": [hinge.name for hinge in scene.hinges],
+    }
+    variables: dict[str, Any] = {}
+    for each in _layout(scene):
+        dimensions = ("time", each.dimension) if each.dimension else ("time",)
+        variables[each.place[-1]] = (dimensions, arrays[each.place], {"units": each.unit})
+    del variables["times"]
+    for name, unit in _REPORT.items():
+        if ("report", name) in arrays:
+            variables[name] = ("time", arrays[("report", name)], {"units": unit})
+    attributes = {"scene": scene.name, "engine": engine["name"], "version": engine["version"]}
+    return xarray.Dataset(variables, coordinates, attributes)
 
 
 def write_motion(
@@ -53,17 +109,17 @@ def write_motion(
     """
     columns: dict[str, Array] = {}
     units: dict[str, str] = {}
-    for place, names, unit in _layout(scene):
-        array = arrays[place]
+    for each in _layout(scene):
+        array, names = arrays[each.place], each.columns
         columns.update(zip(names, array.reshape(len(array), len(names)).T, strict=True))
-        units.update(dict.fromkeys(names, unit))
+        units.update(dict.fromkeys(names, each.unit))
     header = {"format": FORMAT, "engine": json.dumps(dict(engine), ensure_ascii=False)}
     if timestep is not None:
         header["timestep"] = repr(float(timestep))
     # The whole scene, so that the file can be compared without another file beside it.
     header["scene"] = scene.name
     try:
-        header["scene_toml"] = scene_toml(scene)
+        header["scene_toml"] = toml_of(scene)
     except InputError as error:
         header["scene_toml_missing"] = str(error)
     write_table(path, Table(columns, units, header))
@@ -75,14 +131,13 @@ def arrays_of(table: Table, scene: Scene) -> dict[_Place, Array]:
     The shapes are those that a motion of the scene has.
     """
     arrays: dict[_Place, Array] = {}
-    for place, names, _ in _layout(scene):
-        missing = [name for name in names if name not in table.columns]
+    for each in _layout(scene):
+        missing = [name for name in each.columns if name not in table.columns]
         if missing:
             raise InputError(f"{', '.join(missing)} are missing: it is no motion of {scene.name}")
-        columns = [table.columns[name] for name in names]
-        # By the place: a single hinge has one column as well, and an array (n, 1).
-        single = place in (("times",), ("loads", "spin_torque"))
-        arrays[place] = columns[0] if single else np.stack(columns, axis=1)
+        columns = [table.columns[name] for name in each.columns]
+        # A single hinge has one column as well, and an array (n, 1).
+        arrays[each.place] = np.stack(columns, axis=1) if each.dimension else columns[0]
     return arrays
 
 
@@ -127,7 +182,7 @@ _FINITE = f"it must be finite, and at most {LARGEST:g} in size"
 
 
 @dataclass(frozen=True)
-class Trajectory:
+class Trajectory(Value):
     """Hold a ball's motion as a file has it, in SI units.
 
     Frames and origins are those of the file.
@@ -200,10 +255,9 @@ def read_trajectory(path: str | Path) -> Trajectory:
 
     Examples
     --------
-    >>> from pathlib import Path
     >>> import robotball as rb
-    >>> rb.integrate(rb.load_scene("fig12"), rb.sample_times(0.5)).save("run.csv")
-    >>> trajectory = rb.read_trajectory(Path("run.csv"))
+    >>> rb.integrate(rb.load_scene("fig12"), 0.5).save("run.csv")
+    >>> trajectory = rb.read_trajectory("run.csv")
     >>> trajectory.position.shape, trajectory.notes
     ((26, 3), ())
     """
@@ -255,10 +309,10 @@ def recognized(
     came_as: dict[str, str] = {}
     for title, column in table.columns.items():
         name, unit = _parsed(title)
-        if name is None and without_unit(title)[0] in more:
-            name, unit = without_unit(title)
+        if name is None and _without_unit(title)[0] in more:
+            name, unit = _without_unit(title)
         if name is None:
-            others[title] = column
+            others[title] = read_only(column)
             continue
         if name in columns:
             raise InputError(f"{came_as[name]!r} and {title!r} are both the column {name}")
@@ -269,7 +323,7 @@ def recognized(
 
 def _parsed(title: str) -> tuple[str | None, str | None]:
     """Return a column's name and its title's unit: `x`, `x [mm]`, `x_mm`, `pos.x (mm)`."""
-    bare, unit = without_unit(title)
+    bare, unit = _without_unit(title)
     name = _KNOWN.get(_plain(bare))
     if name is None and "_" in bare:
         first, _, last = bare.rpartition("_")
@@ -281,7 +335,7 @@ def _parsed(title: str) -> tuple[str | None, str | None]:
     return name, unit
 
 
-def without_unit(title: str) -> tuple[str, str | None]:
+def _without_unit(title: str) -> tuple[str, str | None]:
     """Return a title without its unit in brackets, and the unit."""
     found = re.match(r"(.*?)\s*[\[(](.*?)[\])]\s*$", title)
     return (found[1], found[2]) if found else (title, None)

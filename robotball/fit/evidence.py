@@ -14,6 +14,7 @@ from scipy.linalg import qr
 from robotball.fit.logs import Log
 from robotball.fit.residuals import Residuals, Unknown, of_circumstance
 from robotball.fit.sensing import circumstances_of, contradictions, stands_still
+from robotball.robot.ball import Value
 from robotball.rotations import Array
 
 NO_EVIDENCE = 1e-3  # per size: a derivative that rounding may have made
@@ -52,7 +53,7 @@ class Found:
     --------
     >>> import numpy as np
     >>> import robotball as rb
-    >>> motion = rb.integrate("pendulum_robot", rb.sample_times(2.0))
+    >>> motion = rb.integrate("pendulum_robot", 2.0)
     >>> gyro = rb.Sensor("gyro", motion.times, motion.angular_velocity)
     >>> log = rb.Log("run", (gyro,), {})
     >>> found = rb.fit("pendulum_robot", [log], ["frame.kv"], noise={"gyro": 0.02})
@@ -69,7 +70,7 @@ class Found:
 
 
 @dataclass(frozen=True)
-class SensorFit:
+class SensorFit(Value):
     """Hold how well a fit explains one sensor of a log.
 
     Attributes
@@ -93,7 +94,7 @@ class SensorFit:
     --------
     >>> import numpy as np
     >>> import robotball as rb
-    >>> motion = rb.integrate("pendulum_robot", rb.sample_times(2.0))
+    >>> motion = rb.integrate("pendulum_robot", 2.0)
     >>> gyro = rb.Sensor("gyro", motion.times, motion.angular_velocity)
     >>> log = rb.Log("run", (gyro,), {})
     >>> found = rb.fit("pendulum_robot", [log], ["frame.kv"], noise={"gyro": 0.02})

@@ -28,7 +28,7 @@ from robotball.fit.evidence import (
     sensor_fits,
     strays,
 )
-from robotball.fit.logs import Log
+from robotball.fit.logs import Log, logs_of
 from robotball.fit.residuals import (
     FIRST,
     LOSSES,
@@ -43,6 +43,7 @@ from robotball.fit.residuals import (
 )
 from robotball.fit.scene_numbers import numbers_of
 from robotball.fit.sensing import FEWEST, noise_of
+from robotball.robot.ball import Value
 from robotball.robot.scene import Scene, Start
 from robotball.rotations import Array
 
@@ -59,7 +60,7 @@ _MOST_TRIALS = 40  # of each part of the logs, so that a hopeless fit ends in se
 
 
 @dataclass(frozen=True)
-class Fit:
+class Fit(Value):
     """Hold a scene that was fitted to logs.
 
     Attributes
@@ -97,10 +98,10 @@ class Fit:
     --------
     >>> import numpy as np
     >>> import robotball as rb
-    >>> motion = rb.integrate("pendulum_robot", rb.sample_times(2.0))
+    >>> motion = rb.integrate("pendulum_robot", 2.0)
     >>> gyro = rb.Sensor("gyro", motion.times, motion.angular_velocity)
     >>> log = rb.Log("run", (gyro,), {})
-    >>> found = rb.fit("pendulum_robot", [log], ["frame.kv"], noise={"gyro": 0.02})
+    >>> found = rb.fit("pendulum_robot", log, ["frame.kv"], noise={"gyro": 0.02})
     >>> found.explains, found.undetermined
     (True, ())
     """
@@ -134,7 +135,7 @@ class Fit:
 
 def fit(
     scene: Numbers | Scene | str | Path,
-    logs: Sequence[Log],
+    logs: Log | str | Path | Sequence[Log | str | Path],
     free: Sequence[str],
     *,
     circumstances: Sequence[str] = (),
@@ -151,8 +152,8 @@ def fit(
     ----------
     scene : Numbers, Scene, str or Path
         The robot, with the numbers from which the fit begins.
-    logs : sequence of Log
-        One log or more, as `read_log` returns them.
+    logs : Log, str, Path or sequence of these
+        One log or more: files, or logs as `read_log` returns them.
     free : sequence of str
         The numbers to be found, by their paths in the scene file or the last words of these, such
         as "battery.mass"; with limits as "frame.kv=0.1:0.8". "frame.inertia" and
@@ -189,27 +190,25 @@ def fit(
 
     Examples
     --------
-    >>> from pathlib import Path
     >>> import robotball as rb
-    >>> scene = rb.load_scene("pendulum_robot")
-    >>> rb.integrate(scene, rb.sample_times(2.0)).save("run.csv")
-    >>> log = rb.read_log(Path("run.csv"), scene)
+    >>> rb.integrate("pendulum_robot", 2.0).save("run.csv")
     >>> noise = {"position": 1e-3, "attitude": 1e-2, "gyro": 2e-2, "frame_angle": 1e-2}
     >>> noise.update(frame_rate=2e-2, frame_torque=1e-2)
-    >>> found = rb.fit("pendulum_robot", [log], ["frame.kv"], noise=noise)
+    >>> found = rb.fit("pendulum_robot", "run.csv", ["frame.kv"], noise=noise)
     >>> print(f"{found.found[0].value:.3f}")
     0.400
     """
     if loss not in LOSSES:
         raise unknown("loss", loss, LOSSES)
-    names = {each.name for log in logs for each in log.sensors}
-    for name in noise or {}:
-        if name not in names:
-            raise unknown("sensor of the logs", name, sorted(names))
     numbers = numbers_of(scene).with_whole(
         [name.removesuffix(WHOLE) for name in free if name.endswith(WHOLE)]
     )
     began = numbers.scene({})
+    logs = logs_of(logs, began)
+    names = {each.name for log in logs for each in log.sensors}
+    for name in noise or {}:
+        if name not in names:
+            raise unknown("sensor of the logs", name, sorted(names))
     own = of_scene(numbers, free, began.ball.radius)
     solve = partial(
         _solved, numbers, circumstances=circumstances, run=run or by_equations, loss=loss,

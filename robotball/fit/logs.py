@@ -5,12 +5,13 @@ A log is a table. Any subset of sensors may be in it, each at its own times: a c
 hinge by the hinge's name: "frame_angle", "frame_rate", "frame_torque", "frame_command".
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from robotball.engines.engine import scene_of
 from robotball.errors import LARGEST, InputError, named
 from robotball.files import as_path
 from robotball.files.columns import VALUES, Table, read_table
@@ -24,6 +25,7 @@ from robotball.files.trajectories import (
     to_unit,
     together,
 )
+from robotball.robot.ball import Value, read_only
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
 
@@ -53,7 +55,7 @@ _SPARSEST = 30.0  # times √(radius/gravity), from one reading to the next at m
 
 
 @dataclass(frozen=True)
-class Sensor:
+class Sensor(Value):
     """Hold the readings of one sensor.
 
     Attributes
@@ -80,7 +82,7 @@ class Sensor:
 
 
 @dataclass(frozen=True)
-class Log:
+class Log(Value):
     """Hold what a robot's sensors read, and what its motors were commanded.
 
     Attributes
@@ -96,11 +98,9 @@ class Log:
 
     Examples
     --------
-    >>> from pathlib import Path
     >>> import robotball as rb
-    >>> scene = rb.load_scene("pendulum_robot")
-    >>> rb.integrate(scene, rb.sample_times(0.5)).save("run.csv")
-    >>> log = rb.read_log(Path("run.csv"), scene)
+    >>> rb.integrate("pendulum_robot", 0.5).save("run.csv")
+    >>> log = rb.read_log("run.csv", "pendulum_robot")
     >>> [sensor.name for sensor in log.sensors][:3]
     ['position', 'attitude', 'gyro']
     """
@@ -116,15 +116,16 @@ class Log:
         return max(float(each.times[-1]) for each in self.sensors)
 
 
-def read_log(path: str | Path, scene: Scene) -> Log:
+def read_log(path: str | Path, scene: Scene | str | Path) -> Log:
     """Read the log of a robot.
 
     Parameters
     ----------
     path : str or Path
         A CSV, NPZ or Parquet file with a column of times and those of any sensors.
-    scene : Scene
-        The robot, which names the hinges.
+    scene : Scene, str or Path
+        The robot, which names the hinges: a scene, a name of the catalog, or the path of a TOML,
+        MJCF or URDF file.
 
     Returns
     -------
@@ -136,22 +137,25 @@ def read_log(path: str | Path, scene: Scene) -> Log:
     InputError
         If the file has no times or no sensor, a sensor's columns are not all there, a unit is
         unknown, a number is not finite, times do not increase or are far apart, or a quaternion has
-        not length one.
-        The message names the file.
+        not length one. The message names the file. Also if `load_scene` raises it.
 
     Examples
     --------
-    >>> from pathlib import Path
     >>> import robotball as rb
-    >>> scene = rb.load_scene("pendulum_robot")
-    >>> rb.integrate(scene, rb.sample_times(0.5)).save("run.csv")
-    >>> rb.read_log(Path("run.csv"), scene).end
+    >>> rb.integrate("pendulum_robot", 0.5).save("run.csv")
+    >>> rb.read_log("run.csv", "pendulum_robot").end
     0.5
     """
-    path = as_path("a log", path)
+    path, scene = as_path("a log", path), scene_of(scene)
     table = read_table(path, gaps=True)
     with named(path):
         return _log_of(table, path.name, scene)
+
+
+def logs_of(logs: Log | str | Path | Sequence[Log | str | Path], scene: Scene) -> list[Log]:
+    """Return one log or several, with those that are files read."""
+    given = [logs] if isinstance(logs, Log | str | Path) else logs
+    return [each if isinstance(each, Log) else read_log(each, scene) for each in given]
 
 
 def _log_of(table: Table, name: str, scene: Scene) -> Log:
@@ -190,7 +194,7 @@ def _log_of(table: Table, name: str, scene: Scene) -> Log:
         there = np.isfinite(column)
         if not there.any():
             raise InputError(f"{motor}_command is empty")
-        commands[motor] = times[there], column[there]
+        commands[motor] = read_only(times[there]), read_only(column[there])
     return Log(name, sensors, commands, tuple(notes))
 
 

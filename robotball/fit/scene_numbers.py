@@ -1,7 +1,7 @@
 """The numbers of a scene by their paths, such as "frame.part.battery.mass" or "friction.rolling".
 
 A scene file's numbers are as the file has them, and its parts stay parts; another scene's are those
-of the text that `scene_toml` writes. `robot_numbers` has the numbers of a robot's own file.
+of the text that `toml_of` writes. `robot_numbers` has the numbers of a robot's own file.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,7 +19,7 @@ from robotball.errors import unknown
 from robotball.files import MODEL_FILES, contents, readable
 from robotball.files.numbers import Number, Numbers
 from robotball.files.scene_tables import SceneTable
-from robotball.files.scene_writer import scene_toml, text_of
+from robotball.files.scene_writer import text_of, toml_of
 from robotball.robot.scene import Scene
 from robotball.scene_files.scene_file import CATALOG, catalog, scene_of_table
 from robotball.scene_files.scene_keys import unit_at
@@ -117,7 +117,7 @@ def numbers_of(scene: Numbers | Scene | str | Path) -> Numbers:
     if isinstance(scene, Numbers):
         return scene
     if isinstance(scene, Scene):
-        return SceneNumbers(scene.name, CATALOG, _tables_of(scene.name, scene_toml(scene)))
+        return SceneNumbers(scene.name, CATALOG, _tables_of(scene.name, toml_of(scene)))
     path = CATALOG / f"{scene}.toml" if str(scene) in catalog() else Path(scene)
     loaded = scene_of(scene)  # which says what is wrong with the file
     if path.suffix in MODEL_FILES or "robot" in msgspec.toml.decode(contents(path)):

@@ -133,7 +133,7 @@ class Controller:
     >>> def damp(reading):
     ...     return {"frame": -0.5 * reading.gyro[1]}
     >>> scene = rb.load_scene("pendulum_robot").with_controller(rb.Controller(damp, 0.01))
-    >>> rb.simulate(scene, rb.sample_times(0.5), "fast").report.faults
+    >>> rb.simulate(scene, 0.5, settings="fast").report.faults
     ()
     """
 

@@ -355,7 +355,7 @@ class Sum:
     >>> import robotball as rb
     >>> rate = rb.Sum((2.0, rb.Ramp(final=1.0, end=0.5)))
     >>> scene = rb.load_scene("fig12").with_hinges(command={"frame": rate})
-    >>> motion = rb.integrate(scene, rb.sample_times(0.5))
+    >>> motion = rb.integrate(scene, 0.5)
     >>> print(f"{motion.hinge_rates[-1, 0]:.3f} rad/s")
     3.000 rad/s
     """
@@ -404,7 +404,7 @@ class Custom:
     >>> import robotball as rb
     >>> rate = rb.Custom(lambda t: 2.0 + math.tanh(t))
     >>> scene = rb.load_scene("fig12").with_hinges(command={"frame": rate})
-    >>> motion = rb.integrate(scene, rb.sample_times(0.5))
+    >>> motion = rb.integrate(scene, 0.5)
     >>> print(f"{motion.hinge_rates[-1, 0]:.3f} rad/s")
     2.462 rad/s
     """

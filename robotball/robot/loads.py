@@ -31,7 +31,7 @@ class Loads(Value):
     Examples
     --------
     >>> import robotball as rb
-    >>> loads = rb.integrate(rb.load_scene("fig12"), rb.sample_times(0.5)).loads
+    >>> loads = rb.integrate(rb.load_scene("fig12"), 0.5).loads
     >>> print(f"needs a friction coefficient of {loads.sliding_friction.max():.3f}")
     needs a friction coefficient of 1.155
     """

@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robotball.errors import (
     LARGEST,
@@ -79,11 +80,28 @@ def sample_times(duration: float, interval: float | None = None) -> Array:
     return np.linspace(0.0, duration, int(np.ceil(duration / interval * (1 - 1e-12))) + 1)
 
 
-def check_times(times: Array) -> Array:
-    """Return times (n,) as floats. Raises InputError unless finite, increasing and from 0."""
+Times = ArrayLike | None
+"""Times as a user gives them: a duration [s], times (n,) [s], or None for those of the scene."""
+
+
+def times_of(times: Times, scene: "Scene | None" = None) -> Array:
+    """Return the sample times (n,) that a user asked for, as floats.
+
+    Raises InputError unless they are finite, increasing and from 0, or a positive duration.
+    """
+    if times is None and scene is not None:
+        return scene.times
+    if isinstance(times, str):
+        raise InputError(
+            f"times must be a duration [s] or an array, not {times!r}; a preset is given by "
+            f"keyword: settings={times!r}"
+        )
     times = as_floats("times", times)
+    if times.ndim == 0:
+        return sample_times(float(times))
     if times.ndim != 1 or len(times) < 2:
-        raise InputError(f"times must be two or more (sample_times), not of shape {times.shape}")
+        shape = times.shape
+        raise InputError(f"times must be a duration [s] or two or more times, not of shape {shape}")
     if not np.all(np.isfinite(times)):
         raise InputError("times must be finite")
     check_size("the last of the times", float(times[-1]), "s")

@@ -15,6 +15,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
+from robotball.robot.ball import Value
 from robotball.rotations import Array, from_matrix, multiply, rotation_matrix
 
 Kind = Literal["torus", "sphere", "ellipsoid", "capsule", "cylinder", "box", "mesh"]
@@ -30,7 +31,7 @@ _RESOLUTION = 48  # points around a torus, and around its tube
 
 
 @dataclass(frozen=True)
-class Shape:
+class Shape(Value):
     """A shape of a body where all joints are at 0, in the ball's axes, from the sphere's centre.
 
     size      (3,)  as in MJCF, 0 for what is too thin to have a size; for a torus about z its

@@ -31,7 +31,7 @@ def in_space(motion: Motion) -> Array:
     Examples
     --------
     >>> import robotball as rb
-    >>> motion = rb.integrate(rb.load_scene("vibrated_ball"), rb.sample_times(0.5))
+    >>> motion = rb.integrate(rb.load_scene("vibrated_ball"), 0.5)
     >>> rb.in_space(motion).shape
     (26, 3)
     """

@@ -16,19 +16,19 @@ import msgspec
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robotball.engines.engine import integrate
+from robotball.engines.engine import integrate, scene_of
 from robotball.engines.states import links_of
 from robotball.errors import InputError
 from robotball.files import as_path
 from robotball.files.columns import Table, write_table
 from robotball.files.json_text import json_text
 from robotball.files.replacing import replacing
-from robotball.files.scene_writer import scene_toml
+from robotball.files.scene_writer import toml_of
 from robotball.motion import Motion
 from robotball.robot.ball import inertia_about
 from robotball.robot.drives import Constant, Drive, Ramp, Samples, Sine, Total
 from robotball.robot.motors import DCMotor, Free, PositionServo, Servo
-from robotball.robot.scene import MovedHinge, Scene
+from robotball.robot.scene import MovedHinge, Scene, Times
 from robotball.rotations import Array, rotation_matrix
 from robotball.view.poses import poses
 
@@ -46,7 +46,38 @@ _SDF_VERSION = "1.5"
 _README = "README.md"
 
 
-def export_scene(scene: Scene, folder: Path | str, times: Array | None = None) -> list[Path]:
+def scene_toml(scene: Scene | str | Path) -> str:
+    """Write a scene as the text of a scene file.
+
+    `load_scene` reads the same scene from it, to the last bit. The name of the scene is the name of
+    the file, and is not in the text. Rotors stand before pendulums.
+
+    Parameters
+    ----------
+    scene : Scene, str or Path
+        The scene, a name of the catalog, or the path of a TOML, MJCF or URDF file.
+
+    Returns
+    -------
+    str
+        The text, with the bodies, rates and start of the scene.
+
+    Raises
+    ------
+    InputError
+        If the scene has a rate by a function of time, links, actuators or a controller, which no
+        scene file can hold, or if `load_scene` raises it.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> print(rb.scene_toml("fig12").splitlines()[0])
+    title = "Drifting along a limit cycle, rubber (Fig. 12)"
+    """
+    return toml_of(scene_of(scene))
+
+
+def export_scene(scene: Scene | str | Path, folder: str | Path, times: Times = None) -> list[Path]:
     """Write a scene for other simulators into a folder.
 
     The files are scene.json, scene.toml if the scene can be written so, drives.csv and
@@ -54,12 +85,12 @@ def export_scene(scene: Scene, folder: Path | str, times: Array | None = None) -
 
     Parameters
     ----------
-    scene : Scene
-        The scene to write.
-    folder : Path or str
+    scene : Scene, str or Path
+        The scene, a name of the catalog, or the path of a TOML, MJCF or URDF file.
+    folder : str or Path
         The folder. It is made if it does not exist.
-    times : (n,), s, optional
-        Sample times, increasing from 0. The default is `scene.times`.
+    times : float or (n,), s, optional
+        The duration, or sample times that increase from 0. The default is `scene.times`.
 
     Returns
     -------
@@ -69,16 +100,17 @@ def export_scene(scene: Scene, folder: Path | str, times: Array | None = None) -
     Raises
     ------
     InputError
-        If the equations cannot integrate the scene, or if nothing can be written.
+        If the equations cannot integrate the scene, if nothing can be written, or if `load_scene`
+        raises it.
 
     Examples
     --------
     >>> import robotball as rb
-    >>> files = rb.export_scene(rb.load_scene("fig12"), "fig12", rb.sample_times(0.5))
+    >>> files = rb.export_scene("fig12", "fig12", 0.5)
     >>> print(*(file.name for file in files))
     README.md drives.csv model.sdf model.urdf model.xml reference.csv scene.json scene.toml
     """
-    folder = as_path("the folder", folder)
+    scene, folder = scene_of(scene), as_path("the folder", folder)
     scene.check_open("an export")
     motion = integrate(scene, times)
     conventions = files("robotball.view").joinpath("export_conventions.md")
@@ -90,7 +122,7 @@ def export_scene(scene: Scene, folder: Path | str, times: Array | None = None) -
         _README: conventions.read_text(encoding="utf-8").replace("SCENE", scene.name),
     }
     with contextlib.suppress(InputError):  # of a rate by a function: drives.csv has it
-        texts["scene.toml"] = scene_toml(scene)
+        texts["scene.toml"] = toml_of(scene)
     # One by one, each whole or not there: a folder that was half written has no half file.
     for name, text in texts.items():
         with replacing(folder / name) as temporary:

@@ -61,7 +61,7 @@ def _moved(hinge: Any) -> str:
     return rate if isinstance(hinge.command, Constant) else f"{rate} at first"
 
 
-def motion_cell(motion: Motion) -> str:
+def _motion_cell(motion: Motion) -> str:
     """Return HTML of the motion's line and its path; one that broke off at once has no path."""
     line = repr(motion)
     return cell(line, [motion]) if len(motion.times) else f"<code>{escape(line)}</code>"
@@ -114,7 +114,7 @@ def plot(*motions: Motion) -> "Figure":
     Examples
     --------
     >>> import robotball as rb
-    >>> figure = rb.plot(rb.integrate("fig12", rb.sample_times(0.5)))
+    >>> figure = rb.plot(rb.integrate("fig12", 0.5))
     >>> len(figure.axes)
     2
     """
@@ -138,7 +138,7 @@ def register(shell: Any) -> None:
     """Have the IPython shell of a notebook display scenes and motions as their cells."""
     html = shell.display_formatter.formatters["text/html"]
     html.for_type(Scene, scene_cell)
-    html.for_type(Motion, motion_cell)
+    html.for_type(Motion, _motion_cell)
 
 
 def _styled(motions: Sequence[Motion]) -> Iterator[tuple[Motion, dict[str, Any]]]:

@@ -12,7 +12,7 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import matplotlib
 import numpy as np
@@ -20,6 +20,7 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import gaussian_filter1d
 
 from robotball.errors import InputError, check_positive
+from robotball.files import as_path
 from robotball.files.replacing import replacing
 from robotball.motion import Motion
 from robotball.processes import in_processes
@@ -70,18 +71,21 @@ class _Sheet:
             ImageFont.truetype(str(_FONTS / f"DejaVuSans{kind}.ttf"), size * line)
             for kind, size in (("-Bold", 0.76), ("", _PLAIN))
         )
-        room = max(map(plain.getlength, names[:-1])) + 2 * _EDGE * line  # right of the curves
+        # Right of the curves. A single motion has no curve.
+        room = max(map(plain.getlength, names[:-1]), default=0.0) + 2 * _EDGE * line
         # From the left and from above, as a picture's pixels are counted.
         left, high = _LEFT * line, height - _HIGH * line
         right, low = width - room, height - _LOW * line
         self._curves, end = (left, high, right, low), float(times[-1])
+        distances = apart if len(apart) else np.ones((1, len(times)))
         # The first errors are often rounding alone.
-        least = np.floor(np.log10(max(np.percentile(apart[:, 1:], 1), _LEAST_DISTANCE)))
-        most = np.ceil(np.log10(max(apart.max(), _LEAST_DISTANCE)))
+        least = np.floor(np.log10(max(np.percentile(distances[:, 1:], 1), _LEAST_DISTANCE)))
+        most = np.ceil(np.log10(max(distances.max(), _LEAST_DISTANCE)))
         most = max(least + 1, most)
         ends = 10.0 ** np.array([least, most])
         # Every other decade, or fewer of many, so that the numbers have room.
         ticks = 10.0 ** np.arange(most, least - 1, -2 * np.ceil((most - least) / 2 / _TICKS))
+        ticks = ticks[: len(apart) * len(ticks)]
         known = np.maximum(apart, ends[0])
         figure, points = Figure((width / _DPI, height / _DPI), _DPI), 72 / _DPI * line
         axes = figure.add_axes(
@@ -101,7 +105,7 @@ class _Sheet:
         for text, font, y in (
             (" ".join(motions[-1].scene.title.split()), self._bold, 0.85 * line),
             (note, plain, 1.8 * line),
-            (f"distance from the {names[-1]}", plain, high - 0.9 * line),
+            (f"distance from the {names[-1]}" * bool(len(apart)), plain, high - 0.9 * line),
         ):
             while font.getlength(text) > width - 2 * edge:
                 text = text.removesuffix("…")[:-1] + "…"
@@ -251,8 +255,8 @@ class Film:
 def frames(motions: Sequence[Motion], film: Film | None = None) -> Iterator[Pixels]:
     """Yield the pictures (height, width, 3) of a film.
 
-    motions: of one scene, two at least; the last, the equations', is what the others are held
-    against. Raises InputError if the times differ, or if there is no off-screen GL.
+    motions: of one scene; the distances of the others from the last are shown. Raises InputError if
+    the times differ, or if there is no off-screen GL.
     """
     # No generator itself, so that what cannot be drawn is refused here, not at the first picture.
     return _painted(_Painter(motions, film or Film()))
@@ -306,7 +310,7 @@ class _Painter:
         for pane, cameras in zip(self.panes, self.cameras, strict=True):
             balls, camera = range(len(then)), cameras[k]
             opacities = [float(i in pane) for i in balls]
-            if self.film.together:
+            if self.film.together and len(then) > 1:
                 opacities[-1] = GHOST
             trails = [1.0 if i in pane else _OTHER for i in balls]
             first = pane[0]
@@ -456,43 +460,78 @@ _FORMATS: dict[str, tuple[str, int | None, str]] = {
 }
 
 
-def write_video(
-    path: Path | str,
-    motions: Sequence[Motion],
-    film: Film | None = None,
+def film(
+    path: str | Path,
+    motions: Motion | Sequence[Motion],
     *,
     progress: Callable[[float], None] | None = None,
-) -> None:
-    """Write `frames` as mp4, webm or gif, by the suffix of the path.
+    **options: Any,
+) -> Path:
+    """Write a video of one motion, or of several side by side.
 
-    An existing file is replaced once the new one is complete. progress is called with the
-    fraction that is done. Raises InputError as `frames` does, and for a path that has no such
-    suffix or folder.
+    The last of several motions is the one from which the distances of the others are shown, such as
+    the motion by the equations. The video ends with the shortest motion. An existing file is
+    replaced once the new one is complete.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, whose suffix .mp4, .webm or .gif gives the format. Its folder must exist.
+    motions : Motion or sequence of Motion
+        The motions of one scene, sampled at the same times.
+    progress : callable, optional
+        Called with the fraction that is done, from 0 to 1.
+    **options
+        `fps`, frames a second, 30 by default. `size`, the height and the width in pixels. `slow`,
+        how many times slower than life. `camera`, which is "follow", "above" or "whole". `ghost`,
+        True for one picture with the last ball as a ghost. `arrows`, True to draw M, ω and the
+        contact force.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        If the times of the motions differ, an option has a value that no film can have, the path
+        cannot be written, or there is no off-screen OpenGL.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> theory = rb.integrate("fig12", 0.2)
+    >>> motion = rb.simulate("fig12", theory.times, settings="naive")
+    >>> print(rb.film("fig12.gif", [motion, theory], fps=10, size=(120, 240)))
+    fig12.gif
     """
     # Their import takes longer than that of all else, which each process that draws would wait for.
     import imageio_ffmpeg
     import mediapy
 
-    path, film = Path(path), film or Film()
+    path, how = as_path("a video", path), Film(**options)
+    motions = [motions] if isinstance(motions, Motion) else motions
     if path.suffix not in _FORMATS or not path.parent.is_dir():
         kinds = ", ".join(_FORMATS)
         raise InputError(f"a video must be a file ({kinds}) in a folder that exists, not {path}")
-    codec, rate, options = _FORMATS[path.suffix]
+    codec, rate, encoding = _FORMATS[path.suffix]
     # Before the file is opened: what cannot be drawn must not leave one.
-    pictures, number = frames(motions, film), len(film.times(motions))
+    pictures, number = frames(motions, how), len(how.times(motions))
     # mediapy looks for an ffmpeg on the PATH; imageio-ffmpeg brings one.
     mediapy.set_ffmpeg(imageio_ffmpeg.get_ffmpeg_exe())
     with (
         replacing(path) as unfinished,
         _refused_by_the_encoder(path),
         mediapy.VideoWriter(
-            unfinished, film.size, codec=codec, fps=film.fps, crf=rate, ffmpeg_args=options
+            unfinished, how.size, codec=codec, fps=how.fps, crf=rate, ffmpeg_args=encoding
         ) as video,
     ):
         for i, picture in enumerate(pictures, start=1):
             video.add_image(picture)
             if progress is not None:
                 progress(i / number)
+    return path
 
 
 @contextmanager

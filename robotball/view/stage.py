@@ -102,7 +102,7 @@ class Camera:
 
 
 LENS = 3.1  # a lens of 36 degrees: the distance at which the picture's shorter side is 2
-NEAR = 7.2  # the distance from which widths and lifts are as given below; they grow with it
+_NEAR = 7.2  # the distance from which widths and lifts are as given below; they grow with it
 _TRAIL = 0.04  # half of a path's width; the last is wider, to be seen below the others
 _LIFT = 0.002  # between shadows, the last path, …, the first: the depth buffer must separate them
 _BEHIND = 0.003  # a ghost is drawn farther away, or its surfaces would flicker through the ball's
@@ -209,7 +209,7 @@ class Stage:
         """
         self._update(camera, opacities)
         for i, opacity in enumerate(trails):
-            self._add_path(i, last, opacity, camera.distance / NEAR)
+            self._add_path(i, last, opacity, camera.distance / _NEAR)
         for i, opacity in enumerate(opacities):
             if opacity > 0:
                 self._add_shadow(i, opacity, camera)
@@ -279,9 +279,9 @@ class Stage:
     def _shade(self, i: int) -> None:
         """Draw a ball in white as the sun sees it, which becomes the texture of its shadow."""
         centre, sun = self._centres[i], SUN / np.linalg.norm(SUN)
-        self._update(Camera(centre, NEAR, 0.0, 1.0), np.eye(len(self._centres))[i].tolist())
+        self._update(Camera(centre, _NEAR, 0.0, 1.0), np.eye(len(self._centres))[i].tolist())
         for camera in self._scene.camera:  # two, for stereo: MuJoCo takes the mean of both
-            camera.pos, camera.forward, camera.up = centre - NEAR * sun, sun, _facing(-SUN)[1]
+            camera.pos, camera.forward, camera.up = centre - _NEAR * sun, sun, _facing(-SUN)[1]
             camera.orthographic, camera.frustum_center, camera.frustum_width = 1, 0.0, _REACH
             camera.frustum_bottom, camera.frustum_top = -_REACH, _REACH
         for geom in self._scene.geoms[: self._scene.ngeom]:
@@ -300,7 +300,7 @@ class Stage:
         shadow = self._add(mujoco.mjtGeom.mjGEOM_PLANE, "#000000", _OPAQUE * opacity, f"shadow{i}")
         height = float(self._centres[i, 2])
         shadow.pos = self._centres[i] - SUN * (height / SUN[2])
-        shadow.pos[2] = _LIFT * camera.distance / NEAR
+        shadow.pos[2] = _LIFT * camera.distance / _NEAR
         # The plane's sides are those vectors on the floor that the sun sees as its right and up.
         shadow.mat[:2, :2] = np.linalg.inv(_facing(-SUN)[:2, :2])
         shadow.size, shadow.specular = np.array([_REACH, _REACH, 1.0]), 0.0

@@ -15,7 +15,7 @@ from robotball.rotations import Array, rotation_matrix
 
 # Samples on each side of those in question: the influence on a cubic spline of one so far away is
 # below 1e-9.
-MARGIN = 16
+_MARGIN = 16
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Track:
         """Return the motion at ascending times (m,) [s]."""
         inside = np.minimum(times, self.times[-1])
         first, last = np.searchsorted(self.times, inside[[0, -1]])
-        samples = slice(max(first - MARGIN, 0), last + MARGIN + 1)
+        samples = slice(max(first - _MARGIN, 0), last + _MARGIN + 1)
         known, here = self.times[samples], vars(self.sampled[samples]).copy()
         # Splines of a quaternion's parts would leave the unit sphere.
         attitude = Rotation.from_quat(here.pop("attitude"), scalar_first=True)

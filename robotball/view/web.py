@@ -21,7 +21,7 @@ from robotball.view.tracks import heading_of, track_of
 _HERE = Path(__file__).parent
 STEP = 0.02  # s between the samples of a view
 MOST = 20_000  # samples, which keep a page to some megabytes
-MESHES = 60_000  # triangles, which are less than two
+_MESHES = 60_000  # triangles, which are less than two
 
 
 def view_head() -> str:
@@ -65,7 +65,7 @@ def view_page(motions: Sequence[Any]) -> str:
 def view_data(motions: Sequence[Any]) -> dict[str, Any]:
     """Return the script's data: bodies, materials, and for each ball a row a sample.
 
-    All meshes together have MESHES triangles at most; of larger ones the corners that are near each
+    All meshes together have at most _MESHES triangles. In larger meshes, corners that are near each
     other are joined.
     """
     scene = motions[0].scene
@@ -130,7 +130,7 @@ def _bodies(ball: Ball, looks: Looks) -> Iterator[dict[str, Any]]:
 
 def _json_tree(shape: Shape, meshes: int) -> dict[str, Any]:
     """Return a shape as the script takes it, a mesh as one of so many."""
-    thin = shape.thinned(MESHES // max(meshes, 1))
+    thin = shape.thinned(_MESHES // max(meshes, 1))
     return {
         "kind": shape.kind,
         **{name: getattr(shape, name).round(6).tolist() for name in ("size", "pos", "turn")},

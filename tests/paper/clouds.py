@@ -19,8 +19,8 @@ from robotball.dynamics.sections import (
     crossings_of_motion,
     joined,
     own_start,
-    section,
     section_starts,
+    sections_of,
 )
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
@@ -109,7 +109,7 @@ def cloud_by_equations(parameters: Parameters, recipe: Recipe, seed: int) -> Cro
     """
     attitudes, momenta = recipe.points(seed)
     total = recipe.skipped + recipe.count
-    found = section(
+    found = sections_of(
         parameters, attitudes, momenta, total, 0.0, recipe.direction, LONG_RUN_TOLERANCE
     )
     if found.status.any():

@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
 from robotball import load_scene
-from robotball.dynamics.portraits import spread_points
 from robotball.robot.formulas import Parameters
 from robotball.rotations import Array, on_circle, tangents
 
@@ -262,6 +261,15 @@ def eigenvalues(field: Field, gamma: Array) -> Array:
     # The third eigenvalue belongs to the length of γ, which the field keeps.
     linear = basis @ jacobian(field, gamma) @ basis.T
     return np.asarray(np.sort_complex(np.linalg.eigvals(linear)))
+
+
+def spread_points(count: int) -> Array:
+    """Return points (count, 3) spread evenly over the unit sphere, along Fibonacci's spiral."""
+    # Equal steps of z have equal areas; the golden angle keeps neighbours apart.
+    i = np.arange(count) + 0.5
+    z, angle = 1 - 2 * i / count, np.pi * (3 - np.sqrt(5)) * i
+    across = np.sqrt(1 - z * z)
+    return np.stack([across * np.cos(angle), across * np.sin(angle), z], axis=1)
 
 
 def zeros(field: Field, starts: int = 400) -> list[Array]:

@@ -10,6 +10,7 @@ import pytest
 from robotball.dynamics import equilibria, normal_forms, straight_motions
 from robotball.robot import ball
 from robotball.robot import formulas as eq
+from tests import figures
 from tests.paper import test_appendix_a_bodies as bodies
 from tests.paper import test_section_2_equations_of_motion as motion
 from tests.paper import test_section_3_momentum as momentum
@@ -90,7 +91,7 @@ PLANTED: dict[str, tuple[Any, ...]] = {
         momentum.test_energy_changes_by_the_power_of_the_drives, "classical_chaotic", 1e-5),
     "the sign of (4.1)": (equilibria, "flow", with_value(minus),
         from_rest.test_from_rest_gamma_follows_a_field_on_the_sphere),
-    "Prop. 2's B, as printed": (equilibria, "proposition_2",
+    "Prop. 2's B, as printed": (figures, "proposition_2",
         lambda old: lambda p: (*old(p)[:2], p.K[2] * old(p)[2]),
         with_k.test_B_does_not_have_the_factor_K3),
     "the sign of the first Lyapunov value": (equilibria, "lyapunov_value", with_value(minus),

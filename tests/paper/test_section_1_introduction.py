@@ -10,13 +10,12 @@ from scipy.spatial import cKDTree
 from robotball import integrate, sample_times, simulate
 from robotball.dynamics.sections import (
     crossings_of_motion,
-    invariant_curve,
     period_of,
-    shared_integral,
 )
 from robotball.fit.sensing import of_shell
 from robotball.robot.scene import Start, along_momentum, section_state
 from robotball.rotations import Array
+from tests.invariant_curves import invariant_curve, shared_integral
 from tests.paper import formulas as f
 from tests.paper.engine_ball import DRIVEN, RUBBER, largest, seen, seen_of
 from tests.paper.formulas import Errors, Numbers, cross, paper_scene, worst
@@ -108,7 +107,11 @@ def test_both_chaplygin_balls_cross_the_section_on_the_same_curve_at_different_r
         rubber = scene.rolling == "rubber"
         start = along_momentum(gamma, np.cross(gamma, level) if rubber else level)
         scene, times = replace(scene, start=start), sample_times(210.0, 0.01)
-        motion = simulate(scene, times, settings) if settings else integrate(scene, times, 1e-12)
+        motion = (
+            simulate(scene, times, settings=settings)
+            if settings
+            else integrate(scene, times, 1e-12)
+        )
         if rubber:  # ℓ in place of M is as constant in space
             motion = replace(motion, momentum=np.cross(motion.momentum, [0.0, 0.0, 1.0]))
         return crossings_of_motion(motion, scene).only(1).states

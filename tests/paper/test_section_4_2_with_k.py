@@ -11,6 +11,7 @@ from robotball.dynamics import equilibria
 from robotball.dynamics.normal_forms import flow_near, lyapunov_value
 from robotball.robot.formulas import as_vector
 from robotball.rotations import Array
+from tests import figures
 from tests.paper import formulas as f
 from tests.paper.formulas import Errors, Numbers, count, worst
 from tests.robotball.dynamics.test_equilibria import random_ball
@@ -131,7 +132,7 @@ def test_B_does_not_have_the_factor_K3() -> None:
             yield (value(n) < 0) != (growth < 0)
 
     def by_robotball(n: Numbers) -> float:
-        A1, _, B = equilibria.proposition_2(f.ball(n))
+        A1, _, B = figures.proposition_2(f.ball(n))
         return B / A1
 
     assert count(wrong(criterion)) == count(wrong(by_robotball)) == 0  # of 84
@@ -144,7 +145,7 @@ def test_the_focus_grows_with_the_first_lyapunov_value() -> None:
 
     def errors(sign: float) -> Errors:
         for n, _ in foci()[:6]:
-            A1, A2, B = equilibria.proposition_2(f.ball(n))
+            A1, A2, B = figures.proposition_2(f.ball(n))
             value = B / (8 * n.moments[2] * A1 * A2 * (A1 + sign * A2))
             # With an eigenvector of length 1 the amplitude of γ₁ is √(A₂/(A₁ + A₂)) r.
             period, share = 2 * np.pi * n.moments[2] / np.sqrt(A1 * A2), A2 / (A1 + A2)

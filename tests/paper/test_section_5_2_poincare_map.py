@@ -5,7 +5,7 @@ from numpy import cos, sin, sqrt
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-from robotball.dynamics.sections import crossings_of_motion, section
+from robotball.dynamics.sections import crossings_of_motion, sections_of
 from robotball.robot.scene import section_state
 from robotball.rotations import Array
 from robotball.theory.ensembles.orbits import kernel_start
@@ -100,7 +100,7 @@ def test_robotballs_sections_are_the_crossings_of_g_zero() -> None:
             for i in passing
         ]
         l, L = np.arctan2(M(at)[:, 0], M(at)[:, 1]), M(at)[:, 2]
-        of_equations = section(*kernel_start(scene), count=len(at))
+        of_equations = sections_of(*kernel_start(scene), count=len(at))
         of_motion = crossings_of_motion(ball.motion, scene)[: len(at)]
         ours = ((of_equations.l[0], of_equations.L[0]), (of_motion.l, of_motion.L))
         for l_ours, L_ours in ours:
@@ -115,7 +115,7 @@ def test_each_orbit_crosses_the_section_in_both_directions() -> None:
     """Not in the paper: 64 orbits of Fig. 11b, 1000 crossings."""
 
     def one_way(number: int) -> int:
-        found = section(chaotic(), *starts(64), count=number, tolerance=1e-9).directions
+        found = sections_of(chaotic(), *starts(64), count=number, tolerance=1e-9).directions
         return int(np.count_nonzero((found == found[:, :1]).all(axis=1)))
 
     assert one_way(1000) == 0

@@ -25,9 +25,9 @@ from robotball.dynamics.long_run import (
     Exponents,
     basins,
     drift,
-    exponents,
+    exponents_of,
 )
-from robotball.dynamics.sections import fixed_point, section, section_starts
+from robotball.dynamics.sections import fixed_point, section_starts, sections_of
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.robot.formulas import Parameters
@@ -67,9 +67,9 @@ def starts(number: int, c: float = 0.0) -> tuple[Array, Array]:
 def settled() -> tuple[Cycle, Array]:
     """Return the cycle that Fig. 12's motion reaches, and M, γ at three crossings (3, 6)."""
     # 200 crossings come near the cycle; Newton's method does the rest.
-    runs = section(regular(), *section_starts(3.6, 0.6, F), count=200)
+    runs = sections_of(regular(), *section_starts(3.6, 0.6, F), count=200)
     cycle = fixed_point(regular(), runs.L[0, -1], runs.l[0, -1], F)
-    through = section(regular(), cycle.attitude[None], cycle.momentum[None], count=3)
+    through = sections_of(regular(), cycle.attitude[None], cycle.momentum[None], count=3)
     axes = rotation_matrix(through.attitudes[0])
     return cycle, np.concatenate([cycle.momentum @ axes, axes[:, 2]], axis=1)
 
@@ -132,7 +132,7 @@ def test_the_cycle_of_fig_11a_is_its_own_mirror_image() -> None:
 
     def crossings(g: float) -> Array:
         start = cycle.attitude[None], cycle.momentum[None]
-        return section(regular(), *start, count=4, g=g).states[0]
+        return sections_of(regular(), *start, count=4, g=g).states[0]
 
     assert nearest(-crossings(0.0), crossings(np.pi)).max() <= 3e-13  # measured 1.3e-14
     assert nearest(crossings(0.0), crossings(0.3)).max() > 0.3  # control: sign and g, 0.95
@@ -141,7 +141,7 @@ def test_the_cycle_of_fig_11a_is_its_own_mirror_image() -> None:
 @cache
 def torus_points(L: float, l: float) -> Array:
     """Return (l, L/√f) (n, 2) of 2000 crossings of g = 0 after as many, with 0 ≤ l < 2π."""
-    found = section(regular(), *section_starts(L, l, F), count=4000)
+    found = sections_of(regular(), *section_starts(L, l, F), count=4000)
     return np.stack([found.l[0, 2000:] % (2 * np.pi), found.L[0, 2000:] / np.sqrt(F)], axis=1)
 
 
@@ -277,7 +277,7 @@ def test_the_other_four_exponents_are_zero() -> None:
 @cache
 def ensemble() -> Exponents:
     """Return the exponents of Fig. 11b from 16 starts."""
-    return exponents(chaotic(), *starts(16), duration=LONG)
+    return exponents_of(chaotic(), *starts(16), duration=LONG)
 
 
 def test_the_exponents_and_the_dimension_are_those_printed_to_a_unit_of_their_last_digit() -> None:
@@ -299,7 +299,7 @@ def test_the_exponents_and_the_dimension_to_a_further_digit() -> None:
 def test_the_classical_ball_is_chaotic_too() -> None:
     """Not in the paper: λ₁ = 0.34 of Fig. 14's numbers with (M, γ) = 3."""
     ball = paper_scene(CLASSICAL).parameters
-    found = exponents(ball, *starts(16, c=3.0), 1e4).mean[0]
+    found = exponents_of(ball, *starts(16, c=3.0), 1e4).mean[0]
     assert abs(found - 0.34) <= 5e-3  # 1/s; measured 1.6e-3, with a standard error of 1e-3
     assert abs(ensemble().mean[0] - 0.34) > 0.1  # control: the rubber ball, 0.116
 

@@ -15,7 +15,7 @@ from robotball import design, sample_times
 from robotball.dynamics import long_run
 from robotball.dynamics.cycles import Cycle
 from robotball.dynamics.portraits import limit_cycles
-from robotball.dynamics.sections import fixed_point, own_start, section
+from robotball.dynamics.sections import fixed_point, own_start, sections_of
 from robotball.engines.mujoco.model import build
 from robotball.robot.formulas import speed_bound
 from robotball.robot.scene import Scene, Start
@@ -79,7 +79,7 @@ def test_mujocos_cycle_of_fig_11a_crosses_and_drifts_as_that_of_the_equations() 
     model, cycle = build(scene, BALANCED), cycle_of(scene)
     ours = contact_cycle(model, cycle)
     q, M = cycle.attitude[None], cycle.momentum[None]
-    exact = section(scene.parameters, q, M, 1, direction=-1)
+    exact = sections_of(scene.parameters, q, M, 1, direction=-1)
     through = cycle_crossings(model, ours).only(-1)
     assert ours.period == pytest.approx(PERIOD, abs=1e-5)
     assert through.L[0] == pytest.approx(exact.L[0, 0], abs=1e-6)
@@ -158,7 +158,7 @@ def test_mujoco_has_the_exponents_of_the_equations(
     # Measured 7.5e-4: the sum ends within ln(0.8/0.6)/2 of the divergence, over 1000 s.
     assert ours.sum() == pytest.approx(divergence, abs=2e-3)
     if count > 1:
-        exact = long_run.exponents(ball, *level_starts(scene, 64, seed=1), 1e4)
+        exact = long_run.exponents_of(ball, *level_starts(scene, 64, seed=1), 1e4)
         ends = found.ends(last)
         for mean, error, other in zip(ends.mean, ends.error, exact.mean, strict=True):
             assert abs(mean - other) < 5 * error  # measured 1.7 standard errors
@@ -190,7 +190,7 @@ def test_the_drift_along_OX_over_omega_is_that_of_the_equations() -> None:
         other = replace(scene, ball=bodies.ball)
         for start in zip(*level_starts(other, 2, seed=0), strict=True):
             begun = replace(other, start=own_start(other, *start))
-            motion = rb.simulate(begun, np.array([0.0, 50.0, 100.0]), "fast")
+            motion = rb.simulate(begun, np.array([0.0, 50.0, 100.0]), settings="fast")
             # M as at the start: its drift over the transient would lead to another level.
             late = replace(other, start=Start(motion.attitude[1], begun.start.momentum))
             theory = compiled_motion(late, np.array([0.0, 50.0])).contact_point[1, 0]
@@ -203,7 +203,7 @@ def test_the_drift_along_OX_over_omega_is_that_of_the_equations() -> None:
 @pytest.mark.parametrize(("name", "seconds"), [("fig14", 4000.0), ("wobbling_drive", 1000.0)])
 def test_in_long_runs_the_momentum_is_kept_and_bounds_the_speed(name: str, seconds: float) -> None:
     scene, times = paper_scene(name), sample_times(seconds)
-    motion = rb.simulate(scene, times, "fast")
+    motion = rb.simulate(scene, times, settings="fast")
     size = np.array([np.linalg.norm(scene.start.momentum)])
     balls = map(scene.parameters_at, times[: 1 if scene.steady else 1000])
     # By (2.1) the contact point moves at a|ω - Ω| at most.

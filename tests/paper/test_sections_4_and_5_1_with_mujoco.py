@@ -17,12 +17,11 @@ from robotball import Motion, Scene, sample_times, simulate
 from robotball.dynamics import equilibria
 from robotball.dynamics import straight_motions as straight
 from robotball.dynamics.normal_forms import flow_near, linear_part
-from robotball.dynamics.portraits import spread_points
 from robotball.dynamics.sections import own_start
 from robotball.robot.scene import Start, along_momentum
 from robotball.robot.variations import gyrostat
 from robotball.rotations import Array, multiply, normalised, tangents, turn_between, turned
-from tests.paper.formulas import paper_scene
+from tests.paper.formulas import paper_scene, spread_points
 from validation.study import compiled_motion
 
 SMALL = 1e-5  # rad, of a displacement: its cube changes a rate by less than the steps do

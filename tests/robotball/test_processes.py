@@ -19,9 +19,9 @@ import numpy as np
 import pytest
 
 from robotball import InputError, SceneWarning, load_scene
-from robotball.dynamics.long_run import basins, exponents
+from robotball.dynamics.long_run import basins, exponents_of
 from robotball.dynamics.portraits import limit_cycles
-from robotball.dynamics.sections import section, section_starts
+from robotball.dynamics.sections import section_starts, sections_of
 from robotball.processes import Queue, allowed, at_most, in_processes, in_threads
 from robotball.theory.ensembles.orbits import orbits, take
 from tests.robotball.jobs import Parcel, faulty, half_written, late, opened, signalled
@@ -70,8 +70,8 @@ def test_as_many_threads_work_at_once_as_are_allowed_and_of_use(most: int, at_on
     "work",
     [
         lambda: vars(orbits(BALL, *STARTS, np.array([0.0, 3.0, 10.0]))).values(),
-        lambda: vars(section(BALL, *STARTS, 3)).values(),
-        lambda: [exponents(BALL, *STARTS, 20.0, 10.0).largest],
+        lambda: vars(sections_of(BALL, *STARTS, 3)).values(),
+        lambda: [exponents_of(BALL, *STARTS, 20.0, 10.0).largest],
         lambda: [basins(BALL, *STARTS, 30.0).labels],
         lambda: [each.gamma for each in limit_cycles(load_scene("fig07").parameters)],
     ],

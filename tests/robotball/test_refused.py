@@ -18,7 +18,7 @@ from robotball.engines.mujoco.mjcf_export import write_model
 from robotball.engines.mujoco.settings import Prescribed
 from robotball.errors import LONGEST_LINE
 from robotball.files import scene_tables
-from robotball.files.scene_writer import scene_toml
+from robotball.files.scene_writer import toml_of
 from robotball.robot import ball, drives, motors, scene
 from robotball.robot.ball import Ball, Frame, Hinge, Link, Rotor, Shell
 from robotball.rotations import Array
@@ -159,7 +159,7 @@ SCENES = {
     "hung(Link('arm', 'leg', 1.0, np.eye(3), UP, UP))":
         "arm 'leg' shell frame",
     "hung(Link('frame', 'shell', 1.0, np.eye(3), UP, UP))": "'frame' two",
-    "scene_toml(random_tree(np.random.default_rng(0), framed=True))":
+    "toml_of(random_tree(np.random.default_rng(0), framed=True))":
         "shell links actuators",
     "rb.simulate(random_tree(np.random.default_rng(0), framed=False), "
     "settings=replace(rb.preset('fast'), root='frame'))":
@@ -285,7 +285,7 @@ DESIGNS = {
 
 
 MODULES = (ball, designing, designs, drives, errors, motors, processes, random_robots, scene)
-OTHERS = {"Prescribed": Prescribed, "scene_toml": scene_toml, "write_model": write_model}
+OTHERS = {"Prescribed": Prescribed, "toml_of": toml_of, "write_model": write_model}
 NAMES = {name: value for each in MODULES for name, value in vars(each).items()} | OTHERS | globals()
 # What is no number, time, name or path.
 PUBLIC = {

@@ -178,8 +178,7 @@ def test_the_settings_page_has_the_presets_worst_errors(name: str) -> None:
     (row,) = re.findall(rf"^\| {name} \| (.*) of \d+ \|$", DOCS["settings.md"], re.M)
     _, balanced, _, unbalanced, _ = row.split(" | ")
     for theory, shown in zip(worst_theories(), (balanced, unbalanced), strict=True):
-        error = compare(theory.scene, name, theory.times, theory=theory).path_error
-        assert error is not None
+        error = compare(theory.scene, theory.times, settings=name, theory=theory).path_error
         assert float(shown) / 3 < error < 3 * float(shown)
 
 

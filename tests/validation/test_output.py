@@ -48,11 +48,11 @@ def test_a_comparison_is_named_after_scene_engine_and_preset() -> None:
     Whatever the settings are called, the name is a file's; the scene's part is its file's.
     """
     short = replace(rb.load_scene("fig12"), duration=0.1)
-    agreements = [compare(short, name, TIMES) for name in rb.PRESETS]
+    agreements = [compare(short, TIMES, settings=name) for name in rb.PRESETS]
     assert file_stem([agreements[2]]) == "fig12-mujoco-balanced"
     assert file_stem(agreements[1:3]) == "fig12-mujoco-fast-balanced"
     assert file_stem(agreements) == "fig12-mujoco-all"
-    assert file_stem([compare("fig12", "fast", TIMES)]) == "fig12-mujoco-fast-0.1s"
+    assert file_stem([compare("fig12", TIMES, settings="fast")]) == "fig12-mujoco-fast-0.1s"
     engine = replace(LABEL, name="PhysX 5 (SAPIEN)")
     words = ["accurate - cone - noslip", "to 1e-05", "size/2"]
     name = "x$[1]-y-physx-5-sapien-accurate-cone-noslip-to-1e-05-size-2"
@@ -178,7 +178,7 @@ def test_pictures_show_what_their_axes_say(name: str) -> None:
 
     No picture warns: of a path that is a circle, of M = 0 as in fig06, nor of an equal limit.
     """
-    agreement = compare(name, "fast", rb.sample_times(0.5))
+    agreement = compare(name, rb.sample_times(0.5), settings="fast")
     sheet = sheet_of([agreement])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -197,7 +197,7 @@ def test_pictures_show_what_their_axes_say(name: str) -> None:
 
 def test_a_straight_paths_errors_end_at_rounding_and_its_panel_is_flat() -> None:
     """Errors of 1e-33 are drawn at 1e-17 of the path, and the axis says so; one in six is flat."""
-    agreement = compare("fig12", "fast", TIMES)
+    agreement = compare("fig12", TIMES, settings="fast")
     sheet = sheet_of([agreement])
     times = agreement.motion.times
     ahead = np.column_stack([times, 0 * times])
@@ -218,7 +218,7 @@ def test_a_straight_paths_errors_end_at_rounding_and_its_panel_is_flat() -> None
 
 def test_runs_are_told_apart_without_colour_and_a_cross_is_where_one_breaks_off() -> None:
     """Each has a colour, a dash and a marker of its own; MuJoCo as it comes has MuJoCo's."""
-    agreements = [compare("fig12", name, TIMES) for name in rb.PRESETS]
+    agreements = [compare("fig12", TIMES, settings=name) for name in rb.PRESETS]
     motions = [agreements[0].theory, *(each.motion for each in agreements)]
     own, *looks = line_looks(motions)
     for part in ("colour", "dash", "marker"):
@@ -229,7 +229,9 @@ def test_runs_are_told_apart_without_colour_and_a_cross_is_where_one_breaks_off(
     assert line_looks(motions[::-1]) == [own, *looks][::-1]
     assert len({each.colour for each in line_looks([motions[1], *motions])}) == len(motions) + 1
     mine = replace(rb.preset("naive"), name="mine", stop_at_fault=True)
-    broken = Agreement(agreements[0].theory, rb.simulate(rb.load_scene("fig12"), TIMES, mine))
+    broken = Agreement(
+        agreements[0].theory, rb.simulate(rb.load_scene("fig12"), TIMES, settings=mine)
+    )
     for agreement, crosses in ((agreements[1], 0), (broken, 1)):
         lines = path_picture(sheet_of([agreement])).axes[0].get_lines()
         ends = [line for line in lines if line.get_marker() == "X" and np.size(line.get_xdata())]
@@ -275,7 +277,9 @@ def test_a_long_title_stays_within_its_picture(length: int) -> None:
     Its dollars are text, not a formula.
     """
     words = ("$5 a robot of $6 rolls " * 20)[:length]
-    figure = path_picture(replace(sheet_of([compare("fig12", "fast", TIMES)]), title=words))
+    figure = path_picture(
+        replace(sheet_of([compare("fig12", TIMES, settings="fast")]), title=words)
+    )
     figure.draw_without_rendering()
     (drawn,), (names,) = figure.texts, figure.legends
     box, below = drawn.get_window_extent(), names.get_window_extent()

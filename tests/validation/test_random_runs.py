@@ -36,7 +36,7 @@ OFF: dict[str, tuple[rb.Scene, str, float]] = {
 def test_a_motion_that_is_off_where_nothing_is_constant_is_reported(name: str) -> None:
     """By runs in other steps, from when path or M is off by the tolerance; many at once have it."""
     scene, settings, duration = OFF[name]
-    run = compare(scene, settings, rb.sample_times(duration))
+    run = compare(scene, rb.sample_times(duration), settings=settings)
     (fault,) = run.faults
     tolerance = run.settings.error_tolerance
     assert (fault.kind, fault.limit) == (rb.FaultKind.OFF, tolerance)
@@ -44,14 +44,14 @@ def test_a_motion_that_is_off_where_nothing_is_constant_is_reported(name: str) -
     assert errors.max() > 1
     # Measured 0.79 and 0.82; a row before it 0.71 and 0.78.
     assert 0.7 < errors[run.theory.times >= fault.time][0] < 1.2
-    (one,) = rb.simulate_many(scene, [scene.start], run.theory.times, settings)
+    (one,) = rb.simulate_many(scene, [scene.start], run.theory.times, settings=settings)
     assert one.report.faults == run.faults
 
 
 def test_a_lighter_weight_is_not_called_wrong() -> None:
     """Nor is one that is followed for a step or two, which no longer step can be held against."""
     for duration in (0.001, 0.008, 0.6):
-        run = compare(low_weight(10.0, 0.15), "balanced", np.array([0.0, duration]))
+        run = compare(low_weight(10.0, 0.15), np.array([0.0, duration]), settings="balanced")
         assert (run.faults, run.agrees) == ((), True)
 
 
@@ -79,4 +79,6 @@ def test_no_robot_of_the_catalog_is_called_wrong(settings: str, duration: float)
     for scene in map(rb.load_scene, rb.catalog()):
         # Its servos are too strong for 20 ms.
         if scene.not_reduced and (scene.name, settings) != ("servo_motors", "fast"):
-            assert rb.simulate(scene, rb.sample_times(duration), settings).report.faults == ()
+            assert (
+                rb.simulate(scene, rb.sample_times(duration), settings=settings).report.faults == ()
+            )

@@ -33,9 +33,9 @@ def test_errors_are_those_of_comparisons_one_by_one(name: str) -> None:
     scene = rb.load_scene(name)
     starts = starts_of(scene, 3)
     with at_most(1):  # or what goes to processes would take seconds
-        rows = compare_many(scene, starts, "fast", TIMES).rows
+        rows = compare_many(scene, starts, TIMES, settings="fast").rows
     for row, start in zip(rows, starts, strict=True):
-        one = compare(replace(scene, start=start), "fast", TIMES)
+        one = compare(replace(scene, start=start), TIMES, settings="fast")
         for error in random_starts.ERRORS:
             assert row[error] == pytest.approx(getattr(one, error), rel=3e-8)
         assert (row["fault"], row["agrees"]) == (None, True)
@@ -44,7 +44,7 @@ def test_errors_are_those_of_comparisons_one_by_one(name: str) -> None:
 def test_a_broken_run_is_counted_and_has_no_error() -> None:
     """Too little friction ends a run; percentiles are of the runs that have errors, if any."""
     scene, slippery = rb.load_scene("fig12"), replace(rb.preset("fast"), sliding_friction=0.05)
-    found = compare_many(scene, starts_of(scene, 3), slippery, TIMES)
+    found = compare_many(scene, starts_of(scene, 3), TIMES, settings=slippery)
     none = found.summary("path_error")
     assert none["faulty"] == 3
     assert {none[name] for name in random_starts.PERCENTILES} == {None}

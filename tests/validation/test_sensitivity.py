@@ -24,7 +24,7 @@ CHAOTIC = ("classical_chaotic", "balanced", 45.0)
 @cache
 def agreement_of(name: str, settings: rb.Settings | str, seconds: float) -> Agreement:
     scene = worked(name) if name.startswith("W") else rb.load_scene(name)
-    return compare(scene, settings, rb.sample_times(seconds))
+    return compare(scene, rb.sample_times(seconds), settings=settings)
 
 
 @cache

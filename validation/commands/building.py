@@ -92,7 +92,7 @@ class Steer:
         scene = replace(steered.scene, name=file_name(steered.scene.name, None, words))
         file = out / f"{scene.name}.toml"
         write_text(file, scene_toml(scene))
-        agreement = compare(scene, self.preset, steered.times)
+        agreement = compare(scene, steered.times, settings=self.preset)
         theory = agreement.theory
         off = float(np.linalg.norm(theory.contact_point - steered.wanted, axis=1).max())
         print(f"{path.name} of {path.length:.4g} m in {self.duration:g} s")

@@ -30,7 +30,7 @@ from robotball.rotations import Array
 
 from ..agreement import Agreement
 from ..options import Controls, Once, OnceOptions, SceneName
-from ..output import Show, panels, progress_bar, scientific
+from ..output import Show, known, panels, progress_bar, scientific
 from ..plots import beside
 from ..results import controlled, record
 from ..study import Column, Row, Study, table_of
@@ -177,8 +177,8 @@ def _part_row(direction: str, agreement: Agreement, cost: Cost, naive: Cost) -> 
     return {
         "direction": direction,
         "choice": agreement.settings.name,
-        "path_error": agreement.path_error,
-        "momentum_error": agreement.momentum_error,
+        "path_error": known(agreement.path_error),
+        "momentum_error": known(agreement.momentum_error),
         "slip": float(np.sqrt(np.mean(agreement.report.slip**2))) / speed,
         "cpu_seconds": cost.seconds,
         "times_naive": ratio.ratio,

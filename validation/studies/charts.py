@@ -30,8 +30,8 @@ from tyro.conf import arg
 from robotball import InputError, Limits, Scene, load_scene, preset
 from robotball.design.designing import redesign
 from robotball.dynamics.families import NUMBERS, numbers_of, varied
-from robotball.dynamics.long_run import exponents
-from robotball.dynamics.sections import section
+from robotball.dynamics.long_run import exponents_of
+from robotball.dynamics.sections import sections_of
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
 from robotball.errors import check_count, check_positive, unknown
@@ -103,7 +103,7 @@ def measure(cell: Cell) -> dict[str, Any]:
     balls, attitudes, momenta = _motions(cell)
     # Before the exponents, for with --follow they begin where the crossings ended.
     crossed = _crossings(balls, attitudes, momenta, cell) if "follow" in cell else [[]] * n
-    found = exponents(balls, attitudes, momenta, cell["duration"], cell["transient"])
+    found = exponents_of(balls, attitudes, momenta, cell["duration"], cell["transient"])
     spent = (time.process_time() - begin) / n
     # A growth over half of the motion, as its logarithm decides, whatever the duration.
     growths = (found.halves * cell["duration"] / 2).tolist()
@@ -130,7 +130,7 @@ def _crossings(
     crossed, n, skipped = [], len(balls), cell["skipped"]
     # One after the other where each begins at the end of the one before.
     for part in [slice(i, i + 1) for i in range(n)] if cell["follow"] else [slice(n)]:
-        found = section(
+        found = sections_of(
             balls[part], attitudes[part], momenta[part], skipped + _KEPT, direction=1,
             tolerance=LONG_RUN_TOLERANCE,
         )  # fmt: skip

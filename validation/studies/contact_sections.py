@@ -15,8 +15,8 @@ from robotball.dynamics.sections import (
     Crossings,
     crossings_of_motion,
     period_of,
-    section,
     section_starts,
+    sections_of,
     strobed,
 )
 from robotball.dynamics.straight_motions import straight_motions
@@ -243,7 +243,7 @@ class Section:
         if period is not None:
             ends, M = strobed(scene, attitudes, momenta, self.skip + self.count)
             return _at_phase(period, ends, M, self.skip)
-        found = section(scene.parameters, attitudes, momenta, self.skip + self.count, self.g)
+        found = sections_of(scene.parameters, attitudes, momenta, self.skip + self.count, self.g)
         if lost := np.count_nonzero(found.status):
             raise InputError(f"{lost} motions do not keep crossing g = {self.g:g}")
         return found.after(self.skip)

@@ -22,7 +22,7 @@ import numpy as np
 
 from robotball import Scene, Settings, load_scene, preset
 from robotball.dynamics.cycles import Flow, tangent
-from robotball.dynamics.long_run import ANY_TURN, Exponents, exponents, standard_error
+from robotball.dynamics.long_run import ANY_TURN, Exponents, exponents_of, standard_error
 from robotball.dynamics.sections import (
     own_start,
     period_of,
@@ -111,7 +111,7 @@ class _Growth:
         along = self.along.reshape(-1, *self.along.shape[2:])
         images = tangent(partial(integrated, parameters, self.stretch), *states, along)[1]
         # The means begin as soon as they may.
-        divergence = exponents(parameters, *states, self.stretch, transient=1e-9).divergence
+        divergence = exponents_of(parameters, *states, self.stretch, transient=1e-9).divergence
         logarithms = _logarithms(np.linalg.qr(images)[1]).reshape(self.logarithms.shape)
         return logarithms, float(divergence.mean())
 
@@ -211,7 +211,7 @@ class Lyapunov:
             for i in range(0, self.starts, together):
                 progress(i, f"{scene.name}: equations")
                 some = attitudes[i : i + together], momenta[i : i + together]
-                parts.append(exponents(scene.parameters, *some, self.duration, self.transient))
+                parts.append(exponents_of(scene.parameters, *some, self.duration, self.transient))
         found = Exponents(
             np.concatenate([part.halves for part in parts]),
             np.concatenate([part.divergence for part in parts]),

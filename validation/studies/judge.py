@@ -28,6 +28,7 @@ from robotball import (
     scene_toml,
 )
 from robotball.engines import recorded as derivative
+from robotball.engines.engine import scene_of
 from robotball.errors import LARGEST, check_positive
 from robotball.fit.sensing import ON_THE_PLANE
 from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
@@ -224,7 +225,7 @@ class Judgement:
     >>> import robotball as rb
     >>> from validation import judge
     >>> scene = rb.load_scene("fig12")
-    >>> rb.integrate(scene, rb.sample_times(1.0)).save("run.csv")
+    >>> rb.integrate(scene, 1.0).save("run.csv")
     >>> judgement = judge(scene, "run.csv")
     >>> [file.name for file in judgement.files], judgement.orders
     (['run.csv'], ())
@@ -240,7 +241,7 @@ class Judgement:
 
 
 def judge(
-    scene: Scene,
+    scene: Scene | str | Path,
     files: Sequence[Path | str | Trajectory] | Path | str | Trajectory,
     *,
     timesteps: Sequence[float] = (),
@@ -251,9 +252,9 @@ def judge(
 
     Parameters
     ----------
-    scene : Scene
-        The scene that the trajectories are motions of.
-    files : path, Trajectory, or sequence of them
+    scene : Scene, str or Path
+        The scene that the trajectories are motions of, its name or its file.
+    files : str, Path, Trajectory, or sequence of them
         The files, or trajectories as `read_trajectory` returns them.
     timesteps : sequence of float, s, optional
         The step of the engine in each file. The default is the step in the file's header, or the
@@ -280,16 +281,17 @@ def judge(
     >>> import robotball as rb
     >>> from validation import judge
     >>> scene = rb.load_scene("fig12")
-    >>> rb.integrate(scene, rb.sample_times(1.0)).save("run.csv")
+    >>> rb.integrate(scene, 1.0).save("run.csv")
     >>> judgement = judge(scene, "run.csv")
     >>> judgement.agrees, judgement.files[0].mistakes
     (True, ())
     """
+    scene = scene_of(scene)
     given = [files] if isinstance(files, Path | str | Trajectory) else list(files)
     if timesteps and len(timesteps) != len(given):
         raise InputError(f"each file needs its timestep: {len(given)}, not {len(timesteps)}")
     trajectories = [
-        each if isinstance(each, Trajectory) else read_trajectory(Path(each)) for each in given
+        each if isinstance(each, Trajectory) else read_trajectory(each) for each in given
     ]
     for each in trajectories:
         if (end := float(each.times[-1])) > _LONGEST * scene.duration:

@@ -236,8 +236,8 @@ def measure_settings(cell: Cell) -> dict[str, Any]:
     (cost,) = measure_costs([simulated_second(model, timed)], cell["rounds"])
     least, most = cost.spread
     return {
-        "path_error": agreement.path_error,
-        "momentum_error": agreement.momentum_error,
+        "path_error": known(agreement.path_error),
+        "momentum_error": known(agreement.momentum_error),
         "slip": float(agreement.report.slip.max(initial=0.0)),
         "steps": agreement.report.steps,
         "longest_step": agreement.report.timestep,

@@ -32,8 +32,8 @@ except ImportError:
 def dm_environment(
     scene: Scene | str | Path,
     path: Array | None = None,
-    settings: Settings | str | None = None,
     *,
+    settings: Settings | str | None = None,
     control_timestep: float = SAMPLE_INTERVAL,
     largest_action: float | Array | None = None,
 ) -> Any:

@@ -292,7 +292,7 @@ class Settings(EngineSettings):
     >>> from dataclasses import replace
     >>> import robotball as rb
     >>> finer = replace(rb.preset("fast"), name="finer", timestep=0.01)
-    >>> rb.simulate(rb.load_scene("fig12"), rb.sample_times(0.5), finer).report.steps
+    >>> rb.simulate(rb.load_scene("fig12"), 0.5, settings=finer).report.steps
     50
     """
 

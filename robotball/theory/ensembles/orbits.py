@@ -24,7 +24,7 @@ from robotball.motion import pieces
 from robotball.processes import Queue, in_threads
 from robotball.robot import formulas as eq
 from robotball.robot.formulas import Parameters, as_vector, check_speed
-from robotball.robot.scene import Scene, check_times
+from robotball.robot.scene import Scene, times_of
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.theory.compiled import Function, compiled_from, inlined, text_of
 from robotball.theory.ensembles.flatten import FEW, LANES
@@ -253,7 +253,7 @@ def orbits(
     in the rubber model; times: (m,) s, increasing from 0; tolerance: the error of the quaternion
     allowed in one step. Raises InputError on unusable starts or times.
     """
-    times = check_times(times)
+    times = times_of(times)
     starts = Starts(parameters, attitudes, momenta)
     states, status = starts.march(PATH, np.zeros((len(starts.turns), 2)), times[1:], tolerance)
     first = np.concatenate([starts.attitudes, np.zeros((len(states), 2))], axis=1)
@@ -278,7 +278,7 @@ def orbit(
     attitude (4,), momentum (3,), times (m,), tolerance: as for `orbits`. Raises InputError where
     the motion would be given up, or needs more than max_steps.
     """
-    times = check_times(times)
+    times = times_of(times)
     starts = Starts(parameters, attitude[None], momentum[None])
     states = np.empty((len(times), PATH.size))
     states[0] = (*starts.attitudes[0], 0.0, 0.0)

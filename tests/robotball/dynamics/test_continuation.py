@@ -24,7 +24,6 @@ from robotball.dynamics.equilibria import (
     closed_form_points,
     fixed_points,
     kappa,
-    proposition_2,
 )
 from robotball.dynamics.long_run import basins
 from robotball.dynamics.motion_branches import (
@@ -40,7 +39,7 @@ from robotball.dynamics.straight_motions import stability_limit, straight_motion
 from robotball.robot.scene import along_momentum
 from robotball.rotations import Array
 from robotball.theory.ensembles.orbits import LONG_RUN_TOLERANCE, orbits
-from tests.figures import CHAOTIC, CLASSICAL, ball, from_rest, spread_starts
+from tests.figures import CHAOTIC, CLASSICAL, ball, from_rest, proposition_2, spread_starts
 from tests.messages import untold
 
 FIG10 = ball((0.5, 0.3, 0.6), (0.0, 0.0, 1.0), (4.0, 5.0, 0.0), d=0.1)

@@ -22,7 +22,6 @@ from robotball.dynamics.equilibria import (
     index_sum,
     jacobian,
     name_of,
-    proposition_2,
     rate_scale,
 )
 from robotball.dynamics.portraits import limit_cycles, separatrices
@@ -31,7 +30,7 @@ from robotball.robot.formulas import Parameters, Vector, as_vector
 from robotball.robot.scene import Start
 from robotball.rotations import rotation_matrix
 from robotball.theory.ensembles.orbits import orbit
-from tests.figures import CLASSICAL, ball, from_rest
+from tests.figures import CLASSICAL, ball, from_rest, proposition_2
 from tests.messages import naming
 
 A: Vector = (0.5, 0.4, 0.3)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robotball.dynamics.cycles import monodromy_of
-from robotball.dynamics.long_run import LINE, LOST, Exponents, basins, drift, exponents
+from robotball.dynamics.long_run import LINE, LOST, Exponents, basins, drift, exponents_of
 from robotball.dynamics.sections import section_starts
 from robotball.errors import InputError
 from robotball.robot.formulas import Parameters
@@ -80,9 +80,9 @@ def test_a_drift_is_along_the_starts_own_momentum() -> None:
 
 def test_exponents_need_a_momentum_and_a_duration() -> None:
     with pytest.raises(InputError, match=naming("M")):
-        exponents(REGULAR, np.eye(4)[:1], np.zeros((1, 3)), duration=10.0)
+        exponents_of(REGULAR, np.eye(4)[:1], np.zeros((1, 3)), duration=10.0)
     with pytest.raises(InputError, match="positive"):
-        exponents(REGULAR, *some_starts(1), duration=0.0)
+        exponents_of(REGULAR, *some_starts(1), duration=0.0)
 
 
 # Basins ------------------------------------------------------------------------------------

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from robotball.dynamics.equilibria import fixed_points, proposition_2
+from robotball.dynamics.equilibria import fixed_points
 from robotball.dynamics.normal_forms import Flow, flow_near, linear_part, lyapunov_value
 from robotball.robot import formulas as eq
 from robotball.robot.formulas import Parameters, as_vector
 from robotball.rotations import Array, rotation_matrix, tangents
-from tests.figures import CHAOTIC, CLASSICAL, ball, from_rest
+from tests.figures import CHAOTIC, CLASSICAL, ball, from_rest, proposition_2
 
 pytestmark = pytest.mark.core
 

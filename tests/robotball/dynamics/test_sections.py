@@ -10,10 +10,8 @@ from robotball.dynamics.cycles import close
 from robotball.dynamics.portraits import limit_cycles
 from robotball.dynamics.sections import (
     crossings_of_motion,
-    invariant_curve,
-    section,
     section_starts,
-    shared_integral,
+    sections_of,
 )
 from robotball.errors import InputError
 from robotball.robot import formulas as eq
@@ -22,6 +20,7 @@ from robotball.robot.scene import along_momentum, section_state
 from robotball.rotations import Array, multiply, rotation_matrix, turned
 from robotball.theory.ensembles.orbits import TOO_MANY_STEPS, orbit
 from tests.figures import BALLS, CHAOTIC, CLASSICAL, REGULAR, F, ball, from_rest, spread_starts
+from tests.invariant_curves import invariant_curve, shared_integral
 from tests.messages import naming
 
 pytestmark = pytest.mark.core
@@ -46,7 +45,7 @@ def test_points_are_on_the_section_and_have_its_coordinates(
     under every kernel.
     """
     attitudes, momenta = some_starts(4, c, g)
-    found = section(ball, attitudes, momenta, count=20, g=g)
+    found = sections_of(ball, attitudes, momenta, count=20, g=g)
     assert (found.found == 20).all()
     for i in range(4):
         gamma, M = in_frame(found.attitudes[i], momenta[i])
@@ -67,7 +66,7 @@ def test_two_crossings_in_one_step_are_seen(ball: Parameters, c: float, horizon:
     """
     attitudes, momenta = some_starts(256, c)
     coarse, fine = (
-        section(ball, attitudes, momenta, count=75, tolerance=t).times for t in (1e-9, 1e-14)
+        sections_of(ball, attitudes, momenta, count=75, tolerance=t).times for t in (1e-9, 1e-14)
     )
     assert fine[:, -1].min() > horizon
     close_pairs = 0
@@ -82,9 +81,9 @@ def test_two_crossings_in_one_step_are_seen(ball: Parameters, c: float, horizon:
 def test_each_direction_can_be_asked_for_alone() -> None:
     """The crossings of both directions, sorted, are those of the one and those of the other."""
     attitudes, momenta = some_starts(2, 0.0)
-    both = section(REGULAR, attitudes, momenta, count=20)
+    both = sections_of(REGULAR, attitudes, momenta, count=20)
     for direction in (1, -1):
-        alone = section(REGULAR, attitudes, momenta, count=20, direction=direction)
+        alone = sections_of(REGULAR, attitudes, momenta, count=20, direction=direction)
         for i in range(2):
             expected = both.times[i, both.directions[i] == direction]
             assert len(expected) > 2
@@ -94,11 +93,11 @@ def test_each_direction_can_be_asked_for_alone() -> None:
 def test_the_section_needs_a_momentum_and_an_orbit_that_comes_back() -> None:
     """M = 0 is refused; an orbit at rest, ω = 0 of the classical ball, is given up."""
     with pytest.raises(InputError, match=naming("M")):
-        section(REGULAR, np.eye(4)[:1], np.zeros((1, 3)), count=1)
+        sections_of(REGULAR, np.eye(4)[:1], np.zeros((1, 3)), count=1)
     slow = ball((0.8, 0.6, 0.7), (0.0, 0.0, 2.0), (2.0, 3.0, 0.0), "classical")
     q = np.array([[1.0, 0.0, 0.0, 0.0]])
     M = np.array([slow.momentum((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))])
-    found = section(slow, q, M, count=1, g=0.3)
+    found = sections_of(slow, q, M, count=1, g=0.3)
     assert found.status[0] == TOO_MANY_STEPS
     assert found.found[0] == 0
     assert np.isnan(found.times[0, 0])
@@ -148,7 +147,7 @@ def test_a_cycle_that_grows_beyond_all_digits_closes_in_parts() -> None:
 def orbit_of(some: Parameters, L: float, l: float) -> Array:
     """γ and M/|M| (400, 6) at the crossings in one direction."""
     attitudes, momenta = section_starts(L, l, F)
-    return section(some, attitudes, momenta, count=400, direction=1).states[0]
+    return sections_of(some, attitudes, momenta, count=400, direction=1).states[0]
 
 
 def test_an_integrable_ball_has_invariant_curves_and_a_chaotic_one_has_not() -> None:
@@ -219,7 +218,7 @@ def test_a_sampled_motion_crosses_where_the_equations_do(name: str, g: float) ->
     found = crossings_of_motion(rb.integrate(scene, rb.sample_times(20.0, 5e-3)), scene, g)
     attitude = multiply(scene.start.attitude, scene.principal_quaternion)
     momentum = scene.start.momentum
-    exact = section(scene.parameters, attitude[None], momentum[None], len(found.times), g)
+    exact = sections_of(scene.parameters, attitude[None], momentum[None], len(found.times), g)
     assert len(found.times) >= 4
     assert np.array_equal(found.directions, exact.directions[0])
     # Measured 7e-10 s, 1.7e-8 kg m²/s and 3e-9 at most (classical_chaotic).

@@ -155,7 +155,7 @@ def test_balls_abreast_are_told_apart(
         return Abreast(scene, scenes)
 
     engine = replace(spoilt({}), world=world)
-    motions = [*rb.simulate_many([FIG12] * 3, None, times, settings, engine=engine)]
+    motions = [*rb.simulate_many([FIG12] * 3, None, times, settings=settings, engine=engine)]
     second = device is not None
     assert made == worlds
     assert [len(each.times) for each in motions] == [21, 10 if second else 21, 21]
@@ -188,7 +188,9 @@ def test_a_drive_that_changes_within_a_step_is_warned_of(frequency: float, warns
             settings = replace(settings, ideal="DOP853")
         with warnings.catch_warnings(record=True) as seen:
             warnings.simplefilter("always")
-            rb.simulate(scene, times, settings, engine=replace(engine, presets=by_name(settings)))
+            rb.simulate(
+                scene, times, settings=settings, engine=replace(engine, presets=by_name(settings))
+            )
         lines = [str(each.message) for each in seen]
         assert [not unnamed(facts, line) for line in lines] == [True] * (
             warns and chosen is StepSettings
@@ -224,7 +226,7 @@ def test_what_is_wrong_with_a_state_is_a_fault_of_the_run(
     engine, times = spoilt(spoil), rb.sample_times(2.0, 0.1)
     for stop in (True, False):
         settings = replace(engine.presets["best"], stop_at_fault=stop)
-        motion = rb.simulate(rb.load_scene(scene), times, settings, engine=engine)
+        motion = rb.simulate(rb.load_scene(scene), times, settings=settings, engine=engine)
         end = min((t for kind, t in faults.items() if stop or kind is DIVERGED), default=2.1)
         seen = {kind: t for kind, t in faults.items() if t <= end}
         found = motion.report.faults
@@ -331,7 +333,9 @@ def test_our_constraints_roll_ideally_on_the_dynamics_of_another(
     )
     shown: list[float] = []
     engine = replace(PINOCCHIO, packages=("mujoco",), world=Dynamics)
-    motion = rb.simulate(theory.scene, theory.times, preset, engine=engine, progress=shown.append)
+    motion = rb.simulate(
+        theory.scene, theory.times, settings=preset, engine=engine, progress=shown.append
+    )
     error = path_error(motion, theory)
     assert error < 3 * measured
     assert momentum_error(motion, theory) < 3 * of_momentum
@@ -444,7 +448,7 @@ def test_an_engine_errs_as_it_was_measured(case: tuple[Any, ...]) -> None:
     theory = rb.integrate(rb.load_scene(scene), rb.sample_times(duration))
     changes: dict[str, Any] = {field: value, "stop_at_fault": False}
     settings = replace(engine.presets[preset], **changes)
-    motion = rb.simulate(theory.scene, theory.times, settings, engine=engine)
+    motion = rb.simulate(theory.scene, theory.times, settings=settings, engine=engine)
     assert measured / 1.5 < path_error(motion, theory) < measured * 1.5
 
 
@@ -467,5 +471,7 @@ def test_64_worlds_are_the_runs_alone(name: str) -> None:
     errors = [path_error(each, rb.integrate(each.scene, times)) for each in motions]
     assert max(errors) < 1e-4  # measured 3.6e-6 by Warp, 1.9e-5 by MJX and 2.3e-5 by Newton
     for i in (0, 63):
-        alone = rb.simulate(motions[i].scene, times, motions[i].report.settings, engine=name)
+        alone = rb.simulate(
+            motions[i].scene, times, settings=motions[i].report.settings, engine=name
+        )
         assert np.abs(motions[i].contact_point - alone.contact_point).max() <= ABREAST[name]

@@ -103,7 +103,7 @@ def doubts_of(scene: rb.Scene, times: Array) -> list[str]:
     settings = replace(rb.engine_named("multibody").presets["best"], **loose)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", rb.SceneWarning)
-        rb.simulate(scene, times, settings, engine="multibody")
+        rb.simulate(scene, times, settings=settings, engine="multibody")
     return [str(each.message) for each in caught]
 
 

@@ -17,11 +17,11 @@ TIMES = np.linspace(0.0, 0.2, 6)
 def test_each_motion_is_that_of_its_own_run() -> None:
     """To the last bit, of many starts and of the scenes that have them; the parts done are told."""
     told: list[float] = []
-    motions = [*rb.simulate_many(FIG12, STARTS, TIMES, "fast", progress=told.append)]
+    motions = [*rb.simulate_many(FIG12, STARTS, TIMES, settings="fast", progress=told.append)]
     scenes = [replace(FIG12, start=each) for each in STARTS]
     of_scenes = rb.simulate_many(scenes, times=TIMES, settings="fast")
     for scene, motion, other in zip(scenes, motions, of_scenes, strict=True):
-        alone = rb.simulate(scene, TIMES, "fast")
+        alone = rb.simulate(scene, TIMES, settings="fast")
         assert np.array_equal(motion.contact_point, alone.contact_point)
         assert np.array_equal(other.attitude, alone.attitude)
         assert motion.scene.start == scene.start

@@ -48,7 +48,7 @@ def test_the_header_has_the_scene_the_engine_and_the_units(tmp_path: Path) -> No
 
     From a contact engine's timestep the order of convergence of several files is told.
     """
-    motion = rb.simulate(FIG12, np.linspace(0, 0.1, 5), "balanced")
+    motion = rb.simulate(FIG12, np.linspace(0, 0.1, 5), settings="balanced")
     motion.save(tmp_path / "m.csv")
     table = read_table(tmp_path / "m.csv")
     assert scene_of(table.header["scene_toml"]) == replace(FIG12, name="mine")
@@ -349,3 +349,27 @@ def test_a_damaged_file_is_one_line_or_is_read(tmp_path: Path, kind: str) -> Non
             refused.append(str(error))
     assert not [line for line in refused if "\n" in line]
     assert len(refused) > 60  # measured 82 to 99
+
+
+def test_a_dataset_of_xarray_has_every_array_with_its_dimensions_and_units() -> None:
+    """Those of a contact engine's report, too; the same numbers, by name."""
+    pytest.importorskip("xarray")
+    motion = rb.simulate("fig12", 0.1, settings="fast")
+    found = motion.to_xarray()
+    arrays = {place[-1]: array for place, array in arrays_of(motion)}
+    assert {"time", *found.data_vars} == {"time", *arrays} - {"times"}
+    for name, each in found.data_vars.items():
+        assert (each.values == arrays[name]).all()
+        assert each.dims[0] == "time"
+        assert each.attrs["units"]
+    assert (found.time.values == motion.times).all()
+    assert found.momentum.dims == ("time", "world")
+    assert found.angular_velocity.dims == ("time", "frame")
+    assert found.hinge_rates.sel(hinge="rotor1").units == "rad/s"
+    assert (found.attrs["scene"], found.attrs["engine"]) == ("fig12", "MuJoCo")
+
+
+def test_without_xarray_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(rb.InputError, match=naming("to_xarray xarray pip~install")):
+        rb.integrate(FIG12, 0.1).to_xarray()

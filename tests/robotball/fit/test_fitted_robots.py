@@ -61,7 +61,7 @@ def fitted_robot(seed: int, noise: int, folder: Path) -> tuple[list[float], rb.F
     """Return the errors over the deviations, and the fit."""
     numbers, truth, scene = robot(np.random.default_rng(seed))
     rng = np.random.default_rng([seed, noise, 77])
-    motion = rb.simulate(scene, rb.sample_times(2.0, 1 / 40), "accurate")
+    motion = rb.simulate(scene, rb.sample_times(2.0, 1 / 40), settings="accurate")
     log = log_of(motion, rng)
     free = FREE[: rng.integers(3, 7)]
     guess = guessed(rng, numbers, truth, free)

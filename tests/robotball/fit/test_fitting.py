@@ -25,7 +25,7 @@ END = 3.0
 @cache
 def motion(rate: float = 50.0) -> Motion:
     """The pendulum robot's motion, by MuJoCo where its contact is nearly ideal."""
-    return rb.simulate("pendulum_robot", rb.sample_times(END, 1 / rate), "balanced")
+    return rb.simulate("pendulum_robot", rb.sample_times(END, 1 / rate), settings="balanced")
 
 
 def log(seed: int = 0, of: Motion | None = None, name: str = "run.csv") -> rb.Log:
@@ -128,7 +128,7 @@ def slipping(scene: rb.Scene) -> Motion:
     """The motion on a plane so smooth that the shell slips, which the engine has as a fault."""
     smooth = replace(scene, friction=replace(scene.friction, sliding=0.02))
     settings = replace(rb.preset("balanced"), stop_at_fault=False)
-    return rb.simulate(smooth, SHORT, settings)
+    return rb.simulate(smooth, SHORT, settings=settings)
 
 
 def with_rotor(scene: rb.Scene) -> Motion:
@@ -292,7 +292,7 @@ def test_a_right_model_is_not_rejected() -> None:
 
 def test_a_log_without_noise_is_explained() -> None:
     """What equations and engines err by, 3e-9 of an attitude, does not reject a right model."""
-    m = rb.simulate("pendulum_robot", rb.sample_times(2.0, 0.02), "accurate")
+    m = rb.simulate("pendulum_robot", rb.sample_times(2.0, 0.02), settings="accurate")
     exact = rb.Log("run.csv", (rb.Sensor("attitude", m.times, m.attitude),), {})
     found = rb.fit("pendulum_robot", [exact], ["kv"])
     assert found.explains

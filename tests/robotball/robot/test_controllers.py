@@ -84,9 +84,9 @@ def test_both_engines_roll_a_closed_loop_alike(preset: str, most: float) -> None
     """Measured 1.8e-7 and 2.5e-10 of the path; of commands that are 1e-4 larger in one, 8.1e-5."""
     scene = STEERED.with_controller(rb.Controller(damped, 0.01))
     theory = integrated(scene)
-    assert path_error(rb.simulate(scene, TIMES, preset), theory) < most
+    assert path_error(rb.simulate(scene, TIMES, settings=preset), theory) < most
     near = lambda reading: {n: 1.0001 * v for n, v in damped(reading).items()}  # noqa: E731
-    other = rb.simulate(scene.with_controller(rb.Controller(near, 0.01)), TIMES, preset)
+    other = rb.simulate(scene.with_controller(rb.Controller(near, 0.01)), TIMES, settings=preset)
     assert path_error(other, theory) > 100 * most
 
 
@@ -98,7 +98,9 @@ def test_the_error_of_a_closed_loop_falls_as_that_of_rk4() -> None:
         replace(rb.preset("balanced"), timestep=step, error_tolerance=1e-3)
         for step in (0.01, 0.005)
     )
-    errors = [path_error(rb.simulate(scene, TIMES, each), theory) for each in (coarse, fine)]
+    errors = [
+        path_error(rb.simulate(scene, TIMES, settings=each), theory) for each in (coarse, fine)
+    ]
     assert 3.5 < math.log2(errors[0] / errors[1]) < 4.6
 
 
@@ -108,7 +110,7 @@ def test_steps_that_are_chosen_by_their_error_end_on_the_calls_too(settings: str
     scene, accuracy = STEERED.with_controller(rb.Controller(damped, 0.02)), None
     if settings is None:
         accuracy = 1e-7
-    motion = rb.simulate(scene, TIMES, settings, accuracy=accuracy)
+    motion = rb.simulate(scene, TIMES, settings=settings, accuracy=accuracy)
     assert path_error(motion, integrated(scene)) < (accuracy or 1e-12)
 
 
@@ -183,7 +185,7 @@ def test_a_scenes_own_command_holds_until_the_first_takes_effect() -> None:
     scene = PENDULUM.with_hinges(command={"frame": ramp})
     loop = scene.with_controller(rb.Controller(timed, 0.01, delay=0.5))
     theory = integrated(loop)
-    assert path_error(rb.simulate(loop, TIMES, "accurate"), theory) < 2e-9
+    assert path_error(rb.simulate(loop, TIMES, settings="accurate"), theory) < 2e-9
     half = TIMES <= 0.5
     before = integrated(scene).contact_point[half]
     assert np.abs(theory.contact_point[half] - before).max() < 1e-13
@@ -285,9 +287,9 @@ def test_many_motions_are_those_of_single_runs() -> None:
     tilts = [np.array([1.0, 0.05 * i, 0.0, 0.0]) for i in range(3)]
     starts = [rb.Start(q / np.linalg.norm(q), np.zeros(3)) for q in tilts]
     with at_most(1):  # here, as a process takes seconds to start
-        many = [*rb.simulate_many(scene, starts, rb.sample_times(0.5), "fast")]
+        many = [*rb.simulate_many(scene, starts, rb.sample_times(0.5), settings="fast")]
     for start, motion in zip(starts, many, strict=True):
-        alone = rb.simulate(replace(scene, start=start), rb.sample_times(0.5), "fast")
+        alone = rb.simulate(replace(scene, start=start), rb.sample_times(0.5), settings="fast")
         assert np.array_equal(alone.contact_point, motion.contact_point)
     assert not np.array_equal(many[0].contact_point, many[1].contact_point)
 

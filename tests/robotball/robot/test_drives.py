@@ -195,7 +195,7 @@ def test_a_pulse_is_followed_by_both_engines(
     scene, times = FIG12.with_hinges(command={"frame": rate}), rb.sample_times(1.0)
     theory = rb.integrate(scene, times)
     assert theory.hinge_angles[-1, 0] - 2.0 == pytest.approx(turned, rel=1e-2)
-    motion = rb.simulate(scene, times, "balanced")
+    motion = rb.simulate(scene, times, settings="balanced")
     assert motion.report.faults == ()
     assert path_error(theory, motion) < most
 

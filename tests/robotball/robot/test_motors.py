@@ -26,7 +26,10 @@ def test_a_dc_motor_runs_up_exponentially_to_its_no_load_speed(preset: str, most
     tau = (4e-4 + 8e-4) / (0.8 / 25.0)  # 37.5 ms
     times = rb.sample_times(0.5)
     exact = 15.0 * (1 - np.exp(-times / tau))
-    runs = {"reference": rb.integrate(scene, times), preset: rb.simulate(scene, times, preset)}
+    runs = {
+        "reference": rb.integrate(scene, times),
+        preset: rb.simulate(scene, times, settings=preset),
+    }
     off = {name: np.abs(run.hinge_rates[:, 1] - exact).max() / 15.0 for name, run in runs.items()}
     # Measured 2e-14, rounding; 1.1e-6 at 5 ms and 1.6e-9 at 1 ms, RK4's (dt/τ)⁴/120.
     assert off["reference"] < 1e-13, off
@@ -57,7 +60,7 @@ def test_a_motors_own_friction_and_its_gears_losses_slow_it_at_part_of_the_volta
     tau, final = (4e-4 + 8e-4) / (0.8 * 0.8 / 25.0), 25.0 * (0.6 - 0.4 / 20)
     times = rb.sample_times(0.3)
     exact = final * (1 - np.exp(-times / tau))
-    for motion in (rb.integrate(scene, times), rb.simulate(scene, times, "balanced")):
+    for motion in (rb.integrate(scene, times), rb.simulate(scene, times, settings="balanced")):
         assert np.abs(motion.hinge_rates[:, 1] - exact).max() < 8e-6 * final
     (motor,) = [each.motor for each in scene.hinges if each.motor]
     assert motor.law.torque(1.0, 0.0, 0.0) == pytest.approx(0.8 * 0.8 * 1.05)

@@ -21,7 +21,7 @@ def test_drives_that_are_zero_late_or_flat_run_without_a_fault(number: int) -> N
     """The path error is below 5e-6, the tolerance; RK4's steps are its source."""
     with warnings.catch_warnings():
         warnings.simplefilter("error", SceneWarning)
-        run = rb.compare(random_drives(number), "balanced")
+        run = rb.compare(random_drives(number), settings="balanced")
     assert (run.faults, run.agrees) == ((), True)
 
 

@@ -171,7 +171,7 @@ def test_a_scene_from_another_start_is_one_made_anew(name: str) -> None:
     assert len(found) > 15
 
 
-MOTION = rb.simulate(SCENE, rb.sample_times(0.1), "fast")
+MOTION = rb.simulate(SCENE, rb.sample_times(0.1), settings="fast")
 ARRAYS: dict[str, Callable[[rb.Scene, rb.ContactMotion], Array]] = {
     "a start's": lambda scene, motion: scene.start.momentum,
     "a start's axes": lambda scene, motion: scene.start.to_world,
@@ -202,7 +202,7 @@ def test_no_array_of_what_was_checked_can_be_written(name: str, taken: str) -> N
 def test_a_callers_own_arrays_stay_writable_and_change_nothing() -> None:
     attitude, momentum = np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.5, 0.0])
     start, times = rb.Start(attitude, momentum), rb.sample_times(0.1)
-    motion = rb.simulate(SCENE.from_start(start), times, "fast")
+    motion = rb.simulate(SCENE.from_start(start), times, settings="fast")
     before = motion.times.tolist()
     momentum[:], times[:] = 1.0, 0.0
     assert start.momentum.tolist() == [0.0, 0.5, 0.0]

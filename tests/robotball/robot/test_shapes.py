@@ -143,7 +143,7 @@ def test_a_page_has_the_triangles_of_a_mesh(monkeypatch: pytest.MonkeyPatch) -> 
     whole = hull()
     assert len(whole) == robot.model.mesh("hull").facenum[0] > 500
     assert np.linalg.norm(whole, axis=2) == pytest.approx(0.149 / 0.15, rel=1e-4)
-    monkeypatch.setattr(web, "MESHES", 400)
+    monkeypatch.setattr(web, "_MESHES", 400)
     thin = hull()
     assert 100 < len(thin) <= 200
     # Measured 0.92: the sphere of fewer corners lies inside the other.

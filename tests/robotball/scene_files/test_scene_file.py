@@ -97,7 +97,7 @@ def test_a_point_or_a_thin_rod_is_a_pendulum(part: str) -> None:
     exact = rb.integrate(scene, times)
     # Measured 3e-9 and 4e-9, the moments added; 1.2e-10 and 8e-11, RK4's.
     assert path_error(rb.integrate(ideal, times), exact) < 1e-8
-    assert path_error(rb.simulate(scene, times, "accurate"), exact) < 3e-10
+    assert path_error(rb.simulate(scene, times, settings="accurate"), exact) < 3e-10
 
 
 def test_a_plane_may_be_inclined_and_rough() -> None:

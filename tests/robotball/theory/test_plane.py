@@ -172,7 +172,9 @@ def test_gravity_is_set_at_every_stage_of_a_step(monkeypatch: pytest.MonkeyPatch
     settings = [replace(rb.preset("balanced"), timestep=step) for step in steps]
 
     def gain() -> float:
-        errors = [path_error(rb.simulate(VIBRATED, TIMES, each), theory) for each in settings]
+        errors = [
+            path_error(rb.simulate(VIBRATED, TIMES, settings=each), theory) for each in settings
+        ]
         return errors[0] / errors[1]
 
     assert gain() > 12

@@ -215,7 +215,7 @@ QUICK = scene_of("rubber", EQUAL, (1e6, 2e6, 0.0))  # it turns too often for a t
 SINE = rb.Sine(amplitude=1.0, frequency=1.0)
 OFTEN = "1000 t 1.…e+06~rad/s max_steps"
 REFUSED = {
-    "at([0.0, 1.0])": "(sample_times) (1,~2)",
+    "at([0.0, 1.0])": "duration two (1,~2)",
     "at(0.1, 0.2)": "0 0.1",
     "at(0.0, 2.0, 1.5)": "1.5 2",
     "at(0.0, np.inf)": "times finite",

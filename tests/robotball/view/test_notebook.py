@@ -26,7 +26,7 @@ from tests.messages import naming
 SCENE = rb.load_scene("fig12")
 TIMES = rb.sample_times(1.0)
 THEORY = rb.integrate(SCENE, TIMES)
-MOTION = rb.simulate(SCENE, TIMES, "fast")
+MOTION = rb.simulate(SCENE, TIMES, settings="fast")
 
 
 @cache
@@ -68,13 +68,13 @@ def test_a_report_is_a_few_lines_with_its_faults_by_name(tmp_path: Path) -> None
     broken = replace(MOTION.report, slip=nothing, spin=nothing, depth=nothing)
     assert repr(broken).count("\n") == 3  # of a run that broke off in its first step
     start = replace(SCENE.start, momentum=1e12 * SCENE.start.momentum)  # and one at its start
-    none = rb.simulate(replace(SCENE, start=start), np.linspace(0.0, 0.1, 6), "naive")
+    none = rb.simulate(replace(SCENE, start=start), np.linspace(0.0, 0.1, 6), settings="naive")
     assert repr(none).endswith(", naive: 0 times, path 0 m, 1 fault>")
     assert "<img" not in shown_in_a_notebook(none)
     none.save(tmp_path / "none.csv")
     with pytest.raises(rb.InputError, match=naming("rows")):
         rb.load_motion(tmp_path / "none.csv", SCENE)
-    naive = rb.simulate(SCENE, TIMES, "naive").report
+    naive = rb.simulate(SCENE, TIMES, settings="naive").report
     assert repr(naive).endswith(
         "\n  ".join(["", *(f"fault: {each}" for each in naive.faults)]) + ">"
     )
@@ -156,7 +156,7 @@ def test_equality_is_of_values_and_never_raises() -> None:
     """Equal values make equal scenes and motions; a changed number or another type does not."""
     assert rb.load_scene("fig12") == SCENE
     assert rb.integrate(SCENE, TIMES) == THEORY
-    assert rb.simulate(SCENE, TIMES, "fast") == MOTION  # though it took another time
+    assert rb.simulate(SCENE, TIMES, settings="fast") == MOTION  # though it took another time
     others: list[object] = [THEORY, "fig12", None]
     assert MOTION not in others
     assert SCENE not in others

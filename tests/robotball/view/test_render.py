@@ -19,7 +19,7 @@ from robotball.robot.looks import rgb
 from robotball.rotations import multiply
 from robotball.view import gl, render
 from robotball.view.lines import colours_of
-from robotball.view.render import Film, frames, write_video
+from robotball.view.render import Film, frames
 from robotball.view.stage import Pixels
 from tests.messages import naming
 
@@ -156,7 +156,7 @@ def test_a_video_has_every_frame_to_the_end_of_the_shorter_motion(
     target = tmp_path / f"ball.{suffix}"
     film = dataclasses.replace(SMALL, fps=10, slow=2.0)
     longer = rb.integrate(FIG12, np.concatenate([TIMES, np.array([0.4])]))
-    write_video(target, [THEORY, longer], film, progress=done.append)
+    rb.film(target, [THEORY, longer], progress=done.append, **vars(film))
     reader = imageio_ffmpeg.read_frames(str(target))
     about = next(reader)
     assert about["size"] == SMALL.size[::-1]
@@ -177,7 +177,7 @@ def test_a_video_has_the_same_bytes_on_any_number_of_cores(tmp_path: Path, suffi
         for some in ({min(allowed)}, allowed):
             os.sched_setaffinity(0, some)
             target = tmp_path / f"{len(some)}.{suffix}"
-            write_video(target, [THEORY, THEORY], film)
+            rb.film(target, [THEORY, THEORY], **vars(film))
             written.append(target.read_bytes())
     finally:
         os.sched_setaffinity(0, allowed)
@@ -192,6 +192,18 @@ def test_a_motion_of_no_more_than_a_frame_shows_its_start_and_end() -> None:
         assert SMALL.times([short, short]).tolist() == [0.0, end]
     first, last = frames([short, short], SMALL)
     assert not np.array_equal(first, last)
+
+
+@screen
+def test_one_motion_alone_is_filmed(tmp_path: Path) -> None:
+    """Opaque, also with a ghost, which is half transparent; without a curve of distances."""
+    alone, ghost = (
+        next(frames([THEORY], dataclasses.replace(SMALL, ghost=each))) for each in (False, True)
+    )
+    assert np.array_equal(alone, ghost)
+    path = str(tmp_path / "ball.gif")
+    assert rb.film(path, THEORY, fps=5, size=SMALL.size) == Path(path)
+    assert Path(path).read_bytes()[:3] == b"GIF"
 
 
 @pytest.mark.slow
@@ -247,7 +259,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        write_video(target, [THEORY, THEORY], SMALL, progress=give_up)
+        rb.film(target, [THEORY, THEORY], progress=give_up, **vars(SMALL))
     assert target.read_bytes() == b"the old one"
     assert list(tmp_path.iterdir()) == [target]
 
@@ -259,8 +271,8 @@ REFUSED: dict[str, Callable[[], object]] = {
     "slow": lambda: Film(slow=0.0),
     "camera follow above whole 'behind'": lambda: Film(camera="behind"),  # type: ignore[arg-type]
     "same~times": lambda: frames([dataclasses.replace(THEORY, times=THEORY.times * 1.01), THEORY]),
-    ".mp4 ball.avi": lambda: write_video("ball.avi", [THEORY, THEORY]),
-    ".mp4 no/folder/ball.mp4": lambda: write_video("no/folder/ball.mp4", [THEORY] * 2),
+    ".mp4 ball.avi": lambda: rb.film("ball.avi", [THEORY, THEORY]),
+    ".mp4 no/folder/ball.mp4": lambda: rb.film("no/folder/ball.mp4", [THEORY] * 2),
     "GL video": lambda: frames([THEORY, THEORY]),
 }
 

@@ -64,7 +64,7 @@ def test_bodies_between_samples_follow_the_motion(monkeypatch: pytest.MonkeyPatc
         assert np.abs(shift - wanted[name][1]).max() < 1e-5
         assert np.array_equal(turn[24:26], part[name][0])
         assert np.abs(shift[24:26] - part[name][1]).max() < 2e-14
-    monkeypatch.setattr(tracks, "MARGIN", 1)
+    monkeypatch.setattr(tracks, "_MARGIN", 1)
     near = track.stands(track.at(between[24:26]))
     assert np.abs(near["shell"][1] - whole["shell"][1][24:26]).max() > 1e-7
 

@@ -261,7 +261,7 @@ def test_a_controller_of_a_file_closes_the_loop(robotball: Robotball, tmp_path: 
     scene = controlled("pendulum_robot", (), "loop.py:hold")
     sent = pickle.loads(pickle.dumps(scene))
     times = rb.sample_times(0.1)
-    one, other = (rb.simulate(each, times, "fast").contact_point for each in (scene, sent))
+    one, other = (rb.simulate(each, times, settings="fast").contact_point for each in (scene, sent))
     assert np.array_equal(one, other)
 
 

@@ -29,7 +29,7 @@ COMMAND = "robotball report fig12 --preset naive,fast"
 
 @pytest.fixture(scope="module")
 def agreements() -> list[Agreement]:
-    return [compare("fig12", name, TIMES) for name in ("naive", "fast")]
+    return [compare("fig12", TIMES, settings=name) for name in ("naive", "fast")]
 
 
 @pytest.fixture(scope="module")
@@ -72,11 +72,10 @@ def test_a_sentence_has_the_error_and_its_bound_or_where_the_run_ended(
     """
     naive, fast = agreements
     error = fast.path_error
-    assert error is not None
     assert unnamed(f"{error:.1e} 0.0005", sentence(fast)) == []
     assert unnamed("0.01", sentence(naive)) == []
     mine = replace(rb.preset("naive"), name="mine", stop_at_fault=True)
-    stopped = rb.simulate(rb.load_scene("fig12"), TIMES, mine)
+    stopped = rb.simulate(rb.load_scene("fig12"), TIMES, settings=mine)
     broken = Agreement(naive.theory, stopped)
     assert not broken.finished
     assert unnamed(f"{stopped.times[-1]:.4g}~s", sentence(broken)) == []
@@ -88,7 +87,7 @@ def test_a_sentence_has_the_error_and_its_bound_or_where_the_run_ended(
 
 def test_friction_needed_stands_beside_what_is_given() -> None:
     """fig12 needs 1.32 by the equations; the recipe's plane gives 20."""
-    agreement = compare("fig12", "fast")
+    agreement = compare("fig12", settings="fast")
     words = friction_needed(agreement.theory)
     assert unnamed("sliding 1.32 torsional 1.87~m", words) == []
     page = report([agreement], COMMAND)

@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 
 import robotball as rb
 from robotball.dynamics.families import varied
-from robotball.dynamics.long_run import exponents
-from robotball.dynamics.sections import section
+from robotball.dynamics.long_run import exponents_of
+from robotball.dynamics.sections import sections_of
 from robotball.robot import formulas as eq
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.theory.ensembles.orbits import Integers, kernel_start
@@ -92,8 +92,8 @@ def test_twice_as_fast_a_motion_has_twice_the_exponent(scene: str) -> None:
     """K, Ω and M doubled, times halved: so only ratios of them count. To the last bit but a few."""
     ball, attitudes, momenta = kernel_start(rb.load_scene(scene))
     fast = replace(ball, K=eq.scale(2, ball.K), Omega=eq.scale(2, ball.Omega))
-    slow = exponents(ball, attitudes, momenta, 40.0, 10.0)
-    found = exponents(fast, attitudes, 2 * momenta, 20.0, 5.0)
+    slow = exponents_of(ball, attitudes, momenta, 40.0, 10.0)
+    found = exponents_of(fast, attitudes, 2 * momenta, 20.0, 5.0)
     assert found.largest == pytest.approx(2 * slow.largest, abs=1e-9)  # measured 0
 
 
@@ -108,7 +108,7 @@ def test_starts_that_are_one_start_turned_over_move_alike(scene: str, axis: int)
     over = multiply(np.eye(4)[1 + axis], attitude)
     starts, momenta = np.array([attitude, over, over]), np.tile(momentum, (3, 1))
     momenta[1:, 2] *= -1
-    found = exponents([ball, ball, other], starts, momenta, 10.0, 5.0).largest
+    found = exponents_of([ball, ball, other], starts, momenta, 10.0, 5.0).largest
     # Measured 1.2e-10 (classical): rounding, grown by e^5; with K₂ as -K₂ 0.036 and more.
     assert found[1] == pytest.approx(found[0], abs=1e-8)
     assert abs(found[2] - found[0]) > 1e-2
@@ -135,7 +135,7 @@ def test_refining_only_adds_points_and_finds_the_whole_border(dimensions: int) -
 def test_a_followed_motion_begins_where_the_one_before_ended() -> None:
     """At three equal values: their crossings are those of one motion; of others, all the same."""
     ball, attitudes, momenta = kernel_start(rb.load_scene("fig12"))
-    whole = section(ball, attitudes, momenta, 300, direction=1).L[0] / 5
+    whole = sections_of(ball, attitudes, momenta, 300, direction=1).L[0] / 5
     for follow, expected in ((True, whole), (False, np.tile(whole[:100], 3))):
         some = cell("fig12", {"Omega": [2.0, 2.0, 2.0]}, follow=follow, skipped=0)
         crossings = np.array([row["crossings"] for row in measure(some)["rows"]])

@@ -41,7 +41,7 @@ def test_the_kinetic_energy_is_the_motors_work(name: str, measured: float) -> No
 def quality(preset: str) -> tuple[rb.Motion, ContactMotion, dict[str, float | None]]:
     theory = rb.integrate(rb.load_scene("fig12"), rb.sample_times(2.0))
     settings = replace(rb.PRESETS[preset], stop_at_fault=False)
-    motion = rb.simulate(theory.scene, theory.times, settings)
+    motion = rb.simulate(theory.scene, theory.times, settings=settings)
     return theory, motion, contact_quality(motion, theory)
 
 
@@ -102,7 +102,7 @@ def test_an_engine_gives_the_force_of_its_contact(
     skip_unless_there(name)
     theory = rb.integrate(rb.load_scene("fig12"), rb.sample_times(0.3))
     settings = replace(engine.presets[preset], timestep=timestep, stop_at_fault=False)
-    motion = rb.simulate(theory.scene, theory.times, settings, engine=engine)
+    motion = rb.simulate(theory.scene, theory.times, settings=settings, engine=engine)
     found = contact_quality(motion, theory)
     assert abs(found["normal_force_error"] or 1.0) < 3 * measured
     assert abs(1.0 if found["cone_violation"] is None else found["cone_violation"]) < 1e-9

@@ -51,7 +51,7 @@ def test_a_run_in_a_process_says_what_a_run_here_says() -> None:
     """Their path errors are equal to the last bit, and name what they depend on."""
     record = measure(CELL)
     theory = rb.integrate(FIG12, rb.sample_times(0.2))
-    here = rb.simulate(FIG12, theory.times, "balanced")
+    here = rb.simulate(FIG12, theory.times, settings="balanced")
     assert record["path_error"] == rb.motion.path_error(here, theory)
     assert record["settings"]["timestep"] == 5e-3
     assert record["version"] == rb.engine_named("mujoco").label.version

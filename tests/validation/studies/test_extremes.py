@@ -146,7 +146,7 @@ def test_the_margin_carries_the_weight_at_any_depth(
     frictions: dict[str, Any] = {"sliding_friction": enough, "torsional_friction": enough}
     settings = replace(rb.preset("balanced"), solref=(constant, 1.0), **frictions)
     scene = replace(base(rolling), gravity=gravity)
-    error = compare(scene, settings, rb.sample_times(2.0)).path_error
+    error = compare(scene, rb.sample_times(2.0), settings=settings).path_error
     assert error == pytest.approx(7.4804e-10 if rolling == "rubber" else 4.7482e-9, rel=1e-4)
 
 

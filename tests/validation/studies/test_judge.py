@@ -472,8 +472,8 @@ def test_a_file_that_starts_late_is_judged_from_there() -> None:
 def test_a_height_is_judged(start: float, rise: float, agrees: bool) -> None:
     """The centre's or the contact point's; that of a ball that rises or hovers does not agree."""
     motion = rb.integrate(FIG12, rb.sample_times(END))
-    file = bare(motion)
-    file.position[:, 2] = start + rise * motion.times / END
+    height = start + rise * motion.times / END
+    file = replace(bare(motion), position=np.column_stack([motion.contact_point, height]))
     found = judged(FIG12, file)
     # Half a hundredth of the radius is how deep a soft contact may be.
     error = abs(start + rise - round(start))

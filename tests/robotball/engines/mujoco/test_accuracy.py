@@ -102,7 +102,7 @@ def faked(
     it.
     """
     theory = theory_of_fig12()
-    sound = rb.simulate(FIG12, np.array([0.0, 0.02]), "fast").report
+    sound = rb.simulate(FIG12, np.array([0.0, 0.02]), settings="fast").report
     sizes: list[float] = []
 
     def run(settings: rb.Settings, times: Array) -> ContactMotion:

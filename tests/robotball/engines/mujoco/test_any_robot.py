@@ -200,7 +200,7 @@ def test_a_ball_held_by_the_plane_stands_still(preset: str, slope: float, omega:
         gravity_direction=(np.sin(slope), 0.0, -np.cos(slope)), friction=Friction(rolling=0.004),
     )  # fmt: skip
     times = np.linspace(0.0, 5.0, 11)
-    motion = rb.simulate(scene, times, replace(rb.preset(preset), max_steps=10_000))
+    motion = rb.simulate(scene, times, settings=replace(rb.preset(preset), max_steps=10_000))
     assert motion.report.faults == ()
     theory = rb.integrate(scene, times).contact_point
     assert np.abs(motion.contact_point - theory).max() < 5e-13

@@ -266,7 +266,7 @@ def test_a_hinge_gives_way_by_the_load_after_its_ramp(shape: Any) -> None:
     settings = replace(rb.preset("balanced"), stop_at_fault=False)
     predicted = limit_of(limits.prescribed_rate, scene, settings, 9.0)
     # Measured 3.70e-5 and 3.69e-5 of the rate, 1.000 and 1.003 of what is predicted.
-    lost = rb.simulate(scene, rb.sample_times(9.0), settings).report.hinge_rate_error.max()
+    lost = rb.simulate(scene, rb.sample_times(9.0), settings=settings).report.hinge_rate_error.max()
     assert predicted.exceeded
     assert lost == pytest.approx(predicted.value, rel=0.01)
 
@@ -327,7 +327,7 @@ def test_a_ball_that_starts_just_touching_falls_as_deep_as_predicted() -> None:
     settings = replace(
         FAST, timestep=2e-3, start_in_equilibrium=False, solref=(0.1, 1.0), solimp=impedance(0.9)
     )
-    depth = rb.simulate(FIG12, np.linspace(0.0, 2.0, 51), settings).report.depth[-1]
+    depth = rb.simulate(FIG12, np.linspace(0.0, 2.0, 51), settings=settings).report.depth[-1]
     assert depth == pytest.approx(PlannedRun(FIG12, settings, 2.0).equilibrium_depth, rel=1e-3)
     for constant, beyond in ((0.03, False), (0.04, True)):
         soft = replace(settings, solref=(constant, 1.0))
@@ -354,7 +354,9 @@ def test_a_short_time_constant_is_raised_in_silence() -> None:
     for constant, beyond in ((0.01, True), (0.04, False)):
         settings = replace(FAST, solref=(constant, 1.0), start_in_equilibrium=False)
         assert limit_of(limits.raised_solref, FIG12, settings, 1.0).exceeded == beyond
-        ends.append(rb.simulate(FIG12, np.array([0.0, 1.0]), settings).contact_point[1].tolist())
+        ends.append(
+            rb.simulate(FIG12, np.array([0.0, 1.0]), settings=settings).contact_point[1].tolist()
+        )
     assert ends[0] == ends[1]
 
 
@@ -372,10 +374,10 @@ def test_a_warning_names_the_number_the_limit_and_the_fix() -> None:
     """One line each, at the caller's line; strict makes it an error. A robot has them too."""
     slippery, times = replace(FAST, sliding_friction=0.1), np.linspace(0.0, 0.1, 3)
     with pytest.warns(rb.SceneWarning, match=naming("fig12 fast friction 0.1 0.4547")) as caught:
-        rb.simulate(FIG12, times, slippery)
+        rb.simulate(FIG12, times, settings=slippery)
     assert {each.filename for each in caught} == {__file__}
     with pytest.raises(rb.InputError, match=naming("slip")):
-        rb.simulate(FIG12, times, slippery, strict=True)
+        rb.simulate(FIG12, times, settings=slippery, strict=True)
     own = replace(worked("W2"), friction=Friction(sliding=0.02))
     line = exceeded(own, rb.preset("balanced"), own.times)["sliding_friction"].warning
     assert unnamed("friction 0.02 0.05855", line) == []
@@ -403,7 +405,7 @@ def test_the_timestep_that_is_advised_sees_the_drive(frequency: float, preset: s
     """Its path error is the one predicted, to half of it or so; strict refuses the preset's."""
     scene, settings, times = swung(frequency, 0.05), rb.preset(preset), np.linspace(0.0, 0.5, 26)
     with pytest.raises(rb.InputError, match=naming("drive timestep")) as error:
-        rb.simulate(scene, times, settings, strict=True)
+        rb.simulate(scene, times, settings=settings, strict=True)
     (advised,) = re.findall(r"step below (\S+) s", str(error.value))
     finer = replace(settings, timestep=0.94 * float(advised), stop_at_fault=False)
     limit = limit_of(limits.drive_seen, scene, finer, 0.5)
@@ -461,7 +463,7 @@ def test_a_run_of_too_many_steps_is_refused_with_the_numbers() -> None:
     for duration, steps in ((1e6, "50000000"), (1e45, "5e+46")):
         facts = f"{steps} 0.02~s max_steps 10000000"
         with pytest.raises(rb.InputError, match=naming(facts)):
-            rb.simulate(FIG12, np.array([0.0, duration]), "fast")
+            rb.simulate(FIG12, np.array([0.0, duration]), settings="fast")
     motion = rb.simulate(FIG12, settings=replace(rb.preset("adaptive"), max_steps=100))
     (fault,) = motion.report.faults
     assert (motion.report.steps, fault.kind) == (100, rb.FaultKind.OUT_OF_STEPS)

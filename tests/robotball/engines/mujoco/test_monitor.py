@@ -106,14 +106,14 @@ def test_too_little_friction_is_reported_from_the_moment_it_slips() -> None:
     """
     demand = rb.simulate(FIG12, settings=FAST).loads.sliding_friction
     slippery, times = replace(FAST, sliding_friction=1.0), rb.sample_times(1.0)
-    on = rb.simulate(FIG12, times, replace(slippery, stop_at_fault=False))
+    on = rb.simulate(FIG12, times, settings=replace(slippery, stop_at_fault=False))
     first = on.report.faults[0]
     assert first.kind is FaultKind.CONTACT_LOST
     assert FaultKind.CONE_SATURATED in [fault.kind for fault in on.report.faults]
     assert first.time == pytest.approx(FIG12.times[np.argmax(demand > 1.0)])
     assert demand.max() == pytest.approx(1.3214, abs=1e-3)
     assert on.times[-1] == 1.0
-    motion = rb.simulate(FIG12, times, slippery)
+    motion = rb.simulate(FIG12, times, settings=slippery)
     (fault,) = motion.report.faults
     assert (fault.kind, fault.fatal, fault.time) == (FaultKind.CONTACT_LOST, True, first.time)
     assert motion.times[-1] < fault.time <= motion.times[-1] + 0.02 * (1 + 1e-9)
@@ -211,7 +211,7 @@ def test_a_reset_and_mujocos_own_warnings_are_faults() -> None:
 def test_the_cone_used_is_one_on_its_surface(cone: str) -> None:
     """A sliding contact's force lies on the cone of its own kind."""
     slippery = replace(KEEP_GOING, timestep=2e-3, cone=cone, sliding_friction=0.05)
-    used = rb.simulate(FIG12, rb.sample_times(0.2), slippery).report.friction_used
+    used = rb.simulate(FIG12, rb.sample_times(0.2), settings=slippery).report.friction_used
     # Measured 1 + 2.2e-16: rounding.
     assert used.max() == pytest.approx(1.0, abs=2e-15)
 

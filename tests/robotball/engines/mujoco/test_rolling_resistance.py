@@ -69,7 +69,7 @@ def test_every_integrator_brakes_a_ball_by_the_law(integrator: str) -> None:
     scene = robot("sphere", ball, "classical", [], (1.0, 0.0, 0.0, 0.0), (0.0, 9.0, 0.0))
     scene = replace(scene, friction=Friction(rolling=0.004), gravity=9.81)
     settings = replace(rb.preset("balanced"), integrator=integrator, stop_at_fault=False)
-    motion = rb.simulate(scene, np.array([0.0, 1.0]), settings)
+    motion = rb.simulate(scene, np.array([0.0, 1.0]), settings=settings)
     slower = 0.6 * 0.004 * 9.81 / 0.2**2
     rate = motion.angular_velocity[-1, 1]
     # Measured 3.3e-14 rad/s: rounding.

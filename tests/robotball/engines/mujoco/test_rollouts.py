@@ -76,9 +76,9 @@ def test_each_motion_is_that_of_a_run_alone(case: str, monkeypatch: pytest.Monke
     monkeypatch.setattr(rollouts, "_ABREAST", 4)
     done: list[float] = []
     with at_most(1 if case in HERE else 2):
-        motions = [*rb.simulate_many(scene, starts, times, settings, progress=done.append)]
+        motions = [*rb.simulate_many(scene, starts, times, settings=settings, progress=done.append)]
     assert done == [0.2, 0.4, 0.6, 0.8, 1.0]
-    alone = [rb.simulate(replace(scene, start=each), times, settings) for each in starts]
+    alone = [rb.simulate(replace(scene, start=each), times, settings=settings) for each in starts]
     check_same(motions, alone)
     lengths = [len(each.times) for each in motions]
     faulty = sum(bool(each.report.faults) for each in motions)
@@ -221,6 +221,6 @@ def test_no_scene_is_made_before_its_turn(scene: rb.Scene, monkeypatch: pytest.M
     made = Mock(side_effect=rb.Scene.from_start)
     monkeypatch.setattr(rb.Scene, "from_start", lambda *given: made(*given))
     with at_most(1):
-        motion = next(rb.simulate_many(scene, starts, np.linspace(0.0, 0.5, 6), "fast"))
+        motion = next(rb.simulate_many(scene, starts, np.linspace(0.0, 0.5, 6), settings="fast"))
     assert motion.scene.start == replace(scene, start=starts[0]).start
     assert made.call_count < 300  # measured 69, as 64 runs begin at once, and 6

@@ -87,7 +87,7 @@ def test_a_servo_follows_its_law_between_its_limits(preset: str) -> None:
     """
     motors = (rb.Servo(gain=100.0, torque_limit=3.0), None)
     scene = FIG12.with_hinges(motor=motors)
-    motion = rb.simulate(scene, rb.sample_times(2.0), preset)
+    motion = rb.simulate(scene, rb.sample_times(2.0), settings=preset)
     torque = motion.loads.motor_torques[:, 0]
     rate = scene.hinges[0].command.rate(motion.times)
     law = np.clip(100.0 * (rate - motion.hinge_rates[:, 0]), -3.0, 3.0)
@@ -101,7 +101,7 @@ def test_adaptive_steps_too_short_for_the_rest_end_the_run(monkeypatch: pytest.M
     monkeypatch.setattr(adaptive, "_PACE", 100)
     monkeypatch.setattr(adaptive, "_ENDLESS", 100)
     settings = replace(rb.preset("adaptive"), max_steps=600)  # fig12 takes 40 a second
-    (fault,) = rb.simulate(FIG12, rb.sample_times(40.0), settings).report.faults
+    (fault,) = rb.simulate(FIG12, rb.sample_times(40.0), settings=settings).report.faults
     assert (fault.kind, fault.fatal) == (rb.FaultKind.STEP_TOO_SHORT, True)
     assert fault.time < 4.0  # measured 3.2
     for fact in ("128 took", "max_steps = 600", "shorten the motion", "timestep"):

@@ -81,7 +81,7 @@ def test_what_a_user_sets_is_what_runs(scene: rb.Scene) -> None:
         chosen = for_load(replace(BALANCED, **own), scene)
         assert {name: getattr(chosen, name) for name in own} == own
         assert for_load(chosen, worked("W5")) is chosen  # whole settings run on any other scene
-    ran = rb.simulate(scene, np.array([0.0, 0.01]), chosen).report.settings
+    ran = rb.simulate(scene, np.array([0.0, 0.01]), settings=chosen).report.settings
     assert ran == chosen
 
 
@@ -137,7 +137,7 @@ def test_any_settings_give_a_finite_motion_or_one_line(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", rb.SceneWarning)
             step = 0.01 if given.timestep is None else given.timestep
-            motion = rb.simulate(extreme_scene, np.linspace(0.0, 20 * step, 3), given)
+            motion = rb.simulate(extreme_scene, np.linspace(0.0, 20 * step, 3), settings=given)
     except rb.InputError:  # one line by itself
         return
     for array in (motion.contact_point, motion.attitude, motion.momentum, motion.angular_velocity):

@@ -119,7 +119,7 @@ run-wheel:
 	$(ALONE)/robotball compare fig12 --preset fast --duration 0.5
 	$(ALONE)/robotball report fig12 --preset fast --duration 0.5
 	$(ALONE)/robotball check $(CURDIR)/examples/first_robot.xml --duration 0.5; test $$? = 1
-	$(ALONE)/robotball section fig12 --count 20
+	$(ALONE)/robotball dynamics section fig12 --count 20
 	$(ALONE)/python -c 'import robotball as rb; \
 	  rb.integrate(rb.load_scene("pendulum_robot"), rb.sample_times(2.0)).save("run.csv")'
 	$(ALONE)/robotball fit pendulum_robot run.csv --free frame.kv

@@ -59,8 +59,8 @@ def _main(*only: str) -> None:
     def wanted(line: str, named: bool = False) -> bool:
         return any(map(line.startswith, only)) or not (only or named)
 
-    if wanted("extremes"):
-        _run("extremes", "--out", str(_OUT), "--json", str(_OUT / "extremes.json"))
+    if wanted("study extremes"):
+        _run("study extremes", "--out", str(_OUT), "--json", str(_OUT / "extremes.json"))
         record = _read(_OUT / "extremes.json")
         outcomes = _outcomes_of(record["summary"])
         _write_numbers("extremes", {**record["totals"], "outcomes": outcomes})
@@ -74,8 +74,8 @@ def _main(*only: str) -> None:
             _run(command, "--out", str(_OUT))
         for row in some:
             _put(_OUT / row["made"], _DOCS / row["shown"])
-    if wanted("tradeoff fig12"):
-        _write_numbers("tradeoff", numbers_of_tradeoff(_read(_OUT / "fig12-mujoco-tradeoff.json")))
+    if wanted("study cost fig12"):
+        _write_numbers("cost", numbers_of_cost(_read(_OUT / "fig12-mujoco-cost.json")))
     if wanted(_ENGINES, named=True):
         records = [_read(_OUT / f"{scene}-engines.json") for scene in _ENGINES.split()[1:]]
         _replace(_DOCS / "engines.md", ENGINES, engines_table(records))
@@ -128,7 +128,7 @@ def _write_frame(path: Path) -> None:
         mediapy.write_image(temporary, next(shown), fmt="png")
 
 
-def numbers_of_tradeoff(record: Mapping[str, Any]) -> dict[str, Any]:
+def numbers_of_cost(record: Mapping[str, Any]) -> dict[str, Any]:
     """Return how many configurations there are and are sound, and the best of each kind."""
     runs = record["configurations"]
     servos = [run for run in runs if "gain" in (run["options"]["drive"] or ())]

@@ -1,6 +1,6 @@
 """Measure what a step costs with each thing that the minimal model leaves out.
 
-`python -m bench.parts fig12` prints the table of docs/tradeoff.md, for any scene.
+`python -m bench.parts fig12` prints the table of docs/cost.md, for any scene.
 """
 
 import sys

@@ -96,7 +96,7 @@ def warn(line: str, kind: type[SceneWarning] = SceneWarning) -> None:
 
 def unknown(kind: str, name: object, known: Iterable[str]) -> InputError:
     """Return the error for an unknown name, with near matches or else the known names."""
-    # The hyphens with which all options begin make none of them near.
+    # Hyphens do not make options near to one another.
     words = {each.lstrip("-"): each for each in known}
     near = [words[each] for each in difflib.get_close_matches(str(name).lstrip("-"), words)]
     some = f"{len(words)}, as " if len(words) > _FEW else ""

@@ -72,8 +72,9 @@ def robotball(
         assert isinstance(status, int)
         if status < 2 and "--json" in arguments:
             record = json.loads(Path(str(arguments[arguments.index("--json") + 1])).read_text())
-            many = arguments[0] == "compare" and "--starts" in arguments
-            assert misfits("compare --starts" if many else str(arguments[0]), record) == set()
+            name = str(arguments[arguments[0] in ("study", "dynamics")])  # of two words the second
+            many = name == "compare" and "--starts" in arguments
+            assert misfits("compare --starts" if many else name, record) == set()
         return status, captured.out, captured.err
 
     return run

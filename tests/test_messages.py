@@ -29,7 +29,7 @@ from tests.robotball.scene_files.scene_texts import edited
 from tests.robotball.theory import test_reduced
 from tests.robotball.user_model import test_robot_file, test_sandbox
 from tests.validation.commands import test_refused_commands
-from validation.cli import COMMANDS
+from tests.validation.examples import COMMANDS, command
 
 GOLDEN = PROJECT / "tests" / "golden" / "messages.txt"
 # Words of Python's, NumPy's and MuJoCo's follow these.
@@ -109,12 +109,9 @@ def of_runs(_: Path) -> Rows:
         yield kind.name, kind.value
 
 
-def of_help(robotball: Robotball) -> Rows:
-    _, out, _ = robotball("--help")
+def of_help(_: Path) -> Rows:
     for name in COMMANDS:
-        said = re.search(rf"^  {name} +(.*(?:\n {{14}}.*)*)", out, re.MULTILINE)
-        assert said is not None
-        yield f"robotball {name} --help", re.sub(r"\s+", " ", said[1])
+        yield f"robotball {name} --help", command(name).help.partition("\n")[0]
 
 
 def shown(rows: Rows, folder: Path) -> str:
@@ -141,7 +138,7 @@ def test_all_messages_are_those_of_the_catalogue(
         "Refused logs": in_logs(tmp_path),
         "Refused commands": in_commands(robotball, tmp_path),
         "Warnings and faults of runs": of_runs(tmp_path),
-        "Summaries of commands": of_help(robotball),
+        "Summaries of commands": of_help(tmp_path),
     }
     said = "\n".join(f"== {title}\n\n{shown(rows, tmp_path)}" for title, rows in sections.items())
     if request.config.getoption("rewrite"):

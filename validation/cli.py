@@ -4,119 +4,59 @@ Exit status: 0 agreement within the stated bound, 1 not, 2 bad input, or what th
 The module of a command is imported when that command is named.
 """
 
-import ast
 import atexit
 import contextlib
 import gc
-import io
 import logging
-import re
 import sys
 import warnings
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import is_dataclass
-from importlib import import_module
-from pathlib import Path
-from shutil import get_terminal_size
-from textwrap import fill
-from types import ModuleType
-from typing import Annotated, Any, Protocol, Union, get_type_hints
+from inspect import BoundArguments
+from typing import Any, Literal
 
-import tyro
-from tyro.conf import subcommand
+from cyclopts import App, Group, Parameter
+from cyclopts.exceptions import (
+    CoercionError,
+    CycloptsError,
+    MissingArgumentError,
+    RepeatArgumentError,
+    UnknownCommandError,
+    UnknownOptionError,
+    UnusedCliTokensError,
+)
 
 from robotball.errors import InputError, SceneWarning, UnitWarning, unknown
 
-from .options import BAD_INPUT, Controls, File, Names
-
-
-@contextlib.contextmanager
-def _standard_output_of(command: object) -> Iterator[None]:
-    """Keep standard output for one result, where an option of a command is `-`.
-
-    Tables and messages go to standard error then. Raises InputError for more than one such option,
-    and, before any work, for a file that cannot be written.
-    """
-    from robotball.files.replacing import STANDARD_OUTPUT  # which --help does without
-
-    from .output import writable_file
-
-    count = [*map(writable_file, _files(command))].count(STANDARD_OUTPUT)
-    if count > 1:
-        raise InputError("standard output takes one result: give `-` to one option alone")
-    # Else the tables would stand in the middle of the JSON that is piped on.
-    with contextlib.redirect_stdout(sys.stderr) if count else contextlib.nullcontext():
-        yield
-
-
-def _files(options: Any) -> Iterator[Path]:
-    """Yield the files that a command is to write by its options, in groups of them too."""
-    kinds = get_type_hints(type(options), include_extras=True)
-    for name, value in vars(options).items():
-        if is_dataclass(value):
-            yield from _files(value)
-        elif value is not None and kinds[name] == File:
-            yield value
-
-
-class _Command(Protocol):
-    """The options of a command, and what it does with them."""
-
-    def run(self) -> int:
-        """Do the work, and return the exit status."""
-
+from .options import BAD_INPUT
 
 _INTERRUPTED = 130
 _AS_GIVEN = "--as-given"  # of every command: numbers that seem to be in another unit are meant
-# What one wants and its commands, each with the module of its class, loaded when the command runs.
+# The headings of `--help`, and their commands, each after its module in `commands`.
 GROUPS = {
-    "Roll and compare": {
-        "demo": ".commands.compare",
-        "scenes": ".commands.scene_commands",
-        "compare": ".commands.compare",
-        "report": ".commands.report",
-        "video": ".commands.film",
-        "view": ".commands.film",
-    },
-    "My own robot": {
-        "check": ".commands.checking",
-        "design": ".commands.building",
-        "steer": ".commands.building",
-        "fit": ".commands.fitting",
-    },
-    "Which settings, and their cost": {
-        "ablation": ".studies.ablation",
-        "convergence": ".studies.convergence",
-        "tradeoff": ".studies.tradeoff",
-        "extremes": ".studies.extremes",
-    },
-    "Other engines and programs": {
-        "engines": ".studies.engine_study",
-        "export": ".commands.scene_commands",
-        "judge": ".studies.judge",
-    },
-    "What the ball does": {
-        "section": ".studies.contact_sections",
-        "lyapunov": ".studies.contact_tangent",
-        "basins": ".studies.basins",
-        "equilibria": ".commands.equilibria_list",
-        "continue": ".studies.branches",
-        "chart": ".studies.charts",
-    },
+    "Compare": "compare:compare report:report film:video film:view compare:demo scenes:scenes",
+    "Your own robot": "checking:check fitting:fit building:design building:steer",
+    "Engines and their settings": "study studies:engines scenes:export fitting:judge",
+    "How the ball moves": "dynamics",
 }
-COMMANDS = {name: module for group in GROUPS.values() for name, module in group.items()}
-_WHAT = """usage: robotball COMMAND [OPTIONS]
+# Commands of two words: what the first one is for, and the second ones.
+FAMILIES = {
+    "study": (
+        "Study an engine's settings: what each is worth, what accuracy costs, where they fail.",
+        "studies:ablation studies:convergence studies:cost studies:extremes",
+    ),
+    "dynamics": (
+        "Study the long-run motion: sections, exponents, attractors and bifurcations.",
+        "dynamics:section dynamics:exponents dynamics:basins dynamics:equilibria dynamics:branches "
+        "dynamics:chart",
+    ),
+}
+_ABOUT = """Simulate a rolling robot ball with a physics engine and with exact equations.
 
-Run a rolling ball by a physics engine and by the equations, and compare the two.
-
-Example: robotball compare fig12
-"""
-_MORE = """
-`robotball help COMMAND` has the options of a command and an example.
-`robotball --version` names the versions.
-`robotball --tyro-print-completion bash` (or zsh) prints what completes commands and options.
-With --as-given any command takes a number that seems to be in another unit as it is written."""
+Example: robotball compare fig12"""
+_MORE = f"""With {_AS_GIVEN} every command accepts numbers that seem to be in another unit.
+"robotball help COMMAND" is the same as "robotball COMMAND --help"."""
+_KINDS = {float: "a number", int: "a whole number"}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -137,14 +77,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     else:
         warnings.simplefilter("error", UnitWarning)
     try:
-        if arguments == ["--version"]:
-            print(_version_line())
-            sys.exit(0)
-        command = parse(arguments)
+        command, bound = parse(arguments)
         from robotball.processes import at_most  # which --help does without
 
-        with _standard_output_of(command), at_most(getattr(command, "threads", None)):
-            status = command.run()
+        options = dict(_options_of(bound))
+        with _standard_output_of(options), at_most(options.get("threads")):
+            status = command(*bound.args, **bound.kwargs)
         sys.stdout.flush()
     except KeyboardInterrupt:
         status = _INTERRUPTED
@@ -154,6 +92,117 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(f"robotball: {refusal}", file=sys.stderr)
         status = BAD_INPUT
     sys.exit(status)
+
+
+def parse(arguments: Sequence[str]) -> tuple[Any, BoundArguments]:
+    """Return the function of a command and its arguments; print the help if it is asked for.
+
+    Raises InputError, in one line, for arguments that no command takes, and SystemExit after help.
+    """
+    words = [*arguments[1:], "--help"] if arguments[:1] == ["help"] else [*arguments]
+    app = application()
+    try:
+        command, bound, _ = app.parse_args(words, print_error=False, exit_on_error=False)
+    except CycloptsError as error:
+        raise InputError(_words_of(error)) from None
+    if command != app.help_print:
+        return command, bound
+    # Without a command cyclopts shows the help, as if that had been asked for.
+    if {"--help", "-h"}.isdisjoint(words):
+        name = " ".join(["robotball", *words])
+        raise InputError(f"which command? '{name} --help' lists them")
+    # The help says what each command does only when its module has been imported.
+    app.parse_commands(bound.arguments["tokens"])[1][-1].resolved_commands()
+    command(*bound.args, **bound.kwargs)
+    sys.exit(0)
+
+
+def application() -> App:
+    """Return all commands, whose modules are imported when they are asked for."""
+    app = App(
+        name="robotball",
+        help=_ABOUT,
+        help_epilogue=_MORE,
+        help_format="markdown",
+        version=_version_line,
+        version_format="plaintext",
+        default_parameter=Parameter(negative=(), show_default=_shown),
+    )
+    app.command(_completion, name="--completion")
+    for heading, paths in GROUPS.items():
+        _register(app, paths, Group.create_ordered(heading))
+    return app
+
+
+def _register(app: App, paths: str, group: Group | None = None) -> None:
+    for place, path in enumerate(paths.split()):
+        name = path.partition(":")[2]
+        if name:
+            path = f"{__package__}.commands.{path}"
+            app.command(path, name=name, group=group, sort_key=place)
+        else:
+            words, members = FAMILIES[path]
+            family = App(name=path, help=words, group=group, sort_key=place)
+            _register(family, members)
+            app.command(family)
+
+
+def _completion(shell: Literal["bash", "zsh"], /) -> None:
+    """Print a script with which a shell completes commands and options."""
+    print(application().generate_completion(shell=shell))
+
+
+def _shown(default: object) -> str | None:
+    """Return a default as the help shows it, None for one that says nothing."""
+    return None if default in (None, (), "") or default is False else str(default)
+
+
+def _words_of(error: CycloptsError) -> str:
+    """Return one line on what is wrong with the arguments, and what to do."""
+    command = " ".join(error.command_chain or ())
+    more = f"'robotball {command} --help'"
+    match error:
+        case CoercionError(token=token, target_type=kind) if token and kind in _KINDS:
+            return f"{token.keyword} takes {_KINDS[kind]}, not {token.value!r}"
+        case MissingArgumentError(argument=argument, keyword=None) if argument:
+            return f"{command} needs {argument.name}; {more} says what it is"
+        case MissingArgumentError(keyword=option):
+            return f"{option} needs a value; {more} says which"
+        case RepeatArgumentError(token=token):
+            return f"{token.keyword} is given more than once; give it once"
+        case UnusedCliTokensError(unused_tokens=[first, *_]):
+            return f"{command} does not take {first!r}; {more} says what it takes"
+        case UnknownCommandError(unused_tokens=[name, *_], app=app) if app:
+            return str(unknown("command", name, sorted(app, key=str.isalpha, reverse=True)))
+        case UnknownOptionError() if "Did you mean" not in str(error):
+            return f"{error} {more} lists the options."
+    return str(error)
+
+
+def _options_of(bound: BoundArguments) -> Iterator[tuple[str, Any]]:
+    """Yield the names and values of a command's options, in groups of them too."""
+    for name, value in bound.arguments.items():
+        yield from vars(value).items() if is_dataclass(value) else [(name, value)]
+
+
+@contextlib.contextmanager
+def _standard_output_of(options: Mapping[str, Any]) -> Iterator[None]:
+    """Keep standard output for one result, where an option of a command is `-`.
+
+    Tables and messages go to standard error then. Raises InputError for more than one such option,
+    and, before any work, for a file that cannot be written.
+    """
+    from robotball.files.replacing import STANDARD_OUTPUT
+
+    from .output import writable_file
+
+    files = (options[name] for name in ("json", "csv") if options.get(name) is not None)
+    count = [*map(writable_file, files)].count(STANDARD_OUTPUT)
+    if count > 1:
+        raise InputError("standard output takes one result: give `-` to one option alone")
+    # Else the tables would stand in the middle of the JSON that is piped on.
+    with contextlib.redirect_stdout(sys.stderr) if count else contextlib.nullcontext():
+        yield
 
 
 def _refusal(error: Exception) -> str | None:
@@ -185,146 +234,3 @@ def _version_line() -> str:
 
     own, *others = (f"{name} {number}" for name, number in versions().items() if name != "machine")
     return f"{others[0]} ({', '.join([own, *others[1:]])})"
-
-
-def parse(arguments: Sequence[str]) -> _Command:
-    """Return the command of the arguments. Raises InputError, in one line, if they make none."""
-    if arguments[:1] == ["help"]:
-        arguments = [*arguments[1:2], "--help"]
-    name = arguments[0] if arguments else ""
-    if name in ("-h", "--help"):
-        print(_overview())
-        sys.exit(0)
-    if name.startswith("--tyro"):  # the completion of a shell, of all commands with their options
-        every: Any = Union[tuple(Annotated[class_of(one), subcommand(one)] for one in COMMANDS)]  # noqa: UP007
-        return tyro.cli(every, args=arguments, prog="robotball")
-    if not name:
-        raise InputError("which command? 'robotball --help' lists them")
-    if name not in COMMANDS:
-        raise unknown("command", name, [*COMMANDS, "help", "--version"])
-    helped = not {"-h", "--help"}.isdisjoint(arguments)
-    command, refusal = _options_of(name) if helped else class_of(name), io.StringIO()
-    _check_each_is_given_once(command, arguments)
-    try:
-        # tyro draws a box of many lines, and a refusal is one line here.
-        with contextlib.redirect_stderr(refusal):
-            return tyro.cli(command, args=arguments[1:], prog=f"robotball {name}")
-    except SystemExit as leaving:
-        if not leaving.code:
-            raise
-        _check_each_is_known(name, arguments)
-        raise InputError(_words_of(name, refusal.getvalue())) from None
-
-
-def _check_each_is_given_once(command: type[_Command], arguments: Sequence[str]) -> None:
-    """Raises InputError for an option that stands twice: all but the last would be lost."""
-    fields = get_type_hints(command, include_extras=True)
-    lists = {f"--{name}" for name, kind in fields.items() if kind in (Names, Controls)}
-    for option, times in Counter(_options_in(arguments)).items():
-        if times > 1 and option not in lists:
-            raise InputError(f"{option} is given {times} times: give it once")
-
-
-def _check_each_is_known(name: str, arguments: Sequence[str]) -> None:
-    """Raises InputError for an option that the command's help does not have."""
-    helped = io.StringIO()
-    with contextlib.redirect_stdout(helped), contextlib.suppress(SystemExit):
-        tyro.cli(class_of(name), args=["--help"])
-    lines = re.findall(r"^[│ ] (?:-h, )?(--.*)", helped.getvalue(), re.MULTILINE)
-    known = [each for line in lines for each in re.findall(r"(?:^|, )(--\w[\w-]*)", line)]
-    for option in _options_in(arguments):
-        if option not in known:
-            raise unknown(f"option of {name}", option, [*known, _AS_GIVEN])
-
-
-def _options_in(arguments: Sequence[str]) -> list[str]:
-    """Return the options among arguments, without their values and spelled with hyphens."""
-    return [each.partition("=")[0].replace("_", "-") for each in arguments if each[:2] == "--"]
-
-
-def class_of(name: str) -> type[_Command]:
-    """Import and return the class of a command."""
-    command: type[_Command] = getattr(import_module(COMMANDS[name], __package__), name.capitalize())
-    return command
-
-
-def _options_of(name: str) -> type[_Command]:
-    """Return the class of a command for its `--help`, without its methods.
-
-    Of its module it takes the statements on which the options depend, and so imports nothing that
-    the command works with.
-    """
-    file, title = _file_of(name), name.capitalize()
-    wanted, kept = {title, "annotations"}, []  # the latter from __future__
-    for each in reversed(ast.parse(file.read_text(encoding="utf-8")).body):
-        if isinstance(each, ast.ClassDef):
-            each.body = [part for part in each.body if not isinstance(part, ast.FunctionDef)]
-        match each:
-            case ast.ClassDef(name=word) | ast.Assign(targets=[ast.Name(id=word)]):
-                made = {word}
-            case _:
-                made = {alias.asname or alias.name for alias in getattr(each, "names", [])}
-        if made & wanted:
-            kept.append(each)
-            names = (node for node in ast.walk(each) if isinstance(node, ast.Name))
-            wanted |= {node.id for node in names if isinstance(node.ctx, ast.Load)}
-    module = ModuleType(f"{__package__}{COMMANDS[name]}.options")
-    module.__package__ = f"{__package__}{COMMANDS[name]}".rpartition(".")[0]
-    module.__file__ = str(file)  # where tyro reads what stands below an option
-    sys.modules[module.__name__] = module
-    exec(compile(ast.Module(kept[::-1], []), module.__file__, "exec"), vars(module))
-    command: type[_Command] = getattr(module, title)
-    return command
-
-
-def _overview() -> str:
-    """Return the commands in groups of what one wants, each with its first line.
-
-    No module of a command is imported, so that `--help` is quick.
-    """
-    lines, width = [_WHAT], min(get_terminal_size().columns, 100)
-    for wanted, commands in GROUPS.items():
-        lines.append(f"{wanted}:")
-        for name in commands:
-            lines.append(fill(f"  {name:12}{_summary(name)}", width, subsequent_indent=" " * 14))
-        lines.append("")
-    return "\n".join([*lines, _MORE.strip()])
-
-
-def _summary(name: str) -> str:
-    """Return the first line of a command's docstring, read from its source."""
-    source = _file_of(name).read_text(encoding="utf-8")
-    (words,) = re.findall(rf'class {name.capitalize()}\b.*:\n    """(.*)', source)
-    return str(words)
-
-
-def _file_of(name: str) -> Path:
-    place = COMMANDS[name].removeprefix(".").replace(".", "/")
-    return Path(__file__).parent / f"{place}.py"
-
-
-def _words_of(name: str, refusal: str) -> str:
-    """Return the words in tyro's box, in ours where they are a program's.
-
-    They stand below its title, above the first rule after it. Of what a command lacks it has the
-    whole help, of which the names are enough.
-    """
-    if "Missing from" in refusal:
-        missing = re.findall(r"^. {5}(\S+)", refusal.partition("For full")[0], re.MULTILINE)
-        them = "it is" if len(missing) == 1 else "they are"
-        return f"{name} needs {', '.join(missing)}; `robotball help {name}` says what {them}"
-    parts = re.split(r"[─-]{4,}", re.sub(r"[│╰╯]", " ", refusal.partition("\n")[2]))
-    words = next(" ".join(part.split()) for part in parts if part.strip())
-    for theirs, ours in _IN_OUR_WORDS.items():
-        words = re.sub(theirs, ours, words)
-    return words
-
-
-_IN_OUR_WORDS = {
-    r"Error parsing (\S+): .*to float: (.*)": r"\1 takes a number, not \2",
-    r"Error parsing (\S+): .*for int\(\) with base 10: (.*)": r"\1 takes a whole number, not \2",
-    r"Missing value for argument '(\S+)'.*": r"\1 needs a value",
-    r"invalid choice (.*) for .*'(\S+)'. Expected .*\((.*)\)\.": r"\2 is one of \3, not \1",
-    r"Unrecognized options: ([^-].*)": r"there is no place for \1: names stand together, and "
-    "values of one option have commas between them",
-}

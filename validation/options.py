@@ -1,18 +1,21 @@
 """Options and exit statuses that commands share.
 
-Imports stand within the functions, so that `robotball --help` loads none of what a study needs.
+The work is imported inside the functions, so that `--help` does not load it.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
-from tyro.conf import DisallowNone, OmitArgPrefixes, Positional, UseAppendAction, arg
+from cyclopts import Parameter, Token
+from cyclopts.exceptions import CoercionError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from robotball import Request, Scene
     from robotball.rotations import Array
@@ -24,54 +27,89 @@ if TYPE_CHECKING:
 _T = TypeVar("_T")
 AGREES, DISAGREES, BAD_INPUT = 0, 1, 2
 OUT = Path("out")
+# Of a judged trajectory: relative, of path, height, momentum and the hinges' rates; [rad] of the
+# attitude.
+TOLERANCE = 1e-2
 _QUICK = 1.0  # s, simulated by a quick form of a study
 
-SceneName = Positional[Annotated[str, arg(metavar="SCENE")]]
-# An option that is None says in its own words what is done then, as names do of which there are
-# none.
-Given = DisallowNone[Annotated[_T | None, arg(help_behavior_hint="")]]
-Several = Positional[Annotated[tuple[str, ...], arg(help_behavior_hint="")]]
-Duration = Annotated[Given[float], arg(metavar="SECONDS")]
-File = Annotated[Given[Path], arg(metavar="FILE|-")]
-PRESET = "naive|fast|balanced|accurate|adaptive"
-Preset = Annotated[Given[str], arg(metavar=PRESET)]
-# One value an option, so that it never takes the scenes that follow.
-_Repeated = UseAppendAction[Annotated[tuple[str, ...], arg(help_behavior_hint="")]]
-Names = Annotated[_Repeated, arg(metavar="NAME,…")]  # `listed` reads them
-_CONTROL_HELP = (
-    "A control of an actuator of a robot's own file, in place of the file's: a number, or a table "
-    "(.csv, .npz) of time and value, by smooth curves between; once for each actuator."
-)
-Controls = Annotated[_Repeated, arg(name="control", metavar="NAME=VALUE|FILE", help=_CONTROL_HELP)]
 
-_LOOP_HELP = (
-    "A controller (rb.Controller) of a Python file, which is run: it commands the scene's motors "
-    "by what the robot's sensors read, in place of the scene's own commands."
-)
-ControllerName = Annotated[Given[str], arg(metavar="FILE.py:NAME", help=_LOOP_HELP)]
+def _whole(_: type, tokens: Sequence[Token]) -> int:
+    # cyclopts would round 1.5 to 2.
+    try:
+        return int(tokens[0].value)
+    except ValueError:
+        raise CoercionError(token=tokens[0], target_type=int) from None
 
-_THREADS_HELP = (
-    "How many cores to work on; all that this process may use if not given. The numbers are the "
-    "same with any."
+
+def _listed(_: type, tokens: Sequence[Token]) -> tuple[str, ...]:
+    names = (name.strip() for token in tokens for name in token.value.split(","))
+    return tuple(filter(None, names))
+
+
+def _numbers(kind: type, tokens: Sequence[Token]) -> tuple[float, ...]:
+    try:
+        return tuple(map(float, _listed(kind, tokens)))
+    except ValueError:
+        raise CoercionError(token=tokens[-1], target_type=float) from None
+
+
+def _check_file(_: type, path: Path | None) -> None:
+    # A file may be called -, but "--json --csv" lacks the name of the first file.
+    if str(path).startswith("--"):
+        raise ValueError("Give a file, or - for standard output.")
+
+
+def _file(help: str) -> Parameter:
+    return Parameter(
+        help=f"{help}; - means standard output.",
+        metavar="FILE",
+        allow_leading_hyphen=True,
+        validator=_check_file,
+    )
+
+
+_COUNT = Parameter(converter=_whole, metavar="N")
+_SCENE = "A name from the catalog, or a path to a TOML, MJCF or URDF file."
+_DURATION = "Simulated time. Default: the scene's own duration."
+_CONTROL = (
+    "Control of an actuator of a robot's own file: a number, or a table (.csv, .npz) of time and "
+    "value. It replaces the control in the file. Give it once for each actuator."
 )
-Threads = Annotated[Given[int], arg(metavar="N", help=_THREADS_HELP)]
-Cluster = Annotated[Given[str], arg(metavar="tcp://HOST:PORT")]
+_THREADS = "Cores to use. Default: all that are available. The results do not depend on it."
+_CLUSTER = "Scheduler of a dask cluster to run on instead of this machine."
+_PLACE = "Folder of the engines' environments. Default: that of 'robotball engines --install'."
+
+SceneName = Annotated[str, Parameter(help=_SCENE)]
+Count = Annotated[int, _COUNT]
+Seconds = Annotated[float, Parameter(metavar="SECONDS")]
+Duration = Annotated[float | None, Parameter(help=_DURATION, metavar="SECONDS")]
+Out = Annotated[Path, Parameter(help="Folder for the results.", metavar="DIR")]
+JsonFile = Annotated[Path | None, _file("Also write the results as JSON")]
+CsvFile = Annotated[Path | None, _file("Also write the table as CSV")]
+PresetName = Literal["naive", "fast", "balanced", "accurate", "adaptive"]
+# An option takes one value, a list with commas, so that it never takes the scenes that follow.
+Names = Annotated[tuple[str, ...], Parameter(converter=_listed, metavar="NAME,…")]
+Steps = Annotated[tuple[float, ...], Parameter(converter=_numbers, metavar="SECONDS,…")]
+Controls = Annotated[tuple[str, ...], Parameter(help=_CONTROL, metavar="NAME=VALUE|FILE")]
+Threads = Annotated[int | None, Parameter(help=_THREADS), _COUNT]
+Seed = Annotated[int, Parameter(help="Seed of the random starts."), _COUNT]
+Cluster = Annotated[str | None, Parameter(help=_CLUSTER, metavar="tcp://HOST:PORT")]
+Environments = Annotated[Path | None, Parameter(help=_PLACE, metavar="DIR")]
+_FLAT = Parameter(name="*")
 
 
 @dataclass(frozen=True)
 class Sweep:
     """Options of a study that sweeps over many runs."""
 
-    workers: Annotated[Given[int], arg(metavar="N")] = None
-    """Processes on this machine; as many as it has cores if not given."""
+    workers: Annotated[int | None, _COUNT] = None
+    """Number of processes. Default: one for each core."""
     cluster: Cluster = None
-    """The scheduler of a dask cluster to run on instead."""
     quick: bool = False
-    """A coarse form of the study, under a minute."""
-    out: Path = OUT
-    """Folder for everything; started again after a break, the study goes on with what is there."""
-    json: File = None
-    """Also write what was found."""
+    """Run a coarse form of the study, in under a minute."""
+    out: Annotated[Path, Parameter(metavar="DIR")] = OUT
+    """Folder for the results. A study that was interrupted continues there."""
+    json: JsonFile = None
 
     def results(
         self, work: Work, cells: Sequence[Cell], journal: str, limit: float
@@ -97,11 +135,10 @@ class Sweep:
         words: what the command's own options add to the files' names.
         """
         from .output import write_record
-        from .results import changed
         from .study import present
 
         # A quick form's files must not take the place of the whole study's.
-        stem = study.stem(*words, *changed(self, "quick"))
+        stem = study.stem(*words, *["quick"] * self.quick)
         picture, json, csv = (self.out / f"{stem}.{end}" for end in ("png", "json", "csv"))
         print(*present(study, picture, json, csv), sep="\n")
         if study.record is not None:
@@ -109,27 +146,38 @@ class Sweep:
         return AGREES
 
 
-SweepOptions = OmitArgPrefixes[Sweep]
+SWEEP = Sweep()
+SweepOptions = Annotated[Sweep, _FLAT]
 
 
 @dataclass(frozen=True)
 class Run:
     """Options of a run by an engine."""
 
-    engine: Annotated[str, arg(metavar="ENGINE")] = "mujoco"
-    """The engine; `robotball engines` lists them."""
-    accuracy: Annotated[Given[float], arg(metavar="ERROR")] = None
-    """Instead of a preset, the path error to reach: settings are chosen for it."""
+    preset: Names = ()
+    """Settings of the engine, one run for each: naive, fast, balanced (the default), accurate,
+    adaptive. Give several as naive,fast. Other engines have other presets."""
+    control: Controls = ()
+    controller: Annotated[str | None, Parameter(metavar="FILE.py:NAME")] = None
+    """A controller (rb.Controller) in a Python file. The file is run, and the controller commands
+    the scene's motors from the sensor readings."""
+    engine: Annotated[str, Parameter(metavar="ENGINE")] = "mujoco"
+    """The engine; 'robotball engines' lists them."""
+    accuracy: Annotated[float | None, Parameter(metavar="ERROR")] = None
+    """Largest path error, relative to the path length. Settings that reach it are chosen in place
+    of a preset."""
     duration: Duration = None
-    """Simulated time; the scene's own if not given."""
-    out: Path = OUT
-    """Folder for pictures."""
+    out: Out = OUT
     strict: bool = False
-    """Refuse settings that are predicted to fail, in place of a warning."""
+    """Refuse settings that are predicted to fail, instead of a warning."""
     keep_going: bool = False
-    """Go on after a fault, as long as there is a state."""
-    environments: Annotated[Given[Path], arg(metavar="FOLDER")] = None
-    """Folder of the engines' environments; if not given, where `engines --install` makes them."""
+    """Continue the run after a fault, as long as the state is finite."""
+    environments: Environments = None
+
+    @property
+    def presets(self) -> Sequence[str | None]:
+        """The names of the presets, None for the engine's default."""
+        return self.preset or (None,)
 
     def request(self, preset: str | None) -> Request:
         """Return the request to the engine."""
@@ -143,12 +191,19 @@ class Run:
 
         return replace(request, engine=elsewhere(request.engine, self.environments))
 
-    def agreements(self, scenes: Sequence[Scene], presets: Sequence[str]) -> list[Agreement]:
-        """Run each scene by each preset, the engine's default if none is given, with progress."""
-        from .comparing import agreements_of, shifted
-        from .output import progress_bar
+    def scene(self, name: str) -> Scene:
+        """Load a scene with the controls and the controller."""
+        from .results import controlled
 
-        requests = [self.request(name) for name in presets or (None,)]
+        return controlled(name, self.control, self.controller)
+
+    def agreements(self, scenes: Sequence[Scene]) -> list[Agreement]:
+        """Run each scene by each preset, with progress shown."""
+        from .comparing import agreements_of, shifted
+        from .output import progress_bar, writable_folder
+
+        writable_folder(self.out)
+        requests = [self.request(name) for name in self.presets]
         times, strict = times_of(self.duration), self.strict
         found: list[Agreement] = []
         with progress_bar(len(scenes) * len(requests)) as show:
@@ -158,7 +213,8 @@ class Run:
         return found
 
 
-RunOptions = OmitArgPrefixes[Annotated[Run, arg(name="run")]]
+RUN = Run()
+RunOptions = Annotated[Run, _FLAT]
 
 
 @dataclass(frozen=True)
@@ -166,15 +222,11 @@ class Once:
     """Options of a study of one scene in one go."""
 
     duration: Duration = None
-    """Simulated time; the scene's own if not given."""
     quick: bool = False
-    """One simulated second, and less of everything: in a few seconds."""
-    out: Path = OUT
-    """Folder for the picture."""
-    json: File = None
-    """Also write every run with its settings."""
-    csv: File = None
-    """Also write the table as CSV."""
+    """Simulate one second with fewer variants, in a few seconds."""
+    out: Out = OUT
+    json: JsonFile = None
+    csv: CsvFile = None
 
     def times(self, scene: Scene) -> Array:
         """Return the sample times (n,) [s]. Raises InputError if no picture can be written."""
@@ -189,14 +241,28 @@ class Once:
     def present(self, study: Study) -> int:
         """Write a study's picture and the data asked for, and print it; return the status."""
         from .results import changed
-        from .study import present
 
-        stem = study.stem(*changed(self, "duration", "quick"))
-        print(present(study, self.out / f"{stem}.png", self.json, self.csv)[0])
-        return AGREES
+        words = changed(Once, duration=self.duration, quick=self.quick)
+        return present_once(study, self.out, self.json, words, self.csv)
 
 
-OnceOptions = OmitArgPrefixes[Once]
+ONCE = Once()
+OnceOptions = Annotated[Once, _FLAT]
+
+
+def present_once(
+    study: Study, out: Path, json: Path | None, words: Sequence[str] = (), csv: Path | None = None
+) -> int:
+    """Write a study's picture and data, and print it; return the exit status.
+
+    words: of the options, for the picture's name.
+    """
+    from .study import present
+
+    written = present(study, out / f"{study.stem(*words)}.png", json, csv)
+    if study.picture is not None:
+        print(written[0])
+    return AGREES
 
 
 def chosen(kind: str, names: Sequence[str], known: Mapping[str, _T]) -> list[_T]:
@@ -212,9 +278,18 @@ def chosen(kind: str, names: Sequence[str], known: Mapping[str, _T]) -> list[_T]
     return [known[name] for name in dict.fromkeys(names or known)]
 
 
-def listed(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the names of an option of `Names`: lists with commas, given any number of times."""
-    return tuple(name.strip() for each in names for name in each.split(",") if name.strip())
+def span_of(text: str) -> tuple[str, float, float]:
+    """Return the name and the two numbers of `NAME=FROM:TO`. Raises InputError for other texts."""
+    from robotball import InputError
+
+    name, _, span = text.strip().partition("=")
+    try:
+        low, high = map(float, span.split(":"))
+    except ValueError:
+        low = high = math.nan
+    if not 0 < abs(high - low) < math.inf:
+        raise InputError(f"--over takes NAME=FROM:TO, two different numbers, not {text!r}")
+    return name, low, high
 
 
 def seconds_of(duration: float | None, quick: bool, scene: Scene) -> float:

@@ -1,4 +1,4 @@
-"""The picture of `robotball equilibria`: the motion from rest, (4.1), on the sphere of γ."""
+"""The picture of `dynamics equilibria`: the motion from rest, (4.1), on the sphere of γ."""
 
 from collections.abc import Sequence
 from typing import Any

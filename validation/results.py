@@ -7,9 +7,10 @@ option that is not at its default.
 import re
 import runpy
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
+from inspect import signature
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
@@ -153,13 +154,13 @@ def file_name(scene: str, engine: Label | None, words: Sequence[str]) -> str:
     return "-".join([scene.replace(" ", "-").replace("/", "-"), *plain])
 
 
-def changed(options: Any, *names: str) -> list[str]:
-    """Return a word for each of these fields of a dataclass that is not at its default."""
+def changed(command: Callable[..., object], **options: Any) -> list[str]:
+    """Return a word for each option that differs from its default in a command's signature."""
+    defaults = signature(command).parameters
     words = []
-    for each in fields(options):
-        value = getattr(options, each.name)
-        if each.name in names and value != each.default:
-            words += _option_words(each.name.replace("_", "-"), value)
+    for name, value in options.items():
+        if value != defaults[name].default:
+            words += _option_words(name.replace("_", "-"), value)
     return words
 
 

@@ -1,12 +1,29 @@
-"""The example that a command's `--help` prints, as what to run."""
+"""The commands, and the example that the help of each prints, as what to run."""
 
 import re
 
-from validation.cli import class_of
+from cyclopts import App
+
+from validation.cli import FAMILIES, application
+
+COMMANDS = [
+    f"{name} {each}" if name in FAMILIES else each
+    for name, app in application().resolved_commands().items()
+    for each in (app if name in FAMILIES else [name])
+    if each.isalpha()
+]
+
+
+def command(name: str) -> App:
+    """Return a command of one word or two."""
+    found = application()
+    for word in name.split():
+        found = found[word]
+    return found
 
 
 def example(name: str) -> str:
     """Return the words behind `robotball` in it."""
-    found = re.findall(r"^ *Example: robotball (.*)$", class_of(name).__doc__ or "", re.MULTILINE)
+    found = re.findall(r"^ *Example: robotball (.*)$", command(name).help, re.MULTILINE)
     (arguments,) = found
     return str(arguments)

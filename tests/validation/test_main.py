@@ -110,7 +110,7 @@ def test_a_signal_ends_the_work_wherever_it_is(where: str, number: int, tmp_path
 @pytest.mark.usefixtures("screen")
 def test_a_film_that_is_interrupted_leaves_nothing(tmp_path: Path) -> None:
     """Ctrl-C goes to the encoder too, whose end is no error of its own."""
-    small = ("--size", "320x180", "--duration", "6")
+    small = ("--resolution", "320x180", "--duration", "6")
     process = start(tmp_path, "-m", "validation", "video", "fig12", *small)
     while not list(tmp_path.glob("out/.*.mp4")):
         assert process.poll() is None

@@ -73,10 +73,10 @@ def test_scenes_of_one_name_are_told_apart(tmp_path: Path, monkeypatch: pytest.M
 @pytest.mark.parametrize(
     ("command", "names", "words"),
     [
-        ("video fig12", "fps size slow camera ghost arrows", ""),
+        ("video fig12", "fps resolution slow camera ghost arrows", ""),
         ("video fig12 --camera above --ghost --slow 2", "slow camera ghost", "slow-2 above ghost"),
-        ("section fig12 --starts 4 --g 0.5", "starts count g", "starts-4 g-0.5"),
-        ("tradeoff fig12 --duration 4", "duration", "4s"),
+        ("dynamics section fig12 --starts 4 --g 0.5", "starts count g", "starts-4 g-0.5"),
+        ("study cost fig12 --duration 4", "duration", "4s"),
         ("engines fig12 --only mujoco", "only", "mujoco"),
     ],
 )
@@ -84,7 +84,10 @@ def test_an_option_that_is_not_at_its_default_is_in_the_name(
     command: str, names: str, words: str
 ) -> None:
     """A word each, in the order of `--help`; one at its default has none."""
-    assert changed(parse(command.split()), *names.split()) == words.split()
+    function, bound = parse(command.split())
+    bound.apply_defaults()
+    options = {name: bound.arguments[name] for name in names.split()}
+    assert changed(function, **options) == words.split()
 
 
 # Tables ----------------------------------------------------------------------------------------

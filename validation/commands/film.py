@@ -1,144 +1,119 @@
-"""The commands that show a scene's two balls: `video` in a file, `view` in a window or a page.
-
-Imports stand within the functions, so that `robotball video --help` needs no GL.
-"""
+"""The commands that show a scene's two balls: `video` in a file, `view` in a window or a page."""
 
 import re
 import sys
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
-from tyro.conf import arg
+from cyclopts import Parameter
 
-from ..options import (
-    AGREES,
-    DISAGREES,
-    ControllerName,
-    Controls,
-    Names,
-    Run,
-    RunOptions,
-    SceneName,
-    Threads,
-    listed,
-)
-
-if TYPE_CHECKING:
-    from ..agreement import Agreement
+from .. import options
 
 
-@dataclass(frozen=True)
-class _Shown:
-    """A scene, the presets to run it with, and the options of the runs."""
-
-    scene: SceneName
-    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
-    preset: Names = ()
-    """The engine's settings to run it with, its default if not given. Several: naive,balanced."""
-    control: Controls = ()
-    controller: ControllerName = None
-    run_options: RunOptions = field(default_factory=Run)
-
-    def _agreements(self) -> "list[Agreement]":
-        """Compare the scene's motions with progress shown."""
-        from ..output import writable_folder
-        from ..results import controlled
-
-        options, scene = self.run_options, controlled(self.scene, self.control, self.controller)
-        writable_folder(options.out)
-        return options.agreements([scene], listed(self.preset))
-
-
-@dataclass(frozen=True)
-class Video(_Shown):
-    """Film a scene: the ball of an engine, by one preset or more, and the ball of the equations.
+def video(
+    scene: options.SceneName,
+    /,
+    *,
+    run: options.RunOptions = options.RUN,
+    fps: options.Count = 30,
+    resolution: Annotated[str, Parameter(metavar="WIDTHxHEIGHT")] = "1280x720",
+    slow: float = 1.0,
+    camera: Literal["follow", "above", "whole"] = "follow",
+    ghost: bool = False,
+    arrows: bool = False,
+    format: Literal["mp4", "webm", "gif"] = "mp4",
+    as_is: bool = False,
+    threads: options.Threads = None,
+) -> int:
+    """Film a scene: the engine's ball with one or more presets, and the equations' ball.
 
     Example: robotball video fig12 --preset naive,balanced --ghost --slow 2
+
+    Parameters
+    ----------
+    fps
+        Frames per second.
+    resolution
+        Size of the picture in pixels.
+    slow
+        Slow motion: how many times slower than real time.
+    camera
+        The camera follows each ball, looks from above, or stands still and sees the whole path.
+    ghost
+        Draw one picture with the equations' ball as a ghost, instead of one picture for each ball.
+    arrows
+        Show M, the angular velocity and the contact force.
+    format
+        Format of the file.
+    as_is
+        Film a robot's own file unmodified, beside the file that 'robotball check' mends.
     """
+    from robotball.view.render import Film
 
-    fps: int = 30
-    """Frames a second."""
-    size: Annotated[str, arg(metavar="WIDTHxHEIGHT")] = "1280x720"
-    """The picture's size in pixels."""
-    slow: float = 1.0
-    """So many times slower than life."""
-    camera: Literal["follow", "above", "whole"] = "follow"
-    """It follows each ball, looks from above, or stands still and sees all of their paths."""
-    ghost: bool = False
-    """One picture, with the ball of the equations as a ghost, in place of one a ball."""
-    arrows: bool = False
-    """Show M, the angular velocity and the contact force."""
-    format: Literal["mp4", "webm", "gif"] = "mp4"
-    """The file's format."""
-    as_is: bool = False
-    """Film a robot's own file as it is, by its own contact, beside the file that `check` mends."""
-    threads: Threads = None
+    from ..comparing import film, motions_of
+    from ..results import changed, file_name, file_stem
 
-    def run(self) -> int:
-        from robotball.view.render import Film
+    how = Film(fps, _size(resolution), slow, camera, ghost, arrows)
+    words = changed(
+        video, fps=fps, resolution=resolution, slow=slow, camera=camera, ghost=ghost,
+        arrows=arrows, as_is=as_is,
+    )  # fmt: skip
+    if as_is:
+        from ..studies.check import beside
+        from .checking import checked_robot
 
-        from ..comparing import film, motions_of
-        from ..results import changed, file_name, file_stem
-
-        how = Film(self.fps, _size(self.size), self.slow, self.camera, self.ghost, self.arrows)
-        words = changed(self, "fps", "size", "slow", "camera", "ghost", "arrows", "as_is")
-        if self.as_is:
-            from ..studies.check import beside
-            from .checking import Check
-
-            duration = self.run_options.duration
-            check = Check(Path(self.scene), control=self.control, duration=duration)
-            own, checked, _ = check.checked()
-            stem, motions, agrees = own.robot.path.stem, beside(own, checked), checked.agrees
-        else:
-            agreements = self._agreements()
-            stem, motions = file_stem(agreements), motions_of(agreements, "video")
-            agrees = all(each.agrees for each in agreements)
-        path = self.run_options.out / f"{file_name(stem, None, words)}.{self.format}"
-        film(path, motions, how)
-        print(path)
-        return AGREES if agrees else DISAGREES
+        own, checked, _ = checked_robot(Path(scene), control=run.control, duration=run.duration)
+        stem, motions, agrees = own.robot.path.stem, beside(own, checked), checked.agrees
+    else:
+        agreements = run.agreements([run.scene(scene)])
+        stem, motions = file_stem(agreements), motions_of(agreements, "video")
+        agrees = all(each.agrees for each in agreements)
+    path = run.out / f"{file_name(stem, None, words)}.{format}"
+    film(path, motions, how)
+    print(path)
+    return options.AGREES if agrees else options.DISAGREES
 
 
-@dataclass(frozen=True)
-class View(_Shown):
-    """Watch the engine's ball roll, and the equations' as a ghost, in a window or a page.
+def view(
+    scene: options.SceneName, /, *, run: options.RunOptions = options.RUN, web: bool = False
+) -> int:
+    """Watch the engine's ball roll, with the equations' ball as a ghost, in a window or a page.
 
     Example: robotball view fig12 --web
+
+    Parameters
+    ----------
+    web
+        Write a page for any browser instead of opening a window. The page needs no network.
     """
+    from robotball.view.viewer import KEYS, check_display
+    from robotball.view.viewer import view as watch
+    from robotball.view.web import view_page
 
-    web: bool = False
-    """Write a page for any browser, which needs no network, in place of a window."""
+    from ..comparing import motions_of
+    from ..output import write_text
+    from ..results import file_stem
 
-    def run(self) -> int:
-        from robotball.view.viewer import KEYS, check_display, view
-        from robotball.view.web import view_page
-
-        from ..comparing import motions_of
-        from ..output import write_text
-        from ..results import file_stem
-
-        if not self.web:
-            # Before the runs, which take longest: without a display nothing could be shown of them.
-            check_display()
-        agreements = self._agreements()
-        motions = motions_of(agreements, "view")
-        if self.web:
-            path = self.run_options.out / f"{file_stem(agreements)}-view.html"
-            write_text(path, view_page(motions))
-            print(path)
-        else:
-            print(KEYS, file=sys.stderr)
-            view(motions)
-        return AGREES if all(each.agrees for each in agreements) else DISAGREES
+    if not web:
+        # Before the runs, which take longest: without a display nothing could be shown of them.
+        check_display()
+    agreements = run.agreements([run.scene(scene)])
+    motions = motions_of(agreements, "view")
+    if web:
+        path = run.out / f"{file_stem(agreements)}-view.html"
+        write_text(path, view_page(motions))
+        print(path)
+    else:
+        print(KEYS, file=sys.stderr)
+        watch(motions)
+    return options.AGREES if all(each.agrees for each in agreements) else options.DISAGREES
 
 
 def _size(text: str) -> tuple[int, int]:
-    """(height, width) of "WIDTHxHEIGHT"; raises InputError where it is none."""
+    """Return (height, width) of "WIDTHxHEIGHT". Raises InputError for any other text."""
     from robotball import InputError
 
     found = re.fullmatch(r"(\d{1,5})[x×](\d{1,5})", text)
     if found is None:
-        raise InputError(f"--size must be WIDTHxHEIGHT in pixels, as 1280x720, not {text!r}")
+        raise InputError(f"--resolution takes WIDTHxHEIGHT in pixels, as 1280x720, not {text!r}")
     return int(found[2]), int(found[1])

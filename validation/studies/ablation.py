@@ -7,7 +7,7 @@ is undone.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,10 +29,9 @@ from robotball.robot.looks import INK
 from robotball.rotations import Array
 
 from ..agreement import Agreement
-from ..options import Controls, Once, OnceOptions, SceneName
 from ..output import Show, known, panels, progress_bar, scientific
 from ..plots import beside
-from ..results import controlled, record
+from ..results import record
 from ..study import Column, Row, Study, table_of
 from .timing import Cost, measure_costs, simulated_second
 
@@ -125,12 +124,13 @@ _FAULTY: dict[str, Any] = {**_DOT, "mfc": "w", "mew": 2}
 _DIAMOND: dict[str, Any] = {"marker": "D", "color": INK, "mfc": "w", "ls": "", "ms": 5}
 
 
-def _measure_ablation(scene: Scene, times: Array, rounds: int, show: Show) -> Study:
-    """Run and time all variants of a scene over `times` (n,) [s] from 0.
+def ablation_study(scene: Scene, times: Array, quick: bool) -> Study:
+    """Run and time all variants of a scene over `times` (n,) [s] from 0, with progress shown."""
+    with progress_bar(1) as show:
+        return _measure_ablation(scene, times, 2 if quick else _ROUNDS, show)
 
-    rounds: of timing, all variants in turn. show: called with the part that is done, 0 to 1, and
-    with what is done next.
-    """
+
+def _measure_ablation(scene: Scene, times: Array, rounds: int, show: Show) -> Study:
     # Once for all variants, as the equations do not know them.
     theory = integrate(scene, times)
     directions = [(_BUILT_UP, each) for each in built_up()]
@@ -268,23 +268,3 @@ def _panel(axes: Axes, rows: Sequence[Row]) -> None:
         beside(axes, f"{row['times_naive']:.1f}", i, _COST_AT, **_SMALL)
     beside(axes, "path\nerror", -1, _ERROR_AT, **_SMALL)
     beside(axes, "CPU,\n× naive", -1, _COST_AT, **_SMALL)
-
-
-@dataclass(frozen=True)
-class Ablation:
-    """Measure what each choice of settings is worth: from naive to the recipe, and each undone.
-
-    Example: robotball ablation fig12 --quick
-    """
-
-    scene: SceneName
-    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
-    control: Controls = ()
-    study: OnceOptions = field(default_factory=Once)
-
-    def run(self) -> int:
-        scene = controlled(self.scene, self.control)
-        times = self.study.times(scene)
-        with progress_bar(1) as show:
-            study = _measure_ablation(scene, times, 2 if self.study.quick else _ROUNDS, show)
-        return self.study.present(study)

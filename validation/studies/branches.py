@@ -1,21 +1,20 @@
-"""Bifurcation diagrams: branches of a ball's motions in one number, and `robotball continue`."""
+"""Bifurcation diagrams: branches of a ball's motions in one number."""
 
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import groupby, pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.markup import escape
 from rich.table import Table
-from tyro.conf import arg
 
-from robotball import InputError, Scene, Settings, load_scene, preset
+from robotball import InputError, Scene, Settings, load_scene
+from robotball import preset as settings_of
 from robotball.dynamics import motion_branches as motions
 from robotball.dynamics.continuation import (
     BRANCH,
@@ -38,11 +37,10 @@ from robotball.errors import check_positive, unknown
 from robotball.robot.formulas import Parameters
 from robotball.robot.looks import ACCENT, INK
 
-from ..options import AGREES, OUT, File, Given, Preset, SceneName, Threads
-from ..output import Show, halo, panels, progress_bar, writable_folder
+from ..options import span_of
+from ..output import Show, halo, panels, progress_bar
 from ..plots import note
-from ..results import changed
-from ..study import Column, Row, Study, show, table_of, write
+from ..study import Column, Row, Study, show, table_of
 from .contact_sections import by_contact, level_starts, steady_scene
 
 _NO_BOUND = "period without bound"
@@ -58,6 +56,10 @@ _ZERO = 1e-9  # of the range: a number nearer to 0 is 0
 _WRITE_EVERY = 5.0  # s between writings of what has been found
 _OF_THE_REST = 0.02  # of the search at a place, which each point of a branch is taken for
 _REPEATED = 8  # points of a branch that the engine repeats, half a second each, beside special ones
+
+
+# Writes what has been found so far, and returns the picture's path.
+_Save = Callable[[Study], Path]
 
 
 def _row_of(family: motions.Range, branch: int, point: Point) -> dict[str, Any]:
@@ -166,109 +168,87 @@ def _draw_branch(axes: Axes, rows: Sequence[Row], key: str, named: bool) -> None
              ha="right" if left else "left", path_effects=halo())  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Continue:
-    """Follow fixed points, straight lines or cycles as a number changes; find bifurcations.
+def follow_branches(
+    name: str, of: str, over: str, longest: float | None, preset: str | None, save: _Save
+) -> Path:
+    """Follow and print the branches of a scene's motions; return the picture's path.
 
-    Example: robotball continue fig07 --of equilibrium --over K3 --from 0.1 --to 2.5
+    of: equilibrium, line or cycle; over: NAME=FROM:TO; save: writes what has been found so far.
     """
+    scene = load_scene(name)
+    number, low, high = span_of(over)
+    if not low < high:
+        raise InputError(f"--over takes NAME=FROM:TO with FROM below TO, not {over!r}")
+    if longest is not None:
+        check_positive("longest", longest, "s")
+    family = _family(scene, name, of, number, low, high, longest)
+    settings = None if preset is None else settings_of(preset)
+    if settings is not None and not isinstance(family, Driven):
+        raise InputError(
+            f"{scene.name}: --preset repeats cycles of what is driven periodically; these "
+            "branches are of the equations' numbers, for which an engine has no bodies"
+        )
+    with progress_bar(1) as bar:
+        found = _Findings(of, scene, family, bar, save)
+        try:
+            for branch in _branches(of, scene, family, longest, found):
+                found.ends(branch)
+            if settings is not None:
+                found.repeat(settings)
+        finally:  # of what is ended, too, all that was found
+            written = found.write()
+    if written is None:
+        raise InputError(
+            f"{scene.name}: no {of} found over {over}, at the ends, the scene's own value and some "
+            "between" + "".join(f"; {words}" for words in found.losses())
+        )
+    study, picture = written
+    show(study.shown)
+    return picture
 
-    scene: SceneName
-    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
-    of: Literal["equilibrium", "line", "cycle"]
-    """Fixed points of the motion from rest, straight lines or cycles with the scene's M."""
-    over: Annotated[str, arg(metavar="NUMBER")]
-    """K1 to K3, Omega1 to Omega3, K, Omega, f, c; angles K12, K23, K31, Omega12 and so on.
-    Driven periodically: frequency, f, c, frame.mean, rotor1.value, plane.Z.amplitude, .phase."""
-    low: Annotated[float, arg(name="from")]
-    """The number's least value, in SI units; angles in degrees."""
-    high: Annotated[float, arg(name="to")]
-    """The number's largest value."""
-    longest: Given[float] = None
-    """Period beyond which no cycle is followed [s]: 300, or four of its own of what is driven."""
-    preset: Preset = None
-    """Also repeat motions of driven branches by the engine so set: are they back after a period?"""
-    out: Path = OUT
-    """Folder for the picture."""
-    threads: Threads = None
-    json: File = None
-    """Also write the special points."""
-    csv: File = None
-    """Also write all points of the branches."""
 
-    def run(self) -> int:
-        scene = load_scene(self.scene)
-        if not -np.inf < self.low < self.high < np.inf:
-            raise InputError(
-                f"--from {self.low:g} must be below --to {self.high:g}, both of them finite"
-            )
-        if self.longest is not None:
-            check_positive("longest", self.longest, "s")
-        family = self._family(scene)
-        settings = None if self.preset is None else preset(self.preset)
-        if settings is not None and not isinstance(family, Driven):
-            raise InputError(
-                f"{scene.name}: --preset repeats cycles of what is driven periodically; these "
-                "branches are of the equations' numbers, for which an engine has no bodies"
-            )
-        writable_folder(self.out)
-        with progress_bar(1) as bar:
-            found = _Findings(self, scene, family, bar)
-            try:
-                for branch in self._branches(scene, family, found):
-                    found.ends(branch)
-                if settings is not None:
-                    found.repeat(settings)
-            finally:  # of what is ended, too, all that was found
-                written = found.write()
-        if written is None:
-            raise InputError(
-                f"{scene.name}: no {self.of} found over {self.over} from {self.low:g} to "
-                f"{self.high:g}, at the ends, the scene's own value and some between"
-                + "".join(f"; {words}" for words in found.losses())
-            )
-        study, picture = written
-        show(study.shown)
-        print(picture)
-        return AGREES
+def _family(
+    scene: Scene, name: str, of: str, over: str, low: float, high: float, longest: float | None
+) -> motions.Range:
+    """Return what is followed."""
+    if of == "cycle" and (scene.not_reduced or not scene.steady):
+        driven = Driven(scene, over, low, high, longest)
+        driven.at(0.0)  # refused here, not in the midst of a search
+        return driven
+    steady_scene(name, "a branch")
+    if over not in NUMBERS:
+        raise unknown("number", over, NUMBERS)
+    if of == "equilibrium" and over in ("f", "c"):
+        raise InputError("--of equilibrium is of motion from rest, M = 0, which has no f and c")
+    # Fixed points are those of the motion from rest, whatever M the scene starts with.
+    momentum = scene.start.momentum * (of != "equilibrium")
+    if of == "line" and not momentum.any():
+        raise InputError(f"{scene.name} starts from rest: its lines are --of equilibrium")
+    return motions.Family(scene.parameters, momentum, over, low, high)
 
-    def _family(self, scene: Scene) -> motions.Range:
-        """Return what is followed."""
-        if self.of == "cycle" and (scene.not_reduced or not scene.steady):
-            driven = Driven(scene, self.over, self.low, self.high, self.longest)
-            driven.at(0.0)  # refused here, not in the midst of a search
-            return driven
-        steady_scene(self.scene, "a branch")
-        if self.over not in NUMBERS:
-            raise unknown("number", self.over, NUMBERS)
-        if self.of == "equilibrium" and self.over in ("f", "c"):
-            raise InputError("--of equilibrium is of motion from rest, M = 0, which has no f and c")
-        # Fixed points are those of the motion from rest, whatever M the scene starts with.
-        momentum = scene.start.momentum * (self.of != "equilibrium")
-        if self.of == "line" and not momentum.any():
-            raise InputError(f"{scene.name} starts from rest: its lines are --of equilibrium")
-        return motions.Family(scene.parameters, momentum, self.over, self.low, self.high)
 
-    def _branches(self, scene: Scene, family: motions.Range, watch: Watch) -> Iterator[Branch]:
-        """Return the branches, each when it is found."""
-        if isinstance(family, Driven):
-            return swinging(family, watch)
-        assert isinstance(family, motions.Family)
-        if self.of != "cycle":
-            return motions.resting(family, watch)
-        # An unstable cycle is reached by no start, but is born somewhere.
-        still = family.momentum.any() and not np.any(scene.parameters.Omega)
-        lines = () if still else motions.resting(family)
-        hopf = (point for each in lines for point in each.special(HOPF))
-        starts = _cycles(scene, family, watch)
-        return motions.cycling(family, starts, self.longest or _LONGEST, hopf, watch)
+def _branches(
+    of: str, scene: Scene, family: motions.Range, longest: float | None, watch: Watch
+) -> Iterator[Branch]:
+    """Return the branches, each when it is found."""
+    if isinstance(family, Driven):
+        return swinging(family, watch)
+    assert isinstance(family, motions.Family)
+    if of != "cycle":
+        return motions.resting(family, watch)
+    # An unstable cycle is reached by no start, but is born somewhere.
+    still = family.momentum.any() and not np.any(scene.parameters.Omega)
+    lines = () if still else motions.resting(family)
+    hopf = (point for each in lines for point in each.special(HOPF))
+    starts = _cycles(scene, family, watch)
+    return motions.cycling(family, starts, longest or _LONGEST, hopf, watch)
 
 
 class _Findings(Watch):
     """The branches that are found, written while the search goes on, and how far that is."""
 
-    def __init__(self, command: Continue, scene: Scene, family: motions.Range, bar: Show) -> None:
-        self.command, self.scene, self.family, self.bar = command, scene, family, bar
+    def __init__(self, of: str, scene: Scene, family: motions.Range, bar: Show, save: _Save):
+        self.of, self.scene, self.family, self.bar, self.save = of, scene, family, bar, save
         self.branches: list[Branch] = []
         self.growing: list[Branch] = []  # the one that is being followed
         self.special: dict[tuple[Any, ...], Row] = {}
@@ -348,14 +328,13 @@ class _Findings(Watch):
             self._note(branch, len(branches))
         if not branches:
             return None
-        study, command = self._study(branches), self.command
-        stem = study.stem(*changed(command, "longest", "preset"))
-        return study, write(study, command.out / f"{stem}.png", command.json, command.csv)[0]
+        study = self._study(branches)
+        return study, self.save(study)
 
     def _study(self, branches: Sequence[Branch]) -> Study:
         """Return branches with their tables and their picture."""
         scene, family, special = self.scene, self.family, [*self.special.values()]
-        of, over, (symbol, unit) = self.command.of, family.name, family.label
+        of, over, (symbol, unit) = self.of, family.name, family.label
         rows = [
             _row_of(family, n, point) for n, each in enumerate(branches, 1) for point in each.points
         ]
@@ -393,7 +372,7 @@ class _Findings(Watch):
             shown.append(f"{words} {off}")
             marked = [*special, *({**row, "kind": f"{words}\n{off}"} for row in self.repeated)]
         picture = _branch_picture(scene, family.label, rows, marked)
-        return Study(scene.name, None, ("continue", of, over), rows, record, shown, picture)
+        return Study(scene.name, None, ("branches", of, over), rows, record, shown, picture)
 
 
 def _cycles(scene: Scene, family: motions.Family, watch: Watch) -> Iterator[tuple[Cycle, float]]:

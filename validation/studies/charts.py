@@ -14,10 +14,10 @@ own start, or each where the one before ended, so that an attractor is followed 
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -25,9 +25,9 @@ from matplotlib.figure import Figure
 from rich.markup import escape
 from rich.table import Table
 from scipy.ndimage import distance_transform_edt
-from tyro.conf import arg
 
-from robotball import InputError, Limits, Scene, load_scene, preset
+from robotball import InputError, Limits, Scene, load_scene
+from robotball import preset as settings_of
 from robotball.design.designing import redesign
 from robotball.dynamics.families import NUMBERS, numbers_of, varied
 from robotball.dynamics.long_run import exponents_of
@@ -41,10 +41,9 @@ from robotball.rotations import Array
 from robotball.theory.ensembles.orbits import DONE, LONG_RUN_TOLERANCE, Integers, kernel_start
 from robotball.theory.reduced import LABEL as EQUATIONS
 
-from ..options import Preset, SceneName, Sweep, SweepOptions
+from ..options import Sweep, span_of
 from ..output import halo, title
 from ..plots import note
-from ..results import changed
 from ..study import Column, Row, Study, scene_cell, table_of
 from ..sweeps import Cell, Work
 from .contact_sections import moving_scene
@@ -78,16 +77,10 @@ def axes_of(text: str, count: int) -> dict[str, Array]:
     """Return so many values by each name of a text NAME=FROM:TO,…; InputError for another text."""
     axes = {}
     for part in text.split(","):
-        name, _, span = part.strip().partition("=")
+        # Either order of the two numbers: --follow goes along them.
+        name, low, high = span_of(part)
         if name not in NUMBERS:
             raise unknown("number", name, NUMBERS)
-        try:
-            low, high = map(float, span.split(":"))
-        except ValueError:
-            low = high = math.nan
-        # Either order of the two numbers: --follow goes along them.
-        if not 0 < abs(high - low) < math.inf:
-            raise InputError(f"--over takes NAME=FROM:TO, two different numbers, not {part!r}")
         axes[name] = np.linspace(low, high, count)
     if text.count(",") >= len(axes) or len(axes) > 2:
         raise InputError(f"--over takes one or two different names, not {text!r}")
@@ -153,7 +146,7 @@ def measure_contact(cell: Cell) -> dict[str, Any]:
     # A designed ball has its own principal axes, in which the equations have to start.
     ball, attitudes, momenta = kernel_start(designed)
     skipped, kept = (round(cell[name] / _REJOINED) for name in ("transient", "duration"))
-    model = build(designed, preset(cell["preset"]))
+    model = build(designed, settings_of(cell["preset"]))
     turns = partial(rolled, model, _REJOINED)
     found = growth(turns, _REJOINED, skipped, kept, 1, (attitudes, momenta))
     alongside = np.array_split(found.by_equations(ball)[0][0, :, 0], 2)[1].mean() / _REJOINED
@@ -286,127 +279,110 @@ def _draw_diagram(scene: Scene, axes: _Axes, rows: Sequence[Row], part: float) -
     return figure
 
 
-@dataclass(frozen=True)
-class Chart:
-    """Chart a scene's largest exponent over two of its numbers, or its section over one.
+def chart_study(
+    name: str,
+    over: str,
+    sweep: Sweep,
+    points: int,
+    refine: int,
+    follow: bool,
+    duration: float,
+    transient: float,
+    preset: str | None,
+) -> Study:
+    """Measure and draw a chart or a diagram."""
+    scene, less = moving_scene(name, "a chart"), _QUICK if sweep.quick else 1
+    # A point put in between would have no motion before it from which to go on.
+    levels = 0 if follow else check_count("refine", refine, 0)
+    count = max(3, check_count("points", points, 3) // less)
+    axes = axes_of(over, (count - 1) * 2**levels + 1)
+    if follow and len(axes) > 1:
+        raise InputError("--follow goes along one number: give one to --over")
+    check_positive("duration", duration, "s")
+    check_positive("transient", transient, "s")
+    settings = None if preset is None else settings_of(preset).name
+    ball, _, (momentum,) = kernel_start(scene)
+    # Refused before the work; with an f that allows any c.
+    varied(ball, momentum, {axis: max(axes[axis], key=abs) for axis in axes} | {"f": 1e99})
+    own = numbers_of(ball, momentum)
+    shared = scene_cell(name, duration / less)
+    shared |= {"transient": transient / less, "over": [*axes]}
+    if len(axes) == 1:
+        skipped = _FOLLOWED if follow else _SKIPPED
+        shared |= {"follow": follow, "skipped": skipped // less}
+    rows: dict[tuple[float, ...], dict[str, Any]] = {}
+    failures: list[str] = []
+    rows_at = partial(_rows_at, sweep, Path(name).stem, failures)
 
-    The numbers are K1 to K3 and Omega1 to Omega3, along the principal axes; K and Omega, lengths
-    with the direction kept; K12, K23, K31, Omega12 …, directions in a plane, in degrees; f = M² and
-    c = (M, γ).
+    def measured(places: Integers) -> Array:
+        points = np.stack([axes[n][i] for n, i in zip(axes, places.T, strict=True)], axis=1)
+        level = own | dict(zip(axes, points.T, strict=True))
+        # No vector of length √f has a part c along γ that is longer than itself.
+        some = np.broadcast_to(level["f"] > np.square(level["c"]), len(points))
+        if not some.any():  # of this one too the reason is said
+            varied(ball, momentum, dict(zip(axes, points[-1], strict=True)))
+        # Followed motions need each other's ends, in order, so they are one cell.
+        size = len(points) if follow else _CHUNK
+        rows.update(rows_at(measure, shared, points[some].tolist(), size))
+        there = [rows.get((*point,)) for point in points]
+        return np.array([row["largest"] if row else math.nan for row in there])
 
-    Example: robotball chart fig14 --over K=0:6,Omega=0:6 --quick
+    least = 2 * _GROWTH / shared["duration"]
+    largest = refined(tuple(map(len, axes.values())), levels, least, measured)
+    if not rows:
+        raise InputError(f"over {over} no motion could be followed: {failures[0]}")
+    found = [rows[point] for point in sorted(rows)]
+    some = largest[np.isfinite(largest)]
+    # A regular motion's λ₁ is its own 0, of which the two halves show no spread.
+    errors = [row["largest_error"] for row in found if row["motion"] == _CHAOTIC]
+    record = {
+        "scene": scene.name, **shared, "size": largest.shape, "points": len(rows),
+        "chaotic": float((some > least).mean()), "straight": float((some < -least).mean()),
+        "transient_chaos": sum(row["motion"] == _TRANSIENT for row in found) / len(found),
+        "median_error": float(np.median(errors or [0.0])),
+        "minutes": sum(row.pop("seconds") for row in found) / 60,
+    }  # fmt: skip
+    shown: list[Table | str] = [(_SAID + _SPREAD * bool(errors)).format(**record)]
+    repeated: list[Row] = []
+    if settings is not None:
+        dozen = {tuple(row[axis] for axis in axes): row for row in _dozen(found)}
+        shared["preset"] = settings
+        engine = rows_at(measure_contact, shared, [*dozen], 1)
+        repeated = [{**dozen[point], **row} for point, row in engine.items()]
+        shown.append(table_of(_columns(axes), repeated))
+    if failures:
+        shown.append(escape(f"cells without a result: {len(failures)}; {failures[0]}"))
+    if len(axes) == 1:
+        picture = _draw_diagram(scene, axes, found, record["chaotic"])
+    else:
+        picture = _draw_chart(scene, axes, largest, least, repeated)
+    # A line of the file for each crossing, and one for a motion without.
+    lines = [{**row, "L/√f": L, "l": l} for row in found
+             for L, l in row.pop("crossings") or [(None, None)]]  # fmt: skip
+    record["repeated"] = repeated
+    return Study(scene.name, None, ["chart"], lines, record, shown, picture)
+
+
+def _rows_at(
+    sweep: Sweep,
+    scene: str,
+    failures: list[str],
+    work: Work,
+    shared: Cell,
+    points: Sequence[Sequence[float]],
+    size: int,
+) -> dict[tuple[float, ...], dict[str, Any]]:
+    """Return the rows that work makes of points (n, k), so many in a cell, by their points.
+
+    Of a cell without a result the reason is added to `failures`.
     """
-
-    scene: SceneName
-    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
-    over: Annotated[str, arg(metavar="NAME=FROM:TO,…")]
-    """What changes, and from where to where: across and up, or across alone."""
-    count: int = 100
-    """Points of an axis at first."""
-    refine: int = 1
-    """How often the spacing is halved where motions differ."""
-    follow: bool = False
-    """Over one number: begin each motion where the one before ended, and refine nothing."""
-    duration: Annotated[float, arg(metavar="S")] = 4000.0
-    """Time of each motion in whose later half the exponent is measured."""
-    transient: Annotated[float, arg(metavar="S")] = 2000.0
-    """Time before that."""
-    preset: Preset = None
-    """Also repeat a dozen of the points by the engine so set."""
-    sweep: SweepOptions = field(default_factory=Sweep)
-
-    def run(self) -> int:
-        scene, less = moving_scene(self.scene, "a chart"), _QUICK if self.sweep.quick else 1
-        # A point put in between would have no motion before it from which to go on.
-        levels = 0 if self.follow else check_count("refine", self.refine, 0)
-        count = max(3, check_count("count", self.count, 3) // less)
-        axes = axes_of(self.over, (count - 1) * 2**levels + 1)
-        if self.follow and len(axes) > 1:
-            raise InputError("--follow goes along one number: give one to --over")
-        for option in ("duration", "transient"):
-            check_positive(option, getattr(self, option), "s")
-        settings = None if self.preset is None else preset(self.preset).name
-        ball, _, (momentum,) = kernel_start(scene)
-        # Refused before the work; with an f that allows any c.
-        varied(ball, momentum, {name: max(axes[name], key=abs) for name in axes} | {"f": 1e99})
-        own = numbers_of(ball, momentum)
-        shared = scene_cell(self.scene, self.duration / less)
-        shared |= {"transient": self.transient / less, "over": [*axes]}
-        if len(axes) == 1:
-            skipped = _FOLLOWED if self.follow else _SKIPPED
-            shared |= {"follow": self.follow, "skipped": skipped // less}
-        rows: dict[tuple[float, ...], dict[str, Any]] = {}
-        failures: list[str] = []
-
-        def measured(places: Integers) -> Array:
-            points = np.stack([axes[n][i] for n, i in zip(axes, places.T, strict=True)], axis=1)
-            level = own | dict(zip(axes, points.T, strict=True))
-            # No vector of length √f has a part c along γ that is longer than itself.
-            some = np.broadcast_to(level["f"] > np.square(level["c"]), len(points))
-            if not some.any():  # of this one too the reason is said
-                varied(ball, momentum, dict(zip(axes, points[-1], strict=True)))
-            # Followed motions need each other's ends, in order, so they are one cell.
-            size = len(points) if self.follow else _CHUNK
-            rows.update(self._rows_at(measure, shared, points[some].tolist(), size, failures))
-            there = [rows.get((*point,)) for point in points]
-            return np.array([row["largest"] if row else math.nan for row in there])
-
-        least = 2 * _GROWTH / shared["duration"]
-        largest = refined(tuple(map(len, axes.values())), levels, least, measured)
-        if not rows:
-            raise InputError(f"over {self.over} no motion could be followed: {failures[0]}")
-        found = [rows[point] for point in sorted(rows)]
-        some = largest[np.isfinite(largest)]
-        # A regular motion's λ₁ is its own 0, of which the two halves show no spread.
-        errors = [row["largest_error"] for row in found if row["motion"] == _CHAOTIC]
-        record = {
-            "scene": scene.name, **shared, "size": largest.shape, "points": len(rows),
-            "chaotic": float((some > least).mean()), "straight": float((some < -least).mean()),
-            "transient_chaos": sum(row["motion"] == _TRANSIENT for row in found) / len(found),
-            "median_error": float(np.median(errors or [0.0])),
-            "minutes": sum(row.pop("seconds") for row in found) / 60,
-        }  # fmt: skip
-        shown: list[Table | str] = [(_SAID + _SPREAD * bool(errors)).format(**record)]
-        repeated: list[Row] = []
-        if settings is not None:
-            dozen = {tuple(row[name] for name in axes): row for row in _dozen(found)}
-            shared["preset"] = settings
-            engine = self._rows_at(measure_contact, shared, [*dozen], 1, failures)
-            repeated = [{**dozen[point], **row} for point, row in engine.items()]
-            shown.append(table_of(_columns(axes), repeated))
-        if failures:
-            shown.append(escape(f"cells without a result: {len(failures)}; {failures[0]}"))
-        if len(axes) == 1:
-            picture = _draw_diagram(scene, axes, found, record["chaotic"])
-        else:
-            picture = _draw_chart(scene, axes, largest, least, repeated)
-        # A line of the file for each crossing, and one for a motion without.
-        lines = [{**row, "L/√f": L, "l": l} for row in found
-                 for L, l in row.pop("crossings") or [(None, None)]]  # fmt: skip
-        record["repeated"] = repeated
-        study = Study(scene.name, None, ["chart"], lines, record, shown, picture)
-        options = "over", "count", "refine", "follow", "duration", "transient", "preset"
-        return self.sweep.present(study, *changed(self, *options))
-
-    def _rows_at(
-        self,
-        work: Work,
-        shared: Cell,
-        points: Sequence[Sequence[float]],
-        size: int,
-        failures: list[str],
-    ) -> dict[tuple[float, ...], dict[str, Any]]:
-        """Return the rows that work makes of points (n, k), so many in a cell, by their points.
-
-        Of a cell without a result the reason is added to `failures`.
-        """
-        cells = [{**shared, "points": points[i : i + size]} for i in range(0, len(points), size)]
-        journal = f"{Path(self.scene).stem}-{work.__name__.replace('measure', 'chart')}"
-        results = self.sweep.results(work, cells, journal, _LIMIT)
-        failures += [each.failure for each in results if each.failure]
-        return {
-            tuple(point): dict(zip(shared["over"], point, strict=True)) | row
-            for each in results
-            if each.record
-            for point, row in zip(each.cell["points"], each.record["rows"], strict=True)
-        }
+    cells = [{**shared, "points": points[i : i + size]} for i in range(0, len(points), size)]
+    journal = f"{scene}-{work.__name__.replace('measure', 'chart')}"
+    results = sweep.results(work, cells, journal, _LIMIT)
+    failures += [each.failure for each in results if each.failure]
+    return {
+        tuple(point): dict(zip(shared["over"], point, strict=True)) | row
+        for each in results
+        if each.record
+        for point, row in zip(each.cell["points"], each.record["rows"], strict=True)
+    }

@@ -1,16 +1,17 @@
-"""Poincaré sections of the contact model beside those of the equations, and `robotball section`.
+"""Poincaré sections of the contact model beside those of the equations.
 
 Long-run motion needs a scene that is suited to it, and starts on the scene's level of M² and
 (M, γ), which every motion keeps.
 """
 
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.figure import Figure
+from rich.markup import escape
 
-from robotball import InputError, Motion, Scene, Settings, load_scene, preset, sample_times
+from robotball import InputError, Motion, Scene, Settings, load_scene, sample_times
+from robotball import preset as settings_of
 from robotball.dynamics.sections import (
     Crossings,
     crossings_of_motion,
@@ -28,9 +29,8 @@ from robotball.robot.scene import Start
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.theory.reduced import LABEL as EQUATIONS
 
-from ..options import AGREES, OUT, File, Preset, SceneName, Threads
-from ..output import panels, progress_bar, writable_folder, write_picture, write_record
-from ..results import changed, file_name
+from ..output import panels, progress_bar
+from ..study import Study
 
 
 def sound_run(model: Model, start: Start, times: Array) -> Motion:
@@ -98,7 +98,7 @@ def moving_scene(name: str, purpose: str) -> Scene:
     if not np.any(scene.start.momentum):
         raise InputError(
             f"{scene.name} starts from rest, and {purpose} needs a momentum M other than zero; "
-            f"'robotball equilibria {name}' shows the motion from rest"
+            f"'robotball dynamics equilibria {name}' shows the motion from rest"
         )
     return scene
 
@@ -112,7 +112,7 @@ def attracted_scene(name: str, purpose: str) -> Scene:
     if not np.any(scene.parameters.Omega):
         raise InputError(
             f"{scene.name}: its frame does not turn (Ω = 0), so phase volume is kept and there "
-            f"are no attractors; 'robotball section {name}' shows its motion"
+            f"are no attractors; 'robotball dynamics section {name}' shows its motion"
         )
     return scene
 
@@ -158,92 +158,64 @@ def _draw_section(scene: Scene, theory: Crossings, engine: Crossings | None, whe
     return figure
 
 
-@dataclass(frozen=True)
-class Section:
-    """Draw a scene's Poincaré section on the annulus (l, L): g = g₀, or a phase of its drives.
-
-    Example: robotball section fig12 --starts 4 --count 500
-    """
-
-    scene: SceneName
-    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
-    starts: int = 1
-    """Motions to follow: the scene's own alone, or as many random ones with its M² and (M, γ)."""
-    count: int = 2000
-    """Crossings of each."""
-    skip: int = 0
-    """Crossings of each to leave out first."""
-    g: float = 0.0
-    """The section's g₀ [rad]."""
-    preset: Preset = None
-    """Draw the engine's crossings as well, of the scene's own start, with these settings."""
-    seed: int = 0
-    """The seed of the random starts."""
-    out: Path = OUT
-    """Folder for the picture."""
-    threads: Threads = None
-    json: File = None
-    """Also write the points."""
-
-    def run(self) -> int:
-        scene = load_scene(self.scene)
-        period = None if scene.steady and not scene.not_reduced else period_of(scene)
-        if period is None:
-            scene = moving_scene(self.scene, "a section")
-        elif self.g:
-            raise InputError(f"{scene.name}: its section is a phase of its drives, without a g")
-        settings = None if self.preset is None else preset(self.preset)
-        words = ["section", *changed(self, "starts", "count", "skip", "g", "seed")]
-        by, first = (None, []) if settings is None else (LABEL, [settings.name])
-        path = writable_folder(self.out) / f"{file_name(scene.name, by, [*first, *words])}.png"
-        attitudes, momenta = level_starts(scene, self.starts, self.seed, self.g)
-        total = check_count("skip", self.skip, 0) + check_count("count", self.count, 1)
-        with progress_bar(1 if settings is None else 2) as show:
-            show(0, f"{scene.name}: equations")
-            points, engine = self._by_equations(scene, attitudes, momenta, period), None
-            if settings is not None:
-                show(1, f"{scene.name}: {LABEL.name}, {settings.name}")
-                model = build(scene, settings)
-                if period is None:
-                    times = each_step(model, points.times[self.count - 1])
-                    motion = sound_run(model, scene.start, times)
-                    engine = crossings_of_motion(motion, scene, self.g)[self.skip :]
-                else:
-                    motion = sound_run(model, scene.start, period * np.arange(total + 1.0))
-                    ends = multiply(motion.attitude[1:], scene.principal_quaternion)
-                    engine = _at_phase(period, ends[None], motion.momentum[None, 1:], self.skip)
-            where = f"g = {self.g:g}" if period is None else f"once in {period:.6g} s"
-            write_picture(path, _draw_section(scene, points, engine, where))
-        drawn = {EQUATIONS.name: points} | ({} if engine is None else {LABEL.name: engine})
-        for name, each in drawn.items():
-            growing, total = np.count_nonzero(each.directions == 1), len(each.l)
-            if period is not None:
-                print(f"{name}: {total} points, {where}")
-                continue
-            print(f"{name}: {total} crossings, {growing} with g growing, {total - growing} falling")
-        if period is None and _may_come_to_rest(scene):
-            print("a straight-line motion with this M² attracts: what ends there crosses only by")
-            print(f"rounding; 'robotball equilibria {self.scene}' lists it")
-        print(path)
-        write_record(
-            self.json,
-            {"scene": scene.name, "g": self.g, "starts": self.starts, "seed": self.seed}
-            | ({} if period is None else {"period": period})
-            | {
-                by: {name: getattr(of, name).tolist() for name in ("times", "l", "L", "directions")}
-                for by, of in drawn.items()
-            },
+def section_study(
+    name: str, starts: int, count: int, skip: int, g: float, preset: str | None, seed: int
+) -> Study:
+    """Draw the section of a scene and count its crossings."""
+    scene = load_scene(name)
+    period = None if scene.steady and not scene.not_reduced else period_of(scene)
+    if period is None:
+        scene = moving_scene(name, "a section")
+    elif g:
+        raise InputError(f"{scene.name} is driven: its section is a phase of the drives, not a g")
+    settings = None if preset is None else settings_of(preset)
+    initial = level_starts(scene, starts, seed, g)
+    total = check_count("skip", skip, 0) + check_count("count", count, 1)
+    with progress_bar(1 if settings is None else 2) as show:
+        show(0, f"{scene.name}: equations")
+        points, engine = _by_equations(scene, initial, period, skip, count, g), None
+        if settings is not None:
+            show(1, f"{scene.name}: {LABEL.name}, {settings.name}")
+            model = build(scene, settings)
+            if period is None:
+                times = each_step(model, points.times[count - 1])
+                motion = sound_run(model, scene.start, times)
+                engine = crossings_of_motion(motion, scene, g)[skip:]
+            else:
+                motion = sound_run(model, scene.start, period * np.arange(total + 1.0))
+                ends = multiply(motion.attitude[1:], scene.principal_quaternion)
+                engine = _at_phase(period, ends[None], motion.momentum[None, 1:], skip)
+    where = f"g = {g:g}" if period is None else f"once in {period:.6g} s"
+    drawn = {EQUATIONS.name: points} | ({} if engine is None else {LABEL.name: engine})
+    shown = []
+    for label, each in drawn.items():
+        growing, total = np.count_nonzero(each.directions == 1), len(each.l)
+        sides = f"crossings, {growing} with g growing, {total - growing} falling"
+        shown.append(f"{label}: {total} {sides if period is None else f'points, {where}'}")
+    if period is None and _may_come_to_rest(scene):
+        shown.append(
+            "a straight-line motion with this M² attracts: what ends there crosses only by"
         )
-        return AGREES
+        shown.append(f"rounding; 'robotball dynamics equilibria {escape(name)}' lists it")
+    record = {"scene": scene.name, "g": g, "starts": starts, "seed": seed}
+    record |= {} if period is None else {"period": period}
+    record |= {
+        by: {key: getattr(of, key).tolist() for key in ("times", "l", "L", "directions")}
+        for by, of in drawn.items()
+    }
+    picture = _draw_section(scene, points, engine, where)
+    by, words = (None, []) if settings is None else (LABEL, [settings.name])
+    return Study(scene.name, by, [*words, "section"], (), record, shown, picture)
 
-    def _by_equations(
-        self, scene: Scene, attitudes: Array, momenta: Array, period: float | None
-    ) -> Crossings:
-        """Return the points of the motions from some starts, as `level_starts` gives them."""
-        if period is not None:
-            ends, M = strobed(scene, attitudes, momenta, self.skip + self.count)
-            return _at_phase(period, ends, M, self.skip)
-        found = sections_of(scene.parameters, attitudes, momenta, self.skip + self.count, self.g)
-        if lost := np.count_nonzero(found.status):
-            raise InputError(f"{lost} motions do not keep crossing g = {self.g:g}")
-        return found.after(self.skip)
+
+def _by_equations(
+    scene: Scene, starts: tuple[Array, Array], period: float | None, skip: int, count: int, g: float
+) -> Crossings:
+    """Return the points of the motions from some starts, as `level_starts` gives them."""
+    if period is not None:
+        ends, M = strobed(scene, *starts, skip + count)
+        return _at_phase(period, ends, M, skip)
+    found = sections_of(scene.parameters, *starts, skip + count, g)
+    if lost := np.count_nonzero(found.status):
+        raise InputError(f"{lost} motions do not keep crossing g = {g:g}")
+    return found.after(skip)

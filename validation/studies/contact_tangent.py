@@ -1,4 +1,4 @@
-"""The tangent of the contact engine's map: all Lyapunov exponents, limit cycles; `lyapunov`.
+"""The tangent of the contact engine's map: all Lyapunov exponents, limit cycles.
 
 The map: from a state on the constraints, an attitude and M, a ball rolls for a stretch and is read
 back. γ and M in frame axes, the paper's six numbers, are what a turn about the vertical leaves of
@@ -20,7 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from robotball import Scene, Settings, load_scene, preset
+from robotball import Scene, Settings, load_scene
+from robotball import preset as settings_of
 from robotball.dynamics.cycles import Flow, tangent
 from robotball.dynamics.long_run import ANY_TURN, Exponents, exponents_of, standard_error
 from robotball.dynamics.sections import (
@@ -38,9 +39,8 @@ from robotball.theory.ensembles.orbits import (
     orbits,
 )
 
-from ..options import AGREES, File, Preset, SceneName, Threads
-from ..output import known, progress_bar, write_record
-from ..study import Column, show, table_of
+from ..output import known, progress_bar
+from ..study import Column, Study, table_of
 from .contact_sections import (
     level_starts,
     moving_scene,
@@ -118,7 +118,7 @@ class _Growth:
 
 def growth(
     flow: Flow, stretch: float, skipped: int, count: int, k: int, starts: tuple[Array, Array],
-    scale: float | None = None,
+    scale: float | None = None
 ) -> _Growth:  # fmt: skip
     """Follow k deviations of n motions over `count` stretches [s] after some that are skipped.
 
@@ -176,122 +176,110 @@ _STRETCH = 10.0  # s: the fastest deviations grow by e^3.4, the slowest shrink n
 _BATCH = 16  # starts a core followed at once, between two moves of the progress bar
 
 
-@dataclass(frozen=True)
-class Lyapunov:
-    """Measure a scene's Lyapunov exponents, by the equations and, on request, by an engine.
+def exponents_study(
+    name: str, starts: int, duration: float, transient: float, preset: str | None, seed: int
+) -> Study:
+    """Measure the exponents of a scene."""
+    scene = load_scene(name)
+    settings = None if preset is None else settings_of(preset)
+    if not scene.steady or scene.not_reduced:
+        return _of_map(scene, settings, starts, seed, duration, transient)
+    scene = moving_scene(name, "an exponent")
+    attitudes, momenta = level_starts(scene, starts, seed)
+    parts, together = [], _BATCH * allowed()
+    with progress_bar(starts) as progress:
+        for i in range(0, starts, together):
+            progress(i, f"{scene.name}: equations")
+            some = attitudes[i : i + together], momenta[i : i + together]
+            parts.append(exponents_of(scene.parameters, *some, duration, transient))
+    found = Exponents(
+        np.concatenate([part.halves for part in parts]),
+        np.concatenate([part.divergence for part in parts]),
+        duration,
+    )
+    rows = [
+        ("λ₁ [1/s]", found.mean[0], found.error[0]),
+        ("λ₆ [1/s]", found.mean[1], found.error[1]),
+        ("sum [1/s]", float(found.divergence.mean()), None),
+        ("dimension of the section", found.dimension, found.dimension_error),
+    ]
+    record: dict[str, Any] = {
+        "scene": scene.name,
+        "starts": starts,
+        "seed": seed,
+        "duration": duration,
+        "largest": found.largest.tolist(),
+        "smallest": found.smallest.tolist(),
+        "dimension": found.dimension,
+    }
+    if settings is not None:
+        skipped = round(min(100.0, transient) / _STRETCH)
+        taken = _STRETCH, skipped, max(1, round(duration / 10 / _STRETCH))
+        flow = partial(rolled, build(scene, settings), _STRETCH)
+        by = f"{LABEL.name}, {settings.name}"
+        own, spectra = _spectra(scene, {by: flow}, taken, (attitudes, momenta))
+        rows += own
+        record |= {"engine": LABEL.name, "engine_duration": duration / 10}
+        record["engine_exponents"] = spectra[by]
+    return _study(rows, record)
 
-    Example: robotball lyapunov fig14 --starts 4 --duration 1000
+
+def _of_map(
+    scene: Scene,
+    settings: Settings | None,
+    count: int,
+    seed: int,
+    duration: float,
+    transient: float,
+) -> Study:
+    """Measure all exponents of the stroboscopic map of a scene that is driven periodically."""
+    period, starts = period_of(scene), level_starts(scene, count, seed)
+    taken = period, round(transient / period), max(1, round(duration / period))
+    flows: dict[str, Flow] = {
+        "equations": partial(stroboscopic_map, scene, rtol=LONG_RUN_TOLERANCE)
+    }
+    if settings is not None:
+        model = build(scene, settings)
+        flows[f"{LABEL.name}, {settings.name}"] = partial(rolled, model, period)
+    rows, spectra = _spectra(scene, flows, taken, starts)
+    return _study(rows, {"scene": scene.name, "period": period, "exponents": spectra})
+
+
+def _spectra(
+    scene: Scene,
+    flows: Mapping[str, Flow],
+    taken: tuple[float, int, int],
+    starts: tuple[Array, Array],
+) -> tuple[list[_Mean], dict[str, Any]]:
+    """Return rows of the six exponents by each flow, and those of every start.
+
+    taken: the stretch [s], how many are skipped and how many are followed.
     """
+    rows: list[_Mean] = []
+    spectra: dict[str, Any] = {}
+    count = len(starts[0])
+    with progress_bar(count * len(flows)) as progress:
+        for i, (by, flow) in enumerate(flows.items()):
 
-    scene: SceneName
-    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
-    starts: int = 16
-    """Random starts with the scene's M² and (M, γ); for 1 the scene's own."""
-    duration: float = 10_000.0
-    """Time over which each is measured [s]."""
-    transient: float = 1000.0
-    """Time before that [s]."""
-    preset: Preset = None
-    """Also measure all six by the engine so set, over a tenth of the duration."""
-    seed: int = 0
-    """The seed of the random starts."""
-    threads: Threads = None
-    json: File = None
-    """Also write the results, start by start."""
+            def say(part: float, done: int = count * i, by: str = by) -> None:
+                words = f"{scene.name}: {by}, {taken[2]} stretches of {taken[0]:.3g} s"
+                progress(done + count * part, words)
 
-    def run(self) -> int:
-        scene = load_scene(self.scene)
-        settings = None if self.preset is None else preset(self.preset)
-        if not scene.steady or scene.not_reduced:
-            return self._of_map(scene, settings)
-        scene = moving_scene(self.scene, "an exponent")
-        attitudes, momenta = level_starts(scene, self.starts, self.seed)
-        parts, together = [], _BATCH * allowed()
-        with progress_bar(self.starts) as progress:
-            for i in range(0, self.starts, together):
-                progress(i, f"{scene.name}: equations")
-                some = attitudes[i : i + together], momenta[i : i + together]
-                parts.append(exponents_of(scene.parameters, *some, self.duration, self.transient))
-        found = Exponents(
-            np.concatenate([part.halves for part in parts]),
-            np.concatenate([part.divergence for part in parts]),
-            self.duration,
-        )
-        rows = [
-            ("λ₁ [1/s]", found.mean[0], found.error[0]),
-            ("λ₆ [1/s]", found.mean[1], found.error[1]),
-            ("sum [1/s]", float(found.divergence.mean()), None),
-            ("dimension of the section", found.dimension, found.dimension_error),
-        ]
-        record: dict[str, Any] = {
-            "scene": scene.name,
-            "starts": self.starts,
-            "seed": self.seed,
-            "duration": self.duration,
-            "largest": found.largest.tolist(),
-            "smallest": found.smallest.tolist(),
-            "dimension": found.dimension,
-        }
-        if settings is not None:
-            skipped = round(min(100.0, self.transient) / _STRETCH)
-            taken = _STRETCH, skipped, max(1, round(self.duration / 10 / _STRETCH))
-            flow = partial(rolled, build(scene, settings), _STRETCH)
-            by = f"{LABEL.name}, {settings.name}"
-            own, spectra = self._spectra(scene, {by: flow}, taken, (attitudes, momenta))
-            rows += own
-            record |= {"engine": LABEL.name, "engine_duration": self.duration / 10}
-            record["engine_exponents"] = spectra[by]
-        return self._told(rows, record)
+            say(0.0)
+            found = growths(scene, flow, *taken, starts, say).spectra
+            spectra[by] = found.tolist()
+            for index, each in zip("₁₂₃₄₅₆", found.T, strict=True):
+                name = f"λ{index} by {by} [1/s]"
+                rows.append((name, float(each.mean()), standard_error(each)))
+    return rows, spectra
 
-    def _of_map(self, scene: Scene, settings: Settings | None) -> int:
-        """Measure all exponents of the stroboscopic map of a scene that is driven periodically."""
-        period, starts = period_of(scene), level_starts(scene, self.starts, self.seed)
-        taken = period, round(self.transient / period), max(1, round(self.duration / period))
-        flows: dict[str, Flow] = {
-            "equations": partial(stroboscopic_map, scene, rtol=LONG_RUN_TOLERANCE)
-        }
-        if settings is not None:
-            model = build(scene, settings)
-            flows[f"{LABEL.name}, {settings.name}"] = partial(rolled, model, period)
-        rows, spectra = self._spectra(scene, flows, taken, starts)
-        return self._told(rows, {"scene": scene.name, "period": period, "exponents": spectra})
 
-    def _spectra(
-        self,
-        scene: Scene,
-        flows: Mapping[str, Flow],
-        taken: tuple[float, int, int],
-        starts: tuple[Array, Array],
-    ) -> tuple[list[_Mean], dict[str, Any]]:
-        """Return rows of the six exponents by each flow, and those of every start.
-
-        taken: the stretch [s], how many are skipped and how many are followed.
-        """
-        rows: list[_Mean] = []
-        spectra: dict[str, Any] = {}
-        with progress_bar(self.starts * len(flows)) as progress:
-            for i, (by, flow) in enumerate(flows.items()):
-
-                def say(part: float, done: int = self.starts * i, by: str = by) -> None:
-                    words = f"{scene.name}: {by}, {taken[2]} stretches of {taken[0]:.3g} s"
-                    progress(done + self.starts * part, words)
-
-                say(0.0)
-                found = growths(scene, flow, *taken, starts, say).spectra
-                spectra[by] = found.tolist()
-                for index, each in zip("₁₂₃₄₅₆", found.T, strict=True):
-                    name = f"λ{index} by {by} [1/s]"
-                    rows.append((name, float(each.mean()), standard_error(each)))
-        return rows, spectra
-
-    def _told(self, rows: Sequence[_Mean], record: dict[str, Any]) -> int:
-        """Show the rows, and write the record."""
-        columns = (
-            Column("", "name", words=True),
-            Column("mean", "mean", form=".6g"),
-            Column("standard error", "error", form=".1g"),
-        )
-        numbers = [{"name": name, "mean": mean, "error": known(of)} for name, mean, of in rows]
-        show([table_of(columns, numbers)])
-        write_record(self.json, record)
-        return AGREES
+def _study(rows: Sequence[_Mean], record: dict[str, Any]) -> Study:
+    columns = (
+        Column("", "name", words=True),
+        Column("mean", "mean", form=".6g"),
+        Column("standard error", "error", form=".1g"),
+    )
+    numbers = [{"name": name, "mean": mean, "error": known(of)} for name, mean, of in rows]
+    table = table_of(columns, numbers)
+    return Study(record["scene"], None, ["exponents"], numbers, record, [table])

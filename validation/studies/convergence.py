@@ -12,18 +12,17 @@ interval.
 """
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cache, cached_property
-from typing import Annotated, Any
+from typing import Any
 
 import mujoco
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.markup import escape
-from tyro.conf import arg
 
-from robotball import ContactMotion, InputError, Motion, Scene, Settings, integrate, preset
+from robotball import ContactMotion, InputError, Motion, Scene, Settings, integrate
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run
@@ -34,12 +33,9 @@ from robotball.rotations import Array
 from robotball.theory.dop853 import LEAST_RTOL
 from robotball.theory.reduced import LABEL as EQUATIONS
 
-from ..options import PRESET, Controls, Names, Once, OnceOptions, SceneName, listed
 from ..output import Show, panels, progress_bar, scientific
 from ..plots import note
-from ..results import controlled
 from ..study import Column, Row, Study, table_of
-from .ablation import without
 from .orders import Order, fit_order, stalled_at
 
 FIXED = f"{ADAPTIVE} fixed"
@@ -255,6 +251,13 @@ _INCHES = (11.0, 6.6)
 _NEAR_SLOPES = 2.5  # in ln(step) and ln(error): slopes as near as that get one label
 
 
+def convergence_study(scene: Scene, settings: Settings, times: Array, quick: bool) -> Study:
+    """Run the integrators over `times` (n,) [s], with progress shown."""
+    with progress_bar(1) as show:
+        halvings = _HALVINGS - 2 * quick
+        return _convergence_study(measure_convergence(scene, settings, times, halvings, show))
+
+
 def _convergence_study(study: Runs) -> Study:
     """Return every run, the orders, and the distance of the two references."""
     limit, name = study.limit, escape(f"{study.scene.name}, {study.settings.name}")
@@ -384,29 +387,3 @@ def _record(study: Runs) -> dict[str, Any]:
         },
         "runs": study.rows,
     }
-
-
-@dataclass(frozen=True)
-class Convergence:
-    """Measure each integrator's order of convergence, and the contact model's own error.
-
-    Example: robotball convergence fig12 --quick --without softness,noslip
-    """
-
-    scene: SceneName
-    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
-    control: Controls = ()
-    preset: Annotated[str, arg(metavar=PRESET)] = "accurate"
-    """The settings whose contact model it is; integrator and step are swept."""
-    without: Names = ()
-    """Choices of the ablation to undo in it. Several: softness,noslip. There are
-    drive, friction, cone, root, integrator, start, softness, noslip, solver, timestep."""
-    study: OnceOptions = field(default_factory=Once)
-
-    def run(self) -> int:
-        scene = controlled(self.scene, self.control)
-        settings = without(preset(self.preset), listed(self.without))
-        times, halvings = self.study.times(scene), _HALVINGS - 2 * self.study.quick
-        with progress_bar(1) as show:
-            measured = measure_convergence(scene, settings, times, halvings, show)
-        return self.study.present(_convergence_study(measured))

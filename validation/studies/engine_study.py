@@ -3,35 +3,23 @@
 import statistics
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from rich.markup import escape
-from tyro.conf import arg
 
 from robotball import InputError, Scene, engine_named, engine_names, load_scene
 from robotball.engines.engine import DEFAULT
-from robotball.engines.environments import ENVIRONMENTS, call, python_name, said_of, versions_in
+from robotball.engines.environments import call, python_name, said_of, versions_in
 from robotball.robot.looks import INK
 
-from ..options import (
-    AGREES,
-    Duration,
-    Names,
-    Several,
-    Sweep,
-    SweepOptions,
-    chosen,
-    listed,
-    seconds_of,
-)
+from ..options import AGREES, Sweep, chosen, seconds_of
 from ..output import in_picture, writable_folder, write_record
-from ..results import changed
 from ..sensitivity import chaotic
 from ..study import (
     CANCELLED,
@@ -238,54 +226,42 @@ def _engines_picture(name: str, errors: str, runs: Sequence[Row]) -> Figure:
     return figure
 
 
-@dataclass(frozen=True)
-class Engines:
-    """List the engines and their presets; given scenes, compare their errors and costs.
+def run_engines(
+    scenes: Sequence[str],
+    only: Sequence[str],
+    install: Sequence[str],
+    python: str,
+    environments: Path,
+    duration: float | None,
+    sweep: Sweep,
+    words: Sequence[str],
+) -> int:
+    """Install engines; list them, or compare them on scenes. Return the exit status.
 
-    Example: robotball engines fig12 --only mujoco --quick
+    words: of the options, for the files' names.
     """
-
-    scenes: Annotated[Several, arg(metavar="[SCENE…]")] = ()
-    """Names from the catalog, or paths to scene files; without any the engines are listed."""
-    only: Names = ()
-    """Engines to run; all that are there if not given. Several: drake,bullet."""
-    install: Names = ()
-    """Make environments of their own for these engines first, with uv. Several: drake,bullet."""
-    python: Annotated[str, arg(metavar="PYTHON", help_behavior_hint="")] = ""
-    """Python of new environments, a version or a path; else the newest that an engine takes."""
-    environments: Path = ENVIRONMENTS
-    """Folder for the environments."""
-    duration: Duration = None
-    """Simulated time; each scene's own if not given."""
-    sweep: SweepOptions = field(default_factory=Sweep)
-
-    def run(self) -> int:
-        known = engine_runs.contestants()
-        for each in chosen("engine", listed(self.install), known) if self.install else ():
-            print(f"{each.name}: uv makes its environment, in minutes", file=sys.stderr)
-            home = engine_runs.install(each, writable_folder(self.environments), self.python)
-            print(home, *said_of(home), sep="\n  ")
-        some = chosen("engine", listed(self.only), known)
-        if not self.scenes:
-            if not self.install:
-                write_record(self.sweep.json, {"engines": _list(some, self.environments)})
-            return AGREES
-        if self.sweep.json and len(self.scenes) > 1:
-            raise InputError("--json takes one study: name one scene")
-        if self.only:
-            engine_runs.check_installed(some, self.environments)
-        for name in self.scenes:
-            self._study(name, some)
+    known = engine_runs.contestants()
+    for each in chosen("engine", install, known) if install else ():
+        print(f"{each.name}: uv makes its environment, in minutes", file=sys.stderr)
+        home = engine_runs.install(each, writable_folder(environments), python)
+        print(home, *said_of(home), sep="\n  ")
+    some = chosen("engine", only, known)
+    if not scenes:
+        if not install:
+            write_record(sweep.json, {"engines": _list(some, environments)})
         return AGREES
-
-    def _study(self, name: str, chosen: Sequence[Contestant]) -> None:
-        scene, quick = load_scene(name), self.sweep.quick
-        seconds = seconds_of(self.duration, quick, scene)
-        cells = cells_of(name, chosen, self.environments, seconds, 1 if quick else _ROUNDS)
-        results = self.sweep.results(measure, cells, f"{scene.name}-engines", _LIMIT)
-        every = [*results, *_missed(chosen, self.environments)]
-        study = _engines_study(scene, every, listed(self.only))
-        self.sweep.present(study, *changed(self, "duration"))
+    if sweep.json and len(scenes) > 1:
+        raise InputError("--json takes one study: name one scene")
+    if only:
+        engine_runs.check_installed(some, environments)
+    for name in scenes:
+        scene, quick = load_scene(name), sweep.quick
+        seconds = seconds_of(duration, quick, scene)
+        cells = cells_of(name, some, environments, seconds, 1 if quick else _ROUNDS)
+        results = sweep.results(measure, cells, f"{scene.name}-engines", _LIMIT)
+        study = _engines_study(scene, [*results, *_missed(some, environments)], only)
+        sweep.present(study, *words)
+    return AGREES
 
 
 def _missed(chosen: Sequence[Contestant], environments: Path) -> list[Result]:

@@ -1,4 +1,4 @@
-"""The maps of `robotball extremes` as data: two axes each, and what they change in a run.
+"""The maps of `robotball study extremes` as data: two axes each, and what they change in a run.
 
 A cell runs a catalog ball with one or two things changed and the rest held, over any number of
 decades. What comes of a cell is in `extremes.py`.

@@ -11,10 +11,10 @@ import time
 import warnings
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from enum import Enum
 from itertools import compress, cycle, groupby
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,7 +22,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from rich.table import Table
-from tyro.conf import arg
 
 from robotball import Fault, FaultKind, InputError, Motion, Scene, Settings
 from robotball.engines.mujoco import LABEL
@@ -34,10 +33,10 @@ from robotball.robot.looks import ACCENT, INK
 from robotball.rotations import Array
 
 from ..agreement import Agreement
-from ..options import AGREES, DISAGREES, Several, Sweep, SweepOptions, chosen
-from ..output import halo, known
-from ..study import Column, Row, compiled_motion, table_of
-from ..sweeps import Result
+from ..options import AGREES, DISAGREES, Sweep, chosen
+from ..output import halo, known, write_record
+from ..study import Column, Row, Study, compiled_motion, show, table_of
+from ..sweeps import Result, rows_of
 from .extreme_maps import (
     ERROR_TOLERANCE,
     MAPS,
@@ -48,7 +47,7 @@ from .extreme_maps import (
     cell_run,
     cells_of,
 )
-from .maps import MapStudy, draw_cells, draw_level
+from .maps import draw_cells, draw_level
 
 ACCURATE = 1e-4  # largest error of an accurate run, relative; the recipe's coarsest keeps 1e-6
 WRONG = 0.1  # an error above it is no result at all
@@ -561,25 +560,20 @@ def _legends(figure: Figure, of: Map, styles: Mapping[str, Any], results: Sequen
     figure.legend(handles=meaning, loc="outside lower left", ncols=2, **shared)
 
 
-@dataclass(frozen=True)
-class Extremes:
-    """Map where each integrator and contact setting fails, loudly or silently.
-
-    Example: robotball extremes momentum --quick
-    """
-
-    maps: Annotated[Several, arg(metavar="[MAP…]")] = ()
-    """Which maps; all of them if none is given. There are
-    momentum, frame, rotor, masses, scale, friction, torsion, gravity, contact, servo, duration."""
-    sweep: SweepOptions = field(default_factory=Sweep)
-
-    def run(self) -> int:
-        maps = chosen("map", self.maps, MAPS)
-        cut = QUICK if self.sweep.quick else WHOLE
-        study = MapStudy("extremes", measure_cell, self.sweep)
-        found = study.results({each.name: (cells_of(each, cut), each.limit) for each in maps})
-        records = summary(found)
-        all_maps = totals([each for results in found.values() for each in results])
-        record = {"totals": all_maps, "summary": records}
-        study.present(found, _map_picture, _shown(records), record)
-        return DISAGREES if any(each["missed"] for each in records) else AGREES
+def map_extremes(names: Sequence[str], sweep: Sweep) -> int:
+    """Run the named maps, all without names, and present them; return the exit status."""
+    maps = chosen("map", names, MAPS)
+    cut = QUICK if sweep.quick else WHOLE
+    found = {
+        each.name: sweep.results(measure_cell, cells_of(each, cut), "extremes", each.limit)
+        for each in maps
+    }
+    records = summary(found)
+    show(_shown(records))
+    for name, results in found.items():
+        picture = _map_picture(name, results)
+        sweep.present(Study("extremes", None, [name], rows_of(results), picture=picture))
+    all_maps = totals([each for results in found.values() for each in results])
+    record = {"quick": sweep.quick, "totals": all_maps, "summary": records}
+    write_record(sweep.json, record)
+    return DISAGREES if any(each["missed"] for each in records) else AGREES

@@ -1,4 +1,4 @@
-"""A trajectory held against the equations, and `robotball judge`.
+"""A trajectory held against the equations.
 
 The errors of a file are those of `Agreement`, with slip and spin where its rates are known. The
 search in `judge_search.py` finds mistakes that explain them; the file is then judged without these.
@@ -9,13 +9,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
-from tyro.conf import Positional, UseAppendAction, arg
 
 from robotball import (
     InputError,
@@ -34,7 +33,7 @@ from robotball.fit.sensing import ON_THE_PLANE
 from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array
 
-from ..options import AGREES, DISAGREES, Controls, File, SceneName, listed
+from ..options import AGREES, DISAGREES, TOLERANCE
 from ..output import (
     known,
     plain_table,
@@ -43,13 +42,10 @@ from ..output import (
     scientific,
     write_record,
 )
-from ..results import controlled
 from .judge_search import Lag, Mistake, Search, lag_of, reference_of
 from .mistakes import rows_of
 from .orders import LEAST, fit_order
 
-# Relative, of path, height, momentum and the hinges' rates; of the attitude in rad.
-_TOLERANCE = 1e-2
 _ENOUGH = 0.1  # of the scene's duration; a file that covers less says too little to agree
 _ROWS = 20_000  # that are judged, at most, where the frame turns little between them
 _TURN = 0.1  # rad
@@ -245,7 +241,7 @@ def judge(
     files: Sequence[Path | str | Trajectory] | Path | str | Trajectory,
     *,
     timesteps: Sequence[float] = (),
-    tolerance: float = _TOLERANCE,
+    tolerance: float = TOLERANCE,
     progress: Callable[[float], None] | None = None,
 ) -> Judgement:
     """Find what is wrong with trajectories of a scene.
@@ -533,50 +529,27 @@ def _measures(beside: _Beside) -> dict[str, Any]:
     return {name: known(value) for name, value in numbers.items()}
 
 
-@dataclass(frozen=True)
-class Judge:
-    """Say how far anybody's trajectory of a scene is off, and which mistake explains that.
-
-    docs/trajectories.md has the columns; `robotball export` writes what an engine needs.
-
-    Example: robotball export fig12 --to a; robotball judge fig12 a/reference.csv
-    """
-
-    scene: SceneName
-    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
-    files: Positional[Annotated[tuple[Path, ...], arg(metavar="FILE...", help_behavior_hint="")]]
-    """CSV, NPZ or Parquet files with t,x,y,qw,qx,qy,qz; of several steps for the order."""
-    control: Controls = ()
-    timestep: UseAppendAction[Annotated[tuple[str, ...], arg(metavar="SECONDS,…")]] = ()
-    """The engine's step in each file; else that of its header, or the interval of its rows."""
-    tolerance: Annotated[float, arg(metavar="ERROR")] = _TOLERANCE
-    """The errors that agree: of path, height, momentum and rates, relative; of attitude [rad]."""
-    json: File = None
-    """Also write the judgement."""
-
-    def run(self) -> int:
-        if not self.files:
-            raise InputError("judge needs a file with a trajectory: t,x,y,qw,qx,qy,qz")
-        check_positive("tolerance", self.tolerance, "")
-        scene = controlled(self.scene, self.control)
-        with progress_bar(1) as bar:
-            judgement = judge(
-                scene,
-                self.files,
-                timesteps=self._timesteps(),
-                tolerance=self.tolerance,
-                progress=lambda part: bar(part, f"{scene.name}: judging"),
-            )
-        write_record(self.json, _record(judgement))
-        _show(judgement, Console())
-        return AGREES if judgement.agrees else DISAGREES
-
-    def _timesteps(self) -> list[float]:
-        steps = []
-        for text in listed(self.timestep):
-            try:
-                steps.append(float(text))
-            except ValueError:
-                raise InputError(f"a timestep must be a number of seconds, not {text!r}") from None
-            check_positive("timestep", steps[-1], "s")
-        return steps
+def judge_files(
+    scene: Scene,
+    files: Sequence[Path],
+    timesteps: Sequence[float],
+    tolerance: float,
+    json: Path | None,
+) -> int:
+    """Judge trajectory files of a scene, show and write the judgement; return the exit status."""
+    if not files:
+        raise InputError("judge needs a file with a trajectory: t,x,y,qw,qx,qy,qz")
+    check_positive("tolerance", tolerance, "")
+    for step in timesteps:
+        check_positive("timestep", step, "s")
+    with progress_bar(1) as bar:
+        judgement = judge(
+            scene,
+            files,
+            timesteps=timesteps,
+            tolerance=tolerance,
+            progress=lambda part: bar(part, f"{scene.name}: judging"),
+        )
+    write_record(json, _record(judgement))
+    _show(judgement, Console())
+    return AGREES if judgement.agrees else DISAGREES

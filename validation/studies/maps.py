@@ -1,23 +1,18 @@
-"""A map of two axes: its cells, swept and gone on with, and the drawing of cells and level lines.
+"""A map of two axes: its cells, and the drawing of cells and level lines.
 
 The cells of a map are plain data and stand row by row: the first axis runs fastest.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from rich.table import Table
 
 from robotball.rotations import Array
 
-from ..options import Sweep
-from ..output import halo, write_record
-from ..study import Study, show
-from ..sweeps import Cell, Result, Work, rows_of
+from ..output import halo
+from ..sweeps import Cell
 
 
 def grid_cells(
@@ -25,36 +20,6 @@ def grid_cells(
 ) -> list[Cell]:
     """Return the cells at all pairs of two axes, each a name and its values; held is in all."""
     return [{**held, x[0]: across, y[0]: up} for up in y[1] for across in x[1]]
-
-
-@dataclass(frozen=True)
-class MapStudy:
-    """Maps by one work: a journal keeps what is done, and each map has a table and a picture."""
-
-    name: str
-    work: Work
-    sweep: Sweep
-
-    def results(self, maps: Mapping[str, tuple[Sequence[Cell], float]]) -> dict[str, list[Result]]:
-        """Sweep the cells of each map, none of which may take longer than its limit [s]."""
-        return {
-            name: self.sweep.results(self.work, cells, self.name, limit)
-            for name, (cells, limit) in maps.items()
-        }
-
-    def present(
-        self,
-        found: Mapping[str, Sequence[Result]],
-        picture: Callable[[str, Sequence[Result]], Figure],
-        shown: Iterable[Table | str],
-        record: Mapping[str, Any],
-    ) -> None:
-        """Print what is shown, write the table and the picture of each map, and the record."""
-        show(shown)
-        for name, results in found.items():
-            drawn = picture(name, results)
-            self.sweep.present(Study(self.name, None, [name], rows_of(results), picture=drawn))
-        write_record(self.sweep.json, {"quick": self.sweep.quick, **record})
 
 
 def draw_cells(
@@ -70,7 +35,7 @@ def draw_cells(
 
 def draw_level(
     axes: Axes, xs: Any, ys: Any, grid: Array, colour: str, *, level: float = 0.0,
-    dashes: Any = "-", width: float = 1.8, rim: float = 0.0,
+    dashes: Any = "-", width: float = 1.8, rim: float = 0.0
 ) -> None:  # fmt: skip
     """Draw the line along which a function (y, x) has a level, with a white rim [points]."""
     lines = axes.contour(xs, ys, grid, levels=[level], colors=[colour], linewidths=width)

@@ -1,7 +1,7 @@
 """Limits of a run predicted before any step: a law a function, and the precheck against them all.
 
 A law is the first line of its function's docstring, from which docs/extremes.md and the legends of
-`robotball extremes` have it; the words above the function are what a user is warned of.
+`robotball study extremes` have it; the words above the function are what a user is warned of.
 
 The laws are of the time step (what an integrator makes of rotations, springs, dampers and servos),
 of the contact (friction, softness, and what numbers can hold) and of the hinges (the part of its

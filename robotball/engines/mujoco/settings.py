@@ -462,7 +462,7 @@ def settings_from(plain: Mapping[str, Any]) -> Settings:
         raise InputError(f"these are no settings of a run: {error}") from None
 
 
-# docs/tradeoff.md has the worth of each choice.
+# docs/cost.md has the worth of each choice.
 VARYING: dict[str, Any] = {
     # An off-centre mass couples the normal row with friction: PGS is off by up to 1e-1 after three
     # iterations, without a warning, and right after a hundred. Newton needs three, and ten cost a

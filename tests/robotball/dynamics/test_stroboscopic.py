@@ -223,7 +223,7 @@ def test_a_resonance_that_softens_folds_where_its_swing_in_a_plane_does() -> Non
 
 
 def test_the_folds_on_the_page_are_those_of_the_tilts() -> None:
-    """Of `shaken_ball`, about y and x: to the digits that `robotball continue` prints."""
+    """Of `shaken_ball`, about y and x: to the digits that `robotball dynamics branches` prints."""
     inertia = rb.load_scene("shaken_ball").ball.frame.inertia
     for axis, folded in ((1, 0.8269691), (0, 0.8358581)):
         top = minimize_scalar(

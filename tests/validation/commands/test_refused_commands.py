@@ -8,28 +8,32 @@ import pytest
 
 from tests.conftest import Robotball
 from tests.messages import unnamed
-from validation.cli import COMMANDS
+from tests.validation.examples import COMMANDS
 
 LONG = "n" * 256
 LATER = "constant 'robotball~compare~wobbling_drive'"
-AT_REST = "fig06 M 'robotball~equilibria~fig06'"
+AT_REST = "fig06 M 'robotball~dynamics~equilibria~fig06'"
 # Of every command one.
 MISTYPED = {
     "--json": (
         "--jsn",
-        "check judge section lyapunov basins equilibria continue",
+        "check,judge,dynamics section,dynamics exponents,dynamics basins,dynamics equilibria,"
+        "dynamics branches",
     ),
-    "--preset": ("--presett", "compare report fit video view steer convergence chart"),
+    "--preset": (
+        "--presett",
+        "compare,report,fit,video,view,steer,study convergence,dynamics chart",
+    ),
     "--keep-going": ("--keepgoing", "compare"),
     "--no-plots": ("--no-plot", "compare"),
-    "--out": ("--outt", "demo design ablation tradeoff extremes"),
-    "--duration": ("--durration", "engines export"),
+    "--out": ("--outt", "demo,design,study ablation,study cost,study extremes"),
+    "--duration": ("--durration", "engines,export"),
     "--help": ("--hlep", "scenes"),
 }
 EVERY = {
-    f"{name} {mistyped}": f"{name} '{mistyped}' {meant}"
+    f"{name} {mistyped}": f"{mistyped} {meant}"
     for meant, (mistyped, names) in MISTYPED.items()
-    for name in names.split()
+    for name in names.split(",")
 }
 REFUSED = {
     # names, options and their values
@@ -40,42 +44,48 @@ REFUSED = {
     "hlp": "'hlp' help",
     "compair fig12": "'compair' compare",
     "compare": "compare scene",
-    "check": "check FILE help",
-    "continue fig07 --over K3": "--of --from --to help",
+    "check": "check FILE --help",
+    "dynamics branches fig07 --over K3=0:1": "--of --help",
+    "study": "robotball~study~--help",
+    "check a.xml b.xml": "check 'b.xml' --help",
+    "study sweep": "'sweep' ablation convergence cost extremes",
     "compare fig112": "fig112 fig12",
     "judge fig112 a.csv": "fig112 fig12",
     "compare fig12 --preset balancd": "preset 'balancd' balanced",
     "compare fig12 fast": "'fast' preset --preset~fast",
-    "compare fig12 --preset naive fast": ("fast names option"),
+    "compare fig12 --preset naive fast": "'fast' --preset~naive,fast",
     "compare fig12 --preset": "--preset value",
     "video fig12 --camera hand": ("--camera follow above whole hand"),
-    "section fig12 --at 1": "'--at' --help --starts --count --skip --g --preset",
-    "convergence fig12 --workers 1": "'--workers' --help --without --duration",
-    "compare fig12 --durration 1": "compare '--durration' --duration",
-    "demo --rubbish=3": "demo '--rubbish' --help --out",
+    "dynamics section fig12 --xyz 1": "--xyz robotball~dynamics~section~--help",
+    "study convergence fig12 --workers 1": "--workers",
+    "compare fig12 --durration 1": "--durration --duration",
+    "demo --rubbish=3": "--rubbish robotball~demo~--help",
+    "export fig12 --to a": "--to --out",
+    "export fig12 --preset fst": '"fst" --preset naive fast balanced accurate adaptive',
+    "compare fig12 --json --csv a.csv": '"--csv" --json standard~output',
     **EVERY,
-    "compare fig12 --duration 1 --duration 2": "--duration 2",
-    "steer fig12 --preset=fast --preset naive": "--preset 2",
+    "compare fig12 --duration 1 --duration 2": "--duration",
+    "steer fig12 --preset=fast --preset naive": "--preset",
     **{
         f"{each} fig12 --preset fast --accuracy 1e-6": "settings accuracy"
         for each in ("compare", "video")
     },
     "engines fig12 --only mujoco-3.17": ("MuJoCo engines --install mujoco-3.17"),
-    "extremes zzzz": "map 'zzzz' momentum frame",
-    "continue fig06 --of cycle --over K4 --from 0 --to 1": "number 'K4' K",
-    "continue fig06 --of cycle --over K3 --from 1 --to 0": "--from 1 --to 0",
-    "continue fig06 --of cycle --over K3 --from 1 --to inf": "--from~1 --to~inf",
-    "continue fig06 --of line --over f --from 1 --to 2": "fig06 rest lines",
-    "section shaken_ball --starts 3": "rest starts M²",
-    "continue fig12 --of equilibrium --over f --from 1 --to 2": "M~=~0 f c",
-    "continue fig12 --of line --over f --from 1 --to 2 --longest -3": "longest -3~s",
-    "continue fig12 --of line --over f --from 1 --to 2 --preset fast": "--preset cycles",
-    "continue fig06 --of cycle --over K3 --from 0.1 --to 0.2": "cycle K3",
-    "continue chaplygin_ball --of line --over K3 --from 0 --to 1": "Omega~=~0",
-    "continue fig06 --of cycle --over f --from 1 --to 2": "start c",
-    "continue wobbling_drive --of cycle --over K3 --from 0 --to 1": "number 'K3'",
-    "continue wobbling_drive --of line --over K3 --from 0 --to 1": LATER,
-    "continue beaver_ball --of cycle --over frequency --from 1 --to 2": "beaver_ball turns period",
+    "study extremes zzzz": "map 'zzzz' momentum frame",
+    "dynamics branches fig06 --of cycle --over K4=0:1": "number 'K4' K",
+    "dynamics branches fig06 --of cycle --over K3=1:0": "--over FROM TO 'K3=1:0'",
+    "dynamics branches fig06 --of cycle --over K3=1:inf": "--over NAME=FROM:TO 'K3=1:inf'",
+    "dynamics branches fig06 --of line --over f=1:2": "fig06 rest lines",
+    "dynamics section shaken_ball --starts 3": "rest starts M²",
+    "dynamics branches fig12 --of equilibrium --over f=1:2": "M~=~0 f c",
+    "dynamics branches fig12 --of line --over f=1:2 --longest -3": "longest -3~s",
+    "dynamics branches fig12 --of line --over f=1:2 --preset fast": "--preset cycles",
+    "dynamics branches fig06 --of cycle --over K3=0.1:0.2": "cycle K3",
+    "dynamics branches chaplygin_ball --of line --over K3=0:1": "Omega~=~0",
+    "dynamics branches fig06 --of cycle --over f=1:2": "start c",
+    "dynamics branches wobbling_drive --of cycle --over K3=0:1": "number 'K3'",
+    "dynamics branches wobbling_drive --of line --over K3=0:1": LATER,
+    "dynamics branches beaver_ball --of cycle --over frequency=1:2": "beaver_ball turns period",
     # numbers
     "compare fig12 --seed 1": "--seed --cluster --device --starts",
     "compare fig12 --starts 2 --device cuda": "MuJoCo device",
@@ -86,38 +96,46 @@ REFUSED = {
     "compare fig12 --starts 1.5": "--starts whole '1.5'",
     "compare fig12 --duration 0": "duration 0~s",
     "compare fig12 --duration nan": "duration nan~s",
-    "tradeoff fig12 --duration 0": "duration 0~s",
+    "study cost fig12 --duration 0": "duration 0~s",
     "export fig12 --duration 0": "duration 0~s",
-    "lyapunov fig12 --duration -1": "duration transient positive",
-    "basins fig12 --threads 0": "threads 1 0",
-    "basins fig12 --starts 1": "starts 2 1",
-    "lyapunov fig12 --starts 0": "starts 1 0",
-    "section fig12 --count 0": "count 1 0",
+    "dynamics exponents fig12 --duration -1": "duration transient positive",
+    "dynamics basins fig12 --threads 0": "threads 1 0",
+    "dynamics basins fig12 --starts 1": "starts 2 1",
+    "dynamics exponents fig12 --starts 0": "starts 1 0",
+    "dynamics section fig12 --count 0": "count 1 0",
     "judge fig12 right.csv --timestep soon": "timestep 'soon'",
     "judge fig12 right.csv --timestep 0": "timestep 0~s",
     "judge fig12 right.csv --timestep 0.1,0.2": "timestep 1 2",
     "judge fig12 right.csv --tolerance -1": "tolerance -1",
     "steer three_rotors --through '1,0 1'": "'1,0~1'",
-    "chart fig14 --over Kay=0:1": "'Kay' 16 K1 K2 K3 Omega1",
-    "chart fig14 --over K=0:1,Omega": "NAME=FROM:TO 'Omega'",
-    "chart fig14 --over K=2:2": "NAME=FROM:TO 'K=2:2'",
-    "chart fig14 --over K=0:1,K=1:2": "two 'K=0:1,K=1:2'",
-    "chart fig14 --over K=0:1,Omega=0:1 --follow": "number --over",
-    "chart fig14 --over c=0:2": "c~is~0 (3.1) 2 f",
-    "chart classical_chaotic --over f=1:8 --quick": "(M,~γ) 3 M² 8",
-    "chart chaplygin_ball --over Omega=0:1": "Omega zero",
-    "chart fig14 --over K=0:1 --duration 0": "duration 0~s",
+    "dynamics chart fig14 --over Kay=0:1": "'Kay' 16 K1 K2 K3 Omega1",
+    "dynamics chart fig14 --over K=0:1,Omega": "NAME=FROM:TO 'Omega'",
+    "dynamics chart fig14 --over K=2:2": "NAME=FROM:TO 'K=2:2'",
+    "dynamics chart fig14 --over K=0:1,K=1:2": "two 'K=0:1,K=1:2'",
+    "dynamics chart fig14 --over K=0:1,Omega=0:1 --follow": "number --over",
+    "dynamics chart fig14 --over c=0:2": "c~is~0 (3.1) 2 f",
+    "dynamics chart classical_chaotic --over f=1:8 --quick": "(M,~γ) 3 M² 8",
+    "dynamics chart chaplygin_ball --over Omega=0:1": "Omega zero",
+    "dynamics chart fig14 --over K=0:1 --duration 0": "duration 0~s",
     # scenes that a command is not for, each answered by a command that is
     "design fig12 --rotor-speed 0.01": "rotor 0.01~rad/s",
-    "section fig12 --preset naive --count 2": "MuJoCo t~=~0.001…~s",
-    **{f"{each} wobbling_drive": LATER for each in ("equilibria", "basins")},
-    "lyapunov pendulum_robot": "motor state",
-    "section wobbling_drive --g 1": "section phase g",
+    "dynamics section fig12 --preset naive --count 2": "MuJoCo t~=~0.001…~s",
+    **{f"{each} wobbling_drive": LATER for each in ("dynamics equilibria", "dynamics basins")},
+    "dynamics exponents pendulum_robot": "motor state",
+    "dynamics section wobbling_drive --g 1": "section phase g",
     **{
-        f"{each} fig06": AT_REST for each in ("section", "lyapunov", "basins", "chart --over K=0:1")
+        f"{each} fig06": AT_REST
+        for each in (
+            "dynamics section",
+            "dynamics exponents",
+            "dynamics basins",
+            "dynamics chart --over K=0:1",
+        )
     },
-    "basins chaplygin_ball": "turn 'robotball~section~chaplygin_ball'",
-    "equilibria rubber_chaplygin_ball": ("rests 'robotball~section~rubber_chaplygin_ball'"),
+    "dynamics basins chaplygin_ball": "turn 'robotball~dynamics~section~chaplygin_ball'",
+    "dynamics equilibria rubber_chaplygin_ball": (
+        "rests 'robotball~dynamics~section~rubber_chaplygin_ball'"
+    ),
     # files to read
     **{
         f"{each} pendulum_robot --controller {given}": facts
@@ -152,20 +170,20 @@ REFUSED = {
     "compare fig12 --json /dev/null/x/a.json": "/dev/null/x",
     **{
         f"{each} --json /dev/null/x/a.json": "/dev/null/x"
-        for each in ("lyapunov fig12", "ablation fig12", "extremes")
+        for each in ("dynamics exponents fig12", "study ablation fig12", "study extremes")
     },
     "compare fig12 --json .": ". folder",
-    "export fig12 --to a.csv": "a.csv",
+    "export fig12 --out a.csv": "a.csv",
     f"compare fig12 --json {LONG}": "File~name~too~long",
-    "tradeoff fig12 --quick --out t": "t/fig12-tradeoff.jsonl",
+    "study cost fig12 --quick --out t": "t/fig12-cost.jsonl",
     "compare fig12 --json - --csv -": "standard~output one",
-    "compare fig12 --out -": "output~folder",
+    "compare fig12 --out=-": "output~folder",
 }
 
 # What the catalogue of messages leaves out: one message again, a slow one and the system's own.
 UNLISTED = {
     *EVERY,
-    "continue fig06 --of cycle --over K3 --from 0.1 --to 0.2",
+    "dynamics branches fig06 --of cycle --over K3=0.1:0.2",
     f"compare {LONG}.toml",
     f"compare fig12 --json {LONG}",
 }
@@ -205,7 +223,7 @@ FILES = {
 
 def test_an_option_of_every_command_is_mistyped() -> None:
     """Once at least."""
-    assert {name for _, names in MISTYPED.values() for name in names.split()} == {*COMMANDS}
+    assert {name for _, names in MISTYPED.values() for name in names.split(",")} == {*COMMANDS}
 
 
 def refusal(robotball: Robotball, folder: Path, arguments: str) -> str:
@@ -215,7 +233,7 @@ def refusal(robotball: Robotball, folder: Path, arguments: str) -> str:
     """
     for name, text in FILES.items():
         (folder / name).write_text(text)
-    (folder / "t" / "fig12-tradeoff.jsonl").mkdir(parents=True, exist_ok=True)  # a study's record
+    (folder / "t" / "fig12-cost.jsonl").mkdir(parents=True, exist_ok=True)  # a study's record
     before = sorted(folder.rglob("*"))
     status, out, err = robotball(*shlex.split(arguments))
     assert (status, out) == (2, "")

@@ -104,7 +104,7 @@ def test_undoing_a_choice_by_a_wrong_name_says_which_there_are() -> None:
 
 def test_the_command_writes_table_picture_and_records(robotball: Robotball, tmp_path: Path) -> None:
     """`ablation --quick`: both tables on the terminal; JSON and a picture on disk."""
-    arguments = ["ablation", "fig12", "--quick", "--duration", "0.3", "--out", "."]
+    arguments = ["study", "ablation", "fig12", "--quick", "--duration", "0.3", "--out", "."]
     status, printed, _ = robotball(*arguments, "--json", "a.json")
     assert status == 0
     assert all(f"{sign} {name}" in printed for name in NAMES for sign in "+-")

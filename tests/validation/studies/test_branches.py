@@ -1,6 +1,5 @@
 """Pictures of branches, and what is written while they are followed."""
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,8 @@ from robotball.dynamics import motion_branches
 from robotball.dynamics.continuation import DRIFT, FOLD, UNFINISHED, Branch, Point, Watch
 from tests.messages import unnamed
 from validation.studies import branches
-from validation.studies.branches import Continue, _branch_picture
+from validation.studies.branches import _branch_picture, follow_branches
+from validation.study import Study
 
 
 def test_a_branch_of_one_point_is_drawn() -> None:
@@ -52,11 +52,12 @@ def test_a_result_is_written_as_a_branch_grows(
     seen: list[tuple[int, bool]] = []
     done: list[float] = []
 
-    def kept(study: Any, *paths: Any) -> list[Path]:
+    def kept(study: Study) -> Path:
+        assert study.record is not None
         seen.append((len(study.rows), any(UNFINISHED in each for each in study.record["ends"])))
         if len(seen) == 40:
             raise KeyboardInterrupt
-        return [tmp_path]
+        return tmp_path
 
     class Bar:
         def __enter__(self) -> Any:
@@ -67,11 +68,9 @@ def test_a_result_is_written_as_a_branch_grows(
 
     monkeypatch.setattr(branches, "progress_bar", lambda total: Bar())
     monkeypatch.setattr(branches, "_branch_picture", lambda *of: None)
-    monkeypatch.setattr(branches, "write", kept)
     monkeypatch.setattr(branches, "_WRITE_EVERY", 0.0)
-    run = Continue("fig07", "equilibrium", "K3", 2.0, 2.5, out=tmp_path)
     with pytest.raises(KeyboardInterrupt):
-        run.run()
+        follow_branches("fig07", "equilibrium", "K3=2:2.5", None, None, kept)
     counts, unfinished = zip(*seen, strict=True)
     assert all(unfinished[:10])
     assert np.all(np.diff(counts[:39]) >= 0)
@@ -99,10 +98,15 @@ def test_an_engine_repeats_motions_of_a_driven_branch(
         yield Branch(tuple(points), ("begins", "ends"))
 
     monkeypatch.setattr(branches, "swinging", planted)
-    record = tmp_path / "a.json"
-    options: Any = {"preset": "balanced", "longest": 2.5, "out": tmp_path, "json": record}
-    assert Continue("shaken_ball", "cycle", "frequency", 0.78, 0.84, **options).run() == 0
-    on, beside = (row["apart"] for row in json.loads(record.read_text())["repeated"])
+    saved: list[Study] = []
+
+    def save(study: Study) -> Path:
+        saved.append(study)
+        return tmp_path
+
+    follow_branches("shaken_ball", "cycle", "frequency=0.78:0.84", 2.5, "balanced", save)
+    assert saved[-1].record is not None
+    on, beside = (row["apart"] for row in saved[-1].record["repeated"])
     assert on < 1e-8  # measured 2.3e-9, of the steps
     assert beside > 1e-3  # measured 3.8e-3
     printed = " ".join(capsys.readouterr().out.split())
@@ -121,6 +125,6 @@ def test_a_branch_that_ends_at_zero_is_said_to(
             yield Branch((point,), ("closes", "closes"))
 
     monkeypatch.setattr(motion_branches, "resting", planted)
-    assert Continue("fig07", "equilibrium", "K3", -1.0, 1.0, out=tmp_path).run() == 0
+    follow_branches("fig07", "equilibrium", "K3=-1:1", None, None, lambda _: tmp_path)
     rows = [line.split() for line in capsys.readouterr().out.splitlines() if "closes" in line]
     assert [row[2] for row in rows] == ["0", "0", "2e-05", "2e-05"]

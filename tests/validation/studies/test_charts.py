@@ -24,7 +24,7 @@ from tests.conftest import Robotball
 from tests.messages import naming
 from validation.options import Sweep
 from validation.studies import charts
-from validation.studies.charts import Chart, measure, measure_contact, refined, word_of
+from validation.studies.charts import chart_study, measure, measure_contact, refined, word_of
 from validation.sweeps import Result
 
 TIMES = (4.0, 7.0)  # s, over which λ₁ is compared
@@ -167,7 +167,9 @@ def test_mujoco_repeats_a_point_of_a_chart(scene: str) -> None:
 
 def test_a_chart_goes_on_where_it_was_ended(robotball: Robotball, tmp_path: Path) -> None:
     """Half of its journal is lost: the next run makes the same table, and a picture."""
-    command = "chart classical_chaotic --over f=1:30,c=0:4 --count 30 --duration 300 --quick"
+    command = (
+        "dynamics chart classical_chaotic --over f=1:30,c=0:4 --points 30 --duration 300 --quick"
+    )
     status, out, _ = robotball(*command.split(), "--workers", 1, "--json", "a.json")
     assert status == 0
     record = json.loads((tmp_path / "a.json").read_text())
@@ -200,12 +202,12 @@ def test_cells_without_a_result_are_said_with_a_reason(
 
     monkeypatch.setattr(Sweep, "results", results)
     monkeypatch.setattr(charts, "_CHUNK", 1)
-    times: Any = {"duration": 20.0, "transient": 10.0, "sweep": Sweep(out=tmp_path)}
-    chart = Chart("fig14", "K=2:4", count=3, refine=0, **times)
+    sweep = Sweep(out=tmp_path)
+    options: Any = "fig14", "K=2:4", sweep, 3, 0, False, 20.0, 10.0, None
     with pytest.raises(rb.InputError, match=naming("[3]~s")):
-        chart.run()
+        chart_study(*options)
     lost[:] = [1]
-    assert chart.run() == 0
+    assert sweep.present(chart_study(*options)) == 0
     printed = capsys.readouterr().out
     assert "motions: 2, " in printed
     assert "[3] s" in printed

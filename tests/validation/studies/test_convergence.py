@@ -121,7 +121,7 @@ def test_a_model_that_always_breaks_off_has_no_limit(monkeypatch: pytest.MonkeyP
 
 def test_the_command_writes_table_picture_and_records(robotball: Robotball, tmp_path: Path) -> None:
     """`convergence --quick`: orders on the terminal; JSON and a picture on disk."""
-    arguments = [*example("convergence").split(), "--duration", "0.3"]
+    arguments = [*example("study convergence").split(), "--duration", "0.3"]
     status, printed, _ = robotball(*arguments, "--out", ".", "--json", "a.json")
     assert status == 0
     assert "fig12, accurate - softness - noslip: " in printed

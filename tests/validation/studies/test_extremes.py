@@ -163,7 +163,7 @@ def test_the_command_draws_a_map(
 ) -> None:
     """A picture, the table of its cells and the summary."""
     monkeypatch.setattr("validation.studies.extremes.QUICK", Cut(("RK4",), 2))
-    arguments = ["extremes", "torsion", "--quick", "--workers", 1, "--out", "."]
+    arguments = ["study", "extremes", "torsion", "--quick", "--workers", 1, "--out", "."]
     status, printed, _ = robotball(*arguments, "--json", "summary.json")
     assert status == 0
     assert "sliding_friction" in printed

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import robotball as rb
-from bench.gallery import numbers_of_tradeoff
+from bench.gallery import numbers_of_cost
 from bench.parts import parts_of, rows_of, split
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
@@ -24,18 +24,18 @@ from tests.conftest import Robotball
 from tests.messages import unnamed
 from tests.validation.examples import example
 from validation.studies import timing
-from validation.studies.timing import Cost, measure_costs, simulated_second
-from validation.studies.tradeoff import (
+from validation.studies.cost import (
     TARGET,
     cells_of,
     configurations,
+    costs_of,
     describe,
     first_order_lines,
     measure_settings,
     options_of,
     settings_with,
-    tradeoff_of,
 )
+from validation.studies.timing import Cost, measure_costs, simulated_second
 from validation.study import Row, pareto_front, scene_cell
 from validation.sweeps import Result
 
@@ -113,7 +113,7 @@ def test_no_result_is_on_the_front() -> None:
         {},
     )
     results = [Result(dict(cell), {**good, **other}, None) for other in others]
-    study = tradeoff_of(FIG12, results)
+    study = costs_of(FIG12, results)
     assert [each["error"] for each in study["pareto_front"]] == [1e-3]
 
 
@@ -125,7 +125,7 @@ def test_a_configuration_is_measured_by_its_cell_alone() -> None:
     naive, balanced, lost = cells_of(scene_cell("fig12", 0.5), configurations()[:5:2], 1)
     results = [Result(dict(c), dict(measure_settings(c)), None) for c in (naive, balanced)]
     results.append(Result(dict(lost), None, "took longer than 60 s"))
-    study = json.loads(json.dumps(tradeoff_of(FIG12, results), allow_nan=False))
+    study = json.loads(json.dumps(costs_of(FIG12, results), allow_nan=False))
     slipped, sound, failed = study["configurations"]
     assert (slipped["title"], sound["title"]) == ("naive", "balanced")
     assert study["pareto_front"] == [sound]
@@ -169,19 +169,19 @@ def test_each_part_is_in_its_variant_alone(name: str) -> None:
 def test_the_quick_study_writes_its_files(robotball: Robotball, tmp_path: Path) -> None:
     """A picture, a table and the data; started again, nothing is run again."""
     options = "--duration 0.5 --workers 1 --json a.json"
-    arguments = [*example("tradeoff").split(), *options.split()]
+    arguments = [*example("study cost").split(), *options.split()]
     status, shown, _ = robotball(*arguments)
     assert status == 0
     assert "Pareto front" in shown
     assert "times as much" in shown
-    stem = "fig12-mujoco-tradeoff-0.5s-quick"
-    names = [*(f"{stem}{kind}" for kind in (".png", ".json", ".csv")), "fig12-tradeoff.jsonl"]
+    stem = "fig12-mujoco-cost-0.5s-quick"
+    names = [*(f"{stem}{kind}" for kind in (".png", ".json", ".csv")), "fig12-cost.jsonl"]
     files = [tmp_path / "out" / name for name in names]
     assert sorted((tmp_path / "out").iterdir()) == sorted(files)
     written = json.loads(files[1].read_text())
     count = len(configurations(quick=True))
     assert len(written["configurations"]) == count
-    numbers = numbers_of_tradeoff(written)
+    numbers = numbers_of_cost(written)
     assert numbers["configurations"] == count > numbers["no_result"] >= numbers["servos"] == 6
     assert numbers["servos_off_their_rates"] == numbers["servos"]
     assert 1e-4 < numbers["best_of_first_order"] < 1e-1

@@ -9,7 +9,7 @@ import logging
 import math
 import random
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import fields, replace
 from itertools import chain, product
 from operator import itemgetter
 from typing import Any
@@ -38,10 +38,9 @@ from robotball.robot.motors import Servo
 from robotball.view.lines import PRESET_LOOKS
 
 from ..agreement import Agreement
-from ..options import Controls, Duration, SceneName, Sweep, SweepOptions, seconds_of
+from ..options import Sweep
 from ..output import known, scientific
 from ..plots import note
-from ..results import changed, controlled
 from ..study import (
     CANCELLED,
     Column,
@@ -50,7 +49,6 @@ from ..study import (
     cost_axes,
     pareto_front,
     reference,
-    scene_cell,
     table_of,
 )
 from ..sweeps import Cell, Result, rows_of
@@ -319,7 +317,7 @@ def first_order_lines(configurations: Sequence[Row]) -> list[dict[str, Any]]:
     return lines
 
 
-def tradeoff_of(scene: Scene, results: Sequence[Result]) -> dict[str, Any]:
+def costs_of(scene: Scene, results: Sequence[Result]) -> dict[str, Any]:
     """Return the comparison that the results of `measure_settings` make, as plain data.
 
     baseline: processor time of the bare loop's simulated second [s], by which costs are seconds;
@@ -357,15 +355,15 @@ _WILD = 1e3  # a path error from where on a run is not drawn
 _ABOVE = ("adaptive",)  # its place is the left end of the front
 
 
-def _tradeoff_study(scene: Scene, results: Sequence[Result]) -> Study:
+def _cost_study(scene: Scene, results: Sequence[Result]) -> Study:
     """Return the study of the results: the front, the presets, and the ratio."""
-    study = tradeoff_of(scene, results)
+    study = costs_of(scene, results)
     every = study["configurations"]
     failed = sum(not each["sound"] for each in every)
     presets = sorted((each for each in every if each["preset"]), key=itemgetter("title"))
     counts = f"{scene.name}: {len(every)} configurations, {failed} no result"
     return Study(
-        scene.name, LABEL, ["tradeoff"], rows_of(results), study,
+        scene.name, LABEL, ["cost"], rows_of(results), study,
         shown=(
             f"[bold]{escape(counts)}[/]",
             "The Pareto front: nothing is both cheaper and better.",
@@ -375,7 +373,7 @@ def _tradeoff_study(scene: Scene, results: Sequence[Result]) -> Study:
             _NOTE,
             escape(_verdict(study)),
         ),
-        picture=_tradeoff_picture(study),
+        picture=_cost_picture(study),
     )  # fmt: skip
 
 
@@ -412,7 +410,7 @@ _COLUMNS = (
 )
 
 
-def _tradeoff_picture(study: Row) -> Figure:
+def _cost_picture(study: Row) -> Figure:
     """Draw all configurations with an error, the front, the presets, and first order prolonged."""
     name, every = study["scene"], study["configurations"]
     words, of = f"no error below {TARGET:g}", f"of {len(every)} configurations"
@@ -491,24 +489,8 @@ def _name(axes: Axes, name: str, place: tuple[float, float]) -> None:
     note(axes, name, place, by, ha="center", va=va, color=INK, zorder=5, bbox=box)
 
 
-@dataclass(frozen=True)
-class Tradeoff:
-    """Measure what accuracy costs: error against processor time, and the Pareto front.
-
-    Example: robotball tradeoff fig12 --quick
-    """
-
-    scene: SceneName
-    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
-    control: Controls = ()
-    duration: Duration = None
-    """Simulated time; the scene's own if not given."""
-    sweep: SweepOptions = field(default_factory=Sweep)
-
-    def run(self) -> int:
-        scene, quick = controlled(self.scene, self.control), self.sweep.quick
-        scene = replace(scene, duration=seconds_of(self.duration, quick, scene))
-        shared = scene_cell(self.scene, scene.duration, self.control)
-        cells = cells_of(shared, configurations(quick), 2 if quick else _ROUNDS)
-        results = self.sweep.results(measure_settings, cells, f"{scene.name}-tradeoff", _LIMIT)
-        return self.sweep.present(_tradeoff_study(scene, results), *changed(self, "duration"))
+def cost_study(scene: Scene, shared: Cell, sweep: Sweep) -> Study:
+    """Sweep the configurations of a scene; shared: the part of their cells that is alike."""
+    cells = cells_of(shared, configurations(sweep.quick), 2 if sweep.quick else _ROUNDS)
+    results = sweep.results(measure_settings, cells, f"{scene.name}-cost", _LIMIT)
+    return _cost_study(scene, results)

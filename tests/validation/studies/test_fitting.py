@@ -15,7 +15,7 @@ from tests.conftest import Robotball
 from tests.messages import unnamed
 from tests.robotball.fit.test_fitting import NOISE, log, off
 from tests.validation.json_keys import misfits
-from validation.commands import fitting
+from validation.studies import fitting
 
 
 def written(found: rb.Log, path: Path) -> None:

@@ -1,0 +1,199 @@
+"""Fixed points, limit cycles and straight-line motions of a scene, as a list and a picture."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.table import Table
+
+from robotball import InputError, Scene
+from robotball.dynamics.cycles import Cycle
+from robotball.dynamics.equilibria import (
+    ContactPath,
+    FixedCircle,
+    FixedPoint,
+    contact_path,
+    fixed_circle,
+    fixed_points,
+    index_sum,
+    name_of,
+)
+from robotball.dynamics.portraits import limit_cycles
+from robotball.dynamics.straight_motions import (
+    StraightMotion,
+    name_of_line,
+    stability_limit,
+    straight_motion,
+    straight_motions,
+)
+from robotball.rotations import Array, ComplexArray, rotation_matrix
+
+from ..output import progress_bar
+from ..portrait import portrait
+from ..study import Study
+from .contact_sections import level_starts, steady_scene
+
+_ROUNDING = 1e-7  # 1/s, of an eigenvalue, which may be a double one
+_NEARLY_STRAIGHT = 1e9  # radii of the ball: beyond, what bends a path is rounding
+_Point = tuple[str, FixedPoint, ContactPath]
+_Cells = tuple[str, str, str, str]
+
+
+def _point_cells(point: _Point, a: float) -> _Cells:
+    """Return a fixed point of a ball of radius a [m] as a row of the table."""
+    name, fixed, path = point
+    if path.speed < a * max(abs(path.turning), 1.0) / _NEARLY_STRAIGHT:
+        words = "spins on the spot" if path.turning else "at rest"
+    else:
+        straight = path.radius > _NEARLY_STRAIGHT * a
+        words = "straight line" if straight else f"circle of {path.radius:.4g} m"
+    return (
+        name or "fixed",
+        _join(fixed.gamma),
+        _join(fixed.eigenvalues),
+        f"{fixed.kind},\n{words}",
+    )
+
+
+def _half_circle_cells(circle: FixedCircle, name: str, first: float, word: str) -> _Cells:
+    """Return half of the circle of fixed points, from an angle [rad] on, as a row of the table."""
+    last = first + np.pi / 2
+    ends = circle.at(np.array([first, last]))
+    # The eigenvalue across varies along the circle, and is 0 at its ends, where the halves meet.
+    rates = circle.rate(circle.at(np.linspace(first, last, 400)))
+    fastest = rates[np.argmax(np.abs(rates))]
+    span = f"± from {_join(ends[0])}\nto {_join(ends[1])}"
+    return name, span, f"0, and 0 to {fastest:.4g}", f"{word},\nstraight line"
+
+
+def _cycle_cells(cycle: Cycle) -> _Cells:
+    return (
+        "cycle",
+        _join(cycle.gamma),
+        _join(cycle.multipliers),
+        f"period {cycle.period:.7f} s",
+    )
+
+
+def _straight_cells(line: StraightMotion, name: str) -> _Cells:
+    # Where the largest real part is zero, the eigenvalues decide nothing.
+    rate = line.eigenvalues.real.max()
+    kind = "neutral" if abs(rate) < _ROUNDING else "stable" if rate < 0 else "unstable"
+    words = f"{kind},\n{'straight line' if line.speed else 'at rest'}"
+    return name or "straight", _join(line.gamma), _join(line.eigenvalues), words
+
+
+def _join(values: Array | ComplexArray) -> str:
+    """Return numbers side by side, without rounding errors; conjugate ones as a ± bi."""
+    # Adding 0.0 makes a zero of -0.0.
+    rounded = np.round(values, 12) + 0.0
+    if np.isrealobj(rounded) or not np.any(rounded.imag):
+        return ", ".join(f"{x:.5g}" for x in rounded.real)
+    # Complex eigenvalues of a real matrix come in pairs: one of each with its ± says both.
+    above = [z for z in rounded if z.imag >= 0]
+    return ", ".join(f"{z.real:.4g} ± {z.imag:.4g}i" if z.imag else f"{z.real:.4g}" for z in above)
+
+
+def _found_record(
+    points: Sequence[_Point],
+    circle: FixedCircle | None,
+    cycles: Sequence[Cycle],
+    lines: Sequence[tuple[StraightMotion, str]],
+) -> dict[str, Any]:
+    """Return all that was found as plain data."""
+    return {
+        "fixed_points": [
+            {
+                "name": name,
+                **_lists(point, "gamma", "eigenvalues", "kind"),
+                "contact_speed": path.speed,
+                "contact_turning": path.turning,
+            }
+            for name, point, path in points
+        ],
+        "fixed_circle": circle and _lists(circle, "axes", "index"),
+        "limit_cycles": [_lists(cycle, "gamma", "period", "multipliers") for cycle in cycles],
+        "straight_motions": [
+            {"name": name, **_lists(line, "gamma", "eigenvalues", "speed")} for line, name in lines
+        ],
+    }
+
+
+def _lists(found: object, *names: str) -> dict[str, Any]:
+    """Return fields as plain data: arrays as lists, complex numbers as [real, imaginary]."""
+    plain = {name: getattr(found, name) for name in names}
+    for name, value in plain.items():
+        if name in ("eigenvalues", "multipliers"):
+            plain[name] = [[float(z.real), float(z.imag)] for z in value]
+        elif isinstance(value, np.ndarray):
+            plain[name] = value.tolist()
+    return plain
+
+
+def equilibria_study(name: str, longest: float) -> Study:
+    """List and draw a scene's equilibria, and limit cycles with periods up to `longest` [s]."""
+    scene = steady_scene(name, "an equilibrium")
+    if scene.rolling == "classical":
+        return _classical(scene)
+    # Then (4.1) is zero everywhere, and a list of fixed points would be the whole sphere.
+    if not np.any([scene.parameters.Omega, scene.parameters.K]):
+        raise InputError(
+            f"{scene.name}: nothing turns inside (Ω = 0, K = 0), so from rest the ball rests "
+            f"at every γ; 'robotball dynamics section {name}' shows how it rolls"
+        )
+    return _rubber(scene, longest)
+
+
+def _classical(scene: Scene) -> Study:
+    """List the scene's own straight motion: a classical ball has one at every γ."""
+    gamma = rotation_matrix(level_starts(scene, 1, 0)[0])[0, 2]
+    line = straight_motion(scene.parameters, gamma)
+    table = Table("", "γ", "eigenvalues [1/s]", "", box=box.SIMPLE_HEAD)
+    table.add_row(*_straight_cells(line, ""))
+    momentum = f"M = ({_join(line.momentum)}) kg m²/s; γ in principal axes:"
+    above = "A classical ball can roll straight on at any γ; at the scene's own, with"
+    record = {"scene": scene.name, **_found_record((), None, (), ((line, ""),))}
+    return Study(scene.name, None, ["equilibria"], (), record, [above, momentum, table])
+
+
+def _rubber(scene: Scene, longest: float) -> Study:
+    ball, f = scene.parameters, float(scene.start.momentum @ scene.start.momentum)
+    with progress_bar(3) as progress:
+        progress(0, f"{scene.name}: fixed points")
+        points, circle = fixed_points(ball), fixed_circle(ball)
+        points.sort(key=lambda point: name_of(ball, point.gamma))
+        # From rest with M = 0 a straight line is a fixed point already; with Ω = 0 the ball
+        # does not move on it.
+        motions = straight_motions(ball, f) if f > 0 and np.any(ball.Omega) else []
+        lines = [(line, name_of_line(ball, line.gamma)) for line in motions]
+        progress(1, f"{scene.name}: limit cycles")
+        cycles = limit_cycles(ball, longest) if longest > 0 else []
+        progress(2, f"{scene.name}: picture")
+        picture = portrait(scene.title, ball, points, circle, cycles)
+    known = [(name_of(ball, p.gamma), p, contact_path(ball, p.gamma)) for p in points]
+    table = Table("", "γ", "eigenvalues [1/s] or multiplier", "", box=box.SIMPLE_HEAD)
+    rows = [_point_cells(point, ball.a) for point in known]
+    if circle is not None:
+        rows.append(_half_circle_cells(circle, "Σ_s", 0.0, "attracts"))
+        rows.append(_half_circle_cells(circle, "Σ_u", np.pi / 2, "repels"))
+    rows += [*map(_cycle_cells, cycles), *(_straight_cells(*line) for line in lines)]
+    for cells in rows:
+        table.add_row(*cells)
+    shown: list[Table | str] = [
+        "Fixed points and cycles of the motion from rest (M = 0); γ in principal axes."
+    ]
+    if lines:
+        shown.append(f"Straight-line motions are those with the scene's M² = {f:g} (kg m²/s)².")
+    # By the theorem of Poincaré and Hopf: a check that no point is missing.
+    indices = f"The indices of the points add up to {index_sum(points)}"
+    if circle is not None:
+        indices += f"; with that of the circle (Ω, γ) = 0, which is {circle.index}, to 2"
+    below = [f"{indices}, as they must on a sphere."]
+    if limit := stability_limit(ball):
+        below.append(f"Two straight-line motions are stable where M² < {limit:.6g} (kg m²/s)².")
+    if not np.any(ball.Omega):
+        below.append("Ω = 0: every motion from rest is closed, and none attracts.")
+    record = {"scene": scene.name, **_found_record(known, circle, cycles, lines)}
+    shown += [table, *below]
+    return Study(scene.name, None, ["equilibria"], (), record, shown, picture)

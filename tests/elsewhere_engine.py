@@ -1,4 +1,4 @@
-"""An engine of a package that an environment alone has: MuJoCo's mass matrix under our steps."""
+"""An engine installed only in an environment: MuJoCo's mass matrix with our steps."""
 
 from typing import Any
 

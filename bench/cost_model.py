@@ -38,7 +38,6 @@ _ENOUGH = 3e-11  # path error at which a search stops: finer runs are the best f
 
 
 def _cells() -> list[Cell]:
-    """Return the scenes of the catalog and the random balls."""
     return [
         *({"scene": name} for name in catalog()),
         *({"ball": number} for number in range(_BALLS)),
@@ -126,7 +125,6 @@ _ROUNDING = 1e-11  # path errors below this no longer follow the order
 
 
 def _main() -> None:
-    """Measure missing runs and print both tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("out"))
     parser.add_argument("--workers", type=int)
@@ -182,7 +180,6 @@ def _coefficients(records: Sequence[_Record]) -> dict[str, tuple[float, float]]:
 
 
 def _orders(record: _Record) -> list[float]:
-    """Return the orders of the error between RK4's longest step and each shorter one."""
     first, *others = record["rk4"]
     return [_order(first, run) for run in others if run["error"] > _ROUNDING]
 
@@ -231,7 +228,6 @@ def _per_step(record: _Record) -> float:
 
 
 def _per_adaptive_step(record: _Record) -> Array:
-    """Return the seconds per step of DOP853 and per sample."""
     runs = record["adaptive"]
     seconds = np.array([run["seconds"] for run in runs])
     counts = np.array([[run["steps"], record["samples"]] for run in runs])
@@ -244,7 +240,6 @@ def _factor(values: Array) -> float:
 
 
 def _coefficient_table(records: Sequence[_Record]) -> Table:
-    """Return a table of the coefficients in use and as measured now."""
     headings = ("coefficient", "in use", "measured", "scatter")
     table = plain_table(headings, title="the front", **_STYLE)
     for name, (value, scatter) in _coefficients(records).items():

@@ -54,7 +54,6 @@ def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def missed(result: Result) -> bool:
-    """Return whether a run missed the requested error without a warning or a fault."""
     record = result.record
     if record is None or record["warned"] or record["faults"] or record["actual"] is None:
         return False
@@ -62,7 +61,6 @@ def missed(result: Result) -> bool:
 
 
 def lines(results: Sequence[Result]) -> list[str]:
-    """Return a summary of all balls and a line per miss."""
     records = [result.record for result in results if result.record is not None]
     ratios = [run["actual"] / run["estimated"] for run in records if run["actual"] is not None]
     misses = [result for result in results if missed(result)]
@@ -87,7 +85,6 @@ def lines(results: Sequence[Result]) -> list[str]:
 
 
 def _main(count: int = _BALLS) -> None:
-    """Measure `count` balls and print the summary."""
     _FILE.parent.mkdir(exist_ok=True)
     with progress_bar(count) as show:
         results = sweep(measure, cells(count), _FILE, limit=_LIMIT, show=show)

@@ -35,8 +35,12 @@ _DOCS = Path(__file__).parents[1] / "docs"
 _OUT = Path("out/gallery")
 PICTURES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))["picture"]
 _ENGINES = next(row["command"] for row in PICTURES if row["shown"] == "engines.png")
-_COSTS = (("cost", 1e3, ".3g"), ("relative_cost", 1, ".2g"), ("spread", 1, ".2f"),
-          ("python_share", 1, ".0%"))  # fmt: skip
+_COSTS = (
+    ("cost", 1e3, ".3g"),
+    ("relative_cost", 1, ".2g"),
+    ("spread", 1, ".2f"),
+    ("python_share", 1, ".0%"),
+)
 _RANDOM_RUNS = 500
 _SCREEN = ("--headless", "--no-sandbox", "--hide-scrollbars", "--window-size=1000,1400",
            "--enable-unsafe-swiftshader", "--virtual-time-budget=4000")  # fmt: skip
@@ -118,7 +122,6 @@ def _put(made: Path, shown: Path) -> None:
 
 
 def _write_frame(path: Path) -> None:
-    """Write the README's picture: a frame of a film of fig12."""
     import mediapy
 
     comparisons = [compare("fig12", name, sample_times(_FILMED)) for name in ("naive", "balanced")]
@@ -147,7 +150,6 @@ def numbers_of_tradeoff(record: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _outcomes_of(summary: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, int]]:
-    """Return the number of runs by integrator and outcome, over all maps."""
     counters: dict[str, Counter[str]] = {}
     for part in summary:
         counters.setdefault(part["integrator"], Counter()).update(part["outcomes"])
@@ -167,7 +169,6 @@ def outcomes_table(outcomes: Mapping[str, Mapping[str, int]]) -> str:
 
 
 def law_list() -> str:
-    """Return the laws of the predicted limits as a Markdown list."""
     laws = {name: str(law.__doc__).partition("\n")[0] for name, law in LAWS.items()}
     return "\n".join(f"* `{name}`: {summary}" for name, summary in laws.items())
 
@@ -200,13 +201,11 @@ def engines_table(records: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _error(run: Mapping[str, Any] | None) -> str:
-    """Return a run's error, in bold on the Pareto front."""
     bold = "**" * bool(run and run["on_the_pareto_front"])
     return f"{bold}{run['error']:.1e}{bold}" if run else "-"
 
 
 def _write_numbers(study: str, numbers: Mapping[str, Any]) -> None:
-    """Write a study's numbers into docs/numbers.json."""
     known = _read(NUMBERS) if NUMBERS.exists() else {}
     write_text(NUMBERS, json.dumps({**known, study: numbers}, indent=1) + "\n")
 
@@ -216,7 +215,6 @@ def _read(path: Path) -> Any:
 
 
 def _replace(page: Path, pattern: str, table: str) -> None:
-    """Replace the table that a pattern finds in a page."""
     text = page.read_text(encoding="utf-8")
     write_text(page, re.sub(pattern, lambda _: table, text, flags=re.DOTALL))
 

@@ -149,7 +149,6 @@ def _download(folder: Path, engine: str, version: str, fetched: str) -> Path:
 
 
 def _environment(engine: str, version: str, folder: Path) -> tuple[str, str | None]:
-    """Return a version's interpreter, installing it if necessary, and its date."""
     home = folder / f"{engine}-{version}"
     with TemporaryDirectory() as fetched:
         python = _download(folder, engine, version, fetched)
@@ -225,7 +224,6 @@ def _free_body(python: str) -> float | None:
 
 
 def _adapted(cell: Cell, python: str, preset: str) -> dict[str, Any]:
-    """Run a preset with our adapter in a version's environment."""
     engine = engine_named(cell["engine"])
     name = row_of(cell["engine"]).ladders[preset][0]
     run = {**cell, "contestant": "", "preset": preset, "field": name, "interpreter": python}
@@ -236,7 +234,6 @@ def _adapted(cell: Cell, python: str, preset: str) -> dict[str, Any]:
 
 
 def changes_of(rows: Sequence[Row]) -> list[tuple[str, Row, Row]]:
-    """Return the numbers that changed, each with the rows of the versions before and after."""
     return [
         (number, before, after)
         for number in _NUMBERS
@@ -281,13 +278,16 @@ def _lines_of(changes: Sequence[tuple[str, Row, Row]], package: str) -> list[str
 
 
 _COLUMNS = (
-    Column("version", "version", words=True), Column("date", "date", words=True),
+    Column("version", "version", words=True),
+    Column("date", "date", words=True),
     Column("by Python", "python", words=True),
     *(Column(label, number) for number, label in _NUMBERS.items()),
-    Column("speed", "speed", form=".2f"), Column("recipe without", "recipe_without", words=True),
-    Column("changed", "changed", words=True), Column("first fault", "fault", words=True),
+    Column("speed", "speed", form=".2f"),
+    Column("recipe without", "recipe_without", words=True),
+    Column("changed", "changed", words=True),
+    Column("first fault", "fault", words=True),
     Column("recipe: first fault", "recipe_fault", words=True),
-)  # fmt: skip
+)
 
 
 def _history_picture(label: Label, title: str, rows: Sequence[Row]) -> Figure:
@@ -315,13 +315,11 @@ def _history_picture(label: Label, title: str, rows: Sequence[Row]) -> Figure:
 
 
 def cell_of(engine: str, version: str, duration: float, home: Path | None) -> Cell:
-    """Return a version's cell; home: the folder of environments, None for our environment."""
     run = {"engine": engine, "version": version, "environments": home and str(home)}
     return {**scene_cell(_SCENE, duration), **run}
 
 
 def _write_table(engine: str, rows: Sequence[Row], out: Path) -> None:
-    """Print the table of versions, and write it with a picture."""
     label, lines = engine_named(engine).label, _lines_of(changes_of(rows), package_of(engine))
     title = f"{label.name} on {_SCENE}, version after version"
     page = [*markdown(_COLUMNS, rows), "", *(f"* {line}" for line in lines), ""]

@@ -197,7 +197,6 @@ def _median_error(reference: Array) -> Callable[[Array], float]:
 
 
 def _one_orbit(attitude: Array, momentum: Array) -> None:
-    """Compare one orbit with many samples; the error is the largest of its path."""
     times = np.linspace(0.0, _DURATION, _OUTPUTS + 1)
     reference = orbit(_FIG11B, attitude, momentum, times, 1e-15)[:, 4:]
     starts = Starts(_FIG11B, attitude, momentum)
@@ -242,7 +241,6 @@ def _one_orbit(attitude: Array, momentum: Array) -> None:
 
 
 def _ensembles(attitudes: Array, momenta: Array) -> None:
-    """Compare many orbits with and without paths, each tool in its fastest form."""
     starts, first = Starts(_FIG11B, attitudes, momenta), (attitudes[:_LANES], momenta[:_LANES])
     best = orbits(_FIG11B, *first, np.array([0.0, _DURATION]), 1e-15)
     begin, ends = np.zeros((_MANY, 2)), (_DURATION,)
@@ -283,13 +281,11 @@ def _ensembles(attitudes: Array, momenta: Array) -> None:
 
 
 def _level_states(attitudes: Array, momenta: Array) -> Array:
-    """Return (γ, M) (n, 6) in frame axes."""
     axes = rotation_matrix(attitudes)
     return np.concatenate([axes[:, 2], np.einsum("nij,ni->nj", axes, momenta)], axis=1)
 
 
 def _section_points(attitudes: Array, momenta: Array) -> None:
-    """Compare sections in both directions of g = 0, by the time of each orbit's last point."""
     first = attitudes[:_LANES], momenta[:_LANES]
     best = section(_FIG11B, *first, _POINTS, tolerance=1e-15).times
     horizon = float(best.max()) + 1.0
@@ -338,7 +334,6 @@ def _section_points(attitudes: Array, momenta: Array) -> None:
 
 
 def _exponents(attitudes: Array, momenta: Array) -> None:
-    """Compare the nine equations of the exponents by log growth and volume at 50 s."""
     starts, ends = Starts(_FIG11B, attitudes, momenta), (50.0, 400.0)
     rest = np.tile([*ANY_TURN, 0.0, 0.0], (_MANY, 1))
     best = starts.march(DEVIATION, rest, np.array(ends[:1]), 1e-15)[0][:_LANES, 0]

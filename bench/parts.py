@@ -101,7 +101,6 @@ def _weaker(motor: Motor) -> Servo:
 def _compiled(
     scene: Scene, *, dressed: bool = False, sensors: bool = False, **changes: Any
 ) -> mujoco.MjModel:
-    """Return the compiled model of the minimal settings with changes."""
     model = build(scene, replace(_MINIMAL, **changes))
     model = dress(model) if dressed else model
     if not sensors:

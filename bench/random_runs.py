@@ -107,14 +107,12 @@ def _short_times(scene: Scene, settings: Settings, random: np.random.Generator) 
 
 @cache
 def _scenes(balanced: bool) -> list[Scene]:
-    """Return the balanced scenes of the catalog, or the others."""
     with warnings.catch_warnings(action="ignore", category=SceneWarning):  # unbuildable balls
         scenes = map(load_scene, catalog())
         return [scene for scene in scenes if (scene.not_reduced is None) == balanced]
 
 
 def _varied_scene(random: np.random.Generator, balanced: bool = True) -> Scene:
-    """Return a scene of the catalog with another initial state and other rates."""
     scene = _scenes(balanced)[int(random.integers(len(_scenes(balanced))))]
     start = random_start(scene, random)
     frame, rotors = random.uniform(0.3, 1.3, 2).tolist()
@@ -122,8 +120,6 @@ def _varied_scene(random: np.random.Generator, balanced: bool = True) -> Scene:
 
 
 def _faster(scene: Scene, frame: float = 1.0, rotors: float = 1.0) -> Scene:
-    """Return the scene with constant rates of the frame and the rotors scaled."""
-
     def times(rate: Any, factor: float) -> Any:
         return rate * factor if isinstance(rate, float | int) else rate
 
@@ -133,8 +129,6 @@ def _faster(scene: Scene, frame: float = 1.0, rotors: float = 1.0) -> Scene:
 
 
 def _heavier(scene: Scene, factor: float, kind: type[Shell | Frame | Rotor | Pendulum]) -> Scene:
-    """Return the scene with the masses of all bodies of a kind scaled."""
-
     def heavier(body: Any) -> Any:
         return scaled_body(body, factor) if isinstance(body, kind) else body
 
@@ -155,20 +149,23 @@ _Axis = Callable[[Scene, Settings, np.random.Generator], tuple[Scene, Settings]]
 def _of_scene(low: float, high: float, change: Callable[[Scene, float], Scene]) -> _Axis:
     """Return a parameter of the scene that varies from 10**low to 10**high."""
     return lambda scene, settings, random: (
-        change(scene, float(10 ** random.uniform(low, high))), settings,
-    )  # fmt: skip
+        change(scene, float(10 ** random.uniform(low, high))),
+        settings,
+    )
 
 
 def _of_settings(low: float, high: float, change: Callable[[float], dict[str, Any]]) -> _Axis:
     return lambda scene, settings, random: (
-        scene, replace(settings, **change(float(10 ** random.uniform(low, high)))),
-    )  # fmt: skip
+        scene,
+        replace(settings, **change(float(10 ** random.uniform(low, high)))),
+    )
 
 
 def _choice(*choices: dict[str, Any]) -> _Axis:
     return lambda scene, settings, random: (
-        scene, replace(settings, **choices[int(random.integers(len(choices)))]),
-    )  # fmt: skip
+        scene,
+        replace(settings, **choices[int(random.integers(len(choices)))]),
+    )
 
 
 def _start_times(scene: Scene, factor: float) -> Scene:
@@ -300,7 +297,6 @@ def measure_detection(count: int, seed: int, show: Show) -> dict[str, Any]:
 
 
 def judged(run: _RandomRun) -> _Judged:
-    """Run with the engine and the equations, and return the outcome."""
     with warnings.catch_warnings(action="ignore"):
         try:
             theory = integrate(run.scene, run.times, max_steps=_REFERENCE_STEPS)

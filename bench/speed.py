@@ -34,7 +34,6 @@ _FRAMED: dict[str, Any] = {"padding": (0, 1), "show_edge": True}
 
 
 def _main() -> None:
-    """Print a table per scene, and a table of speed-ups."""
     console, everyone = Console(), cores()
     console.print(
         f"Medians (ranges) over {_ROUNDS} interleaved rounds of a scene's 10 s, relative to a bare "
@@ -87,7 +86,6 @@ def _bare_second(model: Model) -> float:
 
 
 def _simulated_second(work: Callable[[], Motion]) -> float:
-    """Return the processor time [s] of a complete motion per simulated second."""
     began = time.thread_time()
     motion = work()
     return (time.thread_time() - began) / float(motion.times[-1])
@@ -149,7 +147,6 @@ def _gains(everyone: int) -> Table:
 
 
 def _seconds_together(submit: Callable[..., Future[Answer]], name: str, count: int) -> float:
-    """Return the seconds that `count` processes take for a function, each on its own."""
     began = time.perf_counter()
     for future in [submit(name) for _ in range(count)]:
         future.result()
@@ -157,7 +154,6 @@ def _seconds_together(submit: Callable[..., Future[Answer]], name: str, count: i
 
 
 def _do_plainly(name: str) -> None:
-    """Run a function in its own process with one thread."""
     _work()[name]()
 
 

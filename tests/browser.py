@@ -50,11 +50,9 @@ class Chromium:
         self.numbers = count(1)
 
     def send(self, message: Any) -> None:
-        """Send a message of the protocol."""
         os.write(self._to, json.dumps(message).encode() + b"\0")
 
     def read(self) -> Any:
-        """Return the next message."""
         # Messages may have megabytes: read in parts, and keep what follows the end.
         while b"\0" not in self._unread:
             part = os.read(self._answers, 1 << 20)
@@ -108,7 +106,6 @@ class Browser:
         return answer["result"].get("value")
 
     def visit(self, address: str) -> None:
-        """Load an address and wait until it is complete."""
         self.call("Page.navigate", url=address)
         self.run("new Promise(d => document.readyState === 'complete' ? d() : onload = d)")
 
@@ -120,12 +117,10 @@ class Browser:
         self.call("Emulation.setDeviceMetricsOverride", **size)
 
     def pdf(self) -> bytes:
-        """Return the page as printed on A4."""
         inches = {"paperWidth": 8.27, "paperHeight": 11.69}
         return b64decode(self.call("Page.printToPDF", **inches)["data"])
 
     def close(self) -> None:
-        """Close the page and delete its storage."""
         self._session = ""
         self.call("Target.disposeBrowserContext", browserContextId=self._context)
 

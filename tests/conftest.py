@@ -38,7 +38,6 @@ pytest.register_assert_rewrite(
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the option of `make messages`."""
     parser.addoption("--rewrite", action="store_true", help="write the catalogue of messages again")
 
 

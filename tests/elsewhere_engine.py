@@ -15,7 +15,11 @@ def _world(scene: Scene, settings: Any, step: float) -> World:
 
 
 ELSEWHERE = Adapter(
-    label=Label("Elsewhere", version_of("only-there"), "#123456"), packages=("only_there",),
-    extra="elsewhere", presets=by_name(PINOCCHIO.presets["RK4"]), default="RK4",
-    world=_world, lacks=lambda scene, settings: "it warns",
-)  # fmt: skip
+    label=Label("Elsewhere", version_of("only-there"), "#123456"),
+    packages=("only_there",),
+    extra="elsewhere",
+    presets=by_name(PINOCCHIO.presets["RK4"]),
+    default="RK4",
+    world=_world,
+    lacks=lambda scene, settings: "it warns",
+)

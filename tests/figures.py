@@ -17,7 +17,6 @@ def ball(
 
 
 def from_rest(K3: float) -> Parameters:
-    """Return the ball of Fig. 6 (K₃ = 0.3), 7 (0.52) or 8 (3)."""
     return ball((0.5, 0.4, 0.3), (4.0, 2.0, 1.0), (0.0, 0.0, K3))
 
 

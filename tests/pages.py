@@ -22,12 +22,10 @@ class Page(HTMLParser):
         self.close()
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Record a start tag."""
         self.found |= {tag, *(name for name, _ in attrs)}
         if tag == "script":
             self.scripts.append("")
 
     def handle_data(self, data: str) -> None:
-        """Add text to the last script, if inside one."""
         if self.cdata_elem == "script":
             self.scripts[-1] += data

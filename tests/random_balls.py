@@ -62,7 +62,6 @@ def random_ball(rng: np.random.Generator, rotors: int) -> RandomBall:
 
 
 def random_axis(rng: np.random.Generator) -> Array:
-    """Return a unit vector (3,), uniformly distributed."""
     v = rng.normal(size=3)
     return v / np.linalg.norm(v)
 

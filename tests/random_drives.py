@@ -59,17 +59,24 @@ def _robot(rng: np.random.Generator) -> Scene:
     for hinge in ball.hinges:
         moment = hinge.body.axial_inertia if isinstance(hinge.body, Rotor) else inertia
         kinds: list[Motor | None] = [
-            None, None, Servo(20 * moment), Servo(20 * moment, 5 * moment),
-            PositionServo(50 * moment, 5 * moment), Torque(0.1 * moment),
-        ]  # fmt: skip
+            None,
+            None,
+            Servo(20 * moment),
+            Servo(20 * moment, 5 * moment),
+            PositionServo(50 * moment, 5 * moment),
+            Torque(0.1 * moment),
+        ]
         motor = kinds[rng.integers(len(kinds))]
         motors.append(motor)
         drives.append(random_drive(rng, moment if isinstance(motor, Torque) else 1.0))
     angles = rng.uniform(-1, 1, len(ball.hinges)) * rng.integers(2, size=len(ball.hinges))
     attitude = rng.normal(size=4)
     return Scene(
-        name="robot", title="", source="", duration=DURATION,
+        name="robot",
+        title="",
+        source="",
+        duration=DURATION,
         ball=ball.with_hinges(command=tuple(drives), motor=tuple(motors), angle=tuple(angles)),
         rolling=MODELS[rng.integers(2)],
         start=Start(attitude / np.linalg.norm(attitude), np.zeros(3)),
-    )  # fmt: skip
+    )

@@ -59,7 +59,6 @@ ENDINGS = {
 
 
 def box_inertia(mass: float, x: float, y: float, z: float) -> Array:
-    """Return the inertia (3, 3) of a homogeneous box with these edges [kg m²]."""
     return mass / 12 * np.diag([y * y + z * z, x * x + z * z, x * x + y * y])
 
 
@@ -109,7 +108,6 @@ def turning(scene: Scene, omega: Array) -> Scene:
 
 
 def worked(name: str) -> Scene:
-    """Return W1, W2, W4 or W5."""
     return {"W1": _w1, "W2": _w2, "W4": _w4, "W5": _w5}[name]()
 
 

@@ -52,7 +52,6 @@ def within(name: str, package: str) -> bool:
 
 
 def floor_of(name: str) -> int:
-    """Return the index of a module's floor."""
     homes = {home: floor for floor, homes in enumerate(FLOORS) for home in homes}
     return next(homes[home] for home in sorted(homes, key=len, reverse=True) if within(name, home))
 
@@ -139,7 +138,6 @@ def test_only_its_own_room_contains_an_engines_name() -> None:
 
 
 def prose_of(text: str) -> Iterator[str]:
-    """Yield the docstrings and comments of a module."""
     for node in nodes_of(text):
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             yield str(node.value.value)
@@ -213,8 +211,12 @@ print(before, *(getattr(rb, name).__module__ for name in rb._EVERYDAY), "compare
 """
     output = subprocess.check_output([sys.executable, "-c", code], text=True).split()
     assert output == [
-        "False", "validation.agreement", "validation.agreement", "validation.random_starts", "True",
-    ]  # fmt: skip
+        "False",
+        "validation.agreement",
+        "validation.agreement",
+        "validation.random_starts",
+        "True",
+    ]
 
 
 def strings_of(file: Path) -> Iterator[str]:

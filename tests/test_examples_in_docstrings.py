@@ -115,7 +115,6 @@ def test_an_example_prints_its_stated_output(
 
 
 def failures(text: str) -> list[str]:
-    """Return the failures of a docstring's examples."""
     printed: list[str] = []
     examples = doctest.DocTestParser().get_doctest(text, {}, "example", None, None)
     assert examples.examples

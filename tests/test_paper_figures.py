@@ -14,7 +14,6 @@ LINES = 60  # of a script, at most
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Change to an empty folder."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

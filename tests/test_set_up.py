@@ -40,7 +40,6 @@ def test_labmaze_is_left_out() -> None:
 
 
 def executable(path: Path, script: str) -> Path:
-    """Write a shell script, and make its folder."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(f"#!/bin/sh\n{script}\n")
     path.chmod(0o755)
@@ -171,8 +170,11 @@ def test_make_test_fails_if_tests_or_mypy_fail(tmp_path: Path, tests: int, types
     machine = {"PATH": f"{bin_folder}:{os.environ['PATH']}"}
     ran = subprocess.run(
         ["make", "test", "VENV=environment"],
-        cwd=tmp_path, env=machine, capture_output=True, text=True,
-    )  # fmt: skip
+        cwd=tmp_path,
+        env=machine,
+        capture_output=True,
+        text=True,
+    )
     assert (ran.returncode == 0) == (tests == types == 0)
     lines = [f"tests: {tests} failed", "mypy:", f"types: {types} errors"]
     lines += [f"exit status: pytest {tests}, mypy {types}"]

@@ -57,12 +57,16 @@ def rolled(solver: str, step: float, joint: bool = False) -> float:
         memory = NodeGenericData(initialCoordinates=[0.0] * 4, numberOfDataCoordinates=4)
         system.AddObject(
             ObjectContactSphereTriangle(
-                markerNumbers=marks, nodeNumber=system.AddNode(memory), includeEdges=0,
-                sphereRadius=RADIUS + WEIGHT / STIFFNESS, contactStiffness=STIFFNESS,
+                markerNumbers=marks,
+                nodeNumber=system.AddNode(memory),
+                includeEdges=0,
+                sphereRadius=RADIUS + WEIGHT / STIFFNESS,
+                contactStiffness=STIFFNESS,
                 trianglePoints=exudyn.Vector3DList([[-2e3, -1e3, 0], [2e3, -1e3, 0], [0, 3e3, 0]]),
-                dynamicFriction=20.0, frictionProportionalZone=1e-3,
+                dynamicFriction=20.0,
+                frictionProportionalZone=1e-3,
             )
-        )  # fmt: skip
+        )
     system.Assemble()
     settings = exudyn.SimulationSettings()
     settings.timeIntegration.endTime = 1.0

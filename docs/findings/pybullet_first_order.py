@@ -25,8 +25,11 @@ body = p.createMultiBody(
 for link, moments in ((-1, I), (0, J)):
     p.changeDynamics(body, link, localInertiaDiagonal=moments.tolist())
     for name, value in {
-        "linearDamping": 0, "angularDamping": 0, "jointDamping": 0, "maxJointVelocity": 1e6,
-    }.items():  # fmt: skip
+        "linearDamping": 0,
+        "angularDamping": 0,
+        "jointDamping": 0,
+        "maxJointVelocity": 1e6,
+    }.items():
         p.changeDynamics(body, link, **{name: value})
 p.setJointMotorControl2(body, 0, p.VELOCITY_CONTROL, force=0)
 p.resetBaseVelocity(body, [0, 0, 0], [3, 1, 5])

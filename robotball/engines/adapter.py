@@ -44,16 +44,8 @@ _ABREAST = 1024  # most balls in one world: all their samples stay in memory unt
 class World(ABC):
     """A ball in an engine, at its initial state. Making one is not part of a run's time.
 
-    Attributes
-    ----------
-    steps : int
-        Steps taken so far.
-    longest : float, s
-        The longest step.
-    clock : callable
-        Times the steps: processor time, unless another device takes them.
-    friction : float
-        The contact's friction coefficient, NaN if unknown.
+    steps, longest: number and longest [s] of the steps so far; clock: times the steps, in processor
+    time unless another device takes them; friction: the contact's coefficient, NaN if unknown.
     """
 
     friction = float("nan")
@@ -203,7 +195,6 @@ def without_none(**values: Any) -> dict[str, Any]:
 
 
 def by_name(*presets: Own) -> dict[str, Own]:
-    """Return presets by their names."""
     return {preset.name: preset for preset in presets}
 
 
@@ -211,27 +202,18 @@ def by_name(*presets: Own) -> dict[str, Own]:
 class PointSettings(StepSettings):
     """Settings of an engine whose point contact resists no spin, or whose contact is not used.
 
-    Attributes
-    ----------
-    spin_part : float
-        Gain of our torque against spin, relative to inertia over step; explicit integration is
-        stable up to 2. 0 applies no torque.
-    ideal : {"RK4", "DOP853"}, optional
-        Integrator for our constraints on the engine's dynamics; None uses the engine's contact.
-    rtol : float
-        Relative tolerance of DOP853.
+    spin_part: gain of our torque against spin, relative to inertia over step. Explicit integration
+    is stable up to 2; 0 applies no torque.
     """
 
     spin_part: float = 1.5
-    ideal: Literal["RK4", "DOP853"] | None = None
-    rtol: float = 1e-12
+    ideal: Literal["RK4", "DOP853"] | None = None  # our constraints on the engine's dynamics
+    rtol: float = 1e-12  # of DOP853
 
 
-def either(contact: Callable[..., World], ideal: Callable[..., World]) -> Callable[..., World]:
-    """Return a factory of worlds: ideal rolling if the settings ask for it, else the contact."""
-    return lambda scene, settings, step: (ideal if settings.ideal else contact)(
-        scene, settings, step
-    )
+def either(real: Callable[..., World], ideal: Callable[..., World]) -> Callable[..., World]:
+    """Return a factory: worlds with the engine's contact, or ideal ones if the settings ask so."""
+    return lambda scene, settings, step: (ideal if settings.ideal else real)(scene, settings, step)
 
 
 def spin_damping(scene: Scene, settings: PointSettings, step: float) -> float:
@@ -260,7 +242,6 @@ def spins(scene: Scene, settings: PointSettings) -> str | None:
 
 
 def in_single_precision(scene: Scene, settings: Any) -> str:
-    """Return that the engine's state has single precision."""
     return "its state is in single precision"
 
 
@@ -360,12 +341,13 @@ class Adapter(Engine):
         step = float(spans(times, scene.breakpoints, settings.timestep)[1].max())
         missed = scene.sampling_error(float(times[-1]), step)
         if missed > RATE_ERROR and getattr(settings, "ideal", None) != "DOP853":
-            lack = f"a drive changes by {missed:.2g} within a step of {step:g} s: use shorter steps"
+            limit = f"more than {RATE_ERROR:g}: use shorter steps"
+            lack = f"the sampling error of a drive is {missed:.2g} at steps of {step:g} s, {limit}"
             warn(f"{scene.name}, {settings.name}: {self.label.name}: {lack}")
         world = self.world(scene, settings, step, *more)
         # Time the engine's steps only, not the reading of states. A ball's run ends at a state that
         # is not finite.
-        rows, spent = [np.array([start_state(each).row for each in scenes])], 0.0
+        rows, spent = [np.array([start_state(ball).row for ball in scenes])], 0.0
         forces = [UNKNOWN_FORCE]
         march = world.march(times, settings.timestep)
         while len(rows) < len(times) and np.isfinite(rows[-1]).all(axis=1).any():
@@ -380,9 +362,9 @@ class Adapter(Engine):
         share, python = spent / len(scenes), world.python_seconds() / len(scenes)
         world.end()
         cost = {"seconds": share, "python_seconds": python}
-        for each, states in zip(scenes, np.stack(rows, axis=1), strict=True):
+        for ball, states in zip(scenes, np.stack(rows, axis=1), strict=True):
             yield motion_of_rows(
-                self.label, each, times, states, settings, np.array(forces), world.friction,
+                self.label, ball, times, states, settings, np.array(forces), world.friction,
                 timestep=world.longest, steps=world.steps, **cost,
             )  # fmt: skip
 
@@ -448,7 +430,6 @@ class IdealWorld(World):
         return np.array([*state.velocity[:2], *(part / 2 for part in q_rate), *free_rate])
 
     def state_at(self, t: float, y: Array) -> State:
-        """Return the state of (X, Y, q, w) at t [s]."""
         u = self.S @ y[6:]
         q = y[2:6] / np.linalg.norm(y[2:6])
         angles, rates = self.hinges_at(t)
@@ -498,7 +479,6 @@ class IdealWorld(World):
 
 
 def _rk4(rate: Rate, t: float, y: Array, h: float) -> Array:
-    """Return the state after one classical Runge-Kutta step of length h [s] from y at t."""
     k1 = rate(t, y)
     k2 = rate(t + h / 2, y + h / 2 * k1)
     k3 = rate(t + h / 2, y + h / 2 * k2)

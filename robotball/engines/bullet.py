@@ -16,32 +16,16 @@ from robotball.rotations import Array, conjugate, multiply
 
 @dataclass(frozen=True, kw_only=True)
 class _BulletSettings(adapter.StepSettings):
-    """Settings of a PyBullet run.
+    """Settings of a PyBullet run."""
 
-    Attributes
-    ----------
-    lateral_friction : float
-        Of the ball; Bullet uses at most 10.
-    spinning_friction : float
-        For rubber balls only.
-    motor_force : float, N m
-        Largest torque of a hinge's velocity motor.
-    damping : float
-        Of all links.
-    most_rate : float, rad/s
-        Bullet clips hinge rates here.
-    """
-
-    lateral_friction: float | None = None
-    spinning_friction: float | None = None
-    motor_force: float = 1e3
-    damping: float | None = None
-    most_rate: float | None = None
+    lateral_friction: float | None = None  # of the ball; Bullet uses at most 10
+    spinning_friction: float | None = None  # for rubber balls only
+    motor_force: float = 1e3  # N m, largest torque of a hinge's velocity motor
+    damping: float | None = None  # of all links
+    most_rate: float | None = None  # rad/s, at which Bullet clips hinge rates
 
 
 class _BulletWorld(adapter.ServoWorld):
-    """The ball in its own client."""
-
     def __init__(self, scene: Scene, settings: _BulletSettings, step: float) -> None:
         super().__init__(scene)
         import pybullet

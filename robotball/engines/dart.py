@@ -22,21 +22,15 @@ _LEAST = 1e-12  # kg and kg m², of a body between two joints; DART's default is
 class _DartSettings(adapter.PointSettings):
     """Settings of a DART run.
 
-    Attributes
-    ----------
-    friction : float
-        Of ball and plane.
-    root : {"free", "Euler"}
-        The shell's joint: a free joint, or a translation with Euler angles. A translation with a
-        ball joint gives the same digits as the free joint.
+    root: the shell's joint, a free joint, or a translation with Euler angles. A translation with a
+    ball joint gives the same digits as the free joint.
     """
 
-    friction: float | None = None
+    friction: float | None = None  # of ball and plane
     root: Literal["free", "Euler"] = "free"
 
 
 def _skeleton(scene: Scene, dart: Any, root: str = "free") -> Any:
-    """Return the ball as a skeleton without collision shapes."""
     ball = dart.dynamics.Skeleton("ball")
     bodies: dict[str, Any] = {}
     for link in links_of(scene):
@@ -80,8 +74,6 @@ def _put(ball: Any, state: State, dart: Any) -> None:
 
 
 class _DartWorld(adapter.ServoWorld):
-    """The ball and the plane in a DART World."""
-
     def __init__(self, scene: Scene, settings: _DartSettings, step: float) -> None:
         super().__init__(scene)
         import dartpy
@@ -143,8 +135,6 @@ class _DartWorld(adapter.ServoWorld):
 
 
 class _DartDynamics(adapter.IdealWorld):
-    """The skeleton's mass matrix and bias, without contact."""
-
     def __init__(self, scene: Scene, settings: _DartSettings, step: float) -> None:
         super().__init__(scene, settings)
         import dartpy

@@ -25,33 +25,20 @@ _Integrator = Literal[
 
 @dataclass(frozen=True, kw_only=True)
 class _DrakeSettings(adapter.PointSettings):
-    """Settings of a Drake run.
+    """Settings of a Drake run, in discrete time without an `integrator`.
 
-    Attributes
-    ----------
-    approximation : {"sap", "lagged", "similar"}
-        Of the contact in discrete time.
-    integrator : str
-        For continuous time; the timestep is then the longest step, or every step without
-        `error_control`.
-    accuracy_per_step : float
-        Of error control, and of Newton's iteration in implicit steps.
-    stiction : float, m/s
-        Slip speed at which friction is full.
-    gain : float, N m s/rad
-        Of velocity servos on the hinges.
-    armature : float, kg m²
-        Reflected inertia of the hinges, in place of servos.
+    approximation: of the contact in discrete time. In continuous time the timestep is the longest
+    step, or every step without `error_control`.
     """
 
     approximation: Literal["sap", "lagged", "similar"] | None = None
     integrator: _Integrator | None = None
-    accuracy_per_step: float | None = None
+    accuracy_per_step: float | None = None  # of error control and Newton's iteration
     error_control: bool = True
-    stiction: float | None = None
+    stiction: float | None = None  # m/s, slip speed at which friction is full
     friction: float = 1.0
-    gain: float | None = None
-    armature: float | None = None
+    gain: float | None = None  # N m s/rad, of velocity servos on the hinges
+    armature: float | None = None  # kg m², reflected inertia of the hinges, in place of servos
 
 
 def _add_plant(
@@ -100,7 +87,6 @@ def _add_plant(
 
 
 def _coordinates(state: State) -> Array:
-    """Return Drake's q and v, concatenated."""
     q = (state.attitude, state.centre, state.angles)
     return np.concatenate([*q, state.omega, state.velocity, state.rates])
 
@@ -223,8 +209,6 @@ class _DrakeWorld(adapter.World):
 
 
 class _DrakeDynamics(adapter.IdealWorld):
-    """The plant's mass matrix and bias, without contact."""
-
     def __init__(self, scene: Scene, settings: _DrakeSettings, step: float) -> None:
         super().__init__(scene, settings)
         self.plant, self.context, self.living = _alone(scene, settings)

@@ -81,7 +81,6 @@ def _path() -> list[Path]:
 
 
 def _supported() -> list[str]:
-    """Return the Python versions that robotball supports, newest first."""
     bounds = distribution("robotball").metadata["Requires-Python"]
     low, end = sorted(int(minor) for minor in re.findall(r"3\.(\d+)", bounds))
     return [f"3.{minor}" for minor in range(end - 1, low - 1, -1)]
@@ -106,7 +105,6 @@ def _numbers(release: str) -> list[int]:
 
 
 def name_of(requirement: str) -> str:
-    """Return the name of the required package."""
     return re.split(r"[^\w.-]", requirement)[0]
 
 
@@ -174,7 +172,6 @@ def python_name(home: Path) -> str:
 
 
 def _required(robotball: Distribution) -> list[str]:
-    """Return the requirements of robotball without its extras."""
     return [line for line in robotball.requires or () if "extra ==" not in line]
 
 

@@ -28,33 +28,16 @@ _PLANE = 1e4  # size of the plane in radii
 class _ExudynSettings(adapter.StepSettings):
     """Settings of an Exudyn run.
 
-    Attributes
-    ----------
-    solver : {"TrapezoidalIndex2", "GeneralizedAlpha"}
-        Dynamic solver.
-    tolerance : float
-        Relative tolerance of Newton's iteration.
-    modified : bool
-        Whether Newton's matrix is kept over steps.
-    load_jacobian : bool
-        Whether it contains our torque's derivatives.
-    friction : float
-        Of Exudyn's contact; None for our constraint.
-    slip_zone : float, m/s
-        Slip speed at which friction is full.
-    stiffness : float, N/m
-        Of the contact; None for a depth of 1e-6 radii.
-    node : {"RigidBodyEP", "RigidBodyRotVecLG"}
-        Coordinates of a body: Euler parameters, or a rotation vector on the Lie group.
+    node: Euler parameters, or a rotation vector on the Lie group.
     """
 
     solver: Literal["TrapezoidalIndex2", "GeneralizedAlpha"] = "GeneralizedAlpha"
-    tolerance: float | None = None
-    modified: bool = False
-    load_jacobian: bool = True
-    friction: float | None = None
-    slip_zone: float = 2e-5
-    stiffness: float | None = None
+    tolerance: float | None = None  # of Newton's iteration, relative
+    modified: bool = False  # keep Newton's matrix over steps
+    load_jacobian: bool = True  # include our torque's derivatives in it
+    friction: float | None = None  # of Exudyn's contact; None: our constraint
+    slip_zone: float = 2e-5  # m/s, slip speed at which friction is full
+    stiffness: float | None = None  # N/m, of the contact; None: pressed in by 1e-6 radii
     node: Literal["RigidBodyEP", "RigidBodyRotVecLG"] = "RigidBodyEP"
 
 
@@ -83,7 +66,6 @@ class _ExudynWorld(adapter.World):
         self.system.Assemble()
 
     def _sensor(self, sensor: Any, item: dict[str, Any], kind: str) -> Any:
-        """Add a sensor that stores its value after every step."""
         read = getattr(self.exudyn.OutputVariableType, kind)
         return self.system.AddSensor(sensor(**item, outputVariableType=read, storeInternal=True))
 
@@ -205,7 +187,6 @@ class _ExudynWorld(adapter.World):
             yield states.__next__
 
     def _states(self, times: Array) -> Iterator[State]:
-        """Yield the states at times (n,) after the first, from the sensors' stored values."""
         read = [self.system.GetSensorStoredData(sensor) for sensor in self.sensors]
         # The cubic's error has order 4, the solver's order 2.
         path = CubicSpline(read[0][:, 0], np.hstack([columns[:, 1:] for columns in read]))
@@ -303,7 +284,6 @@ _CONTACT = replace(
 
 
 def _lacks(scene: Scene, settings: _ExudynSettings) -> str | None:
-    """Return a line on the contact's missing torsional friction, for a ball that needs it."""
     if settings.friction is None:
         return None
     return adapter.no_torsion(scene, "a constraint of ours forbids the spin")

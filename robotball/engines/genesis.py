@@ -19,49 +19,23 @@ from robotball.rotations import Array, rotation_matrix
 
 @dataclass(frozen=True, kw_only=True)
 class _GenesisSettings(adapter.StepSettings):
-    """Settings of a Genesis run.
+    """Settings of a Genesis run; `integrator` and `cone` are Genesis's names."""
 
-    Attributes
-    ----------
-    precision : {"32", "64"}
-        Bits of its floating-point numbers.
-    integrator, cone : str
-        Genesis's names.
-    friction : float
-        Of ball and plane; at most 5.
-    torsional : float, m
-        Friction against spin, for rubber balls only.
-    damping : float, N m s/rad
-        Gain of the hinges' velocity servos.
-    most_torque : float, N m
-        Largest torque of a servo; None for no limit.
-    armature : float, kg m²
-        Reflected inertia of the hinges.
-    impedance : float
-        Of the contact, at every depth.
-    impratio : float
-        Impedance of friction relative to the normal direction.
-    iterations, tolerance : int and float
-        Of the solver.
-    """
-
-    precision: Literal["32", "64"] = "32"
+    precision: Literal["32", "64"] = "32"  # bits
     integrator: str | None = None
     cone: str | None = None
-    friction: float | None = None
-    torsional: float | None = None
-    damping: float = 450.0
-    most_torque: float | None = None
-    armature: float | None = None
-    impedance: float | None = None
-    impratio: float | None = None
-    iterations: int | None = None
+    friction: float | None = None  # of ball and plane; Genesis uses at most 5
+    torsional: float | None = None  # m, against spin; for rubber balls only
+    damping: float = 450.0  # N m s/rad, gain of the hinges' velocity servos
+    most_torque: float | None = None  # N m, of a servo; None: no limit
+    armature: float | None = None  # kg m², reflected inertia of the hinges
+    impedance: float | None = None  # of the contact, at every depth
+    impratio: float | None = None  # impedance of friction relative to the normal direction
+    iterations: int | None = None  # of the solver, like `tolerance`
     tolerance: float | None = None
 
 
 class _GenesisWorld(adapter.ServoWorld):
-    """The ball and the plane in their own scene."""
-
     def __init__(self, scene: Scene, settings: _GenesisSettings, step: float) -> None:
         super().__init__(scene)
         import genesis as gs
@@ -130,7 +104,6 @@ def _double(values: Any) -> Array:
 
 
 def _mjcf(scene: Scene, settings: _GenesisSettings) -> str:
-    """Return the MJCF of the ball alone, from which Genesis builds its bodies."""
     root = Element("mujoco")
     above = {"": SubElement(root, "worldbody")}
     for link in links_of(scene):
@@ -171,7 +144,6 @@ _BEST = _GenesisSettings(
 
 
 def _lacks(scene: Scene, settings: _GenesisSettings) -> str | None:
-    """Return that single precision is used or torsional friction is missing, or None."""
     single = adapter.in_single_precision(scene, settings) if settings.precision == "32" else None
     free = adapter.no_torsion(scene) if settings.torsional is None else None
     return "; ".join(filter(None, (single, free))) or None

@@ -19,41 +19,23 @@ from robotball.rotations import Array, rotation_matrix
 _TIME_CONSTANT = 0.04  # s, of the contact, if its impedance is set
 _SERVO = {"target_kd": 1.0, "armature": 0.01}  # N m s/rad and kg m², in preset as-it-comes
 # The largest values for Warp in single precision: with 0.9999 or 1e12 kg m² the ball is thrown off.
-_WARP_LIMITS = {"impedance": 0.99, "armature": 1e6}
+_WARP_CAPS = {"impedance": 0.99, "armature": 1e6}
 
 
 @dataclass(frozen=True, kw_only=True)
 class _NewtonSettings(adapter.StepSettings):
-    """Settings of a Newton run.
-
-    Attributes
-    ----------
-    integrator, cone, iterations, tolerance : str, str, int and float
-        Of the solver.
-    friction : float
-        Of ball and plane.
-    armature : float, kg m²
-        Reflected inertia that keeps the hinge rates, in place of velocity servos.
-    impedance : float
-        Of the contact; slip decays slowly.
-    noslip : int
-        Iterations of the solver's noslip pass.
-    kept : bool
-        Keep the state in the solver, in double precision. Newton deprecates this option.
-    device : {"cpu", "cuda"}, optional
-        Step with Warp there, with impedance <= 0.99 and armature <= 1e6; None for MuJoCo, one ball.
-    """
+    """Settings of a Newton run; the first four are the solver's."""
 
     integrator: str | None = None
     cone: str | None = None
     iterations: int | None = None
     tolerance: float | None = None
-    friction: float | None = None
-    armature: float | None = None
-    impedance: float | None = None
-    noslip: int | None = None
-    kept: bool = False
-    device: str | None = None
+    friction: float | None = None  # of ball and plane
+    armature: float | None = None  # kg m², reflected inertia of the hinges, in place of servos
+    impedance: float | None = None  # of the contact; slip then decays slowly
+    noslip: int | None = None  # iterations of the solver's noslip pass
+    kept: bool = False  # keep the state in the solver, in double precision; deprecated by Newton
+    device: str | None = None  # "cpu" or "cuda": step with Warp; None: one ball with MuJoCo
 
 
 class _NewtonWorld(adapter.SteppedWorld):
@@ -72,12 +54,8 @@ class _NewtonWorld(adapter.SteppedWorld):
         self.warp, self.device = warp, "cpu"
         if settings.device is not None:
             self.device = adapter.on_device(self, settings.device, warp.is_cuda_available())
-            limited = {
-                name: min(value, limit)
-                for name, limit in _WARP_LIMITS.items()
-                if (value := getattr(settings, name))
-            }
-            settings = replace(settings, **limited)
+            caps = {n: min(v, cap) for n, cap in _WARP_CAPS.items() if (v := getattr(settings, n))}
+            settings = replace(settings, **caps)
         self.settings, d = settings, settings.impedance
         # The depth at which the contact carries the ball from the start.
         self.depth = scene.gravity * (1 - d) * _TIME_CONSTANT**2 if d is not None else 0.0
@@ -158,7 +136,6 @@ class _NewtonWorld(adapter.SteppedWorld):
         return whole.finalize()
 
     def _push(self, rates: Array, accelerations: Array) -> None:
-        """Set the servos' targets, or the torques that accelerate the armatures."""
         armature, free = self.settings.armature, np.zeros(6)
         if armature is None:
             target, values = self.controls.joint_target_qd, rates
@@ -213,10 +190,9 @@ _BEST = _NewtonSettings(
 
 
 def _lacks(scene: Scene, settings: _NewtonSettings) -> str | None:
-    """Return that precision is single, and that torsional friction is missing if it is."""
     lack = "its model and its states are in single precision"
     if settings.device is not None:
-        limits = ", ".join(f"{name} {value:g}" for name, value in _WARP_LIMITS.items())
+        limits = ", ".join(f"{name} {value:g}" for name, value in _WARP_CAPS.items())
         lack += f", and so are its steps, limited to {limits}"
     if settings.impedance is None and (free := adapter.no_torsion(scene)):
         lack += f"; {free}"

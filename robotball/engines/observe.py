@@ -59,7 +59,6 @@ def spans(
 
 
 def step_count(times: Array, breakpoints: tuple[float, ...], timestep: float) -> float:
-    """Return the number of steps that `spans` makes."""
     with np.errstate(over="ignore"):
         return float(spans(times, breakpoints, timestep)[2].sum())
 
@@ -109,14 +108,12 @@ class Readings:
     sound: Mask
 
 
-def attitudes(quaternions: Array, sound: Mask) -> Array:
-    """Return quaternions (m, 4), with the identity for states that are not sound.
+def attitudes(q: Array, sound: Mask) -> Array:
+    """Return quaternions q (m, 4), with the identity for states that are not sound.
 
     Such a state may have a zero quaternion, which is not a rotation.
     """
-    if sound.all():
-        return quaternions
-    return np.where(sound[:, None], quaternions, [1.0, 0.0, 0.0, 0.0])
+    return q if sound.all() else np.where(sound[:, None], q, [1.0, 0.0, 0.0, 0.0])
 
 
 class FaultAt(NamedTuple):
@@ -156,7 +153,7 @@ class Monitor:
         self.ahead: Array | None = None
 
     def look(
-        self, readings: Readings, own: Sequence[Sign] = (), failure: Fault | None = None
+        self, readings: Readings, extra: Sequence[Sign] = (), failure: Fault | None = None
     ) -> list[FaultAt]:
         """Return the first fault of each kind in the next readings, the earliest first.
 
@@ -166,7 +163,7 @@ class Monitor:
         ----------
         readings : Readings
             Of the next m states.
-        own : sequence of Sign
+        extra : sequence of Sign
             Faults that the engine itself has found.
         failure : Fault, optional
             The reason why the integrator could not continue after the last row.
@@ -176,7 +173,7 @@ class Monitor:
         with np.errstate(all="ignore"):
             elapsed = np.diff(readings.time, prepend=self.last_time)
             of_the_state = self._of_the_state(readings, elapsed)
-            signs = [*of_the_state, *own, *self._of_the_path(readings, elapsed)]
+            signs = [*of_the_state, *extra, *self._of_the_path(readings, elapsed)]
         first = [(int(np.argmax(mask)), fault) for mask, fault in signs if mask.any()]
         # A diverged state is the cause of an integrator's failure, so report that alone.
         if failure is not None and not any(fault.fatal for _, fault in first):
@@ -194,7 +191,6 @@ class Monitor:
         return faults
 
     def _of_the_state(self, readings: Readings, elapsed: Array) -> list[Sign]:
-        """Return the faults that single states show."""
         sound, kind = readings.sound, FaultKind
         # A motor in the scene may be too weak for its command; any other drive must keep its rate.
         exact = [i for i, hinge in enumerate(self.scene.hinges) if hinge.motor is None]
@@ -293,14 +289,14 @@ class Recording:
         self,
         readings: Readings,
         sampled: NDArray[np.int64] | None = None,
-        own: Sequence[Sign] = (),
+        extra: Sequence[Sign] = (),
         failure: Fault | None = None,
     ) -> None:
         """Judge the next readings and record those at sample times.
 
-        sampled (k,): the rows at sample times, None for all; own, failure: as in `Monitor.look`.
+        sampled (k,): the rows at sample times, None for all; extra, failure: as in `Monitor.look`.
         """
-        faults = self.monitor.look(readings, own, failure)
+        faults = self.monitor.look(readings, extra, failure)
         ends = next((at.row for at in faults if at.fault.fatal), None)
         self.ended = ends is not None
         for row, fault in faults:

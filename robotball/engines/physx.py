@@ -14,35 +14,17 @@ from robotball.rotations import Array, from_matrix, perpendicular
 
 @dataclass(frozen=True, kw_only=True)
 class _PhysxSettings(adapter.StepSettings):
-    """Settings of a PhysX run.
+    """Settings of a PhysX run."""
 
-    Attributes
-    ----------
-    friction : float
-        Of ball and plane.
-    damping : float, N m s/rad
-        Gain of the hinges' velocity drives.
-    armature : float, kg m²
-        Reflected inertia of the hinges.
-    most_rate : float, rad/s
-        PhysX clips the rates of hinges and bodies here.
-    patch : float, m
-        Radius of the contact patch that resists spin, for rubber balls only.
-    iterations : int
-        Of the solver, for positions and for velocities.
-    """
-
-    friction: float | None = None
-    damping: float = 5.0
-    armature: float | None = None
-    most_rate: float | None = None
-    patch: float | None = None
-    iterations: int | None = None
+    friction: float | None = None  # of ball and plane
+    damping: float = 5.0  # N m s/rad, gain of the hinges' velocity drives
+    armature: float | None = None  # kg m², reflected inertia of the hinges
+    most_rate: float | None = None  # rad/s, at which PhysX clips rates of hinges and bodies
+    patch: float | None = None  # m, radius of the contact patch against spin; for rubber balls only
+    iterations: int | None = None  # of the solver, for positions and for velocities
 
 
 class _PhysxWorld(adapter.ServoWorld):
-    """The ball and the plane in their own scene."""
-
     def __init__(self, scene: Scene, settings: _PhysxSettings, step: float) -> None:
         super().__init__(scene)
         import sapien

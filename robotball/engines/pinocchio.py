@@ -22,20 +22,13 @@ from robotball.rotations import Array, rotation_matrix
 class _PinocchioSettings(adapter.PointSettings):
     """Settings of a Pinocchio run.
 
-    Attributes
-    ----------
-    solver : {"ADMM", "PGS"}
-        Of the contact.
-    friction : float
-        Of ball and plane.
-    root : {"free flyer", "translation"}
-        The shell's joint: a free flyer, with linear velocity in the shell's rotating axes, or a
-        translation and a spherical joint, with velocity in world axes. A step moves along the
-        velocity: with the contact, the error in rotating axes is 8 to 11 times as large.
+    root: the shell's joint, a free flyer, with velocity in the shell's rotating axes, or a
+    translation and a spherical joint, with velocity in world axes. A step moves along the velocity:
+    with the contact, the error in rotating axes is 8 to 11 times as large.
     """
 
-    solver: Literal["ADMM", "PGS"] = "ADMM"
-    friction: float = 0.8
+    solver: Literal["ADMM", "PGS"] = "ADMM"  # of the contact
+    friction: float = 0.8  # of ball and plane
     root: Literal["free flyer", "translation"] = "free flyer"
 
 
@@ -43,7 +36,6 @@ _ARMATURE = 1e12  # kg m², of the hinges with contact: the load cannot accelera
 
 
 def _model(scene: Scene, pin: Any, root: str) -> Any:
-    """Return the ball as a free shell with hinges."""
     model, joints = pin.Model(), {"": 0}
     free = pin.JointModelFreeFlyer()
     if root == "translation":
@@ -61,7 +53,6 @@ def _model(scene: Scene, pin: Any, root: str) -> Any:
 
 
 def _coordinates(state: State, root: str) -> tuple[Array, Array]:
-    """Return Pinocchio's q and v."""
     R = rotation_matrix(state.attitude)
     velocity = R.T @ state.velocity if root == "free flyer" else state.velocity
     # Pinocchio's quaternions are (x, y, z, w).

@@ -1,4 +1,4 @@
-"""Read a motion of a scene from a file, with the slip that its own samples imply.
+"""Read a motion of a scene from a file, with the slip that its samples imply.
 
 Quantities that the file lacks are computed from its samples. Rates are slopes of polynomials
 through neighbouring samples, with estimated errors.
@@ -107,7 +107,7 @@ _HALF_TURN = np.pi / 2  # rad between samples, beyond which the direction of rot
 
 @dataclass(frozen=True, repr=False)
 class RecordedMotion(Motion):
-    """A motion from a file, with the slip and spin that its own samples imply.
+    """Hold a motion from a file, with the slip and spin that its samples imply.
 
     It also has the attributes of `Motion`. Slip and spin come from the rate of the path and from
     the shell's angular velocity. Errors are estimates for numerical rates, not the engine's errors;
@@ -197,9 +197,8 @@ def load_motion(path: str | Path, scene: Scene) -> Motion:
     with named(path):
         arrays = arrays_of(table, scene)
     loads = {place[1]: array for place, array in arrays.items() if place[0] == "loads"}
-    samples = {place[0]: array for place, array in arrays.items() if len(place) == 1}
-    engine = _label(table.header, path.stem)
-    return Motion(scene=scene, engine=engine, **samples, loads=Loads(**loads))
+    data = {place[0]: array for place, array in arrays.items() if len(place) == 1}
+    return Motion(scene=scene, engine=_label(table.header, path.stem), **data, loads=Loads(**loads))
 
 
 def recorded(scene: Scene, trajectory: Trajectory) -> RecordedMotion:
@@ -288,7 +287,6 @@ def _angular_velocity(trajectory: Trajectory) -> tuple[Array, Array]:
 
 
 def _hinges(scene: Scene, trajectory: Trajectory) -> tuple[Array, Array]:
-    """Return the hinge angles and rates (n, h) from the file, or from the commands."""
     times, others = trajectory.times, trajectory.others or {}
     angles = np.full((len(times), len(scene.hinges)), np.nan)
     rates = angles.copy()

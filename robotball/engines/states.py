@@ -91,7 +91,6 @@ class State:
 
 
 def state_of_rows(rows: Array) -> State:
-    """Return the states of rows (n, 13 + 2h)."""
     angles, rates = np.split(rows[:, 13:], 2, axis=1)
     return State(rows[:, :3], rows[:, 3:6], rows[:, 6:10], rows[:, 10:13], angles, rates)
 

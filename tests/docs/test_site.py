@@ -57,8 +57,6 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def address(site: Path) -> Iterator[str]:
-    """Serve the site over HTTP on this machine."""
-
     class Quiet(SimpleHTTPRequestHandler):
         def log_message(self, *_: Any) -> None: ...
 
@@ -117,7 +115,6 @@ def test_a_signature_has_no_private_name(site: Path) -> None:
 
 
 def text_of(page: str) -> str:
-    """Return the text of a part of a page in one line."""
     return " ".join(unescape(re.sub("<[^>]*>", "", page)).split())
 
 
@@ -145,7 +142,6 @@ DARK = "getComputedStyle(document.body).backgroundColor.match(/\\d+/)[0] < 50"
 
 
 def longest(site: Path, number: int) -> list[Path]:
-    """Return the `number` longest pages of each folder."""
     pages = sorted(site.rglob("*.html"), key=lambda page: -page.stat().st_size)
     beside = {page: [other for other in pages if other.parent == page.parent] for page in pages}
     return [page for page in pages if beside[page].index(page) < number]

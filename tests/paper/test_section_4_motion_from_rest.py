@@ -75,9 +75,7 @@ def test_gamma_to_minus_gamma_is_a_symmetry_of_the_motion_from_rest() -> None:
 def gyrostats(seed: int) -> list[tuple[Numbers, Array]]:
     """Return five random balls with Ω = 0, and a γ each."""
     balls = f.states(seed, 5)
-    return [
-        (replace(f.still(b.n), Omega=np.zeros(3), K=2 * b.n.K), b.gamma) for b in balls
-    ]  # fmt: skip
+    return [(replace(f.still(b.n), Omega=np.zeros(3), K=2 * b.n.K), b.gamma) for b in balls]
 
 
 def test_without_rotation_of_the_frame_there_is_another_integral() -> None:

@@ -56,9 +56,13 @@ def states_of(motion: rb.Motion) -> State:
     omega = np.einsum("nij,nj->ni", rotation_matrix(motion.attitude), shell_omega)
     centre = np.column_stack([motion.contact_point, np.full(len(motion.times), a)])
     return State(
-        centre, np.cross(omega, [0.0, 0.0, a]), multiply(motion.attitude, back), omega,
-        motion.hinge_angles, motion.hinge_rates,
-    )  # fmt: skip
+        centre,
+        np.cross(omega, [0.0, 0.0, a]),
+        multiply(motion.attitude, back),
+        omega,
+        motion.hinge_angles,
+        motion.hinge_rates,
+    )
 
 
 def test_masses_and_inertias_of_the_links_add_up_to_the_balls() -> None:
@@ -104,8 +108,6 @@ class Repeated(ServoWorld):
 
 
 class AnyBall(Adapter):
-    """An adapter that also rolls unbalanced balls."""
-
     def cannot_express(self, scene: Scene) -> str | None:
         return None
 
@@ -113,10 +115,12 @@ class AnyBall(Adapter):
 def spoilt(spoil: Spoil) -> Adapter:
     """Return an engine with one mistake."""
     return AnyBall(
-        label=Label("Spoilt", "1", "#000000"), packages=("robotball",), extra="",
+        label=Label("Spoilt", "1", "#000000"),
+        packages=("robotball",),
+        extra="",
         presets=by_name(StepSettings(name="best", error_tolerance=1e-3, timestep=0.1)),
         world=lambda scene, settings, step: Repeated(scene, spoil),
-    )  # fmt: skip
+    )
 
 
 class Abreast(Repeated):

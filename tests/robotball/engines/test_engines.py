@@ -74,17 +74,16 @@ def with_gain(factor: float) -> rb.Scene:
 TIMES = rb.sample_times(10.0)
 # Scene, times and the facts of the warning; None if the run gives no reason for one.
 DOUBTS: dict[str, tuple[rb.Scene, Array, str | None]] = {
-    "nearly still": (
-        SLOWED, TIMES, "0.047~m 10~s radius 1~m"
-    ),
+    "nearly still": (SLOWED, TIMES, "0.047~m 10~s radius 1~m"),
     "no such motor": (
-        with_gain(10.0), TIMES,
+        with_gain(10.0),
+        TIMES,
         "frame motor 4.…~rad/s 0.3~=~torque_limit/kv",
     ),
     "a shorter run": (SLOWED, rb.sample_times(9.0), None),
     "a path of few samples": (SLOWED, np.linspace(0.0, 10.0, 50), None),
     "a limit below the stall torque": (with_gain(3.0), TIMES, None),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("scene", "times", "facts"), DOUBTS.values(), ids=DOUBTS)

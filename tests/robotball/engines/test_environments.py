@@ -244,9 +244,13 @@ def test_pythons_are_found_on_the_path_and_where_pyenv_and_uv_keep_theirs(
     ],
 )
 def test_an_environment_has_the_newest_python_that_the_newest_release_supports(
-    newest: dict[str, str], known: list[str], taken: str, newer: list[str],
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
-) -> None:  # fmt: skip
+    newest: dict[str, str],
+    known: list[str],
+    taken: str,
+    newer: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
     """Version 1.10 is newer than 1.9. A newer release without a Python here is reported."""
     made: list[str] = []
 
@@ -278,7 +282,6 @@ def has_uv() -> bool:
 
 
 def tiny_wheel(folder: Path) -> Path:
-    """Make the wheel of a package tiny 1.5 without code."""
     path, facts = folder / "tiny-1.5-py3-none-any.whl", "tiny-1.5.dist-info"
     with ZipFile(path, "w") as wheel:
         wheel.writestr("tiny.py", "")

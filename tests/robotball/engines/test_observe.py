@@ -33,9 +33,13 @@ def by_an_adapter(drift: float) -> ContactMotion:
     omega *= _growing(drift, TIMES)
     centre = np.column_stack([THEORY.contact_point, np.full(len(TIMES), a)])
     state = State(
-        centre, np.cross(omega, [0.0, 0.0, a]), multiply(THEORY.attitude, back), omega,
-        THEORY.hinge_angles, THEORY.hinge_rates,
-    )  # fmt: skip
+        centre,
+        np.cross(omega, [0.0, 0.0, a]),
+        multiply(THEORY.attitude, back),
+        omega,
+        THEORY.hinge_angles,
+        THEORY.hinge_rates,
+    )
     return motion_of_rows(
         THEORY.engine, SCENE, TIMES, state.row, SETTINGS, timestep=0.1, steps=600, seconds=1.0
     )

@@ -1,8 +1,8 @@
 """Measure the cost model that chooses settings for a requested accuracy.
 
 Runs every scene of the catalog and random balls with RK4 at many steps and with adaptive steps at
-many tolerances, and prints the fitted coefficients beside those in use. A second table compares,
-for four accuracies, the time of the chosen settings with the fastest of these runs;
+many tolerances, and prints the fitted coefficients beside the current ones. A second table
+compares, for four accuracies, the time of the chosen settings with the fastest of these runs;
 `bench.estimates` measures whether the accuracies are reached.
 """
 
@@ -35,6 +35,10 @@ _TARGETS = (1e-4, 1e-6, 1e-8, 1e-10)
 _STEPS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24, 29, 35)  # RK4 steps per sample interval
 _RTOLS = tuple(10 ** (-half / 2) for half in range(14, 27))  # half a decade apart
 _ENOUGH = 3e-11  # path error at which a search stops: finer runs are the best for no target
+_Record = Mapping[str, Any]
+_WIDTH = 130  # characters, for the table of cases
+_STYLE: dict[str, Any] = {"title_justify": "left", "padding": (0, 1), "show_edge": True}
+_ROUNDING = 1e-11  # path errors below this no longer follow the order
 
 
 def _cells() -> list[Cell]:
@@ -116,12 +120,6 @@ def _best_seconds(front: Mapping[str, Any], target: float) -> float:
         ),
         default=np.inf,
     )
-
-
-_Record = Mapping[str, Any]
-_WIDTH = 130  # characters, for the table of cases
-_STYLE: dict[str, Any] = {"title_justify": "left", "padding": (0, 1), "show_edge": True}
-_ROUNDING = 1e-11  # path errors below this no longer follow the order
 
 
 def _main() -> None:

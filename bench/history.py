@@ -50,7 +50,7 @@ _SCENE = "fig12"  # steady rates and a constant load, so plain MJCF describes al
 _LIMIT = 900.0  # s per version, with its installation
 _ROUNDS = 5  # of timing
 _FACTOR, _ROUNDING = 2.0, 1e-12  # smaller changes, and changes of smaller numbers, do not count
-_MOMENTS = (0.5, 0.7, 0.3)  # kg m², of the free body, as in docs/findings/mujoco_implicitfast.py
+_MOMENTS = (0.5, 0.7, 0.3)  # kg m², of the free body in docs/findings/mujoco_implicitfast.py
 _FREE_BODY = """<mujoco><option timestep="1e-3" gravity="0 0 0" integrator="implicitfast"/>
 <worldbody><body><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="{} {} {}"/></body>
 </worldbody><keyframe><key qvel="0 0 0 3 1 5"/></keyframe></mujoco>""".format(*_MOMENTS)
@@ -67,7 +67,7 @@ def last_patches(versions: Sequence[str]) -> list[str]:
 def places_of(versions: Sequence[str], name: str) -> list[int]:
     """Return the indices of a version, or of all versions that a name such as 3.10 covers.
 
-    Raises InputError if there is none.
+    Raises InputError for an unknown name.
     """
     places = [i for i, version in enumerate(versions) if f"{version}.".startswith(f"{name}.")]
     if not places:
@@ -215,7 +215,7 @@ def _stepped(python: str, xml: str, interval: float, samples: int) -> dict[str, 
 def _free_body(python: str) -> float | None:
     """Return the relative change of a free body's |M| in 10 s, or None if the run fails."""
     try:
-        # Without contact the angular momentum is constant, so any change is the integrator's.
+        # Without contact the angular momentum is constant, so the integrator causes any change.
         omega = [row[3:] for row in _stepped(python, _FREE_BODY, 10.0, 2)["qvel"]]
     except InputError:
         return None
@@ -297,7 +297,7 @@ def _history_picture(label: Label, title: str, rows: Sequence[Row]) -> Figure:
     figure, (axes, below) = panels(heading, (10.0, 6.6), 2, sharex=True, height_ratios=(3, 1))
     dated = all(row["date"] for row in rows)
     at: list[Any] = [np.datetime64(row["date"]) if dated else row["version"] for row in rows]
-    # Hollow markers for default settings, as in the pictures of engines.
+    # Hollow markers for default settings, like in the pictures of engines.
     mark, colour = label.marker, label.colour
     looks = (f"{mark}:", colour, "none"), (f"{mark}-", colour, colour), ("d--", INK, INK)
     for (number, name), (style, line, face) in zip(_NUMBERS.items(), looks, strict=True):

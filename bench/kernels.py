@@ -45,6 +45,10 @@ from robotball.theory.ensembles.steppers import (
 
 _Equations = list[tuple[Any, Any]]
 _BALL_SIZE = LEVEL - BALL
+_FIG11B = load_scene("fig14").parameters
+_FEATURES = "NUMBA_CPU_FEATURES"
+_DURATION, _OUTPUTS, _POINTS, _MANY, _LANES = 100.0, 1000, 25, 256, 8
+_OURS, _HEYOKAS = (1e-7, 1e-8, 1e-9, 1e-10, 1e-11), (1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 
 
 def equations_of(system: System, parameters: Parameters) -> _Equations:
@@ -148,12 +152,6 @@ def _compare(title: str, error: float, *contenders: _Contender) -> None:
     ours = contenders[0].at(error)
     for other in contenders[1:]:
         print(f"  at error {error:.0e} {other.at(error) / ours:.2f} times as fast as {other.name}")
-
-
-_FIG11B = load_scene("fig14").parameters
-_FEATURES = "NUMBA_CPU_FEATURES"
-_DURATION, _OUTPUTS, _POINTS, _MANY, _LANES = 100.0, 1000, 25, 256, 8
-_OURS, _HEYOKAS = (1e-7, 1e-8, 1e-9, 1e-10, 1e-11), (1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 
 
 def _ours(system: System, starts: Starts, begin: Array, ends: tuple[float, ...]) -> _Prepare:

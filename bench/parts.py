@@ -1,4 +1,4 @@
-"""Measure what each addition to the minimal model costs per step.
+"""Measure the cost per step of each addition to the minimal model.
 
 `python -m bench.parts fig12` prints the table of docs/tradeoff.md; any scene may be named.
 """
@@ -29,7 +29,7 @@ _SENSORS = ("framepos", "framequat", "framelinvel", "frameangvel", "framelinacc"
 
 
 def parts_of(scene: Scene) -> dict[str, mujoco.MjModel]:
-    """Return compiled models by name: the minimal one, one per addition, and one with all."""
+    """Return compiled models by name: the minimal model, one per addition, and one with all."""
     classical = scene.rolling == "classical"
     spin: dict[str, Any] = {"torsional_friction": _LEAST_FRICTION} if classical else {}
     roll = {**spin, "condim": 6, "rolling_friction": _LEAST_FRICTION}

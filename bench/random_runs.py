@@ -49,6 +49,7 @@ _RECIPES = ("fast", "balanced", "accurate", "adaptive")
 _STEPPED = ("fast", "balanced", "balanced", "accurate")
 _APART = 0.04  # s between the samples of a robot's run
 _EXTREME_AXES = 3  # most extreme parameters of a run
+_REFERENCE_STEPS = 20_000  # of the equations; runs that need more are refused
 
 
 @dataclass(frozen=True)
@@ -219,9 +220,6 @@ _OF_ROBOTS: dict[str, Callable[[Scene, float], Scene]] = {
     "momentum": _start_times,
     "rates": lambda scene, v: _faster(scene, v, v),
 }
-
-
-_REFERENCE_STEPS = 20_000  # of the equations; runs that need more are refused
 
 
 @dataclass(frozen=True)

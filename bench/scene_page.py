@@ -1,4 +1,4 @@
-"""Write docs/scene.md: `python -m bench.scene_page > docs/scene.md`, as in `make docs`.
+"""Write docs/scene.md: `python -m bench.scene_page > docs/scene.md`; `make docs` does so.
 
 Its text is in scene_page.md; its tables come from `scene_tables`.
 """
@@ -29,12 +29,12 @@ def _rows(name: str) -> Iterator[str]:
         yield from (f"| `{material}` | {density:g} |" for material, density in DENSITIES.items())
         return
     if name == "drives":
-        yield from ("| `drive` | what it does | it needs | it may have |", "|---|---|---|---|")
+        yield from ("| `drive` | motion | required keys | optional keys |", "|---|---|---|---|")
         for drive, kind in DRIVES.items():
             optional = tuple(key for key in kind.allowed if key not in kind.needed)
             yield f"| `{drive}` | {kind.does} | {_codes(kind.needed)} | {_codes(optional)} |"
         return
-    yield from ("| key | what it says | unit | if not given |", "|---|---|---|---|")
+    yield from ("| key | meaning | unit | default |", "|---|---|---|---|")
     # A hinge's keys have their own table, so other bodies' tables leave them out.
     left_out = set() if name == "hinge" else set(HingeTable.__struct_fields__)
     for field in _documented(name).fields:
@@ -48,7 +48,7 @@ def _documented(name: str) -> inspect.StructType:
         return struct_of(HingeTable)
     if name == "robot":
         return struct_of(RobotTable)
-    # Parts and commands are alike in all bodies; take the frame's.
+    # Parts and commands are alike in all bodies; take the frame.
     kinds = [table for path in ("frame.part", "frame.rate") for table in tables_at(path)]
     at_path = tables_at("" if name == "scene" else name)
     return [*(table for table in kinds if table.tag == name), *at_path][0]
@@ -57,7 +57,7 @@ def _documented(name: str) -> inspect.StructType:
 def _default(field: inspect.Field) -> str:
     match field.default:
         case _ if field.required:
-            return "needed"
+            return "required"
         case bool(value):
             return f"`{str(value).lower()}`"
         case float(value):

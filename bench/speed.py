@@ -31,6 +31,10 @@ from validation.studies.timing import Cost, measure_costs, one_step, simulated_s
 _SCENES = ("fig12", "classical_regular")
 _ROUNDS = 9
 _FRAMED: dict[str, Any] = {"padding": (0, 1), "show_edge": True}
+_FIG_11B = load_scene("fig14").parameters
+_MANY, _SOME = 4096, 512
+_TIMES = np.array([0.0, 100.0])
+_Digits = NDArray[Any]
 
 
 def _main() -> None:
@@ -98,16 +102,10 @@ def _ratio_text(cost: Cost) -> str:
 
 # The speed-up on several cores
 
-_FIG_11B = load_scene("fig14").parameters
-_MANY, _SOME = 4096, 512
-_TIMES = np.array([0.0, 100.0])
-
-_Digits = NDArray[Any]
-
 
 @cache
 def _work() -> dict[str, Callable[[], _Digits]]:
-    """Return the timed functions by name; each returns its digits."""
+    """Return the timed functions, with names; each returns its digits."""
     rng = np.random.default_rng(1)
     starts = section_starts(rng.uniform(-4, 4, _MANY), rng.uniform(0, 6, _MANY), 25.0)
     some = starts[0][:_SOME], starts[1][:_SOME]

@@ -50,7 +50,7 @@ def makeExtension() -> Extension:
 class Types(griffe.Extension):
     """Show types as docstrings have them, and signatures without private names.
 
-    Griffe adds brackets to a tuple such as `(n, 3), m`. Private names are replaced by their values.
+    Griffe adds brackets to a tuple such as `(n, 3), m`. Values replace private names.
     """
 
     def on_object(self, *, obj: griffe.Object, **_: object) -> None:

@@ -53,7 +53,7 @@ class Chromium:
         os.write(self._to, json.dumps(message).encode() + b"\0")
 
     def read(self) -> Any:
-        # Messages may have megabytes: read in parts, and keep what follows the end.
+        # Messages may have megabytes: read in parts, and keep the rest after the end.
         while b"\0" not in self._unread:
             part = os.read(self._answers, 1 << 20)
             assert part, "the browser has ended"

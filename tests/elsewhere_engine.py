@@ -10,7 +10,7 @@ from tests.robotball.engines.test_adapters import Dynamics
 
 
 def _world(scene: Scene, settings: Any, step: float) -> World:
-    print("an engine prints what it likes")
+    print("engines may print to standard output")
     return Dynamics(scene, settings, step)
 
 

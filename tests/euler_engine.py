@@ -8,7 +8,7 @@ from robotball.rotations import Array
 
 
 def euler(scene: Scene, timestep: float, samples: int = 1, end: float | None = None) -> Trajectory:
-    """Return a trajectory with equal steps [s], of which every `samples`-th is recorded.
+    """Return a trajectory with equal steps [s], recording every `samples`-th.
 
     It rolls without slip; path and attitude have first-order errors.
     """

@@ -1,4 +1,4 @@
-"""Motions for tests, made from other motions, and pairs of an engine's and the equations'."""
+"""Motions made from other motions, and pairs of motions from an engine and the equations."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -30,7 +30,7 @@ def as_contact(motion: Motion, report: ContactReport, **changes: Any) -> Contact
 
 @dataclass(frozen=True)
 class Pair:
-    """A contact engine's motion beside the equations', with the errors of `robotball.motion`.
+    """Motions from a contact engine and the equations, with the errors of `robotball.motion`.
 
     The errors are infinite if the run broke off.
     """

@@ -43,7 +43,7 @@ FLOORS = (
 
 @cache
 def whole_graph() -> Mapping[str, set[str]]:
-    """Return what each module imports; it takes half a second."""
+    """Return the imports of all modules; it takes half a second."""
     return graph_of(MODULES)
 
 
@@ -192,7 +192,7 @@ def test_every_name_in_a_docstring_or_comment_exists() -> None:
 
 
 def test_the_core_loads_validation_only_for_three_everyday_names() -> None:
-    """`robotball.compare` and two others are validation's, so that users need one import only.
+    """`robotball.compare` and two others come from validation, so that users need one import only.
 
     They are loaded on first use; all else in robotball works without validation.
     """
@@ -278,7 +278,7 @@ print(*changed(), sep=",")
 
 @pytest.mark.slow
 def test_importing_every_module_changes_no_setting_of_the_process() -> None:
-    """Of numba, matplotlib, NumPy, warnings or the environment. Planted changes are found."""
+    """Of numba, matplotlib, NumPy, warnings and the environment; planted changes are found."""
     names = [name for name in MODULES if not name.endswith("__main__")]
     command = [sys.executable, "-c", SETTINGS, *names]
     ours, planted = subprocess.check_output(command, text=True, cwd=PROJECT).splitlines()

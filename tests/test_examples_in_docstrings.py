@@ -47,7 +47,7 @@ def entries(section: str) -> dict[str, str]:
 
 
 def needed(value: Any) -> set[str]:
-    """Return the parameters of a function, or the fields that a class adds to its base's."""
+    """Return the parameters of a function, or the fields that a class adds to its base."""
     if inspect.isfunction(value):
         return set(inspect.signature(value).parameters)
     if not inspect.isclass(value) or issubclass(value, Enum):

@@ -50,6 +50,6 @@ system.SolveDynamic(settings)
 times = system.GetSensorStoredData(sensor)[:, 0]
 print("rows:", len(times))
 print("off:", np.abs(times - 0.01 * np.arange(len(times))).max())
-print("expected: 101 rows, off by 0")
+print("expected: 101 rows and 0")
 print("version: Exudyn", version("exudyn"))
 print("verdict: open; no report found")

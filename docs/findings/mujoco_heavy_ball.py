@@ -2,7 +2,7 @@
 
 A ball of radius 1 m and 1 or 1e6 kg rolls down a slope with the same friction and a soft contact.
 The slip after 1 s [m/s] should not depend on the mass. But the determinants of the friction rows'
-2x2 blocks scale with 1/m² and fall below the threshold. There is no warning.
+2x2 blocks scale with 1/m² and fall below the threshold. MuJoCo does not warn.
 """
 
 from importlib.metadata import version

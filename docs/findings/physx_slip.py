@@ -1,7 +1,8 @@
 """A ball's slip in PhysX does not decrease with the step.
 
-A ball of radius 1 m rolls down a slope for 1 s with friction 1, ten times what it needs. Printed:
-the largest slip [m/s] at three step lengths. A first-order method would have a tenth at a tenth.
+A ball of radius 1 m rolls down a slope for 1 s with friction 1, ten times the necessary value.
+Printed: the largest slip [m/s] at three step lengths. A first-order method would have a tenth at a
+tenth.
 """
 
 from importlib.metadata import version

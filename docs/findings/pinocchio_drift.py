@@ -2,7 +2,7 @@
 
 Two hinged balls of radius 1 m hang by a 3D contact at a point of the second one and swing for 10 s
 at 1 ms. Printed: the point's final distance from its place [m] for several rates of Baumgarte's
-corrector; by default there is no corrector.
+corrector, which is off by default.
 """
 
 from importlib.metadata import version

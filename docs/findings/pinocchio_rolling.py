@@ -29,7 +29,7 @@ omega = np.array([0, 2.0, 3.0])
 q, v = pin.neutral(model), np.concatenate([np.cross(omega, [0, 0, 1]), omega])
 settings = pin.ProximalSettings(1e-12, 0, 10)
 rate = pin.constraintDynamics(model, data, q, v, np.zeros(6), contacts, contact_data, settings)
-# Pinocchio's velocity has the ball's rotating axes, which now coincide with the world's.
+# Pinocchio's velocity has the ball's rotating axes, which now coincide with world axes.
 along, across, up = rate[:3] + np.cross(omega, v[:3])
 print("along:", along)
 print("across:", across)

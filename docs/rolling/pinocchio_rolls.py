@@ -18,7 +18,7 @@ except ImportError:
 # 0.07, 0.8016 and 0.0284 kg, all centred. Inertias, M and K in the frame's axes, SI units.
 E, A, K, OMEGA = np.eye(3), np.diag([0.7, 0.6, 0.8]), np.array([2.0, 2, 0]), np.array([0, 0, 2.0])
 SHELL, inner = 0.07 * 2 / 3 * E, K + (0.07 * 2 / 3 + 0.9) * OMEGA
-AXIS, SPIN = inner / np.linalg.norm(inner), np.linalg.norm(inner) / 0.023  # the rotor's, 148 rad/s
+AXIS, SPIN = inner / np.linalg.norm(inner), np.linalg.norm(inner) / 0.023  # rotor: 148 rad/s
 ROTOR = 0.0115 * (E + np.outer(AXIS, AXIS))
 FRAME = np.linalg.inv(A) - 0.9 * E - SHELL - ROTOR
 TIMES, level, h = np.linspace(0, 10, 501), np.r_[np.sin(0.6), np.cos(0.6), 0], np.sqrt(1 - 0.72**2)

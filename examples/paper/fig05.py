@@ -12,7 +12,7 @@ import robotball as rb
 from robotball.dynamics.equilibria import fixed_circle, fixed_points
 
 OUT = Path("out/fig05.png")
-DURATIONS = {"b": 16.0, "c": 20.0, "d": 6.0}  # s; the caption gives none
+DURATIONS = {"b": 16.0, "c": 20.0, "d": 6.0}  # s, chosen: not in the caption
 
 
 def main(fraction: float = 1.0) -> dict[str, float]:

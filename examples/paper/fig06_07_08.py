@@ -12,7 +12,7 @@ import robotball as rb
 from robotball.dynamics.equilibria import fixed_points, name_of
 from robotball.dynamics.portraits import curve_of, involute, limit_cycles, separatrices
 
-DURATIONS = {6: 40.0, 7: 40.0, 8: 24.0}  # s; the captions give none
+DURATIONS = {6: 40.0, 7: 40.0, 8: 24.0}  # s, chosen: not in the captions
 
 
 def main(number: int, fraction: float = 1.0) -> dict[str, float]:

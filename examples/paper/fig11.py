@@ -21,8 +21,8 @@ ROOT_F, EARLY = 5.0, 200  # √f [kg m²/s]; crossings before an orbit has reach
 def main(starts: int = 40, duration: float = 600.0) -> dict[str, float]:
     """Draw the sections, with MuJoCo for a duration [s].
 
-    Return the largest distance of MuJoCo's first ten crossings from the equations', as vectors γ
-    and M/√f, and the period of the limit cycle with both [s].
+    Return the largest distance of MuJoCo's first ten crossings to the crossings of the equations,
+    as vectors γ and M/√f, and the period of the limit cycle with both [s].
     """
     figure, numbers = Figure((13, 6), layout="constrained"), {}
     random = np.random.default_rng(0)

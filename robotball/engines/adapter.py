@@ -63,7 +63,7 @@ class World(ABC):
 
     @abstractmethod
     def python_seconds(self) -> float:
-        """Return the processor time that Python took in all steps so far [s]."""
+        """Return the processor time that Python took in all steps [s]."""
 
     def end(self) -> None:  # noqa: B027
         """Let the engine cache what later runs can reuse, such as compiled kernels."""
@@ -254,7 +254,7 @@ class Adapter(Engine):
     packages : tuple of str
         The names that are imported.
     extra : str
-        The extra of robotball that installs them; also the engine's name and its environment's.
+        The extra of robotball that installs them; also the name of engine and environment.
     world : callable
         (scene, settings, longest step [s]) -> World. If the presets have a `device`, it also takes
         scenes that differ only in their initial states and rolls their balls side by side.
@@ -279,7 +279,7 @@ class Adapter(Engine):
     @property
     def requirements(self) -> tuple[str, ...]:
         """The requirements of the engine's extra, from robotball's own metadata."""
-        # Each line is "requirement; marker", as in "pin>=4.1; extra == 'pinocchio'".
+        # Each line is "requirement; marker", for example "pin>=4.1; extra == 'pinocchio'".
         lines = (line.partition("; ") for line in requires("robotball") or ())
         return tuple(line for line, _, marker in lines if marker == f"extra == '{self.extra}'")
 
@@ -334,7 +334,7 @@ class Adapter(Engine):
         """Yield the motions from one world of the engine that is installed here."""
         settings = as_own(request.settings, type(self.presets[self.default]), self.label)
         scene = scenes[0]
-        # A lack is no reason to refuse: the comparison of engines measures its effect.
+        # Do not refuse: the comparison of engines measures the effect of such a lack.
         if lack := self.lacks(scene, settings):
             warn(f"{scene.name}, {settings.name}: {self.label.name}: {lack}")
         more = (scenes,) if len(scenes) > 1 else ()

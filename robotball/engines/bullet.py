@@ -63,7 +63,8 @@ class _BulletWorld(adapter.ServoWorld):
         spinning = settings.spinning_friction if scene.rolling == "rubber" else None
         friction = {"lateralFriction": settings.lateral_friction, "spinningFriction": spinning}
         for name, value in adapter.without_none(**friction).items():
-            # Bullet multiplies the coefficients of both bodies: 1 on the plane keeps the ball's.
+            # Bullet multiplies the coefficients of both bodies: 1 on the plane keeps the ball's
+            # coefficient.
             p.changeDynamics(plane, -1, **{name: 1.0})
             p.changeDynamics(self.ball, -1, **{name: value})
         self.friction = p.getDynamicsInfo(plane, -1)[1] * p.getDynamicsInfo(self.ball, -1)[1]
@@ -79,8 +80,7 @@ class _BulletWorld(adapter.ServoWorld):
         self.p.setGravity(*gravity.tolist())
 
     def set_rates(self, rates: Array) -> None:
-        # Resetting the joint states at every step instead makes the path wrong by 3 to 5 times its
-        # length.
+        # Resetting the joint states at every step instead gives a path error of 300 to 500 %.
         self.p.setJointMotorControlArray(
             self.ball, range(len(rates)), self.p.VELOCITY_CONTROL,
             targetVelocities=rates.tolist(), forces=[self.strength] * len(rates),
@@ -116,7 +116,7 @@ _AS_IT_COMES = _BulletSettings(
 )  # fmt: skip
 # The ball needs a friction of 1.2. The motors keep hinge rates to 1e-7. The rate limit is far above
 # the rotor's 148 rad/s; the default of 100 rad/s would clip a third. Solver iterations and contact
-# parameters change nothing: the remaining error is the integrator's.
+# parameters change nothing: the remaining error comes from the integrator.
 _BEST = _BulletSettings(
     name="best", error_tolerance=5e-2, stop_at_fault=False, timestep=1e-3, motor_force=1e9,
     lateral_friction=20.0, spinning_friction=20.0, damping=0.0, most_rate=1e6,

@@ -48,7 +48,7 @@ def _skeleton(scene: Scene, dart: Any, root: str = "free") -> Any:
             place.set_translation(link.pivot)
             properties.mT_ParentBodyToJoint = place
             joint, body = ball.createRevoluteJointAndBodyNodePair(bodies[link.parent], properties)
-            # DART imposes the rate as a constraint, so there is no gain or armature to choose.
+            # DART imposes the rate as a constraint, so it needs no gain and no armature.
             joint.setActuatorType(dart.dynamics.ActuatorType.VELOCITY)
         body.setInertia(dart.dynamics.Inertia(link.mass, link.centre, link.inertia))
         body.setName(link.name)
@@ -159,7 +159,7 @@ DART = adapter.Adapter(
     extra="dart",
     presets=adapter.by_name(
         _DartSettings(name="as-it-comes", error_tolerance=1e-2, timestep=1e-3, spin_part=0.0),
-        # The ball needs a friction of 1.2. The remaining error is the first-order integrator's.
+        # The ball needs a friction of 1.2. The rest is the error of the first-order integrator.
         _DartSettings(name="best", error_tolerance=5e-2, timestep=1e-3, friction=20.0),
         # DOP853 chooses its steps; the timestep is the longest.
         _DartSettings(name="ideal", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),

@@ -43,8 +43,8 @@ with suppress(RuntimeError):  # the user has no home folder
 _UV = Path(os.environ.get("UV_PYTHON_INSTALL_DIR") or ENVIRONMENTS.parents[1] / "uv" / "python")
 _MADE = "made_by_robotball.txt"  # among the packages: the Python, the versions and newer releases
 _OWN_NAME = f"python3.{sys.version_info[1]}"
-# Our paths go after the environment's, and are those of this checkout, since others may share the
-# environment. An installed robotball lies beside compiled packages that another Python cannot load.
+# Our paths go after the paths of the environment. They are not stored in it, because checkouts may
+# share it. An installed robotball lies beside compiled packages that another Python cannot load.
 _OURS = [str(Path(__file__).parents[2]), sysconfig.get_path("purelib")]
 _BESIDE = _OURS[0].endswith("-packages")
 _START = (
@@ -76,7 +76,7 @@ def pythons() -> dict[str, Path]:
 
 
 def _path() -> list[Path]:
-    """Return the absolute folders of the PATH: a relative one could be anyone's."""
+    """Return the absolute folders of the PATH: a relative one could belong to anyone."""
     return [folder for folder in map(Path, os.get_exec_path()) if folder.is_absolute()]
 
 
@@ -93,7 +93,7 @@ def _name_of(python: str) -> str:
 
 
 def python_named(name: str) -> Path:
-    """Return the Python with a version or path. Raises InputError if there is none."""
+    """Return the Python with a version or path. Raises InputError if it is not found."""
     known = pythons()
     if (python := which(known.get(name, name))) is None:
         raise InputError(f"no Python {name} found: give a path, or {', '.join(known)}")
@@ -113,7 +113,7 @@ def _normal(name: str) -> str:
 
 
 def _newest(home: Path, version: str, requirement: str) -> str:
-    """Return the newest release that has wheels for a Python version, "" if there is none."""
+    """Return the newest release that has wheels for a Python version, "" if it has none."""
     asked = ("pip", "compile", "--no-annotate", "--only-binary", ":all:", "--python-version")
     begins = f"{_normal(name_of(requirement))}=="
     with suppress(InputError):
@@ -250,7 +250,7 @@ def _uv(home: Path, failure: str, *arguments: str, text: str = "") -> str:
 
 
 def _packages(home: Path) -> Path:
-    """Return the folder of an environment's packages, or where it will be."""
+    """Return the folder of an environment's packages, even before it exists."""
     ours = home / "lib" / _OWN_NAME / "site-packages"
     return next(home.glob("lib/python3.*/site-packages"), ours)
 
@@ -269,7 +269,7 @@ def call(python: Path | str, function: Callable[..., _T], *arguments: Any) -> _T
     try:
         job = pickle.dumps(partial(function, *arguments))
     except (AttributeError, TypeError, pickle.PicklingError) as error:
-        raise InputError(f"{python} can call only what a module defines: {error}") from None
+        raise InputError(f"{python} can call only functions of modules: {error}") from None
     ours, theirs = os.pipe()
     # Only we hold the pipe's other end, so the process ends when we do.
     with os.fdopen(ours), os.fdopen(theirs, "w"), tempfile.TemporaryFile() as output:

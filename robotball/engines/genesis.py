@@ -1,6 +1,6 @@
 """Genesis: its rigid solver on the CPU, with a velocity servo for each hinge.
 
-Its contact model follows MuJoCo's. It integrates with semi-implicit Euler only, with or without an
+Its contact model follows MuJoCo. It integrates with semi-implicit Euler only, with or without an
 implicit part.
 """
 

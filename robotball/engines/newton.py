@@ -193,7 +193,7 @@ def _lacks(scene: Scene, settings: _NewtonSettings) -> str | None:
     lack = "its model and its states are in single precision"
     if settings.device is not None:
         limits = ", ".join(f"{name} {value:g}" for name, value in _WARP_CAPS.items())
-        lack += f", and so are its steps, limited to {limits}"
+        lack += f", as are its steps, limited to {limits}"
     if settings.impedance is None and (free := adapter.no_torsion(scene)):
         lack += f"; {free}"
     return lack

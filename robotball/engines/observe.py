@@ -31,6 +31,9 @@ from robotball.robot.loads import Loads
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, Mask
 
+_ROUNDING = 2e-15  # relative rounding error of a hinge angle and of its drive's angle
+_ORDER = {kind: i for i, kind in enumerate(FaultKind)}
+
 
 def spans(
     times: Array, breakpoints: tuple[float, ...], timestep: float
@@ -80,7 +83,7 @@ class Readings:
         The paper's M (3.1).
     hinge_angles, hinge_rates : (m, h), rad and rad/s
     loads : Loads
-        NaN if the engine reports none.
+        NaN if not reported.
     slip : (m,), m/s
         The sliding velocity of the shell at the contact.
     spin : (m,), rad/s
@@ -125,19 +128,17 @@ class FaultAt(NamedTuple):
 
 Sign = tuple[Mask, Fault]
 """The rows (m,) that show a fault, and the fault, without its time."""
-_ROUNDING = 2e-15  # relative rounding error of a hinge angle and of its drive's angle
-_ORDER = {kind: i for i, kind in enumerate(FaultKind)}
 
 
 class Monitor:
     """Detect faults: slip, lost contact, wrong hinge rates, drifting momentum, divergence.
 
-    Engines warn of few of these. The monitor keeps what it needs between calls.
+    Engines warn of few of these. The monitor keeps its state between calls.
 
     Attributes
     ----------
     rolled, slipped : float, m
-        Lengths of the path and of the slip so far. In the rubber model spin times radius counts
+        Current lengths of path and slip. In the rubber model spin times radius counts
         as slip.
     momentum : (3,), kg m²/s
         M of the first state.
@@ -205,7 +206,7 @@ class Monitor:
         ]
 
     def _off_between(self, readings: Readings, elapsed: Array, exact: Sequence[int]) -> Mask:
-        """Return the rows (m, k) before which a hinge has not turned by its drive's angle.
+        """Return the rows (m, k) before which a hinge has not followed the angle of its drive.
 
         Rates alone do not suffice: if a drive's period divides the timestep, they are equal at
         every row.
@@ -248,7 +249,7 @@ def rate_errors_of(scene: Scene, readings: Readings) -> Array:
     Hinges with a motor count as exact: their lag belongs to the motion.
     """
     rates, errors = readings.hinge_rates, np.zeros_like(readings.hinge_rates)
-    # A diverged state's time may not be finite, where no drive can be evaluated.
+    # A diverged state's time may not be finite; drives cannot be evaluated there.
     times = np.where(np.isfinite(readings.time), readings.time, 0.0)
     for i, (hinge, scale) in enumerate(zip(scene.hinges, scene.rate_scales, strict=True)):
         if hinge.motor is None:

@@ -17,6 +17,8 @@ from robotball.motion import Label
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, rotation_matrix
 
+_ARMATURE = 1e12  # kg m², of the hinges with contact: the load cannot accelerate it
+
 
 @dataclass(frozen=True, kw_only=True)
 class _PinocchioSettings(adapter.PointSettings):
@@ -30,9 +32,6 @@ class _PinocchioSettings(adapter.PointSettings):
     solver: Literal["ADMM", "PGS"] = "ADMM"  # of the contact
     friction: float = 0.8  # of ball and plane
     root: Literal["free flyer", "translation"] = "free flyer"
-
-
-_ARMATURE = 1e12  # kg m², of the hinges with contact: the load cannot accelerate it
 
 
 def _model(scene: Scene, pin: Any, root: str) -> Any:

@@ -24,6 +24,8 @@ from robotball.rotations import Array, angle_between, conjugate, continuous, rot
 # Odd, for equal numbers of neighbours on both sides.
 _POINTS = 7  # samples per polynomial; 5 for the error estimate
 _NOISE = 2.5  # factor on the largest noise near a sample, which may be worse at the sample itself
+_COLOUR = "#56B4E9"  # for a file that does not name its engine
+_LARGEST_TURN = np.pi / 2  # rad between samples; beyond, the direction of rotation is uncertain
 
 
 def sampled_rates(times: Array, values: Array) -> tuple[Array, Array]:
@@ -31,8 +33,8 @@ def sampled_rates(times: Array, values: Array) -> tuple[Array, Array]:
 
     The rate is the slope of the polynomial through 7 neighbours. The error is the sum of two terms,
     each the largest near the sample: the difference to the slope through 5 neighbours, which bounds
-    the truncation error, and the effect of noise, estimated from the seventh-point residual of
-    polynomials through 6.
+    the truncation error, and the effect of noise, estimated from the residual of the 7 samples
+    from polynomials of degree 5.
     """
     fine, noise = _slopes(times, values, _POINTS)
     coarse, _ = _slopes(times, values, _POINTS - 2)
@@ -101,10 +103,6 @@ def _largest_near(error: Array, count: int) -> Array:
     return np.asarray(windows.max(axis=1))
 
 
-_COLOUR = "#56B4E9"  # for a file that does not name its engine
-_HALF_TURN = np.pi / 2  # rad between samples, beyond which the direction of rotation is uncertain
-
-
 @dataclass(frozen=True, repr=False)
 class RecordedMotion(Motion):
     """Hold a motion from a file, with the slip and spin that its samples imply.
@@ -131,7 +129,7 @@ class RecordedMotion(Motion):
     rolling_radius : float, m
         The radius that minimises slip, by least squares.
     height : (n,), m
-        Height of the centre. NaN if the file has none.
+        Height of the centre. NaN if not in the file.
 
     Examples
     --------
@@ -242,7 +240,7 @@ def recorded(scene: Scene, trajectory: Trajectory) -> RecordedMotion:
     if momentum is None:
         states = scene.robot.states(to_world[:, 2], angles, omega, hinge_rates)
         momentum = np.einsum("nij,nj->ni", to_world, states.momentum(scene.rolling))
-        # L = Ĩω + …, where no direction has more inertia than I + d.
+        # L = Ĩω + …, with inertia of at most I + d in any direction.
         largest = np.linalg.eigvalsh(scene.ball.inertia)[-1] + scene.ball.d
         momentum_error = largest * omega_error
     velocity, velocity_error = sampled_rates(times, trajectory.position[:, :2])
@@ -276,12 +274,12 @@ def _angular_velocity(trajectory: Trajectory) -> tuple[Array, Array]:
     if trajectory.angular_velocity is not None:
         return trajectory.angular_velocity, np.zeros(len(trajectory.times))
     turned = turned_between(trajectory.attitude)
-    if turned.max() > _HALF_TURN:
+    if turned.max() > _LARGEST_TURN:
         i = int(turned.argmax())
         raise InputError(
             f"{trajectory.name}: between t = {trajectory.times[i]:g} and "
             f"{trajectory.times[i + 1]:g} s the frame turns by {turned[i]:.3g} rad, more than "
-            f"{_HALF_TURN:.3g}: write more samples, or the angular velocity wx,wy,wz"
+            f"{_LARGEST_TURN:.3g}: write more samples, or the angular velocity wx,wy,wz"
         )
     return angular_velocity(trajectory.times, trajectory.attitude)
 

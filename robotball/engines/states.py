@@ -18,6 +18,10 @@ from robotball.robot.loads import Loads
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, from_matrix, multiply, rotation_matrix
 
+_UP = np.array([0.0, 0.0, 1.0])
+UNKNOWN_FORCE = np.full(3, np.nan)  # from an engine that does not report it
+_LIFTED = 0.01  # radii above the plane at which the shell counts as lifted off
+
 
 def links_of(scene: Scene) -> tuple[Link, ...]:
     """Return the links of the ball, shell first, with positions relative to their parents.
@@ -105,11 +109,6 @@ def start_state(scene: Scene) -> State:
     centre = np.array([0.0, 0.0, scene.ball.radius])
     velocity = np.cross(omega, centre)
     return State(centre, velocity, start.attitude, omega, np.zeros(len(rates)), rates)
-
-
-_UP = np.array([0.0, 0.0, 1.0])
-UNKNOWN_FORCE = np.full(3, np.nan)  # from an engine that reports none
-_LIFTED = 0.01  # radii above the plane at which the shell counts as lifted off
 
 
 def readings_of(

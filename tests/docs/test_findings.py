@@ -1,4 +1,4 @@
-"""Every finding in docs/findings/ is what its script prints; skipped without its engine."""
+"""Scripts in docs/findings/ print their measured values; skipped without the engine."""
 
 import re
 import subprocess

@@ -23,7 +23,7 @@ def contact_cycle(model: Model, cycle: Cycle, parts: int = 1) -> Cycle:
     """
     ball, M = model.scene.parameters, cycle.momentum
     times = np.linspace(0.0, cycle.period, parts + 1)
-    # Start much farther off than MuJoCo and the equations differ, so that the search is MuJoCo's.
+    # Start farther off than MuJoCo and the equations differ, to find the motion of MuJoCo alone.
     near = turned(orbit(ball, cycle.attitude, M, times)[:-1, :4], np.full((parts, 3), 1e-3))
 
     def follow(attitudes: Array, duration: float) -> Followed:

@@ -124,7 +124,7 @@ def spoilt(spoil: Spoil) -> Adapter:
 
 
 class Abreast(Repeated):
-    """Balls side by side, each shifted in x by its index; the second diverges after 1 s."""
+    """Balls side by side, shifted in x by 0, 1, 2, …; the second diverges after 1 s."""
 
     def __init__(self, scene: Scene, scenes: Sequence[Scene] = ()) -> None:
         super().__init__(scene, {})
@@ -304,7 +304,7 @@ class Dynamics(IdealWorld):
         M, h = self.form.dynamics(
             q, np.concatenate([state.velocity, R.T @ state.omega, state.rates])
         )
-        # MuJoCo's ω is in the shell's axes, where its rate is Rᵀ dω/dt.
+        # MuJoCo's ω is in the shell's axes; its rate there is Rᵀ dω/dt.
         T = np.eye(len(h))
         T[3:6, 3:6] = R.T
         return T.T @ M @ T, T.T @ h
@@ -391,7 +391,7 @@ LACKS = [
 
 
 def test_mjx_has_the_version_that_it_runs_on() -> None:
-    """Its version names MuJoCo's, too."""
+    """Its label names both versions."""
     assert ADAPTERS["mjx"].label.version.endswith(f" on MuJoCo {version('mujoco')}")
 
 
@@ -399,7 +399,7 @@ def test_mjx_has_the_version_that_it_runs_on() -> None:
 def test_a_missing_ability_of_an_engine_is_named_before_the_run(
     name: str, preset: str, scene: str, facts: str
 ) -> None:
-    """One line says what its adapter cannot roll, or lacks with some settings."""
+    """In one line: scenes the adapter cannot roll, or physics missing with some settings."""
     engine, ball = ADAPTERS[name], rb.load_scene(scene)
     line = engine.lacks(ball, engine.presets[preset]) if preset else engine.cannot_express(ball)
     assert unnamed(facts, str(line)) == []

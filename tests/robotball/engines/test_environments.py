@@ -60,7 +60,7 @@ def test_a_package_whose_engine_cannot_be_loaded_is_named(
 ) -> None:
     """With file and line, even if its code ends the program.
 
-    After an import of importlib_metadata, as in dask, that module loads the entry points.
+    After an import of importlib_metadata, for example in dask, that module loads the entry points.
     """
     with suppress(ImportError):
         import_module("importlib_metadata")

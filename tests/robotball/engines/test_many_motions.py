@@ -36,7 +36,7 @@ def test_without_initial_states_there_are_no_motions() -> None:
 
 
 def test_initial_states_need_exactly_one_scene() -> None:
-    """A device is refused by an engine that has no choice of devices."""
+    """An engine without a choice of devices refuses `device`."""
     for scene, starts in ((FIG12, None), ([FIG12], STARTS)):
         with pytest.raises(rb.InputError, match=naming("starts scene")):
             rb.simulate_many(scene, starts)

@@ -49,10 +49,10 @@ def test_the_error_estimate_of_a_numerical_rate_is_an_upper_bound(
 
 
 def test_slip_and_spin_are_measured_despite_the_numerical_error() -> None:
-    """A path stretched by 0.1 % slips by 0.1 % of the speed, 5e-3 m/s here.
+    """A stretch of 0.1 % gives a slip of 0.1 % of the speed, 5e-3 m/s here.
 
     Measured: 4.76e-3 with an error of 4.7e-4, and a rolling radius of 1.001. An extra rotation of
-    the attitudes about the vertical by 0.1 rad/s is spin.
+    the attitudes about the vertical at 0.1 rad/s is spin.
     """
     longer = replace(FIG12, contact_point=1.001 * FIG12.contact_point)
     motion = rb.recorded(FIG12.scene, trajectory_of(longer))

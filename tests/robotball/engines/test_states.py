@@ -60,7 +60,7 @@ def test_rows_and_states_convert_into_each_other() -> None:
 
 
 def test_links_with_relative_positions_make_up_the_ball() -> None:
-    """Pivots summed along the tree, centres of mass and principal moments are the ball's."""
+    """Pivots summed along the tree, centres of mass and principal moments agree with the ball."""
     for scene in TREES:
         tree, links = scene.ball.tree, links_of(scene)
         at = {"": np.zeros(3)}

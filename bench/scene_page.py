@@ -29,7 +29,7 @@ def _rows(name: str) -> Iterator[str]:
         yield from (f"| `{material}` | {density:g} |" for material, density in DENSITIES.items())
         return
     if name == "drives":
-        yield from ("| `drive` | motion | required keys | optional keys |", "|---|---|---|---|")
+        yield from ("| `drive` | behaviour | required keys | optional keys |", "|---|---|---|---|")
         for drive, kind in DRIVES.items():
             optional = tuple(key for key in kind.allowed if key not in kind.needed)
             yield f"| `{drive}` | {kind.does} | {_codes(kind.needed)} | {_codes(optional)} |"

@@ -227,14 +227,14 @@ def spin_damping(scene: Scene, settings: PointSettings, step: float) -> float:
 
 
 def no_torsion(scene: Scene, instead: str = "the shell spins freely") -> str | None:
-    """Return a line on the missing torsional friction, for a ball that needs it, else None."""
+    """Return a line if the contact lacks torsional friction that the ball needs, else None."""
     if scene.rolling == "classical":
         return None
     return f"its contact has no torsional friction: {instead}"
 
 
 def spins(scene: Scene, settings: PointSettings) -> str | None:
-    """Return a line on the shell's free or damped spin, None if the spin is treated right."""
+    """Return a line if the shell spins freely or with our damping, else None."""
     if settings.ideal:
         return None
     damped = ["a torque of ours damps the spin"] if settings.spin_part else []
@@ -379,7 +379,7 @@ def _rolled_by(
 
 
 def elsewhere(engine: Engine, folder: Path | str) -> Engine:
-    """Return the engine with its environments in another folder; others than adapters as given."""
+    """Return an adapter with its environments in another folder; other engines unchanged."""
     return replace(engine, environments=Path(folder)) if isinstance(engine, Adapter) else engine
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotball.engines import adapter
-from robotball.engines.states import State, lifting, links_of, principal_inertia
+from robotball.engines.states import State, force_on_ball, links_of, principal_inertia
 from robotball.motion import Label
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, conjugate, multiply
@@ -102,7 +102,9 @@ class _BulletWorld(adapter.ServoWorld):
     def force(self) -> Array:
         # For each contact: the normal and two friction directions, with their forces.
         contacts = self.p.getContactPoints(self.ball)
-        return lifting(np.array([c[9], c[10], c[12]]) @ [c[7], c[11], c[13]] for c in contacts)
+        return force_on_ball(
+            np.array([c[9], c[10], c[12]]) @ [c[7], c[11], c[13]] for c in contacts
+        )
 
 
 def _xyzw(q: Array) -> list[float]:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from robotball.engines import adapter
-from robotball.engines.states import State, lifting, links_of
+from robotball.engines.states import State, force_on_ball, links_of
 from robotball.motion import Label
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, from_matrix, rotation_matrix
@@ -131,7 +131,7 @@ class _DartWorld(adapter.ServoWorld):
 
     def force(self) -> Array:
         contacts = self.world.getLastCollisionResult().getContacts()
-        return lifting(np.array(contact.force) for contact in contacts)
+        return force_on_ball(np.array(contact.force) for contact in contacts)
 
 
 class _DartDynamics(adapter.IdealWorld):

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import root_scalar
 
 from robotball.engines import adapter
-from robotball.engines.states import State, lifting, links_of, start_state
+from robotball.engines.states import State, force_on_ball, links_of, start_state
 from robotball.motion import Label
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
@@ -201,7 +201,7 @@ class _DrakeWorld(adapter.World):
     def force(self) -> Array:
         results = self.plant.get_contact_results_output_port().Eval(self.context)
         contacts = map(results.point_pair_contact_info, range(results.num_point_pair_contacts()))
-        return lifting(contact.contact_force() for contact in contacts)
+        return force_on_ball(contact.contact_force() for contact in contacts)
 
     def python_seconds(self) -> float:
         """Return 0, or NaN if rates change: Drake then calls our function within its steps."""

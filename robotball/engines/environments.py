@@ -204,8 +204,10 @@ def make(home: Path, requirements: Sequence[str], python: Path | None = None) ->
     package, _, release = versions_in(home, requirements[:1]).partition(" ")
     newer = {wheel for wheel in releases.values() if _numbers(wheel) > _numbers(release)}
     wheels = ", ".join(f"{wheel or 'none'} for {version}" for version, wheel in releases.items())
-    by = f"{versions_in(home, requirements)} by {python_name(home)}; newest wheels: {wheels}"
-    mark = [by, *(f"{package} {wheel}" for wheel in sorted(newer, key=_numbers))]
+    contents = (
+        f"{versions_in(home, requirements)} with {python_name(home)}; newest wheels: {wheels}"
+    )
+    mark = [contents, *(f"{package} {wheel}" for wheel in sorted(newer, key=_numbers))]
     (_packages(home) / _MADE).write_text("\n".join(mark), encoding="utf-8")
     return home
 
@@ -269,7 +271,7 @@ def call(python: Path | str, function: Callable[..., _T], *arguments: Any) -> _T
     try:
         job = pickle.dumps(partial(function, *arguments))
     except (AttributeError, TypeError, pickle.PicklingError) as error:
-        raise InputError(f"{python} can call only functions of modules: {error}") from None
+        raise InputError(f"{python} can call only functions of a module: {error}") from None
     ours, theirs = os.pipe()
     # Only we hold the pipe's other end, so the process ends when we do.
     with os.fdopen(ours), os.fdopen(theirs, "w"), tempfile.TemporaryFile() as output:

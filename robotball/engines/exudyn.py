@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from robotball.engines import adapter
-from robotball.engines.states import State, lifting
+from robotball.engines.states import State, force_on_ball
 from robotball.motion import Label
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, conjugate, from_matrix, multiply, rotation_matrix
@@ -262,7 +262,7 @@ class _ContactWorld(_ExudynWorld):
 
     def force(self) -> Array:
         at, *parts = self.system.GetSensorStoredData(self.force_sensor).T
-        return lifting([np.array([np.interp(self.t, at, part) for part in parts])])
+        return force_on_ball([np.array([np.interp(self.t, at, part) for part in parts])])
 
     def _state(
         self, t: float, centre: Array, velocity: Array, omega: Array, attitude: Array

@@ -138,8 +138,7 @@ class Monitor:
     Attributes
     ----------
     rolled, slipped : float, m
-        Current lengths of path and slip. In the rubber model spin times radius counts
-        as slip.
+        Current lengths of path and slip. In the rubber model spin times radius counts as slip.
     momentum : (3,), kg m²/s
         M of the first state.
     ahead : (1, k), rad
@@ -170,7 +169,6 @@ class Monitor:
             The reason why the integrator could not continue after the last row.
         """
         # Squares of a diverged state's numbers overflow.
-        # A diverged state's numbers have no squares.
         with np.errstate(all="ignore"):
             elapsed = np.diff(readings.time, prepend=self.last_time)
             of_the_state = self._of_the_state(readings, elapsed)

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from robotball.engines import adapter
-from robotball.engines.states import State, lifting, links_of
+from robotball.engines.states import State, force_on_ball, links_of
 from robotball.motion import Label
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, rotation_matrix
@@ -146,7 +146,7 @@ class _ContactWorld(adapter.SteppedWorld):
         return State(q[:3], velocity, np.roll(q[3:7], 1), R @ v[3:6], q[7:], v[6:])
 
     def force(self) -> Array:
-        return lifting([self.contact_force])
+        return force_on_ball([self.contact_force])
 
 
 class _Pinocchio(adapter.Adapter):

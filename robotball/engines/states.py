@@ -46,7 +46,7 @@ def principal_inertia(link: Link) -> tuple[Array, Array]:
     return moments, from_matrix(axes)
 
 
-def lifting(forces: Iterable[Array]) -> Array:
+def force_on_ball(forces: Iterable[Array]) -> Array:
     """Return the total contact force on the ball (3,), from forces on either body."""
     total = sum(forces, np.zeros(3))
     return total * np.copysign(1.0, total[2])  # the plane pushes the ball up
@@ -59,7 +59,7 @@ def force_in(model: Any, data: Any) -> Array:
     wrench, frame = np.zeros(6), data.contact.frame.reshape(-1, 3, 3)
     if data.ncon:
         mujoco.mj_contactForce(model, data, 0, wrench)
-    return lifting(wrench[:3] @ axes for axes in frame[:1])
+    return force_on_ball(wrench[:3] @ axes for axes in frame[:1])
 
 
 @dataclass(frozen=True)

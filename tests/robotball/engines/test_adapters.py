@@ -32,7 +32,7 @@ from robotball.engines.adapter import (
 from robotball.engines.engine import OURS
 from robotball.engines.environments import ENVIRONMENTS, interpreter_of
 from robotball.engines.pinocchio import PINOCCHIO
-from robotball.engines.states import State, lifting, links_of, principal_inertia
+from robotball.engines.states import State, force_on_ball, links_of, principal_inertia
 from robotball.motion import Label, momentum_error, path_error
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
@@ -274,9 +274,9 @@ def test_reading_states_and_forces_does_not_count_as_engine_time(
 
 def test_a_contact_force_on_either_body_is_returned_as_the_force_on_the_ball() -> None:
     parts = [np.array([1.0, 0.0, -2.0]), np.array([0.0, 1.0, -1.0])]
-    assert lifting(parts).tolist() == [-1.0, -1.0, 3.0]
-    assert lifting([-part for part in parts]).tolist() == [-1.0, -1.0, 3.0]
-    assert lifting([]).tolist() == [0.0, 0.0, 0.0]
+    assert force_on_ball(parts).tolist() == [-1.0, -1.0, 3.0]
+    assert force_on_ball([-part for part in parts]).tolist() == [-1.0, -1.0, 3.0]
+    assert force_on_ball([]).tolist() == [0.0, 0.0, 0.0]
 
 
 def test_equal_steps_end_on_every_sample_with_the_rates_of_that_time() -> None:

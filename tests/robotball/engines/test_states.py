@@ -8,7 +8,7 @@ import pytest
 import robotball as rb
 from robotball.engines.states import (
     UNKNOWN_FORCE,
-    lifting,
+    force_on_ball,
     links_of,
     principal_inertia,
     readings_of,
@@ -77,6 +77,6 @@ def test_contact_forces_are_summed_to_the_force_on_the_ball() -> None:
     """Whichever body the engine reports them for; without a contact the force is zero."""
     forces = [np.array([0.1, -0.2, 3.0]), np.array([0.0, 0.3, 1.0])]
     for sign in (1.0, -1.0):
-        total = lifting(sign * force for force in forces)
+        total = force_on_ball(sign * force for force in forces)
         assert total == pytest.approx([0.1, 0.1, 4.0])
-    assert lifting([]).tolist() == [0.0, 0.0, 0.0]
+    assert force_on_ball([]).tolist() == [0.0, 0.0, 0.0]

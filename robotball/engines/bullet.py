@@ -101,10 +101,8 @@ class _BulletWorld(adapter.ServoWorld):
 
     def force(self) -> Array:
         # For each contact: the normal and two friction directions, with their forces.
-        contacts = self.p.getContactPoints(self.ball)
-        return force_on_ball(
-            np.array([c[9], c[10], c[12]]) @ [c[7], c[11], c[13]] for c in contacts
-        )
+        points = self.p.getContactPoints(self.ball)
+        return force_on_ball(np.array([c[9], c[10], c[12]]) @ [c[7], c[11], c[13]] for c in points)
 
 
 def _xyzw(q: Array) -> list[float]:

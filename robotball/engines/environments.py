@@ -204,10 +204,8 @@ def make(home: Path, requirements: Sequence[str], python: Path | None = None) ->
     package, _, release = versions_in(home, requirements[:1]).partition(" ")
     newer = {wheel for wheel in releases.values() if _numbers(wheel) > _numbers(release)}
     wheels = ", ".join(f"{wheel or 'none'} for {version}" for version, wheel in releases.items())
-    contents = (
-        f"{versions_in(home, requirements)} with {python_name(home)}; newest wheels: {wheels}"
-    )
-    mark = [contents, *(f"{package} {wheel}" for wheel in sorted(newer, key=_numbers))]
+    summary = f"{versions_in(home, requirements)} with {python_name(home)}; newest wheels: {wheels}"
+    mark = [summary, *(f"{package} {wheel}" for wheel in sorted(newer, key=_numbers))]
     (_packages(home) / _MADE).write_text("\n".join(mark), encoding="utf-8")
     return home
 

@@ -1,7 +1,7 @@
-# Two commands, each with all its own set-up:  make demo   make test
-# On the way:  make check   make test-core   make test-fast   make test-variants   make test-studies
+# Two commands, each with its set-up:  make demo   make test
+# During work: make check   make test-core   make test-fast   make test-variants   make test-studies
 #              make messages   make docs   make tutorials
-# Any of these in another environment, with another Python:
+# Any of these with another environment and Python:
 #              make test-core VENV=.venv-3.13 PYTHON=/usr/bin/python3.13
 UV_VERSION := 0.13.8
 PYTHON_RANGE := >=3.11,<3.15
@@ -19,10 +19,10 @@ BIN := $(VENV)/bin
 demo: setup gl
 	$(BIN)/robotball demo
 
-# Files go to the cores whole, as a file's tests share what they compute.
+# All tests of a file run on one core, because they share results.
 ON_CORES := --numprocesses auto --dist loadfile
 
-# mypy runs beside the tests, and prints its report after theirs. Only some of the tests:
+# mypy runs in parallel and reports after the tests. To run only some tests:
 #   make test TESTS='core and not slow'
 TESTS := not study
 
@@ -34,20 +34,20 @@ test: setup gl browser lint
 	echo "exit status: pytest $$tests, mypy $$types"; \
 	test $$tests = 0 && test $$types = 0
 
-# Every case of the studies that have many, such as wrong settings that are planted; an hour.
+# All cases of studies with many cases, such as planted wrong settings. Takes an hour.
 test-studies: setup
 	$(BIN)/pytest $(ON_CORES) -m study
 
 test-fast: setup gl
 	$(BIN)/pytest $(ON_CORES) -m "not slow"
 
-# The fast tests that catch most faults, in one process: a minute and a half of one core.
+# The fast tests that find most faults, in one process. Takes a minute and a half.
 test-core: setup
 	$(BIN)/pytest -m "core and not slow"
 
-# Last bits, as other processors have them: OpenBLAS's kernels, numba's code without a processor's
-# own instructions, NumPy's loops without AVX-512 and without AVX2. All are run, and those that fail
-# are named at the end. The slow tests too:  make test-variants MARK=
+# Rounding errors of other processors: other kernels of OpenBLAS, generic code of numba, loops of
+# NumPy without AVX-512 and without AVX2. All variants run; the failing ones are named at the end.
+# With slow tests:  make test-variants MARK=
 VARIANTS := OPENBLAS_CORETYPE=Haswell OPENBLAS_CORETYPE=Zen OPENBLAS_CORETYPE=Sandybridge \
   OPENBLAS_CORETYPE=Nehalem NUMBA_CPU_NAME=generic \
   NPY_DISABLE_CPU_FEATURES=X86_V4,AVX512_ICL,AVX512_SPR \
@@ -55,12 +55,12 @@ VARIANTS := OPENBLAS_CORETYPE=Haswell OPENBLAS_CORETYPE=Zen OPENBLAS_CORETYPE=Sa
 MARK := not slow
 
 test-variants: setup gl
-	@failed=; for each in $(VARIANTS); do \
-	  echo "$$each"; \
-	  env $$each $(BIN)/pytest $(ON_CORES) -m "$(MARK)" || failed="$$failed $$each"; \
+	@failed=; for variant in $(VARIANTS); do \
+	  echo "$$variant"; \
+	  env $$variant $(BIN)/pytest $(ON_CORES) -m "$(MARK)" || failed="$$failed $$variant"; \
 	done; test -z "$$failed" || { echo "failing under:$$failed"; exit 1; }
 
-# All messages that tests provoke, in tests/golden/messages.txt: to read, and after a change of words.
+# Write all messages that tests cause into tests/golden/messages.txt, after changing one.
 messages: setup
 	$(BIN)/pytest -q tests/test_messages.py --rewrite
 
@@ -71,39 +71,39 @@ lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-# docs/scene.md, from the tables that the reader uses; a test holds it.
-# Then the site, in out/site; it ends at a dead link and at a name that is not there.
+# Generate docs/scene.md from the tables of the scene reader (a test compares it), then the site in
+# out/site, which fails at a dead link or an unknown name.
 docs: setup
 	$(BIN)/python -m bench.scene_page > docs/scene.md
 	$(BIN)/python -m zensical build --clean --strict
 
-# The notebooks of docs/tutorials, run again, with their outputs and pages; a minute.
+# Run the notebooks of docs/tutorials and write their outputs and pages. Takes a minute.
 tutorials: setup
 	$(BIN)/python docs/tutorials/notebooks.py
 
-# Every picture and table of README and docs, made again by the program; hours on two cores. Some,
-# by the beginnings of their commands:  make gallery ONLY='history examples'
+# Make every picture and table of README and docs. Takes hours on two cores. To select commands by
+# their first words:  make gallery ONLY='history examples'
 gallery: setup gl
 	$(BIN)/python -m bench.gallery $(ONLY)
 
-# The Pythons of this machine that robotball runs on, the newest first:  3.13=/usr/bin/python3.13
+# The Pythons of this machine that robotball supports, newest first:  3.13=/usr/bin/python3.13
 LIST_PYTHONS = $(BIN)/python -c \
-  'from robotball.engines.environments import pythons; [print("=".join(map(str, each))) for each in pythons().items()]'
+  'from robotball.engines.environments import pythons; [print(f"{version}={path}") for version, path in pythons().items()]'
 
 pythons: setup
 	@$(LIST_PYTHONS)
 
-# The wheel, as a user installs it: by pip with its dependencies, on every Python of this machine that
-# has venv, run in an empty folder and with an empty home. It must have every file that the program
-# needs, and take no name that is anybody's. Without venv nothing is tested, which is an error.
-# The newest Python alone:  make wheel ONE=1
+# Test the wheel as users install it, with pip and its dependencies, in an empty folder with an empty
+# home, on every Python of this machine that has venv. It must have every file that the program needs
+# and work beside a foreign package `validation`. Fails if no Python has venv.
+# With the newest Python only:  make wheel ONE=1
 WHEEL := $(CURDIR)/out/wheel
 
 wheel: setup
 	rm -rf $(WHEEL) && mkdir -p $(WHEEL)
 	$(BIN)/python -m hatchling build -t wheel -d $(WHEEL)
-	@for each in $$($(LIST_PYTHONS)); do \
-	  $(MAKE) --no-print-directory run-wheel VERSION=$${each%%=*} PYTHON=$${each#*=} || exit 1; \
+	@for python in $$($(LIST_PYTHONS)); do \
+	  $(MAKE) --no-print-directory run-wheel VERSION=$${python%%=*} PYTHON=$${python#*=} || exit 1; \
 	  test -z "$(ONE)" || break; done
 	@ls $(WHEEL)/3.* >/dev/null
 
@@ -134,16 +134,15 @@ bench: setup
 	$(BIN)/python -m bench.speed
 	$(BIN)/python -m bench.kernels
 
-# The constants of COST_MODEL in robotball/engines/mujoco/limits.py, measured again; half an hour.
+# Measure the constants of COST_MODEL in robotball/engines/mujoco/cost_model.py. Takes half an hour.
 cost-model: setup
 	$(BIN)/python -m bench.cost_model
 
 setup: $(VENV)/.stamp
 
-# The exact versions and hashes of requirements.lock, then this checkout itself; compiled, so that
-# the first start is as quick as any other, and any where Python may not write; then the machine
-# code, into the user's cache. Each step says what it does, as the packages take most of a minute,
-# and uv shows its progress on a terminal.
+# Install the exact versions of requirements.lock, checked by hash, and this checkout. Compile the
+# bytecode, so that starts are fast even if Python cannot write it, and the machine code into the
+# user's cache. The packages take most of a minute, so every step prints a line.
 QUIET := $(shell test -t 2 || echo --quiet)
 
 $(VENV)/.stamp: pyproject.toml requirements.lock Makefile | $(UV)
@@ -159,7 +158,7 @@ $(VENV)/.stamp: pyproject.toml requirements.lock Makefile | $(UV)
 	@$(BIN)/python -c 'from robotball.theory.ahead import compile_all; compile_all()'
 	@touch $@
 
-# A machine without uv gets a pinned one in a tool environment of its own.
+# Without uv on this machine, install a pinned version in its own environment.
 .tools/bin/uv:
 	@echo "set-up: uv, which installs all packages, in .tools"
 	@python3 -m venv .tools >/dev/null 2>&1 \
@@ -167,15 +166,15 @@ $(VENV)/.stamp: pyproject.toml requirements.lock Makefile | $(UV)
 	  || { echo "set-up needs uv, or Python's venv: sudo apt-get install python3-venv"; exit 1; }
 	@.tools/bin/python -m pip install --quiet --disable-pip-version-check uv==$(UV_VERSION)
 
-# Video needs an off-screen GL; everything else runs without one.
+# Videos need off-screen OpenGL; all else runs without.
 gl: setup
 	@$(BIN)/python -m robotball.view.gl --quiet || .ci/apt libosmesa6 || true
 	@$(BIN)/python -m robotball.view.gl || true
 
-# Pages are tested in a browser without a window; where there is none these tests are skipped.
+# Tests of pages need headless Chromium; without it they are skipped.
 browser:
-	@for each in chromium chromium-browser google-chrome chromium-headless-shell; do \
-	  command -v $$each >/dev/null && exit 0; done; \
+	@for browser in chromium chromium-browser google-chrome chromium-headless-shell; do \
+	  command -v $$browser >/dev/null && exit 0; done; \
 	.ci/apt chromium-headless-shell || echo "no Chromium: the tests of pages are skipped"
 
 lock: | $(UV)

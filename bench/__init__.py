@@ -1,1 +1,1 @@
-"""Measurements of cost: ratios in one run, set-up outside the clock."""
+"""Benchmarks and generators of docs."""

@@ -1,7 +1,7 @@
-"""Step a model by plain calls of MuJoCo, of whatever version.
+"""Step a model with plain calls of any MuJoCo version.
 
-An environment of an old version runs it, so it imports that version and nothing of ours: no change
-of our own code can be taken for one of the engine.
+An environment with an old version runs this file. It imports nothing from robotball, so that no
+change of ours can look like a change of MuJoCo.
 """
 
 import re
@@ -15,26 +15,26 @@ _REFUSED = r"unrecognized attribute: '(\w+)'"
 
 
 def compiled(xml: str) -> tuple[mujoco.MjModel, list[str]]:
-    """Return the model of an MJCF, and its attributes that this version refuses and go without.
+    """Return the model of an MJCF, and the attributes removed because this version refuses them.
 
-    Raises ValueError, by the version's parser, for any other fault.
+    Raises ValueError, from the version's parser, for any other fault.
     """
     left_out: list[str] = []
     while True:
         try:
             return mujoco.MjModel.from_xml_string(xml), left_out
         except ValueError as error:
-            # The parser names one attribute at a time, the first that it does not know.
-            if (found := re.search(_REFUSED, str(error))) is None:
+            # The parser names only the first unknown attribute.
+            if (match := re.search(_REFUSED, str(error))) is None:
                 raise
-            left_out.append(found[1])
-            xml = re.sub(f' {found[1]}="[^"]*"', "", xml)
+            left_out.append(match[1])
+            xml = re.sub(f' {match[1]}="[^"]*"', "", xml)
 
 
 def run(task: Mapping[str, Any]) -> dict[str, Any]:
-    """Run a task: an MJCF, the interval [s] and number of its samples, and how often for the time.
+    """Run a task: xml, interval [s] and number of its samples, and rounds of timing.
 
-    Of the answer qpos and qvel are at the samples, and seconds is the least processor time.
+    Returns qpos and qvel at the samples, and the least processor time of a round [s].
     """
     model, left_out = compiled(task["xml"])
     data, spent = mujoco.MjData(model), []
@@ -47,6 +47,6 @@ def run(task: Mapping[str, Any]) -> dict[str, Any]:
             qpos.append(data.qpos.tolist())
             qvel.append(data.qvel.tolist())
         spent.append(time.process_time() - began)
-    # The least, as what disturbs a run makes it longer, and nothing makes it shorter.
+    # The least time: disturbances only make a run slower.
     answer = {"qpos": qpos, "qvel": qvel, "timestep": model.opt.timestep, "seconds": min(spent)}
     return {**answer, "left_out": left_out}

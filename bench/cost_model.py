@@ -1,9 +1,9 @@
-"""Measure the cost model by which settings are chosen for a requested accuracy.
+"""Measure the cost model that chooses settings for a requested accuracy.
 
-Every scene of the catalog and random balls run at both families of the recipe: RK4 at many steps,
-and adaptive at many tolerances. The coefficients fitted to these runs stand beside those in use.
-For four accuracies a second table shows what they took over the cheapest of the configurations
-searched; `bench.estimates` measures whether they are reached.
+Runs every scene of the catalog and random balls with RK4 at many steps and with adaptive steps at
+many tolerances, and prints the fitted coefficients beside the current ones. A second table
+compares, for four accuracies, the time of the chosen settings with the fastest of these runs;
+`bench.estimates` measures whether the accuracies are reached.
 """
 
 import argparse
@@ -32,13 +32,16 @@ from validation.sweeps import Cell, sweep
 
 _BALLS = 30
 _TARGETS = (1e-4, 1e-6, 1e-8, 1e-10)
-_STEPS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24, 29, 35)  # of RK4 in a sample interval
+_STEPS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24, 29, 35)  # RK4 steps per sample interval
 _RTOLS = tuple(10 ** (-half / 2) for half in range(14, 27))  # half a decade apart
-_ENOUGH = 3e-11  # a finer run than one of this error is no target's best
+_ENOUGH = 3e-11  # path error at which a search stops: finer runs are the best for no target
+_Record = Mapping[str, Any]
+_WIDTH = 130  # characters, for the table of cases
+_STYLE: dict[str, Any] = {"title_justify": "left", "padding": (0, 1), "show_edge": True}
+_ROUNDING = 1e-11  # path errors below this no longer follow the order
 
 
 def _cells() -> list[Cell]:
-    """Return the scenes of the catalog, and the random balls."""
     return [
         *({"scene": name} for name in catalog()),
         *({"ball": number} for number in range(_BALLS)),
@@ -46,7 +49,7 @@ def _cells() -> list[Cell]:
 
 
 def _measure(cell: Cell) -> Mapping[str, Any]:
-    """Return the runs of both families, and one case a target; errors against the equations."""
+    """Return the runs of both families and one case per target, with errors from the equations."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SceneWarning)
         scene = ball_of_points(cell["ball"]) if "ball" in cell else load_scene(cell["scene"])
@@ -62,9 +65,9 @@ def _measure(cell: Cell) -> Mapping[str, Any]:
             "duration": scene.duration,
             "samples": len(theory.times),
             "rk4": _search(scene, theory, rk4),
-            # What timings drift by should not fall between the families and the cases.
+            # Between the families, so that drifting timings affect both alike.
             "cases": [_case(scene, theory, target) for target in _TARGETS],
-            # A servo's stiffness, not the error, would set the steps.
+            # A servo's stiffness would limit the steps, not the error.
             "adaptive": []
             if any(hinge.motor for hinge in scene.hinges)
             else _search(scene, theory, adaptive),
@@ -72,7 +75,7 @@ def _measure(cell: Cell) -> Mapping[str, Any]:
 
 
 def _search(scene: Scene, theory: Motion, family: Iterable[Settings]) -> list[dict[str, Any]]:
-    """Return the runs of a family from the coarsest on, until one is enough for any target."""
+    """Return the runs of a family, coarsest first, until one is accurate enough for all targets."""
     runs: list[dict[str, Any]] = []
     for settings in family:
         runs.append(_run(scene, theory, settings))
@@ -96,7 +99,7 @@ def _run(scene: Scene, theory: Motion, settings: Settings) -> dict[str, Any]:
 
 
 def _case(scene: Scene, theory: Motion, target: float) -> dict[str, Any]:
-    """Return the seconds of a run to an accuracy, and of its last part, at the settings chosen."""
+    """Return the processor time of a run to an accuracy, in total and of its last attempt [s]."""
     report = simulate(scene, theory.times, accuracy=target).report
     return {
         "target": target,
@@ -106,35 +109,28 @@ def _case(scene: Scene, theory: Motion, target: float) -> dict[str, Any]:
     }
 
 
-def _best_seconds(record: Mapping[str, Any], target: float) -> float:
-    """Return the least time [s] of a sound run of an error within the target, or infinity."""
-    runs = [*record["rk4"], *record["adaptive"]]
+def _best_seconds(front: Mapping[str, Any], target: float) -> float:
+    """Return the shortest time [s] of a sound run within the target error, or infinity."""
+    runs = [*front["rk4"], *front["adaptive"]]
     return min(
         (
-            each["seconds"]
-            for each in runs
-            if each["sound"] and each["error"] is not None and each["error"] <= target
+            record["seconds"]
+            for record in runs
+            if record["sound"] and record["error"] is not None and record["error"] <= target
         ),
         default=np.inf,
     )
 
 
-_Record = Mapping[str, Any]
-_WIDTH = 130  # characters, which the table of cases needs
-_STYLE: dict[str, Any] = {"title_justify": "left", "padding": (0, 1), "show_edge": True}
-_ROUNDING = 1e-11  # errors below this multiple of it no longer show an order
-
-
 def _main() -> None:
-    """Measure what is missing, and print both tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("out"))
     parser.add_argument("--workers", type=int)
-    given = parser.parse_args()
+    options = parser.parse_args()
     everything = _cells()
     with progress_bar(len(everything)) as show:
         results = sweep(
-            _measure, everything, given.out / "front.jsonl", workers=given.workers, show=show
+            _measure, everything, options.out / "front.jsonl", workers=options.workers, show=show
         )
     console = Console(width=_WIDTH)
     for result in results:
@@ -143,19 +139,19 @@ def _main() -> None:
     records = [result.record for result in results if result.record is not None]
     console.print(_coefficient_table(records))
     console.print(_case_table(records))
-    write_record(given.out / "front.json", {"coefficients": _coefficients(records)})
+    write_record(options.out / "front.json", {"coefficients": _coefficients(records)})
 
 
 def _coefficients(records: Sequence[_Record]) -> dict[str, tuple[float, float]]:
-    """Each field of Front as measured: the value, and the scatter of single scenes about it.
+    """Return each field of Front: the measured value and its scatter over scenes.
 
-    Orders are low percentiles, for an estimate to be too small only rarely. Scatter is
-    a factor for gain, density and step, and absolute for the others.
+    Orders are low percentiles, so that estimates are rarely too small. Scatter is a factor for
+    gain, density and step, and absolute for the others.
     """
     records = [record for record in records if not record["motors"]]
     steady = [record for record in records if record["steady"]]
-    order = np.array([each for record in records for each in _orders(record)])
-    rtol_order = np.array([each for record in records for each in _rtol_orders(record)])
+    order = np.array([value for record in records for value in _orders(record)])
+    rtol_order = np.array([value for record in records for value in _rtol_orders(record)])
     stiffness = np.array([_stiffness(record) for record in records])
     gain = np.array([_gain(record) for record in records])
     power, log_gain = np.polyfit(np.log(stiffness), np.log(gain), 1)
@@ -182,13 +178,12 @@ def _coefficients(records: Sequence[_Record]) -> dict[str, tuple[float, float]]:
 
 
 def _orders(record: _Record) -> list[float]:
-    """Return the orders of the error, from the longest step of RK4 to each shorter one."""
     first, *others = record["rk4"]
-    return [_order(first, each) for each in others if each["error"] > _ROUNDING]
+    return [_order(first, run) for run in others if run["error"] > _ROUNDING]
 
 
 def _rtol_orders(record: _Record) -> list[float]:
-    """Return the orders of the error in rtol, between rtols LOOSER apart as accuracy uses them."""
+    """Return the orders of the error in rtol, for rtols a factor LOOSER apart."""
     runs = record["adaptive"]
     apart = round(np.log(LOOSER) / np.log(runs[0]["size"] / runs[1]["size"]))
     return [
@@ -203,13 +198,13 @@ def _order(coarse: _Record, fine: _Record) -> float:
 
 
 def _stiffness(record: _Record) -> float:
-    """Return RK4's error where the scene turns by a radian in a step, along its fourth order."""
+    """Return RK4's error for steps of one radian of rotation, extrapolated at fourth order."""
     run = record["rk4"][0]
     return float(run["error"] / (record["rate"] * run["size"]) ** 4)
 
 
 def _gain(record: _Record) -> float:
-    """Return DOP853's error over rtol, a geometric mean, from its drift of M and RK4's of both."""
+    """Return DOP853's error over rtol (geometric mean), from its drift of M and RK4's ratio."""
     first = record["rk4"][0]
     drifts = [
         run["drift"] / run["size"] for run in record["adaptive"] if 1e-12 < run["size"] < 2e-9
@@ -218,12 +213,12 @@ def _gain(record: _Record) -> float:
 
 
 def _density(record: _Record) -> tuple[float, float]:
-    """Return the power of 1/rtol with which steps grow, and their number at 1e-11 a radian."""
+    """Return the exponent of step count in 1/rtol, and the steps per radian at rtol 1e-11."""
     runs = [run for run in record["adaptive"] if run["size"] < 2e-9]
     sizes, steps = (np.log([run[key] for run in runs]) for key in ("size", "steps"))
     slope, at_one = np.polyfit(sizes, steps, 1)
-    turned = record["rate"] * record["duration"]
-    return -float(slope), float(np.exp(at_one + slope * np.log(1e-11)) / turned)
+    radians = record["rate"] * record["duration"]
+    return -float(slope), float(np.exp(at_one + slope * np.log(1e-11)) / radians)
 
 
 def _per_step(record: _Record) -> float:
@@ -231,7 +226,6 @@ def _per_step(record: _Record) -> float:
 
 
 def _per_adaptive_step(record: _Record) -> Array:
-    """Return the seconds of a step of DOP853 and of a sample."""
     runs = record["adaptive"]
     seconds = np.array([run["seconds"] for run in runs])
     counts = np.array([[run["steps"], record["samples"]] for run in runs])
@@ -239,12 +233,11 @@ def _per_adaptive_step(record: _Record) -> Array:
 
 
 def _factor(values: Array) -> float:
-    """Return the standard deviation of the logarithm, as a factor."""
+    """Return the standard deviation of the logarithm as a factor."""
     return float(np.exp(np.std(np.log(values))))
 
 
 def _coefficient_table(records: Sequence[_Record]) -> Table:
-    """Return the table of the coefficients measured now beside those in use."""
     headings = ("coefficient", "in use", "measured", "scatter")
     table = plain_table(headings, title="the front", **_STYLE)
     for name, (value, scatter) in _coefficients(records).items():
@@ -253,7 +246,7 @@ def _coefficient_table(records: Sequence[_Record]) -> Table:
 
 
 def _case_table(records: Sequence[_Record]) -> Table:
-    """Return a row an accuracy: how often the adaptive steps were chosen, and what it took."""
+    """Return a row per accuracy: how often DOP853 was chosen, and the time over the best."""
     headings = (
         "requested", "cases", "DOP853", "CPU / best\nmedian", "90 %", "largest", "over 2",
         "last run\nmedian", "largest",

@@ -1,8 +1,7 @@
-"""Measure how honest `--accuracy` is about its error, over random balls; it takes hours.
+"""Measure how often `--accuracy` misses the requested error, for random balls. Takes hours.
 
-A miss is a run whose path error is above what was requested, though it neither warned nor broke
-off. Results are kept in out/estimates.jsonl, so `python -m bench.estimates` goes on
-after a break.
+A miss is a run with a larger path error than requested, without a warning or a fault. Results are
+kept in out/estimates.jsonl, so `python -m bench.estimates` continues after a break.
 """
 
 import sys
@@ -20,14 +19,14 @@ from validation.output import progress_bar, scientific
 from validation.sweeps import Cell, Result, sweep
 
 _BALLS = 1000
-ACCURACIES = (1e-5, 1e-7, 1e-9)  # in turn, each for four balls, one of each number of rotors
+ACCURACIES = (1e-5, 1e-7, 1e-9)  # each for four balls in turn, with 0 to 3 rotors
 _TIMES = np.linspace(0.0, 10.0, 501)
-_LIMIT = 300.0  # s of a ball
+_LIMIT = 300.0  # s per ball
 _FILE = Path("out", "estimates.jsonl")
 
 
 def cells(count: int) -> list[Cell]:
-    """Return the first so many balls, each with the accuracy that is requested of it."""
+    """Return the first `count` balls, each with a requested accuracy."""
     return [
         {"ball": number, "accuracy": ACCURACIES[number // 4 % len(ACCURACIES)]}
         for number in range(count)
@@ -35,9 +34,9 @@ def cells(count: int) -> list[Cell]:
 
 
 def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the estimated and the actual path error, and whether a warning came.
+    """Return estimated and actual path error, and whether there was a warning.
 
-    Both errors are None of a run that broke off; reference: the equations' own error.
+    Both errors are None if the run broke off; reference: the equations' error.
     """
     scene = ball_of_points(cell["ball"])
     theory = integrate(scene, _TIMES)
@@ -49,13 +48,12 @@ def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
         "estimated": motion.report.estimated_error if whole else None,
         "actual": path_error(motion, theory) if whole else None,
         "reference": theory.reference_error,
-        "warned": any("is not reached" in str(each.message) for each in caught),
+        "warned": any("is not reached" in str(warning.message) for warning in caught),
         "faults": [str(fault) for fault in motion.report.faults],
     }
 
 
 def missed(result: Result) -> bool:
-    """Return whether a run is worse than requested without a warning or a fault."""
     record = result.record
     if record is None or record["warned"] or record["faults"] or record["actual"] is None:
         return False
@@ -63,32 +61,30 @@ def missed(result: Result) -> bool:
 
 
 def lines(results: Sequence[Result]) -> list[str]:
-    """Return a summary of all balls, and a line for each miss."""
     records = [result.record for result in results if result.record is not None]
-    ratios = [each["actual"] / each["estimated"] for each in records if each["actual"] is not None]
+    ratios = [run["actual"] / run["estimated"] for run in records if run["actual"] is not None]
     misses = [result for result in results if missed(result)]
-    said = [
-        f"{len(records)} balls: {sum(each['warned'] for each in records)} warned, "
-        f"{sum(bool(each['faults']) for each in records)} with a fault, {len(misses)} missed",
+    summary = [
+        f"{len(records)} balls: {sum(run['warned'] for run in records)} warned, "
+        f"{sum(bool(run['faults']) for run in records)} with a fault, {len(misses)} missed",
         "actual over estimated error: "
         + ", ".join(
             f"{name} {np.quantile(ratios, part):.2g}"
-            for name, part in (("median", 0.5), ("99 of 100", 0.99), ("largest", 1.0))
+            for name, part in (("median", 0.5), ("99 %", 0.99), ("largest", 1.0))
         ),
     ]
     for result in misses:
         assert result.record is not None
         numbers = (result.record[name] for name in ("estimated", "actual", "reference"))
         estimated, actual, reference = map(scientific, numbers)
-        said.append(
+        summary.append(
             f"missed: ball {result.cell['ball']}, {result.cell['accuracy']:g} requested, "
-            f"{estimated} estimated, {actual} actual, the reference's own {reference}"
+            f"{estimated} estimated, {actual} actual, {reference} error of the equations"
         )
-    return said
+    return summary
 
 
 def _main(count: int = _BALLS) -> None:
-    """Measure so many balls and print the summary."""
     _FILE.parent.mkdir(exist_ok=True)
     with progress_bar(count) as show:
         results = sweep(measure, cells(count), _FILE, limit=_LIMIT, show=show)

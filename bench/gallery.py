@@ -1,8 +1,8 @@
-"""Make every picture and table of the docs again by the program, as `make gallery` does.
+"""Make all pictures and tables of the docs again, as `make gallery` does.
 
-gallery.toml says which pictures there are, and docs/gallery.md shows them all. Arguments select the
-commands that begin with one of them: `python -m bench.gallery history examples`. The
-pictures of other engines need environments of their own, so they are made only where named.
+gallery.toml lists the pictures and docs/gallery.md shows them. Arguments select commands by their
+first words: `python -m bench.gallery history examples`. Pictures of other engines need the engines'
+environments, so they are made only if named.
 """
 
 import json
@@ -35,13 +35,17 @@ _DOCS = Path(__file__).parents[1] / "docs"
 _OUT = Path("out/gallery")
 PICTURES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))["picture"]
 _ENGINES = next(row["command"] for row in PICTURES if row["shown"] == "engines.png")
-_COSTS = (("cost", 1e3, ".3g"), ("relative_cost", 1, ".2g"), ("spread", 1, ".2f"),
-          ("python_share", 1, ".0%"))  # fmt: skip
+_COSTS = (
+    ("cost", 1e3, ".3g"),
+    ("relative_cost", 1, ".2g"),
+    ("spread", 1, ".2f"),
+    ("python_share", 1, ".0%"),
+)
 _RANDOM_RUNS = 500
 _SCREEN = ("--headless", "--no-sandbox", "--hide-scrollbars", "--window-size=1000,1400",
            "--enable-unsafe-swiftshader", "--virtual-time-budget=4000")  # fmt: skip
-_FILMED, _SHOWN = 3.2, 3.0  # s of the README's film, and the time of its picture
-# What the studies counted: the numbers that README and docs print are held against it.
+_FILMED, _SHOWN = 3.2, 3.0  # s, length of the README's film and the time of its picture
+# Results of the studies; tests compare the numbers in README and docs with them.
 NUMBERS = _DOCS / "numbers.json"
 _HEAD = """# Gallery
 
@@ -54,7 +58,7 @@ OUTCOMES = r"\| of [0-9]+ runs each \|.*?(?=\n\n)"
 
 
 def _main(*only: str) -> None:
-    """Run each command that begins with one of `only`, or all, and put what it makes into docs/."""
+    """Run the commands that begin with one of `only`, or all, and put their results into docs/."""
 
     def wanted(line: str, named: bool = False) -> bool:
         return any(map(line.startswith, only)) or not (only or named)
@@ -67,12 +71,14 @@ def _main(*only: str) -> None:
         _replace(_DOCS / "extremes.md", OUTCOMES, outcomes_table(outcomes))
         _replace(_DOCS / "extremes.md", _LAWS, law_list())
     for command, rows in groupby(PICTURES, itemgetter("command")):
-        some = [row for row in rows if "made" in row and wanted(command, row.get("named", False))]
-        if some and command.endswith(".py"):
+        selected = [
+            row for row in rows if "made" in row and wanted(command, row.get("named", False))
+        ]
+        if selected and command.endswith(".py"):
             _run_script(command)
-        elif some:
+        elif selected:
             _run(command, "--out", str(_OUT))
-        for row in some:
+        for row in selected:
             _put(_OUT / row["made"], _DOCS / row["shown"])
     if wanted("study cost fig12"):
         _write_numbers("cost", numbers_of_cost(_read(_OUT / "fig12-mujoco-cost.json")))
@@ -80,8 +86,8 @@ def _main(*only: str) -> None:
         records = [_read(_OUT / f"{scene}-engines.json") for scene in _ENGINES.split()[1:]]
         _replace(_DOCS / "engines.md", ENGINES, engines_table(records))
     if wanted("random"):
-        found = measure_detection(_RANDOM_RUNS, 0, lambda *_: None)
-        _write_numbers("random", {**found["extreme"], "false_alarms": len(found["false_alarms"])})
+        counts = measure_detection(_RANDOM_RUNS, 0, lambda *_: None)
+        _write_numbers("random", {**counts["extreme"], "false_alarms": len(counts["false_alarms"])})
     if wanted("film"):
         _write_frame(_DOCS / "fig12.png")
     if wanted("demo"):
@@ -92,7 +98,7 @@ def _main(*only: str) -> None:
 
 
 def gallery_page() -> str:
-    """Return docs/gallery.md: every picture, what it shows, and below it the command."""
+    """Return docs/gallery.md: every picture with its caption and its command."""
     parts = [_HEAD]
     for row in PICTURES:
         parts += [f"## {row['part']}"] if "part" in row else []
@@ -102,9 +108,9 @@ def gallery_page() -> str:
 
 
 def _put(made: Path, shown: Path) -> None:
-    """Copy a picture, or a page's first screen, with 256 colours: a third of its size.
+    """Copy a picture, or a page's first screen, with 256 colours: a third of the size.
 
-    Chosen to cover the whole range, no pixel is off by more than 13 of 255, measured.
+    No pixel's colour is off by more than 13 of 255 (measured).
     """
     if made.suffix == ".html":
         browser = next(filter(None, map(which, ("chromium-headless-shell", "chromium"))))
@@ -116,20 +122,19 @@ def _put(made: Path, shown: Path) -> None:
 
 
 def _write_frame(path: Path) -> None:
-    """Write the README's picture: one frame of a film of fig12."""
     import mediapy
 
-    found = [
+    comparisons = [
         compare("fig12", sample_times(_FILMED), settings=name) for name in ("naive", "balanced")
     ]
     film = Film(ghost=True)
-    shown = islice(frames(motions_of(found, "film"), film), round(_SHOWN * film.fps), None)
+    later = islice(frames(motions_of(comparisons, "film"), film), round(_SHOWN * film.fps), None)
     with replacing(path) as temporary:
-        mediapy.write_image(temporary, next(shown), fmt="png")
+        mediapy.write_image(temporary, next(later), fmt="png")
 
 
 def numbers_of_cost(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Return how many configurations there are and are sound, and the best of each kind."""
+    """Return the numbers of configurations and of sound ones, and the best error of each kind."""
     runs = record["configurations"]
     servos = [run for run in runs if "gain" in (run["options"]["drive"] or ())]
     off_rate = FaultKind.RATE_OFF.value.partition("{")[0]
@@ -147,45 +152,44 @@ def numbers_of_cost(record: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _outcomes_of(summary: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, int]]:
-    """Return how many runs of each integrator had each outcome, over all maps."""
-    found: dict[str, Counter[str]] = {}
-    for each in summary:
-        found.setdefault(each["integrator"], Counter()).update(each["outcomes"])
-    return {integrator: dict(counts) for integrator, counts in found.items()}
+    counters: dict[str, Counter[str]] = {}
+    for part in summary:
+        counters.setdefault(part["integrator"], Counter()).update(part["outcomes"])
+    return {integrator: dict(counts) for integrator, counts in counters.items()}
 
 
 def outcomes_table(outcomes: Mapping[str, Mapping[str, int]]) -> str:
-    """Return the outcomes as a Markdown table: a row for each outcome that some run had."""
+    """Return the outcomes as a Markdown table, a row per outcome that occurred."""
     runs = max(sum(counts.values()) for counts in outcomes.values())
     lines = [f"| of {runs} runs each | {' | '.join(outcomes)} |", "|---|" + "---:|" * len(outcomes)]
     for kind in Outcome:
-        counts = [each.get(kind.name, 0) for each in outcomes.values()]
+        counts = [by_kind.get(kind.name, 0) for by_kind in outcomes.values()]
         if any(counts):
-            words = kind.sentence.partition(":")[0]
-            lines.append(f"| {words} | {' | '.join(map(str, counts))} |")
+            label = kind.sentence.partition(":")[0]
+            lines.append(f"| {label} | {' | '.join(map(str, counts))} |")
     return "\n".join(lines)
 
 
 def law_list() -> str:
-    """Return the laws of the predicted limits as a Markdown list, with their names."""
     laws = {name: str(law.__doc__).partition("\n")[0] for name, law in LAWS.items()}
-    return "\n".join(f"* `{name}`: {words}" for name, words in laws.items())
+    return "\n".join(f"* `{name}`: {summary}" for name, summary in laws.items())
 
 
 def engines_table(records: Sequence[Mapping[str, Any]]) -> str:
-    """Return every engine's errors as a Markdown table: a row a run, a column of each scene.
+    """Return the errors of all engines as a Markdown table, a row per run and a column per scene.
 
-    records: of `robotball engines`, a scene each; costs are those of the first. Bold: on a front.
+    records: from `robotball engines`, one per scene; costs are from the first. Bold marks runs on
+    a Pareto front.
     """
     last = ["CPU [ms]", "relative", "spread", "Python", "by Python", "ours"]
-    head = ["engine, preset", "step or rtol", *(each["scene"] for each in records), *last]
+    head = ["engine, preset", "step or rtol", *(record["scene"] for record in records), *last]
     lines = [f"| {' | '.join(head)} |", "|---|" + "---:|" * (len(head) - 3) + "---|---|"]
-    found: dict[str, dict[str, Mapping[str, Any]]] = {}
+    runs_by_title: dict[str, dict[str, Mapping[str, Any]]] = {}
     for record in records:
         for run in record["runs"]:
-            found.setdefault(run["title"], {})[record["scene"]] = run
-    for title, runs in found.items():
-        errors = [_error(runs.get(each["scene"])) for each in records]
+            runs_by_title.setdefault(run["title"], {})[record["scene"]] = run
+    for title, runs in runs_by_title.items():
+        errors = [_error(runs.get(record["scene"])) for record in records]
         first = runs.get(records[0]["scene"], {})
         costs = [
             "-" if (number := first.get(key)) is None else f"{number * scale:{form}}"
@@ -199,13 +203,11 @@ def engines_table(records: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _error(run: Mapping[str, Any] | None) -> str:
-    """Return a run's error, bold on the Pareto front."""
     bold = "**" * bool(run and run["on_the_pareto_front"])
     return f"{bold}{run['error']:.1e}{bold}" if run else "-"
 
 
 def _write_numbers(study: str, numbers: Mapping[str, Any]) -> None:
-    """Write a study's numbers into the file of all."""
     known = _read(NUMBERS) if NUMBERS.exists() else {}
     write_text(NUMBERS, json.dumps({**known, study: numbers}, indent=1) + "\n")
 
@@ -215,13 +217,12 @@ def _read(path: Path) -> Any:
 
 
 def _replace(page: Path, pattern: str, table: str) -> None:
-    """Put a table in the place of the one that a pattern finds."""
     text = page.read_text(encoding="utf-8")
     write_text(page, re.sub(pattern, lambda _: table, text, flags=re.DOTALL))
 
 
 def shell_command(command: str) -> str:
-    """Return a command as typed: of robotball, of tests/bench, or a script of examples."""
+    """Return a command as typed: of robotball, of bench, or a script in examples."""
     if command.endswith(".py"):
         return f"python {command}"
     return f"python -m bench.{command}" if is_script(command) else f"robotball {command}"
@@ -233,13 +234,13 @@ def is_script(command: str) -> bool:
 
 def _run(command: str, *options: str) -> None:
     print(shell_command(command), flush=True)
-    words = f"bench.{command}" if is_script(command) else f"validation {command}"
-    if subprocess.run([sys.executable, "-m", *words.split(), *options]).returncode > 1:
+    module = f"bench.{command}" if is_script(command) else f"validation {command}"
+    if subprocess.run([sys.executable, "-m", *module.split(), *options]).returncode > 1:
         sys.exit(f"{shell_command(command)} failed")
 
 
 def _run_script(script: str) -> None:
-    """Run a script of examples/, which writes its pictures into the folder `out` beside it."""
+    """Run a script in examples/, which writes its pictures into the current folder."""
     print(f"python {script}", flush=True)
     _OUT.mkdir(parents=True, exist_ok=True)
     subprocess.run([sys.executable, _DOCS.parent / script], cwd=_OUT, check=True)

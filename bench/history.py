@@ -1,13 +1,13 @@
-"""Measure one engine in every released version: what changed, when, and in which version.
+"""Measure one engine in all its released versions, to find what changed and when.
 
 `python -m bench.history mujoco --from 3.5` prints a table and writes it, with a picture, to
 out/history-mujoco.md and .png; `--help` lists the options. Results are kept in
 out/mujoco-history.jsonl, so an interrupted run continues.
 
-Each version has its own environment. MuJoCo versions step the exported MJCF with plain calls
-(`bare_steps`), so only the version differs; other engines run with the current adapter, which an
-old version may not support. The date of a version is that of the newest file in its wheel.
-A version runs under our Python, or under the newest Python here that has a wheel of it.
+Each version has its own environment, with our Python or the newest Python here that has a wheel for
+it. MuJoCo versions step the exported MJCF with plain calls (`bare_steps`), so that only the version
+differs; other engines run with the current adapter, which an old version may not support. A
+version's date is the date of the newest file in its wheel.
 """
 
 import argparse
@@ -52,73 +52,75 @@ from validation.studies.engine_runs import fixed_work
 from validation.study import Column, Row, markdown, scene_cell, show, table_of
 from validation.sweeps import Cell, Result, rows_of, sweep
 
-_HOME = ENVIRONMENTS.with_name("history")  # of all environments
-_SCENE = "fig12"  # its rates are steady and its load constant: plain MJCF has all of it
-_LIMIT = 900.0  # s that a version may take, its installation included
+_HOME = ENVIRONMENTS.with_name("history")  # the folder of environments
+_SCENE = "fig12"  # steady rates and a constant load, so plain MJCF describes all of it
+_LIMIT = 900.0  # s per version, with its installation
 _ROUNDS = 5  # of timing
-_FACTOR, _ROUNDING = 2.0, 1e-12  # a number that changes by less, or below this, is the same
-_MOMENTS = (0.5, 0.7, 0.3)  # kg m² of the free body, as docs/findings/mujoco_implicitfast.py has it
+_FACTOR, _ROUNDING = 2.0, 1e-12  # smaller changes, and changes of smaller numbers, do not count
+_MOMENTS = (0.5, 0.7, 0.3)  # kg m², of the free body in docs/findings/mujoco_implicitfast.py
 _FREE_BODY = """<mujoco><option timestep="1e-3" gravity="0 0 0" integrator="implicitfast"/>
 <worldbody><body><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="{} {} {}"/></body>
 </worldbody><keyframe><key qvel="0 0 0 3 1 5"/></keyframe></mujoco>""".format(*_MOMENTS)
-# Each number, its name, and the word by which a changelog's entry is about it: its integrator.
+# The measured numbers: their labels, and the word that marks changelog entries about them.
 _NUMBERS = {"as_it_comes": "as it comes", "recipe": "recipe", "free_body": "free body"}
 _WORDS = {"as_it_comes": "Euler", "recipe": "RK4", "free_body": "implicitfast"}
 
 
 def last_patches(versions: Sequence[str]) -> list[str]:
     """Return the last version of each major and minor number."""
-    return [*{tuple(each.split(".")[:2]): each for each in versions}.values()]
+    return [*{tuple(version.split(".")[:2]): version for version in versions}.values()]
 
 
 def places_of(versions: Sequence[str], name: str) -> list[int]:
-    """Return the places of a version, or of all that a name like 3.10 begins.
+    """Return the indices of a version, or of all versions that a name such as 3.10 covers.
 
-    Raises InputError where there is none.
+    Raises InputError for an unknown name.
     """
-    places = [i for i, each in enumerate(versions) if f"{each}.".startswith(f"{name}.")]
+    places = [i for i, version in enumerate(versions) if f"{version}.".startswith(f"{name}.")]
     if not places:
         raise unknown("version", name, versions)
     return places
 
 
 def differ(before: float, after: float) -> bool:
-    """Return whether a number changed: beyond a factor, or its sign, and not within rounding."""
-    small, large = sorted(max(abs(each), _ROUNDING) for each in (before, after))
+    """Return whether a number changed by a factor or in sign, apart from rounding."""
+    small, large = sorted(max(abs(value), _ROUNDING) for value in (before, after))
     return large > _FACTOR * small or (large > _ROUNDING and before * after < 0)
 
 
 def bisect(row: Callable[[int], Row], number: str, low: int, high: int) -> list[tuple[int, int]]:
-    """Return the pairs of neighbours, from one version to another, between which a number changed.
+    """Return the pairs of adjacent versions between which a number changed, by bisection.
 
-    Found by halving: where it is the same at both ends of a part, none is looked for between them.
-    Versions without the number are passed over, so that some may lie between two that are returned.
+    An interval with the same number at both ends counts as unchanged. Versions without the number
+    are skipped, so a pair may enclose some.
     """
-    # By halving, for a version costs an installation and a run, and most change nothing.
+    # Bisection, because a version costs an installation and a run, and most change nothing.
     before, after = row(low).get(number), row(high).get(number)
     if before is None or after is None or not differ(before, after):
         return []
-    # From the middle outwards, as the middle one may lack the number.
+    # From the middle outwards, because the middle version may lack the number.
     inner = sorted(range(low + 1, high), key=lambda i: abs(2 * i - low - high))
     middle = next((i for i in inner if row(i).get(number) is not None), None)
     if middle is None:
         return [(low, high)]
     halves = (bisect(row, number, low, middle), bisect(row, number, middle, high))
-    return [*halves[0], *halves[1]] or [(low, high)]  # by a little in either half
+    return [*halves[0], *halves[1]] or [(low, high)]  # each half changed by less than the factor
 
 
 def package_of(engine: str) -> str:
-    """Return the name of an engine's package, the first of its requirements."""
-    needed = (DEFAULT,) if engine == DEFAULT else getattr(engine_named(engine), "requirements", ())
-    if not needed:
-        raise InputError(f"{engine} comes with robotball: it has no released versions")
-    return environments.name_of(needed[0])
+    """Return the name of an engine's package, its first requirement."""
+    required = (
+        (DEFAULT,) if engine == DEFAULT else getattr(engine_named(engine), "requirements", ())
+    )
+    if not required:
+        raise InputError(f"{engine} is part of robotball: it has no released versions")
+    return environments.name_of(required[0])
 
 
 def _pip(folder: Path, failure: str, *arguments: str) -> str:
-    """Return what pip prints: unlike uv it lists versions and downloads wheels of other Pythons.
+    """Return the output of pip, which, unlike uv, lists versions and wheels of other Pythons.
 
-    It has an environment of its own. Raises InputError with its reason if it fails.
+    Raises InputError with pip's reason if it fails.
     """
     home = folder / "pip"
     python = interpreter_of(home) or make(home, ["pip"], Path(sys.executable)) / "bin" / "python"
@@ -129,84 +131,86 @@ def _pip(folder: Path, failure: str, *arguments: str) -> str:
     return done.stdout
 
 
-def releases(said: str, package: str) -> list[str]:
-    """Return the releases that have a wheel for any Python, the oldest first, from pip's words."""
+def releases(listing: str, package: str) -> list[str]:
+    """Return the releases with wheels for any Python from pip's listing, oldest first."""
     name = re.sub(r"[-_.]+", "[-_.]+", package)
-    found = re.findall(rf"/{name}-(\d+(?:\.\d+|\.post\d+)*)-[^/\s]*\.whl", said, re.IGNORECASE)
-    return sorted(set(found), key=lambda each: [int(number) for number in re.findall(r"\d+", each)])
+    pattern = rf"/{name}-(\d+(?:\.\d+|\.post\d+)*)-[^/\s]*\.whl"
+    versions = set(re.findall(pattern, listing, re.IGNORECASE))
+    return sorted(versions, key=lambda text: [int(number) for number in re.findall(r"\d+", text)])
 
 
 def _download(folder: Path, engine: str, version: str, fetched: str) -> Path:
-    """Download a version's wheel, and return the first Python that has one, ours or the newest."""
-    failure, said = f"{engine}-{version} cannot be installed by any Python here", list[str]()
-    # Wheels alone: to build a version takes its compiler, and may take an hour.
+    """Download a version's wheel and return a Python that has one: ours, or else the newest."""
+    failure, errors = f"{engine}-{version} has no wheel for a Python here", list[str]()
+    # Wheels only: a build needs a compiler and may take an hour.
     asked = ("download", "--quiet", "--no-deps", "--only-binary=:all:", "--dest", fetched)
     for python in (Path(sys.executable), *environments.pythons().values()):
         try:
             by = ("--python", str(python), *asked, f"{package_of(engine)}=={version}")
             _pip(folder, failure, *by)
         except InputError as error:
-            said.append(str(error))
+            errors.append(str(error))
         else:
             return python
-    raise InputError(said[0])
+    raise InputError(errors[0])
 
 
 def _environment(engine: str, version: str, folder: Path) -> tuple[str, str | None]:
-    """Return a version's interpreter, installed where it is not there yet, and its date."""
     home = folder / f"{engine}-{version}"
     with TemporaryDirectory() as fetched:
         python = _download(folder, engine, version, fetched)
         (wheel,) = Path(fetched).iterdir()
         if interpreter_of(home) is None:
             make(home, [str(wheel)], python)
-        year, month, day, *_ = max(each.date_time for each in ZipFile(wheel).infolist())
-    # Some packers give all files the least year that a wheel can have.
+        year, month, day, *_ = max(file.date_time for file in ZipFile(wheel).infolist())
+    # Some packages date all files 1980, the earliest year in a zip file.
     return str(interpreter_of(home)), f"{year}-{month:02}-{day:02}" if year > 1980 else None
 
 
 def measure_version(cell: Cell) -> dict[str, Any]:
-    """Measure a version, installed if need be; our own where the cell has no environments."""
+    """Measure a version, installing it if necessary; ours if the cell names no environments."""
     name, python, date = cell["engine"], sys.executable, None
     engine, ours = engine_named(name), name == DEFAULT
     if folder := cell["environments"]:
         python, date = _environment(name, cell["version"], Path(folder))
-    by, body = call(python, platform.python_version), _free_body(python) if ours else None
-    record: dict[str, Any] = {"date": date, "python": by, "free_body": body}
+    python_version, body = (
+        call(python, platform.python_version),
+        _free_body(python) if ours else None,
+    )
+    record: dict[str, Any] = {"date": date, "python": python_version, "free_body": body}
     for number, preset in (("as_it_comes", engine.as_it_comes), ("recipe", engine.default)):
         if preset in engine.presets:
             try:
-                found = (_bare if ours else _adapted)(cell, python, preset)
-            except InputError as error:  # an old version may know the other preset's names
+                result = (_bare if ours else _adapted)(cell, python, preset)
+            except InputError as error:  # an old version may still run the other preset
                 why = str(error).removeprefix(f"{python}: ")
-                # It is a result that a version cannot run it; a failure would say nothing about
-                # which number is missing.
-                found = {"error": None, "fault": re.sub(r"^\w+Error: ", "", why)}
-            record |= {number: found.pop("error"), **{f"{number}_{x}": found[x] for x in found}}
+                # Recorded as a result: a failure of the cell would hide the other number.
+                result = {"error": None, "fault": re.sub(r"^\w+Error: ", "", why)}
+            record |= {number: result.pop("error"), **{f"{number}_{x}": result[x] for x in result}}
     return record
 
 
 def _bare(cell: Cell, python: str, preset: str) -> dict[str, Any]:
-    """Run a preset's MJCF by plain calls of a version, and read its states by our own code."""
+    """Run a preset's MJCF with a version's plain calls, and judge its states with our code."""
     from robotball.engines.mujoco import LABEL
     from robotball.engines.mujoco.model import build
     from robotball.engines.mujoco.ports import shell_state
     from robotball.engines.mujoco.settings import PRESETS
 
     scene, times = load_scene(cell["scene"]), sample_times(cell["duration"])
-    # Of this machine, on both sides of the run: versions are timed hours apart.
+    # The machine's speed before and after, because versions are timed hours apart.
     settings, before = replace(PRESETS[preset], stop_at_fault=False), fixed_work()
     model = build(scene, settings)
-    # The sensors do not move the ball, and old versions lack some.
+    # Sensors do not affect the motion, and old versions lack some.
     xml = re.sub("<sensor>.*</sensor>", "", model.xml, flags=re.DOTALL)
-    found = _stepped(python, xml, times[1], len(times))
-    seconds, step = found["seconds"], found["timestep"]
+    result = _stepped(python, xml, times[1], len(times))
+    seconds, step = result["seconds"], result["timestep"]
     cost = 2 * seconds / (before + fixed_work())
-    state = shell_state(model, np.array(found["qpos"]), np.array(found["qvel"]))
+    state = shell_state(model, np.array(result["qpos"]), np.array(result["qvel"]))
     run = {"timestep": step, "steps": round(times[-1] / step), "seconds": seconds}
     motion = motion_of_rows(LABEL, scene, times, state.row, settings, **run)
     error = known(Agreement(integrate(scene, times), motion).path_error)
-    fault, without = "; ".join(map(str, motion.report.faults[:1])), ", ".join(found["left_out"])
+    fault, without = "; ".join(map(str, motion.report.faults[:1])), ", ".join(result["left_out"])
     return {"error": error, "fault": fault, "cost": cost, "without": without}
 
 
@@ -216,29 +220,27 @@ def _stepped(python: str, xml: str, interval: float, samples: int) -> dict[str, 
 
 
 def _free_body(python: str) -> float | None:
-    """Return the relative change of a free body's |M| in 10 s; None where that cannot run."""
+    """Return the relative change of a free body's |M| in 10 s, or None if the run fails."""
     try:
-        # Without a contact the angular momentum stays, so its change is an integrator's own.
-        turning = [row[3:] for row in _stepped(python, _FREE_BODY, 10.0, 2)["qvel"]]
+        # Without contact the angular momentum is constant, so the integrator causes any change.
+        omega = [row[3:] for row in _stepped(python, _FREE_BODY, 10.0, 2)["qvel"]]
     except InputError:
         return None
-    before, after = np.linalg.norm(np.array(turning) * _MOMENTS, axis=1)
+    before, after = np.linalg.norm(np.array(omega) * _MOMENTS, axis=1)
     return float(after / before - 1)
 
 
 def _adapted(cell: Cell, python: str, preset: str) -> dict[str, Any]:
-    """Run a preset by our adapter in a version's environment."""
     engine = engine_named(cell["engine"])
     name = row_of(cell["engine"]).ladders[preset][0]
     run = {**cell, "contestant": "", "preset": preset, "field": name, "interpreter": python}
     value = getattr(engine.presets[preset], name)
-    told = engine_study.measure({**run, "value": value, "rounds": _ROUNDS, "stretches": False})
-    cost, fault = told["seconds"] / told["fixed_work"], "; ".join(told["faults"][:1])
-    return {"error": told["path_error"], "fault": fault, "cost": cost}
+    result = engine_study.measure({**run, "value": value, "rounds": _ROUNDS, "stretches": False})
+    cost, fault = result["seconds"] / result["fixed_work"], "; ".join(result["faults"][:1])
+    return {"error": result["path_error"], "fault": fault, "cost": cost}
 
 
 def changes_of(rows: Sequence[Row]) -> list[tuple[str, Row, Row]]:
-    """Return each number that changed, with the rows of the two versions between which it did."""
     return [
         (number, before, after)
         for number in _NUMBERS
@@ -248,7 +250,7 @@ def changes_of(rows: Sequence[Row]) -> list[tuple[str, Row, Row]]:
 
 
 def version_rows(results: Sequence[Result]) -> list[Row]:
-    """Return a row a version, with its speed over the newest's and what changed in it."""
+    """Return a row per version, with its speed relative to the newest and its changes."""
     rows = rows_of(results)
     newest = next((row["recipe_cost"] for row in rows[::-1] if row.get("recipe_cost")), None)
     changes = changes_of(rows)
@@ -261,50 +263,53 @@ def version_rows(results: Sequence[Result]) -> list[Row]:
 
 
 def changelog_line(changelog: str, version: str, word: str) -> str:
-    """Return the first sentence of a version's first entry with the word; empty without one."""
+    """Return the first sentence of a version's first entry with the word, else ""."""
     heading = rf"^Version {re.escape(version)} .*?(?=^Version |\Z)"
     section = re.search(heading, changelog, re.MULTILINE | re.DOTALL)
     entries = re.split(r"^ *\d+\. ", section[0] if section else "", flags=re.MULTILINE)[1:]
-    entry = " ".join(next((each for each in entries if word in each), "").split())
+    entry = " ".join(next((text for text in entries if word in text), "").split())
     plain = re.sub(r":commit:`\w+` |``", "", entry)
     plain = re.sub(r":[\w-]+:`([^`<]*?)(?: *<[^`]*>)?`", r"\1", plain)
     return re.split(r"(?<=\.) (?=[A-Z])", plain)[0]
 
 
 def _lines_of(changes: Sequence[tuple[str, Row, Row]], package: str) -> list[str]:
-    """Return each change in a line, with the words of the changelog in our version's package."""
-    carried = Path(sys.prefix).glob(f"lib/*/site-packages/{package}/doc/changelog.rst")
-    log = "".join(each.read_text(encoding="utf-8") for each in carried)
+    """Return each change in a line, with the changelog entry from the installed package."""
+    changelogs = Path(sys.prefix).glob(f"lib/*/site-packages/{package}/doc/changelog.rst")
+    log = "".join(file.read_text(encoding="utf-8") for file in changelogs)
     return [
         f"{_NUMBERS[number]}: {before[number]:.1e} in {before['version']}, {after[number]:.1e} in "
-        f"{after['version']}: {changelog_line(log, after['version'], _WORDS[number]) or 'no word'}"
+        f"{after['version']}: {changelog_line(log, after['version'], _WORDS[number]) or 'no entry'}"
         for number, before, after in changes
     ]
 
 
 _COLUMNS = (
-    Column("version", "version", words=True), Column("date", "date", words=True),
+    Column("version", "version", words=True),
+    Column("date", "date", words=True),
     Column("by Python", "python", words=True),
-    *(Column(words, number) for number, words in _NUMBERS.items()),
-    Column("speed", "speed", form=".2f"), Column("recipe without", "recipe_without", words=True),
-    Column("changed", "changed", words=True), Column("first fault", "fault", words=True),
+    *(Column(label, number) for number, label in _NUMBERS.items()),
+    Column("speed", "speed", form=".2f"),
+    Column("recipe without", "recipe_without", words=True),
+    Column("changed", "changed", words=True),
+    Column("first fault", "fault", words=True),
     Column("recipe: first fault", "recipe_fault", words=True),
-)  # fmt: skip
+)
 
 
 def _history_picture(label: Label, title: str, rows: Sequence[Row]) -> Figure:
-    """Draw errors and speed over the dates, or over the versions in order where one has none."""
+    """Draw errors and speed over release dates, or over version numbers if a date is missing."""
     news = [row["version"] for row in rows if row["changed"]]
     heading = f"{title}: numbers changed in {', '.join(news) or 'none'}"
     figure, (axes, below) = panels(heading, (10.0, 6.6), 2, sharex=True, height_ratios=(3, 1))
     dated = all(row["date"] for row in rows)
     at: list[Any] = [np.datetime64(row["date"]) if dated else row["version"] for row in rows]
-    # As in the pictures of engines, what comes is hollow.
-    mark, own = label.marker, label.colour
-    looks = (f"{mark}:", own, "none"), (f"{mark}-", own, own), ("d--", INK, INK)
-    for (number, words), (style, colour, face) in zip(_NUMBERS.items(), looks, strict=True):
+    # Hollow markers for default settings, like in the pictures of engines.
+    mark, colour = label.marker, label.colour
+    looks = (f"{mark}:", colour, "none"), (f"{mark}-", colour, colour), ("d--", INK, INK)
+    for (number, name), (style, line, face) in zip(_NUMBERS.items(), looks, strict=True):
         sizes = [abs(row.get(number) or np.nan) for row in rows]
-        axes.semilogy(at, sizes, style, c=colour, mfc=face, drawstyle="steps-post", label=words)
+        axes.semilogy(at, sizes, style, c=line, mfc=face, drawstyle="steps-post", label=name)
     below.plot(at, [row["speed"] or np.nan for row in rows], ".-", color=INK, clip_on=False)
     inside = axes.get_xaxis_transform()
     for place, row in zip(at, rows, strict=True):
@@ -317,13 +322,11 @@ def _history_picture(label: Label, title: str, rows: Sequence[Row]) -> Figure:
 
 
 def cell_of(engine: str, version: str, duration: float, home: Path | None) -> Cell:
-    """Return a version's cell; home: the folder of environments, None for the version in ours."""
     run = {"engine": engine, "version": version, "environments": home and str(home)}
     return {**scene_cell(_SCENE, duration), **run}
 
 
 def _write_table(engine: str, rows: Sequence[Row], out: Path) -> None:
-    """Print the table of versions, and write it with its picture."""
     label, lines = engine_named(engine).label, _lines_of(changes_of(rows), package_of(engine))
     title = f"{label.name} on {_SCENE}, version after version"
     page = [*markdown(_COLUMNS, rows), "", *(f"* {line}" for line in lines), ""]
@@ -334,7 +337,7 @@ def _write_table(engine: str, rows: Sequence[Row], out: Path) -> None:
 
 
 def changes_between(row: Callable[[int], Row], count: int) -> list[tuple[str, Row, Row]]:
-    """Return each number that changed, as `changes_of` does, from the rows of few versions."""
+    """Return the numbers that changed, as `changes_of` does, measuring few versions."""
     return [
         (number, row(before), row(after))
         for number in _NUMBERS
@@ -343,9 +346,9 @@ def changes_between(row: Callable[[int], Row], count: int) -> list[tuple[str, Ro
 
 
 def chosen(versions: Sequence[str], first: str, last: str, *, every: bool) -> Sequence[str]:
-    """Return the versions from one to another; an empty name is no limit.
+    """Return the versions from `first` to `last`; "" means no limit.
 
-    A name like 3.10 means its first patch as the first version, and its last patch as the last one.
+    3.10 as `first` means its first patch, as `last` its last patch.
     """
     start = places_of(versions, first)[0] if first else 0
     end = places_of(versions, last)[-1] if last else len(versions) - 1
@@ -353,40 +356,43 @@ def chosen(versions: Sequence[str], first: str, last: str, *, every: bool) -> Se
 
 
 def searched(versions: Sequence[str], first: str, last: str) -> Sequence[str]:
-    """Return the versions between the last patches of two, named in either order."""
+    """Return the versions between the last patches of two, given in either order."""
     start, end = sorted(places_of(versions, name)[-1] for name in (first, last))
     return versions[start : end + 1]
 
 
 def _main() -> None:
-    options = argparse.ArgumentParser(prog="python -m bench.history")
-    options.add_argument("engine", help="its name, as `robotball engines` lists it")
-    options.add_argument("--from", dest="first", default="", help="first version; 3.10: any patch")
-    options.add_argument("--to", dest="last", default="", help="last version")
-    options.add_argument("--every", action="store_true", help="all versions, not last patches only")
-    options.add_argument("--bisect", nargs=2, metavar=("A", "B"), help="only find what changed")
-    options.add_argument("--out", type=Path, default=Path("out"), help="folder of results")
-    given = options.parse_args()
-    package, journal = package_of(given.engine), given.out / f"{given.engine}-history.jsonl"
+    parser = argparse.ArgumentParser(prog="python -m bench.history")
+    parser.add_argument("engine", help="its name, as `robotball engines` lists it")
+    parser.add_argument("--from", dest="first", default="", help="first version; 3.10: any patch")
+    parser.add_argument("--to", dest="last", default="", help="last version")
+    parser.add_argument("--every", action="store_true", help="all versions, not last patches only")
+    parser.add_argument("--bisect", nargs=2, metavar=("A", "B"), help="only find what changed")
+    parser.add_argument("--out", type=Path, default=Path("out"), help="folder of results")
+    options = parser.parse_args()
+    package, journal = (
+        package_of(options.engine),
+        options.out / f"{options.engine}-history.jsonl",
+    )
     duration = load_scene(_SCENE).duration
-    writable_folder(given.out)
+    writable_folder(options.out)
 
     def rows(some: Sequence[str]) -> list[Row]:
-        cells = [cell_of(given.engine, version, duration, _HOME) for version in some]
+        cells = [cell_of(options.engine, version, duration, _HOME) for version in some]
         with progress_bar(len(cells)) as progress:
             return version_rows(sweep(measure_version, cells, journal, limit=_LIMIT, show=progress))
 
-    # Those that this Python cannot install are in pip's talk alone.
+    # pip's verbose output also lists versions that this Python cannot install.
     talk = _pip(_HOME, f"{package} has no list", "index", "versions", "-vv", package)
     versions = releases(talk, package)
-    if given.bisect:
-        some = searched(versions, *given.bisect)
+    if options.bisect:
+        some = searched(versions, *options.bisect)
         changes = changes_between(cache(lambda i: rows([some[i]])[0]), len(some))
         none = f"no number changed between {some[0]} and {some[-1]}"
         show(map(escape, _lines_of(changes, package) or [none]))
     else:
-        some = chosen(versions, given.first, given.last, every=given.every)
-        _write_table(given.engine, rows(some), given.out)
+        some = chosen(versions, options.first, options.last, every=options.every)
+        _write_table(options.engine, rows(some), options.out)
 
 
 if __name__ == "__main__":

@@ -1,13 +1,12 @@
 """Compare the compiled stepper with scipy and heyoka at equal errors (extra `bench`).
 
-heyoka is an independent Taylor integrator, which gets the same equations. Every tool runs on one
-thread at several tolerances, all in turn. The least processor time of several rounds is set against
-the error, and times are compared at one error, interpolated between tolerances; set-up and
-compilation are not timed.
+heyoka is an independent Taylor integrator for the same equations. Each tool runs on one thread at
+several tolerances, all in turn. Times are the least of several rounds, compared at one error by
+interpolation between tolerances; set-up and compilation are not timed.
 
-heyoka has its defaults, to which wider lanes add nothing, and batches of 8, which beat the
-recommended 4. Errors are against this stepper at a tolerance of 1e-15, whose own error is four
-orders below those compared.
+heyoka has default settings (wider lanes gain nothing) and batches of 8, which are faster than the
+recommended 4. Errors are relative to the compiled stepper at tolerance 1e-15, whose own error is
+four orders smaller.
 """
 
 import os
@@ -46,12 +45,16 @@ from robotball.theory.ensembles.steppers import (
 
 _Equations = list[tuple[Any, Any]]
 _BALL_SIZE = LEVEL - BALL
+_FIG11B = load_scene("fig14").parameters
+_FEATURES = "NUMBA_CPU_FEATURES"
+_DURATION, _OUTPUTS, _POINTS, _MANY, _LANES = 100.0, 1000, 25, 256, 8
+_OURS, _HEYOKAS = (1e-7, 1e-8, 1e-9, 1e-10, 1e-11), (1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 
 
 def equations_of(system: System, parameters: Parameters) -> _Equations:
-    """Return a system of the compiled stepper as heyoka's equations, with pars as of `pars_of`.
+    """Return a system of the compiled stepper as heyoka's equations, with pars from `pars_of`.
 
-    A quaternion in them is drawn to length one, which heyoka cannot set at every step.
+    A term keeps quaternions at length 1, because heyoka cannot normalise them at every step.
     """
     symbolic = ball_of(parameters.rolling, [hy.par[i] for i in range(_BALL_SIZE)])
     c = hy.par[_BALL_SIZE + 1] if parameters.rolling == "classical" else hy.expression(0.0)
@@ -68,7 +71,7 @@ def equations_of(system: System, parameters: Parameters) -> _Equations:
 
 
 def _level_equations(parameters: Parameters) -> _Equations:
-    """Return dγ/dt = γ×ω, dM/dt = M×ω in frame axes, with the numbers of the ball put in."""
+    """Return dγ/dt = γ×ω, dM/dt = M×ω in frame axes, with the ball's parameters inserted."""
     gamma, M = (hy.make_vars(*(f"{name}{i}" for i in "123")) for name in ("gamma", "M"))
     omega = parameters.angular_velocity(M, gamma)
     rates = (*eq.cross(gamma, omega), *eq.cross(M, omega))
@@ -76,7 +79,7 @@ def _level_equations(parameters: Parameters) -> _Equations:
 
 
 def pars_of(starts: Starts) -> Array:
-    """Return the values (n, k) of the pars, one row a start."""
+    """Return the values (n, k) of the pars, a row per initial state."""
     used = _BALL_SIZE + (2 if starts.rolling == "classical" else 1)
     return starts.rows[:, :used]
 
@@ -84,7 +87,7 @@ def pars_of(starts: Starts) -> Array:
 def _batch(
     equations: _Equations, states: Array, pars: Array | None, tolerance: float, **more: Any
 ) -> Any:
-    """Return an integrator of n states (n, size) side by side, from time 0."""
+    """Return an integrator of n states (n, size) side by side from time 0."""
     if pars is not None:
         more["pars"] = pars.T.copy()
     return hy.taylor_adaptive_batch(equations, states.T.copy(), tol=tolerance, **more)
@@ -96,10 +99,18 @@ _Prepare = Callable[[float], _Run]
 
 @dataclass
 class _Contender:
-    """One tool at one task, and what was measured of it.
+    """One tool at one task, with its measurements.
 
-    prepare: tolerance -> what is timed; error: of what that returns; work: how much of it a run
-    does, in the units of the table; seconds, errors: by tolerance, the seconds per unit of work.
+    Attributes
+    ----------
+    prepare : callable
+        tolerance -> the function to be timed.
+    error : callable
+        Error of that function's result.
+    work : float
+        Units of work per run.
+    seconds, errors : dict
+        By tolerance: seconds per unit of work, and the error.
     """
 
     name: str
@@ -112,16 +123,16 @@ class _Contender:
     errors: dict[float, float] = field(default_factory=dict)
 
     def at(self, error: float) -> float:
-        """Return the time at an error [s], by a power law between the two nearest tolerances."""
-        found = sorted((self.errors[t], self.seconds[t]) for t in self.tolerances)
-        errors, seconds = np.array(found).T
+        """Return the time at an error [s], from a power law between neighbouring tolerances."""
+        measured = sorted((self.errors[t], self.seconds[t]) for t in self.tolerances)
+        errors, seconds = np.array(measured).T
         if not errors[0] <= error <= errors[-1]:
             raise ValueError(f"{self.name} was not measured at an error of {error:g}: {errors}")
         return float(np.exp(np.interp(np.log(error), np.log(errors), np.log(seconds))))
 
 
 def _compare(title: str, error: float, *contenders: _Contender) -> None:
-    """Time all contenders in turn and print a table, with ratios to the first at one error."""
+    """Time all contenders in turn and print their table, with ratios to the first at one error."""
     runs = [(c, t, c.prepare(t)) for c in contenders for t in c.tolerances]
     for contender, tolerance, run in runs:
         contender.errors[tolerance] = contender.error(run())
@@ -143,14 +154,8 @@ def _compare(title: str, error: float, *contenders: _Contender) -> None:
         print(f"  at error {error:.0e} {other.at(error) / ours:.2f} times as fast as {other.name}")
 
 
-_FIG11B = load_scene("fig14").parameters
-_FEATURES = "NUMBA_CPU_FEATURES"
-_DURATION, _OUTPUTS, _POINTS, _MANY, _LANES = 100.0, 1000, 25, 256, 8
-_OURS, _HEYOKAS = (1e-7, 1e-8, 1e-9, 1e-10, 1e-11), (1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
-
-
 def _ours(system: System, starts: Starts, begin: Array, ends: tuple[float, ...]) -> _Prepare:
-    """Return our `prepare` of all starts, as `_in_batches` does; begin (n, k) beside attitudes."""
+    """Return our `prepare` for all initial states, like `_in_batches`; begin (n, k)."""
     times = np.array(ends)
     return lambda tolerance: lambda: starts.march(system, begin, times, tolerance)[0][:_LANES, 0]
 
@@ -158,10 +163,10 @@ def _ours(system: System, starts: Starts, begin: Array, ends: tuple[float, ...])
 def _in_batches(
     form: _Equations, begin: Array, pars: Array | None, ends: tuple[float, ...]
 ) -> _Prepare:
-    """Return a heyoka contender's `prepare`, which runs all starts in batches.
+    """Return heyoka's `prepare`, which runs all initial states in batches.
 
-    begin (n, size), pars (n, k); ends: times to stop at [s]. The run returns the states of the
-    first batch at the first of them.
+    begin (n, size), pars (n, k); ends: times to stop at [s]. The run returns the first batch's
+    states at the first of them.
     """
 
     def prepare(tolerance: float) -> _Run:
@@ -185,12 +190,11 @@ def _in_batches(
 
 
 def _median_error(reference: Array) -> Callable[[Array], float]:
-    """Return the median over rows (n, k) of the largest error: chaos makes some rows useless."""
+    """Return the median over rows (n, k) of the largest error; chaos spoils some rows."""
     return lambda rows: float(np.median(np.abs(rows - reference).max(axis=1)))
 
 
 def _one_orbit(attitude: Array, momentum: Array) -> None:
-    """Compare one orbit, closely sampled; the error is the path's largest."""
     times = np.linspace(0.0, _DURATION, _OUTPUTS + 1)
     reference = orbit(_FIG11B, attitude, momentum, times, 1e-15)[:, 4:]
     starts = Starts(_FIG11B, attitude, momentum)
@@ -235,7 +239,6 @@ def _one_orbit(attitude: Array, momentum: Array) -> None:
 
 
 def _ensembles(attitudes: Array, momenta: Array) -> None:
-    """Compare many orbits with their paths, and without, each in the form that suits it best."""
     starts, first = Starts(_FIG11B, attitudes, momenta), (attitudes[:_LANES], momenta[:_LANES])
     best = orbits(_FIG11B, *first, np.array([0.0, _DURATION]), 1e-15)
     begin, ends = np.zeros((_MANY, 2)), (_DURATION,)
@@ -276,13 +279,11 @@ def _ensembles(attitudes: Array, momenta: Array) -> None:
 
 
 def _level_states(attitudes: Array, momenta: Array) -> Array:
-    """Return (γ, M) (n, 6) in frame axes."""
     axes = rotation_matrix(attitudes)
     return np.concatenate([axes[:, 2], np.einsum("nij,ni->nj", axes, momenta)], axis=1)
 
 
 def _section_points(attitudes: Array, momenta: Array) -> None:
-    """Compare sections, in both directions of g = 0, by the time of each start's last point."""
     first = attitudes[:_LANES], momenta[:_LANES]
     best = sections_of(_FIG11B, *first, _POINTS, tolerance=1e-15).times
     horizon = float(best.max()) + 1.0
@@ -320,18 +321,17 @@ def _section_points(attitudes: Array, momenta: Array) -> None:
         last = [lane[_POINTS - 1] for lane in times]
         return float(np.median(np.abs(last - best[:, -1])))
 
-    # heyoka's lanes go on to one time, and so find more points.
-    found = sum(len(lane) for lane in heyokas(1e-10)())
+    # heyoka's lanes all run to the same time, so they find more points.
+    points_found = sum(len(lane) for lane in heyokas(1e-10)())
     _compare(
         "section points, each",
         1e-5,
         _Contender("this", ours, error, _OURS, _MANY * _POINTS),
-        _Contender("heyoka, events", heyokas, error, _HEYOKAS[1:], found),
+        _Contender("heyoka, events", heyokas, error, _HEYOKAS[1:], points_found),
     )
 
 
 def _exponents(attitudes: Array, momenta: Array) -> None:
-    """Compare the nine equations of the exponents by ln growth and volume at 50 s."""
     starts, ends = Starts(_FIG11B, attitudes, momenta), (50.0, 400.0)
     rest = np.tile([*ANY_TURN, 0.0, 0.0], (_MANY, 1))
     best = starts.march(DEVIATION, rest, np.array(ends[:1]), 1e-15)[0][:_LANES, 0]
@@ -352,7 +352,7 @@ def _exponents(attitudes: Array, momenta: Array) -> None:
 
 
 def _main() -> None:
-    """Print all tables, on one thread; with 512-bit lanes and without, where there are any."""
+    """Print all tables on one thread, and again without 512-bit lanes if the machine has them."""
     print(platform.processor() or platform.machine(), platform.platform())
     print(", ".join(f"{name} {version(name)}" for name in ("numpy", "numba", "scipy", "heyoka")))
     rng = np.random.default_rng(1)

@@ -1,6 +1,6 @@
-"""Measure what a step costs with each thing that the minimal model leaves out.
+"""Measure the cost per step of each addition to the minimal model.
 
-`python -m bench.parts fig12` prints the table of docs/cost.md, for any scene.
+`python -m bench.parts fig12` prints the table of docs/cost.md; any scene may be named.
 """
 
 import sys
@@ -22,14 +22,14 @@ from validation.study import Column, Row, show, table_of
 
 _MINIMAL = PRESETS["accurate"]
 _ROUNDS = 15
-_LEAST_FRICTION = 1e-5  # m, the least coefficient that MuJoCo takes: nearly no friction
-_ITERATIONS = 100  # of MuJoCo's solver, its default
-_SPLIT = 3  # rotors for each of the scene's
+_LEAST_FRICTION = 1e-5  # m, MuJoCo's smallest coefficient: almost no friction
+_ITERATIONS = 100  # MuJoCo's default
+_SPLIT = 3  # rotors in place of one
 _SENSORS = ("framepos", "framequat", "framelinvel", "frameangvel", "framelinacc", "frameangacc")
 
 
 def parts_of(scene: Scene) -> dict[str, mujoco.MjModel]:
-    """Return the compiled models by what they have: the minimal one, one thing more each, all."""
+    """Return compiled models by name: the minimal model, one per addition, and one with all."""
     classical = scene.rolling == "classical"
     spin: dict[str, Any] = {"torsional_friction": _LEAST_FRICTION} if classical else {}
     roll = {**spin, "condim": 6, "rolling_friction": _LEAST_FRICTION}
@@ -47,21 +47,26 @@ def parts_of(scene: Scene) -> dict[str, mujoco.MjModel]:
         parts["servos for the rates"] = _compiled(scene, **servos)
     parts["Newton for PGS"] = _compiled(scene, solver="Newton")
     parts[f"{_ITERATIONS} iterations"] = _compiled(scene, iterations=_ITERATIONS)
-    # Without the huge inertias MuJoCo's own tolerance can stop the iterations early.
+    # With the huge inertias MuJoCo's tolerance could end the iterations early.
     whole = {**roll, **servos, "solver": "Newton", "iterations": None, "tolerance": None}
     parts["all of it"] = _compiled(split(scene), dressed=True, sensors=True, **whole)
     return parts
 
 
 def rows_of(scene: Scene, rounds: int) -> list[Row]:
-    """Measure the cost of a step of each variant, all in turn, as ratios to the minimal model's."""
+    """Measure the cost of a step of all models in turn, relative to the minimal model."""
     parts = parts_of(scene)
-    costs = measure_costs([partial(one_step, each) for each in parts.values()], rounds)
+    costs = measure_costs([partial(one_step, model) for model in parts.values()], rounds)
     rows: list[Row] = []
-    for (name, of), cost in zip(parts.items(), costs, strict=True):
+    for (name, model), cost in zip(parts.items(), costs, strict=True):
         ratio = cost.over(costs[0])
         least, most = ratio.spread
-        sizes = {"bodies": of.nbody, "dofs": of.nv, "sensors": of.nsensor, "geoms": of.ngeom}
+        sizes = {
+            "bodies": model.nbody,
+            "dofs": model.nv,
+            "sensors": model.nsensor,
+            "geoms": model.ngeom,
+        }
         rows.append({"part": name, "ratio": ratio.ratio, "least": least, "most": most, **sizes})
     return rows
 
@@ -74,11 +79,13 @@ _COLUMNS = (
 
 
 def split(scene: Scene) -> Scene:
-    """Return the scene with every rotor made of three about its axis: inertia and K are equal."""
+    """Return the scene with each rotor split into three; inertia and K stay equal."""
     frame, *rotors = scene.ball.hinges
     thirds = [
-        replace(own, body=scaled_body(rotor, 1 / _SPLIT), motor=own.motor and _weaker(own.motor))
-        for own, rotor in zip(rotors, scene.ball.rotors, strict=True)
+        replace(
+            hinge, body=scaled_body(rotor, 1 / _SPLIT), motor=hinge.motor and _weaker(hinge.motor)
+        )
+        for hinge, rotor in zip(rotors, scene.ball.rotors, strict=True)
         for _ in range(_SPLIT)
     ]
     return replace(scene, ball=replace(scene.ball, hinges=(frame, *thirds)))
@@ -86,7 +93,7 @@ def split(scene: Scene) -> Scene:
 
 def _weaker(motor: Motor) -> Servo:
     if not isinstance(motor, Servo):
-        raise InputError(f"only velocity servos are shared among rotors, not {motor}")
+        raise InputError(f"only velocity servos can be split among rotors, not {motor}")
     limit = motor.torque_limit
     return Servo(motor.gain / _SPLIT, None if limit is None else limit / _SPLIT)
 
@@ -94,7 +101,6 @@ def _weaker(motor: Motor) -> Servo:
 def _compiled(
     scene: Scene, *, dressed: bool = False, sensors: bool = False, **changes: Any
 ) -> mujoco.MjModel:
-    """Return the model of the minimal settings with some changes."""
     model = build(scene, replace(_MINIMAL, **changes))
     model = dress(model) if dressed else model
     if not sensors:

@@ -1,13 +1,12 @@
-"""Measure whether failures are missed and alarms are false, over three seeded sets of random runs.
+"""Measure missed failures and false alarms over three seeded sets of random runs.
 
-Scenes are balls of mass points within their shell, in both rolling models. Extreme runs lie far out
-along a few axes each; the others are ordinary. Robots are those of the catalog that the small
-equations do not describe, with bodies and motions changed, under a preset.
-`python -m bench.random_runs 500` makes so many of each.
+Ordinary and extreme runs are balanced balls of the catalog, varied; extreme runs have one to three
+parameters far outside the usual range. Robots are the unbalanced scenes of the catalog, varied,
+with one to three extreme parameters. `python -m bench.random_runs 500` makes 500 of each.
 
-A run has failed where its path is over a tenth of its length off the equations', or where it broke
-off; a robot's has where path or M is off by more than its preset says. It is reported where the
-precheck warned of it or the monitor found a fault.
+A run has failed if it broke off or its path error exceeds a tenth of the path; a robot's run, if
+the error of path or M exceeds the preset's tolerance. It is reported if the precheck warned of it
+or the monitor found a fault.
 """
 
 import logging
@@ -43,18 +42,19 @@ from validation.random_starts import random_start
 from validation.studies.extremes import WRONG
 
 _LONGEST = 100.0  # s
-_STEPS, _TURNS = 3000, 40.0  # a run is cut to so many steps, and radians of its fastest rotation
+_STEPS, _TURNS = 3000, 40.0  # limits of a run: steps, and radians of its fastest rotation
 _MOST_STEPS = 4000
 _SAMPLES = 100
 _RECIPES = ("fast", "balanced", "accurate", "adaptive")
 _STEPPED = ("fast", "balanced", "balanced", "accurate")
-_APART = 0.04  # s, between the samples of a robot's run
-_EXTREME_AXES = 3  # at most, of one run
+_APART = 0.04  # s between the samples of a robot's run
+_EXTREME_AXES = 3  # most extreme parameters of a run
+_REFERENCE_STEPS = 20_000  # of the equations; runs that need more are refused
 
 
 @dataclass(frozen=True)
 class _RandomRun:
-    """A scene, settings and sample times (n,) [s]; what was made extreme, for the eye."""
+    """A scene, settings, sample times (n,) [s] and the names of its extreme parameters."""
 
     scene: Scene
     settings: Settings
@@ -63,7 +63,7 @@ class _RandomRun:
 
 
 def ordinary(seed: int, number: int) -> _RandomRun:
-    """Return a catalog ball with rates, momentum and attitude varied, at a preset of the recipe."""
+    """Return a catalog ball with varied rates, momentum and attitude, and one of the presets."""
     random = np.random.default_rng([seed, number, 0])
     scene = _varied_scene(random)
     duration = float(random.uniform(1.0, 10.0))
@@ -72,7 +72,7 @@ def ordinary(seed: int, number: int) -> _RandomRun:
 
 
 def extreme(seed: int, number: int) -> _RandomRun:
-    """Return the naive or the recipe's settings on a varied ball, one to three axes far out."""
+    """Return a varied ball with naive or recommended settings and one to three extremes."""
     random = np.random.default_rng([seed, number, 1])
     scene = _varied_scene(random)
     settings = random.choice(np.array([preset("naive"), recipe("recipe", 1e-2, timestep=5e-3)]))
@@ -86,7 +86,7 @@ def extreme(seed: int, number: int) -> _RandomRun:
 
 
 def robot(seed: int, number: int) -> _RandomRun:
-    """Return a preset on a varied robot of the catalog, one to three of its numbers far out."""
+    """Return a varied robot of the catalog with a preset and one to three extremes."""
     random = np.random.default_rng([seed, number, 2])
     scene, settings = _varied_scene(random, balanced=False), preset(str(random.choice(_STEPPED)))
     chosen = random.choice(list(_OF_ROBOTS), random.integers(1, _EXTREME_AXES + 1), replace=False)
@@ -98,7 +98,7 @@ def robot(seed: int, number: int) -> _RandomRun:
 
 
 def _short_times(scene: Scene, settings: Settings, random: np.random.Generator) -> Array:
-    """Return times that neither the engine nor the equations need long for."""
+    """Return sample times that limit the cost of the engine and of the equations."""
     plan = PlannedRun(scene, settings, scene.duration)
     timestep = plan.timestep if np.isfinite(plan.timestep) else 0.02
     turns = _TURNS * random.uniform(0.2, 1.0) / max(plan.rotation_rate, 1e-6)
@@ -108,14 +108,12 @@ def _short_times(scene: Scene, settings: Settings, random: np.random.Generator) 
 
 @cache
 def _scenes(balanced: bool) -> list[Scene]:
-    """Return the catalog's balls that the small equations describe, or the others."""
-    with warnings.catch_warnings(action="ignore", category=SceneWarning):  # to be built by nobody
+    with warnings.catch_warnings(action="ignore", category=SceneWarning):  # unbuildable balls
         scenes = map(load_scene, catalog())
         return [scene for scene in scenes if (scene.not_reduced is None) == balanced]
 
 
 def _varied_scene(random: np.random.Generator, balanced: bool = True) -> Scene:
-    """Return a ball of the catalog with another start and other rates."""
     scene = _scenes(balanced)[int(random.integers(len(_scenes(balanced))))]
     start = random_start(scene, random)
     frame, rotors = random.uniform(0.3, 1.3, 2).tolist()
@@ -123,19 +121,15 @@ def _varied_scene(random: np.random.Generator, balanced: bool = True) -> Scene:
 
 
 def _faster(scene: Scene, frame: float = 1.0, rotors: float = 1.0) -> Scene:
-    """Return the scene with the frame's rate and the rotors' times a factor, where constant."""
-
     def times(rate: Any, factor: float) -> Any:
         return rate * factor if isinstance(rate, float | int) else rate
 
-    turning, *rates = (hinge.command for hinge in scene.ball.hinges)
-    rates = [times(rate, rotors) for rate in rates]
-    return scene.with_hinges(command=(times(turning, frame), *rates))
+    rate, *rates = (hinge.command for hinge in scene.ball.hinges)
+    rates = [times(value, rotors) for value in rates]
+    return scene.with_hinges(command=(times(rate, frame), *rates))
 
 
 def _heavier(scene: Scene, factor: float, kind: type[Shell | Frame | Rotor | Pendulum]) -> Scene:
-    """Return the scene with the mass of all bodies of a kind times a factor."""
-
     def heavier(body: Any) -> Any:
         return scaled_body(body, factor) if isinstance(body, kind) else body
 
@@ -143,7 +137,7 @@ def _heavier(scene: Scene, factor: float, kind: type[Shell | Frame | Rotor | Pen
 
 
 def _lower(scene: Scene, factor: float) -> Scene:
-    """Return the scene with the frame's centre of mass at another distance, within the shell."""
+    """Return the scene with the frame's centre of mass moved, within the shell."""
     frame, a = scene.ball.frame, scene.ball.radius
     most = 0.95 * a / max(float(np.linalg.norm(frame.centre)), 1e-9 * a)
     lower = replace(frame, centre=frame.centre * min(factor, most))
@@ -154,22 +148,25 @@ _Axis = Callable[[Scene, Settings, np.random.Generator], tuple[Scene, Settings]]
 
 
 def _of_scene(low: float, high: float, change: Callable[[Scene, float], Scene]) -> _Axis:
-    """Return an axis of the scene, from 10**low to 10**high."""
+    """Return a parameter of the scene that varies from 10**low to 10**high."""
     return lambda scene, settings, random: (
-        change(scene, float(10 ** random.uniform(low, high))), settings,
-    )  # fmt: skip
+        change(scene, float(10 ** random.uniform(low, high))),
+        settings,
+    )
 
 
 def _of_settings(low: float, high: float, change: Callable[[float], dict[str, Any]]) -> _Axis:
     return lambda scene, settings, random: (
-        scene, replace(settings, **change(float(10 ** random.uniform(low, high)))),
-    )  # fmt: skip
+        scene,
+        replace(settings, **change(float(10 ** random.uniform(low, high)))),
+    )
 
 
 def _choice(*choices: dict[str, Any]) -> _Axis:
     return lambda scene, settings, random: (
-        scene, replace(settings, **choices[int(random.integers(len(choices)))]),
-    )  # fmt: skip
+        scene,
+        replace(settings, **choices[int(random.integers(len(choices)))]),
+    )
 
 
 def _start_times(scene: Scene, factor: float) -> Scene:
@@ -225,15 +222,20 @@ _OF_ROBOTS: dict[str, Callable[[Scene, float], Scene]] = {
 }
 
 
-_REFERENCE_STEPS = 20_000  # of the equations; runs that need more are not judged
-
-
 @dataclass(frozen=True)
 class _Judged:
-    """The outcome of a run: its path error (None where it broke off) and what was reported of it.
+    """Outcome of a run.
 
-    within: whether its errors are within its tolerance; warned: by the precheck; refused: why it
-    was not run, if it was not.
+    Attributes
+    ----------
+    path_error : float, optional
+        None if the run broke off.
+    within : bool
+        Whether all errors are within the settings' tolerance.
+    warned, faults : tuple of str
+        Warnings of the precheck, and faults of the run.
+    refused : str
+        Why the run was refused, "" if it was not.
     """
 
     run: _RandomRun
@@ -261,10 +263,10 @@ class _Judged:
 
 
 def measure_detection(count: int, seed: int, show: Show) -> dict[str, Any]:
-    """Judge `count` extreme runs and robots, whose failures should be reported, and ordinary runs.
+    """Judge `count` extreme runs, robots and ordinary runs, as plain data.
 
-    Return extreme runs and robots by their outcome, those that were missed, and the false alarms of
-    robots and ordinary runs, as plain data.
+    Returns the outcomes of extreme runs and robots, the missed failures, and the false alarms of
+    robots and ordinary runs.
     """
     logging.getLogger("absl").setLevel(logging.ERROR)
 
@@ -273,27 +275,26 @@ def measure_detection(count: int, seed: int, show: Show) -> dict[str, Any]:
             show(done + number, f"{name} runs")
             yield judged(make(seed, number))
 
-    found: dict[str, Any] = {"missed": [], "false_alarms": []}
+    results: dict[str, Any] = {"missed": [], "false_alarms": []}
     for done, (name, make) in enumerate((("extreme", extreme), ("robot", robot))):
         counts: Counter[str] = Counter()
-        for each in runs(make, done * count, name):
-            failed = each.off if make is robot else each.failed
-            missed = failed and not each.reported
-            counts["refused"] += bool(each.refused)
+        for outcome in runs(make, done * count, name):
+            failed = outcome.off if make is robot else outcome.failed
+            missed = failed and not outcome.reported
+            counts["refused"] += bool(outcome.refused)
             counts["failed"] += failed
-            counts["warned of before"] += failed and bool(each.warned)
-            counts["noticed during"] += failed and bool(each.faults)
+            counts["warned of before"] += failed and bool(outcome.warned)
+            counts["noticed during"] += failed and bool(outcome.faults)
             counts["missed"] += missed
-            found["missed"] += [_words(each)] * missed
-            found["false_alarms"] += [_words(each)] * (make is robot and each.false_alarm)
-        found[name] = dict(counts)
-    alarms = (each for each in runs(ordinary, 2 * count, "ordinary") if each.false_alarm)
-    found["false_alarms"] += map(_words, alarms)
-    return found
+            results["missed"] += [_line(outcome)] * missed
+            results["false_alarms"] += [_line(outcome)] * (make is robot and outcome.false_alarm)
+        results[name] = dict(counts)
+    ordinary_runs = runs(ordinary, 2 * count, "ordinary")
+    results["false_alarms"] += [_line(outcome) for outcome in ordinary_runs if outcome.false_alarm]
+    return results
 
 
 def judged(run: _RandomRun) -> _Judged:
-    """Run by the engine and by the equations, and return what was reported of it."""
     with warnings.catch_warnings(action="ignore"):
         try:
             theory = integrate(run.scene, run.times, max_steps=_REFERENCE_STEPS)
@@ -312,27 +313,28 @@ def judged(run: _RandomRun) -> _Judged:
 
 
 def _main(count: int = 500, seed: int = 0) -> None:
-    """Judge so many runs of each set, and print what was missed and which alarms were false."""
+    """Judge `count` runs of each set, and print missed failures and false alarms."""
     with progress_bar(3 * count) as show:
-        found = measure_detection(count, seed, show)
+        results = measure_detection(count, seed, show)
 
     def outcomes(kind: str) -> str:
-        return ", ".join(f"{name} {number}" for name, number in found[kind].items())
+        return ", ".join(f"{name} {number}" for name, number in results[kind].items())
 
     print(
         f"{count} extreme runs: {outcomes('extreme')}",
         f"{count} robots: {outcomes('robot')}",
-        *(f"missed: {words}" for words in found["missed"]),
-        f"{count} robots and {count} ordinary runs: {len(found['false_alarms'])} false alarms",
-        *(f"false alarm: {words}" for words in found["false_alarms"]),
+        *(f"missed: {line}" for line in results["missed"]),
+        f"{count} robots and {count} ordinary runs: {len(results['false_alarms'])} false alarms",
+        *(f"false alarm: {line}" for line in results["false_alarms"]),
         sep="\n",
     )
 
 
-def _words(of: _Judged) -> str:
-    said = "; ".join((*of.warned, *of.faults, of.refused)).strip("; ")
-    axes = ", ".join(of.run.axes)
-    return ", ".join(filter(None, (of.run.scene.name, of.run.settings.name, axes, said)))
+def _line(outcome: _Judged) -> str:
+    reports = "; ".join((*outcome.warned, *outcome.faults, outcome.refused)).strip("; ")
+    axes = ", ".join(outcome.run.axes)
+    names = (outcome.run.scene.name, outcome.run.settings.name, axes, reports)
+    return ", ".join(filter(None, names))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
-"""Write docs/scene.md: `python -m bench.scene_page > docs/scene.md`, as `make docs` does.
+"""Write docs/scene.md: `python -m bench.scene_page > docs/scene.md`; `make docs` does so.
 
-Its prose is scene_page.md, its tables are the records of `scene_tables`.
+Its text is in scene_page.md; its tables come from `scene_tables`.
 """
 
 import re
@@ -17,25 +17,25 @@ from robotball.user_model.robot_scene import RobotTable
 
 
 def page() -> str:
-    """Return docs/scene.md: the prose, with a table of keys for each line `{name}` of it."""
+    """Return docs/scene.md: the text, with each line `{name}` replaced by a table of keys."""
     prose = Path(__file__).with_name("scene_page.md").read_text()
-    return re.sub(r"(?m)^\{([\w.]+)\}$", lambda found: "\n".join(_rows(found[1])), prose)
+    return re.sub(r"(?m)^\{([\w.]+)\}$", lambda match: "\n".join(_rows(match[1])), prose)
 
 
 def _rows(name: str) -> Iterator[str]:
-    """Yield the lines of the table for a path in a scene file, or a kind of part or command."""
+    """Yield the table of a path in a scene file, or of a kind of part or command."""
     if name == "materials":
         yield from ("| `material` | density [kg/m³] |", "|---|---|")
-        yield from (f"| `{each}` | {density:g} |" for each, density in DENSITIES.items())
+        yield from (f"| `{material}` | {density:g} |" for material, density in DENSITIES.items())
         return
     if name == "drives":
-        yield from ("| `drive` | what it does | it needs | it may have |", "|---|---|---|---|")
+        yield from ("| `drive` | behaviour | required keys | optional keys |", "|---|---|---|---|")
         for drive, kind in DRIVES.items():
-            optional = tuple(each for each in kind.allowed if each not in kind.needed)
+            optional = tuple(key for key in kind.allowed if key not in kind.needed)
             yield f"| `{drive}` | {kind.does} | {_codes(kind.needed)} | {_codes(optional)} |"
         return
-    yield from ("| key | what it says | unit | if not given |", "|---|---|---|---|")
-    # A hinge's keys are in a table of their own, not in that of every body that has a hinge.
+    yield from ("| key | meaning | unit | default |", "|---|---|---|---|")
+    # A hinge's keys have their own table, so other bodies' tables leave them out.
     left_out = set() if name == "hinge" else set(HingeTable.__struct_fields__)
     for field in _documented(name).fields:
         if field.name not in left_out:
@@ -48,7 +48,7 @@ def _documented(name: str) -> inspect.StructType:
         return struct_of(HingeTable)
     if name == "robot":
         return struct_of(RobotTable)
-    # Parts and commands are alike in every body; those of the frame stand for all.
+    # Parts and commands are alike in all bodies; take the frame.
     kinds = [table for path in ("frame.part", "frame.rate") for table in tables_at(path)]
     at_path = tables_at("" if name == "scene" else name)
     return [*(table for table in kinds if table.tag == name), *at_path][0]
@@ -57,7 +57,7 @@ def _documented(name: str) -> inspect.StructType:
 def _default(field: inspect.Field) -> str:
     match field.default:
         case _ if field.required:
-            return "needed"
+            return "required"
         case bool(value):
             return f"`{str(value).lower()}`"
         case float(value):
@@ -65,13 +65,13 @@ def _default(field: inspect.Field) -> str:
         case str(value) if value:
             return f"`{value}`"
         case (_, *_) as values:
-            return f"`[{', '.join(f'{each:g}' for each in values)}]`"
+            return f"`[{', '.join(f'{value:g}' for value in values)}]`"
         case _:
             return ""
 
 
 def _codes(keys: tuple[str, ...]) -> str:
-    return ", ".join(f"`{each}`" for each in keys)
+    return ", ".join(f"`{key}`" for key in keys)
 
 
 if __name__ == "__main__":

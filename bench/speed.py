@@ -1,8 +1,8 @@
-"""Measure what a run costs over a bare loop of mj_step, and what many motions gain by more cores.
+"""Measure a run's cost relative to a bare loop of mj_step, and the speed-up on several cores.
 
-It is a part of `make bench`. The digits of the motions must be the same on one core and on all.
-Beside each ratio stands what plain processes reach, one a core, each of which does the one core's
-work for itself: cores that share caches, memory and clock are not as fast together as alone.
+Part of `make bench`. Motions must have the same digits on one core and on all. The bound beside
+each speed-up is what independent processes reach, one per core: cores share caches, memory
+bandwidth and clock.
 """
 
 import math
@@ -31,36 +31,38 @@ from validation.studies.timing import Cost, measure_costs, one_step, simulated_s
 _SCENES = ("fig12", "classical_regular")
 _ROUNDS = 9
 _FRAMED: dict[str, Any] = {"padding": (0, 1), "show_edge": True}
+_FIG_11B = load_scene("fig14").parameters
+_MANY, _SOME = 4096, 512
+_TIMES = np.array([0.0, 100.0])
+_Digits = NDArray[Any]
 
 
 def _main() -> None:
-    """Print a table of each scene, and that of the cores."""
     console, everyone = Console(), cores()
     console.print(
-        f"Medians (ranges) over {_ROUNDS} interleaved rounds of a scene's 10 s, as ratios to "
-        "a bare loop of mj_step\non the same model; processor time, from a model on: each makes "
-        "its own MjData. steps: a run's\nstepping, all of it read; run: that, the monitor and the "
-        "Motion."
+        f"Medians (ranges) over {_ROUNDS} interleaved rounds of a scene's 10 s, relative to a bare "
+        "loop of mj_step\non the same model. Processor time after the model is built. steps: the "
+        "run's stepping with all readings;\nrun: also the monitor and the Motion."
     )
     for name in _SCENES:
         console.print(_costs(load_scene(name)))
     console.print(
-        f"The best of {_ROUNDS} rounds, on one core and on {everyone} in turn: another's work\n"
-        f"on the machine slows some rounds, and the best least.\n"
-        f"bound: how many times as much {everyone} plain processes do as one alone."
+        f"Best of {_ROUNDS} rounds, alternating between one core and {everyone}: other work on the "
+        f"machine slows\nsome rounds, the best one least. bound: throughput of {everyone} "
+        "independent processes over one."
     )
     console.print(_gains(everyone))
 
 
-# The cost of a run -------------------------------------------------------------------------------
+# The cost of a run
 
 
 def _costs(scene: Scene) -> Table:
-    """Return a row a preset; all but the first figure are ratios to the preset's own bare loop."""
+    """Return a row per preset; all but the first number are relative to its bare loop."""
     models = {
         preset: build(scene, settings)
         for preset, settings in PRESETS.items()
-        if not settings.adaptive  # mj_step is not what it does
+        if not settings.adaptive  # these do not use mj_step
     }
     works: dict[str, Callable[[], float]] = {
         "equations": partial(_simulated_second, partial(integrate, scene))
@@ -75,42 +77,35 @@ def _costs(scene: Scene) -> Table:
     for preset, model in models.items():
         bare = costs[f"{preset}: bare"]
         others = (f"{preset}: steps", f"{preset}: run", "equations", "naive: bare")
-        ratios = [_words(costs[other].over(bare)) for other in others]
+        ratios = [_ratio_text(costs[other].over(bare)) for other in others]
         step = bare.seconds * model.compiled.opt.timestep
         table.add_row(preset, f"{step * 1e6:.1f}", *ratios)
     return table
 
 
 def _bare_second(model: Model) -> float:
-    """Return the processor time [s] of a simulated second of mj_step alone, over the scene."""
+    """Return the processor time [s] of mj_step alone per simulated second."""
     timestep = model.compiled.opt.timestep
     return one_step(model.compiled, round(model.scene.duration / timestep)) / timestep
 
 
 def _simulated_second(work: Callable[[], Motion]) -> float:
-    """Return the processor time [s] of a motion, all that is made of it, per simulated second."""
     began = time.thread_time()
     motion = work()
     return (time.thread_time() - began) / float(motion.times[-1])
 
 
-def _words(cost: Cost) -> str:
+def _ratio_text(cost: Cost) -> str:
     least, most = cost.spread
     return f"{cost.ratio:.2f} ({least:.2f}-{most:.2f})"
 
 
-# The gain by cores -------------------------------------------------------------------------------
-
-_FIG_11B = load_scene("fig14").parameters
-_MANY, _SOME = 4096, 512
-_TIMES = np.array([0.0, 100.0])
-
-_Digits = NDArray[Any]
+# The speed-up on several cores
 
 
 @cache
 def _work() -> dict[str, Callable[[], _Digits]]:
-    """Return the functions that are timed, by name; each returns its digits."""
+    """Return the timed functions, with names; each returns its digits."""
     rng = np.random.default_rng(1)
     starts = section_starts(rng.uniform(-4, 4, _MANY), rng.uniform(0, 6, _MANY), 25.0)
     some = starts[0][:_SOME], starts[1][:_SOME]
@@ -124,7 +119,7 @@ def _work() -> dict[str, Callable[[], _Digits]]:
 
 
 def _gains(everyone: int) -> Table:
-    """Return a row a work: the best seconds on one core and on all, and their ratio."""
+    """Return a row per function: the best times on one core and on all, and their ratio."""
     headings = ("", "1 core [ms]", f"{everyone} cores [ms]", "ratio", "bound")
     table = plain_table(headings, left=(), **_FRAMED)
     with pool(_do_plainly, everyone) as submit:
@@ -141,7 +136,7 @@ def _gains(everyone: int) -> Table:
                     if done:  # the first round warms up
                         best["ours", count] = min(best["ours", count], ours)
                         best["plain", count] = min(best["plain", count], plain)
-            assert all(np.array_equal(each, digits[0]) for each in digits), name
+            assert all(np.array_equal(other, digits[0]) for other in digits), name
             one, all_of_them = best["ours", 1], best["ours", everyone]
             bound = everyone * best["plain", 1] / best["plain", everyone]
             numbers = (f"{one * 1e3:.0f}", f"{all_of_them * 1e3:.0f}", f"{one / all_of_them:.2f}")
@@ -150,7 +145,6 @@ def _gains(everyone: int) -> Table:
 
 
 def _seconds_together(submit: Callable[..., Future[Answer]], name: str, count: int) -> float:
-    """Return the seconds of so many processes at a named work, each for itself."""
     began = time.perf_counter()
     for future in [submit(name) for _ in range(count)]:
         future.result()
@@ -158,7 +152,6 @@ def _seconds_together(submit: Callable[..., Future[Answer]], name: str, count: i
 
 
 def _do_plainly(name: str) -> None:
-    """Do a named work in a process of its own, where one thread is allowed."""
     _work()[name]()
 
 

@@ -1,7 +1,7 @@
-"""Equations as MathML, and what docstrings say of names, for the pages of the site.
+"""Extensions for the site: equations as MathML, and definition lists and types in docstrings.
 
-mkdocs.yml names this module as an extension of Python-Markdown, and of Griffe, which reads the
-docstrings. Browsers draw MathML by themselves, and GitHub draws the same LaTeX.
+mkdocs.yml names this module as an extension of Python-Markdown and of Griffe, which reads the
+docstrings. Browsers draw MathML themselves, and GitHub draws the same LaTeX.
 """
 
 import re
@@ -17,18 +17,18 @@ from markdown.preprocessors import Preprocessor
 
 
 class _Equation(InlineProcessor):
-    """LaTeX in a line, `$…$`, or in a paragraph of its own, `$$…$$`."""
+    """LaTeX within a line, `$…$`, or as a paragraph, `$$…$$`."""
 
     def handleMatch(self, m: re.Match[str], data: str) -> tuple[Element | str, int, int]:  # type: ignore[override]
-        found = convert(m[2], display="block" if m[1] == "$$" else "inline")
-        found = found.replace("<mover>", '<mover accent="true">')  # else a dot is shrunk
+        html = convert(m[2], display="block" if m[1] == "$$" else "inline")
+        html = html.replace("<mover>", '<mover accent="true">')  # full-size dots
         if m[1] == "$$":
-            found = f'<div class="equation">{found}</div>'
-        return self.md.htmlStash.store(found), m.start(0), m.end(0)
+            html = f'<div class="equation">{html}</div>'
+        return self.md.htmlStash.store(html), m.start(0), m.end(0)
 
 
 class _Fields(Preprocessor):
-    """Docstrings' lines of a name, two spaces or more and its meaning: definitions."""
+    """Turn docstring lines `name  meaning`, two spaces or more apart, into definitions."""
 
     def run(self, lines: list[str]) -> list[str]:
         text = re.sub(r"(?m)^(\w[\w, ]*?) {2,}(?=\S)", r"\n\1\n:   ", "\n".join(lines))
@@ -37,7 +37,7 @@ class _Fields(Preprocessor):
 
 class _MoreMarkdown(Extension):
     def extendMarkdown(self, md: Markdown) -> None:
-        # After code (spans at 190, fences at 25), and before backslashes are read as escapes.
+        # After code (spans have priority 190, fences 25) and before backslash escapes.
         md.inlinePatterns.register(_Equation(r"(\$\$?)([^$]+)\1", md), "equation", 185)
         md.preprocessors.register(_Fields(md), "fields", 15)
 
@@ -48,9 +48,9 @@ def makeExtension() -> Extension:
 
 
 class Types(griffe.Extension):
-    """Write types as docstrings do, and signatures without private names.
+    """Show types as docstrings have them, and signatures without private names.
 
-    `(n, 3), m` is a tuple to Griffe, which adds brackets. A private name is replaced by its value.
+    Griffe adds brackets to a tuple such as `(n, 3), m`. Values replace private names.
     """
 
     def on_object(self, *, obj: griffe.Object, **_: object) -> None:
@@ -64,22 +64,24 @@ class Types(griffe.Extension):
         if obj.docstring is None:
             return
         for section in obj.docstring.parsed:
-            for each in section.value if isinstance(section.value, list) else ():
-                kind = getattr(each, "annotation", None)
+            for item in section.value if isinstance(section.value, list) else ():
+                kind = getattr(item, "annotation", None)
                 if isinstance(kind, griffe.ExprTuple) and str(kind) not in obj.docstring.value:
                     kind.implicit = True
 
 
-def _public(written: Any, user: griffe.Object) -> Any:
-    """Return an expression without private names, and without the bounds that msgspec checks."""
-    if isinstance(written, griffe.ExprName) and re.match("_[a-zA-Z]", written.name):
-        meant = user.module.members.get(written.name)
-        if isinstance(meant, griffe.Attribute):
-            return _public(meant.value, user)
-    if isinstance(written, griffe.ExprSubscript) and written.canonical_name == "Annotated":
-        return _public(written.slice.elements[0], user)  # type: ignore[union-attr]
-    if isinstance(written, griffe.Expr):
-        for each in fields(written):
-            if each.name != "parent":
-                setattr(written, each.name, _public(getattr(written, each.name), user))
-    return [_public(each, user) for each in written] if isinstance(written, list) else written
+def _public(expression: Any, user: griffe.Object) -> Any:
+    """Return an expression without private names and without msgspec's bounds."""
+    if isinstance(expression, griffe.ExprName) and re.match("_[a-zA-Z]", expression.name):
+        value = user.module.members.get(expression.name)
+        if isinstance(value, griffe.Attribute):
+            return _public(value.value, user)
+    if isinstance(expression, griffe.ExprSubscript) and expression.canonical_name == "Annotated":
+        return _public(expression.slice.elements[0], user)  # type: ignore[union-attr]
+    if isinstance(expression, griffe.Expr):
+        for field in fields(expression):
+            if field.name != "parent":
+                setattr(expression, field.name, _public(getattr(expression, field.name), user))
+    if isinstance(expression, list):
+        return [_public(item, user) for item in expression]
+    return expression

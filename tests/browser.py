@@ -1,4 +1,4 @@
-"""A page in a headless browser, by the DevTools protocol; tests skip where there is no Chromium."""
+"""A page in headless Chromium over the DevTools protocol; tests skip without Chromium."""
 
 import atexit
 import json
@@ -20,13 +20,13 @@ NAMES = ("chromium", "chromium-browser", "google-chrome", "chromium-headless-she
 BROWSER = next(filter(None, map(shutil.which, NAMES)), None)
 needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")
 OPTIONS = ("--headless", "--no-sandbox", "--hide-scrollbars", "--remote-debugging-pipe")
-# A processor draws WebGL. All else it draws in half the time without.
+# Software WebGL; without it all other drawing takes half the time.
 WITH_WEBGL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 WITHOUT = ("--disable-gpu",)
 
 
 class Chromium:
-    """A headless Chromium that listens to one pipe and answers by another, until Python ends."""
+    """A headless Chromium that is controlled over two pipes until Python ends."""
 
     def __init__(self, webgl: bool) -> None:
         assert BROWSER is not None
@@ -45,17 +45,15 @@ class Chromium:
         os.close(theirs_out)
         atexit.register(folder.cleanup)
         atexit.register(process.wait)
-        atexit.register(process.terminate)  # the last one is called first
+        atexit.register(process.terminate)  # registered last, called first
         self._unread = b""
         self.numbers = count(1)
 
     def send(self, message: Any) -> None:
-        """Send one message of the protocol."""
         os.write(self._to, json.dumps(message).encode() + b"\0")
 
     def read(self) -> Any:
-        """Return the next message."""
-        # An answer may have megabytes: it is taken as it comes, and what follows it is kept.
+        # Messages may have megabytes: read in parts, and keep the rest after the end.
         while b"\0" not in self._unread:
             part = os.read(self._answers, 1 << 20)
             assert part, "the browser has ended"
@@ -68,10 +66,9 @@ _started = cache(Chromium)
 
 
 class Browser:
-    """One page of a Chromium, without the storage of other pages.
+    """A page in a Chromium, without the storage of other pages.
 
-    console: what the page wrote there, errors and warnings included; requests: every address that
-    it asked for, its own first.
+    console: all that was logged there; requests: every requested address, the page's first.
     """
 
     def __init__(self, chromium: Chromium) -> None:
@@ -88,7 +85,7 @@ class Browser:
             self.call(f"{domain}.enable")
 
     def call(self, method: str, **parameters: Any) -> Any:
-        """The answer to a method of the protocol; events on the way are kept."""
+        """Return the answer to a method of the protocol; record events that come before it."""
         number = next(self._chromium.numbers)
         message = {"id": number, "method": method, "params": parameters}
         if self._session:
@@ -101,7 +98,7 @@ class Browser:
         return answer["result"]
 
     def run(self, script: str) -> Any:
-        """Return an expression's value as JSON; a promise is waited for."""
+        """Return an expression's value as JSON; wait for a promise."""
         answer = self.call(
             "Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True
         )
@@ -109,38 +106,35 @@ class Browser:
         return answer["result"].get("value")
 
     def visit(self, address: str) -> None:
-        """Go to an address and wait until it is loaded."""
         self.call("Page.navigate", url=address)
         self.run("new Promise(d => document.readyState === 'complete' ? d() : onload = d)")
 
     def size(self, width: int, height: int, dark: bool = False, media: str = "") -> None:
-        """Show the page in so many pixels; with `media="print"` as if on paper."""
+        """Set the window to width x height pixels; `media="print"` shows the printed page."""
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.call("Emulation.setEmulatedMedia", media=media, features=[scheme])
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600}
         self.call("Emulation.setDeviceMetricsOverride", **size)
 
     def pdf(self) -> bytes:
-        """The page as it is printed on A4."""
         inches = {"paperWidth": 8.27, "paperHeight": 11.69}
         return b64decode(self.call("Page.printToPDF", **inches)["data"])
 
     def close(self) -> None:
-        """Close the page, and forget what it stored."""
         self._session = ""
         self.call("Target.disposeBrowserContext", browserContextId=self._context)
 
     def _keep(self, event: Any) -> None:
-        inside = event.get("params", {})
+        params = event.get("params", {})
         match event.get("method"):
             case "Runtime.consoleAPICalled":
-                self.console.append(" ".join(str(each.get("value")) for each in inside["args"]))
+                self.console.append(" ".join(str(arg.get("value")) for arg in params["args"]))
             case "Runtime.exceptionThrown":
-                self.console.append(json.dumps(inside["exceptionDetails"]))
+                self.console.append(json.dumps(params["exceptionDetails"]))
             case "Log.entryAdded":
-                self.console.append(inside["entry"]["text"])
+                self.console.append(params["entry"]["text"])
             case "Network.requestWillBeSent":
-                self.requests.append(inside["request"]["url"])
+                self.requests.append(params["request"]["url"])
 
 
 @contextmanager
@@ -152,7 +146,7 @@ def opened(
     dark: bool = False,
     webgl: bool = True,
 ) -> Iterator[Browser]:
-    """An HTML text opened in a browser window of so many pixels, and loaded."""
+    """Open an HTML text in a browser window of width x height pixels."""
     path = folder / "page.html"
     path.write_text(page, encoding="utf-8")
     browser = Browser(_started(webgl))

@@ -1,4 +1,4 @@
-"""Shared by all tests: repeatable draws, and the command as a user runs it."""
+"""Shared fixtures: reproducible draws, and the command as a user runs it."""
 
 import json
 import os
@@ -13,39 +13,45 @@ from robotball.view import gl
 
 Robotball = Callable[..., tuple[int, str, str]]
 
-# A user's terminal may ask for colours and widths by these; here all is printed to a plain pipe.
-for asked in ("COLUMNS", "LINES", "FORCE_COLOR", "NO_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE"):
-    os.environ.pop(asked, None)
+# Terminal settings of the user must not change the output.
+for variable in (
+    "COLUMNS",
+    "LINES",
+    "FORCE_COLOR",
+    "NO_COLOR",
+    "TTY_COMPATIBLE",
+    "TTY_INTERACTIVE",
+):
+    os.environ.pop(variable, None)
 
-# No engine of a user's home decides a test. ENGINES_OF names the data folder of those to test.
+# Ignore engines that the user has installed; ENGINES_OF names a data folder with engines to test.
 os.environ["XDG_DATA_HOME"] = os.environ.get("ENGINES_OF", os.devnull)
 
-# Property tests draw the same examples on every machine and at every run.
+# Property tests draw the same examples on every machine and in every run.
 settings.register_profile("repeatable", derandomize=True, deadline=None, database=None)
 settings.load_profile("repeatable")
 
-# A check in these that fails shows its values, as one in a test does.
+# Show the values in failed assertions of these helper modules.
 pytest.register_assert_rewrite(
     "tests.robotball.design.designs", "tests.robotball.scene_files.scene_texts"
 )
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the option of `make messages`."""
     parser.addoption("--rewrite", action="store_true", help="write the catalogue of messages again")
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the cases of studies as slow, so that `-m "not slow"` leaves them out."""
-    for each in items:
-        if each.get_closest_marker("study"):
-            each.add_marker("slow")
+    """Mark study cases as slow, so that `-m "not slow"` leaves them out."""
+    for item in items:
+        if item.get_closest_marker("study"):
+            item.add_marker("slow")
 
 
 @pytest.fixture
 def screen() -> None:
-    """Skips what draws where there is no off-screen OpenGL."""
+    """Skip without off-screen OpenGL."""
     if gl.find_backend() is None:
         pytest.skip(gl.advice())
 
@@ -54,11 +60,11 @@ def screen() -> None:
 def robotball(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> Robotball:
-    """Runs the command in an empty folder: (exit status, standard output, standard error).
+    """Run the command in an empty folder: (exit status, standard output, standard error).
 
-    What `--json` writes then has the keys of docs/json.md.
+    Output of `--json` must have the keys of docs/json.md.
     """
-    from tests.validation.json_keys import misfits  # late: the core's tests have no need of these
+    from tests.validation.json_keys import misfits  # late: most tests do not need it
     from validation.cli import main
 
     monkeypatch.chdir(tmp_path)

@@ -1,4 +1,4 @@
-"""An engine of a package that an environment alone has: MuJoCo's mass matrix under our steps."""
+"""An engine installed only in an environment: MuJoCo's mass matrix with our steps."""
 
 from typing import Any
 
@@ -10,12 +10,16 @@ from tests.robotball.engines.test_adapters import Dynamics
 
 
 def _world(scene: Scene, settings: Any, step: float) -> World:
-    print("an engine prints what it likes")
+    print("engines may print to standard output")
     return Dynamics(scene, settings, step)
 
 
 ELSEWHERE = Adapter(
-    label=Label("Elsewhere", version_of("only-there"), "#123456"), packages=("only_there",),
-    extra="elsewhere", presets=by_name(PINOCCHIO.presets["RK4"]), default="RK4",
-    world=_world, lacks=lambda scene, settings: "it warns",
-)  # fmt: skip
+    label=Label("Elsewhere", version_of("only-there"), "#123456"),
+    packages=("only_there",),
+    extra="elsewhere",
+    presets=by_name(PINOCCHIO.presets["RK4"]),
+    default="RK4",
+    world=_world,
+    lacks=lambda scene, settings: "it warns",
+)

@@ -1,4 +1,4 @@
-"""The engine of somebody else: forward Euler on the rotation, in a loop of ten lines."""
+"""A user's engine: forward Euler on the rotation, in a loop of ten lines."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -8,25 +8,27 @@ from robotball.rotations import Array
 
 
 def euler(scene: Scene, timestep: float, samples: int = 1, end: float | None = None) -> Trajectory:
-    """A trajectory of a scene by steps of one length [s], every so many of which are written.
+    """Return a trajectory with equal steps [s], recording every `samples`-th.
 
-    It rolls without slipping, by first-order steps; so path and attitude are off by the step.
+    It rolls without slip; path and attitude have first-order errors.
     """
     start = scene.start
-    turn = Rotation.from_quat(start.attitude, scalar_first=True)
+    rotation = Rotation.from_quat(start.attitude, scalar_first=True)
     axis, a = scene.ball.shell.axis, scene.ball.radius
     point, rows = np.zeros(2), []
     steps = round((scene.duration if end is None else end) / timestep)
     for i in range(steps + 1):
         t = i * timestep
-        omega = angular_velocity(scene, t, turn.as_matrix())
+        omega = angular_velocity(scene, t, rotation.as_matrix())
         if i % samples == 0:
             rows.append(
-                np.concatenate([[t], point, turn.as_quat(canonical=True, scalar_first=True), omega])
+                np.concatenate(
+                    [[t], point, rotation.as_quat(canonical=True, scalar_first=True), omega]
+                )
             )
-        shell = turn.apply(omega - float(scene.drives[0].rate(t)) * axis)
+        shell = rotation.apply(omega - float(scene.drives[0].rate(t)) * axis)
         point = point + timestep * a * np.array([shell[1], -shell[0]])
-        turn = turn * Rotation.from_rotvec(timestep * omega)
+        rotation = rotation * Rotation.from_rotvec(timestep * omega)
     table = np.array(rows)
     height = np.full(len(table), a)
     return Trajectory(
@@ -39,7 +41,7 @@ def euler(scene: Scene, timestep: float, samples: int = 1, end: float | None = N
 
 
 def angular_velocity(scene: Scene, t: float, R: Array) -> Array:
-    """ω (3,) in frame axes at an attitude (3, 3) of the frame; M is constant in space."""
+    """Return ω (3,) in frame axes for the frame's attitude (3, 3); M is constant in space."""
     axes = scene.principal_axes
     M, gamma = axes.T @ R.T @ scene.start.momentum, axes.T @ R[2]
     omega = scene.parameters_at(t).angular_velocity(tuple(M), tuple(gamma))

@@ -1,4 +1,4 @@
-"""Who imports whom in this project, read from the files; lazy imports included."""
+"""Imports between the project's modules, read from the files; lazy imports included."""
 
 import ast
 import re
@@ -9,7 +9,7 @@ from pathlib import Path
 
 PROJECT = Path(__file__).parent.parent
 PACKAGES = ("robotball", "validation")
-# The public names, each with the module that is its home.
+# (home module, name) of every public name.
 PUBLIC = [
     (f"{package}.{home}", name)
     for package in PACKAGES
@@ -19,39 +19,38 @@ PUBLIC = [
 
 
 def modules_of(root: Path, packages: Sequence[str] = PACKAGES) -> dict[str, Path]:
-    """The modules of packages under a root, by their full names."""
+    """Return the modules of packages under a root by full name."""
     files = [file for package in packages for file in sorted((root / package).rglob("*.py"))]
     return {_name(file.relative_to(root)): file for file in files}
 
 
 def graph_of(modules: Mapping[str, Path]) -> dict[str, set[str]]:
-    """Return each module's imports of the others, by `import`, `from`, or as a package's member.
+    """Return each module's imports of the others, by `import`, `from` or as a package's attribute.
 
-    To import a module runs its packages as well, but what they hand on counts only where it is
-    taken from them.
+    A package's own imports count only if the module takes a name from them.
     """
     return {name: set(imported(name, file, modules)) for name, file in modules.items()}
 
 
 def reached(graph: Mapping[str, set[str]], start: str) -> set[str]:
-    """All that a module imports, and what that imports, and so on."""
+    """Return all modules that a module imports, directly or not."""
     seen: set[str] = set()
     waiting = [start]
     while waiting:
-        for each in graph[waiting.pop()] - seen:
-            seen.add(each)
-            waiting.append(each)
+        for module in graph[waiting.pop()] - seen:
+            seen.add(module)
+            waiting.append(module)
     return seen
 
 
 @cache
 def nodes_of(text: str) -> list[ast.AST]:
-    """Return the nodes of a module's text, which is parsed once for all checks."""
+    """Return the syntax nodes of a module's text, parsed once for all checks."""
     return [*ast.walk(ast.parse(text))]
 
 
 def imported(module: str, file: Path, modules: Mapping[str, Path]) -> Iterator[str]:
-    """Yield what one module imports of the others, as its file has it."""
+    """Yield the other modules that one module imports."""
     package = module if file.name == "__init__.py" else module.rpartition(".")[0]
     for node in nodes_of(file.read_text()):
         if isinstance(node, ast.Import):
@@ -62,7 +61,7 @@ def imported(module: str, file: Path, modules: Mapping[str, Path]) -> Iterator[s
         else:
             continue
         for name in names:
-            while name and name not in modules:  # a member of a module
+            while name and name not in modules:  # strip attributes
                 name = name.rpartition(".")[0]
             if name:
                 yield name

@@ -1,4 +1,4 @@
-"""Motions beside others, or made up from others, for what a test needs of them."""
+"""Motions made from other motions, and pairs of motions from an engine and the equations."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -24,15 +24,15 @@ from robotball.rotations import Array
 
 
 def as_contact(motion: Motion, report: ContactReport, **changes: Any) -> ContactMotion:
-    """A motion as a contact engine would give it, with some fields changed."""
+    """Return a motion as if from a contact engine, with some fields changed."""
     return extended(motion, ContactMotion, **{"engine": LABEL, "report": report, **changes})
 
 
 @dataclass(frozen=True)
 class Pair:
-    """A contact engine's motion beside the equations', with the errors of `robotball.motion`.
+    """Motions from a contact engine and the equations, with the errors of `robotball.motion`.
 
-    Those of a run that broke off are infinite.
+    The errors are infinite if the run broke off.
     """
 
     theory: ReferenceMotion
@@ -60,7 +60,7 @@ class Pair:
 
     @property
     def agrees(self) -> bool:
-        """Whether there is no fault, and the errors are within what the settings are held to."""
+        """True without faults and with all errors within the settings' tolerances."""
         settings, times = self.report.settings, self.motion.times
         path = settings.error_tolerance if settings.accuracy is None else settings.accuracy
         if self.report.faults or not self.path_error <= path:
@@ -78,7 +78,7 @@ def pair_of(
     accuracy: float | None = None,
     theory: ReferenceMotion | None = None,
 ) -> Pair:
-    """Both motions of a scene; the engine's precheck knows the loads of the equations' motion."""
+    """Return both motions of a scene; the engine's precheck gets the loads of the equations."""
     theory = integrate(scene, times) if theory is None else theory
     request = replace(request_of(settings=settings, accuracy=accuracy), loads=theory.loads)
     return Pair(theory, run_request(theory.scene, theory.times, request))

@@ -1,17 +1,17 @@
-"""A page as a browser's parser reads it."""
+"""An HTML page as a browser parses it."""
 
 from html.parser import HTMLParser
 
 
 class Page(HTMLParser):
-    """The elements of a page.
+    """Elements of a page.
 
     Attributes
     ----------
     scripts : list of str
-        The text of each script.
+        Text of each script.
     found : set of str
-        The tags, and the names of all attributes.
+        Tags and names of all attributes.
     """
 
     def __init__(self, page: str) -> None:
@@ -22,12 +22,10 @@ class Page(HTMLParser):
         self.close()
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Count a start tag."""
         self.found |= {tag, *(name for name, _ in attrs)}
         if tag == "script":
             self.scripts.append("")
 
     def handle_data(self, data: str) -> None:
-        """Add the text to the last script if it is inside one."""
         if self.cdata_elem == "script":
             self.scripts[-1] += data

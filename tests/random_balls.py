@@ -1,4 +1,4 @@
-"""Random balls made of points of mass and rings: physical by construction."""
+"""Random balls made of mass points and rings, so that they are physical."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ _SEED = 20190501
 
 @dataclass(frozen=True)
 class RandomBall:
-    """A ball, its hinges' rates [rad/s], its shell's thickness, radii of frame and rotors [m]."""
+    """A ball with its hinge rates [rad/s], shell thickness and radii of frame and rotors [m]."""
 
     ball: Ball
     rates: tuple[float, ...]
@@ -29,12 +29,12 @@ class RandomBall:
 
     @property
     def K(self) -> Array:
-        """K = k - dΩ (3,), with k of (A.3)."""
+        """K = k - dΩ (3,), with k from (A.3)."""
         return self.ball.gyrostatic_inertia @ np.array(self.rates) - self.ball.d * self.Omega
 
 
 def random_ball(rng: np.random.Generator, rotors: int) -> RandomBall:
-    """A shell of any thickness, pairs of points around its centre as the frame, and rings."""
+    """Return a shell of any thickness with mass points around its centre as frame, and rings."""
     a, mass = 10 ** rng.uniform(-1.5, 0.5), 10 ** rng.uniform(-2, 2)
     thickness = a * rng.choice([0.0, rng.uniform(0.01, 0.3)])
     frame_radius = rng.uniform(0.6, 0.97) * (a - thickness)
@@ -51,10 +51,10 @@ def random_ball(rng: np.random.Generator, rotors: int) -> RandomBall:
     bodies: list[Hung] = [frame, *rings]
     ball = Ball(shell, tuple(map(Hinge, bodies)))
     rates = rng.uniform(20, 300, rotors) * rng.choice([-1, 1], rotors)
-    turning = float(rng.choice([0.0, rng.uniform(0.1, 5), -rng.uniform(0.1, 5)]))
+    frame_rate = float(rng.choice([0.0, rng.uniform(0.1, 5), -rng.uniform(0.1, 5)]))
     return RandomBall(
         ball=ball,
-        rates=(turning, *rates.tolist()),
+        rates=(frame_rate, *rates.tolist()),
         thickness=float(thickness),
         frame_radius=float(frame_radius),
         rotor_radius=float(rotor_radius),
@@ -62,13 +62,12 @@ def random_ball(rng: np.random.Generator, rotors: int) -> RandomBall:
 
 
 def random_axis(rng: np.random.Generator) -> Array:
-    """A unit vector (3,), evenly distributed."""
     v = rng.normal(size=3)
     return v / np.linalg.norm(v)
 
 
 def cloud_inertia(rng: np.random.Generator, mass: float, radius: float) -> Array:
-    """The inertia (3, 3) of six pairs of opposite points within `radius`, in a squeezed cloud."""
+    """Return the inertia (3, 3) of six pairs of opposite points within `radius`, squeezed."""
     points = rng.normal(size=(6, 3)) * rng.uniform(0.2, 1, 3)
     points *= radius * rng.uniform(0.3, 1, (6, 1)) / np.linalg.norm(points, axis=1, keepdims=True)
     weights = rng.uniform(0.1, 1, 6)
@@ -78,7 +77,7 @@ def cloud_inertia(rng: np.random.Generator, mass: float, radius: float) -> Array
 
 
 def ring_ball(rng: np.random.Generator, rotors: int) -> RandomBall:
-    """A ball that is mostly rings of one rate, scattered about a direction, and a flat frame."""
+    """Return a ball that consists mainly of rings scattered about a direction, and a flat frame."""
     real = random_ball(rng, 0)
     radius, mass, lead = real.frame_radius, real.ball.mass, random_axis(rng)
     scatter = rng.uniform(0.3, 3)
@@ -103,11 +102,11 @@ def ring_ball(rng: np.random.Generator, rotors: int) -> RandomBall:
 
 
 def ball_of_points(number: int) -> Scene:
-    """A ball of mass points in its shell, 0 to 3 rotors, in axes that are not principal."""
+    """Return a scene of mass points in a shell with 0 to 3 rotors, in non-principal axes."""
     rng = np.random.default_rng([_SEED, number])
     radius, mass = rng.uniform(0.5, 1.5), rng.uniform(0.3, 2.0)
     shell_mass = mass * rng.uniform(0.05, 0.3)
-    # Of points on the sphere, gathered towards its axis or its equator.
+    # Mass points on the sphere, concentrated towards its axis or its equator.
     axial = shell_mass * radius**2 * rng.uniform(0.4, 0.9)
     transverse = shell_mass * radius**2 - axial / 2
     shell = Shell(radius, shell_mass, axial, transverse, random_axis(rng))
@@ -124,7 +123,7 @@ def ball_of_points(number: int) -> Scene:
     bodies: list[Hung] = [frame, *rotors]
     ball = Ball(shell, tuple(map(Hinge, bodies)))
     rolling: Rolling = "rubber" if number % 2 else "classical"
-    # Rates of both signs such that |A K| and |Ω| stay below 4 rad/s.
+    # Rates of both signs with |A K| and |Ω| below 4 rad/s.
     weakest = float(np.linalg.eigvalsh(ball.inertia)[0] + ball.d)
     spins = tuple(
         rng.choice([-1, 1]) * rng.uniform(0.3, 1.0) * weakest / r.axial_inertia for r in rotors
@@ -133,8 +132,8 @@ def ball_of_points(number: int) -> Scene:
     momentum = random_axis(rng) * weakest * rng.uniform(0.5, 2.5)
     if rolling == "rubber":
         momentum[2] = 0.0
-    turning = float(rng.choice([-1, 1]) * rng.uniform(0.3, 2.5))
+    frame_rate = float(rng.choice([-1, 1]) * rng.uniform(0.3, 2.5))
     return Scene(
         name=f"ball {number}", title="", source="", duration=10.0, rolling=rolling,
-        ball=ball.with_hinges(command=(turning, *spins)), start=Start(attitude, momentum),
+        ball=ball.with_hinges(command=(frame_rate, *spins)), start=Start(attitude, momentum),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Random scenes whose drives are zero, late, constant, sampled or of amplitude zero."""
+"""Random scenes with drives that are zero, delayed, constant, sampled or of zero amplitude."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ _SEED = 20260301
 
 
 def random_drive(rng: np.random.Generator, size: float) -> Rate:
-    """Return a drive of a kind that may be zero for a part of the run, or for all of it."""
+    """Return a drive that may be zero for a part of the run or all of it."""
     value = size * rng.uniform(0.2, 1.0) * rng.choice([-1, 1])
     start = rng.uniform(0.5, 0.9) * DURATION
     kinds: list[Rate] = [
@@ -34,9 +34,9 @@ def random_drive(rng: np.random.Generator, size: float) -> Rate:
 
 
 def random_drives(number: int) -> Scene:
-    """Return a balanced ball at given rates, or an unbalanced robot with or without motors.
+    """Return a balanced ball with prescribed rates, or a robot with or without motors.
 
-    It starts at rest or rolling, in either rolling model.
+    It starts at rest or rolling, in either model.
     """
     rng = np.random.default_rng([_SEED, number])
     if number % 3 == 0:
@@ -51,7 +51,7 @@ def random_drives(number: int) -> Scene:
 
 
 def _robot(rng: np.random.Generator) -> Scene:
-    """Return a robot with a rotor, a pendulum, both or neither, which starts at any angles."""
+    """Return a robot with up to one rotor and one pendulum, at any initial angles."""
     ball = random_robot(rng, int(rng.integers(2)), int(rng.integers(2)))
     inertia = 0.05 * ball.radius**2
     motors: list[Motor | None] = []
@@ -59,17 +59,24 @@ def _robot(rng: np.random.Generator) -> Scene:
     for hinge in ball.hinges:
         moment = hinge.body.axial_inertia if isinstance(hinge.body, Rotor) else inertia
         kinds: list[Motor | None] = [
-            None, None, Servo(20 * moment), Servo(20 * moment, 5 * moment),
-            PositionServo(50 * moment, 5 * moment), Torque(0.1 * moment),
-        ]  # fmt: skip
+            None,
+            None,
+            Servo(20 * moment),
+            Servo(20 * moment, 5 * moment),
+            PositionServo(50 * moment, 5 * moment),
+            Torque(0.1 * moment),
+        ]
         motor = kinds[rng.integers(len(kinds))]
         motors.append(motor)
         drives.append(random_drive(rng, moment if isinstance(motor, Torque) else 1.0))
     angles = rng.uniform(-1, 1, len(ball.hinges)) * rng.integers(2, size=len(ball.hinges))
     attitude = rng.normal(size=4)
     return Scene(
-        name="robot", title="", source="", duration=DURATION,
+        name="robot",
+        title="",
+        source="",
+        duration=DURATION,
         ball=ball.with_hinges(command=tuple(drives), motor=tuple(motors), angle=tuple(angles)),
         rolling=MODELS[rng.integers(2)],
         start=Start(attitude / np.linalg.norm(attitude), np.zeros(3)),
-    )  # fmt: skip
+    )

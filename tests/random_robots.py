@@ -1,4 +1,4 @@
-"""Random robots: bodies of every kind, hinged anywhere, in scenes with every kind of motor."""
+"""Random robots with all kinds of bodies and motors."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ MODELS: tuple[Rolling, ...] = ("rubber", "classical")
 
 
 def random_robot(rng: np.random.Generator, rotors: int, pendulums: int) -> Ball:
-    """Some 1 kg within 0.1 to 0.5 m, its centre of mass anywhere in the middle of the shell."""
+    """Return a ball of about 1 kg and 0.1 to 0.5 m, unbalanced in any direction."""
     a = rng.uniform(0.1, 0.5)
     transverse = rng.uniform(0.4, 0.7) * a * a
     shell = Shell(
@@ -42,7 +42,7 @@ def random_robot(rng: np.random.Generator, rotors: int, pendulums: int) -> Ball:
 
 
 def random_motor(rng: np.random.Generator, inertia: float) -> Motor | None:
-    """Return a motor for a hinge that turns an inertia [kg m²]; None keeps the rate."""
+    """Return a motor for a hinge with an inertia [kg m²]; None prescribes the rate."""
     armature = inertia * rng.uniform(0.0, 0.5)
     return [
         None,
@@ -55,7 +55,7 @@ def random_motor(rng: np.random.Generator, inertia: float) -> Motor | None:
 
 
 def random_scene(rng: np.random.Generator, rolling: Rolling | None = None) -> Scene:
-    """A robot of up to three hinges, moved as it comes, in any motion on a plane a bit inclined."""
+    """Return a robot with up to three hinges on a slightly inclined plane, in random motion."""
     ball = random_robot(rng, int(rng.integers(2)), int(rng.integers(2)))
     hinges = len(ball.hinges)
     inertia = 0.05 * ball.radius**2
@@ -79,15 +79,15 @@ def random_scene(rng: np.random.Generator, rolling: Rolling | None = None) -> Sc
         start=Start(attitude / np.linalg.norm(attitude), np.zeros(3)),
         duration=10.0,
     )
-    angles, given = rng.uniform(-1, 1, hinges), rng.uniform(-1, 1, hinges)
-    return turning(scene.with_hinges(angle=angles, rate=given), rng.normal(size=3))
+    angles, initial_rates = rng.uniform(-1, 1, hinges), rng.uniform(-1, 1, hinges)
+    return turning(scene.with_hinges(angle=angles, rate=initial_rates), rng.normal(size=3))
 
 
 def random_tree(rng: np.random.Generator, framed: bool) -> Scene:
-    """Three links one upon another, the second on a slide, and one on the shell.
+    """Return a chain of three links, the second on a slide, with another link on the shell.
 
-    The shell is of any inertia; framed: the links hang on a frame. Motors move two joints by gears,
-    and one of them alone, up to a limit.
+    The shell has any inertia; if framed, the chain hangs on a frame. One actuator moves two joints,
+    another one joint up to a limit.
     """
     rolling = MODELS[rng.integers(2)]
     scene = random_scene(rng, rolling)
@@ -103,7 +103,7 @@ def random_tree(rng: np.random.Generator, framed: bool) -> Scene:
         for name, parent in (parents | {"side": "shell"}).items()
     )  # fmt: skip
     moved = ["frame", *parents, "side"] if framed else [*parents, "side"]
-    unit = 0.02 * a * a  # kg m², of what hangs on a hinge
+    unit = 0.02 * a * a  # kg m², typical inertia on a hinge
     motors = tuple(
         Free(1.0, 60.0, armature=0.1) if name == "arm2" else Free(unit, 5 * unit, 0.1, 0.3 * unit)
         for name in moved

@@ -1,7 +1,8 @@
-"""Robots of any build: those whose motions are known to twelve digits, and random ones.
+"""Robots with known motions, and helpers to build robots.
 
-The worked cases W1, W2, W4 and W5 have end points at t = 10 s on which two programs in 80-bit
-numbers agree to 2e-14: one in momenta, one in maximal coordinates with multipliers.
+The final states of the worked cases W1, W2, W4 and W5 at t = 10 s come from two programs with
+80-bit numbers, one with momenta and one with maximal coordinates and multipliers; they agree to
+2e-14.
 """
 
 from collections.abc import Sequence
@@ -25,9 +26,9 @@ DURATION = 10.0  # s
 
 @dataclass(frozen=True)
 class Ending:
-    """Where a worked case is at t = 10 s: contact point [m], attitude, hinges' angles [rad].
+    """State of a worked case at t = 10 s: contact point [m], attitude, hinge angles [rad].
 
-    angles: None where they are the commanded ones.
+    angles: None if they are commanded.
     """
 
     contact_point: tuple[float, float]
@@ -58,12 +59,11 @@ ENDINGS = {
 
 
 def box_inertia(mass: float, x: float, y: float, z: float) -> Array:
-    """The inertia (3, 3) of a homogeneous box of these edges [kg m²]."""
     return mass / 12 * np.diag([y * y + z * z, x * x + z * z, x * x + y * y])
 
 
 def swing(amplitude: float, rate: float) -> Sine:
-    """amplitude·sin(rate·t), rate in rad/s."""
+    """Return amplitude·sin(rate·t), rate in rad/s."""
     return Sine(amplitude=amplitude, frequency=rate / (2 * np.pi))
 
 
@@ -78,18 +78,18 @@ def robot(
     hinge_rates: Sequence[float] | None = None,
     **more: Any,
 ) -> Scene:
-    """The scene of a ball that starts at this attitude, of any length, and ω (3,) of the frame.
+    """Return the scene of a ball with an initial attitude of any norm, and ω (3,) of the frame.
 
-    rates: the hinges' commands; hinge_rates: as the hinges turn at the start. A rubber ball loses
-    what spin it has.
+    rates: commands of the hinges; hinge_rates: initial rates. A rubber ball's initial spin is
+    removed.
     """
     q = np.array(attitude, dtype=float)
-    still = [0.0] * len(rates) if hinge_rates is None else hinge_rates
+    initial = [0.0] * len(rates) if hinge_rates is None else hinge_rates
     scene = Scene(
         name=name,
         title=name,
         source="tests/robots.py",
-        ball=ball.with_hinges(command=rates, motor=motors or [None] * len(rates), rate=still),
+        ball=ball.with_hinges(command=rates, motor=motors or [None] * len(rates), rate=initial),
         rolling=rolling,
         start=Start(q / np.linalg.norm(q), np.zeros(3)),
         duration=DURATION,
@@ -99,7 +99,7 @@ def robot(
 
 
 def turning(scene: Scene, omega: Array) -> Scene:
-    """The scene whose frame starts with ω (3,), less the shell's spin where it may not spin."""
+    """Return the scene with the frame's initial ω (3,), without spin for a rubber shell."""
     if scene.rolling == "rubber":
         gamma = rotation_matrix(scene.start.attitude)[2]
         rate = scene.hinges[0].rate if scene.ball.has_frame else 0.0
@@ -108,12 +108,11 @@ def turning(scene: Scene, omega: Array) -> Scene:
 
 
 def worked(name: str) -> Scene:
-    """W1, W2, W4 or W5."""
     return {"W1": _w1, "W2": _w2, "W4": _w4, "W5": _w5}[name]()
 
 
 def low_weight(mass: float, depth: float) -> Scene:
-    """A small frame [kg] that hangs low [m] in a shell of 1 kg and 0.2 m, from rest."""
+    """Return a small frame [kg] that hangs low [m] in a shell of 1 kg and 0.2 m, at rest."""
     inertia = mass * 1.6e-4 * np.eye(3)
     frame = Frame(mass, inertia, np.array([0.0, 0.0, -depth]))
     ball = Ball(_thin_shell(0.2, 1.0, Y), (Hinge(frame),))
@@ -140,7 +139,7 @@ def _w2() -> Scene:
 
 
 def pendulum_ball() -> Ball:
-    """W4's: a frame and a pendulum, both below the centre."""
+    """Return W4's ball: a frame and a pendulum, both below the centre."""
     frame = Frame(1.0, box_inertia(1.0, 0.14, 0.14, 0.08), np.array([0.01, 0.0, -0.03]))
     pendulum = Pendulum(
         1.5,
@@ -189,9 +188,9 @@ def _w5() -> Scene:
 
 
 def energy(motion: Motion) -> Array:
-    """Return T + V (n,) of a motion, with the kinetic energy of the armatures [J].
+    """Return T + V (n,) of a motion, including the armatures' kinetic energy [J].
 
-    V = -Σ m_b (r_b, G) from the plane's origin; springs are motors, and not in it.
+    V = -Σ m_b (r_b, G) relative to the plane's origin, without springs, which count as motors.
     """
     scene, robot = motion.scene, motion.scene.robot
     angles, rates = motion.hinge_angles, motion.hinge_rates
@@ -204,5 +203,5 @@ def energy(motion: Motion) -> Array:
 
 
 def kinetic_energy(states: States) -> Array:
-    """u·𝓜u/2 (n,) of states, with that of the armatures [J]."""
+    """Return the kinetic energy u·𝓜u/2 (n,) of states, including armatures [J]."""
     return np.asarray((states.u * states.momenta).sum(axis=0) / 2)

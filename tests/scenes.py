@@ -1,3 +1,3 @@
-"""The scenes on which bounds are as tight as their measured values; test_catalog has the rest."""
+"""Scenes for tests with tight bounds; test_catalog has the others."""
 
 FOUR = ("classical_regular", "fig12", "fig13", "fig14")

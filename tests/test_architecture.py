@@ -1,4 +1,4 @@
-"""The architecture is as its plan says, and the tests of it catch what they forbid."""
+"""The architecture follows its plan, and the checks find violations."""
 
 import ast
 import builtins
@@ -24,7 +24,7 @@ REFERENCES = ("robotball.theory.reduced", "robotball.theory.multibody.integratio
 MUJOCO = "robotball.engines.mujoco"
 HOMES = (ast.Module, ast.ClassDef, ast.FunctionDef)  # of docstrings
 ROOMS = (*REFERENCES, MUJOCO, "robotball.engines.recorded", *ADAPTERS)
-# Each may import the floors before it, and none after it.
+# Every floor may import the floors before it only.
 FLOORS = (
     ("robotball.errors",),
     ("robotball.rotations",),
@@ -43,7 +43,7 @@ FLOORS = (
 
 @cache
 def whole_graph() -> Mapping[str, set[str]]:
-    """Return what each module imports, which takes half a second to find."""
+    """Return the imports of all modules; it takes half a second."""
     return graph_of(MODULES)
 
 
@@ -52,13 +52,12 @@ def within(name: str, package: str) -> bool:
 
 
 def floor_of(name: str) -> int:
-    """Return the place of a module's floor: that of its package, or of the face that is on top."""
     homes = {home: floor for floor, homes in enumerate(FLOORS) for home in homes}
     return next(homes[home] for home in sorted(homes, key=len, reverse=True) if within(name, home))
 
 
 def broken(graph: Mapping[str, set[str]]) -> Iterator[tuple[str, str]]:
-    """The rules that imports break, each with the import."""
+    """Yield each broken rule with the import that breaks it."""
     try:
         TopologicalSorter(graph).prepare()
     except CycleError as error:
@@ -70,14 +69,15 @@ def broken(graph: Mapping[str, set[str]]) -> Iterator[tuple[str, str]]:
             known = within(name, "robotball") and not within(name, MUJOCO)
             if known and within(other, MUJOCO):
                 yield "an engine's types outside its room", f"{name} -> {other}"
-        for room in (each for each in ROOMS if within(name, each)):
+        for room in (room for room in ROOMS if within(name, room)):
+            others_rooms = [other_room for other_room in ROOMS if other_room != room]
             for other in reached(graph, name):
-                if any(within(other, each) for each in ROOMS if each != room):
+                if any(within(other, other_room) for other_room in others_rooms):
                     yield "from a room to another", f"{name} -> {other}"
 
 
-def test_no_import_breaks_a_rule() -> None:
-    """Imports run down, in no circle, late ones included; no engine knows another, however far."""
+def test_imports_run_down_without_cycles_and_engines_are_independent() -> None:
+    """Including late and indirect imports."""
     assert [*broken(whole_graph())] == []
     both = [reached(whole_graph(), ROOMS[0]), reached(whole_graph(), f"{MUJOCO}.mujoco_engine")]
     assert {"robotball.robot.formulas", "robotball.robot.scene", "robotball.motion"} <= both[
@@ -96,25 +96,23 @@ def test_no_import_breaks_a_rule() -> None:
         ("robotball/robot/formulas", "from robotball.robot import scene", "a circle"),
     ],
 )
-def test_an_import_that_is_forbidden_is_found(
-    tmp_path: Path, home: str, line: str, rule: str
-) -> None:
-    """One line is added to a file, and the checks are made again."""
+def test_a_forbidden_import_is_found(tmp_path: Path, home: str, line: str, rule: str) -> None:
+    """After one line has been added to a file."""
     changed, module = tmp_path / "changed.py", home.replace("/", ".")
     changed.write_text(f"{MODULES[module].read_text()}\n\n{line}\n")
-    found = dict(broken({**whole_graph(), module: set(imported(module, changed, MODULES))}))
-    assert any(each.startswith(rule) for each in found), found
+    violations = dict(broken({**whole_graph(), module: set(imported(module, changed, MODULES))}))
+    assert any(violation.startswith(rule) for violation in violations), violations
 
 
-def test_the_tests_mirror_the_packages() -> None:
-    """Every folder of tests but tests/paper is one of the project's."""
+def test_the_folders_of_tests_mirror_the_packages() -> None:
+    """Except for tests/paper."""
     here = Path(__file__).parent
     folders = {file.parent.relative_to(here) for file in here.rglob("test_*.py")}
     assert {folder for folder in folders if not (PROJECT / folder).is_dir()} == {Path("paper")}
 
 
-def test_the_tests_of_the_core_know_nothing_of_validation() -> None:
-    """Neither they nor the helpers that they import, so that the core stands by itself."""
+def test_tests_of_the_core_do_not_import_validation() -> None:
+    """Nor do the helpers that they import."""
     modules = MODULES | modules_of(PROJECT, ("tests",))
     graph: dict[str, set[str]] = {name: set() for name in MODULES}
     graph |= {n: set(imported(n, modules[n], modules)) for n in modules.keys() - MODULES.keys()}
@@ -126,22 +124,20 @@ def test_the_tests_of_the_core_know_nothing_of_validation() -> None:
     assert "validation" in reached(graph, "tests.validation.test_agreement")
 
 
-def test_an_engines_name_is_typed_in_its_room_alone() -> None:
-    """Printed, drawn and written words take it from its label; docstrings may say it."""
+def test_only_its_own_room_contains_an_engines_name() -> None:
+    """Other code takes the name from the engine's label; docstrings may contain it."""
     for name, file in MODULES.items():
         if within(name, MUJOCO) or "MuJoCo" not in (text := file.read_text()):
             continue
         nodes = nodes_of(text)
-        homes = [each for each in nodes if isinstance(each, HOMES) and each.body]
-        firsts = {each.body[0].value for each in homes if isinstance(each.body[0], ast.Expr)}
-        texts = [
-            each.value for each in nodes if isinstance(each, ast.Constant) if each not in firsts
-        ]
-        assert not [each for each in texts if isinstance(each, str) and "MuJoCo" in each], name
+        homes = [node for node in nodes if isinstance(node, HOMES) and node.body]
+        docs = {home.body[0].value for home in homes if isinstance(home.body[0], ast.Expr)}
+        constants = [node for node in nodes if isinstance(node, ast.Constant) and node not in docs]
+        texts = [node.value for node in constants if isinstance(node.value, str)]
+        assert not [text for text in texts if "MuJoCo" in text], name
 
 
 def prose_of(text: str) -> Iterator[str]:
-    """Yield the docstrings and the comments of a module."""
     for node in nodes_of(text):
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             yield str(node.value.value)
@@ -149,7 +145,7 @@ def prose_of(text: str) -> Iterator[str]:
 
 
 def words_of(text: str) -> Iterator[str]:
-    """Yield what a module names: its own names and those it uses, and its texts."""
+    """Yield all names in a module, and its string constants."""
     for node in nodes_of(text):
         for key in ("name", "id", "attr", "arg"):
             name = getattr(node, key, None)
@@ -159,18 +155,18 @@ def words_of(text: str) -> Iterator[str]:
 
 
 def unknown_names(text: str, known: set[str]) -> Iterator[str]:
-    """Yield what prose names and is nowhere: `names`, and CONSTANTS that are private ones here."""
-    own = {node.id for node in nodes_of(text) if isinstance(node, ast.Name)}
+    """Yield names in prose that do not exist: `names`, and CONSTANTS that have become private."""
+    names = {node.id for node in nodes_of(text) if isinstance(node, ast.Name)}
     for prose in prose_of(text):
         for name in re.findall(r"`([A-Za-z_][\w.]*)(?:\(.*?\))?`", prose):
             if name not in known and not set(name.split(".")) <= known:
                 yield name
         for name in re.findall(r"(?<!\w)[A-Z][A-Z0-9]+(?:_[A-Z0-9]+)*(?![\w(])", prose):
-            if name not in own and f"_{name}" in own and name not in OTHERS:
+            if name not in names and f"_{name}" in names and name not in OTHERS:
                 yield name
 
 
-# Packages' own words, and columns of a user's file.
+# Names of other packages, and columns of a user's file.
 OTHERS = {
     "MjSpec.attach",
     "README",
@@ -183,22 +179,22 @@ OTHERS = {
 UNMENDED: set[str] = set()
 
 
-def test_every_name_that_a_docstring_or_comment_mentions_exists() -> None:
-    """In the two packages; one that does not, or is private by now, is found."""
+def test_every_name_in_a_docstring_or_comment_exists() -> None:
+    """In the two packages. A missing and a private name are found."""
     texts = {name: file.read_text() for name, file in MODULES.items()}
     known = {word for text in texts.values() for word in words_of(text)}
     known |= {part for name in MODULES for part in name.split(".")} | OTHERS | {*dir(builtins)}
     known |= {file.name for file in MODULES.values()} | {*keyword.kwlist}
-    found = {name: [*unknown_names(text, known)] for name, text in texts.items()}
-    assert {name: each for name, each in found.items() if each and name not in UNMENDED} == {}
+    unknown = {name: [*unknown_names(text, known)] for name, text in texts.items()}
+    assert {name: names for name, names in unknown.items() if names and name not in UNMENDED} == {}
     planted = '"""Of `no_such_name`, `path_error` and COUNT."""\n_COUNT = 1  # as `str.such_a_one`'
     assert [*unknown_names(planted, known)] == ["no_such_name", "COUNT", "str.such_a_one"]
 
 
-def test_the_core_names_validation_where_its_everyday_names_are_asked_for() -> None:
-    """`robotball.compare` and four others are validation's, and load it when they are used.
+def test_the_core_loads_validation_only_for_five_everyday_names() -> None:
+    """`robotball.compare` and four others come from validation, so that users need one import only.
 
-    A user who has one line to write should write one import. Else robotball stands by itself.
+    They are loaded on first use; all else in robotball works without validation.
     """
     assert {
         name
@@ -206,18 +202,23 @@ def test_the_core_names_validation_where_its_everyday_names_are_asked_for() -> N
         if within(name, "robotball")
         for text in strings_of(MODULES[name])
         if text.split(".")[0] == "validation"
-    } == {"robotball", "robotball.errors"}  # the latter names it in warnings' place in user's code
+    } == {"robotball", "robotball.errors"}  # errors needs it to attribute warnings to user code
     code = """
 import sys, robotball as rb
 rb.integrate(rb.load_scene("fig12"), rb.sample_times(0.1))
 before = "validation" in sys.modules
 print(before, *(getattr(rb, name).__module__ for name in rb._EVERYDAY), "compare" in dir(rb))
 """
-    told = subprocess.check_output([sys.executable, "-c", code], text=True).split()
-    assert told == [
-        "False", "validation.agreement", "validation.results", "validation.agreement",
-        "validation.random_starts", "validation.parameter_sweep", "True",
-    ]  # fmt: skip
+    output = subprocess.check_output([sys.executable, "-c", code], text=True).split()
+    assert output == [
+        "False",
+        "validation.agreement",
+        "validation.results",
+        "validation.agreement",
+        "validation.random_starts",
+        "validation.parameter_sweep",
+        "True",
+    ]
 
 
 def strings_of(file: Path) -> Iterator[str]:
@@ -234,8 +235,10 @@ def strings_of(file: Path) -> Iterator[str]:
         ("import validation.cli", 5, {"numpy", "msgspec"}),  # robotball --help
     ],
 )
-def test_a_run_loads_what_it_needs(code: str, count: int, unneeded: set[str]) -> None:
-    """A process loads at most so many files with code, and no package that it does not need."""
+def test_a_run_loads_only_the_files_that_it_needs(
+    code: str, count: int, unneeded: set[str]
+) -> None:
+    """At most `count` files with code, and no package that it does not need."""
     environment = {name: value for name, value in os.environ.items() if name != "MUJOCO_GL"}
     loaded = subprocess.check_output(
         [sys.executable, "-c", f"{code}; import sys; print(*sys.modules)"],
@@ -243,7 +246,7 @@ def test_a_run_loads_what_it_needs(code: str, count: int, unneeded: set[str]) ->
         env=environment,
     ).split()
     files = [MODULES[name] for name in loaded if name in MODULES]
-    with_code = [file for file in files if len(nodes_of(file.read_text())) > 3]  # not a docstring
+    with_code = [file for file in files if len(nodes_of(file.read_text())) > 3]  # else docstrings
     assert len(with_code) <= count, sorted(file.stem for file in with_code)
     assert unneeded.isdisjoint(loaded)
 
@@ -276,8 +279,8 @@ print(*changed(), sep=",")
 
 
 @pytest.mark.slow
-def test_to_import_every_module_changes_no_setting_of_the_process() -> None:
-    """Neither of numba, matplotlib, NumPy and warnings nor the environment; planted ones show."""
+def test_importing_every_module_changes_no_setting_of_the_process() -> None:
+    """Of numba, matplotlib, NumPy, warnings and the environment; planted changes are found."""
     names = [name for name in MODULES if not name.endswith("__main__")]
     command = [sys.executable, "-c", SETTINGS, *names]
     ours, planted = subprocess.check_output(command, text=True, cwd=PROJECT).splitlines()

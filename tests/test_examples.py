@@ -1,4 +1,4 @@
-"""Each of examples/ runs as it is, and each tutorial prints what its notebook and its page have."""
+"""All examples run, and every tutorial prints the outputs stored in its notebook and page."""
 
 import re
 import runpy
@@ -17,7 +17,6 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty folder to run in."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -60,26 +59,26 @@ def test_a_script_is_short_and_says_how_it_is_run(name: str) -> None:
     assert [page.count(f"`{name}.py`") for page in pages] == [1, 1]
 
 
-# Tutorials -------------------------------------------------------------------------------------
+# Tutorials
 
 
-def test_the_tutorials_but_settings_need_no_checkout() -> None:
-    """Neither a file of it nor the package `validation`, which a wheel has by another name."""
+def test_only_one_tutorial_needs_the_checkout() -> None:
+    """The others read no file of it and do not import `validation`, which a wheel renames."""
     needs = [
-        (name, found)
+        (name, use)
         for name in NOTEBOOKS
         for cell in code_cells(read(name))
-        for found in re.findall(r"examples/|from validation", "".join(cell["source"]))
+        for use in re.findall(r"examples/|from validation", "".join(cell["source"]))
     ]
     assert needs == [("settings", "examples/")]
 
 
 NUMBER = r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]\d+)?"
-SAME = Decimal("1e-4")  # relative, as a number of many digits differs in the last on two machines
+SAME = Decimal("1e-4")  # relative: the last of many digits differs between machines
 
 
 def printed(outputs: list[Json]) -> str:
-    """What a cell prints, in one spacing: columns are as wide as their numbers."""
+    """Return a cell's output with normalised spaces: column widths depend on their numbers."""
     text = " ".join("".join(output.get("text", [])) for output in outputs)
     return " ".join(re.sub("─+", "─", text).split())
 
@@ -89,16 +88,16 @@ def pictures(outputs: list[Json]) -> int:
 
 
 def unit(number: str) -> Decimal:
-    """The unit of a number's last digit; 0 of a whole number, which is exact."""
+    """Return the unit of a number's last digit; 0 for an integer, which is exact."""
     exponent = Decimal(number).as_tuple().exponent
     return Decimal(1).scaleb(exponent) if isinstance(exponent, int) and exponent < 0 else Decimal(0)
 
 
 def near(stored: str, computed: str, tags: list[str]) -> bool:
-    """Whether two numbers are one, on two machines.
+    """Return whether two numbers agree up to differences between machines.
 
-    Printed are the digits that hold, so they are a unit of the last one apart at most. Of a cell
-    tagged "chance", of a chaotic motion, they are within a factor of two; "timing" are seconds.
+    They may differ by a unit of the last digit. In a cell tagged "chance", with a chaotic motion,
+    they may differ by a factor of two; in one tagged "timing", by any amount.
     """
     one, other = Decimal(stored), Decimal(computed)
     if "chance" in tags:
@@ -108,7 +107,7 @@ def near(stored: str, computed: str, tags: list[str]) -> bool:
 
 
 def differences(cell: Json, text: str) -> list[str]:
-    """Return in which words and numbers a text differs from what the cell has stored."""
+    """Return the differences in words and numbers between a text and a cell's stored output."""
     stored, tags = printed(cell["outputs"]), cell["metadata"].get("tags", [])
     if re.sub(NUMBER, "#", stored) != re.sub(NUMBER, "#", text):
         return [stored, text]
@@ -116,7 +115,7 @@ def differences(cell: Json, text: str) -> list[str]:
     return [f"{one}, now {other}" for one, other in pairs if not near(one, other, tags)]
 
 
-# The other four are run by `make test-studies`.
+# `make test-studies` runs the other four.
 QUICK = ("data_sheet", "first_ten_minutes")
 
 
@@ -124,11 +123,11 @@ QUICK = ("data_sheet", "first_ten_minutes")
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=() if n in QUICK else pytest.mark.study) for n in NOTEBOOKS]
 )
-def test_a_tutorial_prints_what_it_stores(
+def test_a_tutorial_prints_its_stored_outputs(
     name: str, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Every word, every number to its last digit, and as many pictures, on a CI server too."""
-    monkeypatch.setenv("CI", "true")  # at which pytest cuts no line
+    """Every word, every number to its last digit, and as many pictures; also on a CI server."""
+    monkeypatch.setenv("CI", "true")  # pytest then truncates no line
     monkeypatch.setenv("PY_COLORS", "1")
     cells = code_cells(read(name))
     for cell, outputs in zip(cells, run(read(name), folder), strict=True):
@@ -137,51 +136,52 @@ def test_a_tutorial_prints_what_it_stores(
 
 
 @pytest.mark.parametrize("name", NOTEBOOKS)
-def test_a_page_is_that_of_its_notebook(name: str) -> None:
-    """To the byte, with all pictures, each of less than 60 kB; the index leads to it."""
+def test_a_page_is_generated_from_its_notebook(name: str) -> None:
+    """To the byte, with all pictures, each below 60 kB. The index links to it."""
     files = page(name, read(name))
     assert {path.name for path in FOLDER.glob(f"{name}-*.png")} == {*files} - {f"{name}.md"}
-    assert [each for each in files if (FOLDER / each).read_bytes() != files[each]] == []
-    assert [each for each in files if len(files[each]) > 60_000] == []
+    assert [file for file in files if (FOLDER / file).read_bytes() != files[file]] == []
+    assert [file for file in files if len(files[file]) > 60_000] == []
     assert 5 <= len(code_cells(read(name))) <= 10
     assert f"({name}.md)" in (FOLDER / "index.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("name", NOTEBOOKS)
-def test_a_command_that_a_tutorial_names_is_one(name: str) -> None:
-    """Those that it only names; the others are run."""
+def test_commands_in_the_text_of_a_tutorial_parse(name: str) -> None:
+    """Commands in cells are run."""
     prose = ("".join(cell["source"]) for cell in read(name)["cells"] if "outputs" not in cell)
     for line in re.findall(r"(?:^ {4}|`)(?:\S+/)?robotball (\w+ [^`\n#]+)", "\n".join(prose), re.M):
         assert line in COMMANDS or parse(line.split()), line
 
 
 @pytest.mark.parametrize("name", NOTEBOOKS)
-def test_a_stored_number_that_is_wrong_is_noticed(name: str) -> None:
-    """Each that neither chance nor a clock decides, by two of its last digit or 3e-4 of it."""
+def test_a_wrong_stored_number_is_noticed(name: str) -> None:
+    """If it is off by two units of the last digit or by 3e-4; not in tagged cells."""
     for cell in code_cells(read(name)):
         text = printed(cell["outputs"])
-        for found in [] if cell["metadata"].get("tags") else re.finditer(NUMBER, text):
-            number = Decimal(found.group())
-            last = unit(found.group()) or Decimal(1)
+        for match in [] if cell["metadata"].get("tags") else re.finditer(NUMBER, text):
+            number = Decimal(match.group())
+            last = unit(match.group()) or Decimal(1)
             wrong = number + max(2 * last, (3 * SAME * abs(number)).quantize(last))
-            assert differences(cell, f"{text[: found.start()]}{wrong:g}{text[found.end() :]}"), (
+            assert differences(cell, f"{text[: match.start()]}{wrong:g}{text[match.end() :]}"), (
                 wrong
             )
         assert not text or differences(cell, f"{text} more")
 
 
 def test_a_tutorial_notices_another_motion(folder: Path) -> None:
-    """Where the ball starts with three times the momentum, and the text has twice."""
+    """With three times the momentum instead of twice."""
     book = read("first_ten_minutes")
     for cell in book["cells"]:
         cell["source"] = [line.replace("=2 *", "=3 *") for line in cell["source"]]
     cells, outputs = code_cells(book), run(book, folder)
-    found = [differences(*each) for each in zip(cells, map(printed, outputs), strict=True)]
-    assert [i for i, each in enumerate(found) if each] == [len(cells) - 1]
+    pairs = zip(cells, map(printed, outputs), strict=True)
+    by_cell = [differences(cell, text) for cell, text in pairs]
+    assert [i for i, texts in enumerate(by_cell) if texts] == [len(cells) - 1]
 
 
-def test_the_tutorial_s_test_is_the_example() -> None:
-    """But for the robot with its numbers, and the sentence on how to run it."""
+def test_the_test_in_the_tutorial_is_the_example() -> None:
+    """Except for the robot's numbers and the sentence on how to run it."""
     book = "".join("".join(cell["source"]) for cell in code_cells(read("regression_test")))
     example = (EXAMPLES / "test_my_robot.py").read_text(encoding="utf-8")
     same = re.sub(NUMBER, "0", example[example.index("SETTINGS = ") :].rstrip())

@@ -1,4 +1,4 @@
-"""Each public name has a docstring as NumPy's guide has it, with an example that runs."""
+"""Every public name has a numpydoc docstring with an example that runs."""
 
 import ast
 import doctest
@@ -17,79 +17,80 @@ import pytest
 from robotball.view import gl
 from tests.imports import PUBLIC
 
-# The sections of NumPy's guide that are in use, in its order.
+# The sections of numpydoc that are in use, in its order.
 SECTIONS = ("Parameters", "Attributes", "Returns", "Raises", "Warns", "Notes", "Examples")
 NAMED = ("Parameters", "Attributes")
 
 
 def docstring(home: str, name: str) -> str:
-    """The docstring of a function or class, or the text below a value."""
+    """Return the docstring of a function or class, or the string below a constant."""
     body = ast.parse(Path(import_module(home).__file__ or "").read_text()).body
     for node, after in zip(body, [*body[1:], None], strict=True):
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name == name:
             return ast.get_docstring(node) or ""
         targets = [getattr(node, "target", None), *getattr(node, "targets", [])]
-        if name in [each.id for each in targets if isinstance(each, ast.Name)]:
+        if name in [target.id for target in targets if isinstance(target, ast.Name)]:
             text = after.value if isinstance(after, ast.Expr) else None
             return inspect.cleandoc(str(text.value)) if isinstance(text, ast.Constant) else ""
     return ""
 
 
 def sections_of(text: str) -> dict[str, str]:
-    """The sections of a docstring by their titles; what is above the first one by ""."""
+    """Return the sections of a docstring by title; the text above the first has title ""."""
     head, *rest = re.split(r"(?m)^(\w[\w ]*)\n-{3,}$", text)
     return {"": head, **dict(zip(rest[::2], rest[1::2], strict=True))}
 
 
 def entries(section: str) -> dict[str, str]:
-    """The names of a section, or its types where it has none, each with its description."""
-    found = re.findall(r"(?m)^(\S.*)\n((?:(?: +.*)?\n?(?=$| |\n))*)", section.strip("\n") + "\n")
-    return {head.partition(" : ")[0].strip("* "): text.strip() for head, text in found}
+    """Return the names (or, without names, types) in a section with their descriptions."""
+    pairs = re.findall(r"(?m)^(\S.*)\n((?:(?: +.*)?\n?(?=$| |\n))*)", section.strip("\n") + "\n")
+    return {head.partition(" : ")[0].strip("* "): text.strip() for head, text in pairs}
 
 
 def needed(value: Any) -> set[str]:
-    """The parameters of a function, or the fields that a record adds to those of its base."""
+    """Return the parameters of a function, or the fields that a class adds to its base."""
     if inspect.isfunction(value):
         return set(inspect.signature(value).parameters)
     if not inspect.isclass(value) or issubclass(value, Enum):
         return set()
-    if struct := getattr(value, "__struct_fields__", ()):  # of msgspec
+    if struct := getattr(value, "__struct_fields__", ()):  # msgspec
         return set(struct)
     if not is_dataclass(value):
-        return {each for each in vars(value).get("__annotations__", {}) if each[0] != "_"}
+        annotations = vars(value).get("__annotations__", {})
+        return {name for name in annotations if name[0] != "_"}
     base = value.__mro__[1]
     known = fields(base) if is_dataclass(base) else ()
-    return {each.name for each in fields(value)} - {each.name for each in known}
+    return {field.name for field in fields(value)} - {field.name for field in known}
 
 
 def faults(text: str, value: Any) -> Iterator[str]:
-    """What the docstring of a value breaks of NumPy's guide."""
+    """Yield the rules of numpydoc that the docstring of a value breaks."""
     sections = sections_of(text)
     summary, _, more = sections[""].partition("\n")
     if not re.fullmatch(r"[A-Z][a-z]+ [^;]*\.", summary) or summary.split()[0] in ("A", "The"):
-        yield "the summary is no sentence of one line that begins with a verb"
+        yield "the summary is not a one-line sentence that begins with a verb"
     if more.partition("\n")[0].strip():
-        yield "the summary goes on in a second line"
-    titles = [each for each in sections if each]
-    if titles != [each for each in SECTIONS if each in titles]:
+        yield "the summary has a second line"
+    titles = [title for title in sections if title]
+    if titles != [title for title in SECTIONS if title in titles]:
         yield f"sections {titles}"
     named = {
-        each.strip(): text
+        name.strip(): text
         for title in NAMED
         for names, text in entries(sections.get(title, "")).items()
-        for each in names.split(",")
+        for name in names.split(",")
     }
     if missing := needed(value) - named.keys():
-        yield f"nothing about {sorted(missing)}"
+        yield f"no entry for {sorted(missing)}"
     allowed = needed(value) if inspect.isfunction(value) else {*needed(value), *dir(value)}
     if inspect.isclass(value):
         allowed |= {*inspect.signature(value.__init__).parameters}
     if unknown := named.keys() - allowed:
-        yield f"no such names {sorted(unknown)}"
+        yield f"unknown names {sorted(unknown)}"
     others = [
-        entries(sections[each]) for each in ("Returns", "Raises", "Warns") if each in sections
+        entries(sections[title]) for title in ("Returns", "Raises", "Warns") if title in sections
     ]
-    if empty := [name for each in (named, *others) for name, text in each.items() if not text]:
+    if empty := [name for group in (named, *others) for name, text in group.items() if not text]:
         yield f"no description of {empty}"
     if inspect.isfunction(value) and "Returns" not in titles:
         yield "no Returns"
@@ -97,17 +98,17 @@ def faults(text: str, value: Any) -> Iterator[str]:
         yield "no example"
 
 
-@pytest.mark.parametrize(("home", "name"), PUBLIC, ids=lambda each: each.rpartition(".")[2])
-def test_a_public_name_has_sections_as_numpy_has_them(home: str, name: str) -> None:
-    """A summary, every parameter or field, what is returned, and an example."""
+@pytest.mark.parametrize(("home", "name"), PUBLIC, ids=lambda text: text.rpartition(".")[2])
+def test_a_public_name_has_a_complete_numpydoc_docstring(home: str, name: str) -> None:
+    """A summary, every parameter or field, the return value and an example."""
     assert [*faults(docstring(home, name), getattr(import_module(home), name))] == []
 
 
-@pytest.mark.parametrize(("home", "name"), PUBLIC, ids=lambda each: each.rpartition(".")[2])
-def test_an_example_prints_what_it_says(
+@pytest.mark.parametrize(("home", "name"), PUBLIC, ids=lambda text: text.rpartition(".")[2])
+def test_an_example_prints_its_stated_output(
     home: str, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each runs alone, in an empty folder, and imports what it uses."""
+    """Each runs alone in an empty folder, with its own imports."""
     if name == "dm_environment":
         pytest.importorskip("dm_control", reason="dm-control is not installed")
     if name == "film" and gl.find_backend() is None:
@@ -117,7 +118,6 @@ def test_an_example_prints_what_it_says(
 
 
 def failures(text: str) -> list[str]:
-    """What the examples of a docstring print that they do not say."""
     printed: list[str] = []
     examples = doctest.DocTestParser().get_doctest(text, {}, "example", None, None)
     assert examples.examples
@@ -154,11 +154,11 @@ def add(a: int, b: int = 1) -> int:
 @pytest.mark.parametrize(
     ("old", "new", "fault"),
     [
-        ("Add two numbers.", "The sum of two numbers.", "the summary is no"),
-        ("Add two numbers.", "Add one; add another.", "the summary is no"),
-        ("numbers.\n", "numbers.\nOr none.\n", "the summary goes on"),
-        ("b : int, optional\n    The second.\n", "", "nothing about ['b']"),
-        ("b : int", "b, c : int", "no such names ['c']"),
+        ("Add two numbers.", "The sum of two numbers.", "the summary is not"),
+        ("Add two numbers.", "Add one; add another.", "the summary is not"),
+        ("numbers.\n", "numbers.\nOr none.\n", "the summary has"),
+        ("b : int, optional\n    The second.\n", "", "no entry for ['b']"),
+        ("b : int", "b, c : int", "unknown names ['c']"),
         ("    The second.\n", "", "no description of ['b']"),
         ("    The sum.\n", "", "no description of ['int']"),
         ("Returns\n-------", "Yield\n-----", "sections"),
@@ -166,9 +166,9 @@ def add(a: int, b: int = 1) -> int:
         (">>> 1 + 2\n3", "None.", "no example"),
     ],
 )
-def test_a_docstring_that_breaks_the_guide_is_found(old: str, new: str, fault: str) -> None:
-    """The good one passes; each change of it is named, and so is a wrong result."""
+def test_a_docstring_that_breaks_a_rule_is_found(old: str, new: str, fault: str) -> None:
+    """A good one passes; every broken rule and a wrong output are named."""
     assert [*faults(GOOD, add)] == []
-    assert any(each.startswith(fault) for each in faults(GOOD.replace(old, new), add)), old
+    assert any(text.startswith(fault) for text in faults(GOOD.replace(old, new), add)), old
     assert failures(GOOD) == []
     assert "Expected:\n    4\n" in "".join(failures(GOOD.replace("3", "4")))

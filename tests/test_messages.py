@@ -1,7 +1,6 @@
-"""All messages of the program stand in one file, where their words are read and compared.
+"""All messages of the program are in one file, where their wording is reviewed.
 
-Tests of messages check what these name. Their words are free, and are written again by
-`make messages`.
+Tests of messages check facts only. `make messages` writes the file again.
 """
 
 import re
@@ -32,9 +31,9 @@ from tests.validation.commands import test_refused_commands
 from tests.validation.examples import COMMANDS, command
 
 GOLDEN = PROJECT / "tests" / "golden" / "messages.txt"
-# Words of Python's, NumPy's and MuJoCo's follow these.
+# The text after these comes from Python, NumPy or MuJoCo.
 OTHERS = r"((?:\w*Error|JSON|TOML|read|ParseXML|XML parse error \d+):)"
-# What asks for a message, and the message.
+# The input that causes a message, and the message.
 Rows = Iterator[tuple[str, str]]
 
 
@@ -97,13 +96,13 @@ def in_logs(folder: Path) -> Rows:
 def in_commands(robotball: Robotball, folder: Path) -> Rows:
     for arguments in test_refused_commands.REFUSED:
         if arguments not in test_refused_commands.UNLISTED:
-            said = test_refused_commands.refusal(robotball, folder, arguments)
-            yield f"robotball {arguments}", said.splitlines()[-1]
+            error = test_refused_commands.refusal(robotball, folder, arguments)
+            yield f"robotball {arguments}", error.splitlines()[-1]
 
 
 def of_runs(_: Path) -> Rows:
     for name, limit in dict(test_limits.checks()).items():
-        # Predictions far from their limits may be rounding.
+        # Predictions far from their limits may be rounding errors.
         yield name, re.sub(r"\d+\.\d+(e[-+]\d+)?|\d+e[-+]\d+", "…", limit.warning)
     for kind in rb.FaultKind:
         yield kind.name, kind.value
@@ -115,10 +114,10 @@ def of_help(_: Path) -> Rows:
 
 
 def shown(rows: Rows, folder: Path) -> str:
-    """Return rows as text, without what depends on the machine or on another program's words."""
+    """Return rows as text, without machine-dependent numbers and other programs' words."""
     lines = set()
-    for asked, said in rows:
-        line = said.replace(f"{folder}/", "").replace(f"{PROJECT}/", "")
+    for asked, message in rows:
+        line = message.replace(f"{folder}/", "").replace(f"{PROJECT}/", "")
         line = re.sub(r"(tests/\S+ line) \d+", r"\1 …", line)
         line = re.sub(rf"{OTHERS} .+", r"\1 …", line)
         line = re.sub(r"(margin of|steps reach t =|needs some) \S+", r"\1 …", line)
@@ -127,10 +126,10 @@ def shown(rows: Rows, folder: Path) -> str:
     return "".join(sorted(lines))
 
 
-def test_all_messages_are_those_of_the_catalogue(
+def test_the_catalogue_has_all_messages(
     robotball: Robotball, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
-    """After a change of words: make messages."""
+    """After changing a message run: make messages."""
     sections = {
         "Refused in Python": in_python(tmp_path),
         "Refused and asked about scene files": in_scene_files(tmp_path),
@@ -140,14 +139,16 @@ def test_all_messages_are_those_of_the_catalogue(
         "Warnings and faults of runs": of_runs(tmp_path),
         "Summaries of commands": of_help(tmp_path),
     }
-    said = "\n".join(f"== {title}\n\n{shown(rows, tmp_path)}" for title, rows in sections.items())
+    catalogue = "\n".join(
+        f"== {title}\n\n{shown(rows, tmp_path)}" for title, rows in sections.items()
+    )
     if request.config.getoption("rewrite"):
-        GOLDEN.write_text(said, encoding="utf-8")
-    assert GOLDEN.read_text(encoding="utf-8") == said, "rewrite it by: make messages"
+        GOLDEN.write_text(catalogue, encoding="utf-8")
+    assert GOLDEN.read_text(encoding="utf-8") == catalogue, "run: make messages"
 
 
-def test_a_fact_of_a_message_stands_alone() -> None:
-    """It is no part of a longer number, word or option, and no other unit's."""
+def test_a_fact_is_not_found_within_a_longer_word_or_number() -> None:
+    """Nor with another unit."""
     message = "frame.kv is 1.5 kg, of 21 at most: --outer 'x' 0.27064 s"
     facts = "frame.kv 1.5~kg 21 'x' 0.27…~s"
     assert unnamed(facts, message) == []

@@ -1,4 +1,4 @@
-"""Each script of examples/paper draws its figure, with MuJoCo's motion on that of the equations."""
+"""Scripts in examples/paper draw their figures, and MuJoCo's motion agrees with the equations."""
 
 import re
 import runpy
@@ -14,13 +14,12 @@ LINES = 60  # of a script, at most
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty folder to run in."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 def drawn(script: str, *arguments: Any, picture: str = "") -> dict[str, float]:
-    """Draw a figure, shorter by the arguments, and return the numbers that the script prints."""
+    """Draw a figure with arguments that shorten it, and return the script's numbers."""
     (path,) = (path for path in SCRIPTS if path.stem == script)
     numbers: dict[str, float] = runpy.run_path(str(path))["main"](*arguments)
     assert Path("out", f"{picture or script}.png").read_bytes()[:4] == b"\x89PNG"
@@ -62,24 +61,24 @@ def test_figs_6_to_8_have_their_fixed_points_and_limit_cycles(
     assert numbers["path error"] < 1e-5  # measured 1.6e-6: MuJoCo's steps
 
 
-def test_fig_9_has_the_ball_of_fig_10_outside_at_its_f_and_inside_at_a_smaller_one() -> None:
+def test_fig_9_has_the_ball_of_fig_10_outside_at_f_3_and_inside_at_f_2() -> None:
     numbers = drawn("fig09", 12)
     assert numbers["f = 2"] == pytest.approx(-0.00295, abs=1e-5)
     assert numbers["f = 3"] == pytest.approx(0.03153, abs=1e-5)
 
 
-def test_fig_11_has_mujocos_crossings_on_those_of_the_equations() -> None:
+def test_fig_11_has_mujocos_crossings_on_the_crossings_of_the_equations() -> None:
     numbers = drawn("fig11", 2, 100.0)
     assert numbers["period, equations"] == pytest.approx(8.74326, abs=1e-5)
-    # MuJoCo starts beside the cycle, which attracts by 0.928 a period.
+    # MuJoCo starts near the cycle, which attracts by a factor 0.928 per period.
     assert numbers["period, MuJoCo"] == pytest.approx(8.74326, abs=0.03)  # measured 0.008
     for name in ("fig12", "fig13", "fig14"):
         assert numbers[f"error of {name}"] < 3e-5  # measured 6.2e-6 for fig14: chaos
 
 
-def test_fig_10_turns_round_to_a_line_that_is_stable_for_a_smaller_f_only() -> None:
+def test_fig_10_turns_round_to_a_line_that_is_stable_only_for_smaller_f() -> None:
     numbers = drawn("fig10")
-    assert numbers["least dY/dt"] == pytest.approx(-1.0, abs=0.05)  # starts beside σ₊, by 0.01
+    assert numbers["least dY/dt"] == pytest.approx(-1.0, abs=0.05)  # starts 0.01 from σ₊
     assert numbers["last dY/dt"] == pytest.approx(1.0, abs=1e-4)  # measured 3e-6
     assert numbers["stable below f"] == pytest.approx(2.0806, abs=1e-4)
     assert numbers["path error"] < 1e-6  # measured 3.3e-8: MuJoCo's steps
@@ -88,7 +87,7 @@ def test_fig_10_turns_round_to_a_line_that_is_stable_for_a_smaller_f_only() -> N
 @pytest.mark.parametrize(("number", "drift"), [(12, 3.65907), (13, 3.665)])
 def test_figs_12_and_13_drift_along_X(number: int, drift: float) -> None:
     numbers = drawn("fig12_13", number, 40.0, picture=f"fig{number}")
-    # The mean over 40 s is off by the path's swing of a metre, over that time.
+    # The mean over 40 s is off by the path's oscillation of one metre over that time.
     assert numbers["mean dX/dt"] == pytest.approx(drift, abs=0.03)  # measured 0.011
     assert numbers["path error"] < 1e-5  # measured 1.1e-6: MuJoCo's steps
 

@@ -1,4 +1,4 @@
-"""`make setup` installs all that is needed, on a Python that is supported."""
+"""Set-up, continuous integration, the wheel and the check of commit subjects."""
 
 import ast
 import os
@@ -14,31 +14,32 @@ from zipfile import ZipFile
 import pytest
 
 from tests.imports import PROJECT
+from tests.messages import unnamed
 
-OUTSIDE = re.compile(r"validation(\.\w+)*$")  # the full name of a module
+OUTSIDE = re.compile(r"validation(\.\w+)*$")  # a module of the top-level package validation
+SUBJECTS = PROJECT / ".ci" / "subjects"
 PYPROJECT = tomllib.loads((PROJECT / "pyproject.toml").read_text())
 
 
-def test_every_python_from_3_11_to_3_14_is_taken() -> None:
-    """By the package and by the Makefile alike."""
+def test_pythons_from_3_11_to_3_14_are_supported() -> None:
+    """The package and the Makefile state the same range."""
     (by_make,) = re.findall(r"^PYTHON_RANGE := (.*)$", (PROJECT / "Makefile").read_text(), re.M)
     assert by_make == PYPROJECT["project"]["requires-python"] == ">=3.11,<3.15"
 
 
 def test_labmaze_is_left_out() -> None:
-    """dm-control asks for it. No newer Python has a wheel of it, nor so dm-control."""
+    """dm-control requires it, but it has no wheel for Python 3.13, where dm-control is omitted."""
     lock = (PROJECT / "requirements.lock").read_text()
     assert re.findall(r"^labmaze.*(?=\\)", lock, re.M) == [
         "labmaze==1.0.6 ; python_full_version < '3.13' and sys_platform == 'never' "
     ]
-    (asked,) = (each for each in PYPROJECT["project"]["dependencies"] if "dm-control" in each)
-    assert asked.endswith("; python_version < '3.13'")
+    (line,) = (text for text in PYPROJECT["project"]["dependencies"] if "dm-control" in text)
+    assert line.endswith("; python_version < '3.13'")
     assert find_spec("labmaze") is None
     assert (find_spec("dm_control") is not None) == (sys.version_info < (3, 13))
 
 
 def executable(path: Path, script: str) -> Path:
-    """Write a script of the shell to a path, whose folder is made."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(f"#!/bin/sh\n{script}\n")
     path.chmod(0o755)
@@ -46,12 +47,14 @@ def executable(path: Path, script: str) -> Path:
 
 
 def run_ci(tmp_path: Path, *pythons: str) -> tuple[list[str], str]:
-    """Return what each call of make by `.ci/run` logs, and the output of `.ci/run`.
+    """Return the log of each call of make in `.ci/run`, and the output of `.ci/run`.
 
-    `make pythons` lists the given Pythons, and that of `.venv` as the oldest. Any other call logs
-    its arguments, its environment, and what is in HOME.
+    `make pythons` lists the given Pythons, and .venv's as the oldest. Every other call logs its
+    arguments, its environment and the contents of HOME.
     """
-    shutil.copytree(PROJECT / ".ci", tmp_path / "clone" / ".ci")
+    clone = tmp_path / "clone"
+    shutil.copytree(PROJECT / ".ci", clone / ".ci")
+    git_commit(clone, "Add the checks")
     listed = " ".join([*pythons, "3.11=/clone/.venv/bin/python"])
     make = executable(
         tmp_path / "make",
@@ -60,38 +63,99 @@ def run_ci(tmp_path: Path, *pythons: str) -> tuple[list[str], str]:
     )
     path = os.pathsep.join([str(tmp_path), os.environ["PATH"]])
     machine = {**os.environ, "PATH": path, "HOME": str(PROJECT)}
-    command = [tmp_path / "clone" / ".ci" / "run"]
-    said = subprocess.run(command, env=machine, check=True, capture_output=True, text=True)
+    command = [clone / ".ci" / "run"]
+    ran = subprocess.run(command, env=machine, check=True, capture_output=True, text=True)
     calls = re.split(r"^make ", make.with_name("make.log").read_text(), flags=re.M)[1:]
-    return calls, said.stdout + said.stderr
+    return calls, ran.stdout + ran.stderr
 
 
-def test_continuous_integration_knows_nothing_of_its_machine(tmp_path: Path) -> None:
-    """It runs the README's two commands and two more; each sees PATH and an empty HOME alone."""
-    calls, said = run_ci(tmp_path, "3.13=/new/python3.13", "3.12=/old/python3.12")
+def git_commit(folder: Path, subject: str) -> None:
+    """Make an empty commit, in a new repository if the folder is not one."""
+    git = ["git", "-C", str(folder), "-c", "user.name=A", "-c", "user.email=a@b.c"]
+    subprocess.run([*git, "init", "--quiet"], check=True)
+    subprocess.run([*git, "commit", "--quiet", "--allow-empty", "-m", subject], check=True)
+
+
+def check_subject(tmp_path: Path, message: str) -> str:
+    """Return the faults that `.ci/subjects` prints for the file of a commit message."""
+    file = tmp_path / "COMMIT_EDITMSG"
+    file.write_text(message, encoding="utf-8")
+    done = subprocess.run([SUBJECTS, file], capture_output=True, text=True)
+    assert (done.returncode == 0) == (not done.stderr)
+    return done.stderr
+
+
+@pytest.mark.parametrize(
+    "subject",
+    ["Add a check of commit subjects", "Pass --json on", "Embed the font", "Fix " + 68 * "x"],
+)
+def test_an_imperative_subject_of_at_most_72_characters_is_accepted(
+    tmp_path: Path, subject: str
+) -> None:
+    assert check_subject(tmp_path, f"# a comment\n\n{subject}\n\nThe reason is long.\n") == ""
+
+
+@pytest.mark.parametrize(
+    ("subject", "facts"),
+    [
+        ("Added a check", "'Added' Add"),
+        ("Fixes a check", "'Fixes' Fix"),
+        ("Removing a check", "'Removing' Remove"),
+        ("What breaks off can be printed", "'What'"),
+        ("add a check", "'add'"),
+        ("Add a check.", "stop"),
+        ("Fix " + 69 * "x", "73 72"),
+        ("", "''"),
+    ],
+)
+def test_a_subject_that_breaks_a_rule_is_named_with_the_rule(
+    tmp_path: Path, subject: str, facts: str
+) -> None:
+    assert unnamed(facts, check_subject(tmp_path, f"{subject}\n")) == []
+
+
+def test_the_commits_since_the_last_tag_are_checked(tmp_path: Path) -> None:
+    """Without a tag it is the newest 20."""
+
+    def checked() -> list[str]:
+        done = subprocess.run([SUBJECTS], cwd=tmp_path, capture_output=True, text=True)
+        return [line.partition(":")[0] for line in done.stderr.splitlines()]
+
+    for subject in ("Added one", "Added two", *(f"Add {i}" for i in range(19))):
+        git_commit(tmp_path, subject)
+    assert checked() == ["Added two"]
+    subprocess.run(["git", "-C", tmp_path, "tag", "v1"], check=True)
+    assert checked() == []
+    git_commit(tmp_path, "Added three")
+    assert checked() == ["Added three"]
+
+
+def test_continuous_integration_sees_no_variable_of_its_machine_but_PATH(tmp_path: Path) -> None:
+    """It runs the README's two commands and two more, each with an empty HOME."""
+    calls, output = run_ci(tmp_path, "3.13=/new/python3.13", "3.12=/old/python3.12")
     commands = [call.split("\n")[0] for call in calls]
     other = "VENV=.venv-other PYTHON=/new/python3.13 UV_COMPILE_BYTECODE=0"
     assert commands == ["demo", "test", f"demo test TESTS=core and not slow {other}", "wheel ONE=1"]
     bits = {"OPENBLAS_CORETYPE=Haswell", "NUMBA_CPU_NAME=generic"}
     for call, more in zip(calls, (set(), set(), bits, set()), strict=True):
         of_the_shell = re.compile("PWD=|OLDPWD=|SHLVL=|_=")
-        seen = {line for line in call.split("\n")[1:-1] if not of_the_shell.match(line)}
-        home = {line for line in seen if line.startswith("HOME=")} - {f"HOME={PROJECT}"}
+        variables = {line for line in call.split("\n")[1:-1] if not of_the_shell.match(line)}
+        home = {line for line in variables if line.startswith("HOME=")} - {f"HOME={PROJECT}"}
         assert len(home) == 1
-        assert seen == home | more | {f"PATH={tmp_path}:{os.environ['PATH']}"}
-    assert len(re.findall(r"^== .*make .*: \S+s, processor time \S+s user", said, re.M)) == 4
+        assert variables == home | more | {f"PATH={tmp_path}:{os.environ['PATH']}"}
+    assert len(re.findall(r"^== .*make .*: \S+s, processor time \S+s user", output, re.M)) == 4
 
 
-def test_continuous_integration_says_that_a_machine_has_one_python(tmp_path: Path) -> None:
-    """The numeric tests run again with it, on other last bits."""
-    calls, said = run_ci(tmp_path)
+def test_continuous_integration_reports_that_a_machine_has_only_one_python(tmp_path: Path) -> None:
+    """The numeric tests run again with it, with other rounding errors."""
+    calls, output = run_ci(tmp_path)
     assert calls[2].startswith("demo test TESTS=core and not slow VENV=.venv\n")
-    assert "no other Python here" in said
+    assert "no other Python here" in output
 
 
 @pytest.mark.parametrize(("tests", "types"), [(0, 0), (1, 0), (0, 1)])
 def test_make_test_fails_if_tests_or_mypy_fail(tmp_path: Path, tests: int, types: int) -> None:
-    """Both run, their output is not mixed, and the failure of either one is that of `make test`."""
+    """Both run, and their outputs are not mixed."""
     shutil.copy(PROJECT / "Makefile", tmp_path)
     for name in ("pyproject.toml", "requirements.lock"):
         (tmp_path / name).touch()
@@ -102,12 +166,15 @@ def test_make_test_fails_if_tests_or_mypy_fail(tmp_path: Path, tests: int, types
     for name in ("python", "ruff", "uv", "chromium"):
         executable(bin_folder / name, "exit 0")
     (bin_folder.parent / ".stamp").touch()
-    # Without the variables of the make that may run this test.
+    # The environment must not contain variables of a make that runs this test.
     machine = {"PATH": f"{bin_folder}:{os.environ['PATH']}"}
     ran = subprocess.run(
         ["make", "test", "VENV=environment"],
-        cwd=tmp_path, env=machine, capture_output=True, text=True,
-    )  # fmt: skip
+        cwd=tmp_path,
+        env=machine,
+        capture_output=True,
+        text=True,
+    )
     assert (ran.returncode == 0) == (tests == types == 0)
     lines = [f"tests: {tests} failed", "mypy:", f"types: {types} errors"]
     lines += [f"exit status: pytest {tests}, mypy {types}"]
@@ -115,7 +182,7 @@ def test_make_test_fails_if_tests_or_mypy_fail(tmp_path: Path, tests: int, types
 
 
 def test_the_wheel_has_the_files_of_the_checkout(tmp_path: Path) -> None:
-    """Byte for byte, all in `robotball`; validation names no package `validation`."""
+    """To the byte, all in `robotball`. validation does not name a top-level `validation`."""
     build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
     subprocess.run(build, cwd=PROJECT, check=True, capture_output=True)
     with ZipFile(next(tmp_path.glob("*.whl"))) as wheel:
@@ -131,9 +198,9 @@ def test_the_wheel_has_the_files_of_the_checkout(tmp_path: Path) -> None:
     assert len(modules) > 40
     for name in modules:
         for node in ast.walk(ast.parse(files[name])):
-            named: list[object] = []
+            names: list[object] = []
             if isinstance(node, ast.Import):
-                named += [alias.name for alias in node.names]
+                names += [alias.name for alias in node.names]
             elif isinstance(node, ast.ImportFrom | ast.Constant):
-                named.append(node.module if isinstance(node, ast.ImportFrom) else node.value)
-            assert not [module for module in named if OUTSIDE.match(str(module))], name
+                names.append(node.module if isinstance(node, ast.ImportFrom) else node.value)
+            assert not [module for module in names if OUTSIDE.match(str(module))], name

@@ -1,4 +1,4 @@
-"""Vectors of tests: how far two are apart, and random unit vectors."""
+"""Helpers for vectors: differences and random unit vectors."""
 
 import numpy as np
 from hypothesis import assume
@@ -11,13 +11,13 @@ X, Y, Z = np.eye(3)
 
 
 def gap(a: ArrayLike, b: ArrayLike) -> float:
-    """The largest difference of two arrays' entries."""
+    """Return the largest difference between entries of two arrays."""
     return float(np.abs(np.asarray(a) - np.asarray(b)).max())
 
 
 @st.composite
 def units(draw: st.DrawFn, size: int = 3) -> Array:
-    """Unit vectors (size,), often along an axis."""
+    """Draw unit vectors (size,), often along an axis."""
     v = np.array(draw(st.tuples(*[st.floats(-1.0, 1.0)] * size)))
     length = np.linalg.norm(v)
     assume(length > 1e-3)

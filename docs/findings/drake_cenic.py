@@ -1,8 +1,8 @@
-"""CENIC takes a motor's desired velocity with the opposite sign.
+"""CENIC applies a motor's desired velocity with the opposite sign.
 
-A rotor of 1 kg m² hangs on the world by a hinge without gravity. A motor's PD controller has no
-stiffness, a damping of 10 N m s and a desired velocity of 2 rad/s. The hinge's rate after 5 s
-[rad/s], by discrete steps, by an explicit integrator and by the convex integrator CENIC.
+A rotor of 1 kg m² hangs on the world by a hinge, without gravity. The motor's PD controller has no
+stiffness, a damping of 10 N m s and a desired velocity of 2 rad/s. Printed: the hinge's rate after
+5 s [rad/s] with discrete steps, an explicit integrator and the convex integrator CENIC.
 """
 
 import logging
@@ -11,7 +11,7 @@ from importlib.metadata import version
 import numpy as np
 
 try:
-    from pydrake.multibody import cenic  # noqa: F401, which makes the scheme known
+    from pydrake.multibody import cenic  # noqa: F401, the import registers the scheme
     from pydrake.multibody import plant as mp
     from pydrake.multibody.tree import (
         PdControllerGains,
@@ -51,4 +51,4 @@ for name, scheme in (("SAP", ""), ("RK3", "runge_kutta3"), ("CENIC", "cenic")):
     print(f"{name}:", rate(scheme))
 print("expected: 2 in each line")
 print("version: Drake", version("drake"))
-print("verdict: bug; none found, see reports/drake_cenic.md")
+print("verdict: bug; no report found, see reports/drake_cenic.md")

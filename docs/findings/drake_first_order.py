@@ -1,7 +1,7 @@
 """Drake's discrete steps are semi-implicit Euler with an explicit gyroscopic term: momentum grows.
 
-The body and the rotor of mujoco_implicitfast.py, 10 s at 1 ms: the relative change of the angular
-momentum, which is MuJoCo's by Euler and by implicitfast.
+The body and rotor of mujoco_implicitfast.py for 10 s at 1 ms. Printed: the relative change of
+angular momentum, the same as with MuJoCo's Euler and implicitfast.
 """
 
 from importlib.metadata import version
@@ -32,13 +32,13 @@ plant.SetVelocities(context, [3, 1, 5, 0, 0, 0, 100])
 
 
 def momentum() -> float:
-    of = plant.CalcSpatialMomentumInWorldAboutPoint(context, plant.GetPositions(context)[4:7])
-    return float(np.linalg.norm(of.rotational()))
+    momentum = plant.CalcSpatialMomentumInWorldAboutPoint(context, plant.GetPositions(context)[4:7])
+    return float(np.linalg.norm(momentum.rotational()))
 
 
 before = momentum()
 simulator.AdvanceTo(10.0)
 print("with a rotor:", momentum() / before - 1)
-print("expected: 0: nothing turns a free body")
+print("expected: 0, because no torque acts on a free body")
 print("version: Drake", version("drake"))
-print("verdict: open; none found")
+print("verdict: open; no report found")

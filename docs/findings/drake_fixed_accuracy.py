@@ -1,8 +1,8 @@
-"""Equal steps forget the accuracy that SimulatorConfig has, and Newton's iteration goes by it.
+"""Equal steps ignore SimulatorConfig's accuracy, which Newton's iteration needs.
 
-A ball of radius 1 m and of three moments of inertia, with a free rotor in it, rolls for 4 s by
-RADAU 3 in equal steps of 2 ms, with an accuracy of 1e-8. Its angular momentum about the contact is
-constant. The relative change of it, with the steps made equal by the config and by the integrator.
+A ball of radius 1 m with three different moments of inertia and a free rotor rolls for 4 s with
+RADAU 3 at equal steps of 2 ms and accuracy 1e-8. Its angular momentum about the contact is
+constant. Printed: the relative change, if the config or the integrator makes the steps equal.
 """
 
 import logging
@@ -59,6 +59,6 @@ def change(by_config: bool) -> float:
 
 print("by the config:", change(True))
 print("by the integrator:", change(False))
-print("expected: one number, as both have the same accuracy")
+print("expected: the same number twice, because both have the same accuracy")
 print("version: Drake", version("drake"))
-print("verdict: bug; none found, see reports/drake_fixed_accuracy.md")
+print("verdict: bug; no report found, see reports/drake_fixed_accuracy.md")

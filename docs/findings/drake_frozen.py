@@ -1,7 +1,7 @@
-"""SAP and Lagged beside a huge reflected inertia: no velocity changes any more, without a word.
+"""SAP and Lagged with a huge reflected inertia freeze all velocities, without a warning.
 
-A ball slides at 1 m/s on a plane; in it a rotor turns at 100 rad/s, with a reflected inertia. The
-slip after 0.5 s of steps of 1 ms [m/s], which friction should bring to zero.
+A ball slides at 1 m/s on a plane; a rotor in it turns at 100 rad/s and has a reflected inertia.
+Printed: the slip after 0.5 s at 1 ms [m/s], which friction should reduce to zero.
 """
 
 import logging
@@ -50,9 +50,9 @@ def slip(approximation: str, reflected: float) -> float:
 
 for approximation in ("kTamsi", "kSap", "kLagged"):
     if not hasattr(mp.DiscreteContactApproximation, approximation):
-        continue  # TAMSI is no longer in Drake 1.58
+        continue  # Drake 1.58 has no TAMSI
     for reflected in (1e2, 1e12):
         print(f"{approximation}, {reflected:g} kg m²:", slip(approximation, reflected))
-print("expected: slips near 0 in each line, as by kTamsi")
+print("expected: slip near 0 in each line, as with kTamsi")
 print("version: Drake", version("drake"))
-print("verdict: bug; none found, see reports/drake_frozen.md")
+print("verdict: bug; no report found, see reports/drake_frozen.md")

@@ -1,7 +1,7 @@
-"""In continuous time a ball slips by a part of the stiction tolerance, whatever the steps.
+"""In continuous time a ball slips by a fraction of the stiction tolerance, whatever the steps.
 
-A sphere rolls down a slope under friction 1, by RK3 at an accuracy of 1e-8. Slip after 0.5 s over
-the stiction tolerance vs, at two of them: the error of rolling is set by vs.
+A sphere rolls down a slope with friction 1, with RK3 at accuracy 1e-8. Printed: the slip after 0.5
+s over the stiction tolerance vs, for two tolerances. So vs determines the error of rolling.
 """
 
 import logging
@@ -45,6 +45,6 @@ def slip(stiction: float) -> float:
 
 for stiction in (1e-2, 1e-3):
     print(f"vs {stiction:g} m/s, slip over vs:", slip(stiction) / stiction)
-print("expected: slip over vs below 1, in proportion to vs")
+print("expected: below 1, and the same number twice")
 print("version: Drake", version("drake"))
 print("verdict: documented; Drake's manual, Continuous Approximation of Coulomb Friction")

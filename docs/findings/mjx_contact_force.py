@@ -1,10 +1,10 @@
-"""MJX's copy into MuJoCo's data leaves the contact's adhesion as it was in memory.
+"""MJX's copy into MuJoCo's data leaves the contacts' adhesion at its old memory contents.
 
-A ball of 1 kg rests on a plane under 9 m/s². In data whose contact had an adhesion of 2 N before,
-MJX 3.17 copies every field of a contact that it knows, and `mj_contactForce` of MuJoCo, 3.17 and
-4.0, takes the adhesion, which it does not know, off the normal force. Forces [N] of the same state:
-of the constraint's row, on the free joint, and by mj_contactForce from the copy; in new data the
-adhesion is whatever its memory held.
+A ball of 1 kg rests on a plane under 9 m/s². MJX 3.17 copies all contact fields that it has, which
+do not include adhesion. `mj_contactForce` (MuJoCo 3.17 and 4.0) subtracts the adhesion from the
+normal force. Printed: the normal force [N] of one state, from the constraint's row, from the free
+joint and from mj_contactForce, if the data's adhesion was 2 N before the copy. In new data it is
+arbitrary.
 """
 
 from importlib.metadata import version
@@ -36,4 +36,4 @@ print("free joint:", float(state.qfrc_constraint[2]))
 print("contact force of the copy:", float(wrench[0]))
 print("expected: 9 in each line")
 print("version: MJX", version("mujoco-mjx"), "on MuJoCo", version("mujoco"))
-print("verdict: open; none found, see reports/mjx_contact_force.md")
+print("verdict: open; no report found, see reports/mjx_contact_force.md")

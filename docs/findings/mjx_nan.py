@@ -1,8 +1,8 @@
-"""MJX gives NaN where a contact is so hard that MuJoCo still rolls by it.
+"""MJX returns NaN for a contact so hard that only MuJoCo still rolls the ball.
 
-A ball of radius 1 m rolls down a slope by RK4, with an impedance of .9999 and its inverse weight
-scaled down, which makes the contact harder by as much. The velocity after 0.5 s of steps of 5 ms
-[m/s], by theory 5/7 · 3 · 0.5 = 1.0714, by MuJoCo and by MJX in double precision.
+A ball of radius 1 m rolls down a slope with RK4 and an impedance of 0.9999; scaling down its
+inverse weight makes the contact harder still. Printed: the velocity after 0.5 s at 5 ms [m/s] with
+MuJoCo and with MJX in double precision. Theory: 5/7 · 3 · 0.5 = 1.0714.
 """
 
 from importlib.metadata import version
@@ -33,6 +33,6 @@ for scale in (1e-2, 1e-6):
     print(f"MuJoCo, {scale:g}:", data.qvel[0])
     print(f"MJX, {scale:g}:", float(state.qvel[0]))
     print(f"MJX, {scale:g}, finite:", int(np.isfinite(state.qvel).all()))
-print("expected: 1.0714 in each line, as by MuJoCo")
+print("expected: 1.0714 in each line, as with MuJoCo")
 print("version: MJX", version("mujoco-mjx"))
-print("verdict: open; none found")
+print("verdict: open; no report found")

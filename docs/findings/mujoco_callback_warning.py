@@ -1,8 +1,8 @@
-"""A warning raised inside a Python callback: the call never returns, and Ctrl-C does not end it.
+"""A MuJoCo warning within a Python callback blocks forever, even against Ctrl-C.
 
-A control callback evaluates a second MjData, whose state is finite, or so large that the inertia
-matrix overflows and MuJoCo warns. The same call is made outside a callback. Each is a process of
-its own, which is ended after 5 s: whether it returned.
+A control callback evaluates a second MjData, with a finite state or with one so large that the
+inertia matrix overflows and MuJoCo warns. The same call is also made outside a callback. Each runs
+in its own process, stopped after 5 s. Printed: whether the call returned.
 """
 
 import subprocess
@@ -43,6 +43,6 @@ def returns(where: str, size: str) -> bool:
 print("inside, finite state, returned:", int(returns("inside", "0.1")))
 print("outside, with a warning, returned:", int(returns("outside", "1e80")))
 print("inside, with a warning, returned:", int(returns("inside", "1e80")))
-print("expected: 1, each time")
+print("expected: 1 in each line")
 print("version: MuJoCo", version("mujoco"))
-print("verdict: bug; none found, see reports/mujoco_callback_warning.md")
+print("verdict: bug; no report found, see reports/mujoco_callback_warning.md")

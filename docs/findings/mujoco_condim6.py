@@ -1,7 +1,7 @@
-"""condim 6 brakes: rolling friction of μ m takes μ m g of torque from a rolling ball.
+"""condim 6 brakes: a rolling friction of μ m takes a torque μ m g from a rolling ball.
 
-A solid sphere of radius 1 m rolls on at 2 m/s for 1 s, with the same friction but for condim. The
-part of the speed that it loses; by theory μ g / (7/5 a²) t = 0.35 m/s, of 2.
+A solid sphere of radius 1 m starts to roll at 2 m/s, with the same friction coefficients for each
+condim. Printed: the fraction of its speed lost in 1 s. Theory: μ g / (7/5 a²) t = 0.35 m/s of 2.
 """
 
 from importlib.metadata import version
@@ -24,6 +24,6 @@ def lost(condim: int) -> float:
 
 for condim in (3, 4, 6):
     print(f"condim {condim}:", lost(condim))
-print("expected: 0.175 by condim 6, and nothing by the others")
+print("expected: 0.175 with condim 6, 0 with the others")
 print("version: MuJoCo", version("mujoco"))
 print("verdict: documented; MuJoCo's manual, Modeling, Preventing slip")

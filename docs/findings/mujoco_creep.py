@@ -1,9 +1,9 @@
-"""Regularised friction creeps, at a speed that follows from load, impedance and solref.
+"""Regularised friction creeps, at a speed given by load, impedance and solref.
 
-A ball of 1 kg that cannot turn lies on a slope, with a load F along it that is a third of what
-friction could hold. Its velocity after 1 s, over (1 - d)/d · F/m / (b · impratio) with impedance
-d = .95 and b = 2/(d · .02 s), of the default solref and an elliptic cone. Last, with an iteration
-of noslip, the velocity itself [m/s].
+A ball of 1 kg that cannot turn lies on a slope with a load F along it, a third of the friction
+limit. Printed: its velocity after 1 s over (1 - d)/d · F/m / (b · impratio), with the impedance
+d = 0.95 and b = 2/(d · 0.02 s) of the default solref and an elliptic cone; finally, with one noslip
+iteration, the velocity itself [m/s].
 """
 
 from importlib.metadata import version
@@ -30,6 +30,6 @@ law = (1 - D) / D * LOAD / (2 / (D * 0.02))
 for impratio in (1, 10, 100):
     print(f"impratio {impratio}:", velocity(impratio) / law * impratio)
 print("noslip:", velocity(1, 1))
-print("expected: 1 by the law, 0 by noslip")
+print("expected: 1 from the formula, 0 with noslip")
 print("version: MuJoCo", version("mujoco"))
 print("verdict: documented; mujoco #3328, documented by #3526")

@@ -1,8 +1,8 @@
-"""Contact rows have no term of dJ/dt: a shell that hangs on a turning body slips.
+"""Contact rows have no dJ/dt term: a shell that hangs on a rotating body slips.
 
-A shell of radius 1 m rolls on a plane, and a frame turns in it at 2 rad/s. The same ball twice:
-with the shell on the free joint, and with the frame on it. Largest slip of the shell's lowest point
-within 1 s [m/s]; slip decays at the rate b = 1/s.
+A shell of radius 1 m rolls on a plane, and a frame turns in it at 2 rad/s. The same ball is
+modelled twice, with the shell or the frame on the free joint. Printed: the largest slip of the
+shell's lowest point within 1 s [m/s]; slip decays at the rate b = 1/s.
 """
 
 from importlib.metadata import version
@@ -22,7 +22,7 @@ WORLD = """<mujoco><option timestep="1e-3" integrator="RK4" cone="elliptic" solv
 </worldbody>
 <contact><pair geom1="plane" geom2="ball" condim="3" friction="20 20 1 1 1" margin="1.4e-3"
  solimp=".9999 .9999 .001 .5 1" solref=".02 1" solreffriction="-1 -1"/></contact></mujoco>"""
-SHELL, OMEGA = np.array([1.0, 2.0, 0.5]), np.array([0.0, 0.0, 2.0])  # the shell's, and the frame's
+SHELL, OMEGA = np.array([1.0, 2.0, 0.5]), np.array([0.0, 0.0, 2.0])  # of the shell and the frame
 
 
 def slip(root: str, child: str, sign: int) -> float:
@@ -30,19 +30,19 @@ def slip(root: str, child: str, sign: int) -> float:
     data = mujoco.MjData(model)
     data.qvel[:3] = np.cross(SHELL, [0, 0, 1])
     data.qvel[3:6] = SHELL if root == "shell" else SHELL + OMEGA
-    data.qvel[6] = OMEGA[2]  # of the child in the root: an axis turned over is minus minus
-    shell, found, moving = model.geom("ball").bodyid[0], 0.0, np.zeros(6)
+    data.qvel[6] = OMEGA[2]  # child relative to root: reversed rate about a reversed axis
+    shell, largest, velocity = model.geom("ball").bodyid[0], 0.0, np.zeros(6)
     for _ in range(1000):
         mujoco.mj_step(model, data)
         mujoco.mj_forward(model, data)
-        of = mujoco.mjtObj.mjOBJ_BODY
-        mujoco.mj_objectVelocity(model, data, of, shell, moving, 0)
-        found = max(found, np.linalg.norm((moving[3:] + np.cross(moving[:3], [0, 0, -1]))[:2]))
-    return found
+        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, shell, velocity, 0)
+        sliding = velocity[3:] + np.cross(velocity[:3], [0, 0, -1])
+        largest = max(largest, np.linalg.norm(sliding[:2]))
+    return largest
 
 
 print("shell root:", slip("shell", "frame", 1))
 print("frame root:", slip("frame", "shell", -1))
-print("expected: 0 for both: they are one robot")
+print("expected: 0 for both, because they are the same robot")
 print("version: MuJoCo", version("mujoco"))
 print("verdict: documented; MuJoCo's manual, Computation, Dual problem")

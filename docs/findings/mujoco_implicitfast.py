@@ -1,10 +1,10 @@
-"""implicitfast leaves the gyroscopic term explicit: with a rotor a body gains momentum as by Euler.
+"""implicitfast treats the gyroscopic term explicitly: with a rotor, momentum grows as with Euler.
 
-A body of moments .5, .7 and .3 kg m² turns freely for 10 s at steps of 1 ms, alone and with a rotor
-at 100 rad/s on a hinge. Its angular momentum is constant; printed is the relative change of its
-size. With the rotor it is Euler's in MuJoCo 3.5, 3.10, 3.11, 3.17 and 4.0. Alone it is +1.6e-2 up
-to 3.6, as by Euler, 2e-14 from 3.7 to 3.10, and -1.6e-2 since 3.11, as by implicit:
-`python -m bench.history mujoco` runs it in every version.
+A free body with moments 0.5, 0.7 and 0.3 kg m² turns for 10 s at 1 ms, alone and with a rotor at
+100 rad/s on a hinge. Its angular momentum is constant. Printed: the relative change of its norm.
+With the rotor it equals Euler's in MuJoCo 3.5, 3.10, 3.11, 3.17 and 4.0. Alone it is +1.6e-2 up to
+3.6, as with Euler, 2e-14 from 3.7 to 3.10, and -1.6e-2 since 3.11, as with implicit; `python -m
+bench.history mujoco` measures every version.
 """
 
 from importlib.metadata import version
@@ -35,9 +35,9 @@ def change(integrator: str, rotor: str) -> float:
     return momentum(model, data) / before - 1
 
 
-for each in ("Euler", "implicitfast", "implicit", "RK4"):
-    print(f"{each}, alone:", change(each, ""))
-    print(f"{each}, with a rotor:", change(each, ROTOR))
-print("expected: 0 with a rotor as alone: nothing turns a free body")
+for integrator in ("Euler", "implicitfast", "implicit", "RK4"):
+    print(f"{integrator}, alone:", change(integrator, ""))
+    print(f"{integrator}, with a rotor:", change(integrator, ROTOR))
+print("expected: 0, because no torque acts on a free body")
 print("version: MuJoCo", version("mujoco"))
 print("verdict: documented; mujoco #3553 and #3554")

@@ -1,7 +1,7 @@
-"""A run that diverges begins again from the start, and goes on as if nothing were.
+"""A run that diverges restarts from the initial state and continues without an error.
 
-A velocity servo that is too stiff for the step, for 95 steps of 10 ms, with MuJoCo's automatic
-reset and without: the time at the end [s], and whether the state is finite then.
+A velocity servo too stiff for the step runs for 95 steps of 10 ms, with and without MuJoCo's
+automatic reset. Printed: the final time [s], and whether the state is finite.
 """
 
 from importlib.metadata import version

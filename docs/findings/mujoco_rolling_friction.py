@@ -1,9 +1,9 @@
-"""How much of a declared rolling friction MuJoCo delivers, by cone, impratio and speed.
+"""MuJoCo applies only a fraction of a declared rolling friction, depending on cone and impratio.
 
-A solid ball of 0.1 m rolls for 0.2 s with condim 6 and with condim 4. The speed that it loses more
-by condim 6, over μ g t / (7/5 a): 1 where the plane takes μ m g of torque. MuJoCo regularises the
-rolling rows by (μ_slide / μ)² / impratio times the normal row's softness, so a slow ball or a small
-coefficient creeps below the limit. Last, the part of the steps in which the ball touches the plane.
+A solid ball of radius 0.1 m rolls for 0.2 s with condim 6 and with condim 4. Printed: the
+additional loss of speed with condim 6 over μ g t / (7/5 a), which is 1 for a torque μ m g. MuJoCo
+makes the rolling rows softer than the normal row by (μ_slide / μ)² / impratio, so with a slow ball
+or a small coefficient they creep below the limit. Last line: the fraction of steps in contact.
 """
 
 from importlib.metadata import version
@@ -18,11 +18,11 @@ ROLL = """<mujoco><option timestep="{step}" cone="{cone}" impratio="{impratio}"/
 
 
 def lost(condim: int, cone: str, impratio: int, mu: float, speed: float) -> tuple[float, float]:
-    """Return the speed lost [m/s] and the part of the steps in contact."""
+    """Return the speed lost [m/s] and the fraction of steps in contact."""
     text = ROLL.format(step=STEP, radius=RADIUS, condim=condim, cone=cone, impratio=impratio, mu=mu)
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
-    for _ in range(200):  # until it has sunk in
+    for _ in range(200):  # settle
         mujoco.mj_step(model, data)
     data.qvel[0], data.qvel[4] = speed, speed / RADIUS
     touching, steps = 0, round(TIME / STEP)

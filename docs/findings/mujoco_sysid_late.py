@@ -1,7 +1,7 @@
-"""mujoco.sysid stamps what a sensor reads one timestep late.
+"""mujoco.sysid's sensor times are one timestep late.
 
-A slider leaves 0 at 1 m/s, so its position is the time. The stamp less the position in a rollout of
-the toolbox, in timesteps: the position by a sensor, and in the state of the same row.
+A slider starts from 0 at 1 m/s, so its position is the time. Printed: time minus position in a
+rollout of the toolbox, in timesteps, for a position sensor and for the state in the same row.
 """
 
 from importlib.metadata import version
@@ -29,4 +29,4 @@ print("sensor:", np.mean(stamps - rollout.sensordata.data[:, 0]) / STEP)
 print("state:", np.mean(stamps - rollout.state.data[:, 1]) / STEP)
 print("expected: 0")
 print("version: MuJoCo", version("mujoco"))
-print("verdict: bug; none found, see reports/mujoco_sysid_late.md")
+print("verdict: bug; no report found, see reports/mujoco_sysid_late.md")

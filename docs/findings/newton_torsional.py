@@ -1,7 +1,7 @@
-"""Newton's mu_torsional has no effect as it comes: its MuJoCo contact resists sliding alone.
+"""Newton's mu_torsional has no effect by default: its MuJoCo contact resists sliding only.
 
-A ball of radius 1 m spins on the spot at 3 rad/s, with a torsional friction of 1 m. The part of the
-rate that is left after 1 s of steps of 2 ms, as it comes and with MuJoCo's condim of 4 for shapes.
+A ball of radius 1 m spins in place at 3 rad/s, with a torsional friction of 1 m. Printed: the
+fraction of the rate that remains after 1 s at 2 ms, by default and with MuJoCo's condim 4.
 """
 
 from importlib.metadata import version
@@ -15,17 +15,17 @@ except ImportError:
 warp.config.quiet = True
 
 
-def left(condim: int | None) -> float:
+def remaining(condim: int | None) -> float:
     builder = newton.ModelBuilder()
     newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
     shape = newton.ModelBuilder.ShapeConfig(density=0.0, mu=1.0, mu_torsional=1.0)
-    own = {} if condim is None else {"mujoco:condim": condim}
+    attributes = {} if condim is None else {"mujoco:condim": condim}
     ball = builder.add_body(
         mass=1.0,
         inertia=warp.mat33(0.4, 0, 0, 0, 0.4, 0, 0, 0, 0.4),
         xform=warp.transform((0, 0, 1), warp.quat_identity()),
     )
-    builder.add_shape_sphere(ball, radius=1.0, cfg=shape, custom_attributes=own)
+    builder.add_shape_sphere(ball, radius=1.0, cfg=shape, custom_attributes=attributes)
     builder.add_ground_plane(cfg=shape)
     model = builder.finalize(device="cpu")
     solver = newton.solvers.SolverMuJoCo(model, use_mujoco_cpu=True)
@@ -40,8 +40,8 @@ def left(condim: int | None) -> float:
     return float(now.joint_qd.numpy()[5]) / 3.0
 
 
-print("as it comes:", left(None))
-print("with condim 4:", left(4))
-print("expected: 0 for both: mu_torsional is 1 m")
+print("default:", remaining(None))
+print("with condim 4:", remaining(4))
+print("expected: 0 for both, because mu_torsional is 1 m")
 print("version: Newton", version("newton"))
-print("verdict: open; none found")
+print("verdict: open; no report found")

@@ -1,7 +1,7 @@
-"""PhysX's articulations keep a free body's momentum, until steps so short that 24 bits are too few.
+"""PhysX conserves a free body's momentum, until single precision limits very short steps.
 
-The body and the rotor of mujoco_implicitfast.py, 10 s: the relative change of the angular momentum
-at three steps. No other engine's steps here are as good: they gain 4.5 % at 1 ms.
+The body and rotor of mujoco_implicitfast.py for 10 s. Printed: the relative change of angular
+momentum at three step lengths. The other engines of first order gain 4.5 % at 1 ms.
 """
 
 from importlib.metadata import version
@@ -40,8 +40,8 @@ def change(step: float) -> float:
     both.set_qvel([100.0])
 
     def momentum() -> float:
-        turn = both.root_pose.to_transformation_matrix()[:3, :3].astype(float)
-        w = turn.T @ both.root_angular_velocity.astype(float)
+        R = both.root_pose.to_transformation_matrix()[:3, :3].astype(float)
+        w = R.T @ both.root_angular_velocity.astype(float)
         return float(np.linalg.norm((I + J) * w + [J[0] * float(both.qvel[0]), 0, 0]))
 
     before = momentum()
@@ -52,6 +52,6 @@ def change(step: float) -> float:
 
 for step in (1e-2, 1e-3, 1e-4):
     print(f"{step * 1e3:g} ms:", change(step))
-print("expected: 0, or less with shorter steps")
+print("expected: 0, or less change with shorter steps")
 print("version: SAPIEN", version("sapien"))
-print("verdict: open; none found")
+print("verdict: open; no report found")

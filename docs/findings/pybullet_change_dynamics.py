@@ -1,7 +1,7 @@
-"""changeDynamics with several options for a link changes the base: the link keeps what it had.
+"""changeDynamics with several options for a link changes the base instead of the link.
 
-A body with one link: first moments of inertia of base and link [kg m²] after the link was given 0.3
-together with a damping, and after it was given 0.3 alone.
+A body with one link. Printed: the first moments of inertia of base and link [kg m²] after setting
+the link's to 0.3 together with a damping, and after setting 0.3 alone.
 """
 
 from importlib.metadata import version

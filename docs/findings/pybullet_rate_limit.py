@@ -1,7 +1,7 @@
-"""Bullet cuts every hinge's rate at 100 rad/s, without a word.
+"""Bullet clips hinge rates at 100 rad/s without a warning.
 
-A rotor starts at 150 rad/s on the hinge of a free body, under a velocity motor told to keep that.
-Its rate after a step [rad/s], by default and with maxJointVelocity raised.
+A rotor on the hinge of a free body starts at 150 rad/s, with a velocity motor that should keep this
+rate. Printed: its rate after a step [rad/s], by default and with maxJointVelocity raised.
 """
 
 from importlib.metadata import version

@@ -1,7 +1,7 @@
-"""Warp keeps MuJoCo's state in 24 bits: with RK4, shorter steps do not make it better.
+"""Warp keeps MuJoCo's state in single precision: with RK4, shorter steps do not help.
 
-A body of moments .5, .7 and .3 kg m² with a rotor at 100 rad/s turns freely for 2 s. The relative
-change of its angular momentum by MuJoCo, in double precision, and by Warp.
+A free body with moments 0.5, 0.7 and 0.3 kg m² and a rotor at 100 rad/s turns for 2 s. Printed: the
+relative change of its angular momentum with MuJoCo, in double precision, and with Warp.
 """
 
 from importlib.metadata import version
@@ -43,6 +43,6 @@ for step in (20e-3, 5e-3):
     warped = momentum(model, state.qpos.numpy()[0], state.qvel.numpy()[0]) / before - 1
     print(f"MuJoCo, {step * 1e3:g} ms:", double)
     print(f"Warp, {step * 1e3:g} ms:", warped)
-print("expected: Warp as MuJoCo")
+print("expected: the same change as MuJoCo")
 print("version: MuJoCo Warp", version("mujoco-warp"))
 print("verdict: documented; MuJoCo Warp computes in 32 bits")

@@ -1,7 +1,7 @@
-"""The ball of Fig. 12 in DART: velocity actuators, friction of 20, steps of 1 ms.
+"""The ball of Fig. 12 in DART: velocity actuators, friction 20, steps of 1 ms.
 
-DART's contact resists no spin. A torque of ours, -1.5 I/step (ω, e_z), makes the ball a rubber one.
-I is the ball's least moment, 0.35 kg m²; above 2 I/step that torque, explicit in time, diverges.
+DART's contact does not resist spin. A torque of ours, -1.5 I/step (ω, e_z), imitates a rubber ball;
+I = 0.35 kg m² is the ball's least moment. Above 2 I/step this explicit torque diverges.
 """
 
 from importlib.metadata import version
@@ -14,30 +14,30 @@ try:
 except ImportError:
     raise SystemExit("skipped: DART is not installed") from None
 
-# A shell of radius 1 m, in it a frame that turns about z at 2 rad/s, in that a rotor: 0.07, 0.8016
-# and 0.0284 kg, all centred. Inertias, M and K are in the frame's axes, in SI units.
+# A shell of radius 1 m holds a frame that turns about z at 2 rad/s, and the frame a rotor. Masses:
+# 0.07, 0.8016 and 0.0284 kg, all centred. Inertias, M and K in the frame's axes, SI units.
 E, A, K, OMEGA = np.eye(3), np.diag([0.7, 0.6, 0.8]), np.array([2.0, 2, 0]), np.array([0, 0, 2.0])
 SHELL, inner = 0.07 * 2 / 3 * E, K + (0.07 * 2 / 3 + 0.9) * OMEGA
-AXIS, SPIN = inner / np.linalg.norm(inner), np.linalg.norm(inner) / 0.023  # the rotor's, 148 rad/s
+AXIS, SPIN = inner / np.linalg.norm(inner), np.linalg.norm(inner) / 0.023  # rotor: 148 rad/s
 ROTOR = 0.0115 * (E + np.outer(AXIS, AXIS))
 FRAME = np.linalg.inv(A) - 0.9 * E - SHELL - ROTOR
 TIMES, level, h = np.linspace(0, 10, 501), np.r_[np.sin(0.6), np.cos(0.6), 0], np.sqrt(1 - 0.72**2)
 M, GAMMA = 5 * (h * level + 0.72 * E[2]), 0.72 * level - h * E[2]
-TURN = np.array([-M, np.cross(M, GAMMA), 5 * GAMMA]) / 5  # from the frame's axes to the world's
+ROTATION = np.array([-M, np.cross(M, GAMMA), 5 * GAMMA]) / 5  # from frame to world axes
 
 
 def rates(t, y):
-    """Return the rates of M, of the world's axes and of the contact point, by the paper's (3.2)."""
+    """Return the rates of M, the world's axes and the contact point, from the paper's (3.2)."""
     M, alpha, beta, gamma = axes = y[:12].reshape(4, 3)
     f = gamma @ A @ gamma
     w = A @ (np.cross(M, A @ gamma) + (OMEGA + A @ K) @ gamma * gamma - f * K) / f
     return [*np.cross(axes, w).ravel(), beta @ (w - OMEGA), -alpha @ (w - OMEGA)]
 
 
-start = np.array([*M, *TURN.ravel(), 0, 0])
+start = np.array([*M, *ROTATION.ravel(), 0, 0])
 truth = solve_ivp(rates, (0, 10), start, "DOP853", TIMES, rtol=1e-11, atol=1e-11).y[12:].T
 velocity = np.array([*rates(0, start)[12:], 0])
-turning = np.cross([0, 0, 1], velocity)  # of the shell, which does not spin
+omega = np.cross([0, 0, 1], velocity)  # of the shell, which does not spin
 
 STEP, MASSES, world = 1e-3, (0.07, 0.8016, 0.0284), simulation.World()
 world.setTimeStep(STEP)
@@ -61,11 +61,11 @@ for body, shape in (plane, dynamics.PlaneShape([0, 0, 1.0], 0)), (shell, dynamic
     node.getDynamicsAspect().setFrictionCoeff(20)
 world.addSkeleton(ground)
 world.addSkeleton(ball)
-place = math.Isometry3()
-place.set_rotation(TURN)
-place.set_translation([0, 0, 1])
-ball.setPositions([*dynamics.FreeJoint.convertToPositions(place), 0, 0])
-ball.setVelocities([*turning, *velocity, 2, SPIN])
+pose = math.Isometry3()
+pose.set_rotation(ROTATION)
+pose.set_translation([0, 0, 1])
+ball.setPositions([*dynamics.FreeJoint.convertToPositions(pose), 0, 0])
+ball.setVelocities([*omega, *velocity, 2, SPIN])
 ball.setCommands([0] * 6 + [2, SPIN])
 path = [[0, 0]]
 for _ in range(round(10 / STEP)):

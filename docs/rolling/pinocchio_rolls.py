@@ -1,7 +1,7 @@
-"""The ball of Fig. 12 on Pinocchio's point contact, put at its lowest point before every step.
+"""The ball of Fig. 12 on Pinocchio's point contact, moved to its lowest point before every step.
 
-The loop is that of Pinocchio's example. A torque of ours, -1.5 I/step (ω, e_z), resists the spin,
-with I = 0.35 kg m², the ball's least moment.
+The loop follows Pinocchio's example. A torque of ours, -1.5 I/step (ω, e_z), resists spin;
+I = 0.35 kg m² is the ball's least moment.
 """
 
 from importlib.metadata import version
@@ -14,46 +14,46 @@ try:
 except ImportError:
     raise SystemExit("skipped: Pinocchio is not installed") from None
 
-# A shell of radius 1 m, in it a frame that turns about z at 2 rad/s, in that a rotor: 0.07, 0.8016
-# and 0.0284 kg, all centred. Inertias, M and K are in the frame's axes, in SI units.
+# A shell of radius 1 m holds a frame that turns about z at 2 rad/s, and the frame a rotor. Masses:
+# 0.07, 0.8016 and 0.0284 kg, all centred. Inertias, M and K in the frame's axes, SI units.
 E, A, K, OMEGA = np.eye(3), np.diag([0.7, 0.6, 0.8]), np.array([2.0, 2, 0]), np.array([0, 0, 2.0])
 SHELL, inner = 0.07 * 2 / 3 * E, K + (0.07 * 2 / 3 + 0.9) * OMEGA
-AXIS, SPIN = inner / np.linalg.norm(inner), np.linalg.norm(inner) / 0.023  # the rotor's, 148 rad/s
+AXIS, SPIN = inner / np.linalg.norm(inner), np.linalg.norm(inner) / 0.023  # rotor: 148 rad/s
 ROTOR = 0.0115 * (E + np.outer(AXIS, AXIS))
 FRAME = np.linalg.inv(A) - 0.9 * E - SHELL - ROTOR
 TIMES, level, h = np.linspace(0, 10, 501), np.r_[np.sin(0.6), np.cos(0.6), 0], np.sqrt(1 - 0.72**2)
 M, GAMMA = 5 * (h * level + 0.72 * E[2]), 0.72 * level - h * E[2]
-TURN = np.array([-M, np.cross(M, GAMMA), 5 * GAMMA]) / 5  # from the frame's axes to the world's
+ROTATION = np.array([-M, np.cross(M, GAMMA), 5 * GAMMA]) / 5  # from frame to world axes
 
 
 def rates(t, y):
-    """Return the rates of M, of the world's axes and of the contact point, by the paper's (3.2)."""
+    """Return the rates of M, the world's axes and the contact point, from the paper's (3.2)."""
     M, alpha, beta, gamma = axes = y[:12].reshape(4, 3)
     f = gamma @ A @ gamma
     w = A @ (np.cross(M, A @ gamma) + (OMEGA + A @ K) @ gamma * gamma - f * K) / f
     return [*np.cross(axes, w).ravel(), beta @ (w - OMEGA), -alpha @ (w - OMEGA)]
 
 
-start = np.array([*M, *TURN.ravel(), 0, 0])
+start = np.array([*M, *ROTATION.ravel(), 0, 0])
 truth = solve_ivp(rates, (0, 10), start, "DOP853", TIMES, rtol=1e-11, atol=1e-11).y[12:].T
 velocity = np.array([*rates(0, start)[12:], 0])
-turning = np.cross([0, 0, 1], velocity)  # of the shell, which does not spin
+omega = np.cross([0, 0, 1], velocity)  # of the shell, which does not spin
 
-STEP, here, model = 1e-3, pin.SE3.Identity(), pin.Model()
+STEP, identity, model = 1e-3, pin.SE3.Identity(), pin.Model()
 root = pin.JointModelComposite(pin.JointModelTranslation())
 root.addJoint(pin.JointModelSpherical())
 joints = root, pin.JointModelRZ(), pin.JointModelRevoluteUnaligned(AXIS)
 for i, mass, inertia in (0, 0.07, SHELL), (1, 0.8016, FRAME), (2, 0.0284, ROTOR):
-    model.addJoint(i, joints[i], here, str(i))
-    model.appendBodyToJoint(i + 1, pin.Inertia(mass, np.zeros(3), inertia), here)
+    model.addJoint(i, joints[i], identity, str(i))
+    model.appendBodyToJoint(i + 1, pin.Inertia(mass, np.zeros(3), inertia), identity)
 model.armature = np.array([0, 0, 0, 0, 0, 0, 1e12, 1e12])
-contact = pin.PointContactConstraintModel(model, 0, here, 1, here)
+contact = pin.PointContactConstraintModel(model, 0, identity, 1, identity)
 contact.setFriction(20)
 solver, settings = pin.ADMMConstraintSolver(), pin.ADMMSolverSettings()
 settings.absolute_feasibility_tol = settings.absolute_complementarity_tol = 1e-10
 data, tau, result = model.createData(), np.zeros(8), pin.ADMMSolverResult()
-q = np.array([0, 0, 1, *pin.Quaternion(TURN).coeffs(), 0, 0])
-v = np.array([*velocity, *TURN.T @ turning, 2, SPIN])
+q = np.array([0, 0, 1, *pin.Quaternion(ROTATION).coeffs(), 0, 0])
+v = np.array([*velocity, *ROTATION.T @ omega, 2, SPIN])
 path = [[0, 0]]
 for _ in range(round(10 / STEP)):
     R = pin.Quaternion(q[3:7]).toRotationMatrix()

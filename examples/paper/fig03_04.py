@@ -1,7 +1,7 @@
 """Figs 3 and 4: the structure of the ball of Fig. 12, and the axes of space and of its frame.
 
-In Fig. 3 the frame turns in the shell about the axis of Ω, and the rotor on the frame about n₁.
-MuJoCo's renderer draws the bodies; it needs an off-screen OpenGL. Lengths are in radii.
+In Fig. 3 the frame turns in the shell about Ω, and the rotor in the frame about n₁. MuJoCo's
+renderer draws the bodies; it needs off-screen OpenGL. Lengths are in radii.
 
 python examples/paper/fig03_04.py
 """
@@ -18,11 +18,11 @@ from robotball.view import gl
 from robotball.view.stage import Camera, Stage
 from robotball.view.tracks import track_of
 
-SIZE = 800, 1000  # pixels of a picture, height and width
+SIZE = 800, 1000  # pixels, height and width
 
 
 def main() -> dict[str, float]:
-    """Draw both figures; return how far P of Fig. 4 is from O, and MuJoCo's error there [m]."""
+    """Draw both figures; return the distance from O to P in Fig. 4 and MuJoCo's error there [m]."""
     times = rb.sample_times(0.8)  # s, of the path in Fig. 4
     theory, engine = rb.integrate("fig12", times), rb.simulate("fig12", times)
     ball, first, last = theory.scene.ball, *rotation_matrix(theory.attitude[[0, -1]])

@@ -12,11 +12,11 @@ import robotball as rb
 from robotball.dynamics.equilibria import fixed_circle, fixed_points
 
 OUT = Path("out/fig05.png")
-DURATIONS = {"b": 16.0, "c": 20.0, "d": 6.0}  # s; the caption states none
+DURATIONS = {"b": 16.0, "c": 20.0, "d": 6.0}  # s, chosen: not in the caption
 
 
 def main(fraction: float = 1.0) -> dict[str, float]:
-    """Draw a fraction of each motion; return MuJoCo's path errors and the radius of d [m]."""
+    """Draw a fraction of each motion; return MuJoCo's path errors and the radius in (d) [m]."""
     figure, numbers = Figure((10, 9), layout="constrained"), {}
     on_sphere = {"a": {"projection": "3d", "title": "(a) γ on the Poisson sphere"}}
     axes = figure.subplot_mosaic("ab;cd", per_subplot_kw=on_sphere)
@@ -36,7 +36,7 @@ def main(fraction: float = 1.0) -> dict[str, float]:
         axes[name].set(ylabel="Y [m]", aspect="equal", adjustable="datalim")
         gap = np.linalg.norm(engine.contact_point - theory.contact_point, axis=1)
         numbers[f"path error of {name}"] = float(gap.max())
-    # In d γ stays at the fixed point Γ₁: the path is a circle.
+    # In (d) γ stays at the fixed point Γ₁, so the path is a circle.
     numbers["radius of d"] = float(np.ptp(engine.contact_point[:, 0])) / 2
     circle = fixed_circle(scene.parameters)
     assert circle is not None

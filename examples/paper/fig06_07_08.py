@@ -12,7 +12,7 @@ import robotball as rb
 from robotball.dynamics.equilibria import fixed_points, name_of
 from robotball.dynamics.portraits import curve_of, involute, limit_cycles, separatrices
 
-DURATIONS = {6: 40.0, 7: 40.0, 8: 24.0}  # s; the captions state none
+DURATIONS = {6: 40.0, 7: 40.0, 8: 24.0}  # s, chosen: not in the captions
 
 
 def main(number: int, fraction: float = 1.0) -> dict[str, float]:
@@ -34,7 +34,7 @@ def main(number: int, fraction: float = 1.0) -> dict[str, float]:
     for line in separatrices(ball, points, 60.0):
         draw(line.path, color="k", lw=0.8, ls="--" if line.stable else "-")
     for curve in (curve_of(ball, cycle.gamma, cycle.period) for cycle in cycles):
-        draw(curve, color="green", lw=2.5)  # -curve is the same, by the symmetry γ → -γ
+        draw(curve, color="green", lw=2.5)  # symmetric under γ → -γ
     for motion, style in ((theory, {"lw": 4.0, "alpha": 0.5}), (engine, {"lw": 1.2})):
         style |= {"color": motion.engine.colour, "label": motion.engine.name}
         draw(motion.gamma, **style)

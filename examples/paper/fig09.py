@@ -1,6 +1,6 @@
 """Fig. 9: the region of K₁, K₂ in which the straight lines σ₋ and δ₊ are stable.
 
-The caption states no f = M². Only K/√f matters, so that one picture serves all values. Fig. 10's
+The caption gives no f = M². Only K/√f matters, so one picture holds for all f. Fig. 10's
 K = (4, 5, 0) lies outside the region at its f = 3, and inside for f below 2.08.
 
 python examples/paper/fig09.py
@@ -17,11 +17,11 @@ from robotball.dynamics.straight_motions import name_of_line, straight_motions
 
 OUT = Path("out/fig09.png")
 BALL = rb.load_scene("fig10").parameters
-SIDE = 5.0  # of the picture, in √f
+SIDE = 5.0  # half the picture's width, in units of √f
 
 
 def growth_rate(K1: float, K2: float, f: float = 1.0) -> float:
-    """Return the largest real part [1/s] of the eigenvalues of σ₋; NaN where it does not exist."""
+    """Return the largest real part of σ₋'s eigenvalues [1/s]; NaN if σ₋ does not exist."""
     ball = replace(BALL, K=(K1, K2, 0.0))
     for line in straight_motions(ball, f):
         if name_of_line(ball, line.gamma) == "σ₋":
@@ -37,8 +37,8 @@ def main(count: int = 60) -> dict[str, float]:
     axes = figure.subplots()
     axes.contourf(side, side, rates, levels=[-1e9, 0.0], colors=["0.75"])
     axes.contour(side, side, rates, levels=[0.0], colors=["k"])
-    turn = np.linspace(0.0, 2 * np.pi, 200)
-    axes.fill(np.cos(turn), np.sin(turn), facecolor="none", edgecolor="0.5", hatch="//")
+    angle = np.linspace(0.0, 2 * np.pi, 200)
+    axes.fill(np.cos(angle), np.sin(angle), facecolor="none", edgecolor="0.5", hatch="//")
     axes.text(0.0, -1.1, "K² < f: no straight line", ha="center", va="top")
     for sign in (1, -1):
         axes.text(sign * 4.0, sign * 4.0, "σ₋, δ₊\nstable", ha="center", va="center")

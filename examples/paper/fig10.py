@@ -1,7 +1,7 @@
 """Fig. 10: the ball leaves a straight line near σ₊, turns round and rolls along the opposite one.
 
-The caption calls the new line stable. It is so for f below 2.08 only: at the caption's f = 3 the
-ball leaves it again, after some 300 s.
+The caption calls the new line stable. It is stable only for f below 2.08: at the caption's f = 3
+the ball leaves it again after about 300 s.
 
 python examples/paper/fig10.py
 """
@@ -19,7 +19,7 @@ OUT = Path("out/fig10.png")
 
 
 def main(duration: float = 80.0) -> dict[str, float]:
-    """Draw a duration [s]; return MuJoCo's path error [m], speeds dY/dt, and the largest f."""
+    """Draw the motion for a duration [s]; return MuJoCo's path error [m], dY/dt and largest f."""
     scene, times = rb.load_scene("fig10"), rb.sample_times(duration, 0.02)
     ball, f = scene.parameters, float(scene.start.momentum @ scene.start.momentum)
     theory, engine = rb.integrate(scene, times), rb.simulate(scene, times)

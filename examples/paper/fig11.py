@@ -1,7 +1,7 @@
 """Figs 11a and 11b: the section g = 0 over l and L/√f, with the attractors.
 
-In (a) every start reaches one limit cycle, which crosses twice, once in each direction, or one
-torus. In (b) there is a strange attractor.
+In (a) every orbit reaches either a limit cycle, which crosses once in each direction, or a torus.
+In (b) there is a strange attractor.
 
 python examples/paper/fig11.py
 """
@@ -15,14 +15,14 @@ import robotball as rb
 from robotball.dynamics import sections
 
 OUT = Path("out/fig11.png")
-ROOT_F, EARLY = 5.0, 200  # √f [kg m²/s]; crossings before a start has reached an attractor
+ROOT_F, EARLY = 5.0, 200  # √f [kg m²/s]; crossings before an orbit has reached an attractor
 
 
 def main(starts: int = 40, duration: float = 600.0) -> dict[str, float]:
     """Draw the sections, with MuJoCo for a duration [s].
 
-    Return how far MuJoCo's first ten crossings are from those of the equations, as vectors γ and
-    M/√f, and the period of the limit cycle with both [s].
+    Return the largest distance of MuJoCo's first ten crossings to the crossings of the equations,
+    as vectors γ and M/√f, and the period of the limit cycle with both [s].
     """
     figure, numbers = Figure((13, 6), layout="constrained"), {}
     random = np.random.default_rng(0)
@@ -30,22 +30,21 @@ def main(starts: int = 40, duration: float = 600.0) -> dict[str, float]:
     panels = {"a": ("fig12", "fig13"), "b": ("fig14",)}
     for axes, (panel, names) in zip(figure.subplots(1, 2), panels.items(), strict=True):
         ball = rb.load_scene(names[0]).parameters
-        begin = sections.section_starts(L, l, ROOT_F**2)
-        theory = sections.sections_of(ball, *begin, 3 * EARLY)
-        for some, colour in ((theory[:, :EARLY], "0.8"), (theory[:, EARLY:], "#D55E00")):
+        theory = sections.sections_of(ball, *sections.section_starts(L, l, ROOT_F**2), 3 * EARLY)
+        for points, colour in ((theory[:, :EARLY], "0.8"), (theory[:, EARLY:], "#D55E00")):
             axes.plot(
-                some.l.ravel() % (2 * np.pi), some.L.ravel() / ROOT_F, ".", color=colour, ms=2
+                points.l.ravel() % (2 * np.pi), points.L.ravel() / ROOT_F, ".", color=colour, ms=2
             )
         for name in names:
             scene = rb.load_scene(name)
             motion = rb.simulate(scene, rb.sample_times(duration, 0.005))
-            found = sections.crossings_of_motion(motion, scene)
-            axes.plot(found.l % (2 * np.pi), found.L / ROOT_F, "x", color="#0072B2", ms=4)
+            crossings = sections.crossings_of_motion(motion, scene)
+            axes.plot(crossings.l % (2 * np.pi), crossings.L / ROOT_F, "x", color="#0072B2", ms=4)
             exact = rb.section(scene, 10)
-            gap = np.linalg.norm(found.states[:10] - exact.states[0], axis=1)
+            gap = np.linalg.norm(crossings.states[:10] - exact.states[0], axis=1)
             numbers[f"error of {name}"] = float(gap.max())
-            if name == "fig12":  # the cycle crosses twice
-                numbers["period, MuJoCo"] = float(found.times[-1] - found.times[-3])
+            if name == "fig12":  # the cycle crosses twice per period
+                numbers["period, MuJoCo"] = float(crossings.times[-1] - crossings.times[-3])
         axes.set(xlabel="l [rad]", ylabel="L/√f", ylim=(-1.05, 1.05))
         axes.set_title(f"({panel}) dots: equations, early ones grey; crosses: MuJoCo")
     ball = rb.load_scene("fig12").parameters

@@ -12,7 +12,7 @@ import robotball as rb
 
 
 def main(number: int, duration: float = 40.0) -> dict[str, float]:
-    """Draw a duration [s]; return MuJoCo's path error [m] and the mean velocity [m/s]."""
+    """Draw the motion for a duration [s]; return MuJoCo's path error [m] and mean dX/dt [m/s]."""
     scene, times = rb.load_scene(f"fig{number}"), rb.sample_times(duration, 0.01)
     theory, engine = rb.integrate(scene, times), rb.simulate(scene, times)
     figure = Figure((12, 5), layout="constrained")

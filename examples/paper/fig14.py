@@ -1,7 +1,7 @@
 """Fig. 14: the path of the contact point on the strange attractor of Fig. 11b.
 
 The caption says "limit cycle". Neighbouring motions separate as exp(0.116 t), so MuJoCo's path
-leaves that of the equations in the end, however small the step.
+finally leaves the equations' path, however small the step.
 
 python examples/paper/fig14.py
 """
@@ -18,7 +18,7 @@ EXPONENT = 0.116  # 1/s, the largest Lyapunov exponent
 
 
 def main(duration: float = 160.0) -> dict[str, float]:
-    """Draw a duration [s]; return the distance of MuJoCo's path after a quarter and at the end."""
+    """Draw the motion for a duration [s]; return MuJoCo's distances at a quarter and at the end."""
     scene, times = rb.load_scene("fig14"), rb.sample_times(duration, 0.01)
     theory = rb.integrate(scene, times)
     figure = Figure((10, 7), layout="constrained")

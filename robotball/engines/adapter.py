@@ -1,15 +1,14 @@
-"""Run a scene in an engine of another package: steps, readings and the report.
+"""Adapters: run a scene in an engine of another package.
 
-An adapter is a file: its settings, its presets, what it cannot express, and a World, which is the
-ball made ready in that engine. The package is imported when a world is made, not before.
-docs/engines.md has what every preset was measured to do, and why it is as it is; docs/findings has
-a small program for each peculiarity of an engine.
+An adapter is one file with the engine's settings, its presets, the scenes it cannot express, and a
+World: the ball built in that engine, ready to step. The package is imported when a World is made.
+docs/engines.md explains every preset; docs/findings has a small program for each peculiarity of an
+engine.
 
-IdealWorld rolls ideally on the other engine's dynamics: its mass matrix and bias, our constraints.
-With u = (v of the sphere's centre, ω of the shell, hinge rates), world axes, rolling v = a ω×e_z,
-(ω, e_z) = 0 of the rubber model and given rates are linear in u with constant coefficients. So
-u = S w + s(t) with w the free part of ω, and the engine's M du/dt + h = 0 is projected on S: no
-term of dS/dt is left to be dropped.
+IdealWorld imposes ideal rolling on the engine's mass matrix M and bias h. In world axes
+u = (v of the sphere's centre, ω of the shell, hinge rates). Rolling v = a ω×e_z, the rubber model's
+(ω, e_z) = 0 and prescribed hinge rates are linear in u with constant coefficients: u = S w + s(t),
+where w is the free part of ω. Projecting M du/dt + h = 0 on S therefore needs no dS/dt.
 """
 
 import time
@@ -38,17 +37,15 @@ from robotball.robot.scene import Scene
 from robotball.rotations import Array
 from robotball.theory.dop853 import Compensated, Rate, one_by_one
 
-# Python's part of a run is measured afterwards, on so many steps or calls without the engine.
-_CALLS = 200
-_ABREAST = 1024  # balls of a world at most; their samples are held until the end
+_CALLS = 200  # calls or steps without the engine, to time Python's share of a run
+_ABREAST = 1024  # most balls in one world: all their samples stay in memory until the end
 
 
 class World(ABC):
-    """A ball in an engine, at its start. To make one is set-up, which no run's time includes.
+    """A ball in an engine, at its initial state. Making one is not part of a run's time.
 
-    steps: the number taken so far; longest: the longest of them [s]; clock: by which they are
-    timed, the processor's unless another device takes them; friction: the coefficient of the
-    engine's contact, where it is known.
+    steps, longest: number and longest [s] of the steps so far; clock: times the steps, in processor
+    time unless another device takes them; friction: the contact's coefficient, NaN if unknown.
     """
 
     friction = float("nan")
@@ -59,31 +56,28 @@ class World(ABC):
 
     @abstractmethod
     def march(self, times: Array, timestep: float) -> Iterator[Callable[[], State]]:
-        """Take steps of `timestep` at most [s], and yield at each of times (n,) after the first.
+        """Step to each of times (n,) after the first, and yield a function that reads the state.
 
-        What is yielded reads the state, which is no part of a run's time.
+        No step exceeds `timestep` [s]. Reading a state is not part of a run's time.
         """
 
     @abstractmethod
     def python_seconds(self) -> float:
-        """Return the processor time of Python's part in all steps so far [s]."""
+        """Return the processor time that Python took in all steps [s]."""
 
     def end(self) -> None:  # noqa: B027
-        """Have the engine keep for other runs what it keeps, as what it compiled."""
+        """Let the engine cache what later runs can reuse, such as compiled kernels."""
 
     def force(self) -> Array:
-        """Return the plane's force on the shell in the last step (3,) [N], world, if it is known.
-
-        The normal force is last.
-        """
+        """Return the plane's force on the shell in the last step (3,) [N], world axes; or NaN."""
         return UNKNOWN_FORCE
 
-    def fall(self, gravity: Array) -> None:
-        """Set gravity (3,) [m/s²], world axes; an engine's that says so by `falls`."""
+    def set_gravity(self, gravity: Array) -> None:
+        """Set gravity (3,) [m/s²], world axes, if the adapter's `sets_gravity` is true."""
         raise NotImplementedError
 
     def hinges_at(self, t: float) -> tuple[Array, Array]:
-        """Return the hinges' given angles (h,) and rates (h,) at t [s]."""
+        """Return the prescribed hinge angles (h,) and rates (h,) at t [s]."""
         drives = self.scene.drives
         angles, rates = np.array([(drive.angle(t), drive.rate(t)) for drive in drives], float).T
         return angles, rates
@@ -91,45 +85,45 @@ class World(ABC):
     def stretches(
         self, times: Array, timestep: float
     ) -> Iterator[tuple[float, float, int, float | None]]:
-        """Yield stretches of equal steps that end on sample times (n,) and on breakpoints.
+        """Yield intervals of equal steps that end on sample times (n,) and on breakpoints.
 
-        Each is the time at which it begins [s], the steps' length, `timestep` at most [s], their
-        number, and the sample time at which it ends, or None. The steps are counted as taken.
+        Each is (start time [s], step length <= `timestep` [s], number of steps, the sample time at
+        its end or None). Counts the steps as taken.
         """
         sampled = set(times.tolist())
         cut = spans(times, self.scene.breakpoints, timestep)
-        for (begin, end), length, count in zip(*(each.tolist() for each in cut), strict=True):
+        for (begin, end), length, count in zip(*(part.tolist() for part in cut), strict=True):
             self.steps, self.longest = self.steps + int(count), max(self.longest, length)
             yield begin, length, int(count), end if end in sampled else None
 
 
 class SteppedWorld(World):
-    """An engine that Python steps, one call a step."""
+    """An engine that Python steps, one call per step."""
 
-    any_step = False  # whether the steps of one world may differ in length
+    any_step = False  # True if the steps of one world may differ in length
 
     @abstractmethod
     def control(self, t: float, step: float) -> None:
-        """Set the hinges' motors for a step that begins at t [s]; called only if rates change."""
+        """Set the hinge motors for a step that begins at t [s]; called only if rates change."""
 
     @abstractmethod
     def step(self, step: float) -> None:
         """Take one step of the engine [s]."""
 
     def wait(self) -> None:
-        """Wait for the steps taken: a device's own work would else count as our reading."""
+        """Wait until the device has finished its steps, so that they are not timed as reading."""
 
     @abstractmethod
     def state(self) -> State:
-        """Return the state that the ball is in now."""
+        """Return the current state of the ball."""
 
     def march(self, times: Array, timestep: float) -> Iterator[Callable[[], State]]:
         lengths = spans(times, self.scene.breakpoints, timestep)[1]
-        # The engine has its step from set-up. Lengths that differ by rounding alone count as equal.
+        # The step length is fixed at set-up. Lengths that differ by rounding count as equal.
         if not self.any_step and not np.allclose(lengths, lengths[0], rtol=1e-9, atol=0.0):
             raise InputError(
-                f"{self.scene.name}: this engine's steps are all equal, and they have to end on "
-                "every sample and wherever a rate breaks: sample it at equal intervals that do"
+                f"{self.scene.name}: this engine uses one step length, so samples and rate "
+                "breakpoints must fall on multiples of it: choose another sampling interval"
             )
         for begin, length, count, sample in self.stretches(times, timestep):
             self._loop(self.step, begin, length, count)
@@ -138,8 +132,7 @@ class SteppedWorld(World):
                 yield self.state
 
     def python_seconds(self) -> float:
-        # Commands are given to the engine as in the run, so that these calls count; no step is
-        # taken.
+        # Includes the calls that set the motors; only the engine's steps are left out.
         count = min(_CALLS, self.steps)
         began = time.process_time()
         self._loop(lambda _: None, 0.0, self.longest, count)
@@ -152,8 +145,8 @@ class SteppedWorld(World):
             return
         for i in range(count):
             self.control(begin + i * step, step)
-            if self.scene.plane_moves:  # its mean over the step, but for the second order
-                self.fall(self.scene.gravity_at(begin + (i + 0.5) * step))
+            if self.scene.plane_moves:  # the midpoint value is the step's mean to second order
+                self.set_gravity(self.scene.gravity_at(begin + (i + 0.5) * step))
             take(step)
 
 
@@ -161,28 +154,28 @@ class ServoWorld(SteppedWorld):
     """A stepped engine whose hinges have velocity servos, each with a target rate."""
 
     @abstractmethod
-    def turn(self, rates: Array) -> None:
-        """Set the target rates (h,) of the hinges [rad/s]."""
+    def set_rates(self, rates: Array) -> None:
+        """Set the servos' target rates (h,) [rad/s]."""
 
     def control(self, t: float, step: float) -> None:
-        # These engines take semi-implicit steps, whose velocities are those at the end of a step.
-        self.turn(self.hinges_at(t + step)[1])
+        # Semi-implicit steps: a step's velocities belong to its end.
+        self.set_rates(self.hinges_at(t + step)[1])
 
 
 def on_device(world: World, device: str, cuda: bool) -> str:
-    """Return the device of a world's balls, and time its steps. Raises InputError for no device.
+    """Return the device that runs a world's balls, and choose the clock for it.
 
-    cuda: whether the engine finds one.
+    cuda: whether the engine finds a CUDA device. Raises InputError if it is asked for and missing.
     """
     if device == "cuda" and not cuda:
-        raise InputError("there is no device 'cuda': give cpu, as no CUDA device is found")
+        raise InputError("no CUDA device found: give device 'cpu' instead of 'cuda'")
     if device == "cuda":
         world.clock = time.perf_counter
     return device
 
 
 def seconds_per_call(call: Callable[[], object]) -> float:
-    """Return the processor time that a function takes [s], the mean of many calls."""
+    """Return the mean processor time of a call [s]."""
     began = time.process_time()
     for _ in range(_CALLS):
         call()
@@ -191,48 +184,42 @@ def seconds_per_call(call: Callable[[], object]) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class StepSettings(EngineSettings):
-    """Settings of an engine that takes equal steps [s]; each adapter adds its own.
-
-    In these None leaves a choice at the engine's own default.
-    """
+    """Settings of an engine with equal steps [s]. In those that adapters add, None is a default."""
 
     timestep: float
 
 
-def given(**values: Any) -> dict[str, Any]:
-    """Return the values that are not left to the engine, which None does."""
+def without_none(**values: Any) -> dict[str, Any]:
+    """Return the values that are not None, which leaves an option at the engine's default."""
     return {name: value for name, value in values.items() if value is not None}
 
 
 def by_name(*presets: Own) -> dict[str, Own]:
-    """Return presets by their names."""
-    return {each.name: each for each in presets}
+    return {preset.name: preset for preset in presets}
 
 
 @dataclass(frozen=True, kw_only=True)
 class PointSettings(StepSettings):
-    """Settings of an engine whose point contact resists no spin, or that needs none.
+    """Settings of an engine whose point contact resists no spin, or whose contact is not used.
 
-    spin_part: of inertia over step, for a torque of ours against the spin; 0 for no torque. One
-    that is explicit in time is stable up to 2.
-    ideal: the steps of our own constraints on the engine's mass matrix and bias, None for its own
-    contact; rtol: of DOP853.
+    spin_part: gain of our torque against spin, relative to inertia over step. Explicit integration
+    is stable up to 2; 0 applies no torque.
     """
 
     spin_part: float = 1.5
-    ideal: Literal["RK4", "DOP853"] | None = None
-    rtol: float = 1e-12
+    ideal: Literal["RK4", "DOP853"] | None = None  # our constraints on the engine's dynamics
+    rtol: float = 1e-12  # of DOP853
 
 
-def either(own: Callable[..., World], ideal: Callable[..., World]) -> Callable[..., World]:
-    """Return what makes a world of the engine's own contact, or one by our constraints."""
-    return lambda scene, settings, step: (ideal if settings.ideal else own)(scene, settings, step)
+def either(real: Callable[..., World], ideal: Callable[..., World]) -> Callable[..., World]:
+    """Return a factory: worlds with the engine's contact, or ideal ones if the settings ask so."""
+    return lambda scene, settings, step: (ideal if settings.ideal else real)(scene, settings, step)
 
 
 def spin_damping(scene: Scene, settings: PointSettings, step: float) -> float:
-    """Return the c of our torque -c (ω, e_z) on a rubber shell [N m s], and 0 where there is none.
+    """Return c of our torque -c (ω, e_z) on a rubber shell [N m s]; 0 for the classical model.
 
-    The inertia is the ball's least moment.
+    c = spin_part · (the ball's smallest principal moment) / step.
     """
     if scene.rolling == "classical":
         return 0.0
@@ -240,14 +227,14 @@ def spin_damping(scene: Scene, settings: PointSettings, step: float) -> float:
 
 
 def no_torsion(scene: Scene, instead: str = "the shell spins freely") -> str | None:
-    """Return that a contact has no torsional friction, where a ball needs it, and what follows."""
+    """Return a line if the contact lacks torsional friction that the ball needs, else None."""
     if scene.rolling == "classical":
         return None
     return f"its contact has no torsional friction: {instead}"
 
 
 def spins(scene: Scene, settings: PointSettings) -> str | None:
-    """Return that the shell spins freely, or that a torque of ours damps that; None if neither."""
+    """Return a line if the shell spins freely or with our damping, else None."""
     if settings.ideal:
         return None
     damped = ["a torque of ours damps the spin"] if settings.spin_part else []
@@ -255,7 +242,6 @@ def spins(scene: Scene, settings: PointSettings) -> str | None:
 
 
 def in_single_precision(scene: Scene, settings: Any) -> str:
-    """Return that an engine lacks double precision."""
     return "its state is in single precision"
 
 
@@ -263,13 +249,21 @@ def in_single_precision(scene: Scene, settings: Any) -> str:
 class Adapter(Engine):
     """An engine of another package.
 
-    packages: the names that are imported; extra: the extra of robotball that brings them, the
-    engine's own name and that of its environment, in the folder `environments`; world: what makes
-    the ball at its start of a scene, settings and its longest step [s]; lacks: what says in a line
-    what the engine lacks for a scene under settings, if anything. Both get its own kind of
-    settings, that of its presets. falls: whether its worlds set gravity as they go. Where presets
-    have a `device`, a world can roll many balls there, each as if it were alone; `world` then takes
-    the scenes too, which differ in their starts.
+    Attributes
+    ----------
+    packages : tuple of str
+        The names that are imported.
+    extra : str
+        The extra of robotball that installs them; also the name of engine and environment.
+    world : callable
+        (scene, settings, longest step [s]) -> World. If the presets have a `device`, it also takes
+        scenes that differ only in their initial states and rolls their balls side by side.
+    lacks : callable
+        (scene, settings) -> one line on physics that the engine lacks for the scene, or None.
+    sets_gravity : bool
+        Whether its worlds can change gravity during a run.
+    environments : Path
+        The folder of engine environments.
     """
 
     label: Label
@@ -279,37 +273,37 @@ class Adapter(Engine):
     world: Callable[..., World]
     lacks: Callable[[Scene, Any], str | None] = lambda *_: None
     default: str = "best"
-    falls: bool = False
+    sets_gravity: bool = False
     environments: Path = ENVIRONMENTS
 
     @property
     def requirements(self) -> tuple[str, ...]:
-        """The requirements of its extra, by robotball's own metadata."""
-        # Each line is "requirement; marker", as in "pin>=4.1; extra == 'pinocchio'".
+        """The requirements of the engine's extra, from robotball's own metadata."""
+        # Each line is "requirement; marker", for example "pin>=4.1; extra == 'pinocchio'".
         lines = (line.partition("; ") for line in requires("robotball") or ())
-        return tuple(needed for needed, _, on in lines if on == f"extra == '{self.extra}'")
+        return tuple(line for line, _, marker in lines if marker == f"extra == '{self.extra}'")
 
     @property
     def installed(self) -> bool:
-        """True if its packages are there. None is imported but for that of which one is a part."""
-        return all(find_spec(each) is not None for each in self.packages)
+        """True if the packages are found; importing them takes too long."""
+        return all(find_spec(name) is not None for name in self.packages)
 
     def cannot_express(self, scene: Scene) -> str | None:
-        """Return why adapters cannot roll the scene, in a line, or None."""
+        """Return in one line why adapters cannot roll the scene, or None."""
         if scene.not_reduced:
             return (
-                f"its adapter turns hinges at given rates in a balanced ball: {scene.not_reduced}"
+                f"its adapter needs prescribed hinge rates in a balanced ball: {scene.not_reduced}"
             )
         if scene.ball.shell.offset:
-            return "its adapter has the shell's centre of mass at the shell's centre"
-        if scene.plane_moves and not self.falls:
-            return "its adapter sets gravity once, and the plane moves"
+            return "its adapter needs the shell's centre of mass at the sphere's centre"
+        if scene.plane_moves and not self.sets_gravity:
+            return "its adapter keeps gravity constant, but this plane moves"
         return None
 
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
-        """Return the motion. Loads that the engine does not give are NaN.
+        """Return the motion. Loads that the engine does not report are NaN.
 
-        Where the engine is not installed it is run in its environment, without progress.
+        If the engine is not installed here, it runs in its environment, without progress reports.
         """
         (motion,) = self._motions([scene], times, request)
         return motion
@@ -317,7 +311,7 @@ class Adapter(Engine):
     def run_many(
         self, scenes: Sequence[Scene], times: Array, settings: EngineSettings
     ) -> Iterator[ContactMotion]:
-        """Yield the motions of scenes, in one world where they differ in the start alone."""
+        """Yield the motions of scenes, in one world if only their initial states differ."""
         abreast = differ_in_start(scenes) and getattr(settings, "device", None) is not None
         size = _ABREAST if abreast else 1
         for i in range(0, len(scenes), size):
@@ -326,7 +320,7 @@ class Adapter(Engine):
     def _motions(
         self, scenes: Sequence[Scene], times: Array, request: Request
     ) -> Iterable[ContactMotion]:
-        """Return the motions of scenes by one world, here or in the engine's environment."""
+        """Return the motions from one world, here or in the engine's environment."""
         if self.installed:
             return self._rolled(scenes, times, request)
         python = interpreter_of(self.environments / self.extra)
@@ -337,22 +331,23 @@ class Adapter(Engine):
     def _rolled(
         self, scenes: Sequence[Scene], times: Array, request: Request
     ) -> Iterator[ContactMotion]:
-        """Yield the motions of scenes by one world of the engine as it is installed here."""
+        """Yield the motions from one world of the engine that is installed here."""
         settings = as_own(request.settings, type(self.presets[self.default]), self.label)
         scene = scenes[0]
-        # It runs all the same: how far off it then is belongs to the comparison of engines.
+        # Do not refuse: the comparison of engines measures the effect of such a lack.
         if lack := self.lacks(scene, settings):
             warn(f"{scene.name}, {settings.name}: {self.label.name}: {lack}")
         more = (scenes,) if len(scenes) > 1 else ()
         step = float(spans(times, scene.breakpoints, settings.timestep)[1].max())
         missed = scene.sampling_error(float(times[-1]), step)
         if missed > RATE_ERROR and getattr(settings, "ideal", None) != "DOP853":
-            lack = f"a drive's error over a step of {step:g} s is {missed:.2g}; take a shorter one"
+            limit = f"more than {RATE_ERROR:g}: use shorter steps"
+            lack = f"the sampling error of a drive is {missed:.2g} at steps of {step:g} s, {limit}"
             warn(f"{scene.name}, {settings.name}: {self.label.name}: {lack}")
         world = self.world(scene, settings, step, *more)
-        # Only the engine's steps are timed, not the reading of its states. A state that is no
-        # number ends the run of its ball.
-        rows, spent = [np.array([start_state(each).row for each in scenes])], 0.0
+        # Time the engine's steps only, not the reading of states. A ball's run ends at a state that
+        # is not finite.
+        rows, spent = [np.array([start_state(ball).row for ball in scenes])], 0.0
         forces = [UNKNOWN_FORCE]
         march = world.march(times, settings.timestep)
         while len(rows) < len(times) and np.isfinite(rows[-1]).all(axis=1).any():
@@ -360,16 +355,16 @@ class Adapter(Engine):
             read = next(march)
             spent += world.clock() - began
             rows.append(np.atleast_2d(read().row))
-            # Of balls abreast the forces are not read.
+            # Contact forces are read for a single ball only.
             forces.append(world.force() if len(scenes) == 1 else UNKNOWN_FORCE)
             if request.progress is not None:
                 request.progress(times[len(rows) - 1] / times[-1])
         share, python = spent / len(scenes), world.python_seconds() / len(scenes)
         world.end()
         cost = {"seconds": share, "python_seconds": python}
-        for each, own in zip(scenes, np.stack(rows, axis=1), strict=True):
+        for ball, states in zip(scenes, np.stack(rows, axis=1), strict=True):
             yield motion_of_rows(
-                self.label, each, times, own, settings, np.array(forces), world.friction,
+                self.label, ball, times, states, settings, np.array(forces), world.friction,
                 timestep=world.longest, steps=world.steps, **cost,
             )  # fmt: skip
 
@@ -377,24 +372,24 @@ class Adapter(Engine):
 def _rolled_by(
     name: str, scenes: Sequence[Scene], times: Array, settings: Any
 ) -> list[ContactMotion]:
-    """Return the motions by an adapter, as its environment has it."""
+    """Return an adapter's motions, called in the process of its environment."""
     engine = engine_named(name)
     assert isinstance(engine, Adapter)
     return list(engine._rolled(scenes, times, Request(engine, settings)))
 
 
 def elsewhere(engine: Engine, folder: Path | str) -> Engine:
-    """Return the engine with environments in a folder, where it is one that may need them."""
+    """Return an adapter with its environments in another folder; other engines unchanged."""
     return replace(engine, environments=Path(folder)) if isinstance(engine, Adapter) else engine
 
 
 def not_installed(engine: str, name: str) -> InputError:
-    """Return the error for an engine, called by a name, that is neither here nor elsewhere."""
+    """Return the error for an engine that is installed neither here nor in its environment."""
     return InputError(f"{engine} is not installed: robotball engines --install {name}")
 
 
 def version_of(distribution: str) -> str:
-    """Return the version of a package that may be installed, without an import."""
+    """Return the version of a package without importing it, or "not installed"."""
     try:
         return version(distribution)
     except PackageNotFoundError:
@@ -402,10 +397,9 @@ def version_of(distribution: str) -> str:
 
 
 class IdealWorld(World):
-    """A world that asks an engine for its dynamics, and takes the steps itself.
+    """Ideal rolling on an engine's dynamics, integrated here with RK4 or DOP853.
 
-    They are of fixed length, or DOP853's, which chooses its own, none longer than the timestep, by
-    an error of `rtol` in one step.
+    RK4 takes equal steps. DOP853 chooses steps up to `timestep`, with local error `rtol`.
     """
 
     def __init__(self, scene: Scene, settings: PointSettings) -> None:
@@ -418,7 +412,7 @@ class IdealWorld(World):
 
     @abstractmethod
     def dynamics(self, state: State) -> tuple[Array, Array]:
-        """Return M (n, n) and h (n,) of M du/dt + h = 0, with u as above and n = 6 + hinges."""
+        """Return M (n, n) and h (n,) of M du/dt + h = 0, with u as above and n = 6 + h."""
 
     def rate(self, t: float, y: Array) -> Array:
         """Return the derivative of (X, Y, q, w)."""
@@ -427,16 +421,15 @@ class IdealWorld(World):
         hinges = [drive.acceleration(t) for drive in self.scene.drives]
         pushed = np.array([*np.zeros(6), *hinges])
         if self.scene.plane_moves:
-            self.fall(self.scene.gravity_at(t))
+            self.set_gravity(self.scene.gravity_at(t))
         M, h = self.dynamics(state)
         S, (w, x, y, z) = self.S, state.attitude
         free_rate = np.linalg.solve(S.T @ M @ S, -S.T @ (M @ pushed + h))
-        # The turning is in world axes, and so stands on the left: dq/dt = (0, ω)∘q/2.
-        turn = eq.quaternion_product((0.0, *as_vector(state.turning)), (w, x, y, z))
-        return np.array([*state.velocity[:2], *(each / 2 for each in turn), *free_rate])
+        # ω is in world axes, so it multiplies from the left: dq/dt = (0, ω)∘q/2.
+        q_rate = eq.quaternion_product((0.0, *as_vector(state.omega)), (w, x, y, z))
+        return np.array([*state.velocity[:2], *(part / 2 for part in q_rate), *free_rate])
 
     def state_at(self, t: float, y: Array) -> State:
-        """Return the state of (X, Y, q, w) at t [s]."""
         u = self.S @ y[6:]
         q = y[2:6] / np.linalg.norm(y[2:6])
         angles, rates = self.hinges_at(t)
@@ -445,9 +438,9 @@ class IdealWorld(World):
 
     @property
     def _start(self) -> Array:
-        """The numbers (X, Y, q, w) of the start."""
+        """The initial (X, Y, q, w)."""
         now = self.now
-        return np.concatenate([now.centre[:2], now.attitude, now.turning[: self.S.shape[1]]])
+        return np.concatenate([now.centre[:2], now.attitude, now.omega[: self.S.shape[1]]])
 
     def march(self, times: Array, timestep: float) -> Iterator[Callable[[], State]]:
         steps = self._rk4 if self.stepper == "RK4" else self._dop853
@@ -462,9 +455,9 @@ class IdealWorld(World):
                 yield sample, y
 
     def _dop853(self, times: Array, timestep: float, y: Array) -> Iterator[tuple[float, Array]]:
-        # It begins anew at every breakpoint: a step across one is wrong by 1e-5.
+        # Restart at every breakpoint: a step across one has an error of 1e-5.
         stops = np.union1d([t for t in self.scene.breakpoints if t < times[-1]], times[[0, -1]])
-        # X and Y do not set the step where they pass zero: their scale is the radius.
+        # The scale of X and Y is the radius, so that passing zero does not shorten the step.
         scale = np.array([*[self.scene.ball.radius] * 2, *[1.0] * 4, *[1.0] * (len(y) - 6)])
         for begin, end in pairwise(stops.tolist()):
             stages = partial(one_by_one, self.rate)
@@ -479,14 +472,13 @@ class IdealWorld(World):
             y = solver.state
 
     def python_seconds(self) -> float:
-        """Return that of our constraints, without the calls for the engine's dynamics."""
+        """Return the processor time of our constraints, without the engine's dynamics [s]."""
         y, evaluations = self._start, self.evaluations
         whole = seconds_per_call(lambda: self.rate(0.0, y))
         return (whole - seconds_per_call(lambda: self.dynamics(self.now))) * evaluations
 
 
 def _rk4(rate: Rate, t: float, y: Array, h: float) -> Array:
-    """Return the state after a step of the classical Runge-Kutta method from y at t, h long [s]."""
     k1 = rate(t, y)
     k2 = rate(t + h / 2, y + h / 2 * k1)
     k3 = rate(t + h / 2, y + h / 2 * k2)
@@ -495,6 +487,6 @@ def _rk4(rate: Rate, t: float, y: Array, h: float) -> Array:
 
 
 def velocity_first(M: Array, h: Array) -> tuple[Array, Array]:
-    """Return M and h for u = (v, ω, rates) from those of an engine that has (ω, v, rates)."""
+    """Reorder M and h of an engine with u = (ω, v, rates) to u = (v, ω, rates)."""
     order = np.array([3, 4, 5, 0, 1, 2, *range(6, len(h))])
     return M[np.ix_(order, order)], h[order]

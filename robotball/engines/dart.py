@@ -1,7 +1,7 @@
-"""DART as an engine: its bodies with velocity actuators, or its dynamics under our constraints.
+"""DART: its bodies with velocity actuators, or its dynamics under our constraints.
 
-Its contact has no torsional friction: a torque against the spin, ours, stands in for it. It steps
-by semi-implicit Euler alone.
+Its contact has no torsional friction; we apply a torque against spin instead. It integrates with
+semi-implicit Euler only.
 """
 
 from dataclasses import dataclass
@@ -10,28 +10,27 @@ from typing import Any, Literal
 import numpy as np
 
 from robotball.engines import adapter
-from robotball.engines.states import State, lifting, links_of
+from robotball.engines.states import State, force_on_ball, links_of
 from robotball.motion import Label
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, from_matrix, rotation_matrix
 
-_LEAST = 1e-12  # kg, and kg m²: of a body between two joints, which DART would give 1 kg
+_LEAST = 1e-12  # kg and kg m², of a body between two joints; DART's default is 1 kg
 
 
 @dataclass(frozen=True, kw_only=True)
 class _DartSettings(adapter.PointSettings):
     """Settings of a DART run.
 
-    friction: of ball and plane; root: the shell's joint, a free one, or a translation with Euler
-    angles. A translation with a ball joint has the digits of the free one.
+    root: the shell's joint, a free joint, or a translation with Euler angles. A translation with a
+    ball joint gives the same digits as the free joint.
     """
 
-    friction: float | None = None
+    friction: float | None = None  # of ball and plane
     root: Literal["free", "Euler"] = "free"
 
 
 def _skeleton(scene: Scene, dart: Any, root: str = "free") -> Any:
-    """Return the ball as a skeleton without collision shapes."""
     ball = dart.dynamics.Skeleton("ball")
     bodies: dict[str, Any] = {}
     for link in links_of(scene):
@@ -49,7 +48,7 @@ def _skeleton(scene: Scene, dart: Any, root: str = "free") -> Any:
             place.set_translation(link.pivot)
             properties.mT_ParentBodyToJoint = place
             joint, body = ball.createRevoluteJointAndBodyNodePair(bodies[link.parent], properties)
-            # The rate is then a constraint of DART's own, without a gain or an armature to choose.
+            # DART imposes the rate as a constraint, so it needs no gain and no armature.
             joint.setActuatorType(dart.dynamics.ActuatorType.VELOCITY)
         body.setInertia(dart.dynamics.Inertia(link.mass, link.centre, link.inertia))
         body.setName(link.name)
@@ -58,25 +57,23 @@ def _skeleton(scene: Scene, dart: Any, root: str = "free") -> Any:
 
 
 def _put(ball: Any, state: State, dart: Any) -> None:
-    """Put the ball into a state. A free joint's velocities are (ω, v) in world axes."""
+    """Set the ball's state. A free joint's velocities are (ω, v) in world axes."""
     R, root = rotation_matrix(state.attitude), ball.getBodyNode("shell").getParentJoint()
     if isinstance(root, dart.dynamics.FreeJoint):
         place = dart.math.Isometry3()
         place.set_rotation(R)
         place.set_translation(state.centre)
         ball.setPositions(np.concatenate([root.convertToPositions(place), state.angles]))
-        ball.setVelocities(np.concatenate([state.turning, state.velocity, state.rates]))
+        ball.setVelocities(np.concatenate([state.omega, state.velocity, state.rates]))
         return
     angles = dart.math.matrixToEulerXYZ(R)
     ball.setPositions(np.concatenate([state.centre, angles, state.angles]))
     # The Jacobian gives ω in the shell's axes.
-    turning = np.linalg.solve(root.getRelativeJacobian()[:3], R.T @ state.turning)
-    ball.setVelocities(np.concatenate([state.velocity, turning, state.rates]))
+    euler_rates = np.linalg.solve(root.getRelativeJacobian()[:3], R.T @ state.omega)
+    ball.setVelocities(np.concatenate([state.velocity, euler_rates, state.rates]))
 
 
 class _DartWorld(adapter.ServoWorld):
-    """The ball and its plane in a World."""
-
     def __init__(self, scene: Scene, settings: _DartSettings, step: float) -> None:
         super().__init__(scene)
         import dartpy
@@ -85,7 +82,7 @@ class _DartWorld(adapter.ServoWorld):
         self.world, self.shell = dartpy.simulation.World(), self.ball.getBodyNode("shell")
         self.damping = adapter.spin_damping(scene, settings, step)
         self.world.setTimeStep(step)
-        self.fall(scene.gravity_at(0.0))
+        self.set_gravity(scene.gravity_at(0.0))
         ground = dartpy.dynamics.Skeleton("ground")
         _, plane = ground.createWeldJointAndBodyNodePair()
         ground.setMobile(False)
@@ -103,19 +100,19 @@ class _DartWorld(adapter.ServoWorld):
         self.world.addSkeleton(ground)
         self.world.addSkeleton(self.ball)
         _put(self.ball, self.now, dartpy)
-        self.turn(self.now.rates)
+        self.set_rates(self.now.rates)
 
-    def fall(self, gravity: Array) -> None:
+    def set_gravity(self, gravity: Array) -> None:
         self.world.setGravity(gravity)
 
-    def turn(self, rates: Array) -> None:
+    def set_rates(self, rates: Array) -> None:
         for i, rate in enumerate(rates.tolist(), start=6):
             self.ball.setCommand(i, rate)
 
     def step(self, step: float) -> None:
         if self.damping:
             self._resist_spin()
-        self.world.step(False)  # True would reset the commands, and the torque
+        self.world.step(False)  # True would reset commands and the torque
 
     def _resist_spin(self) -> None:
         spin = self.shell.getAngularVelocity()[2]
@@ -126,33 +123,31 @@ class _DartWorld(adapter.ServoWorld):
         return super().python_seconds() + torque
 
     def state(self) -> State:
-        shell, place = self.shell, self.shell.getTransform()
+        shell, pose = self.shell, self.shell.getTransform()
         q, v = self.ball.getPositions(), self.ball.getVelocities()
-        turn, centre = from_matrix(np.array(place.rotation())), np.array(place.translation())
-        moving, turning = shell.getLinearVelocity(), shell.getAngularVelocity()
-        return State(centre, np.array(moving), turn, np.array(turning), q[6:], v[6:])
+        attitude, centre = from_matrix(np.array(pose.rotation())), np.array(pose.translation())
+        velocity, omega = shell.getLinearVelocity(), shell.getAngularVelocity()
+        return State(centre, np.array(velocity), attitude, np.array(omega), q[6:], v[6:])
 
     def force(self) -> Array:
         contacts = self.world.getLastCollisionResult().getContacts()
-        return lifting(np.array(each.force) for each in contacts)
+        return force_on_ball(np.array(contact.force) for contact in contacts)
 
 
 class _DartDynamics(adapter.IdealWorld):
-    """The skeleton's mass matrix and bias, with no contact of its own."""
-
     def __init__(self, scene: Scene, settings: _DartSettings, step: float) -> None:
         super().__init__(scene, settings)
         import dartpy
 
         self.dart, self.ball = dartpy, _skeleton(scene, dartpy)
-        self.fall(scene.gravity_at(0.0))
+        self.set_gravity(scene.gravity_at(0.0))
 
-    def fall(self, gravity: Array) -> None:
+    def set_gravity(self, gravity: Array) -> None:
         self.ball.setGravity(gravity)
 
     def dynamics(self, state: State) -> tuple[Array, Array]:
         _put(self.ball, state, self.dart)
-        # DART puts a free joint's turning before its velocity.
+        # A free joint's velocities are (ω, v).
         return adapter.velocity_first(
             self.ball.getMassMatrix(), self.ball.getCoriolisAndGravityForces()
         )
@@ -164,13 +159,12 @@ DART = adapter.Adapter(
     extra="dart",
     presets=adapter.by_name(
         _DartSettings(name="as-it-comes", error_tolerance=1e-2, timestep=1e-3, spin_part=0.0),
-        # More friction than the ball needs, 1.2. What error is left is of the steps, of first
-        # order.
+        # The ball needs a friction of 1.2. The rest is the error of the first-order integrator.
         _DartSettings(name="best", error_tolerance=5e-2, timestep=1e-3, friction=20.0),
-        # DOP853 chooses its steps itself; the timestep is only the longest.
+        # DOP853 chooses its steps; the timestep is the longest.
         _DartSettings(name="ideal", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
     ),
     world=adapter.either(_DartWorld, _DartDynamics),
-    falls=True,
+    sets_gravity=True,
     lacks=adapter.spins,
 )

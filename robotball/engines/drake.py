@@ -1,7 +1,7 @@
-"""Drake as an engine: its plant in steps or continuous time, or its dynamics by our constraints.
+"""Drake: its plant in discrete or continuous time, or its dynamics under our constraints.
 
-Point contact has no torsional friction: a torque against the spin, ours, stands in for it. What
-friction lets slip is set by the stiction tolerance, not by the step.
+Point contact has no torsional friction; we apply a torque against spin instead. The stiction
+tolerance, not the step, determines how much the contact slips.
 """
 
 from collections.abc import Callable, Iterator
@@ -12,12 +12,12 @@ import numpy as np
 from scipy.optimize import root_scalar
 
 from robotball.engines import adapter
-from robotball.engines.states import State, lifting, links_of, start_state
+from robotball.engines.states import State, force_on_ball, links_of, start_state
 from robotball.motion import Label
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
 
-_FIRST_DEPTH, _DEPTH_ERROR = 1e-3, 1e-12  # of the radius, in the search for the depth at rest
+_FIRST_DEPTH, _DEPTH_ERROR = 1e-3, 1e-12  # radii, in the search for the depth at rest
 _Integrator = Literal[
     "runge_kutta3", "radau3", "implicit_euler", "velocity_implicit_euler", "cenic"
 ]
@@ -25,29 +25,26 @@ _Integrator = Literal[
 
 @dataclass(frozen=True, kw_only=True)
 class _DrakeSettings(adapter.PointSettings):
-    """Settings of a Drake run.
+    """Settings of a Drake run, in discrete time without an `integrator`.
 
-    approximation: of the contact in discrete steps; integrator: for continuous time instead, where
-    the approximation says nothing and the timestep is the longest step, or every step without
-    error_control; accuracy_per_step: of that control, and of Newton's iteration in implicit steps;
-    stiction m/s: the slip below which friction is not full; gain N m s/rad: of velocity servos on
-    the hinges; armature kg m²: reflected inertia instead of servos.
+    approximation: of the contact in discrete time. In continuous time the timestep is the longest
+    step, or every step without `error_control`.
     """
 
     approximation: Literal["sap", "lagged", "similar"] | None = None
     integrator: _Integrator | None = None
-    accuracy_per_step: float | None = None
+    accuracy_per_step: float | None = None  # of error control and Newton's iteration
     error_control: bool = True
-    stiction: float | None = None
+    stiction: float | None = None  # m/s, slip speed at which friction is full
     friction: float = 1.0
-    gain: float | None = None
-    armature: float | None = None
+    gain: float | None = None  # N m s/rad, of velocity servos on the hinges
+    armature: float | None = None  # kg m², reflected inertia of the hinges, in place of servos
 
 
 def _add_plant(
     scene: Scene, settings: _DrakeSettings, builder: Any, step: float, depth: float = 0.0
 ) -> Any:
-    """Return the plant of the ball, pressed into the plane by `depth` [m]; step 0 is continuous."""
+    """Return the ball's plant, pressed into the plane by `depth` [m]; step 0 is continuous."""
     from pydrake.geometry import HalfSpace, Sphere
     from pydrake.math import RigidTransform
     from pydrake.multibody import plant as plants
@@ -55,8 +52,8 @@ def _add_plant(
 
     plant, _ = plants.AddMultibodyPlantSceneGraph(builder, time_step=step)
     if settings.approximation is not None and step:
-        of = f"k{settings.approximation.capitalize()}"
-        plant.set_discrete_contact_approximation(getattr(plants.DiscreteContactApproximation, of))
+        name = f"k{settings.approximation.capitalize()}"
+        plant.set_discrete_contact_approximation(getattr(plants.DiscreteContactApproximation, name))
     bodies: dict[str, Any] = {}
     for link in links_of(scene):
         (xx, xy, xz), (_, yy, yz), (_, _, zz) = link.inertia
@@ -66,8 +63,8 @@ def _add_plant(
         if not link.parent:
             continue
         parent = bodies[link.parent].body_frame()
-        place = tree.FixedOffsetFrame(f"{link.name}_hinge", parent, RigidTransform(link.pivot))
-        ends = plant.AddFrame(place), bodies[link.name].body_frame()
+        offset = tree.FixedOffsetFrame(f"{link.name}_hinge", parent, RigidTransform(link.pivot))
+        ends = plant.AddFrame(offset), bodies[link.name].body_frame()
         hinge = plant.AddJoint(tree.RevoluteJoint(link.name, *ends, link.axis))
         motor = plant.AddJointActuator(link.name, hinge)
         if settings.armature is not None:
@@ -76,8 +73,8 @@ def _add_plant(
         else:
             motor.set_controller_gains(tree.PdControllerGains(p=0.0, d=settings.gain))
     friction = plants.CoulombFriction(settings.friction, settings.friction)
-    # Equally stiff, the two meet in the middle of their overlap, which must be at height 0: the
-    # lever arm of friction is otherwise off, by 9e-6 m.
+    # Two equally stiff bodies touch in the middle of their overlap. That must be at height 0: else
+    # friction's lever arm is wrong by 9e-6 m.
     ground = HalfSpace.MakePose(np.array([0, 0, 1.0]), np.array([0, 0, depth / 2]))
     plant.RegisterCollisionGeometry(plant.world_body(), ground, HalfSpace(), "plane", friction)
     sphere = Sphere(scene.ball.radius + depth / 2)
@@ -90,13 +87,12 @@ def _add_plant(
 
 
 def _coordinates(state: State) -> Array:
-    """Return Drake's q and v, one after the other."""
-    places = (state.attitude, state.centre, state.angles)
-    return np.concatenate([*places, state.turning, state.velocity, state.rates])
+    q = (state.attitude, state.centre, state.angles)
+    return np.concatenate([*q, state.omega, state.velocity, state.rates])
 
 
 def _alone(scene: Scene, settings: _DrakeSettings, depth: float = 0.0) -> tuple[Any, Any, Any]:
-    """Return a plant in continuous time, its context, and what both live in."""
+    """Return a plant in continuous time, its context, and the owners of both."""
     from pydrake.systems.framework import DiagramBuilder
 
     builder = DiagramBuilder()
@@ -110,7 +106,7 @@ def _carrying_depth(scene: Scene, settings: _DrakeSettings) -> float:
     """Return the depth at which the contact carries the ball's weight [m]."""
     at_rest, a = _coordinates(start_state(scene)), scene.ball.radius
 
-    def fall(depth: float) -> float:
+    def vertical_acceleration(depth: float) -> float:
         plant, context, _living = _alone(scene, replace(settings, gain=None, armature=0.0), depth)
         plant.get_actuation_input_port().FixValue(context, np.zeros(len(scene.drives)))
         q = plant.num_positions()
@@ -118,13 +114,13 @@ def _carrying_depth(scene: Scene, settings: _DrakeSettings) -> float:
         plant.SetPositionsAndVelocities(context, at_rest)
         return float(plant.EvalTimeDerivatives(context).CopyToVector()[q + 5])
 
-    # The load is a smooth function of the depth, of which a secant needs few values.
-    found = root_scalar(fall, x0=0.0, x1=_FIRST_DEPTH * a, xtol=_DEPTH_ERROR * a)
-    return float(found.root)
+    # The load is a smooth function of the depth, so a secant needs few evaluations.
+    root = root_scalar(vertical_acceleration, x0=0.0, x1=_FIRST_DEPTH * a, xtol=_DEPTH_ERROR * a)
+    return float(root.root)
 
 
 def _motors(scene: Scene, armature: float | None) -> Any:
-    """Return a system that drives the motors: torques for armatures, or angles and rates."""
+    """Return a system that drives the motors: torques for armatures, else angles and rates."""
     from pydrake.systems.framework import LeafSystem
     from pydrake.systems.primitives import ConstantVectorSource
 
@@ -136,7 +132,7 @@ def _motors(scene: Scene, armature: float | None) -> Any:
         return np.array([*np.zeros(len(drives)), *(drive.rate(t) for drive in drives)], float)
 
     if scene.steady:
-        return ConstantVectorSource(inputs(0.0))  # saves the calls into Python at every step
+        return ConstantVectorSource(inputs(0.0))  # saves a call into Python at every step
     system = LeafSystem()
 
     def output(context: Any, port: Any) -> None:
@@ -147,7 +143,7 @@ def _motors(scene: Scene, armature: float | None) -> Any:
 
 
 def _against_spin(plant: Any, damping: float) -> Any:
-    """Return a system that makes of the plant's state the torque -damping (ω, e_z) on the shell."""
+    """Return a system that computes the torque -damping (ω, e_z) on the shell from the state."""
     from pydrake.systems.primitives import MatrixGain
 
     D = np.zeros((plant.num_velocities(), plant.num_multibody_states()))
@@ -156,7 +152,7 @@ def _against_spin(plant: Any, damping: float) -> Any:
 
 
 class _DrakeWorld(adapter.World):
-    """The plant in a Simulator, which steps it in C++ from sample to sample."""
+    """The plant in a Simulator, which steps it in C++ between sample times."""
 
     def __init__(self, scene: Scene, settings: _DrakeSettings, step: float) -> None:
         super().__init__(scene)
@@ -169,23 +165,23 @@ class _DrakeWorld(adapter.World):
         self.plant = plant = _add_plant(scene, settings, builder, step if discrete else 0.0, depth)
         motors = builder.AddSystem(_motors(scene, settings.armature))
         only = plant.GetModelInstanceByName("DefaultModelInstance")
-        takes = plant.get_actuation_input_port()
+        port = plant.get_actuation_input_port()
         if settings.armature is None:
-            takes = plant.get_desired_state_input_port(only)
-        builder.Connect(motors.get_output_port(0), takes)
+            port = plant.get_desired_state_input_port(only)
+        builder.Connect(motors.get_output_port(0), port)
         if damping := adapter.spin_damping(scene, settings, step):
             torque = builder.AddSystem(_against_spin(plant, damping))
             builder.Connect(plant.get_state_output_port(), torque.get_input_port(0))
-            takes = plant.get_applied_generalized_force_input_port()
-            builder.Connect(torque.get_output_port(0), takes)
+            port = plant.get_applied_generalized_force_input_port()
+            builder.Connect(torque.get_output_port(0), port)
         self.simulator = Simulator(builder.Build())
         if not discrete:
             config = SimulatorConfig(integration_scheme=settings.integrator, max_step_size=step)
             if settings.accuracy_per_step is not None:
                 config.accuracy = settings.accuracy_per_step
             ApplySimulatorConfig(config, self.simulator)
-            # Set here, not by the config, which forgets the accuracy of equal steps and leaves
-            # Drake's own of 1e-3 in its place (docs/findings/drake_fixed_accuracy.py).
+            # ApplySimulatorConfig ignores the accuracy of equal steps and leaves Drake's default of
+            # 1e-3 (docs/findings/drake_fixed_accuracy.py).
             self.simulator.get_mutable_integrator().set_fixed_step_mode(not settings.error_control)
         self.context = plant.GetMyMutableContextFromRoot(self.simulator.get_mutable_context())
         plant.SetPositionsAndVelocities(self.context, _coordinates(self.now))
@@ -205,16 +201,14 @@ class _DrakeWorld(adapter.World):
     def force(self) -> Array:
         results = self.plant.get_contact_results_output_port().Eval(self.context)
         contacts = map(results.point_pair_contact_info, range(results.num_point_pair_contacts()))
-        return lifting(each.contact_force() for each in contacts)
+        return force_on_ball(contact.contact_force() for contact in contacts)
 
     def python_seconds(self) -> float:
-        """Return 0, or NaN where rates change: Drake itself then calls our function of them."""
+        """Return 0, or NaN if rates change: Drake then calls our function within its steps."""
         return 0.0 if self.scene.steady else float("nan")
 
 
 class _DrakeDynamics(adapter.IdealWorld):
-    """The plant's mass matrix and bias, with no contact of its own."""
-
     def __init__(self, scene: Scene, settings: _DrakeSettings, step: float) -> None:
         super().__init__(scene, settings)
         self.plant, self.context, self.living = _alone(scene, settings)
@@ -230,23 +224,23 @@ _AS_IT_COMES = _DrakeSettings(
     name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-3, gain=1.0,
     spin_part=0.0,
 )  # fmt: skip
-# Servos turn the hinges: beside the armature that does so in continuous time, these contacts freeze
-# all velocities, in silence (docs/findings/drake_frozen.py). A lower gain lets the hinges lag: at
-# 1e4 N m s/rad by 5e-4 of their rates.
+# Servos, because these contacts silently freeze all velocities beside the armature of "best"
+# (docs/findings/drake_frozen.py). A lower gain makes the hinges lag: 1e4 N m s/rad by 5e-4 of their
+# rates.
 _DISCRETE = _DrakeSettings(
     name="discrete", error_tolerance=5e-2, stop_at_fault=False, timestep=1e-3,
     approximation="lagged", friction=20.0, gain=1e6,
 )  # fmt: skip
-# RADAU in equal steps. Under error control they shrink to 2e-5 s where friction passes zero, and
-# what Newton's tolerance leaves of each adds up. The stiction tolerance sets the error: it falls to
-# a tenth from 1e-3 to 1e-4 m/s, and at 3e-5 the run does not end. At a spin damping of 1e4 N m s,
-# 30 times inertia over step, the spin that it lets through was most of the error.
+# RADAU with equal steps. With error control, steps shrink to 2e-5 s where friction passes zero, and
+# the errors of Newton's iteration add up. The error depends on the stiction tolerance: 1e-4 instead
+# of 1e-3 m/s divides it by 10, and at 3e-5 the run does not finish. With a spin damping of
+# 1e4 N m s, 30 times inertia over step, the remaining spin was most of the error.
 _BEST = replace(
     _DISCRETE, name="best", error_tolerance=1e-3, approximation=None, integrator="radau3",
     accuracy_per_step=1e-8, error_control=False, stiction=1e-4, spin_part=3e3, gain=None,
     armature=1e12,
 )  # fmt: skip
-# DOP853 chooses its steps itself; the timestep is only the longest.
+# DOP853 chooses its steps; the timestep is the longest.
 _IDEAL = _DrakeSettings(
     name="ideal", error_tolerance=1e-10, timestep=1.0, armature=0.0, ideal="DOP853"
 )

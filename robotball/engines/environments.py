@@ -1,15 +1,15 @@
-"""Environments of engines: made with uv, and the processes in which functions run there.
+"""Python environments of engines: make them with uv, and call functions in their processes.
 
-An engine has an environment of its own, so that none decides on another's packages, by the newest
-Python of this machine that its newest release supports. It holds the engine and what that requires.
-By a Python like ours, everything else, robotball among it, comes from our environment, which is
-searched after it. Another Python cannot use our compiled packages: its environment holds all that
-robotball requires, in the versions that the engine asks for, and of ours robotball alone is added.
-So MuJoCo of another version is only another environment. One that was not made here, or that
-another user may change, is not run.
+Each engine has its own environment, so that engines do not constrain each other's packages. It is
+made with the newest Python here that the engine's newest release supports. If that is our own
+Python version, the environment holds the engine and its requirements only, and everything else,
+including robotball, comes from our environment, which is searched afterwards. Otherwise our
+compiled packages cannot be loaded, so the environment holds all that robotball requires, in the
+versions that the engine needs, and only robotball itself is added. An environment is not run if
+robotball did not make it or if another user may change it.
 
-A process is started by the environment's interpreter, with a pipe whose closing ends it. What the
-engine prints goes to standard error.
+A process runs the environment's interpreter and ends when its pipe to us closes. The engine's
+output goes to standard error.
 """
 
 import operator
@@ -38,13 +38,13 @@ _T = TypeVar("_T")
 _DATA = Path(os.environ.get("XDG_DATA_HOME", ""))
 ENVIRONMENTS = (_DATA if _DATA.is_absolute() else Path("~/.local/share")) / "robotball" / "engines"
 _PYENV = Path(os.environ.get("PYENV_ROOT") or "~/.pyenv")
-with suppress(RuntimeError):  # of a user without a home
+with suppress(RuntimeError):  # the user has no home folder
     ENVIRONMENTS, _PYENV = ENVIRONMENTS.expanduser(), _PYENV.expanduser()
 _UV = Path(os.environ.get("UV_PYTHON_INSTALL_DIR") or ENVIRONMENTS.parents[1] / "uv" / "python")
-_MADE = "made_by_robotball.txt"  # among the packages; it says by which Python, and why
+_MADE = "made_by_robotball.txt"  # among the packages: the Python, the versions and newer releases
 _OWN_NAME = f"python3.{sys.version_info[1]}"
-# Ours come after its own. They are those of now, as other checkouts use the environment too. Beside
-# a robotball that is installed lie compiled packages, which another Python cannot load.
+# Our paths go after the paths of the environment. They are not stored in it, because checkouts may
+# share it. An installed robotball lies beside compiled packages that another Python cannot load.
 _OURS = [str(Path(__file__).parents[2]), sysconfig.get_path("purelib")]
 _BESIDE = _OURS[0].endswith("-packages")
 _START = (
@@ -56,57 +56,55 @@ _ASKED = "import sys, ensurepip; print('python%d.%d' % sys.version_info[:2])"
 
 
 def pythons() -> dict[str, Path]:
-    """Return the Pythons of this machine on which robotball runs, by version, the newest first.
+    """Return the Pythons of this machine that robotball supports, by version, newest first.
 
-    They are looked for on the PATH and where pyenv and uv keep theirs. Of each version it is the
-    first that can make environments; of our own version it is ours.
+    Searches the PATH and the folders of pyenv and uv. For each version it is the first one that can
+    make environments; for our own version it is our interpreter.
     """
-    own = _path()
-    # Pyenv may be elsewhere than PYENV_ROOT says, or that may not be set.
-    pyenvs = {_PYENV: None} | {each.parent: None for each in own if each.name == "shims"}
+    path = _path()
+    # PYENV_ROOT may be unset or wrong.
+    pyenvs = {_PYENV: None} | {shims.parent: None for shims in path if shims.name == "shims"}
     kept = [bins for pyenv in pyenvs for bins in pyenv.glob("versions/*/bin")]
-    folders = [*own, *kept, *_UV.glob("*/bin")]
-    found: dict[str, Path] = {}
+    folders = [*path, *kept, *_UV.glob("*/bin")]
+    interpreters: dict[str, Path] = {}
     for name in (f"python{version}" for version in _supported()):
-        there = filter(None, (which(name, path=str(each)) for each in folders))
+        there = filter(None, (which(name, path=str(folder)) for folder in folders))
         paths = [sys.executable] if name == _OWN_NAME else there
-        right = [Path(each) for each in paths if _name_of(each) == name]
-        found |= {name.removeprefix("python"): each for each in right[:1]}
-    return found
+        right = [Path(python) for python in paths if _name_of(python) == name]
+        interpreters |= {name.removeprefix("python"): python for python in right[:1]}
+    return interpreters
 
 
 def _path() -> list[Path]:
-    """Return the folders of the PATH; one that is not absolute may be anybody's."""
-    return [each for each in map(Path, os.get_exec_path()) if each.is_absolute()]
+    """Return the absolute folders of the PATH: a relative one could belong to anyone."""
+    return [folder for folder in map(Path, os.get_exec_path()) if folder.is_absolute()]
 
 
 def _supported() -> list[str]:
-    """Return the Python versions that robotball runs on, the newest first."""
     bounds = distribution("robotball").metadata["Requires-Python"]
     low, end = sorted(int(minor) for minor in re.findall(r"3\.(\d+)", bounds))
     return [f"3.{minor}" for minor in range(end - 1, low - 1, -1)]
 
 
 def _name_of(python: str) -> str:
-    """Return the name of a Python, as python3.13; empty for one that makes no environments."""
+    """Return a Python's name, such as python3.13, or "" if it cannot make environments."""
     command = [python, "-I", "-c", _ASKED]
     return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
 
 
-def python_named(given: str) -> Path:
-    """Return the Python of a version or a path. Raises InputError for none of this machine."""
+def python_named(name: str) -> Path:
+    """Return the Python with a version or path. Raises InputError if it is not found."""
     known = pythons()
-    if (python := which(known.get(given, given))) is None:
-        raise InputError(f"there is no Python {given} here: give a path, or {', '.join(known)}")
+    if (python := which(known.get(name, name))) is None:
+        raise InputError(f"no Python {name} found: give a path, or {', '.join(known)}")
     return Path(python)
 
 
 def _numbers(release: str) -> list[int]:
-    return [int(each) for each in re.findall(r"\d+", release)]
+    return [int(number) for number in re.findall(r"\d+", release)]
 
 
 def name_of(requirement: str) -> str:
-    """Return the name of the package that is required."""
     return re.split(r"[^\w.-]", requirement)[0]
 
 
@@ -115,7 +113,7 @@ def _normal(name: str) -> str:
 
 
 def _newest(home: Path, version: str, requirement: str) -> str:
-    """Return the newest release that a Python version can have from wheels alone, "" for none."""
+    """Return the newest release that has wheels for a Python version, "" if it has none."""
     asked = ("pip", "compile", "--no-annotate", "--only-binary", ":all:", "--python-version")
     begins = f"{_normal(name_of(requirement))}=="
     with suppress(InputError):
@@ -125,42 +123,41 @@ def _newest(home: Path, version: str, requirement: str) -> str:
 
 
 def interpreter_of(home: Path) -> Path | None:
-    """Return the interpreter of an environment, None where there is none.
+    """Return the interpreter of an environment, or None if the environment is not usable.
 
-    The mark is written last: an environment without it was not made to its end, and is none. Nor
-    is one of another Python that holds what another robotball requires.
-    Raises InputError for one that is not this user's alone.
+    The marker file is written last, so an environment without it is incomplete. An environment of
+    another Python version is outdated if robotball's requirements have changed. Raises InputError
+    if another user may change the environment.
     """
     if not (_packages(home) / _MADE).exists():
         return None
     _check_own(home, inside=True)
-    if python_name(home) != _OWN_NAME:  # ours could not lend it its packages
-        held = next((each for each in _held(home) if each.name == "robotball"), None)
+    if python_name(home) != _OWN_NAME:
+        held = next((package for package in _held(home) if package.name == "robotball"), None)
         if held is None or _required(held) != _required(distribution("robotball")):
             return None
     return (home / "bin" / "python").absolute()
 
 
 def _check_own(home: Path, inside: bool) -> None:
-    """Raise InputError where others may change an environment, or what is inside it."""
+    """Raise InputError if another user may change an environment, or a file in it."""
     foreign = foreign_in(home) if inside else None if is_own(home) else home
     if foreign is not None:
         raise InputError(
-            f"{foreign} belongs to another user, or others may write there, so it is not run: give "
+            f"{foreign} belongs to another user, or others may write to it, so it is not run: give "
             "another folder with --environments"
         )
 
 
 def versions_in(home: Path, requirements: Iterable[str]) -> str:
-    """Return names and versions of the packages required, of those that an environment holds."""
-    names = {name_of(each) for each in requirements}
-    return ", ".join(
-        sorted(f"{each.name} {each.version}" for each in _held(home) if each.name in names)
-    )
+    """Return names and versions of the required packages that an environment holds."""
+    names = {name_of(requirement) for requirement in requirements}
+    held = (package for package in _held(home) if package.name in names)
+    return ", ".join(sorted(f"{package.name} {package.version}" for package in held))
 
 
 def said_of(home: Path) -> list[str]:
-    """Return by which Python an environment is, and the newer releases that it cannot have."""
+    """Return the lines of the marker file: versions and Python, then newer releases."""
     mark = _packages(home) / _MADE
     return mark.read_text(encoding="utf-8").splitlines() if mark.exists() else []
 
@@ -170,34 +167,33 @@ def _held(home: Path) -> list[Distribution]:
 
 
 def python_name(home: Path) -> str:
-    """Return the name of an environment's Python, as python3.13."""
+    """Return the name of an environment's Python, such as python3.13."""
     return _packages(home).parent.name
 
 
 def _required(robotball: Distribution) -> list[str]:
-    """Return what robotball requires, without its extras."""
-    return [each for each in robotball.requires or () if "extra ==" not in each]
+    return [line for line in robotball.requires or () if "extra ==" not in line]
 
 
 def make(home: Path, requirements: Sequence[str], python: Path | None = None) -> Path:
-    """Make an environment anew with uv, and return its folder.
+    """Make an environment with uv, replacing an existing one, and return its folder.
 
-    python: which one; None for the newest of this machine that the newest release of the first
-    requirement supports.
-    Raises InputError if uv is missing or fails, and in place of a folder that holds something else.
+    python: the interpreter; None for the newest one here that the newest release of the first
+    requirement supports. Raises InputError if uv is missing or fails, or if the folder holds
+    anything but an environment.
     """
     home = home.absolute()
     if home.is_dir() and any(home.iterdir()) and not (home / "pyvenv.cfg").is_file():
         raise InputError(
-            f"{home} is no environment, and would be lost: move it, or give another folder with "
-            "--environments"
+            f"{home} is not an environment, and its files would be lost: move it, or give another "
+            "folder with --environments"
         )
     home.mkdir(mode=0o700, parents=True, exist_ok=True)
     home.chmod(0o700)
-    _check_own(home, inside=False)  # what is inside goes
-    releases = {each: _newest(home, each, requirements[0]) for each in _supported()}
+    _check_own(home, inside=False)  # the contents are replaced
+    releases = {version: _newest(home, version, requirements[0]) for version in _supported()}
     if python is None:
-        # Of Pythons with the same release the first, which is the newest.
+        # max takes the first of equal releases, which belongs to the newest Python.
         known = pythons()
         python = known[max(known, key=lambda version: _numbers(releases[version]))]
     failure = f"{home.name} cannot be installed"
@@ -206,37 +202,38 @@ def make(home: Path, requirements: Sequence[str], python: Path | None = None) ->
     if python_name(home) != _OWN_NAME:
         _add_ours(home, failure)
     package, _, release = versions_in(home, requirements[:1]).partition(" ")
-    newer = {each for each in releases.values() if _numbers(each) > _numbers(release)}
-    wheels = ", ".join(f"{each or 'none'} for {version}" for version, each in releases.items())
-    by = f"{versions_in(home, requirements)} by {python_name(home)}; newest wheels: {wheels}"
-    mark = [by, *(f"{package} {each}" for each in sorted(newer, key=_numbers))]
+    newer = {wheel for wheel in releases.values() if _numbers(wheel) > _numbers(release)}
+    wheels = ", ".join(f"{wheel or 'none'} for {version}" for version, wheel in releases.items())
+    summary = f"{versions_in(home, requirements)} with {python_name(home)}; newest wheels: {wheels}"
+    mark = [summary, *(f"{package} {wheel}" for wheel in sorted(newer, key=_numbers))]
     (_packages(home) / _MADE).write_text("\n".join(mark), encoding="utf-8")
     return home
 
 
 def _install(home: Path, failure: str, *requirements: str) -> None:
-    # Copies, as links would lead to uv's cache, where others may be allowed to write.
+    # Copy files: links would lead into uv's cache, which others may be allowed to change.
     asked = ("pip", "install", "--link-mode", "copy", "--python", str(home / "bin" / "python"))
     _uv(home, failure, *asked, *requirements)
 
 
 def _add_ours(home: Path, failure: str) -> None:
-    """Install what robotball requires and the engine has not brought, and say what that is."""
+    """Install robotball's requirements that the engine did not bring, and robotball's metadata."""
     ours, held = distribution("robotball"), _held(home)
-    names = {_normal(each.name) for each in held}
-    needed = [each for each in _required(ours) if name_of(each) not in names]
-    _install(home, failure, *needed, *(f"{each.name}=={each.version}" for each in held))
-    # Code of robotball asks for its version.
+    names = {_normal(package.name) for package in held}
+    needed = [line for line in _required(ours) if name_of(line) not in names]
+    pinned = (f"{package.name}=={package.version}" for package in held)
+    _install(home, failure, *needed, *pinned)
+    # robotball reads its own version at run time.
     facts = _packages(home) / f"robotball-{ours.version}.dist-info"
     facts.mkdir()
     (facts / "METADATA").write_text(ours.read_text("METADATA") or "", encoding="utf-8")
 
 
 def _uv(home: Path, failure: str, *arguments: str, text: str = "") -> str:
-    """Return what uv prints. Raises InputError without uv, and the failure with uv's reason.
+    """Return uv's output. Raises InputError without uv, or with `failure` and uv's reason.
 
-    uv runs in the folder of environments, as it reads settings of the current one. What it makes
-    is for this user alone.
+    Runs in the folder of environments, because uv reads settings from the current folder. Files
+    that it makes are for this user alone.
     """
     folders = (sysconfig.get_path("scripts"), *map(str, _path()))
     if (uv := which("uv", path=os.pathsep.join(folders))) is None:
@@ -246,40 +243,40 @@ def _uv(home: Path, failure: str, *arguments: str, text: str = "") -> str:
         cwd=home.parent, umask=0o077, input=text, capture_output=True, text=True,
     )  # fmt: skip
     if done.returncode:
-        # Hints are of options that we do not offer.
+        # uv's hints name options of uv that robotball does not have.
         lines = done.stderr.partition("\nhint:")[0].splitlines()
         raise InputError(f"{failure}: {' '.join(line.strip(' ×│╰─▶') for line in lines)}")
     return done.stdout
 
 
 def _packages(home: Path) -> Path:
-    """Return the folder of an environment's packages; of one that is not made, where ours are."""
+    """Return the folder of an environment's packages, even before it exists."""
     ours = home / "lib" / _OWN_NAME / "site-packages"
     return next(home.glob("lib/python3.*/site-packages"), ours)
 
 
-def _last_word(said: str) -> str:
-    words = [line for line in said.split("\n") if line.strip()]
-    return words[-1] if words else "it ended without a word"
+def _last_line(output: str) -> str:
+    lines = [line for line in output.split("\n") if line.strip()]
+    return lines[-1] if lines else "it ended without a message"
 
 
-def call(python: Path | str, function: Callable[..., _T], *given: Any) -> _T:
-    """Return what a function gives in a process of another interpreter.
+def call(python: Path | str, function: Callable[..., _T], *arguments: Any) -> _T:
+    """Return the result of a function that is called in a process of another interpreter.
 
-    Its warnings are issued here, and its InputError is raised. Raises InputError too where function
-    or arguments cannot be pickled, and where the process ends otherwise, with its last word.
+    Repeats its warnings and its InputError here. Raises InputError if the function or its arguments
+    cannot be pickled, and if the process fails, with the last line that it printed.
     """
     try:
-        job = pickle.dumps(partial(function, *given))
+        job = pickle.dumps(partial(function, *arguments))
     except (AttributeError, TypeError, pickle.PicklingError) as error:
-        raise InputError(f"{python} takes what stands in a module alone: {error}") from None
+        raise InputError(f"{python} can call only functions of a module: {error}") from None
     ours, theirs = os.pipe()
-    # The pipe's other end is ours alone: the run ends where we do.
-    with os.fdopen(ours), os.fdopen(theirs, "w"), tempfile.TemporaryFile() as said:
+    # Only we hold the pipe's other end, so the process ends when we do.
+    with os.fdopen(ours), os.fdopen(theirs, "w"), tempfile.TemporaryFile() as output:
         command = [python, "-P", "-c", _START, str(ours)]
-        done = subprocess.run(command, input=job, stdout=PIPE, stderr=said, pass_fds=[ours])
-        said.seek(0)
-        why = _last_word(said.read().decode(errors="replace"))
+        done = subprocess.run(command, input=job, stdout=PIPE, stderr=output, pass_fds=[ours])
+        output.seek(0)
+        why = _last_line(output.read().decode(errors="replace"))
     if done.returncode or not done.stdout:
         killed = f"ended by {signal.Signals(-done.returncode).name}" if done.returncode < 0 else ""
         raise InputError(f"{python}: {killed or why}")
@@ -292,12 +289,12 @@ def call(python: Path | str, function: Callable[..., _T], *given: Any) -> _T:
 
 
 def _main() -> None:
-    """Read a function with its arguments, write what it gives, and end when the reader does."""
+    """Call the pickled function of standard input and write its answer. End with the pipe."""
     end_when_closed(int(sys.argv[1]))
     with os.fdopen(os.dup(1), "wb") as answer:
-        os.dup2(2, 1)  # what engines print
-        found = answered(operator.call, pickle.load(sys.stdin.buffer))
-        if not isinstance(found[1], InputError | None):
-            raise found[1]  # of a kind that may be unknown to the reader, who has its last word
-        pickle.dump(found, answer)
-    os._exit(0)  # some engines end badly
+        os.dup2(2, 1)  # engines print to standard output
+        result = answered(operator.call, pickle.load(sys.stdin.buffer))
+        if not isinstance(result[1], InputError | None):
+            raise result[1]  # the reader may lack this class; it shows the last line printed
+        pickle.dump(result, answer)
+    os._exit(0)  # some engines crash in their clean-up

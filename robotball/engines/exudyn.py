@@ -1,9 +1,9 @@
-"""Exudyn as an engine: the ball as one body on an ideal rolling constraint, or on its own contact.
+"""Exudyn: the ball as one body with an ideal rolling constraint, or on Exudyn's contact.
 
-Its rolling joints are for discs, whose contact point depends on the disc's axis. The rolling of a
-ball is a velocity constraint that we give it as a Python function, and so is the torque of what
-turns inside. Rotors that are bodies of their own would ask for short steps of the default solver:
-at 2 ms one at 150 rad/s is off by 6.6e-3 in Euler parameters, and by 2.6e-4 as a rotation vector
+Exudyn's rolling joints are for discs, whose contact point depends on the disc's axis. A ball rolls
+with our velocity constraint, and our torque stands for the rotors; both are Python functions.
+Rotors as bodies would need short steps: at 2 ms with the default solver, a rotor at 150 rad/s has
+an error of 6.6e-3 with Euler parameters and 2.6e-4 with a rotation vector
 (docs/findings/exudyn_fast_rotor.py).
 """
 
@@ -15,38 +15,34 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from robotball.engines import adapter
-from robotball.engines.states import State, lifting
+from robotball.engines.states import State, force_on_ball
 from robotball.motion import Label
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, conjugate, from_matrix, multiply, rotation_matrix
 
-_CONTACT_DEPTH = 1e-6  # of the radius: how deep Exudyn's own contact is pressed in by the weight
-_PLANE = 1e4  # radii that the plane reaches
+_CONTACT_DEPTH = 1e-6  # radii by which the weight presses the ball into Exudyn's contact
+_PLANE = 1e4  # size of the plane in radii
 
 
 @dataclass(frozen=True, kw_only=True)
 class _ExudynSettings(adapter.StepSettings):
     """Settings of an Exudyn run.
 
-    solver: of its dynamic solvers; tolerance: of Newton's, relative; modified: whether Newton's
-    matrix is kept over steps; load_jacobian: whether it has our torque's derivatives; friction: of
-    Exudyn's own contact, None for our constraint; slip_zone m/s: where friction is not yet full;
-    stiffness N/m: of the contact, None for one that the weight hardly presses in; node: a body's
-    coordinates, Euler parameters or a rotation vector that is stepped on the Lie group.
+    node: Euler parameters, or a rotation vector on the Lie group.
     """
 
     solver: Literal["TrapezoidalIndex2", "GeneralizedAlpha"] = "GeneralizedAlpha"
-    tolerance: float | None = None
-    modified: bool = False
-    load_jacobian: bool = True
-    friction: float | None = None
-    slip_zone: float = 2e-5
-    stiffness: float | None = None
+    tolerance: float | None = None  # of Newton's iteration, relative
+    modified: bool = False  # keep Newton's matrix over steps
+    load_jacobian: bool = True  # include our torque's derivatives in it
+    friction: float | None = None  # of Exudyn's contact; None: our constraint
+    slip_zone: float = 2e-5  # m/s, slip speed at which friction is full
+    stiffness: float | None = None  # N/m, of the contact; None: pressed in by 1e-6 radii
     node: Literal["RigidBodyEP", "RigidBodyRotVecLG"] = "RigidBodyEP"
 
 
 class _ExudynWorld(adapter.World):
-    """One rigid body, in the frame's axes, with the inertia of the whole ball."""
+    """One rigid body in the frame's axes, with the inertia of the whole ball."""
 
     def __init__(self, scene: Scene, settings: _ExudynSettings, step: float) -> None:
         super().__init__(scene)
@@ -54,53 +50,52 @@ class _ExudynWorld(adapter.World):
         import exudyn.itemInterface
         import exudyn.rigidBodyUtilities
 
-        self.settings, self.calls, self.turn = settings, [0, 0, 0], self.now.attitude
+        self.settings, self.calls, self.rotation = settings, [0, 0, 0], self.now.attitude
         self.exudyn, self.items, self.longest = exudyn, exudyn.itemInterface, step
         self.rotations = exudyn.rigidBodyUtilities
         if settings.node == "RigidBodyRotVecLG":
-            R = rotation_matrix(self.turn)
-            self.turn = self.rotations.RotationMatrix2RotationVector(R)
+            R = rotation_matrix(self.rotation)
+            self.rotation = self.rotations.RotationMatrix2RotationVector(R)
         self.container = exudyn.SystemContainer()
         self.system = self.container.AddSystem()
         self.nodes: list[Any] = []
         self._fill()
-        of = {"nodeNumber": self.nodes[-1]}
+        node = {"nodeNumber": self.nodes[-1]}
         kinds = ("Position", "Velocity", "AngularVelocity", "RotationMatrix")
-        self.sensors = [self._sensor(self.items.SensorNode, of, kind) for kind in kinds]
+        self.sensors = [self._sensor(self.items.SensorNode, node, kind) for kind in kinds]
         self.system.Assemble()
 
-    def _sensor(self, sensor: Any, of: dict[str, Any], kind: str) -> Any:
-        """Add a sensor that keeps what it reads after every step."""
+    def _sensor(self, sensor: Any, item: dict[str, Any], kind: str) -> Any:
         read = getattr(self.exudyn.OutputVariableType, kind)
-        return self.system.AddSensor(sensor(**of, outputVariableType=read, storeInternal=True))
+        return self.system.AddSensor(sensor(**item, outputVariableType=read, storeInternal=True))
 
     def _fill(self) -> None:
-        """Add bodies and constraint to the system. Of its nodes the last is read."""
+        """Add bodies and the constraint. The last node is the one that is read."""
         ball = self.scene.ball
-        self.row_count, self.turned = 4 if self.scene.rolling == "rubber" else 3, slice(None)
-        turning = self.now.turning + self.now.rates[0] * self._axis(self.turn)
-        self._torque_on(self._body(ball.mass, ball.inertia, turning))
+        self.row_count, self.driven = 4 if self.scene.rolling == "rubber" else 3, slice(None)
+        omega = self.now.omega + self.now.rates[0] * self._axis(self.rotation)
+        self._torque_on(self._body(ball.mass, ball.inertia, omega))
         self._constrain([self.system.AddNode(self.items.NodePointGround()), *self.nodes])
 
-    def _axis(self, turn: Array) -> Array:
-        """Return the shell's axis in world axes, for a node's coordinates of rotation."""
-        R = rotation_matrix(turn) if len(turn) == 4 else self._to_turning(turn)
+    def _axis(self, rotation: Array) -> Array:
+        """Return the shell's axis in world axes, from a node's rotation coordinates."""
+        R = rotation_matrix(rotation) if len(rotation) == 4 else self._to_omega(rotation)
         return np.asarray(R @ self.scene.ball.shell.axis)
 
-    def _to_turning(self, turn: Array) -> Array:
-        """Return what takes a node's velocities of rotation to ω in world axes."""
-        if len(turn) == 4:
-            return np.array(self.rotations.EulerParameters2G(turn))
-        # Beside a rotation vector they are ω in the body's axes.
-        return np.asarray(self.rotations.RotationVector2RotationMatrix(turn))
+    def _to_omega(self, rotation: Array) -> Array:
+        """Return the matrix from a node's rotation rates to ω in world axes."""
+        if len(rotation) == 4:
+            return np.array(self.rotations.EulerParameters2G(rotation))
+        # The rates of a rotation vector node are ω in the body's axes.
+        return np.asarray(self.rotations.RotationVector2RotationMatrix(rotation))
 
-    def _body(self, mass: float, inertia: Array, turning: Array) -> Any:
-        """Add a body at the ball's centre, in the ball's axes. Returns its marker."""
+    def _body(self, mass: float, inertia: Array, omega: Array) -> Any:
+        """Add a body at the sphere's centre, in the ball's axes. Returns its marker."""
         system, items, now = self.system, self.items, self.now
-        start = np.array([0.0, 0.0, self.scene.ball.radius, *self.turn])
-        rates = [*now.velocity, *np.linalg.pinv(self._to_turning(self.turn)) @ turning]
+        start = np.array([0.0, 0.0, self.scene.ball.radius, *self.rotation])
+        rates = [*now.velocity, *np.linalg.pinv(self._to_omega(self.rotation)) @ omega]
         kind = getattr(items, f"Node{self.settings.node}")
-        # Initial coordinates count from the reference coordinates.
+        # Initial coordinates are relative to the reference coordinates.
         node = system.AddNode(
             kind(referenceCoordinates=start, initialCoordinates=0 * start, initialVelocities=rates)
         )
@@ -121,50 +116,50 @@ class _ExudynWorld(adapter.World):
     def _constrain(self, nodes: list[Any]) -> None:
         """Add our constraint on the velocities of two nodes."""
         marker = self.items.MarkerNodeCoordinates
-        sizes = [len(self.system.GetNode(each)["referenceCoordinates"]) for each in nodes]
+        sizes = [len(self.system.GetNode(node)["referenceCoordinates"]) for node in nodes]
         first, second = (np.zeros((self.row_count, size)) for size in sizes)
-        ends = [self.system.AddMarker(marker(nodeNumber=each)) for each in nodes]
+        ends = [self.system.AddMarker(marker(nodeNumber=node)) for node in nodes]
         rolling = self.items.ObjectConnectorCoordinateVector(
             markerNumbers=ends, scalingMarker0=first, scalingMarker1=second, velocityLevel=True,
             constraintUserFunction=self._constraint, jacobianUserFunction=self._jacobian,
         )  # fmt: skip
         self.system.AddObject(rolling)
 
-    # The functions that Exudyn calls.
+    # Functions that Exudyn calls.
 
     def _torque(self, system: Any, t: float, load: Any) -> Array:
-        """Return -ω×k - dk/dt, for the k of what turns inside, in the frame's axes."""
+        """Return -ω×k - dk/dt in the frame's axes, for the angular momentum k of the hinges."""
         self.calls[0] += 1
-        drives = self.scene.drives[self.turned]
-        inertia = self.scene.ball.gyrostatic_inertia[:, self.turned]
+        drives = self.scene.drives[self.driven]
+        inertia = self.scene.ball.gyrostatic_inertia[:, self.driven]
         k = inertia @ [drive.rate(t) for drive in drives]
-        pushed = inertia @ [drive.acceleration(t) for drive in drives]
+        k_rate = inertia @ [drive.acceleration(t) for drive in drives]
         kind = self.exudyn.OutputVariableType.AngularVelocityLocal
         x, y, z = system.GetNodeOutput(self.nodes[0], kind)
-        return np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]) @ k - pushed
+        return np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]) @ k - k_rate
 
     def _constraint(self, system: Any, t: float, item: int, q: Array, q_t: Array, _: bool) -> Array:
-        """Return the residual of v = a (ω - Ω)×e_z, and of (ω - Ω, e_z) = 0 in the rubber model."""
+        """Return the residual of v = a (ω - Ω)×e_z, and of (ω - Ω, e_z) = 0 for rubber balls."""
         self.calls[1] += 1
-        return self._rows(q) @ q_t - self._carried(t, q)
+        return self._rows(q) @ q_t - self._prescribed(t, q)
 
     def _jacobian(self, system: Any, t: float, item: int, q: Array, q_t: Array, _: bool) -> Any:
         self.calls[2] += 1
         return self.exudyn.MatrixContainer(self._rows(q))
 
     def _rows(self, q: Array) -> Array:
-        # A marker's coordinates contain the reference already; with it added, the solver fails.
-        G, a = self._to_turning(q[3:]), self.scene.ball.radius
+        # A marker's coordinates include the reference; if it is added again, the solver fails.
+        G, a = self._to_omega(q[3:]), self.scene.ball.radius
         J = np.zeros((self.row_count, len(q)))
-        # The third row keeps the centre at its height. Rates, not places: a ball touches with ever
-        # another point, so there is none to hold.
+        # The third row keeps the centre's height. A velocity constraint, because the contact point
+        # moves over the ball.
         J[0, 0] = J[1, 1] = J[2, 2] = 1.0
         J[0, 3:], J[1, 3:] = -a * G[1], a * G[0]
         if self.row_count == 4:
             J[3, 3:] = G[2]
         return J
 
-    def _carried(self, t: float, q: Array) -> Array:
+    def _prescribed(self, t: float, q: Array) -> Array:
         shell, drive = self.scene.ball.shell, self.scene.drives[0]
         x, y, z = self._axis(q[3:]) * drive.rate(t)
         return np.array([-shell.radius * y, shell.radius * x, 0.0, z])[: self.row_count]
@@ -182,8 +177,8 @@ class _ExudynWorld(adapter.World):
             chosen.timeIntegration.newton.relativeTolerance = settings.tolerance
         chosen.timeIntegration.newton.useModifiedNewton = settings.modified
         chosen.solution.file.write = False
-        # Every step: where Newton fails Exudyn shortens a step by itself, and samples at a period
-        # would then be at other times than those asked for.
+        # Store every step: if Newton fails, Exudyn shortens a step, and samples at a fixed period
+        # would then be at other times.
         chosen.solution.sensors.writePeriod = 0.0
         solver = getattr(exudyn.DynamicSolverType, settings.solver)
         self.system.SolveDynamic(chosen, solverType=solver)
@@ -192,50 +187,50 @@ class _ExudynWorld(adapter.World):
             yield states.__next__
 
     def _states(self, times: Array) -> Iterator[State]:
-        """Yield the states at times (n,) after the first, from what the sensors have stored."""
-        read = [self.system.GetSensorStoredData(each) for each in self.sensors]
-        # Cubic through the steps: its error is of order 4, and the solver's of order 2.
-        path = CubicSpline(read[0][:, 0], np.hstack([each[:, 1:] for each in read]))
+        read = [self.system.GetSensorStoredData(sensor) for sensor in self.sensors]
+        # The cubic's error has order 4, the solver's order 2.
+        path = CubicSpline(read[0][:, 0], np.hstack([columns[:, 1:] for columns in read]))
         for t in times[1:].tolist():
-            centre, velocity, turning, R = np.split(path(t), [3, 6, 9])
-            yield self._state(t, centre, velocity, turning, from_matrix(R.reshape(3, 3)))
+            centre, velocity, omega, R = np.split(path(t), [3, 6, 9])
+            yield self._state(t, centre, velocity, omega, from_matrix(R.reshape(3, 3)))
 
     def _state(
-        self, t: float, centre: Array, velocity: Array, turning: Array, turn: Array
+        self, t: float, centre: Array, velocity: Array, omega: Array, attitude: Array
     ) -> State:
-        """Return the state at t [s] from that of the node that is read, the frame's."""
+        """Return the state at t [s] from the frame's state, which the sensors store."""
         axis, (angles, rates) = self.scene.ball.shell.axis, self.hinges_at(t)
         half = np.array([np.cos(angles[0] / 2), *np.sin(angles[0] / 2) * axis])
-        turning = turning - rates[0] * self._axis(turn)
-        return State(centre, velocity, multiply(turn, conjugate(half)), turning, angles, rates)
+        omega = omega - rates[0] * self._axis(attitude)
+        return State(centre, velocity, multiply(attitude, conjugate(half)), omega, angles, rates)
 
     def python_seconds(self) -> float:
-        """Return that of our three functions, by the number of their calls."""
-        q = np.array([*np.zeros(3), *self.turn] * len(self.nodes))
-        given = (None, 0.0, 0, q, np.ones(len(q)), True)
+        """Return the time of our three functions, from the number of their calls [s]."""
+        q = np.array([*np.zeros(3), *self.rotation] * len(self.nodes))
+        arguments = (None, 0.0, 0, q, np.ones(len(q)), True)
         timed = (
             lambda: self._torque(self.system, 0.0, None),
-            lambda: self._constraint(*given),
-            lambda: self._jacobian(*given),
+            lambda: self._constraint(*arguments),
+            lambda: self._jacobian(*arguments),
         )
         return sum(adapter.seconds_per_call(f) * n for f, n in zip(timed, self.calls, strict=True))
 
 
 class _ContactWorld(_ExudynWorld):
-    """The shell as a body of its own on Exudyn's contact of a sphere and a triangle.
+    """The shell as a body on Exudyn's contact between a sphere and a triangle.
 
-    The rest is the other body; they share the centre and, about the frame's axis, turn against each
-    other at the given rate: by our constraint, which forbids a rubber ball its spin as well.
+    A second body holds the rest of the ball. Our constraint makes the two share their centre and
+    turn against each other about the frame's axis at the prescribed rate; it also forbids a rubber
+    ball to spin.
     """
 
     def _fill(self) -> None:
         system, items, settings = self.system, self.items, self.settings
         scene, ball, now = self.scene, self.scene.ball, self.now
-        self.row_count, self.turned = 7 if scene.rolling == "rubber" else 6, slice(1, None)
-        shell, turning = ball.shell, now.turning + now.rates[0] * self._axis(self.turn)
-        # The two are in the frame's and the shell's axes, which agree at the start.
-        self._torque_on(self._body(ball.mass - shell.mass, ball.inertia - shell.inertia, turning))
-        sphere = self._body(shell.mass, shell.inertia, now.turning)
+        self.row_count, self.driven = 7 if scene.rolling == "rubber" else 6, slice(1, None)
+        shell, omega = ball.shell, now.omega + now.rates[0] * self._axis(self.rotation)
+        # Frame and shell have the same axes at the start.
+        self._torque_on(self._body(ball.mass - shell.mass, ball.inertia - shell.inertia, omega))
+        sphere = self._body(shell.mass, shell.inertia, now.omega)
         self._constrain(self.nodes)
         ground = items.MarkerBodyRigid(bodyNumber=system.AddObject(items.ObjectGround()))
         state = items.NodeGenericData(initialCoordinates=[0.0] * 4, numberOfDataCoordinates=4)
@@ -248,35 +243,35 @@ class _ContactWorld(_ExudynWorld):
             trianglePoints=self.exudyn.Vector3DList(triangle), contactStiffness=stiffness,
             dynamicFriction=settings.friction, frictionProportionalZone=settings.slip_zone,
         )  # fmt: skip
-        of = {"objectNumber": system.AddObject(contact)}
-        self.felt = self._sensor(items.SensorObject, of, "Force")
+        item = {"objectNumber": system.AddObject(contact)}
+        self.force_sensor = self._sensor(items.SensorObject, item, "Force")
         self.t, self.friction = 0.0, settings.friction or self.friction
 
     def _rows(self, q: Array) -> Array:
         m = len(q) // 2
-        rest, shell = self._to_turning(q[3:m]), self._to_turning(q[m + 3 :])
+        rest, shell = self._to_omega(q[3:m]), self._to_omega(q[m + 3 :])
         J = np.zeros((7, 2 * m))
         J[:3, :3], J[:3, m : m + 3] = -np.eye(3), np.eye(3)
         J[3:6, 3:m], J[3:6, m + 3 :] = -rest, shell
         J[6, m + 3 :] = shell[2]
         return J[: self.row_count]
 
-    def _carried(self, t: float, q: Array) -> Array:
-        turned = self._axis(q[3 : len(q) // 2]) * self.scene.drives[0].rate(t)
-        return np.array([0.0, 0.0, 0.0, *-turned, 0.0])[: self.row_count]
+    def _prescribed(self, t: float, q: Array) -> Array:
+        relative = self._axis(q[3 : len(q) // 2]) * self.scene.drives[0].rate(t)
+        return np.array([0.0, 0.0, 0.0, *-relative, 0.0])[: self.row_count]
 
     def force(self) -> Array:
-        at, *parts = self.system.GetSensorStoredData(self.felt).T
-        return lifting([np.array([np.interp(self.t, at, part) for part in parts])])
+        at, *parts = self.system.GetSensorStoredData(self.force_sensor).T
+        return force_on_ball([np.array([np.interp(self.t, at, part) for part in parts])])
 
     def _state(
-        self, t: float, centre: Array, velocity: Array, turning: Array, turn: Array
+        self, t: float, centre: Array, velocity: Array, omega: Array, attitude: Array
     ) -> State:
         self.t = t
-        return State(centre, velocity, turn, turning, *self.hinges_at(t))
+        return State(centre, velocity, attitude, omega, *self.hinges_at(t))
 
 
-# The contact of its own example. This and the others have our constraint: of the hinge, or all.
+# The contact of Exudyn's example. The others impose our constraint on the hinge or on everything.
 _AS_IT_COMES = _ExudynSettings(
     name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=2e-4, tolerance=1e-6,
     solver="TrapezoidalIndex2", modified=True, friction=0.2, slip_zone=1e-3, stiffness=1e5,
@@ -289,7 +284,6 @@ _CONTACT = replace(
 
 
 def _lacks(scene: Scene, settings: _ExudynSettings) -> str | None:
-    """Return that its own contact has no torsional friction, where a ball needs it."""
     if settings.friction is None:
         return None
     return adapter.no_torsion(scene, "a constraint of ours forbids the spin")

@@ -1,7 +1,7 @@
-"""Genesis as an engine: its rigid solver on the processor, with a velocity servo a hinge.
+"""Genesis: its rigid solver on the CPU, with a velocity servo for each hinge.
 
-Its contact is after MuJoCo's. It steps by semi-implicit Euler alone, with or without an implicit
-part.
+Its contact model follows MuJoCo. It integrates with semi-implicit Euler only, with or without an
+implicit part.
 """
 
 from dataclasses import dataclass
@@ -19,40 +19,31 @@ from robotball.rotations import Array, rotation_matrix
 
 @dataclass(frozen=True, kw_only=True)
 class _GenesisSettings(adapter.StepSettings):
-    """Settings of a Genesis run.
+    """Settings of a Genesis run; `integrator` and `cone` are Genesis's names."""
 
-    precision: of its arithmetic, in bits; integrator, cone: by its own names; friction: of ball
-    and plane, of which it takes 5 at most; torsional m: friction against spin, of a rubber ball
-    alone; damping N m s/rad: of the hinges' velocity servos; most_torque N m: that they give, any
-    if None; armature kg m²: their reflected inertia; impedance: of the contact; impratio: how much
-    harder friction is than the normal force; iterations, tolerance: of its solver.
-    """
-
-    precision: Literal["32", "64"] = "32"
+    precision: Literal["32", "64"] = "32"  # bits
     integrator: str | None = None
     cone: str | None = None
-    friction: float | None = None
-    torsional: float | None = None
-    damping: float = 450.0
-    most_torque: float | None = None
-    armature: float | None = None
-    impedance: float | None = None
-    impratio: float | None = None
-    iterations: int | None = None
+    friction: float | None = None  # of ball and plane; Genesis uses at most 5
+    torsional: float | None = None  # m, against spin; for rubber balls only
+    damping: float = 450.0  # N m s/rad, gain of the hinges' velocity servos
+    most_torque: float | None = None  # N m, of a servo; None: no limit
+    armature: float | None = None  # kg m², reflected inertia of the hinges
+    impedance: float | None = None  # of the contact, at every depth
+    impratio: float | None = None  # impedance of friction relative to the normal direction
+    iterations: int | None = None  # of the solver, like `tolerance`
     tolerance: float | None = None
 
 
 class _GenesisWorld(adapter.ServoWorld):
-    """The ball and its plane in a scene of their own."""
-
     def __init__(self, scene: Scene, settings: _GenesisSettings, step: float) -> None:
         super().__init__(scene)
         import genesis as gs
 
-        gs.destroy()  # of a world that did not come to its end
+        gs.destroy()  # left over if an earlier run failed
         gs.init(backend=gs.cpu, precision=settings.precision, logging_level="warning")
         torsional = settings.torsional if scene.rolling == "rubber" else None
-        options = adapter.given(
+        options = adapter.without_none(
             iterations=settings.iterations, tolerance=settings.tolerance,
             impratio=settings.impratio, enable_torsional_friction=torsional is not None,
             integrator=settings.integrator and getattr(gs.integrator, settings.integrator),
@@ -73,20 +64,20 @@ class _GenesisWorld(adapter.ServoWorld):
         self.ball.set_dofs_kv(np.full(h, settings.damping), self.hinges)
         most = np.full(h, settings.most_torque or np.inf)
         self.ball.set_dofs_force_range(-most, most, self.hinges)
-        self.lag = (settings.armature or 0.0) / settings.damping  # s, of a servo
+        self.lag = (settings.armature or 0.0) / settings.damping  # s, of a servo behind its target
         if settings.armature is not None:
             self.ball.set_dofs_armature(np.full(h, settings.armature), self.hinges)
         self.ball.set_qpos(np.concatenate([start.centre, start.attitude, start.angles]))
-        turning = rotation_matrix(start.attitude).T @ start.turning
-        self.ball.set_dofs_velocity(np.concatenate([start.velocity, turning, start.rates]))
-        self.turn(start.rates)
+        omega = rotation_matrix(start.attitude).T @ start.omega  # in the shell's axes
+        self.ball.set_dofs_velocity(np.concatenate([start.velocity, omega, start.rates]))
+        self.set_rates(start.rates)
 
     def control(self, t: float, step: float) -> None:
-        # A servo turns its own armature too, by its rate at the step's begin, or it would lag.
-        before, after = (self.hinges_at(each)[1] for each in (t, t + step))
-        self.turn(before + self.lag / step * (after - before))
+        # The servo also accelerates its armature; without this lead it would lag.
+        before, after = (self.hinges_at(time)[1] for time in (t, t + step))
+        self.set_rates(before + self.lag / step * (after - before))
 
-    def turn(self, rates: Array) -> None:
+    def set_rates(self, rates: Array) -> None:
         self.ball.control_dofs_velocity(rates, self.hinges)
 
     def step(self, step: float) -> None:
@@ -98,8 +89,8 @@ class _GenesisWorld(adapter.ServoWorld):
         return State(q[:3], v[:3], attitude, rotation_matrix(attitude) @ v[3:6], q[7:], v[6:])
 
     def end(self) -> None:
-        # Here alone it writes its kernels to disk, a minute's compilation; robotball's processes
-        # do not come to Python's end.
+        # Genesis writes compiled kernels, a minute's work, to disk only here or at Python's exit,
+        # which robotball's processes skip.
         import genesis as gs
 
         gs.destroy()
@@ -113,12 +104,10 @@ def _double(values: Any) -> Array:
 
 
 def _mjcf(scene: Scene, settings: _GenesisSettings) -> str:
-    """Return the MJCF of the ball alone, from which Genesis reads bodies."""
     root = Element("mujoco")
     above = {"": SubElement(root, "worldbody")}
     for link in links_of(scene):
-        place = _text(link.pivot)
-        body = SubElement(above[link.parent], "body", name=link.name, pos=place)
+        body = SubElement(above[link.parent], "body", name=link.name, pos=_text(link.pivot))
         (xx, xy, xz), (_, yy, yz), (_, _, zz) = link.inertia
         SubElement(
             body, "inertial", pos=_text(link.centre), mass=_text([link.mass]),
@@ -128,7 +117,7 @@ def _mjcf(scene: Scene, settings: _GenesisSettings) -> str:
             SubElement(body, "freejoint")
             sphere = SubElement(body, "geom", type="sphere", size=_text([scene.ball.radius]))
             if (d := settings.impedance) is not None:
-                # Equal at both ends: the impedance does not change with the depth.
+                # Equal at both ends: the same impedance at every depth.
                 sphere.set("solimp", _text([d, d, 1e-3, 0.5, 1.0]))
         else:
             SubElement(body, "joint", type="hinge", name=link.name, axis=_text(link.axis))
@@ -137,16 +126,16 @@ def _mjcf(scene: Scene, settings: _GenesisSettings) -> str:
 
 
 def _text(values: Any) -> str:
-    return " ".join(repr(float(each)) for each in values)
+    return " ".join(repr(float(value)) for value in values)
 
 
 _AS_IT_COMES = _GenesisSettings(
     name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-2,
     most_torque=87.0,
 )  # fmt: skip
-# Friction is the most that Genesis takes, and well above the 1.2 that the ball needs. The rest is
-# MuJoCo's recipe: an elliptic cone, a hard contact, armatures that the load does not turn, and a
-# solver that iterates to its end instead of stopping at a tolerance relative to those armatures.
+# Genesis's largest friction; the ball needs 1.2. The rest follows the settings for MuJoCo: an
+# elliptic cone, a hard contact, armatures that the load cannot accelerate, and a solver that runs
+# all iterations, because its tolerance is relative to those armatures.
 _BEST = _GenesisSettings(
     name="best", error_tolerance=5e-2, stop_at_fault=False, timestep=1e-3, precision="64",
     integrator="Euler", cone="elliptic", friction=5.0, torsional=5.0, damping=1e8, armature=1e6,
@@ -155,7 +144,6 @@ _BEST = _GenesisSettings(
 
 
 def _lacks(scene: Scene, settings: _GenesisSettings) -> str | None:
-    """Return that it lacks double precision, or torsional friction, as it comes."""
     single = adapter.in_single_precision(scene, settings) if settings.precision == "32" else None
     free = adapter.no_torsion(scene) if settings.torsional is None else None
     return "; ".join(filter(None, (single, free))) or None

@@ -1,7 +1,7 @@
-"""Newton as an engine: its builder's model, stepped by its MuJoCo solver.
+"""Newton: a model from its builder, stepped with its MuJoCo solver.
 
-Its model and its states are in single precision. The steps between them are MuJoCo's own, in
-double, or those of MuJoCo Warp for many balls abreast, in single as well.
+Model and states have single precision. One ball is stepped with MuJoCo in double precision; many
+balls side by side with MuJoCo Warp, in single precision.
 """
 
 from collections.abc import Sequence
@@ -16,39 +16,30 @@ from robotball.motion import Label
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, rotation_matrix
 
-_TIME_CONSTANT = 0.04  # s, of the contact whose impedance is set
-# Of a newcomer's hinges: the servo's gain [N m s/rad], and their armature [kg m²].
-_SERVO = {"target_kd": 1.0, "armature": 0.01}
-# The most that Warp's single precision bears: with .9999 or 1e12 kg m² the ball is thrown off.
-_BEARS = {"impedance": 0.99, "armature": 1e6}
+_TIME_CONSTANT = 0.04  # s, of the contact, if its impedance is set
+_SERVO = {"target_kd": 1.0, "armature": 0.01}  # N m s/rad and kg m², in preset as-it-comes
+# The largest values for Warp in single precision: with 0.9999 or 1e12 kg m² the ball is thrown off.
+_WARP_CAPS = {"impedance": 0.99, "armature": 1e6}
 
 
 @dataclass(frozen=True, kw_only=True)
 class _NewtonSettings(adapter.StepSettings):
-    """Settings of a Newton run.
-
-    integrator, cone, iterations, tolerance: of its solver; friction: of ball and plane; armature
-    kg m²: the reflected inertia that keeps the hinges' rates, in place of velocity servos;
-    impedance: of the contact, with slip that dies out slowly; noslip: iterations, set in the
-    solver's own model; kept: whether the state stays with the solver from step to step, in double
-    precision, by an option that is deprecated. device: "cpu" or "cuda" for steps by Warp, which
-    takes an impedance of .99 and an armature of 1e6 at most; None for MuJoCo's own, of one ball.
-    """
+    """Settings of a Newton run; the first four are the solver's."""
 
     integrator: str | None = None
     cone: str | None = None
     iterations: int | None = None
     tolerance: float | None = None
-    friction: float | None = None
-    armature: float | None = None
-    impedance: float | None = None
-    noslip: int | None = None
-    kept: bool = False
-    device: str | None = None
+    friction: float | None = None  # of ball and plane
+    armature: float | None = None  # kg m², reflected inertia of the hinges, in place of servos
+    impedance: float | None = None  # of the contact; slip then decays slowly
+    noslip: int | None = None  # iterations of the solver's noslip pass
+    kept: bool = False  # keep the state in the solver, in double precision; deprecated by Newton
+    device: str | None = None  # "cpu" or "cuda": step with Warp; None: one ball with MuJoCo
 
 
 class _NewtonWorld(adapter.SteppedWorld):
-    """Balls abreast in worlds of their own by Warp, or one by MuJoCo itself."""
+    """Balls side by side, each in its own world with Warp; or one ball with MuJoCo."""
 
     any_step = True
 
@@ -63,14 +54,14 @@ class _NewtonWorld(adapter.SteppedWorld):
         self.warp, self.device = warp, "cpu"
         if settings.device is not None:
             self.device = adapter.on_device(self, settings.device, warp.is_cuda_available())
-            borne = {n: min(v, most) for n, most in _BEARS.items() if (v := getattr(settings, n))}
-            settings = replace(settings, **borne)
+            caps = {n: min(v, cap) for n, cap in _WARP_CAPS.items() if (v := getattr(settings, n))}
+            settings = replace(settings, **caps)
         self.settings, d = settings, settings.impedance
-        # So deep that the contact carries the ball from the start.
+        # The depth at which the contact carries the ball from the start.
         self.depth = scene.gravity * (1 - d) * _TIME_CONSTANT**2 if d is not None else 0.0
-        self.starts = [start_state(each) for each in scenes or (scene,)]
+        self.starts = [start_state(ball) for ball in scenes or (scene,)]
         options = ("integrator", "cone", "iterations", "tolerance")
-        chosen = adapter.given(**{each: getattr(settings, each) for each in options})
+        chosen = adapter.without_none(**{name: getattr(settings, name) for name in options})
         if settings.kept:
             chosen["update_data_interval"] = 0
         alone = settings.device is None
@@ -78,30 +69,30 @@ class _NewtonWorld(adapter.SteppedWorld):
             model = self._model(newton)
             self.solver = newton.solvers.SolverMuJoCo(model, use_mujoco_cpu=alone, **chosen)
             self.states, self.controls = (model.state(), model.state()), model.control()
-        # Newton does not pass noslip on, so it is set in the model that its solver has made.
+        # Newton does not pass noslip on: set it in the solver's model.
         if settings.noslip is not None:
             made = self.solver.mj_model if alone else self.solver.mjw_model
             made.opt.noslip_iterations = settings.noslip
         if alone:
-            # Into MuJoCo's own data, in double precision: a state that is kept there is never read
-            # from Newton's, which has single precision.
+            # Set MuJoCo's data in double precision. With `kept`, the solver never reads Newton's
+            # state.
             now, data = self.now, self.solver.mj_data
-            turning = rotation_matrix(now.attitude).T @ now.turning
-            data.qpos[:] = [*self._place(now), *now.attitude, *now.angles]
-            data.qvel[:] = [*now.velocity, *turning, *now.rates]
+            omega = rotation_matrix(now.attitude).T @ now.omega  # in the shell's axes
+            data.qpos[:] = [*self._position(now), *now.attitude, *now.angles]
+            data.qvel[:] = [*now.velocity, *omega, *now.rates]
         self._push(self.now.rates, np.zeros(len(scene.drives)))
 
-    def _place(self, state: State) -> Array:
-        """Return where the shell's centre begins (3,) [m]."""
+    def _position(self, state: State) -> Array:
+        """Return the initial centre of the shell (3,) [m], pressed into the plane."""
         return state.centre - [0.0, 0.0, self.depth]
 
     def _model(self, newton: Any) -> Any:
-        """Return Newton's model of the balls at their starts, a world each."""
+        """Return Newton's model of the balls at their initial states, a world each."""
         wp, scene, settings = self.warp, self.scene, self.settings
         gravity = wp.vec3(0.0, 0.0, -scene.gravity)
         ball, whole = (newton.ModelBuilder(up_axis=newton.Axis.Z, gravity=gravity) for _ in "12")
-        for each in (ball, whole):
-            newton.solvers.SolverMuJoCo.register_custom_attributes(each)
+        for builder in (ball, whole):
+            newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
         material = ball.default_shape_cfg.copy()
         material.density = 0.0
         if settings.friction is not None:
@@ -139,24 +130,23 @@ class _NewtonWorld(adapter.SteppedWorld):
             }  # fmt: skip
             ball.add_custom_values(**{f"mujoco:pair_{name}": pair[name] for name in pair})
         whole.replicate(ball, len(self.starts))
-        places = ([*self._place(s), *np.roll(s.attitude, -1), *s.angles] for s in self.starts)
-        speeds = ([*s.velocity, *s.turning, *s.rates] for s in self.starts)
-        whole.joint_q, whole.joint_qd = (np.ravel([*each]).tolist() for each in (places, speeds))
+        q = ([*self._position(s), *np.roll(s.attitude, -1), *s.angles] for s in self.starts)
+        v = ([*s.velocity, *s.omega, *s.rates] for s in self.starts)
+        whole.joint_q, whole.joint_qd = (np.ravel([*rows]).tolist() for rows in (q, v))
         return whole.finalize()
 
     def _push(self, rates: Array, accelerations: Array) -> None:
-        """Set the servos' targets, or the torques that accelerate the armatures."""
         armature, free = self.settings.armature, np.zeros(6)
         if armature is None:
             target, values = self.controls.joint_target_qd, rates
         else:
             target, values = self.controls.joint_f, armature * accelerations
-        each = np.concatenate([free, values]).astype(np.float32)
-        target.assign(np.tile(each, len(self.starts)))
+        of_ball = np.concatenate([free, values]).astype(np.float32)
+        target.assign(np.tile(of_ball, len(self.starts)))
 
     def control(self, t: float, step: float) -> None:
-        # A servo's target is the rate at the step's end, where the step's velocities are. A torque
-        # is held over the step, and at the middle's value it keeps order 2.
+        # A step's velocities belong to its end, so that is a servo's target. A torque is constant
+        # over the step; the midpoint value keeps second order.
         middle = [drive.acceleration(t + step / 2) for drive in self.scene.drives]
         self._push(self.hinges_at(t + step)[1], np.array(middle, float))
 
@@ -171,9 +161,9 @@ class _NewtonWorld(adapter.SteppedWorld):
 
     def state(self) -> State:
         now, n = self.states[0], len(self.starts)
-        q, v = (each.numpy().astype(float).reshape(n, -1) for each in (now.joint_q, now.joint_qd))
+        q, v = (a.numpy().astype(float).reshape(n, -1) for a in (now.joint_q, now.joint_qd))
         attitude = np.roll(q[:, 3:7], 1, axis=1)
-        # Rounded to single precision it is no unit quaternion any more.
+        # Rounding to single precision leaves a quaternion whose norm is not 1.
         attitude /= np.linalg.norm(attitude, axis=1, keepdims=True)
         return State(q[:, :3], v[:, :3], attitude, v[:, 3:6], q[:, 7:], v[:, 6:])
 
@@ -189,8 +179,8 @@ class _NewtonWorld(adapter.SteppedWorld):
 _AS_IT_COMES = _NewtonSettings(
     name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-3
 )
-# MuJoCo's recipe, as far as Newton passes it on. RK4 of its MuJoCo 3.17 is of order 2, and the
-# state is rounded to single precision after every step: on fig12 the error is 1.1e-4 at 20 ms,
+# The settings for MuJoCo, as far as Newton passes them on. RK4 of its MuJoCo 3.17 has order 2, and
+# the state is rounded to single precision after every step: on fig12 the error is 1.1e-4 at 20 ms,
 # 2.1e-5 at 5 ms and 4.2e-5 at 1 ms.
 _BEST = _NewtonSettings(
     name="best", error_tolerance=1e-3, stop_at_fault=False, timestep=20e-3, integrator="rk4",
@@ -200,11 +190,10 @@ _BEST = _NewtonSettings(
 
 
 def _lacks(scene: Scene, settings: _NewtonSettings) -> str | None:
-    """Return that it lacks double precision and, as it comes, torsional friction."""
     lack = "its model and its states are in single precision"
     if settings.device is not None:
-        most = ", ".join(f"{name} of {value:g}" for name, value in _BEARS.items())
-        lack += f", and so are its steps, which bear at most an {most}"
+        limits = ", ".join(f"{name} {value:g}" for name, value in _WARP_CAPS.items())
+        lack += f", as are its steps, limited to {limits}"
     if settings.impedance is None and (free := adapter.no_torsion(scene)):
         lack += f"; {free}"
     return lack

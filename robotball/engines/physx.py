@@ -1,4 +1,4 @@
-"""PhysX 5 as an engine, in SAPIEN: an articulation with hinge drives, in single precision."""
+"""PhysX 5 in SAPIEN: an articulation with hinge drives, in single precision."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -14,25 +14,17 @@ from robotball.rotations import Array, from_matrix, perpendicular
 
 @dataclass(frozen=True, kw_only=True)
 class _PhysxSettings(adapter.StepSettings):
-    """Settings of a PhysX run.
+    """Settings of a PhysX run."""
 
-    friction: of ball and plane; damping N m s/rad: of the hinges' velocity drives; armature kg m²:
-    their reflected inertia; most_rate rad/s: at which rates of hinges and bodies are cut; patch m:
-    the radius of the contact patch that resists spin, of a rubber ball alone; iterations: of its
-    solver, on positions and on velocities.
-    """
-
-    friction: float | None = None
-    damping: float = 5.0
-    armature: float | None = None
-    most_rate: float | None = None
-    patch: float | None = None
-    iterations: int | None = None
+    friction: float | None = None  # of ball and plane
+    damping: float = 5.0  # N m s/rad, gain of the hinges' velocity drives
+    armature: float | None = None  # kg m², reflected inertia of the hinges
+    most_rate: float | None = None  # rad/s, at which PhysX clips rates of hinges and bodies
+    patch: float | None = None  # m, radius of the contact patch against spin; for rubber balls only
+    iterations: int | None = None  # of the solver, for positions and for velocities
 
 
 class _PhysxWorld(adapter.ServoWorld):
-    """The ball and its plane in a scene of its own."""
-
     def __init__(self, scene: Scene, settings: _PhysxSettings, step: float) -> None:
         super().__init__(scene)
         import sapien
@@ -42,7 +34,7 @@ class _PhysxWorld(adapter.ServoWorld):
         config.gravity = np.array([0.0, 0.0, -scene.gravity], dtype=np.float32)
         physx.set_scene_config(config)
         bodies = physx.PhysxBodyConfig()
-        bodies.sleep_threshold = 0.0  # or a slow ball would be stopped
+        bodies.sleep_threshold = 0.0  # a slow ball must not be put to sleep
         if settings.iterations is not None:
             bodies.solver_position_iterations = bodies.solver_velocity_iterations = (
                 settings.iterations
@@ -55,38 +47,38 @@ class _PhysxWorld(adapter.ServoWorld):
             material = physx.PhysxMaterial(settings.friction, settings.friction, 0.0)
         ground = self.world.create_actor_builder()
         ground.set_physx_body_type("static")
-        # A plane of PhysX faces along x.
+        # PhysX's plane has its normal along x.
         upward = sapien.Pose(q=from_matrix(np.array([[0, 0, -1.0], [0, 1, 0], [1, 0, 0]])))
         ground.add_plane_collision(upward, material=material)
         ground.build("ground")
         builder = self.world.create_articulation_builder()
-        made: dict[str, Any] = {}
+        bodies_built: dict[str, Any] = {}
         patch = settings.patch if scene.rolling == "rubber" else None
         for link in links_of(scene):
-            each = builder.create_link_builder(made.get(link.parent))
-            each.set_name(link.name)
+            body = builder.create_link_builder(bodies_built.get(link.parent))
+            body.set_name(link.name)
             moments, axes = principal_inertia(link)
-            each.set_mass_and_inertia(link.mass, sapien.Pose(link.centre, axes), moments)
+            body.set_mass_and_inertia(link.mass, sapien.Pose(link.centre, axes), moments)
             if not link.parent:
-                each.add_sphere_collision(
+                body.add_sphere_collision(
                     radius=scene.ball.radius, material=material,
                     patch_radius=patch or 0.0, min_patch_radius=patch or 0.0,
                 )  # fmt: skip
             else:
                 side = perpendicular(link.axis)
-                # It turns x, PhysX's own hinge axis, onto the link's.
+                # Rotates x, PhysX's hinge axis, onto the link's axis.
                 turn = from_matrix(np.stack([link.axis, side, np.cross(link.axis, side)], axis=1))
-                each.set_joint_name(link.name)
-                # Unwrapped, as a rotor turns through more than a thousand radians.
-                each.set_joint_properties(
+                body.set_joint_name(link.name)
+                # Unwrapped, because a rotor turns by more than 1000 rad.
+                body.set_joint_properties(
                     "revolute_unwrapped", [[-np.inf, np.inf]],
                     sapien.Pose(link.pivot, turn), sapien.Pose(q=turn),
                 )  # fmt: skip
-            made[link.name] = each
+            bodies_built[link.name] = body
         builder.set_initial_pose(sapien.Pose(start.centre, start.attitude))
         self.ball = ball = builder.build()
         for link in ball.links:
-            # PhysX damps bodies by default; nothing does so here.
+            # PhysX damps bodies by default.
             link.set_linear_damping(0.0)
             link.set_angular_damping(0.0)
             if settings.most_rate is not None:
@@ -99,11 +91,11 @@ class _PhysxWorld(adapter.ServoWorld):
                 joint.set_max_velocity(settings.most_rate)
         ball.set_root_pose(sapien.Pose(start.centre, start.attitude))
         ball.set_root_linear_velocity(start.velocity)
-        ball.set_root_angular_velocity(start.turning)
+        ball.set_root_angular_velocity(start.omega)
         ball.set_qvel(start.rates)
-        self.turn(start.rates)
+        self.set_rates(start.rates)
 
-    def turn(self, rates: Array) -> None:
+    def set_rates(self, rates: Array) -> None:
         for joint, rate in zip(self.ball.active_joints, rates.tolist(), strict=True):
             joint.set_drive_velocity_target(rate)
 
@@ -112,14 +104,14 @@ class _PhysxWorld(adapter.ServoWorld):
 
     def state(self) -> State:
         ball, pose = self.ball, self.ball.root_pose
-        velocity, turning = _double(ball.root_linear_velocity), _double(ball.root_angular_velocity)
+        velocity, omega = _double(ball.root_linear_velocity), _double(ball.root_angular_velocity)
         attitude = _double(pose.q) / np.linalg.norm(pose.q)
         angles, rates = _double(ball.qpos), _double(ball.qvel)
-        return State(_double(pose.p), velocity, attitude, turning, angles, rates)
+        return State(_double(pose.p), velocity, attitude, omega, angles, rates)
 
     def force(self) -> Array:
-        points = [point for each in self.world.get_contacts() for point in each.points]
-        # SAPIEN reports the impulse along the normal, and none of friction.
+        points = [point for contact in self.world.get_contacts() for point in contact.points]
+        # SAPIEN reports normal impulses only, without friction.
         normal = sum(abs(point.impulse[2]) for point in points) / self.world.timestep
         return np.array([np.nan, np.nan, normal])
 
@@ -129,9 +121,9 @@ def _double(values: Any) -> Array:
 
 
 _AS_IT_COMES = _PhysxSettings(name="as-it-comes", error_tolerance=1e-2, timestep=5e-4)
-# The patch resists spin, the armature holds the hinges' rates against the load in single precision,
-# and the limit lies far above the rotor's 148 rad/s, which the default of 100 rad/s would cut.
-# What slips even so, 1e-3 m/s on a mere slope, no setting that we found prevents.
+# The patch resists spin; the armature keeps hinge rates in single precision; the rate limit is far
+# above the rotor's 148 rad/s, which the default of 100 rad/s would clip. No setting we found
+# removes the remaining slip, 1e-3 m/s even on a mere slope.
 _BEST = _PhysxSettings(
     name="best", error_tolerance=5e-2, timestep=1e-3, friction=20.0, damping=1e8, armature=1e4,
     most_rate=1e6, patch=20.0, iterations=20,

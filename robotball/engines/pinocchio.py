@@ -1,9 +1,9 @@
-"""Pinocchio as an engine: its mass matrix and bias under our constraints, or its own contact.
+"""Pinocchio: its mass matrix and bias under our constraints, or its own contact.
 
-Its own constraints hold a point that stays where it is on a body. A ball touches with ever another
-one, and a constraint at its lowest point, set anew at every step, has the wrong acceleration
-(docs/findings/pinocchio_rolling.py). Its frictional contacts are constraints on velocities, which
-that does not touch.
+Its bilateral constraints hold a fixed point of a body. A ball's contact point changes, and a
+constraint that is redefined at the lowest point at every step has the wrong acceleration
+(docs/findings/pinocchio_rolling.py). Its frictional contacts constrain velocities only, so they do
+not have this error.
 """
 
 from dataclasses import dataclass
@@ -12,32 +12,29 @@ from typing import Any, Literal
 import numpy as np
 
 from robotball.engines import adapter
-from robotball.engines.states import State, lifting, links_of
+from robotball.engines.states import State, force_on_ball, links_of
 from robotball.motion import Label
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, rotation_matrix
+
+_ARMATURE = 1e12  # kg m², of the hinges with contact: the load cannot accelerate it
 
 
 @dataclass(frozen=True, kw_only=True)
 class _PinocchioSettings(adapter.PointSettings):
     """Settings of a Pinocchio run.
 
-    solver: of its contact; friction: of ball and plane; root: the shell's joint, one free flyer,
-    whose linear velocity is in the shell's turning axes, or a translation with a spherical joint,
-    whose is in the world's. A step moves along the velocities, so that the root decides on the
-    error of a contact's steps: in turning axes it is 8 to 11 times as large.
+    root: the shell's joint, a free flyer, with velocity in the shell's rotating axes, or a
+    translation and a spherical joint, with velocity in world axes. A step moves along the velocity:
+    with the contact, the error in rotating axes is 8 to 11 times as large.
     """
 
-    solver: Literal["ADMM", "PGS"] = "ADMM"
-    friction: float = 0.8
+    solver: Literal["ADMM", "PGS"] = "ADMM"  # of the contact
+    friction: float = 0.8  # of ball and plane
     root: Literal["free flyer", "translation"] = "free flyer"
 
 
-_ARMATURE = 1e12  # kg m², of the hinges beside a contact, which the load does not turn
-
-
 def _model(scene: Scene, pin: Any, root: str) -> Any:
-    """Return the ball as a free shell with hinges."""
     model, joints = pin.Model(), {"": 0}
     free = pin.JointModelFreeFlyer()
     if root == "translation":
@@ -45,27 +42,25 @@ def _model(scene: Scene, pin: Any, root: str) -> Any:
         free.addJoint(pin.JointModelSpherical())
     for link in links_of(scene):
         joint = pin.JointModelRevoluteUnaligned(*link.axis) if link.parent else free
-        # All links have the ball's axes at the start, so that places are shifts alone.
-        place = pin.SE3(np.eye(3), link.pivot)
-        made = model.addJoint(joints[link.parent], joint, place, link.name)
-        joints[link.name] = made
+        # At the start all links have the ball's axes, so the offset is a pure translation.
+        offset = pin.SE3(np.eye(3), link.pivot)
+        joints[link.name] = model.addJoint(joints[link.parent], joint, offset, link.name)
         body = pin.Inertia(link.mass, link.centre, link.inertia)
-        model.appendBodyToJoint(made, body, pin.SE3.Identity())
+        model.appendBodyToJoint(joints[link.name], body, pin.SE3.Identity())
     model.gravity.linear = scene.gravity_at(0.0)
     return model
 
 
 def _coordinates(state: State, root: str) -> tuple[Array, Array]:
-    """Return Pinocchio's q and v."""
     R = rotation_matrix(state.attitude)
     velocity = R.T @ state.velocity if root == "free flyer" else state.velocity
     # Pinocchio's quaternions are (x, y, z, w).
     q = np.concatenate([state.centre, np.roll(state.attitude, -1), state.angles])
-    return q, np.concatenate([velocity, R.T @ state.turning, state.rates])
+    return q, np.concatenate([velocity, R.T @ state.omega, state.rates])
 
 
 class _PinocchioWorld(adapter.IdealWorld):
-    """The ball as a free shell with hinges, whose ω is in the shell's axes."""
+    """The ball as a free shell with hinges; ω is in the shell's axes."""
 
     def __init__(self, scene: Scene, settings: _PinocchioSettings, step: float) -> None:
         super().__init__(scene, settings)
@@ -75,22 +70,22 @@ class _PinocchioWorld(adapter.IdealWorld):
         self.data = self.model.createData()
         self.T = np.eye(self.model.nv)
 
-    def fall(self, gravity: Array) -> None:
+    def set_gravity(self, gravity: Array) -> None:
         self.model.gravity.linear = gravity
 
     def dynamics(self, state: State) -> tuple[Array, Array]:
         R = rotation_matrix(state.attitude)
         q, qdot = _coordinates(state, "translation")
         M = self.pin.crba(self.model, self.data, q, self.pin.Convention.WORLD)
-        M = np.triu(M) + np.triu(M, 1).T  # crba fills the upper half alone
+        M = np.triu(M) + np.triu(M, 1).T  # crba fills the upper triangle only
         h = self.pin.nonLinearEffects(self.model, self.data, q, qdot)
-        # ω is in the shell's axes, which turn with ω itself: there it changes by Rᵀdω/dt alone.
+        # ω is in the shell's axes; since those rotate with ω, its rate there is Rᵀ dω/dt.
         self.T[3:6, 3:6] = R.T
         return self.T.T @ M @ self.T, self.T.T @ h
 
 
 class _ContactWorld(adapter.SteppedWorld):
-    """The ball on a frictional contact of Pinocchio's, by the loop of its own example."""
+    """The ball with Pinocchio's frictional contact, stepped as in Pinocchio's example."""
 
     any_step = True
 
@@ -103,20 +98,20 @@ class _ContactWorld(adapter.SteppedWorld):
         self.data, self.tau = self.model.createData(), np.zeros(self.model.nv)
         self.damping, self.friction = adapter.spin_damping(scene, settings, step), settings.friction
         self.q, self.v = _coordinates(self.now, settings.root)
-        self.turning_axes = settings.root == "free flyer"
-        here, of = pin.SE3.Identity(), settings.solver
-        self.contact = pin.PointContactConstraintModel(self.model, 0, here, 1, here)
+        self.rotating_axes = settings.root == "free flyer"
+        identity, solver = pin.SE3.Identity(), settings.solver
+        self.contact = pin.PointContactConstraintModel(self.model, 0, identity, 1, identity)
         self.contact.setFriction(settings.friction)
         self.solver, self.settings, self.result = (
-            getattr(pin, of + each)()
-            for each in ("ConstraintSolver", "SolverSettings", "SolverResult")
+            getattr(pin, solver + suffix)()
+            for suffix in ("ConstraintSolver", "SolverSettings", "SolverResult")
         )
         self.settings.max_iterations, self.settings.solve_ncp = 1000, True
         for kind in ("feasibility", "complementarity"):
             setattr(self.settings, f"absolute_{kind}_tol", 1e-10)
             setattr(self.settings, f"relative_{kind}_tol", 1e-12)
 
-    def fall(self, gravity: Array) -> None:
+    def set_gravity(self, gravity: Array) -> None:
         self.model.gravity.linear = gravity
 
     def control(self, t: float, step: float) -> None:
@@ -126,7 +121,7 @@ class _ContactWorld(adapter.SteppedWorld):
         pin, model, data, q, v = self.pin, self.model, self.data, self.q, self.v
         R, a = rotation_matrix(np.roll(q[3:7], 1)), self.scene.ball.radius
         self.tau[3:6] = -self.damping * (R[2] @ v[3:6]) * R[2]
-        # The contact is where the shell is lowest now; both of its frames are in world axes.
+        # The contact is at the shell's lowest point; both frames have world axes.
         self.contact.joint1_placement = pin.SE3(np.eye(3), np.array([q[0], q[1], 0.0]))
         self.contact.joint2_placement = pin.SE3(R.T, -a * R[2])
         models = [pin.ConstraintModel(self.contact)]
@@ -141,32 +136,32 @@ class _ContactWorld(adapter.SteppedWorld):
         drift = J @ free + [0.0, 0.0, (q[2] - a) / step]
         delassus = cholesky.getDelassusOperatorCholeskyExpression()
         self.solver.solve(delassus, drift, models, datas, self.settings, self.result)
-        self.felt = self.result.retrieveConstraintImpulses() / step
-        self.v = v + step * pin.aba(model, data, q, v, self.tau + J.T @ self.felt)
+        self.contact_force = self.result.retrieveConstraintImpulses() / step
+        self.v = v + step * pin.aba(model, data, q, v, self.tau + J.T @ self.contact_force)
         self.q = pin.integrate(model, q, self.v * step)
 
     def state(self) -> State:
         q, v, R = self.q, self.v, rotation_matrix(np.roll(self.q[3:7], 1))
-        velocity = R @ v[:3] if self.turning_axes else v[:3]
+        velocity = R @ v[:3] if self.rotating_axes else v[:3]
         return State(q[:3], velocity, np.roll(q[3:7], 1), R @ v[3:6], q[7:], v[6:])
 
     def force(self) -> Array:
-        return lifting([self.felt])
+        return force_on_ball([self.contact_force])
 
 
 class _Pinocchio(adapter.Adapter):
-    """Pinocchio as an `Adapter`, for balls that others of the kind cannot roll."""
+    """Adapter that also rolls unbalanced balls and tilted planes."""
 
     def cannot_express(self, scene: Scene) -> str | None:
-        """Return why it cannot roll the scene. Balance and a level plane are not needed."""
+        """Return in one line why it cannot roll the scene, or None."""
         if scene.ball.links:
-            return "its adapter knows a shell, a frame, rotors and pendulums, and no links on them"
+            return "its adapter supports a shell, a frame, rotors and pendulums, but no other links"
         if any(hinge.motor for hinge in scene.hinges):
-            return "its adapter turns hinges at given rates, and a hinge has a motor"
+            return "its adapter needs prescribed hinge rates, but a hinge has a motor"
         if any(hinge.angle for hinge in scene.hinges):
-            return "its adapter begins with all hinges at angle 0"
+            return "its adapter needs all hinges at angle 0 at the start"
         if scene.friction.rolling:
-            return "its adapter knows no resistance to rolling"
+            return "its adapter does not support rolling friction"
         return None
 
 
@@ -176,7 +171,7 @@ PINOCCHIO = _Pinocchio(
     extra="pinocchio",
     presets=adapter.by_name(
         _PinocchioSettings(name="RK4", error_tolerance=1e-4, timestep=20e-3, ideal="RK4"),
-        # DOP853 chooses its steps itself; the timestep is only the longest.
+        # DOP853 chooses its steps; the timestep is the longest.
         _PinocchioSettings(name="best", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
         _PinocchioSettings(
             name="as-it-comes",
@@ -190,6 +185,6 @@ PINOCCHIO = _Pinocchio(
         ),
     ),
     world=adapter.either(_ContactWorld, _PinocchioWorld),
-    falls=True,
+    sets_gravity=True,
     lacks=adapter.spins,
 )

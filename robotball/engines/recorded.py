@@ -1,7 +1,7 @@
-"""A trajectory from a file → the Motion of a scene, with what its own numbers say of slip.
+"""Read a motion of a scene from a file, with the slip that its samples imply.
 
-What the file does not give is computed from its samples: rates are slopes of polynomials through
-neighbouring samples, each with an estimate of its error, and the rest follows from them.
+Quantities that the file lacks are computed from its samples. Rates are slopes of polynomials
+through neighbouring samples, with estimated errors.
 """
 
 import contextlib
@@ -22,19 +22,20 @@ from robotball.robot.loads import Loads, loads_of
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, angle_between, conjugate, continuous, rotation_matrix
 
-# An odd number, to have as many neighbours on each side.
-_POINTS = 7  # of the polynomial through a sample and its neighbours; 5 for the estimate
-# Times the effect on a rate of the largest noise near a sample: at the sample it may lie worse.
-_NOISE = 2.5
+# Odd, for equal numbers of neighbours on both sides.
+_POINTS = 7  # samples per polynomial; 5 for the error estimate
+_NOISE = 2.5  # factor on the largest noise near a sample, which may be worse at the sample itself
+_COLOUR = "#56B4E9"  # for a file that does not name its engine
+_LARGEST_TURN = np.pi / 2  # rad between samples; beyond, the direction of rotation is uncertain
 
 
 def sampled_rates(times: Array, values: Array) -> tuple[Array, Array]:
     """Return d/dt (n, k) of values (n, k) at increasing times (n,), and its estimated error (n,).
 
-    It is the slope of the polynomial through seven neighbours. The error has two parts, each the
-    largest near the sample: how far the slope by five neighbours is off, which is more than the
-    truncation error; and the effect of rounding or noise on a rate, estimated from the part that no
-    polynomial through six of the seven follows.
+    The rate is the slope of the polynomial through 7 neighbours. The error is the sum of two terms,
+    each the largest near the sample: the difference to the slope through 5 neighbours, which bounds
+    the truncation error, and the effect of noise, estimated from the residual of the 7 samples
+    from polynomials of degree 5.
     """
     fine, noise = _slopes(times, values, _POINTS)
     coarse, _ = _slopes(times, values, _POINTS - 2)
@@ -43,24 +44,24 @@ def sampled_rates(times: Array, values: Array) -> tuple[Array, Array]:
 
 
 def angular_velocity(times: Array, attitude: Array) -> tuple[Array, Array]:
-    """Return ω (n, 3) in frame axes of attitudes (n, 4), and its estimated error (n,) [rad/s]."""
+    """Return ω (n, 3) in frame axes from attitudes (n, 4), and its estimated error (n,) [rad/s]."""
     q = continuous(attitude)
     rate, error = sampled_rates(times, q)
-    # dq/dt = q∘(0, ω)/2; the polynomials leave a part along q, which is no turning.
+    # dq/dt = q∘(0, ω)/2. The numerical rate also has a part along q, which is dropped.
     w, v = conjugate(q)[:, :1], conjugate(q)[:, 1:]
-    turned = w * rate[:, 1:] + rate[:, :1] * v + np.cross(v, rate[:, 1:])
-    return 2 * turned, 2 * error
+    half_omega = w * rate[:, 1:] + rate[:, :1] * v + np.cross(v, rate[:, 1:])
+    return 2 * half_omega, 2 * error
 
 
 def turned_between(attitude: Array) -> Array:
-    """Return the angles (n - 1,) [rad] by which attitudes (n, 4) turn from one to the next."""
+    """Return the rotation angles (n - 1,) [rad] between successive attitudes (n, 4)."""
     return angle_between(attitude[:-1], attitude[1:])
 
 
 def _slopes(times: Array, values: Array, points: int) -> tuple[Array, Array]:
-    """Return the slopes (n, k) at the samples of polynomials through `points` of them each.
+    """Return the slopes (n, k) at the samples of polynomials through `points` neighbours each.
 
-    With them the noise (n,) of the slopes, if the highest differences are nothing but noise.
+    Also return the slopes' noise (n,), if the highest divided differences are pure noise.
     """
     every = np.arange(len(times))
     parts = [_slopes_at(every[piece], times, values, points) for piece in pieces(len(times))]
@@ -71,69 +72,65 @@ def _slopes(times: Array, values: Array, points: int) -> tuple[Array, Array]:
 def _slopes_at(
     samples: NDArray[np.intp], times: Array, values: Array, points: int
 ) -> tuple[Array, Array]:
-    """Return slopes and noise at some of the samples, by their places (m,)."""
+    """Return slopes and noise at the samples with indices (m,)."""
     points = min(points, len(times))
     first = np.clip(samples - points // 2, 0, len(times) - points)
     near: NDArray[np.intp] = first[:, None] + np.arange(points)
-    rows, own = np.arange(len(samples)), samples - first
-    # The derivative of Lagrange's basis at one of its nodes; scaled, as products of short
-    # intervals vanish.
+    rows, node = np.arange(len(samples)), samples - first
+    # Derivatives of Lagrange's basis at a node. Scaled, because products of short intervals
+    # underflow.
     t = times[near]
     scale = (t[:, -1] - t[:, 0])[:, None]
     u = (t - times[samples, None]) / scale
     gaps = u[:, :, None] - u[:, None, :]
     gaps[:, range(points), range(points)] = 1.0
-    difference = 1 / gaps.prod(axis=2)  # divided, of the highest order, but for its unit
+    difference = 1 / gaps.prod(axis=2)  # weights of the highest divided difference, but for scale
     there = -u
-    there[rows, own] = 1.0
-    weights = difference / difference[rows, own][:, None] / there
-    weights[rows, own] = 0.0
-    weights[rows, own] = -weights.sum(axis=1)
+    there[rows, node] = 1.0
+    weights = difference / difference[rows, node][:, None] / there
+    weights[rows, node] = 0.0
+    weights[rows, node] = -weights.sum(axis=1)
     weights /= scale
-    from_own = values[near] - values[samples, None]
-    left = np.linalg.norm(np.einsum("np,npk->nk", difference, from_own), axis=1)
+    from_node = values[near] - values[samples, None]
+    left = np.linalg.norm(np.einsum("np,npk->nk", difference, from_node), axis=1)
     noise = left * np.linalg.norm(weights, axis=1) / np.linalg.norm(difference, axis=1)
-    return np.einsum("np,npk->nk", weights, from_own), noise
+    return np.einsum("np,npk->nk", weights, from_node), noise
 
 
 def _largest_near(error: Array, count: int) -> Array:
-    """Return the largest errors (n,) near each sample; the two parts of a single one may cancel."""
+    """Return the largest error near each sample: at a single one, its two terms may cancel."""
     padded = np.pad(error, count // 2, mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, count // 2 * 2 + 1)
     return np.asarray(windows.max(axis=1))
 
 
-_COLOUR = "#56B4E9"  # of a motion whose file names no engine
-_HALF_TURN = np.pi / 2  # rad between two samples, beyond which its direction is uncertain
-
-
 @dataclass(frozen=True, repr=False)
 class RecordedMotion(Motion):
-    """Hold a motion from a file, with the slip and spin that its own numbers imply.
+    """Hold a motion from a file, with the slip and spin that its samples imply.
 
-    It has the attributes of `Motion` as well. Slip and spin are the shell's at the plane, from the
-    rate of the path and the turning of the shell. The errors are estimated errors of numerical
-    rates, and not the engine's. A quantity that the file gives has the error 0. The hinge of a
-    motor has NaN for its angle and rate unless the file has them.
+    It also has the attributes of `Motion`. Slip and spin come from the rate of the path and from
+    the shell's angular velocity. Errors are estimates for numerical rates, not the engine's errors;
+    they are 0 for quantities that the file contains. Without columns for it, a motor's hinge has
+    NaN for angle and rate.
 
     Attributes
     ----------
     angular_velocity_error : (n,), rad/s
-        The error of `angular_velocity`.
+        Estimated error of `angular_velocity`.
     momentum_error : (n,), kg m²/s
-        The error of `momentum`.
+        Estimated error of `momentum`.
     slip : (n,), m/s
-        The sliding speed of the shell at the contact.
+        Sliding speed of the shell at the contact.
     slip_error : (n,), m/s
-        The error of `slip`.
+        Estimated error of `slip`.
     spin : (n,), rad/s
-        The angular velocity of the shell about the vertical.
+        Angular velocity of the shell about the vertical.
     spin_error : (n,), rad/s
-        The error of `spin`.
+        Estimated error of `spin`.
     rolling_radius : float, m
-        The radius at which the ball would not have slipped.
+        The radius that minimises slip, by least squares.
     height : (n,), m
-        The height of the centre. NaN if the file has none.
+        Height of the centre. NaN if not in the file.
 
     Examples
     --------
@@ -168,13 +165,12 @@ def load_motion(path: str | Path, scene: Scene | str | Path) -> Motion:
     Returns
     -------
     Motion
-        The motion that was saved, to the last bit. Of another trajectory a RecordedMotion, as
-        `recorded` returns it.
+        A saved motion, to the last bit. For any other trajectory a RecordedMotion, from `recorded`.
 
     Raises
     ------
     InputError
-        If the file cannot be read, as `read_trajectory` says.
+        If the file cannot be read; see `read_trajectory`.
 
     Warns
     -----
@@ -195,19 +191,19 @@ def load_motion(path: str | Path, scene: Scene | str | Path) -> Motion:
     if table.header.get("format") != FORMAT:
         return recorded(scene, read_trajectory(path))
     if table.header.get("scene", scene.name) != scene.name:
-        warn(f"{path} is a motion of {table.header['scene']}, and is taken as one of {scene.name}")
+        warn(f"{path} is a motion of {table.header['scene']}; it is read as one of {scene.name}")
     with named(path):
         arrays = arrays_of(table, scene)
     loads = {place[1]: array for place, array in arrays.items() if place[0] == "loads"}
-    own = {place[0]: array for place, array in arrays.items() if len(place) == 1}
-    return Motion(scene=scene, engine=_label(table.header, path.stem), **own, loads=Loads(**loads))
+    data = {place[0]: array for place, array in arrays.items() if len(place) == 1}
+    return Motion(scene=scene, engine=_label(table.header, path.stem), **data, loads=Loads(**loads))
 
 
 def recorded(scene: Scene | str | Path, trajectory: Trajectory) -> RecordedMotion:
-    """Take a trajectory as a motion of a scene.
+    """Convert a trajectory to a motion of a scene.
 
-    What the trajectory does not have is computed from its samples. Rates are slopes of polynomials
-    through neighbouring samples.
+    Quantities that the trajectory lacks are computed from its samples. Rates are slopes of
+    polynomials through neighbouring samples.
 
     Parameters
     ----------
@@ -224,7 +220,7 @@ def recorded(scene: Scene | str | Path, trajectory: Trajectory) -> RecordedMotio
     Raises
     ------
     InputError
-        If the attitudes are too far apart for an angular velocity, and the trajectory has none.
+        If the trajectory has no angular velocity and its attitudes are too far apart to compute it.
 
     Examples
     --------
@@ -244,18 +240,18 @@ def recorded(scene: Scene | str | Path, trajectory: Trajectory) -> RecordedMotio
     if momentum is None:
         states = scene.robot.states(to_world[:, 2], angles, omega, hinge_rates)
         momentum = np.einsum("nij,nj->ni", to_world, states.momentum(scene.rolling))
-        # L = (Ĩ)ω + …, in which no direction weighs more than I + d.
+        # L = Ĩω + …, with inertia of at most I + d in any direction.
         largest = np.linalg.eigvalsh(scene.ball.inertia)[-1] + scene.ball.d
         momentum_error = largest * omega_error
     velocity, velocity_error = sampled_rates(times, trajectory.position[:, :2])
     shell = omega - np.outer(hinge_rates[:, 0], scene.ball.shell.axis)
-    turning = np.einsum("nij,nj->ni", to_world, shell)
-    per_radius = turning[:, [1, 0]] * [1.0, -1.0]  # v = a (ω - Ω)×e_z
+    omega_world = np.einsum("nij,nj->ni", to_world, shell)
+    per_radius = omega_world[:, [1, 0]] * [1.0, -1.0]  # v = a (ω - Ω)×e_z
     rolled = scene.ball.radius * per_radius
-    turned = float((per_radius**2).sum())
+    squares = float((per_radius**2).sum())
     if scene.not_reduced:
         loads = Loads.unknown(len(times), len(scene.hinges))
-    else:  # those that the equations need at these states
+    else:
         axes = scene.principal_axes
         loads = loads_of(scene, times, to_world @ axes, omega @ axes)
     return RecordedMotion(
@@ -266,9 +262,9 @@ def recorded(scene: Scene | str | Path, trajectory: Trajectory) -> RecordedMotio
         hinge_angles=angles, hinge_rates=hinge_rates, loads=loads,
         slip=np.linalg.norm(velocity - rolled, axis=1),
         slip_error=velocity_error + scene.ball.radius * omega_error,
-        spin=turning[:, 2], spin_error=omega_error,
+        spin=omega_world[:, 2], spin_error=omega_error,
         # Least squares of v = r (ω - Ω)×e_z over all samples.
-        rolling_radius=float((velocity * per_radius).sum()) / turned if turned else np.nan,
+        rolling_radius=float((velocity * per_radius).sum()) / squares if squares else np.nan,
         height=trajectory.position[:, 2],
     )  # fmt: skip
 
@@ -278,23 +274,22 @@ def _angular_velocity(trajectory: Trajectory) -> tuple[Array, Array]:
     if trajectory.angular_velocity is not None:
         return trajectory.angular_velocity, np.zeros(len(trajectory.times))
     turned = turned_between(trajectory.attitude)
-    if turned.max() > _HALF_TURN:
+    if turned.max() > _LARGEST_TURN:
         i = int(turned.argmax())
         raise InputError(
             f"{trajectory.name}: between t = {trajectory.times[i]:g} and "
-            f"{trajectory.times[i + 1]:g} s the frame turns by {turned[i]:.3g} rad, too far to "
-            "tell how: write more samples, or the angular velocity wx,wy,wz"
+            f"{trajectory.times[i + 1]:g} s the frame turns by {turned[i]:.3g} rad, more than "
+            f"{_LARGEST_TURN:.3g}: write more samples, or the angular velocity wx,wy,wz"
         )
     return angular_velocity(trajectory.times, trajectory.attitude)
 
 
 def _hinges(scene: Scene, trajectory: Trajectory) -> tuple[Array, Array]:
-    """Return the hinges' angles and rates (n, h): those of the file, or else those commanded."""
     times, others = trajectory.times, trajectory.others or {}
     angles = np.full((len(times), len(scene.hinges)), np.nan)
     rates = angles.copy()
     for i, hinge in enumerate(scene.hinges):
-        # The angle of a motor's hinge depends on its load, which the commands do not give.
+        # A motor's angle depends on its load, so the command does not determine it.
         if hinge.motor is None:
             angles[:, i] = hinge.angle + hinge.command.angle(times)
             rates[:, i] = hinge.command.rate(times)
@@ -308,9 +303,9 @@ def _hinges(scene: Scene, trajectory: Trajectory) -> tuple[Array, Array]:
 
 
 def _label(header: dict[str, str] | object, name: str) -> Label:
-    """Return the engine's label in the file, or one by the file's name where it has none."""
-    given = header.get("engine", "") if isinstance(header, dict) else ""
+    """Return the engine's label from the file, or one with the file's name."""
+    engine = header.get("engine", "") if isinstance(header, dict) else ""
     with contextlib.suppress(InputError), readable(name):
-        known = {"marker": "H", **json.loads(given)}  # files of earlier releases have no marker
-        return Label(**{each.name: str(known[each.name]) for each in fields(Label)})
-    return Label(given or name, "", _COLOUR)
+        saved = {"marker": "H", **json.loads(engine)}  # earlier releases saved no marker
+        return Label(**{field.name: str(saved[field.name]) for field in fields(Label)})
+    return Label(engine or name, "", _COLOUR)

@@ -1,4 +1,4 @@
-"""The page on controllers has the numbers of the loops of examples/controllers.py."""
+"""The page on controllers has the numbers that examples/controllers.py gives."""
 
 import re
 import runpy
@@ -17,28 +17,28 @@ LOOPS, missed = EXAMPLE["LOOPS"], EXAMPLE["missed"]
 
 
 def numbers(row: str) -> list[float]:
-    """The numbers of a row of the page's tables, without their units."""
+    """Return the numbers in a row of the page's tables, without units."""
     (cells,) = re.findall(rf"^\| {re.escape(row)} \|(.*)\|$", PAGE, re.M)
     return [float(cell.split()[0]) for cell in cells.split("|")]
 
 
 def simulated(scene: rb.Scene, theory: Any, settings: str) -> rb.Agreement:
-    with warnings.catch_warnings():  # of naive, which is there to fail
+    with warnings.catch_warnings():  # naive is meant to fail
         warnings.simplefilter("ignore")
         return rb.compare(scene, settings=settings, theory=theory)
 
 
-# Ten to twenty seconds each: one of them is in every run.
+# Ten to twenty seconds each, so only one is in every run.
 EACH = [n if n == "damp" else pytest.param(n, marks=pytest.mark.study) for n in LOOPS]
 
 
 @pytest.mark.parametrize("name", EACH)
-def test_a_closed_loop_agrees_over_ten_seconds_as_the_page_says(name: str) -> None:
-    """To 1e-6 of the path by accurate, measured 1e-10 to 4e-10; the row's other numbers as well."""
+def test_a_closed_loop_has_the_errors_that_the_page_states(name: str) -> None:
+    """With accurate below 1e-6 of the path: measured 1e-10 to 4e-10."""
     scene, (off, growth, misses, naive, says) = LOOPS[name], numbers(name)
     theory = rb.integrate(scene)
     assert missed(theory) == pytest.approx(misses, rel=0.05)
-    right, wrong = (simulated(scene, theory, each) for each in ("accurate", "naive"))
+    right, wrong = (simulated(scene, theory, preset) for preset in ("accurate", "naive"))
     assert right.agrees
     assert right.path_error < 1e-6
     assert right.path_error == pytest.approx(off, rel=0.5)
@@ -48,16 +48,16 @@ def test_a_closed_loop_agrees_over_ten_seconds_as_the_page_says(name: str) -> No
 
 
 @pytest.mark.study
-def test_a_gain_that_naive_prefers_is_not_the_best_one() -> None:
-    """16, by which the rolling ball misses its point by more than twice as much as by 8."""
+def test_the_best_gain_for_naive_is_not_the_best_for_rolling() -> None:
+    """With a gain of 16 the rolling ball misses its point by more than twice as much as with 8."""
     of_naive, rolling = (numbers(f"misses by, {who}") for who in ("*naive* says", "rolling"))
-    scene, found = LOOPS["stop"], []
+    scene, distances = LOOPS["stop"], []
     for gain in (8.0, 16.0):
         task = replace(scene.controller.function, roll=gain)
         loop = scene.with_controller(replace(scene.controller, function=task))
         theory = rb.integrate(loop)
-        found.append((missed(simulated(loop, theory, "naive").motion), missed(theory)))
-    assert [each for each, _ in found] == pytest.approx(of_naive[1:], rel=0.1)
-    assert [each for _, each in found] == pytest.approx(rolling[1:], rel=0.1)
-    assert found[1][0] < found[0][0]
-    assert found[1][1] > 2 * found[0][1]
+        distances.append((missed(simulated(loop, theory, "naive").motion), missed(theory)))
+    assert [naive for naive, _ in distances] == pytest.approx(of_naive[1:], rel=0.1)
+    assert [exact for _, exact in distances] == pytest.approx(rolling[1:], rel=0.1)
+    assert distances[1][0] < distances[0][0]
+    assert distances[1][1] > 2 * distances[0][1]

@@ -1,4 +1,4 @@
-"""Each finding in docs/findings/ is what its script prints, where its engine is installed."""
+"""Scripts in docs/findings/ print their measured values; skipped without the engine."""
 
 import re
 import subprocess
@@ -17,7 +17,7 @@ PACKAGES = {
     "mujoco_sysid_contact": "tabulate", "mujoco_sysid_late": "tabulate",
 }  # fmt: skip
 FIRST_ORDER = "with a rotor: 0.04499 0.04501"  # 0.0450016 in four engines
-# Of every line that a script prints: its label, and bounds close to what was measured.
+# For every printed line: its label, and bounds close to the measured value.
 EXPECTED = {
     "mujoco_frame_root": "shell root: 8e-4 1e-3; frame root: 1.39 1.42",
     "mujoco_implicitfast":
@@ -57,18 +57,18 @@ EXPECTED = {
         "enable, time: 0.9 0.945; enable, finite: 1 1; "
         "disable, time: 0.949 0.951; disable, finite: 0 0",
     "mujoco_sysid_contact":
-        "as it comes, mass: -5.75 -5.65; as it comes, depth: 12.7 12.95; "
-        "as it comes, kv: -0.02 0.08; as it comes, chi2/n: 14.1 14.25; "
+        "default, mass: -5.75 -5.65; default, depth: 12.7 12.95; "
+        "default, kv: -0.02 0.08; default, chi2/n: 14.1 14.25; "
         "elliptic, impratio 100, mass: 0.18 0.19; elliptic, impratio 100, depth: -0.36 -0.34; "
         "elliptic, impratio 100, kv: -0.19 -0.16; elliptic, impratio 100, chi2/n: 1.15 1.16; "
         "rolling, Euler, mass: 0.045 0.055; rolling, Euler, depth: -0.055 -0.04; "
         "rolling, Euler, kv: -1.14 -1.12; rolling, Euler, chi2/n: 1.002 1.004; "
         "rolling, RK4, mass: 0.021 0.024; rolling, RK4, depth: -0.001 0.003; "
         "rolling, RK4, kv: -0.053 -0.046; rolling, RK4, chi2/n: 0.9995 1.0002; "
-        "rolling, RK4, times as they come, mass: -0.047 -0.043; "
-        "rolling, RK4, times as they come, depth: 0.175 0.185; "
-        "rolling, RK4, times as they come, kv: 1.06 1.08; "
-        "rolling, RK4, times as they come, chi2/n: 0.998 0.9985; "
+        "rolling, RK4, uncorrected times, mass: -0.047 -0.043; "
+        "rolling, RK4, uncorrected times, depth: 0.175 0.185; "
+        "rolling, RK4, uncorrected times, kv: 1.06 1.08; "
+        "rolling, RK4, uncorrected times, chi2/n: 0.998 0.9985; "
         "standard deviation, mass: 0.0136 0.0138; standard deviation, depth: 0.0319 0.0325; "
         "standard deviation, kv: 0.0498 0.0508",
     "mujoco_sysid_late": "sensor: 0.999999 1.000001; state: -1e-9 1e-9",
@@ -85,7 +85,7 @@ EXPECTED = {
         "kLagged, 100 kg m²: 7.7e-6 9.5e-6; kLagged, 1e+12 kg m²: 1.0 1.0",
     "drake_stiction":
         "vs 0.01 m/s, slip over vs: 0.23 0.25; vs 0.001 m/s, slip over vs: 0.22 0.25",
-    # The latter is of the overlap's lever arm.
+    # The integrator's error is from the lever arm of friction in the overlap.
     "drake_fixed_accuracy": "by the config: 6e-4 7.3e-4; by the integrator: 0.95e-5 1.2e-5",
     "exudyn_fast_rotor":
         "NodeRigidBodyEP, GeneralizedAlpha, 2 ms: 6.4e-3 6.9e-3; "
@@ -97,7 +97,7 @@ EXPECTED = {
         "NodeRigidBodyRotVecLG, TrapezoidalIndex2, 2 ms: 2.4e-4 2.7e-4; "
         "NodeRigidBodyRotVecLG, TrapezoidalIndex2, 0.5 ms: 1.1e-5 1.3e-5",
     "exudyn_sensor_times": "rows: 101 101; off: 0.0074 0.0076",
-    "newton_torsional": "as it comes: 0.9999 1.0001; with condim 4: -1e-6 1e-6",
+    "newton_torsional": "default: 0.9999 1.0001; with condim 4: -1e-6 1e-6",
     "mjx_contact_force":
         "constraint: 8.99999 9.00001; free joint: 8.99999 9.00001; "
         "contact force of the copy: 6.99999 7.00001",
@@ -106,7 +106,7 @@ EXPECTED = {
         "MJX, 0.01: 1.0713 1.0715; MJX, 0.01, finite: 1 1; MJX, 1e-06, finite: 0 0",
     "exudyn_explicit":
         "TrapezoidalIndex2, 200 µs: 0 1e-5; RK44, 30 µs: 1e-4 1e-2; RK44, 10 µs: 1e-4 1e-2; "
-        "DOPRI5, 10 µs: 0 1e-5; joint taken: 0 0",
+        "DOPRI5, 10 µs: 0 1e-5; joint accepted: 0 0",
     "pinocchio_rolling": "along: 0 1e-12; across: 1.714 1.715; up: -4.001 -3.999",
     "pinocchio_drift":
         "corrector 0 /s: 0.1 0.103; corrector 10 /s: 2.4e-3 2.5e-3; "
@@ -123,7 +123,7 @@ EXPECTED = {
 
 
 def printed_by(script: Path, folder: Path) -> dict[str, str]:
-    """What a script prints, by its labels; skips without its engine. It is run in a folder."""
+    """Return the values that a script prints by label; skip if its engine is not installed."""
     package = PACKAGES.get(script.stem) or PACKAGES[script.stem.partition("_")[0]]
     if find_spec(package) is None:
         pytest.skip(f"needs {package}")
@@ -132,26 +132,23 @@ def printed_by(script: Path, folder: Path) -> dict[str, str]:
     return dict(re.findall(r"^(.+): ([-+.\w]+|\w+ [.\d]+)$", printed, re.M))
 
 
-# Five fits by MuJoCo take half a minute.
+# Five fits with MuJoCo take half a minute.
 LONG = pytest.param("mujoco_sysid_contact", marks=pytest.mark.study)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [LONG if n in LONG.values else n for n in EXPECTED])
-def test_a_finding_is_what_its_script_prints(name: str, tmp_path: Path) -> None:
-    found = printed_by(FOLDER / f"{name}.py", tmp_path)
-    expected = [each.rsplit(": ", 1) for each in EXPECTED[name].split("; ")]
-    assert found.keys() >= {label for label, _ in expected}
+def test_a_script_prints_its_measured_values(name: str, tmp_path: Path) -> None:
+    printed = printed_by(FOLDER / f"{name}.py", tmp_path)
+    expected = [line.rsplit(": ", 1) for line in EXPECTED[name].split("; ")]
+    assert printed.keys() >= {label for label, _ in expected}
     for label, bounds in expected:
         low, high = map(float, bounds.split())
-        assert low <= float(found[label]) <= high, label
+        assert low <= float(printed[label]) <= high, label
 
 
-def test_every_finding_has_its_figures_here_and_its_line_in_the_page() -> None:
-    """No script without a test, none that a reader does not find, and nothing of ours in one.
-
-    Its verdict and its reference are those that the page has; a report that it names is there.
-    """
+def test_every_script_has_expected_values_and_a_row_on_the_page() -> None:
+    """With the script's verdict and reference. It imports nothing of robotball; reports exist."""
     page = (FOLDER.parent / "findings.md").read_text()
     scripts = {file.stem: file.read_text() for file in FOLDER.glob("*.py")}
     assert scripts.keys() == EXPECTED.keys()

@@ -1,4 +1,4 @@
-"""docs/gallery.md shows every picture of the docs, each with a command that there is."""
+"""docs/gallery.md shows every picture of the docs with a valid command."""
 
 import pytest
 
@@ -9,13 +9,13 @@ from validation.cli import parse
 DOCS = PROJECT / "docs"
 
 
-def test_the_page_is_the_table() -> None:
-    """As `make gallery` writes it from gallery.toml."""
+def test_the_gallery_is_generated_from_gallery_toml() -> None:
+    """With `make gallery`."""
     assert (DOCS / "gallery.md").read_text(encoding="utf-8") == gallery_page()
 
 
-def test_every_picture_of_the_docs_is_in_the_gallery_once() -> None:
-    """And none is there that the docs do not have; each has words for who does not see it."""
+def test_the_gallery_has_every_picture_of_the_docs_once() -> None:
+    """Each has a caption that serves as its text alternative."""
     shown = [row["shown"] for row in PICTURES]
     assert sorted(shown) == sorted(path.name for path in DOCS.glob("*.png"))
     assert all(row["words"].endswith(".") for row in PICTURES)
@@ -24,15 +24,15 @@ def test_every_picture_of_the_docs_is_in_the_gallery_once() -> None:
 COMMANDS = dict.fromkeys(row["command"] for row in PICTURES)
 
 
-@pytest.mark.parametrize("command", [each for each in COMMANDS if not is_script(each)])
-def test_the_command_under_a_picture_is_one(command: str) -> None:
-    """It is a script, or its words and options parse; a mistyped one would end the program."""
+@pytest.mark.parametrize("command", [name for name in COMMANDS if not is_script(name)])
+def test_the_command_under_a_picture_is_valid(command: str) -> None:
+    """It is a script, or it parses."""
     if command.endswith(".py"):
         assert (PROJECT / command).is_file()
     else:
         parse(command.split())
 
 
-def test_the_pictures_are_small() -> None:
-    """Under 0.4 MB each, measured at most 0.24; with all their colours three times that."""
+def test_the_pictures_are_below_0_4_MB() -> None:
+    """Measured at most 0.24 MB; with all colours three times as large."""
     assert max(path.stat().st_size for path in DOCS.glob("*.png")) < 400_000

@@ -1,4 +1,4 @@
-"""The numbers printed by the paper's captions, and the motions that start from them."""
+"""Numbers printed in the paper's captions, and the motions that start from them."""
 
 from dataclasses import dataclass
 
@@ -45,7 +45,7 @@ def near_sigma_plus(level: float) -> Caption:
 
 
 def _laid_against(n: Numbers, M: Array, gamma: Array) -> Caption:
-    """Return a start with α = -M/√f, as in section 3.3."""
+    """Return an initial state with α = -M/√f (section 3.3)."""
     alpha = -f.unit(M)
     return Caption(n, np.array([alpha, cross(gamma, alpha), gamma]), M)
 
@@ -97,5 +97,5 @@ def motion(caption: Caption, times: Array, rtol: float = 1e-12) -> tuple[Array, 
         return np.concatenate([*turning, [n.a * beta @ shell, -n.a * alpha @ shell]])
 
     start = np.concatenate([caption.M, caption.axes.ravel(), [0.0, 0.0]])
-    found = f.followed(rate, start, times, rtol)
-    return found[:, 9:12], found[:, 12:]
+    states = f.followed(rate, start, times, rtol)
+    return states[:, 9:12], states[:, 12:]

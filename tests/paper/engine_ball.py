@@ -20,10 +20,10 @@ INNER = slice(2, -2)  # the samples at which `rate` is known
 
 
 @dataclass(frozen=True, repr=False)  # its repr in a failed assertion would take a second
-class Seen:
+class BallMotion:
     """A motion of MuJoCo's ball at n times, in principal axes.
 
-    The rows of axes (n, 3, 3) are α, β and γ. The numbers may change in time.
+    The rows of axes (n, 3, 3) are α, β and γ. The numbers may depend on time.
     """
 
     motion: Motion
@@ -70,21 +70,23 @@ class Seen:
 
 
 @cache
-def seen(name: str, duration: float = 10.0, interval: float = _INTERVAL) -> Seen:
+def mujoco_ball(name: str, duration: float = 10.0, interval: float = _INTERVAL) -> BallMotion:
     """Simulate a scene of the catalog in MuJoCo with the preset "balanced"."""
-    return seen_of(paper_scene(name), duration, interval)
+    return mujoco_ball_of(paper_scene(name), duration, interval)
 
 
-def seen_from(name: str, gamma: Array, alpha: Array, M_world: Array, duration: float) -> Seen:
+def mujoco_ball_from(
+    name: str, gamma: Array, alpha: Array, M_world: Array, duration: float
+) -> BallMotion:
     """Simulate the ball of a scene of the catalog from γ, α and M; M in world axes."""
     start = Start(from_matrix(np.array([alpha, cross(gamma, alpha), gamma])), M_world)
-    return seen_of(replace(paper_scene(name), start=start), duration)
+    return mujoco_ball_of(replace(paper_scene(name), start=start), duration)
 
 
-def seen_of(scene: Scene, duration: float, interval: float = _INTERVAL) -> Seen:
+def mujoco_ball_of(scene: Scene, duration: float, interval: float = _INTERVAL) -> BallMotion:
     """Simulate a scene in MuJoCo with the preset "balanced" for a duration [s]."""
     motion = simulate(scene, sample_times(duration, interval))
-    return Seen(
+    return BallMotion(
         motion=motion,
         axes=rotation_matrix(motion.attitude) @ scene.principal_axes,
         numbers=tuple(_numbers_at(scene, motion.times)),
@@ -98,7 +100,7 @@ def _numbers_at(scene: Scene, times: Array) -> list[Numbers]:
         return [numbers(scene.parameters)] * len(times)
     # Ω and k are linear in the hinge rates, so Ω̇ and k̇ follow from the hinge accelerations.
     accelerations = np.stack([drive.acceleration(times) for drive in scene.drives], axis=1)
-    change = [parameters_of(scene.ball, scene.rolling, each) for each in accelerations]
+    change = [parameters_of(scene.ball, scene.rolling, rates) for rates in accelerations]
     return [
         replace(numbers(scene.parameters_at(t)), Omega_rate=np.array(p.Omega), k_rate=np.array(p.k))
         for t, p in zip(times.tolist(), change, strict=True)

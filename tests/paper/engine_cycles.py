@@ -1,4 +1,4 @@
-"""Periodic motions of MuJoCo's own map."""
+"""Periodic motions of MuJoCo's map."""
 
 from functools import partial
 
@@ -12,22 +12,22 @@ from robotball.theory.ensembles.orbits import angular_velocity, orbit
 from validation.studies.contact_sections import each_step, sound_run
 from validation.studies.contact_tangent import rolled
 
-_CLOSED = 1e-9  # of γ and M/|M|
+_CLOSED = 1e-9  # tolerance of γ and M/|M|
 
 
 def contact_cycle(model: Model, cycle: Cycle, parts: int = 1) -> Cycle:
-    """Return the periodic motion of the contact engine's map near one of the equations.
+    """Return the periodic motion of MuJoCo's map near a cycle of the equations.
 
-    parts: of the period, each short enough for what leaves the motion to stay near it. Raises
-    InputError where Newton's method does not converge, or where a run has a fault.
+    parts: of the period, short enough that unstable deviations stay small. Raises InputError if
+    Newton's method does not converge or a run has a fault.
     """
     ball, M = model.scene.parameters, cycle.momentum
     times = np.linspace(0.0, cycle.period, parts + 1)
-    # Off the equations' motion by far more than both engines are apart: the search is the map's.
+    # Start farther off than MuJoCo and the equations differ, to find the motion of MuJoCo alone.
     near = turned(orbit(ball, cycle.attitude, M, times)[:-1, :4], np.full((parts, 3), 1e-3))
 
     def follow(attitudes: Array, duration: float) -> Followed:
-        # Turns alone: M stays what it is, so that the cycle is sought on its level.
+        # Rotate only: a constant M keeps the search on the level of M².
         turns, momenta = np.tile(np.eye(6)[:, :3], (parts, 1, 1)), np.tile(M, (parts, 1))
         (ends, _), images = tangent(partial(rolled, model, duration), attitudes, momenta, turns)
         monodromies = images[:, :3]
@@ -38,9 +38,9 @@ def contact_cycle(model: Model, cycle: Cycle, parts: int = 1) -> Cycle:
 
 
 def cycle_crossings(model: Model, cycle: Cycle) -> Crossings:
-    """Return where a periodic motion of the contact model crosses g = 0, in a little over a period.
+    """Return the crossings of g = 0 of a periodic motion in MuJoCo within 1.01 periods.
 
-    Raises InputError where the run has a fault.
+    Raises InputError if the run has a fault.
     """
     start = own_start(model.scene, cycle.attitude, cycle.momentum)
     motion = sound_run(model, start, each_step(model, 1.01 * cycle.period))

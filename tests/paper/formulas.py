@@ -29,8 +29,8 @@ def worst(errors: Iterable[ArrayLike]) -> float:
 
 
 def count(wrong: Iterable[ArrayLike]) -> int:
-    """Return how many are wrong."""
-    return sum(int(np.asarray(each).sum()) for each in wrong)
+    """Return the number of wrong cases."""
+    return sum(int(np.asarray(case).sum()) for case in wrong)
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def numbers(p: Parameters) -> Numbers:
 
 def ball(n: Numbers, classical: bool = False) -> Any:
     """Return robotball's parameters of the ball, in principal axes."""
-    I, Omega, K = (tuple(each.tolist()) for each in (np.diag(n.I), n.Omega, n.K))
+    I, Omega, K = (tuple(v.tolist()) for v in (np.diag(n.I), n.Omega, n.K))
     return Parameters("classical" if classical else "rubber", I, n.d, n.a, Omega, K)
 
 
@@ -87,7 +87,7 @@ def cross(u: Array, v: Array) -> Array:
 
 
 def unit(v: Array) -> Array:
-    """Return v divided by its length."""
+    """Return v normalised."""
     return v / np.linalg.norm(v)
 
 
@@ -149,7 +149,7 @@ def classical_velocity(n: Numbers, M: Array, gamma: Array) -> Array:
 
 
 def from_rest(n: Numbers) -> Field:
-    """Return dγ/dt of (4.1), as a function of γ (3,) or (3, n)."""
+    """Return the function dγ/dt of (4.1) of γ (3,) or (3, n)."""
 
     def rate(gamma: Array) -> Array:
         Z = (n.Omega + n.A @ n.K) @ gamma / (n.A @ gamma * gamma).sum(axis=0)
@@ -162,7 +162,7 @@ Velocity = Callable[[Numbers, Array, Array], Array]
 
 
 def reduced(velocity: Velocity, n: Numbers) -> Field:
-    """Return d/dt of (M, γ) by (3.2) or (3.3), as a function of both (6,) or (6, n)."""
+    """Return the function d/dt (M, γ) of (3.2) or (3.3) of (M, γ) (6,) or (6, n)."""
 
     def rate(state: Array) -> Array:
         M, gamma = state[:3], state[3:]
@@ -178,7 +178,7 @@ def velocity_of(classical: bool) -> Velocity:
 
 
 def unreduced(n: Numbers, rubber: bool) -> Field:
-    """Return d/dt of (ω, γ) (6,) by (2.4), with λ₀ of (2.5) if `rubber`, as a function of both."""
+    """Return the function d/dt (ω, γ) of (2.4), with λ₀ of (2.5) if `rubber`, of (ω, γ) (6,)."""
     spun = float(rubber)
 
     def rate(x: Array) -> Array:
@@ -216,10 +216,10 @@ def divergence(n: Numbers, M: Array, gamma: Array, classical: bool, power: float
 def followed(field: Field, start: Array, times: Array, rtol: float = 1e-12) -> Array:
     """Integrate an autonomous system with scipy; states (n, k) at the times (n,)."""
     span = (float(times[0]), float(times[-1]))
-    found = solve_ivp(
+    solution = solve_ivp(
         lambda _, x: field(x), span, start, "DOP853", times, rtol=rtol, atol=rtol / 10
     )
-    return np.asarray(found.y.T)
+    return np.asarray(solution.y.T)
 
 
 def returns(field: Field, start: Array, normal: Array, duration: float, rtol: float) -> Array:
@@ -231,13 +231,13 @@ def returns(field: Field, start: Array, normal: Array, duration: float, rtol: fl
     # Increasing only: half a turn later the motion crosses the plane the other way.
     ahead.direction = 1.0  # type: ignore[attr-defined]
     span = (0.0, duration)
-    found = solve_ivp(
+    solution = solve_ivp(
         lambda _, x: field(x), span, start, "DOP853", events=ahead, rtol=rtol, atol=rtol / 100
     )
-    assert found.t_events is not None
-    assert found.y_events is not None
+    assert solution.t_events is not None
+    assert solution.y_events is not None
     # The start lies on the plane and may be reported as a crossing.
-    return np.asarray(found.y_events[0][found.t_events[0] > 1e-3]).reshape(-1, len(start))
+    return np.asarray(solution.y_events[0][solution.t_events[0] > 1e-3]).reshape(-1, len(start))
 
 
 def jacobian(field: Field, at: Array) -> Array:
@@ -246,8 +246,8 @@ def jacobian(field: Field, at: Array) -> Array:
     k, tiny = len(at), 1e-30
     beside = at.reshape(k, -1, 1) + 1j * tiny * np.eye(k)[:, None]
     slopes = np.imag(field(beside.reshape(k, -1))).reshape(beside.shape) / tiny
-    found: Array = slopes.transpose(1, 0, 2)
-    return found if at.ndim > 1 else found[0]
+    matrices: Array = slopes.transpose(1, 0, 2)
+    return matrices if at.ndim > 1 else matrices[0]
 
 
 def sigma(n: Numbers, angle: Array | float) -> Array:
@@ -276,7 +276,7 @@ def zeros(field: Field, starts: int = 400) -> list[Array]:
     """Find the isolated zeros (3,) of a field on the sphere, with Newton's method from many starts.
 
     If the zeros fill a curve, some of its points are found. The field takes γ (3, n). The search
-    uses none of the paper's formulas for the points.
+    does not use the paper's formulas for the points.
     """
     gamma = spread_points(starts).T
     for _ in range(30):
@@ -286,14 +286,14 @@ def zeros(field: Field, starts: int = 400) -> list[Array]:
         # tangent to the sphere and normal to the curve.
         across = flat @ field(gamma).T[:, :, None]
         step = (np.linalg.pinv(linear, rcond=1e-13) @ across)[:, :, 0].T
-        # Limit the step to where the linearization holds.
+        # The linearization holds only for short steps.
         gamma = gamma - step * np.minimum(1.0, 0.3 / np.linalg.norm(step, axis=0).clip(1e-300))
         gamma /= np.linalg.norm(gamma, axis=0)
-    found: list[Array] = []
+    isolated: list[Array] = []
     for at in gamma.T[np.linalg.norm(field(gamma), axis=0) < 1e-12]:
-        if all(np.linalg.norm(at - other) > 1e-6 for other in found):
-            found.append(at)
-    return found
+        if all(np.linalg.norm(at - other) > 1e-6 for other in isolated):
+            isolated.append(at)
+    return isolated
 
 
 # Random states -----------------------------------------------------------------------------

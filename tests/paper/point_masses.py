@@ -82,8 +82,8 @@ class Ball:
         """Return Σ mu, Σ r×mu about the centre, and Σ mu²/2, at the velocities of the points."""
         p, G, T = np.zeros(3), np.zeros(3), 0.0
         for body in self.bodies:
-            own = omega + body.rate * body.axis
-            u = v + np.cross(omega, body.centre) + np.cross(own, body.points)
+            spin = omega + body.rate * body.axis
+            u = v + np.cross(omega, body.centre) + np.cross(spin, body.points)
             p = p + body.masses @ u
             G = G + body.masses @ np.cross(body.centre + body.points, u)
             T += float(body.masses @ (u * u).sum(axis=1)) / 2
@@ -93,11 +93,14 @@ class Ball:
         """Return Σ m du/dt and Σ r×m du/dt (6,) for these rates of v and ω in frame axes."""
         total = np.zeros(6)
         for body in self.bodies:
-            own = omega + body.rate * body.axis
-            own_rate = omega_rate + body.rate_rate * body.axis + body.rate * cross(omega, body.axis)
+            spin = omega + body.rate * body.axis
+            spin_rate = (
+                omega_rate + body.rate_rate * body.axis + body.rate * cross(omega, body.axis)
+            )
             centre = v_rate + cross(omega, v) + cross(omega_rate, body.centre)
             centre = centre + cross(omega, cross(omega, body.centre))
-            point = np.cross(own_rate, body.points) + np.cross(own, np.cross(own, body.points))
+            point = np.cross(spin_rate, body.points)
+            point = point + np.cross(spin, np.cross(spin, body.points))
             force = body.masses[:, None] * (centre + point)
             total[:3] += force.sum(axis=0)
             total[3:] += np.cross(body.centre + body.points, force).sum(axis=0)
@@ -106,13 +109,13 @@ class Ball:
     def turned(self, time: float) -> "Ball":
         """Return the ball after its shell and rotors have rotated for a time."""
 
-        def body(each: Body) -> Body:
-            along = np.outer(each.points @ each.axis, each.axis)
-            side = np.cross(each.axis, each.points)
-            cos, sin = np.cos(each.rate * time), np.sin(each.rate * time)
-            return replace(each, points=along + cos * (each.points - along) + sin * side)
+        def rotated(body: Body) -> Body:
+            along = np.outer(body.points @ body.axis, body.axis)
+            side = np.cross(body.axis, body.points)
+            cos, sin = np.cos(body.rate * time), np.sin(body.rate * time)
+            return replace(body, points=along + cos * (body.points - along) + sin * side)
 
-        return Ball(body(self.shell), self.frame, tuple(map(body, self.rotors)), self.a)
+        return Ball(rotated(self.shell), self.frame, tuple(map(rotated, self.rotors)), self.a)
 
 
 def rolled(ball: Ball, omega: Array, gamma: Array, rubber: bool) -> tuple[Array, float]:
@@ -165,11 +168,13 @@ def moments(seed: int, count: int = 20, rotors: int = 2, centred: bool = False) 
 
 def _some_ball(random: np.random.Generator, rotors: int, off_centre: float) -> Ball:
     """Return a random ball with rotors about `off_centre` off its centre [m]."""
-    turning = [
-        ring(random, 0.2, random.normal(size=3) * off_centre, random.normal(size=2) * [30.0, 10.0])
+    rings = [
+        ring_of_points(
+            random, 0.2, random.normal(size=3) * off_centre, random.normal(size=2) * [30.0, 10.0]
+        )
         for _ in range(rotors)
     ]
-    shell = ring(random, 1.0, np.zeros(3), random.normal(size=2))
+    shell = ring_of_points(random, 1.0, np.zeros(3), random.normal(size=2))
     # A ring alone has J = 2I; two poles on the axis change that ratio.
     poles = random.uniform(0.3, 1.0) * np.stack([shell.axis, -shell.axis])
     shell = replace(
@@ -179,13 +184,13 @@ def _some_ball(random: np.random.Generator, rotors: int, off_centre: float) -> B
     )
     points, masses = random.normal(size=(5, 3)) * 0.4, random.uniform(0.05, 0.2, 5)
     # The last point puts the centre of mass at the centre of the sphere.
-    off = masses @ points + sum((each.mass * each.centre for each in turning), np.zeros(3))
+    off = masses @ points + sum((ring.mass * ring.centre for ring in rings), np.zeros(3))
     masses, points = np.append(masses, 0.3), np.concatenate([points, [-off / 0.3]])
     frame = Body(masses, points, np.zeros(3), np.array([0.0, 0.0, 1.0]))
-    return Ball(shell, frame, tuple(turning), a=random.uniform(0.8, 1.2))
+    return Ball(shell, frame, tuple(rings), a=random.uniform(0.8, 1.2))
 
 
-def ring(random: np.random.Generator, radius: float, centre: Array, rates: Array) -> Body:
+def ring_of_points(random: np.random.Generator, radius: float, centre: Array, rates: Array) -> Body:
     """Return a ring of points about a random axis, with its rate and acceleration."""
     axis = unit(random.normal(size=3))
     angles = np.linspace(0.0, 2 * np.pi, _RING, endpoint=False)

@@ -7,7 +7,7 @@ import numpy as np
 from robotball.robot.ball import Solid, composed
 from robotball.rotations import Array, rotation_matrix
 from tests.paper import formulas as f
-from tests.paper.engine_ball import INNER, RUBBER, rate, seen
+from tests.paper.engine_ball import INNER, RUBBER, mujoco_ball, rate
 from tests.paper.formulas import Errors, cross, paper_scene, worst
 from tests.paper.point_masses import Ball, Body, moments
 
@@ -19,10 +19,10 @@ CENTRE = np.zeros(3)
 
 def test_the_constraints_hold_in_the_shells_axes() -> None:
     """(A.1): u + aΓ×w = 0, (w, Γ) = 0 with P = RΦ(t); the attitude of MuJoCo's shell."""
-    scene, ball = paper_scene(RUBBER), seen(RUBBER)
+    scene, ball = paper_scene(RUBBER), mujoco_ball(RUBBER)
 
     def errors(sense: float) -> Errors:
-        # R = E, as the shell's axis is e_z.
+        # R = E, because the shell's axis is e_z.
         P = [f.turned_about(f.E[2], -sense * angle) for angle in ball.motion.hinge_angles[:, 0]]
         shell = rotation_matrix(ball.motion.attitude) @ np.array(P)
         turning = shell[INNER].transpose(0, 2, 1) @ rate(shell)  # ŵ transposed
@@ -97,8 +97,8 @@ def test_the_kinetic_energy_of_the_frame_and_the_rotors() -> None:
 
 
 def test_every_rotor_adds_to_the_gyrostatic_momentum() -> None:
-    """(A.3): k = Σ jφ̇n - J_sΩ of three rotors; M of (3.1) with it is that of MuJoCo's bodies."""
-    scene, ball = paper_scene("three_rotors"), seen("three_rotors")
+    """(A.3): k = Σ jφ̇n - J_sΩ of three rotors; with it (3.1) gives M of MuJoCo's bodies."""
+    scene, ball = paper_scene("three_rotors"), mujoco_ball("three_rotors")
     shell, rates = scene.ball.shell, [float(drive.rate(0.0)) for drive in scene.drives]
 
     def errors(third: float) -> Errors:

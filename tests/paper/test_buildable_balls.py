@@ -67,7 +67,7 @@ def test_mass_within_the_shell_needs_a_d_above_a_fifth_of_the_sum() -> None:
 def test_the_masses_that_a_figures_A_allows(
     name: str, share: float, least: float, most: float
 ) -> None:
-    """Not in the paper: max b/Σb, Σb/5 and Σb - 2 max b; those of Figs 5 to 10 allow none."""
+    """Not in the paper: max b/Σb, Σb/5 and Σb - 2 max b. Figs 5 to 10 allow no mass."""
     b = 1 / np.array(paper_scene(name).parameters.A)
     numbers = np.array([b.max() / b.sum(), *masses_allowed(np.diag(b), 1.0)])
     assert worst(numbers / [share, least, most] - 1) <= 3e-5  # measured 4.7e-6: their last digits

@@ -10,7 +10,7 @@ from robotball import catalog, integrate, load_scene
 from robotball.rotations import rotation_matrix
 from tests.paper import formulas as f
 from tests.paper.captions import CAPTIONS, motion, near_sigma_plus
-from tests.paper.engine_ball import largest, seen
+from tests.paper.engine_ball import largest, mujoco_ball
 from tests.paper.formulas import Numbers, paper_scene, worst
 
 # The level f = 2 of Fig. 10 has a scene too.
@@ -54,7 +54,7 @@ BOUNDS |= {"fig08": 7e-7, "fig10": 4e-9, "fig12": 4e-7, "fig13": 4e-7, "fig14": 
 @pytest.mark.parametrize("name", BOUNDS)
 def test_mujocos_motion_is_the_one_that_starts_as_the_caption_says(name: str) -> None:
     """(2.6), (2.7), (3.2) by scipy; 10 s, or 80 s of Fig. 10, whose ball stops after 36 s."""
-    ball = seen(name, 80.0, 0.05) if name == "fig10" else seen(name)
+    ball = mujoco_ball(name, 80.0, 0.05) if name == "fig10" else mujoco_ball(name)
     # A caption's γ is in the frame's axes; the ball's principal axes may have another order.
     in_frame, path = ball.gamma @ paper_scene(name).principal_axes.T, ball.motion.contact_point
 
@@ -77,8 +77,8 @@ def test_a_scene_of_the_catalog_starts_and_moves_as_its_caption_says(name: str) 
     assert axes == pytest.approx(caption.axes, abs=2e-15)
     assert scene.start.momentum @ axes == pytest.approx(caption.M, abs=1e-14)
     numbers: Numbers = f.numbers(scene.parameters)
-    for each in ("A", "Omega", "K"):
-        assert getattr(numbers, each) == pytest.approx(getattr(caption.n, each), abs=5e-15)
+    for symbol in ("A", "Omega", "K"):
+        assert getattr(numbers, symbol) == pytest.approx(getattr(caption.n, symbol), abs=5e-15)
     assert numbers.d == pytest.approx(0.9, rel=1e-15) or name < "fig11"  # of Figs 12 to 14, chosen
     times = np.array([0.0, 3.0])
     gamma, path = motion(caption, times, 1e-13)

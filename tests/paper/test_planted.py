@@ -1,4 +1,4 @@
-"""Errors planted in robotball's own formulas: for each a test of the paper fails."""
+"""Each error planted in a formula of robotball makes a test of the paper fail."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -27,8 +27,8 @@ def with_argument(index: int, change: Formula) -> Callable[[Formula], Formula]:
     """Change a positional argument of a formula."""
 
     def planted(formula: Formula) -> Formula:
-        def wrong(*given: Any, **named: Any) -> Any:
-            return formula(*given[:index], change(given[index]), *given[index + 1 :], **named)
+        def wrong(*values: Any, **named: Any) -> Any:
+            return formula(*values[:index], change(values[index]), *values[index + 1 :], **named)
 
         return wrong
 
@@ -36,8 +36,8 @@ def with_argument(index: int, change: Formula) -> Callable[[Formula], Formula]:
 
 
 def with_value(change: Formula) -> Callable[[Formula], Formula]:
-    """Change what a formula returns."""
-    return lambda formula: lambda *given, **named: change(formula(*given, **named))
+    """Change the result of a formula."""
+    return lambda formula: lambda *values, **named: change(formula(*values, **named))
 
 
 def minus(v: Any) -> Any:
@@ -46,7 +46,7 @@ def minus(v: Any) -> Any:
 
 
 def without_double_phase(taylor: Formula) -> Formula:
-    """Leave out the term of l₁ at twice the phase; of a slow focus l₁ is then twice as large.
+    """Leave out the term of l₁ at twice the phase; then l₁ of a slow focus doubles.
 
     The other terms are at the conjugate of the eigenvector, and at a real vector.
     """
@@ -58,8 +58,8 @@ def without_double_phase(taylor: Formula) -> Formula:
     return wrong
 
 
-# What is planted: the module and name of the formula, the change, and the test that must fail with
-# its arguments.
+# By name of the error: module and name of the formula, the change, the test that must fail and its
+# arguments.
 # fmt: off
 PLANTED: dict[str, tuple[Any, ...]] = {
     "the sign of k in (2.4)-(2.5)": (eq, "full_angular_acceleration", with_argument(4, minus),

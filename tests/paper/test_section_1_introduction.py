@@ -17,7 +17,7 @@ from robotball.robot.scene import Start, along_momentum, section_state
 from robotball.rotations import Array
 from tests.invariant_curves import invariant_curve, shared_integral
 from tests.paper import formulas as f
-from tests.paper.engine_ball import DRIVEN, RUBBER, largest, seen, seen_of
+from tests.paper.engine_ball import DRIVEN, RUBBER, largest, mujoco_ball, mujoco_ball_of
 from tests.paper.formulas import Errors, Numbers, cross, paper_scene, worst
 
 BALL = f.with_A((0.8, 0.6, 0.7), np.zeros(3), np.zeros(3), d=0.9)
@@ -83,13 +83,13 @@ def test_the_rubber_chaplygin_ball_keeps_its_energy() -> None:
 
 
 def test_the_rubber_ball_of_E_over_d_minus_A_moves_on_the_tori_of_the_classical_ball_of_A() -> None:
-    """Par. 3: along its motion the classical energy and integral at the same γ and M stay."""
+    """Par. 3: along its motion the classical energy and integral, at its γ and M, are constant."""
 
     def changes(sign: float) -> Errors:
         rubber = f.with_A(tuple(1 / BALL.d - sign * BALL.moments), np.zeros(3), np.zeros(3))
         states = zip(*roll(rubber, f.level(OMEGA, GAMMA), rubber=True), strict=True)
         pairs = [(f.level(f.contact_inertia(rubber, v) @ w, v), v) for w, v in states]
-        L, gamma = (np.array(each) for each in zip(*pairs, strict=True))
+        L, gamma = (np.array(rows) for rows in zip(*pairs, strict=True))
         E = np.array([M @ f.classical_velocity(BALL, M, v) / 2 for M, v in pairs])
         for kept in (E, shared_integral(f.ball(rubber), gamma, L)):
             yield np.ptp(kept) / abs(kept[0])
@@ -132,14 +132,14 @@ def test_both_chaplygin_balls_cross_the_section_on_the_same_curve_at_different_r
 
 def test_the_windings_of_the_rubber_and_the_classical_ball_are_transversal() -> None:
     """Par. 3: at the same γ and M no two ω are parallel, along MuJoCo's rubber motion."""
-    ball = seen("rubber_chaplygin_ball")
+    ball = mujoco_ball("rubber_chaplygin_ball")
 
     def least_sine(name: str) -> float:
         scene = paper_scene(name)
         classical = scene.rolling == "classical"
         n, velocity = f.numbers(scene.parameters), f.velocity_of(classical)
         momenta = np.cross(ball.momentum, ball.gamma) if classical else ball.momentum
-        omega = np.array([velocity(n, *each) for each in zip(momenta, ball.gamma, strict=True)])
+        omega = np.array([velocity(n, *state) for state in zip(momenta, ball.gamma, strict=True)])
         sizes = np.linalg.norm(ball.omega, axis=1) * np.linalg.norm(omega, axis=1)
         return float((np.linalg.norm(np.cross(ball.omega, omega), axis=1) / sizes).min())
 
@@ -168,11 +168,11 @@ def test_with_constant_rates_the_motion_does_not_depend_on_time() -> None:
     """Par. 5: MuJoCo's ball started in the state at 3 s, with its hinges at zero."""
 
     def error(name: str) -> float:
-        scene, whole = paper_scene(name), seen(name)
+        scene, whole = paper_scene(name), mujoco_ball(name)
         i = int(np.searchsorted(whole.motion.times, 3.0 - 1e-9))
         # A rubber ball's M is horizontal, which a start must satisfy exactly.
         start = Start(whole.motion.attitude[i], whole.motion.momentum[i] * [1.0, 1.0, 0.0])
-        again = seen_of(replace(scene, start=start), 5.0)
+        again = mujoco_ball_of(replace(scene, start=start), 5.0)
         return largest(again.gamma - whole.gamma[i : i + len(again.gamma)])
 
     assert error(RUBBER) <= 2e-8  # measured 2.3e-9: MuJoCo's contact

@@ -19,11 +19,11 @@ from tests.paper.engine_ball import (
     EACH,
     INNER,
     RUBBER,
-    Seen,
+    BallMotion,
     largest,
+    mujoco_ball,
+    mujoco_ball_of,
     rate,
-    seen,
-    seen_of,
 )
 from tests.paper.formulas import Errors, Numbers, cross, paper_scene, worst
 from tests.paper.point_masses import Moment, moments, rolled
@@ -64,7 +64,7 @@ def test_the_space_axes_stay_orthonormal() -> None:
 
 def test_the_angular_velocity_is_the_rate_of_the_attitude() -> None:
     """Section 2: ω̂ = dS/dt Sᵀ along MuJoCo's motion."""
-    ball = seen(RUBBER)
+    ball = mujoco_ball(RUBBER)
     S = ball.axes.transpose(0, 2, 1)
     turning = rate(S) @ S[INNER].transpose(0, 2, 1)
 
@@ -82,7 +82,7 @@ def test_the_contact_point_does_not_slip() -> None:
     """(2.1): v + aγ×(ω - Ω) = 0 along MuJoCo's motions."""
 
     def slip(sign: float) -> Errors:
-        for ball in map(seen, EACH):
+        for ball in map(mujoco_ball, EACH):
             rolling = ball.of(lambda n, w, gamma: n.a * cross(gamma, w - sign * n.Omega))
             yield largest(ball.centre_velocity + rolling[INNER])
 
@@ -94,7 +94,7 @@ def test_the_rubber_ball_does_not_spin() -> None:
     """(2.2): (ω - Ω, γ) = 0 along MuJoCo's motions."""
 
     def spin(sign: float) -> Errors:
-        for ball in map(seen, (RUBBER, DRIVEN)):
+        for ball in map(mujoco_ball, (RUBBER, DRIVEN)):
             yield ball.of(lambda n, w, gamma: (w - sign * n.Omega) @ gamma)
 
     assert worst(spin(+1)) <= 1e-7  # rad/s; measured 1.1e-8: MuJoCo's contact
@@ -131,7 +131,7 @@ def test_the_gyrostatic_momentum_is_that_of_point_masses() -> None:
     assert worst(errors(-1)) > 0.2  # control: the sign of J_s, 0.69
 
 
-def plane_force(ball: Seen) -> Array:
+def plane_force(ball: BallMotion) -> Array:
     """Return λ (n, 3) of MuJoCo's contact without the weight, in principal axes."""
     in_space = ball.motion.loads.contact_force.copy()
     in_space[:, 2] = 0.0  # the centre stays at its height
@@ -142,7 +142,7 @@ def test_the_poincare_suslov_equations_hold_with_the_contacts_force_and_torque()
     """(2.3), both lines: the rates of mv and of Iω + k, with MuJoCo's λ at -aγ and λ₀."""
 
     def errors(sign: float) -> Errors:
-        for ball in map(seen, EACH):
+        for ball in map(mujoco_ball, EACH):
             n, force, inner = ball.numbers[0], plane_force(ball), slice(4, -4)
             v, k_omega = n.d / n.a**2 * ball.centre_velocity, ball.of(lambda n, w, _: n.I @ w + n.k)
             yield rate(v) + np.cross(ball.omega[inner], v[INNER]) - force[inner]
@@ -155,7 +155,7 @@ def test_the_poincare_suslov_equations_hold_with_the_contacts_force_and_torque()
 
 
 def test_gravity_does_not_change_the_motion_of_a_balanced_ball() -> None:
-    """Remark 3, by MuJoCo's paths at 9.81 and 3.7 m/s²."""
+    """Remark 3, from MuJoCo's paths at 9.81 and 3.7 m/s²."""
     scene, times = paper_scene(RUBBER), sample_times(5.0)
 
     def difference(offset: float) -> float:
@@ -172,7 +172,7 @@ def test_the_reaction_is_the_force_of_the_contact() -> None:
     """After (2.3): λ = -ma(γ×(ω̇ - Ω̇) + (γ×ω)×(ω - Ω) + ω×(γ×(ω - Ω)))."""
 
     def errors(sign: float) -> Errors:
-        for ball in map(seen, EACH):
+        for ball in map(mujoco_ball, EACH):
             rows = zip(ball.numbers[INNER], ball.omega[INNER], ball.gamma[INNER], strict=True)
             for (n, w, g), w_rate, force in zip(
                 rows, rate(ball.omega), plane_force(ball)[INNER], strict=True
@@ -223,7 +223,7 @@ def by_robotball(n: Numbers, omega: Array, gamma: Array) -> Array:
 
 def test_the_angular_acceleration_is_that_of_mujoco_while_the_rates_change() -> None:
     """(2.4) with λ₀ of (2.5); robotball's formula too."""
-    ball = seen(DRIVEN)
+    ball = mujoco_ball(DRIVEN)
 
     def error(sign: float) -> float:
         return largest(
@@ -263,7 +263,7 @@ def test_the_multiplier_is_the_spin_torque_of_point_masses() -> None:
 
 def test_the_multiplier_is_the_spin_torque_of_mujocos_contact() -> None:
     """(2.5), with Ω and k changing; robotball's formula too."""
-    ball = seen(DRIVEN)
+    ball = mujoco_ball(DRIVEN)
     torque, multiplier = ball.motion.loads.spin_torque, ball.of(lambda *s: f.full_rates(*s)[1])
     assert largest(multiplier - torque) <= 6e-8  # N m; measured 5.6e-9: MuJoCo's contact
     assert largest(-multiplier - torque) > 5.0  # control: the sign of λ₀, 37
@@ -290,13 +290,13 @@ def test_the_space_axes_rotate_with_the_angular_velocity() -> None:
     """(2.6): dα/dt = α×ω, dβ/dt = β×ω, and robotball's quaternion, along MuJoCo's motions."""
 
     def errors(sign: float) -> Errors:
-        for ball in map(seen, EACH):
+        for ball in map(mujoco_ball, EACH):
             for axis in (ball.axes[:, 0], ball.axes[:, 1]):
                 yield rate(axis) - sign * np.cross(axis, ball.omega)[INNER]
 
     assert worst(errors(+1)) <= 3e-5  # rad/s; measured 4.4e-6: differences
     assert worst(errors(-1)) > 1.0  # control: the sign, 16
-    for ball in map(seen, EACH):
+    for ball in map(mujoco_ball, EACH):
         q, omega = ball.motion.attitude, ball.motion.angular_velocity
         ours = np.stack(eq.attitude_rate(tuple(q.T), tuple(omega.T)), axis=1)
         assert largest(rate(q) - ours[INNER]) <= 3e-5
@@ -308,16 +308,16 @@ def test_the_velocity_of_the_contact_point_is_a_times_that_of_the_shell() -> Non
     """(2.7): Ẋ = a(β, ω - Ω), Ẏ = -a(α, ω - Ω), along MuJoCo's motions; robotball's too."""
 
     def errors(sign: float) -> Errors:
-        for ball in map(seen, EACH):
+        for ball in map(mujoco_ball, EACH):
             shell = ball.of(lambda n, w, _: n.a * (w - n.Omega))
             alpha, beta, _ = ball.axes.transpose(1, 0, 2)
             yield ball.path_error((beta * shell).sum(axis=1), -sign * (alpha * shell).sum(axis=1))
 
     assert worst(errors(+1)) <= 6e-6  # m/s; measured 1.0e-6: differences
     assert worst(errors(-1)) > 1.0  # control: the sign of Ẏ, 11
-    for ball in map(seen, EACH):
+    for ball in map(mujoco_ball, EACH):
         rows = (*ball.axes.transpose(1, 0, 2)[:2], ball.omega, ball.of(lambda n, *_: n.Omega))
-        X, Y, omega, Omega = (tuple(each.T) for each in rows)
+        X, Y, omega, Omega = (tuple(vectors.T) for vectors in rows)
         assert ball.path_error(*eq.contact_velocity(X, Y, omega, Omega, ball.numbers[0].a)) <= 6e-6
 
 
@@ -327,14 +327,14 @@ def test_a_rotation_about_the_vertical_is_a_symmetry() -> None:
     def errors(axis: int, names: Sequence[str]) -> Errors:
         turn = f.turned_about(f.E[axis], 0.7)
         for name in names:
-            scene, ball = paper_scene(name), seen(name)
+            scene, ball = paper_scene(name), mujoco_ball(name)
             attitude = multiply(from_matrix(turn), scene.start.attitude)
             start = Start(attitude, turn @ scene.start.momentum)
-            other = seen_of(replace(scene, start=start), 10.0)
+            other = mujoco_ball_of(replace(scene, start=start), 10.0)
             path = ball.motion.contact_point @ turn[:2, :2].T
             yield from (other.omega - ball.omega, other.gamma - ball.gamma)
             yield other.motion.contact_point - path
 
     assert worst(errors(2, (RUBBER, CLASSICAL))) <= 3e-10  # measured 2.1e-11: rounding, growing
-    # Control: about OX. A rubber ball cannot start so, as its M has to stay horizontal.
+    # Control: about OX. A rubber ball cannot, because its M must be horizontal.
     assert worst(errors(0, (CLASSICAL,))) > 1.0  # 10

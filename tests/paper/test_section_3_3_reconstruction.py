@@ -7,11 +7,11 @@ from scipy.optimize import minimize
 from robotball.robot.scene import section_state
 from robotball.rotations import Array
 from tests.paper import formulas as f
-from tests.paper.engine_ball import CLASSICAL, RUBBER, Seen, largest, seen
+from tests.paper.engine_ball import CLASSICAL, RUBBER, BallMotion, largest, mujoco_ball
 from tests.paper.formulas import paper_scene
 
 
-def horizontal(ball: Seen) -> tuple[Array, Array, Array]:
+def horizontal(ball: BallMotion) -> tuple[Array, Array, Array]:
     """Return M×γ, M - cγ (n, 3) and √(f - c²) (n,) of a motion; c = (M, γ), f = M²."""
     M, gamma = ball.momentum, ball.gamma
     c = (M * gamma).sum(axis=1)
@@ -20,7 +20,7 @@ def horizontal(ball: Seen) -> tuple[Array, Array, Array]:
 
 def test_the_space_axes_follow_from_the_momentum_and_gamma() -> None:
     """α = -(M - cγ)/√(f - c²), β = M×γ/√(f - c²), with OX along -M."""
-    ball = seen(CLASSICAL)
+    ball = mujoco_ball(CLASSICAL)
     across, level, size = horizontal(ball)
     alpha, beta, _ = ball.axes.transpose(1, 0, 2)
     assert largest(-level / size[:, None] - alpha) <= 2e-7  # measured 2.4e-8: MuJoCo's contact
@@ -33,7 +33,7 @@ def test_the_contact_points_velocity_follows_from_the_momentum_and_gamma(
     name: str, bound: float
 ) -> None:
     """Ẋ = a(M×γ, ω - Ω)/√(f - c²), Ẏ = a(M - cγ, ω - Ω)/√(f - c²)."""
-    ball = seen(name)
+    ball = mujoco_ball(name)
     across, level, size = horizontal(ball)
     shell = ball.of(lambda n, omega, _: n.a * (omega - n.Omega))
     X, Y = (across * shell).sum(axis=1) / size, (level * shell).sum(axis=1) / size
@@ -44,7 +44,7 @@ def test_the_contact_points_velocity_follows_from_the_momentum_and_gamma(
 @pytest.mark.parametrize("name", ["fig14", CLASSICAL])
 def test_the_momentum_bounds_the_shells_speed(name: str) -> None:
     """|ω - Ω| over 150 s of MuJoCo's motion is below its maximum over all γ, M with f and c."""
-    scene, ball = paper_scene(name), seen(name, 150.0, 0.05)
+    scene, ball = paper_scene(name), mujoco_ball(name, 150.0, 0.05)
     n, velocity = f.numbers(scene.parameters), f.velocity_of(scene.rolling == "classical")
     # The search for the maximum is local, so it begins at several places.
     starts = np.random.default_rng(35).uniform(0.0, 2 * np.pi, (6, 3))

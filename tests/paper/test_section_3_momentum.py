@@ -16,7 +16,15 @@ from robotball.rotations import Array, on_circle, rotation_matrix, tangents
 from robotball.theory.ensembles.orbits import kernel_start, orbit
 from tests.paper import formulas as f
 from tests.paper.captions import PERIOD
-from tests.paper.engine_ball import CLASSICAL, DRIVEN, RUBBER, Seen, largest, seen, seen_of
+from tests.paper.engine_ball import (
+    CLASSICAL,
+    DRIVEN,
+    RUBBER,
+    BallMotion,
+    largest,
+    mujoco_ball,
+    mujoco_ball_of,
+)
 from tests.paper.formulas import Errors, Numbers, Velocity, count, cross, paper_scene, worst
 
 # M of MuJoCo's motions is off by 1e-8 (rubber) and 1e-6 kg m²/s (classical): the contact.
@@ -42,7 +50,7 @@ MOMENTA = {False: rubber_momentum, True: classical_momentum}
 
 def test_the_momentum_of_the_rubber_ball_is_constant_in_space() -> None:
     """(3.1), E1: M = γ×(Ĩω + K). The paper prints -K."""
-    ball = seen(RUBBER)
+    ball = mujoco_ball(RUBBER)
 
     def drift(sign: float) -> float:
         return ball.drift(ball.of(lambda n, w, g: rubber_momentum(n, w, g, sign)))
@@ -53,7 +61,7 @@ def test_the_momentum_of_the_rubber_ball_is_constant_in_space() -> None:
 
 def test_the_momentum_of_the_classical_ball_is_constant_in_space() -> None:
     """3.2, E2: M = Ĩω + K + d(Ω,γ)γ. The paper prints - d(Ω,γ)γ."""
-    ball = seen(CLASSICAL)
+    ball = mujoco_ball(CLASSICAL)
 
     def drift(sign: float) -> float:
         return ball.drift(ball.of(lambda n, w, g: classical_momentum(n, w, g, sign)))
@@ -70,11 +78,11 @@ def from_section(scene: Scene, rolling: Rolling, L: float, c: float = 0.0) -> Sc
 
 
 @cache
-def driven(classical: bool) -> Seen:
+def driven(classical: bool) -> BallMotion:
     """Roll the ball of Fig. 12 with oscillating rates; the classical ball with (M, γ) = 3."""
     if not classical:
-        return seen(DRIVEN)
-    return seen_of(from_section(paper_scene(DRIVEN), "classical", 3.6, c=3.0), 10.0)
+        return mujoco_ball(DRIVEN)
+    return mujoco_ball_of(from_section(paper_scene(DRIVEN), "classical", 3.6, c=3.0), 10.0)
 
 
 @BOTH
@@ -105,7 +113,7 @@ def test_the_momentum_stays_constant_while_the_rates_change(classical: bool) -> 
 
 def test_the_horizontal_angular_momentum_is_the_momentum_turned_by_a_right_angle() -> None:
     """Not in the paper: M×γ is the horizontal part of L = Ĩω + K + d(Ω,γ)γ."""
-    ball = seen(RUBBER)
+    ball = mujoco_ball(RUBBER)
     turned = np.cross(ball.momentum, ball.gamma)
     L = ball.of(lambda n, w, g: f.level(f.contact_inertia(n, g) @ w + n.K, g))
     assert largest(turned - L) <= 2e-7  # kg m²/s; measured 1.5e-8: MuJoCo's contact
@@ -123,8 +131,8 @@ def test_the_rubber_velocity_solves_the_definition_of_the_momentum() -> None:
             n, gamma, M = state.n, state.gamma, state.momentum(classical=False)
             # Four consistent equations for three unknowns: γ×(…) has no component along γ.
             linear = np.vstack([f.hat(gamma).T @ f.contact_inertia(n, gamma), gamma])
-            given = np.append(M - cross(gamma, n.K), n.Omega @ gamma)
-            omega = np.linalg.lstsq(linear, given, rcond=None)[0]
+            right = np.append(M - cross(gamma, n.K), n.Omega @ gamma)
+            omega = np.linalg.lstsq(linear, right, rcond=None)[0]
             yield f.rubber_velocity(replace(n, Omega=sign * n.Omega), M, gamma) - omega
             yield (sign > 0) * (f.ball(n).angular_velocity(M, gamma) - omega)
 
@@ -138,8 +146,8 @@ def test_the_classical_velocity_solves_the_definition_of_the_momentum() -> None:
     def errors(sign: float) -> Errors:
         for state in f.states(34):
             n, gamma = state.n, state.gamma
-            given = state.M - n.K - n.d * (n.Omega @ gamma) * gamma
-            omega = np.linalg.solve(f.contact_inertia(n, gamma), given)
+            right = state.M - n.K - n.d * (n.Omega @ gamma) * gamma
+            omega = np.linalg.solve(f.contact_inertia(n, gamma), right)
             yield f.classical_velocity(replace(n, Omega=sign * n.Omega), state.M, gamma) - omega
             ours = f.ball(n, classical=True).angular_velocity(state.M, gamma)
             yield (sign > 0) * (ours - omega)
@@ -149,7 +157,7 @@ def test_the_classical_velocity_solves_the_definition_of_the_momentum() -> None:
 
 
 def velocity_error(classical: bool, velocity: Velocity, sign: float = 1.0) -> float:
-    """Compare ω(M, γ), M being that of the start, with MuJoCo's ω while the rates change."""
+    """Compare ω(M, γ) at the initial M with MuJoCo's ω while the rates change."""
     ball = driven(classical)
     states = zip(ball.numbers, ball.carried(ball.momentum), ball.gamma, strict=True)
     return largest(np.array([velocity(n, sign * M, g) for n, M, g in states]) - ball.omega)
@@ -204,7 +212,7 @@ def test_the_common_level_of_the_integrals_has_three_dimensions(classical: bool)
 # Energy and measure --------------------------------------------------------------------------
 
 
-def energies(ball: Seen, classical: bool, sign: float = 1.0) -> Array:
+def energies(ball: BallMotion, classical: bool, sign: float = 1.0) -> Array:
     """Return (ω, A⁻¹ω)/2 - (Ω, A⁻¹ω), less d(γ, ω-Ω)²/2 for the classical ball, at all times."""
 
     def energy(n: Numbers, omega: Array, gamma: Array) -> float:
@@ -221,14 +229,14 @@ def rubber_routh() -> Scene:
 
 
 @cache
-def routh(classical: bool) -> Seen:
+def routh(classical: bool) -> BallMotion:
     """Roll Routh's sphere; all that rotates does so about its axis of symmetry."""
-    return seen("routh_sphere") if classical else seen_of(rubber_routh(), 10.0)
+    return mujoco_ball("routh_sphere") if classical else mujoco_ball_of(rubber_routh(), 10.0)
 
 
 def test_energy_is_no_integral_in_general() -> None:
     """Remark 5: E of MuJoCo's ball of Fig. 12 changes."""
-    assert np.ptp(energies(seen(RUBBER), classical=False)) > 1.0  # J; measured 27
+    assert np.ptp(energies(mujoco_ball(RUBBER), classical=False)) > 1.0  # J; measured 27
     assert np.ptp(energies(routh(False), classical=False)) < 1e-5  # control: Routh's sphere, 2e-7
 
 
@@ -243,7 +251,7 @@ def test_energy_is_an_integral_of_rouths_sphere(classical: bool) -> None:
 @pytest.mark.parametrize(("name", "bound"), [(RUBBER, 1.5e-6), (CLASSICAL, 1e-5)])
 def test_energy_changes_by_the_power_of_the_drives(name: str, bound: float) -> None:
     """Not in the paper: dE/dt = -(Ω, (A⁻¹ω + K)×ω), along MuJoCo's motion; robotball's E too."""
-    ball, classical = seen(name), name == CLASSICAL
+    ball, classical = mujoco_ball(name), name == CLASSICAL
     n, omega, gamma = ball.numbers[0], tuple(ball.omega.T), tuple(ball.gamma.T)
     ours = eq.energy(omega, gamma, tuple(n.Omega), tuple(n.moments), n.d, spinning=classical)
 
@@ -363,7 +371,7 @@ def test_the_classical_ball_rolls_straight_if_the_momentum_is_that_of_the_drives
 
 
 def test_all_straight_lines_of_the_classical_ball_are_found() -> None:
-    """Not in the paper: those with given f and c, around the circle (K + dΩ, γ) = c."""
+    """Not in the paper: for right f and c, on the circle (K + dΩ, γ) = c."""
     turn = np.linspace(0.0, 2 * np.pi, 20001)
 
     def wrong(sign: float) -> Errors:
@@ -377,11 +385,11 @@ def test_all_straight_lines_of_the_classical_ball_are_found() -> None:
             along = sign * n.d * (circle @ n.Omega)
             off = ((n.K + along[:, None] * circle) ** 2).sum(axis=1) - level
             meets = circle[:-1][off[1:] * off[:-1] < 0]
-            found = lines.straight_motions(f.ball(n, classical=True), level, c)
-            apart = np.array([np.linalg.norm(meets - each.gamma, axis=1) for each in found])
-            # As many, and each within a step of the circle of one of the others.
+            ours = lines.straight_motions(f.ball(n, classical=True), level, c)
+            apart = np.array([np.linalg.norm(meets - line.gamma, axis=1) for line in ours])
+            # Equal in number, and line within a step of the circle from a meeting.
             near = all((apart.min(axis=i) < turn[1]).all() for i in (0, 1)) if apart.size else False
-            yield len(found) != len(meets) or not near
+            yield len(ours) != len(meets) or not near
 
     assert count(wrong(+1)) == 0  # of 50
     assert count(wrong(-1)) > 40  # control: the sign of d, 50

@@ -16,7 +16,7 @@ from robotball.dynamics import equilibria
 from robotball.rotations import Array, tangents
 from tests.paper import formulas as f
 from tests.paper.captions import CAPTIONS
-from tests.paper.engine_ball import Seen, largest, seen, seen_from
+from tests.paper.engine_ball import BallMotion, largest, mujoco_ball, mujoco_ball_from
 from tests.paper.formulas import Errors, Numbers, count, cross, worst
 from tests.paper.point_masses import moments
 
@@ -27,7 +27,7 @@ def test_gamma_stays_on_a_quadric() -> None:
     """Section 4.1: (Aγ,γ) is an integral, along MuJoCo's motions of Figs 5b and 5c."""
 
     def changes(sign: float) -> Errors:
-        for ball in map(seen, ("fig05b", "fig05c")):
+        for ball in map(mujoco_ball, ("fig05b", "fig05c")):
             yield np.ptp(ball.of(lambda n, _, g: n.A @ (g * [1.0, 1.0, sign]) @ g))
 
     assert worst(changes(+1)) <= 3e-8  # measured 4.0e-9: MuJoCo's contact
@@ -49,7 +49,7 @@ def test_without_a_rotor_the_momentum_K_is_not_zero() -> None:
 
 def test_gamma_moves_as_in_eulers_top_in_another_time() -> None:
     """(4.3): the time ∫(Ω,γ)/(Aγ,γ) dt; MuJoCo's γ of Fig. 5c against Jacobi's functions."""
-    ball, (a1, a2, a3) = seen("fig05c"), FIG5.moments
+    ball, (a1, a2, a3) = mujoco_ball("fig05c"), FIG5.moments
     first, _, third = ball.gamma[0]  # γ₂ = 0 at the start
     m = (a2 - a3) * third**2 / ((a1 - a2) * first**2)
     amplitude = np.array([first, third * sqrt((a1 - a3) / (a1 - a2)), third])
@@ -68,7 +68,7 @@ def test_gamma_moves_as_in_eulers_top_in_another_time() -> None:
 
 
 def balls(seed: int, number: int = 200) -> list[Numbers]:
-    """Return random balls with K = 0, a₁ < a₂ < a₃ and no Ωᵢ = 0, as in Prop. 1."""
+    """Return random balls with K = 0, a₁ < a₂ < a₃ and no Ωᵢ = 0 (Prop. 1)."""
     random, made = np.random.default_rng(seed), []
     for _ in range(number):
         A = np.sort(random.uniform(0.2, 1.0, 3))
@@ -84,7 +84,7 @@ def test_the_six_isolated_fixed_points_are_the_ends_of_the_principal_axes() -> N
     def wrong(K3: float) -> Errors:
         for n in balls(46, 5):
             n = replace(n, K=K3 * f.E[2])
-            # The circle Σ¹ is full of zeros, of which the search finds some.
+            # The circle Σ¹ is full of zeros; the search finds some of them.
             zeros = [g for g in f.zeros(f.from_rest(n), 100) if abs(n.Omega @ g) > 1e-6]
             near = sum(bool(np.linalg.norm(axes - g, axis=1).min() < 1e-9) for g in zeros)
             yield len(zeros) - near + abs(6 - near)
@@ -110,10 +110,10 @@ def test_the_fixed_points_of_the_middle_axis_are_unstable_and_the_others_stable(
 
 
 @cache
-def at_rest(axis: int) -> Seen:
+def at_rest(axis: int) -> BallMotion:
     """Roll Fig. 5's ball in MuJoCo, started at Γ₁ or Γ₅ with α = -e₂ or e₂."""
     alpha = -f.E[1] if axis == 0 else f.E[1]
-    return seen_from("fig05d", f.E[axis], alpha, np.zeros(3), 10.0)
+    return mujoco_ball_from("fig05d", f.E[axis], alpha, np.zeros(3), 10.0)
 
 
 def test_at_gamma_5_the_frame_rotates_at_omega_3() -> None:
@@ -204,19 +204,19 @@ def test_on_the_circle_the_frame_rests_and_the_path_is_straight() -> None:
         at = f.sigma(FIG5, angle)
         gamma = f.turned_about(tangents(at)[0], off) @ at
         alpha = tangents(gamma)[0]
-        ball = seen_from("fig05b", gamma, alpha, np.zeros(3), 5.0)
+        ball = mujoco_ball_from("fig05b", gamma, alpha, np.zeros(3), 5.0)
         velocity = np.array([-cross(gamma, alpha) @ FIG5.Omega, alpha @ FIG5.Omega])
         yield from (ball.motion.contact_point - ball.motion.times[:, None] * velocity, ball.omega)
 
     assert worst(errors(0.0)) <= 4e-10  # m and rad/s; measured 4.3e-11: MuJoCo's contact
-    assert worst(errors(0.01)) > 0.1  # control: γ turned by 0.01 rad, 0.34
+    assert worst(errors(0.01)) > 0.1  # control: γ rotated by 0.01 rad, 0.34
 
 
 def test_a_curve_that_misses_the_circle_is_periodic() -> None:
     """Section 4.1: MuJoCo's γ of Fig. 5c, whose ζ misses Σ¹, returns within 60 s."""
 
     def miss(name: str) -> float:
-        ball = seen(name, 60.0)
+        ball = mujoco_ball(name, 60.0)
         away = ball.gamma - ball.gamma[0]
         distance = np.linalg.norm(away, axis=1)
         later = int(np.argmax(distance > 0.1))  # it has left its start
@@ -230,7 +230,7 @@ def test_a_curve_that_misses_the_circle_is_periodic() -> None:
 
 def test_a_curve_that_meets_the_circle_ends_where_it_meets_the_stable_half() -> None:
     """Section 4.1, E24: at Σ_s ∩ ζ. The paper prints Σ_s ∪ ζ, which names all of Σ_s."""
-    end, start = seen("fig05b", 60.0, 0.05).gamma[-1], CAPTIONS["fig05b"].axes[2]
+    end, start = mujoco_ball("fig05b", 60.0, 0.05).gamma[-1], CAPTIONS["fig05b"].axes[2]
     angles = np.linspace(0.0, 2 * np.pi, 201)
 
     def off_curve(angle: float) -> float:
@@ -255,7 +255,7 @@ def test_the_separatrices_that_leave_the_unstable_half_end_at_the_saddles() -> N
     a1, a2, a3 = FIG5.moments
     # Two great circles through Γ₃ and Γ₄. One meets Σ_u at ±γ, the other meets Σ_s.
     others = [f.unit(np.array([sqrt(a2 - a3), 0.0, s * sqrt(a1 - a2)])) for s in (1, -1)]
-    meeting = [f.unit(cross(FIG5.Omega, cross(f.E[1], each))) for each in others]
+    meeting = [f.unit(cross(FIG5.Omega, cross(f.E[1], normal))) for normal in others]
     unstable, stable = sorted(meeting, key=lambda gamma: side(FIG5, gamma))
 
     def distances(begin: Array, named: list[Array], also_start: bool = False) -> Errors:
@@ -263,9 +263,9 @@ def test_the_separatrices_that_leave_the_unstable_half_end_at_the_saddles() -> N
             start = f.unit(begin + off * f.E[1])
             end = f.followed(f.from_rest(FIG5), start, np.array([0.0, 25.0]))[-1]
             targets = [*named, start] if also_start else named
-            yield min(np.linalg.norm(end - each) for each in targets)
+            yield min(np.linalg.norm(end - target) for target in targets)
 
     saddles = [f.E[1], -f.E[1]]
-    assert worst(distances(unstable, saddles)) <= 1e-4  # measured 1.8e-5: 25 s are not for ever
+    assert worst(distances(unstable, saddles)) <= 1e-4  # measured 1.8e-5: 25 s are finite
     assert worst(distances(unstable, [stable, -stable], also_start=True)) > 0.2  # printed: 0.74
-    assert worst(distances(stable, saddles)) > 0.2  # control: those of Σ_s, 0.74
+    assert worst(distances(stable, saddles)) > 0.2  # control: from Σ_s, 0.74

@@ -27,7 +27,7 @@ def with_K3(K3: float) -> Numbers:
 
 @cache
 def number(K3: float, starts: int = 150) -> int:
-    """Return the number of fixed points of (4.1) that a search from so many points finds."""
+    """Return the number of fixed points of (4.1) that a search from `starts` points finds."""
     return len(f.zeros(f.from_rest(with_K3(K3)), starts))
 
 
@@ -47,11 +47,11 @@ def test_delta_and_theta_exist_if_kappa_is_below_one() -> None:
     """Section 4.2: Δ if and only if |κ₁| < 1, Θ if and only if |κ₂| < 1; by a search."""
 
     def wrong(sign: float) -> list[bool]:
-        found = []
+        wrong_cases = []
         for K3 in (-3.0, -1.2, -0.5, -0.1, 0.2, 0.5, 1.0, 2.5):
             kappas = [kappa(with_K3(K3), j, sign) for j in (DELTA, THETA)]
-            found.append(number(K3) != 2 + 4 * sum(abs(k) < 1 for k in kappas))
-        return found
+            wrong_cases.append(number(K3) != 2 + 4 * sum(abs(k) < 1 for k in kappas))
+        return wrong_cases
 
     assert count(wrong(+1)) == 0  # of 8
     assert count(wrong(-1)) >= 2  # control: the sign of K₃, 4
@@ -64,12 +64,12 @@ def test_the_absolute_values_of_kappa_decide_the_number_of_points() -> None:
     """
 
     def wrong(size: Callable[[float], float], sign: float = 1.0) -> list[bool]:
-        found = []
+        wrong_cases = []
         for K3 in (0.3, 0.52, 3.0):  # Figs 6 to 8
             one, two = (size(kappa(with_K3(K3), j, sign)) for j in (DELTA, THETA))
             cases = {10: 0 < two < one < 1, 6: two < 1 < one, 2: 1 < two < one}
-            found.append([each for each, holds in cases.items() if holds] != [number(K3)])
-        return found
+            wrong_cases.append([points for points, holds in cases.items() if holds] != [number(K3)])
+        return wrong_cases
 
     assert count(wrong(abs)) == 0  # of 3
     assert count(wrong(float)) == 3  # printed
@@ -98,7 +98,7 @@ def test_the_points_disappear_where_kappa_is_one(j: int, K3: float, more: int) -
 
 
 def named() -> dict[str, Array]:
-    """Return the fixed points of Fig. 6 by their names."""
+    """Return the fixed points of Fig. 6 by name."""
     made = {"Γ₅": f.E[2], "Γ₆": -f.E[2]}
     for letter, j in (("δ", DELTA), ("θ", THETA)):
         names = [letter + index for index in "₁₂₃₄"]
@@ -127,17 +127,17 @@ KINDS = {
 
 
 def test_the_ten_points_of_fig_6_have_their_types() -> None:
-    """Fig. 6, by a search and eigenvalues; robotball's points, types and names too."""
+    """Fig. 6, from a search and eigenvalues; robotball's points, types and names too."""
     zeros, ours = f.zeros(f.from_rest(FIG6)), equilibria.fixed_points(f.ball(FIG6))
     assert len(zeros) == len(ours) == 10
     wrong = 0
     for name, at in named().items():
         assert min(np.linalg.norm(at - zero) for zero in zeros) < 1e-9
-        (found,) = [p for p in ours if np.linalg.norm(at - p.gamma) < 1e-9]
+        (point,) = [p for p in ours if np.linalg.norm(at - p.gamma) < 1e-9]
         assert equilibria.name_of(f.ball(FIG6), at) == name
-        assert found.kind == kind(FIG6, at)
-        assert name in KINDS[found.kind]
-        wrong += name.translate(str.maketrans("δθ", "θδ")) not in KINDS[found.kind]
+        assert point.kind == kind(FIG6, at)
+        assert name in KINDS[point.kind]
+        wrong += name.translate(str.maketrans("δθ", "θδ")) not in KINDS[point.kind]
     assert wrong == 8  # control: δ and θ exchanged
 
 

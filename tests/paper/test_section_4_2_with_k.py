@@ -103,7 +103,7 @@ def growth_in_a_turn(n: Numbers, r: float) -> float:
 
 @cache
 def foci() -> tuple[tuple[Numbers, float], ...]:
-    """Return the 84 balls of 100 that have a focus whose growth scipy can tell, and that growth."""
+    """Return the 84 balls of 100 with a focus whose growth scipy resolves, and the growth."""
     some = [n for n in balls()[:100] if np.prod(A1_A2(n)) > 0.01]
     growths = [(n, growth_in_a_turn(n, 0.01)) for n in some]
     return tuple((n, growth) for n, growth in growths if abs(growth) > 1e-10)
@@ -152,8 +152,8 @@ def test_the_focus_grows_with_the_first_lyapunov_value() -> None:
             # The mean of both sides has no r⁴.
             growth = (growth_in_a_turn(n, 0.01) - growth_in_a_turn(n, -0.01)) / 2
             ours = lyapunov_value(flow_near(f.ball(n), f.E[2]), 2)
-            for each in (value, ours if sign > 0 else value):
-                yield growth * share / (period * 0.01**3 * each) - 1
+            for l1 in (value, ours if sign > 0 else value):
+                yield growth * share / (period * 0.01**3 * l1) - 1
 
     assert worst(errors(+1)) <= 2e-2  # measured 2.2e-3: r⁵
     assert worst(errors(-1)) > 0.5  # control: the sign of A₂, 1.6
@@ -162,7 +162,7 @@ def test_the_focus_grows_with_the_first_lyapunov_value() -> None:
 def taylor(n: Numbers, top: float) -> Array:
     """Return coefficients (2, 3, 3) of γ₁ⁱγ₂ʲ in dγ₁/dt, dγ₂/dt at γ₃ = top √(1 - γ₁² - γ₂²).
 
-    By Cauchy's integrals over circles of complex γ₁ and γ₂.
+    Computed with Cauchy's integrals over circles of complex γ₁ and γ₂.
     """
     # Aliasing is of order radius^count; rounding of 1e-16/radius² at second order.
     number, radius = 16, 0.05
@@ -191,9 +191,9 @@ ORDER_2 = np.add.outer(np.arange(3), np.arange(3)) <= 2
 
 
 def expansion_error(row: int | slice, top: float, quadratic: float, printed: bool = False) -> float:
-    """Compare dγ₁/dt (row 0) or dγ₂/dt (row 1) at Γ₅ (top 1) or Γ₆ (-1) with the field's."""
+    """Return the error of dγ₁/dt (row 0) or dγ₂/dt (row 1) at Γ₅ (top 1) or Γ₆ (-1)."""
     off = [taylor(n, top) - expansion(n, quadratic, printed) for n in balls()[:20]]
-    return worst(each[row][..., ORDER_2] for each in off)
+    return worst(terms[row][..., ORDER_2] for terms in off)
 
 
 def test_the_expansion_of_the_first_component_at_gamma_5() -> None:

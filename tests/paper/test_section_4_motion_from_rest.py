@@ -9,13 +9,13 @@ from robotball.dynamics import equilibria
 from robotball.robot.formulas import as_vector
 from robotball.rotations import Array
 from tests.paper import formulas as f
-from tests.paper.engine_ball import INNER, largest, rate, seen
+from tests.paper.engine_ball import INNER, largest, mujoco_ball, rate
 from tests.paper.formulas import Errors, Numbers, worst
 
 
 def test_from_rest_the_momentum_stays_zero_while_the_drives_speed_up() -> None:
     """Section 4: M of MuJoCo's bodies while Ω and K grow from 0."""
-    ball = seen("spin_up_from_rest")
+    ball = mujoco_ball("spin_up_from_rest")
     classical = ball.of(lambda n, omega, gamma: f.contact_inertia(n, gamma) @ omega + n.K)
     assert largest(ball.momentum) <= 2e-7  # kg m²/s; measured 1.9e-8: MuJoCo's contact
     assert largest(classical) > 1.0  # control: Ĩω + K without γ×, 3.6
@@ -23,7 +23,7 @@ def test_from_rest_the_momentum_stays_zero_while_the_drives_speed_up() -> None:
 
 def test_from_rest_gamma_follows_a_field_on_the_sphere() -> None:
     """(4.1): dγ/dt = γ×A(Zγ - K), along MuJoCo's motion; robotball's too."""
-    ball = seen("fig06")
+    ball = mujoco_ball("fig06")
     turning = rate(ball.gamma)
 
     def error(sign: float) -> float:
@@ -38,7 +38,7 @@ def test_from_rest_gamma_follows_a_field_on_the_sphere() -> None:
 
 def test_from_rest_the_attitude_and_the_path_follow_from_gamma() -> None:
     """(4.2): dα/dt, dβ/dt, Ẋ and Ẏ with ω = A(Zγ - K), along MuJoCo's motion."""
-    ball = seen("fig06")
+    ball = mujoco_ball("fig06")
     alpha, beta, _ = ball.axes.transpose(1, 0, 2)
 
     def errors(sign: float) -> Errors:
@@ -75,9 +75,7 @@ def test_gamma_to_minus_gamma_is_a_symmetry_of_the_motion_from_rest() -> None:
 def gyrostats(seed: int) -> list[tuple[Numbers, Array]]:
     """Return five random balls with Ω = 0, and a γ each."""
     balls = f.states(seed, 5)
-    return [
-        (replace(f.still(b.n), Omega=np.zeros(3), K=2 * b.n.K), b.gamma) for b in balls
-    ]  # fmt: skip
+    return [(replace(f.still(b.n), Omega=np.zeros(3), K=2 * b.n.K), b.gamma) for b in balls]
 
 
 def test_without_rotation_of_the_frame_there_is_another_integral() -> None:

@@ -13,7 +13,7 @@ from robotball.dynamics import straight_motions as lines
 from robotball.rotations import Array
 from tests.paper import formulas as f
 from tests.paper.captions import line_ball
-from tests.paper.engine_ball import Seen, seen, seen_from
+from tests.paper.engine_ball import BallMotion, mujoco_ball, mujoco_ball_from
 from tests.paper.formulas import Errors, Numbers, count, cross, paper_scene, unit, worst
 
 SIGNS = {"σ₊": (1, 1), "σ₋": (-1, 1), "δ₊": (1, -1), "δ₋": (-1, -1)}
@@ -23,10 +23,10 @@ LIMIT = 16 / 7.69  # of f in Fig. 10, (kg m²/s)²
 # The family of straight lines ----------------------------------------------------------------
 
 
-def roll(gamma: Array, M: Array, duration: float = 5.0) -> Seen:
+def roll(gamma: Array, M: Array, duration: float = 5.0) -> BallMotion:
     """Roll the ball of Fig. 10 in MuJoCo from γ and M, with OX along -M."""
     M_world = np.array([-np.linalg.norm(M), 0.0, 0.0])
-    return seen_from("fig10", gamma, -unit(M), M_world, duration)
+    return mujoco_ball_from("fig10", gamma, -unit(M), M_world, duration)
 
 
 def test_the_ball_rolls_straight_if_its_momentum_is_gamma_times_K() -> None:
@@ -185,12 +185,15 @@ def test_gamma_and_the_momentum_are_squares_of_two_coefficients() -> None:
     def errors(sign: float) -> Errors:
         random = np.random.default_rng(67)
         for n, _ in balls():
-            each = Line(n, *random.normal(size=2).tolist())
+            motion = Line(n, *random.normal(size=2).tolist())
             K2, Omega2 = n.K @ n.K, n.Omega @ n.Omega
-            square = each.gamma @ each.gamma - K2 * (each.c1**2 + sign * each.c2**2 * Omega2)
-            level = each.M @ each.M - each.c2**2 * K2**2 * Omega2
+            square = motion.gamma @ motion.gamma - K2 * (
+                motion.c1**2 + sign * motion.c2**2 * Omega2
+            )
+            level = motion.M @ motion.M - motion.c2**2 * K2**2 * Omega2
             yield (
-                np.array([square, level, n.Omega @ each.gamma]) / max(float(K2 * Omega2), 1.0) ** 2
+                np.array([square, level, n.Omega @ motion.gamma])
+                / max(float(K2 * Omega2), 1.0) ** 2
             )
 
     assert worst(errors(+1)) <= 3e-13  # measured 2.0e-14: rounding
@@ -203,10 +206,14 @@ def test_the_coefficients_of_proposition_3_are_those_of_straight_lines() -> None
     def errors(factor: float) -> Errors:
         for n, level in balls():
             for name in SIGNS:
-                each = line(n, level, name)
-                each = replace(each, c2=factor * each.c2)
-                omega = f.rubber_velocity(n, each.M, each.gamma)
-                yield [each.gamma @ each.gamma - 1, (each.M @ each.M - level) / (n.K @ n.K), *omega]
+                motion = line(n, level, name)
+                motion = replace(motion, c2=factor * motion.c2)
+                omega = f.rubber_velocity(n, motion.M, motion.gamma)
+                yield [
+                    motion.gamma @ motion.gamma - 1,
+                    (motion.M @ motion.M - level) / (n.K @ n.K),
+                    *omega,
+                ]
 
     assert worst(errors(1.0)) <= 5e-14  # measured 5.3e-15: rounding
     assert worst(errors(1.1)) > 0.1  # control: c₂ by a tenth, 0.21
@@ -218,7 +225,7 @@ def meetings(n: Numbers, level: float) -> tuple[int, int, int, int]:
     M, K2 = np.cross(f.sigma(n, angles), n.K), float(n.K @ n.K)
     levels = (M**2).sum(axis=1)
     over = [levels > x for x in (level, 1.001 * K2)]
-    meets, above = (int(np.count_nonzero(each != np.roll(each, 1))) for each in over)
+    meets, above = (int(np.count_nonzero(sides != np.roll(sides, 1))) for sides in over)
     tops = (levels > np.roll(levels, 1)) & (levels >= np.roll(levels, -1))
     touches = int(np.count_nonzero(tops & (levels > K2 * (1 - 1e-5))))
     # M passes zero where (γ×K, Ω) changes its sign.
@@ -244,8 +251,8 @@ def test_the_free_term_is_positive_if_and_only_if_the_coefficients_differ_in_sig
 
     def wrong(sign: float) -> Errors:
         for n, level in balls():
-            for each in (line(n, level, name) for name in SIGNS):
-                yield (P3(n, each.gamma)[3] > 0) != (sign * each.c1 * each.c2 < 0)
+            for motion in (line(n, level, name) for name in SIGNS):
+                yield (P3(n, motion.gamma)[3] > 0) != (sign * motion.c1 * motion.c2 < 0)
 
     assert count(wrong(+1)) == 0  # of 2000
     assert count(wrong(-1)) == 2000  # control: the sign of c₁c₂
@@ -265,19 +272,19 @@ def test_sigma_plus_and_delta_minus_are_unstable() -> None:
 def candidates() -> tuple[tuple[Line, bool], ...]:
     """Return σ₋ and δ₊ of 1000 balls, and whether their eigenvalues say that they are stable."""
     some = [line(n, level, name) for n, level in balls(1000) for name in ("σ₋", "δ₊")]
-    return tuple((each, each.stable) for each in some)
+    return tuple((motion, motion.stable) for motion in some)
 
 
 def wrong_conditions(bracket: float = 1.0, power: int = 2) -> int:
     """Count where (5.4) misjudges σ₋ or δ₊; with ±(c₁K×Ω - c₂Ω²K), and c₁²K⁴ or c₁K⁴."""
     wrong = 0
-    for each, stable in candidates():
-        n, c1, c2 = each.n, each.c1, each.c2
+    for motion, stable in candidates():
+        n, c1, c2 = motion.n, motion.c1, motion.c2
         K2, Omega2 = n.K @ n.K, n.Omega @ n.Omega
         A_gamma = c1 * n.A @ n.K + c2 * n.A @ cross(n.K, n.Omega)
         first = A_gamma @ (bracket * (c1 * cross(n.K, n.Omega) - c2 * Omega2 * n.K))
         third = c1**power * K2**2 - n.K @ np.linalg.inv(n.A) @ n.Omega
-        second = first * third + c1 * c2 * K2 * (A_gamma @ each.gamma) * K2 * Omega2
+        second = first * third + c1 * c2 * K2 * (A_gamma @ motion.gamma) * K2 * Omega2
         wrong += bool(first > 0 and second > 0) != stable
     return wrong
 
@@ -351,8 +358,8 @@ def test_at_the_level_of_fig_10_all_four_lines_are_saddle_foci() -> None:
     ("name", "level", "duration"), [("fig10", 3.0, 80.0), ("fig10_stable", 2.0, 200.0)]
 )
 def test_the_ball_of_fig_10_turns_round(name: str, level: float, duration: float) -> None:
-    """Fig. 10: from σ₊ to δ₊, and so from -a|Ω| along OY to +a|Ω|; MuJoCo."""
-    n, ball = line_ball(), seen(name, duration, 0.05)
+    """Fig. 10: from σ₊ to δ₊, which changes the velocity along OY from -a|Ω| to +a|Ω|; MuJoCo."""
+    n, ball = line_ball(), mujoco_ball(name, duration, 0.05)
     velocity = np.diff(ball.motion.contact_point[-2:, 1]) / 0.05
 
     def errors(to: str, sign: float) -> Errors:
@@ -367,8 +374,10 @@ def test_on_sigma_the_ball_rolls_against_OY_and_on_delta_along_it() -> None:
     """Section 5.1, E15: X = x₀, Y = ∓a|Ω|t + y₀, - for σ. The paper prints + for σ. MuJoCo, 1 s."""
     n = line_ball()
     speed = n.a * np.linalg.norm(n.Omega)
-    found = {name: line(n, 2.0, name) for name in SIGNS}
-    ends = {name: roll(at.gamma, at.M, 1.0).motion.contact_point[-1] for name, at in found.items()}
+    motions = {name: line(n, 2.0, name) for name in SIGNS}
+    ends = {
+        name: roll(at.gamma, at.M, 1.0).motion.contact_point[-1] for name, at in motions.items()
+    }
 
     def errors(sigma: float) -> Errors:
         for name, end in ends.items():
@@ -376,6 +385,6 @@ def test_on_sigma_the_ball_rolls_against_OY_and_on_delta_along_it() -> None:
 
     assert worst(errors(sigma=-1)) <= 3e-13  # m; measured 3.8e-14: rounding
     assert worst(errors(sigma=+1)) > 1.0  # printed, and the control: 2.0
-    for name, at in found.items():
+    for name, at in motions.items():
         ours = lines.straight_motion(f.ball(n), at.gamma).speed
         assert abs(np.linalg.norm(ends[name]) - ours) <= 3e-13

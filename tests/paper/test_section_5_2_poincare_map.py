@@ -11,7 +11,7 @@ from robotball.rotations import Array
 from robotball.theory.ensembles.orbits import kernel_start
 from tests.paper import formulas as f
 from tests.paper.captions import CAPTIONS, F
-from tests.paper.engine_ball import RUBBER, seen
+from tests.paper.engine_ball import RUBBER, mujoco_ball
 from tests.paper.formulas import Errors, cross, paper_scene, worst
 from tests.paper.test_section_5_3_attractors import chaotic, starts
 
@@ -86,10 +86,10 @@ def angle_g(M: Array, gamma: Array) -> float:
 
 def test_robotballs_sections_are_the_crossings_of_g_zero() -> None:
     """(5.6): (l, L) of MuJoCo's ball of Fig. 12, and of the equations, where g = 0 by (5.5)."""
-    scene, ball = paper_scene(RUBBER), seen(RUBBER)
+    scene, ball = paper_scene(RUBBER), mujoco_ball(RUBBER)
     times = ball.motion.times
     M, gamma = CubicSpline(times, ball.momentum), CubicSpline(times, ball.gamma)
-    g = np.array([angle_g(*each) for each in zip(ball.momentum, ball.gamma, strict=True)])
+    g = np.array([angle_g(*state) for state in zip(ball.momentum, ball.gamma, strict=True)])
 
     def errors(g0: float) -> Errors:
         # From -π to π about the section, so that the jump of the angle is far from it.
@@ -115,11 +115,11 @@ def test_each_orbit_crosses_the_section_in_both_directions() -> None:
     """Not in the paper: 64 orbits of Fig. 11b, 1000 crossings."""
 
     def one_way(number: int) -> int:
-        found = sections_of(chaotic(), *starts(64), count=number, tolerance=1e-9).directions
-        return int(np.count_nonzero((found == found[:, :1]).all(axis=1)))
+        directions = sections_of(chaotic(), *starts(64), count=number, tolerance=1e-9).directions
+        return int(np.count_nonzero((directions == directions[:, :1]).all(axis=1)))
 
     assert one_way(1000) == 0
-    assert one_way(5) > 0  # control: 5 crossings; 6 orbits keep to one direction for so long
+    assert one_way(5) > 0  # control: 5 crossings; 6 orbits cross in one direction only
 
 
 def test_the_section_is_an_annulus() -> None:

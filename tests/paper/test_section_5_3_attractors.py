@@ -37,7 +37,7 @@ from robotball.theory.compiled import inlined
 from robotball.theory.ensembles.orbits import kernel_start, orbit
 from tests.paper import formulas as f
 from tests.paper.captions import CAPTIONS, PERIOD, F
-from tests.paper.engine_ball import CLASSICAL, seen
+from tests.paper.engine_ball import CLASSICAL, mujoco_ball
 from tests.paper.formulas import Numbers, paper_scene
 
 LONG = 1e5  # s
@@ -141,8 +141,10 @@ def test_the_cycle_of_fig_11a_is_its_own_mirror_image() -> None:
 @cache
 def torus_points(L: float, l: float) -> Array:
     """Return (l, L/√f) (n, 2) of 2000 crossings of g = 0 after as many, with 0 ≤ l < 2π."""
-    found = sections_of(regular(), *section_starts(L, l, F), count=4000)
-    return np.stack([found.l[0, 2000:] % (2 * np.pi), found.L[0, 2000:] / np.sqrt(F)], axis=1)
+    crossings = sections_of(regular(), *section_starts(L, l, F), count=4000)
+    return np.stack(
+        [crossings.l[0, 2000:] % (2 * np.pi), crossings.L[0, 2000:] / np.sqrt(F)], axis=1
+    )
 
 
 def test_another_start_reaches_the_torus_of_fig_13() -> None:
@@ -171,8 +173,8 @@ def reached() -> Basins:
     return basins(regular(), *starts(64))
 
 
-def test_what_attracts_in_fig_11a_is_one_cycle_or_else_a_torus() -> None:
-    """Not in the paper, which shows one of each: of 64 starts."""
+def test_the_attractors_of_fig_11a_are_one_cycle_and_a_torus() -> None:
+    """Not in the paper, which shows one of each; from 64 starts."""
     assert (len(reached().cycles), reached().share(CHAOS)) == (1, 0)
     assert basins(chaotic(), *starts(8)).share(CHAOS) > 0  # control: Fig. 11b
 
@@ -199,7 +201,7 @@ STEPS_PER_QR = 50
 
 @inlined
 def rate(
-    x: ComplexArray, a: Array, Omega: Array, K: Array, omega: ComplexArray, found: ComplexArray
+    x: ComplexArray, a: Array, Omega: Array, K: Array, omega: ComplexArray, result: ComplexArray
 ) -> None:
     """Find d/dt of (M, γ) (6,) and ω (3,) by (3.2); x (6,) may be complex."""
     M, gamma = x[:3], x[3:]
@@ -213,8 +215,8 @@ def rate(
         omega[i] = a[i] * ((across + Z * gamma[i]) / along - K[i])
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
-        found[i] = M[j] * omega[k] - M[k] * omega[j]
-        found[3 + i] = gamma[j] * omega[k] - gamma[k] * omega[j]
+        result[i] = M[j] * omega[k] - M[k] * omega[j]
+        result[3 + i] = gamma[j] * omega[k] - gamma[k] * omega[j]
 
 
 def move_six(state: Array, bundle: Array, a: Array, Omega: Array, K: Array) -> None:
@@ -223,16 +225,16 @@ def move_six(state: Array, bundle: Array, a: Array, Omega: Array, K: Array) -> N
     Complex steps give the derivative of RK4 itself, without cancellation.
     """
     # Element by element: each sum of arrays would take a second to compile.
-    tiny, (begin, x, end, omega, found) = 1e-30, np.zeros((5, 6), np.complex128)
+    tiny, (begin, x, end, omega, result) = 1e-30, np.zeros((5, 6), np.complex128)
     for _ in range(STEPS_PER_QR):
         for i in range(6):
             for j in range(6):
                 begin[j] = x[j] = end[j] = state[j] + 1j * tiny * bundle[j, i]
             for part, weight in ((0.5, 1 / 6), (0.5, 1 / 3), (1.0, 1 / 3), (0.0, 1 / 6)):
-                rate(x, a, Omega, K, omega, found)
+                rate(x, a, Omega, K, omega, result)
                 for j in range(6):
-                    x[j] = begin[j] + part * STEP * found[j]
-                    end[j] += weight * STEP * found[j]
+                    x[j] = begin[j] + part * STEP * result[j]
+                    end[j] += weight * STEP * result[j]
             for j in range(6):
                 bundle[j, i] = end[j].imag / tiny
         for j in range(6):
@@ -299,8 +301,8 @@ def test_the_exponents_and_the_dimension_to_a_further_digit() -> None:
 def test_the_classical_ball_is_chaotic_too() -> None:
     """Not in the paper: λ₁ = 0.34 of Fig. 14's numbers with (M, γ) = 3."""
     ball = paper_scene(CLASSICAL).parameters
-    found = exponents_of(ball, *starts(16, c=3.0), 1e4).mean[0]
-    assert abs(found - 0.34) <= 5e-3  # 1/s; measured 1.6e-3, with a standard error of 1e-3
+    mean = exponents_of(ball, *starts(16, c=3.0), 1e4).mean[0]
+    assert abs(mean - 0.34) <= 5e-3  # 1/s; measured 1.6e-3, with a standard error of 1e-3
     assert abs(ensemble().mean[0] - 0.34) > 0.1  # control: the rubber ball, 0.116
 
 
@@ -338,17 +340,17 @@ def test_neighbours_of_fig_14_part_as_on_a_strange_attractor() -> None:
 @pytest.mark.parametrize("name", ["fig12", "fig13", "fig14"])
 def test_the_contact_point_moves_along_OX_on_average(name: str) -> None:
     """Figs 12 to 14: MuJoCo, 150 s."""
-    X, Y = seen(name, 150.0, 0.05).motion.contact_point[-1] / 150.0
+    X, Y = mujoco_ball(name, 150.0, 0.05).motion.contact_point[-1] / 150.0
     assert abs(X) >= 1.0  # m/s; measured 3.64, 3.67 and 3.18
     assert abs(Y) < 0.5  # control: along OY, 0.0015, 0.013 and 0.22
 
 
 @pytest.mark.parametrize("name", ["fig12", "fig13"])
 def test_the_deviation_along_OY_stays_bounded(name: str) -> None:
-    """Figs 12 and 13: the range of Y in 150 s of MuJoCo's motion over that in half of it."""
+    """Figs 12 and 13: the ratio of Y's ranges in 150 s and in 75 s of MuJoCo's motion."""
 
     def growth(name: str) -> float:
-        Y = seen(name, 150.0, 0.05).motion.contact_point[:, 1]
+        Y = mujoco_ball(name, 150.0, 0.05).motion.contact_point[:, 1]
         return float(np.ptp(Y) / np.ptp(Y[: len(Y) // 2]))
 
     assert growth(name) <= 1.03  # measured 1.000 and 1.005
@@ -356,7 +358,7 @@ def test_the_deviation_along_OY_stays_bounded(name: str) -> None:
 
 
 def test_the_deviation_of_fig_14_along_OY_grows() -> None:
-    """Fig. 14: the range of Y in 4000 s of (3.2) over that in 100 s."""
+    """Fig. 14: the ratio of Y's ranges in 4000 s and in 100 s of (3.2)."""
 
     def growth(name: str) -> float:
         parameters, attitude, momentum = kernel_start(paper_scene(name))
@@ -387,5 +389,5 @@ def test_the_drift_is_along_OX_alone(
     """Not printed in the paper: over 1000 periods or 1e5 s."""
     X, Y = drift_of(name).mean
     assert abs(X - speed) <= bound  # m/s; measured 3.1e-6, 3.1e-4 and 2.1e-3
-    # Measured 2.6e-12, 1.0e-6 and 1.4e-3, of which the standard error is 1.3e-3.
+    # Measured 2.6e-12, 1.0e-6, and 1.4e-3 with a standard error of 1.3e-3.
     assert abs(Y) <= sideways

@@ -70,7 +70,7 @@ def test_mujoco_has_the_limit_cycles_of_the_figures(
     ours = contact_cycle(build(scene, rb.preset(settings)), cycle, parts)
     # Measured 6.9e-8 in Figs 8 and 11a, 2.2e-6 (multiplier) in Fig. 7: the steps of MuJoCo.
     assert ours.period == pytest.approx(cycle.period, abs=bound)
-    multipliers = [abs(each.multipliers[0]) for each in (ours, cycle)]
+    multipliers = [abs(closed.multipliers[0]) for closed in (ours, cycle)]
     assert multipliers[0] == pytest.approx(multipliers[1], rel=bound)
 
 
@@ -108,10 +108,10 @@ def test_mujocos_limit_torus_is_the_equations() -> None:
 
 @pytest.mark.study
 def test_mujocos_strange_attractor_is_the_equations() -> None:
-    """500 section points cannot be told from as many of the equations, at the level of 2 %.
+    """500 section points do not differ from 500 of the equations at the level of 2 %.
 
     By rank among 49 clouds drawn by the same recipe, which needs no independent points. The same
-    test tells a ball with K off by 10 %.
+    test detects a ball with K off by 10 %.
     """
     scene = paper_scene("fig14")
     ball = scene.parameters
@@ -150,23 +150,23 @@ def test_mujoco_has_the_exponents_of_the_equations(
     times = np.array([0.0, 3000.0])
     brought = orbits(ball, attitudes, momenta, times, LONG_RUN_TOLERANCE).attitudes[:, -1]
     flow = partial(rolled, build(scene, settings), STRETCH)
-    found = growths(scene, flow, STRETCH, 20, 100, (brought, momenta))
-    logarithms, divergence = found.by_equations(ball)
-    along, ours = (each.mean(axis=(0, 1)) / STRETCH for each in (logarithms, found.logarithms))
+    growth = growths(scene, flow, STRETCH, 20, 100, (brought, momenta))
+    logarithms, divergence = growth.by_equations(ball)
+    along, ours = (logs.mean(axis=(0, 1)) / STRETCH for logs in (logarithms, growth.logarithms))
     # Measured 4e-7 to 7e-7 (regular) and 2.1e-5 (chaotic): MuJoCo's steps.
     assert np.abs(ours - along).max() < bound
     # Measured 7.5e-4: the sum ends within ln(0.8/0.6)/2 of the divergence, over 1000 s.
     assert ours.sum() == pytest.approx(divergence, abs=2e-3)
     if count > 1:
         exact = long_run.exponents_of(ball, *level_starts(scene, 64, seed=1), 1e4)
-        ends = found.ends(last)
+        ends = growth.ends(last)
         for mean, error, other in zip(ends.mean, ends.error, exact.mean, strict=True):
             assert abs(mean - other) < 5 * error  # measured 1.7 standard errors
 
 
 @pytest.mark.study
-def test_the_classical_section_cannot_be_told_from_those_of_the_equations() -> None:
-    """By rank among 99 clouds of the same recipe."""
+def test_the_classical_section_does_not_differ_from_sections_of_the_equations() -> None:
+    """By its rank among 99 clouds of the same recipe."""
     scene = paper_scene("classical_chaotic")
     recipe = Recipe(f=F, starts=50, skipped=8, count=20, c=3.0)
     reference, *peers = (
@@ -217,7 +217,7 @@ def test_in_long_runs_the_momentum_is_kept_and_bounds_the_speed(name: str, secon
 
 
 def energy_distance(first: Array, second: Array) -> float:
-    """2E|x - y| - E|x - x'| - E|y - y'|: 0 only for equal laws."""
+    """Return 2E|x - y| - E|x - x'| - E|y - y'|, 0 only for equal distributions."""
     return distance(first, second) - distance(second, second)
 
 
@@ -230,7 +230,7 @@ def test_energy_distance_of_points_is_twice_their_distance() -> None:
 
 
 def test_rank_probability_is_exact() -> None:
-    """Among 9 peers drawn alike every tenth has each rank, whatever the law."""
+    """Among 9 peers from the same distribution, each rank has probability 1/10."""
     random = np.random.default_rng(1)
     ranks = []
     for _ in range(100):
@@ -246,5 +246,5 @@ def test_distance_to_a_curve_is_from_between_its_points() -> None:
     turn = np.linspace(0, 2 * np.pi, 10_000, endpoint=False)
     circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     points = (1 + 1e-4) * np.stack([np.cos(turn + 2e-4), np.sin(turn + 2e-4)], axis=1)
-    # Measured 1.0e-6 off: the sagitta of the eight neighbours that a line is laid through.
+    # Measured 1.0e-6 off: the sagitta of the eight neighbours of the fitted line.
     assert distance_to_curve(points, circle) == pytest.approx(1e-4, abs=2e-6)

@@ -48,7 +48,7 @@ def rates(linear: Array, displaced: Callable[[Array, Array], Array]) -> Iterator
         part = (displaced(x, times) - displaced(-x, times)) @ dual / 2
         logarithm, phase = np.log(np.abs(part)), np.unwrap(np.angle(part))
         # A fit over all times, not a quotient of two, so that the errors of steps average.
-        slopes = [float(np.polyfit(times, each, 1)[0]) for each in (logarithm, phase)]
+        slopes = [float(np.polyfit(times, curve, 1)[0]) for curve in (logarithm, phase)]
         yield complex(value), complex(slopes[0], slopes[1] if value.imag else 0.0)
 
 
@@ -63,14 +63,14 @@ def beside_line(scene: Scene, start: Start, turn: Array, times: Array) -> Array:
     """Return the rotations (n, 3) of the frame from a straight motion."""
     aside = turned(start.attitude, turn)
     beside = replace(scene, start=own_start(scene, aside, start.momentum))
-    own = multiply(simulate(beside, times).attitude, scene.principal_quaternion)
-    return turn_between(start.attitude, own)
+    attitudes = multiply(simulate(beside, times).attitude, scene.principal_quaternion)
+    return turn_between(start.attitude, attitudes)
 
 
-def worst(found: list[Rate]) -> float:
+def worst(rates: list[Rate]) -> float:
     """Return the largest difference of a rate from its eigenvalue."""
-    assert found
-    return max(abs(value - measured) for value, measured in found)
+    assert rates
+    return max(abs(value - measured) for value, measured in rates)
 
 
 EQUILIBRIA = [
@@ -89,8 +89,8 @@ EQUILIBRIA = [
 @pytest.mark.parametrize(
     ("name", "sign", "point"),
     [
-        pytest.param(*each, marks=() if each[2] == "θ₃" else pytest.mark.study)
-        for each in EQUILIBRIA
+        pytest.param(*case, marks=() if case[2] == "θ₃" else pytest.mark.study)
+        for case in EQUILIBRIA
     ],
 )
 def test_mujoco_stays_at_an_equilibrium_and_leaves_it_at_its_eigenvalues(
@@ -119,7 +119,7 @@ def test_mujoco_stays_at_an_equilibrium_and_leaves_it_at_its_eigenvalues(
 @pytest.mark.study
 @pytest.mark.parametrize("name", ["fig06", "fig07", "fig08"])
 def test_mujoco_approaches_a_slow_focus_as_the_equations_do(name: str) -> None:
-    """Γ₅ attracts by its first Lyapunov value only."""
+    """Γ₅ attracts only through its first Lyapunov value."""
     scene = paper_scene(name)
     gamma = equilibria.closed_form_points(scene.parameters)["Γ₅"]
     first, last = np.array([0.2, 0.0]), np.array([0.0, 100.0])
@@ -142,10 +142,10 @@ def test_mujoco_approaches_a_slow_focus_as_the_equations_do(name: str) -> None:
 def test_mujoco_leaves_a_straight_line_of_fig_10_at_the_roots_of_5_2(f: float, name: str) -> None:
     """The measured rates also give the coefficients of P₃, by which (5.4) decides."""
     scene = paper_scene("fig10")
-    found = line_rates(scene, f, name)
-    assert worst(found) < 1e-6  # measured 3.1e-8 at most at f = 2
-    (line,) = (each for each in lines(scene, f) if each[0] == name)
-    roots = [measured for _, measured in found]
+    rates_of_line = line_rates(scene, f, name)
+    assert worst(rates_of_line) < 1e-6  # measured 3.1e-8 at most at f = 2
+    (line,) = (line for line in lines(scene, f) if line[0] == name)
+    roots = [measured for _, measured in rates_of_line]
     roots += [root.conjugate() for root in roots if root.imag]
     ours, exact = np.real(np.poly(roots)), line[1].polynomial
     assert ours == pytest.approx(exact, abs=1e-5)  # measured 3.2e-7
@@ -157,8 +157,8 @@ def lines(scene: Scene, f: float) -> list[tuple[str, straight.StraightMotion]]:
     """Return the straight motions with M² = f and their names."""
     ball = scene.parameters
     return [
-        (straight.name_of_line(ball, each.gamma), each)
-        for each in straight.straight_motions(ball, f)
+        (straight.name_of_line(ball, motion.gamma), motion)
+        for motion in straight.straight_motions(ball, f)
     ]
 
 
@@ -184,10 +184,10 @@ def test_in_mujoco_sigma_minus_loses_its_stability_at_the_limit_of_5_4() -> None
 @pytest.mark.study
 @pytest.mark.parametrize("name", ["fig06", "fig07", "fig08"])
 def test_mujocos_ball_reaches_the_equilibrium_that_the_equations_reach(name: str) -> None:
-    """From 30 starts at rest, after 100 s; the nearest, as a slow focus attracts slowly."""
+    """From 30 starts at rest: the nearest equilibrium after 100 s; a focus attracts slowly."""
     scene = paper_scene(name)
     points = equilibria.fixed_points(scene.parameters)
-    attract = np.array([each.gamma for each in points if "stable" in each.kind.split()])
+    attract = np.array([point.gamma for point in points if "stable" in point.kind.split()])
     times = np.array([0.0, 100.0])
     fast: Run = partial(simulate, settings="fast")
     for attitude in equilibria.attitude_at(spread_points(30)):
@@ -199,7 +199,7 @@ def test_mujocos_ball_reaches_the_equilibrium_that_the_equations_reach(name: str
 
 @pytest.mark.study
 def test_in_mujoco_delta_1_meets_delta_3_where_kappa_1_is_one() -> None:
-    """There a rate of either is 0, as the root of the distance in K₃: their product is straight."""
+    """There a rate of each is 0. Their product is linear in K₃."""
     scene, fold, products = paper_scene("fig06"), 0.51502832, []
     sides = fold - 4e-4, fold - 2e-4
     for K3 in sides:
@@ -207,17 +207,17 @@ def test_in_mujoco_delta_1_meets_delta_3_where_kappa_1_is_one() -> None:
         places, slow = equilibria.closed_form_points(ball.parameters), []
         for gamma in (places["δ₁"], places["δ₃"]):
             linear = equilibria.jacobian(ball.parameters, gamma)
-            found = rates(linear, partial(beside_point, ball, gamma, simulate))
-            slow.append(min((measured.real for _, measured in found), key=abs))
+            measured_rates = rates(linear, partial(beside_point, ball, gamma, simulate))
+            slow.append(min((measured.real for _, measured in measured_rates), key=abs))
         products.append(np.prod(slow))
     at = float(np.roots(np.polyfit(sides, products, 1))[0])
     assert at == pytest.approx(fold, abs=1e-5)  # measured 3.2e-7: a chord for the product
 
 
 def closed(run: Run, scene: Scene, period: float) -> tuple[float, float]:
-    """Return the period near a given one [s], and by how far γ then misses its start [rad].
+    """Return the period near a given one [s], and the final distance of γ from its start [rad].
 
-    By Newton's method on how far γ is ahead along its way: it need not meet its start.
+    Newton's method makes the component of this distance along the motion zero.
     """
     for _ in range(6):
         motion = run(scene, np.array([0.0, period]))

@@ -30,7 +30,7 @@ def test_a_miss_is_an_error_without_a_warning() -> None:
     assert [missed(each) for each in (miss, *others)] == [True] + 5 * [False]
     counts, ratios, listed = lines([miss, *others])
     assert counts == "5 balls: 1 warned, 1 with a fault, 1 missed"
-    assert ratios == "actual over estimated error: median 2.2, 99 of 100 2.2, largest 2.2"
+    assert ratios == "actual over estimated error: median 2.2, 99 % 2.2, largest 2.2"
     assert listed.startswith("missed: ball 3, 1e-07 requested, 6.0e-08 estimated, 1.3e-07 actual")
 
 

@@ -1,7 +1,7 @@
-"""Adapters: the ball in engines of other packages.
+"""Adapters of engines.
 
-What all adapters share runs here, on the states of the equations and on MuJoCo's mass matrix; an
-engine itself is run where it is installed.
+The shared code is tested here with states from the equations and MuJoCo's mass matrix; an engine is
+run if it is installed.
 """
 
 import time
@@ -32,7 +32,7 @@ from robotball.engines.adapter import (
 from robotball.engines.engine import OURS
 from robotball.engines.environments import ENVIRONMENTS, interpreter_of
 from robotball.engines.pinocchio import PINOCCHIO
-from robotball.engines.states import State, lifting, links_of, principal_inertia
+from robotball.engines.states import State, force_on_ball, links_of, principal_inertia
 from robotball.motion import Label, momentum_error, path_error
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
@@ -48,21 +48,25 @@ FIG12 = rb.load_scene("fig12")
 
 
 def states_of(motion: rb.Motion) -> State:
-    """The shell's and the hinges' states of a motion by the equations."""
+    """Return the states of shell and hinges in a motion from the equations."""
     shell, a = motion.scene.ball.shell, motion.scene.ball.radius
     half = motion.hinge_angles[:, :1] / 2
     back = conjugate(np.concatenate([np.cos(half), np.sin(half) * shell.axis], axis=1))
-    own = motion.angular_velocity - motion.hinge_rates[:, :1] * shell.axis
-    turning = np.einsum("nij,nj->ni", rotation_matrix(motion.attitude), own)
+    shell_omega = motion.angular_velocity - motion.hinge_rates[:, :1] * shell.axis
+    omega = np.einsum("nij,nj->ni", rotation_matrix(motion.attitude), shell_omega)
     centre = np.column_stack([motion.contact_point, np.full(len(motion.times), a)])
     return State(
-        centre, np.cross(turning, [0.0, 0.0, a]), multiply(motion.attitude, back), turning,
-        motion.hinge_angles, motion.hinge_rates,
-    )  # fmt: skip
+        centre,
+        np.cross(omega, [0.0, 0.0, a]),
+        multiply(motion.attitude, back),
+        omega,
+        motion.hinge_angles,
+        motion.hinge_rates,
+    )
 
 
-def test_the_links_weigh_what_the_ball_weighs() -> None:
-    """Mass and inertia about the centre, by principal moments; all hinges at zero."""
+def test_masses_and_inertias_of_the_links_add_up_to_the_balls() -> None:
+    """Inertia about the centre, from principal moments, with all hinges at zero."""
     scene, inertia = rb.load_scene("three_rotors"), np.zeros((3, 3))
     links = links_of(scene)
     for link in links:
@@ -77,9 +81,9 @@ Spoil = dict[str, tuple[float, Any]]
 
 
 class Repeated(ServoWorld):
-    """The equations' states, at the ends of steps of 0.1 s, spoilt from 1 s on.
+    """States from the equations after steps of 0.1 s, falsified from 1 s on.
 
-    spoil: by parts of a state, a factor and what is added.
+    spoil: a factor and an offset for some fields of State.
     """
 
     any_step = True
@@ -87,10 +91,10 @@ class Repeated(ServoWorld):
     def __init__(self, scene: Scene, spoil: Spoil) -> None:
         super().__init__(scene)
         self.motion = rb.integrate(scene, rb.sample_times(2.0, 0.1))
-        self.spoil, self.t, self.turned = spoil, 0.0, list[Array]()
+        self.spoil, self.t, self.commands = spoil, 0.0, list[Array]()
 
-    def turn(self, rates: Array) -> None:
-        self.turned.append(rates)
+    def set_rates(self, rates: Array) -> None:
+        self.commands.append(rates)
 
     def step(self, step: float) -> None:
         self.t += step
@@ -99,28 +103,28 @@ class Repeated(ServoWorld):
         i = int(np.abs(self.motion.times - self.t).argmin())
         parts = {name: part[i] for name, part in vars(states_of(self.motion)).items()}
         if self.t > 0.95:
-            parts |= {name: by * parts[name] + plus for name, (by, plus) in self.spoil.items()}
+            parts |= {name: scale * parts[name] + add for name, (scale, add) in self.spoil.items()}
         return State(**parts)
 
 
 class AnyBall(Adapter):
-    """An adapter of unbalanced balls too."""
-
     def cannot_express(self, scene: Scene) -> str | None:
         return None
 
 
 def spoilt(spoil: Spoil) -> Adapter:
-    """An engine that makes one mistake."""
+    """Return an engine with one mistake."""
     return AnyBall(
-        label=Label("Spoilt", "1", "#000000"), packages=("robotball",), extra="",
+        label=Label("Spoilt", "1", "#000000"),
+        packages=("robotball",),
+        extra="",
         presets=by_name(StepSettings(name="best", error_tolerance=1e-3, timestep=0.1)),
         world=lambda scene, settings, step: Repeated(scene, spoil),
-    )  # fmt: skip
+    )
 
 
 class Abreast(Repeated):
-    """Balls abreast, each moved aside by its number; the second breaks after 1 s."""
+    """Balls side by side, shifted in x by 0, 1, 2, …; the second diverges after 1 s."""
 
     def __init__(self, scene: Scene, scenes: Sequence[Scene] = ()) -> None:
         super().__init__(scene, {})
@@ -136,16 +140,16 @@ class Abreast(Repeated):
 
 @dataclass(frozen=True, kw_only=True)
 class Device(StepSettings):
-    """Settings of an engine that rolls balls abreast; None: one by one."""
+    """Settings of an engine that rolls balls side by side on a device, one by one if None."""
 
     device: str | None
 
 
 @pytest.mark.parametrize(("device", "worlds"), [("cpu", [2, 0]), (None, [0, 0, 0])])
-def test_balls_abreast_are_told_apart(
+def test_balls_side_by_side_do_not_affect_each_other(
     device: str | None, worlds: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each has its own states, in batches of two; one that breaks ends no other."""
+    """Batches of two; a ball that diverges does not end the others' runs."""
     times, made = rb.sample_times(2.0, 0.1), list[int]()
     monkeypatch.setattr(adapter, "_ABREAST", 2)
     settings = Device(name="best", error_tolerance=1e-3, timestep=0.1, device=device)
@@ -158,14 +162,14 @@ def test_balls_abreast_are_told_apart(
     motions = [*rb.simulate_many([FIG12] * 3, None, times, settings=settings, engine=engine)]
     second = device is not None
     assert made == worlds
-    assert [len(each.times) for each in motions] == [21, 10 if second else 21, 21]
-    assert second == (FaultKind.DIVERGED in {each.kind for each in motions[1].report.faults})
-    aside = [each.contact_point[9, 0] - motions[0].contact_point[9, 0] for each in motions]
+    assert [len(motion.times) for motion in motions] == [21, 10 if second else 21, 21]
+    assert second == (FaultKind.DIVERGED in {fault.kind for fault in motions[1].report.faults})
+    aside = [motion.contact_point[9, 0] - motions[0].contact_point[9, 0] for motion in motions]
     assert aside == pytest.approx([0.0, float(second), 0.0], abs=1e-15)
 
 
-def test_a_cuda_device_is_timed_by_the_clock_and_refused_where_there_is_none() -> None:
-    """Processor time says nothing of what another device does; no engine is needed to know."""
+def test_a_cuda_run_uses_the_wall_clock_and_is_refused_without_a_cuda_device() -> None:
+    """Processor time does not measure the work of another device."""
     world = Repeated(FIG12, {})
     with pytest.raises(rb.InputError, match=naming("'cuda' cpu CUDA")):
         on_device(world, "cuda", cuda=False)
@@ -176,8 +180,8 @@ def test_a_cuda_device_is_timed_by_the_clock_and_refused_where_there_is_none() -
 
 
 @pytest.mark.parametrize(("frequency", "warns"), [(10.0, True), (9.9, True), (0.3, False)])
-def test_a_drive_that_changes_within_a_step_is_warned_of(frequency: float, warns: bool) -> None:
-    """Of an engine that is stepped by 0.1 s; DOP853, which chooses its own steps, sees it all."""
+def test_a_drive_that_changes_within_a_step_causes_a_warning(frequency: float, warns: bool) -> None:
+    """For steps of 0.1 s. DOP853 chooses its own steps and follows the drive."""
     sine = rb.Sine(mean=2.0, amplitude=0.05, frequency=frequency, phase=np.pi / 2)
     scene, times = FIG12.with_hinges(command={"frame": sine}), rb.sample_times(2.0, 0.1)
     engine = spoilt({})
@@ -186,12 +190,12 @@ def test_a_drive_that_changes_within_a_step_is_warned_of(frequency: float, warns
         settings: Any = chosen(name="best", error_tolerance=1e-3, timestep=0.1)
         if chosen is PointSettings:
             settings = replace(settings, ideal="DOP853")
-        with warnings.catch_warnings(record=True) as seen:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             rb.simulate(
                 scene, times, settings=settings, engine=replace(engine, presets=by_name(settings))
             )
-        lines = [str(each.message) for each in seen]
+        lines = [str(warning.message) for warning in caught]
         assert [not unnamed(facts, line) for line in lines] == [True] * (
             warns and chosen is StepSettings
         )
@@ -200,13 +204,13 @@ def test_a_drive_that_changes_within_a_step_is_warned_of(frequency: float, warns
 X, _, Z = np.eye(3)
 DIVERGED, LOST, RATE = FaultKind.DIVERGED, FaultKind.CONTACT_LOST, FaultKind.RATE_OFF
 SLIPPED, OFF = FaultKind.SLIPPED, FaultKind.MOMENTUM_OFF
-FASTER: Spoil = {"turning": (1.01, 0), "velocity": (1.01, 0)}  # it rolls all the same
-# The tolerance is 1e-3: of 2.7 m of path after 1 s, and of M, which most mistakes change too.
+FASTER: Spoil = {"omega": (1.01, 0), "velocity": (1.01, 0)}  # still rolls without slip
+# The tolerance is 1e-3: of the path, 2.7 m after 1 s, and of M.
 MISTAKES: list[tuple[str, Spoil, dict[FaultKind, float]]] = [
     ("fig12", {"velocity": (1, 1e-5 * X)}, {}),
     ("fig12", {"velocity": (1, 0.025 * X)}, {OFF: 1.0, SLIPPED: 1.1}),
-    ("fig12", {"turning": (1, 0.015 * Z)}, {SLIPPED: 1.1}),
-    ("classical_regular", {"turning": (1, 1e-3 * Z)}, {}),
+    ("fig12", {"omega": (1, 0.015 * Z)}, {SLIPPED: 1.1}),
+    ("classical_regular", {"omega": (1, 1e-3 * Z)}, {}),
     ("fig12", FASTER, {OFF: 1.0}),
     ("beaver_ball", FASTER, {}),
     ("fig12", {"centre": (1, 0.0099 * Z)}, {OFF: 1.0}),
@@ -219,26 +223,26 @@ MISTAKES: list[tuple[str, Spoil, dict[FaultKind, float]]] = [
 
 
 @pytest.mark.parametrize(("scene", "spoil", "faults"), MISTAKES)
-def test_what_is_wrong_with_a_state_is_a_fault_of_the_run(
+def test_a_wrong_state_is_a_fault_of_the_run(
     scene: str, spoil: Spoil, faults: dict[FaultKind, float]
 ) -> None:
-    """With its time; the run ends there, or goes on as long as there is a state."""
+    """The fault has its time. The run ends there, or continues while the state is finite."""
     engine, times = spoilt(spoil), rb.sample_times(2.0, 0.1)
     for stop in (True, False):
         settings = replace(engine.presets["best"], stop_at_fault=stop)
         motion = rb.simulate(rb.load_scene(scene), times, settings=settings, engine=engine)
         end = min((t for kind, t in faults.items() if stop or kind is DIVERGED), default=2.1)
-        seen = {kind: t for kind, t in faults.items() if t <= end}
-        found = motion.report.faults
-        assert {each.kind: round(each.time, 9) for each in found} == seen
-        ends = {kind for kind, t in seen.items() if t == end and (stop or kind is DIVERGED)}
-        assert {each.kind for each in found if each.fatal} == ends
+        expected = {kind: t for kind, t in faults.items() if t <= end}
+        reported = motion.report.faults
+        assert {fault.kind: round(fault.time, 9) for fault in reported} == expected
+        ends = {kind for kind, t in expected.items() if t == end and (stop or kind is DIVERGED)}
+        assert {fault.kind for fault in reported if fault.fatal} == ends
         assert len(motion.times) == round(10 * end)
         assert motion.report.timestep == pytest.approx(0.1)
 
 
 class Clocked(Repeated):
-    """Steps and readings that advance a clock, and a contact that bears the weight aslant."""
+    """Steps and readings that advance a clock, with an oblique contact force."""
 
     shown = 0.0
     friction = 2.0
@@ -256,8 +260,10 @@ class Clocked(Repeated):
         return np.array([3.0, 4.0, 10.0])
 
 
-def test_the_clock_stops_for_our_reading(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Twenty steps take twenty seconds. The force is a load of the motion; others are NaN."""
+def test_reading_states_and_forces_does_not_count_as_engine_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Twenty steps take twenty seconds. The contact force is recorded; other loads are NaN."""
     monkeypatch.setattr("robotball.engines.adapter.time.process_time", lambda: Clocked.shown)
     engine = replace(spoilt({}), world=lambda scene, settings, step: Clocked(scene, {}))
     motion = rb.simulate(FIG12, rb.sample_times(2.0, 0.1), engine=engine)
@@ -268,28 +274,27 @@ def test_the_clock_stops_for_our_reading(monkeypatch: pytest.MonkeyPatch) -> Non
     assert np.isnan(motion.loads.spin_torque).all()
 
 
-def test_a_contacts_force_lifts_the_ball() -> None:
-    """Whichever of the two bodies an engine gives it of."""
+def test_a_contact_force_on_either_body_is_returned_as_the_force_on_the_ball() -> None:
     parts = [np.array([1.0, 0.0, -2.0]), np.array([0.0, 1.0, -1.0])]
-    assert lifting(parts).tolist() == [-1.0, -1.0, 3.0]
-    assert lifting([-each for each in parts]).tolist() == [-1.0, -1.0, 3.0]
-    assert lifting([]).tolist() == [0.0, 0.0, 0.0]
+    assert force_on_ball(parts).tolist() == [-1.0, -1.0, 3.0]
+    assert force_on_ball([-part for part in parts]).tolist() == [-1.0, -1.0, 3.0]
+    assert force_on_ball([]).tolist() == [0.0, 0.0, 0.0]
 
 
-def test_equal_steps_end_on_every_sample_with_the_rates_of_then() -> None:
-    """Two steps and a half are refused, in one line, and three are not."""
+def test_equal_steps_end_on_every_sample_with_the_rates_of_that_time() -> None:
+    """Three steps are accepted; two and a half are refused."""
     sine = rb.Sine(amplitude=1.0, frequency=0.3)
     world = Repeated(FIG12.with_hinges(command={"frame": sine}), {})
     world.any_step = False
     assert len(list(world.march(np.array([0.0, 0.1, 0.2, 0.3]), 0.1))) == 3
-    given = [(sine.rate(t), FIG12.hinges[1].rate) for t in (0.1, 0.2, 0.3)]
-    assert np.array(world.turned) == pytest.approx(np.array(given))
-    with pytest.raises(rb.InputError, match=naming("steps equal")):
+    rates = [(sine.rate(t), FIG12.hinges[1].rate) for t in (0.1, 0.2, 0.3)]
+    assert np.array(world.commands) == pytest.approx(np.array(rates))
+    with pytest.raises(rb.InputError, match=naming("step multiples")):
         list(world.march(np.array([0.0, 0.1, 0.2, 0.25]), 0.1))
 
 
 class Dynamics(IdealWorld):
-    """Pinocchio's world on MuJoCo's mass matrix and bias."""
+    """Pinocchio's world with MuJoCo's mass matrix and bias."""
 
     def __init__(self, scene: Scene, settings: Any, step: float) -> None:
         super().__init__(scene, settings)
@@ -299,9 +304,9 @@ class Dynamics(IdealWorld):
         R = rotation_matrix(state.attitude)
         q = np.concatenate([state.centre, state.attitude, state.angles])
         M, h = self.form.dynamics(
-            q, np.concatenate([state.velocity, R.T @ state.turning, state.rates])
+            q, np.concatenate([state.velocity, R.T @ state.omega, state.rates])
         )
-        # Its ω is in the shell's axes, and Rω̇' is ω̇.
+        # MuJoCo's ω is in the shell's axes; its rate there is Rᵀ dω/dt.
         T = np.eye(len(h))
         T[3:6, 3:6] = R.T
         return T.T @ M @ T, T.T @ h
@@ -320,36 +325,36 @@ class Dynamics(IdealWorld):
         ("best", "W4", 2.8e-13, 1.7e-12),
     ],
 )
-def test_our_constraints_roll_ideally_on_the_dynamics_of_another(
+def test_ideal_rolling_on_another_engines_dynamics_is_the_motion_of_the_equations(
     preset: str, scene: str, measured: float, of_momentum: float
 ) -> None:
-    """Balanced or not, by RK4's steps of 20 ms or to a tolerance of 1e-12; M is that of the bodies.
+    """Balanced or not, with RK4 at 20 ms or DOP853 at 1e-12. M is computed from the bodies.
 
-    It does not slip, and a rubber ball spins by rounding: measured 4.4e-16 rad/s.
+    It does not slip, and a rubber ball's spin is a rounding error: measured 4.4e-16 rad/s.
     """
-    given = worked(scene) if scene == "W4" else rb.load_scene(scene)
+    base = worked(scene) if scene == "W4" else rb.load_scene(scene)
     theory = rb.integrate(
-        given.with_hinges(motor=[None] * len(given.hinges)), rb.sample_times(2.0, 0.04)
+        base.with_hinges(motor=[None] * len(base.hinges)), rb.sample_times(2.0, 0.04)
     )
-    shown: list[float] = []
+    parts: list[float] = []
     engine = replace(PINOCCHIO, packages=("mujoco",), world=Dynamics)
     motion = rb.simulate(
-        theory.scene, theory.times, settings=preset, engine=engine, progress=shown.append
+        theory.scene, theory.times, settings=preset, engine=engine, progress=parts.append
     )
     error = path_error(motion, theory)
     assert error < 3 * measured
     assert momentum_error(motion, theory) < 3 * of_momentum
     assert motion.report.slip.max() < 1e-14
     assert theory.scene.rolling == "classical" or np.abs(motion.report.spin).max() < 2e-15
-    assert shown == pytest.approx(theory.times[1:] / 2.0)
+    assert parts == pytest.approx(theory.times[1:] / 2.0)
     assert preset == "best" or (error > measured / 1.5 and motion.report.steps == 100)
 
 
 @pytest.mark.parametrize("name", ADAPTERS)
-def test_an_adapter_is_known_without_its_package(
+def test_an_adapter_is_listed_without_its_package(
     name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """Presets and the extra; a run without the package says how to get it in a line."""
+    """It has presets and requirements; a run is refused with the command that installs it."""
     engine = replace(ADAPTERS[name], environments=tmp_path)
     assert sorted(PROJECT["optional-dependencies"][name]) == sorted(engine.requirements) != []
     assert engine.default in engine.presets
@@ -358,8 +363,8 @@ def test_an_adapter_is_known_without_its_package(
         rb.simulate(FIG12, engine=engine)
 
 
-def test_a_torque_against_spin_goes_with_inertia_over_step() -> None:
-    """Of the least moment, 0.35 kg m² in the ball of Fig. 12; a classical ball may spin."""
+def test_the_torque_against_spin_is_proportional_to_inertia_over_step() -> None:
+    """The least moment of Fig. 12's ball is 0.35 kg m². A classical ball may spin."""
     settings = PointSettings(name="", error_tolerance=1.0, timestep=1e-3, spin_part=2.0)
     for step in (4e-3, 1e-4):
         assert spin_damping(FIG12, settings, step) == pytest.approx(2 * 0.35 / step, rel=1e-12)
@@ -390,29 +395,29 @@ LACKS = [
 
 
 def test_mjx_has_the_version_that_it_runs_on() -> None:
-    """Its own, and that of MuJoCo."""
+    """Its label names both versions."""
     assert ADAPTERS["mjx"].label.version.endswith(f" on MuJoCo {version('mujoco')}")
 
 
 @pytest.mark.parametrize(("name", "preset", "scene", "facts"), LACKS)
-def test_what_an_engine_lacks_is_told_before_the_run(
+def test_a_missing_ability_of_an_engine_is_named_before_the_run(
     name: str, preset: str, scene: str, facts: str
 ) -> None:
-    """A line says what its adapter cannot roll, or lacks under some settings."""
-    engine, of = ADAPTERS[name], rb.load_scene(scene)
-    told = engine.lacks(of, engine.presets[preset]) if preset else engine.cannot_express(of)
-    assert unnamed(facts, str(told)) == []
+    """In one line: scenes the adapter cannot roll, or physics missing with some settings."""
+    engine, ball = ADAPTERS[name], rb.load_scene(scene)
+    line = engine.lacks(ball, engine.presets[preset]) if preset else engine.cannot_express(ball)
+    assert unnamed(facts, str(line)) == []
 
 
 def skip_unless_there(name: str) -> None:
-    """Skips for an engine that is neither here nor in an environment of its own."""
+    """Skip if an engine is neither installed here nor in its environment."""
     if not (ADAPTERS[name].installed or interpreter_of(ENVIRONMENTS / name)):
-        pytest.skip(f"{name} is not there; ENGINES_OF=~/.local/share for one in an environment")
+        pytest.skip(f"{name} is not installed; ENGINES_OF=~/.local/share uses your environments")
 
 
-# engine, preset, field, value, scene, duration: the path error that was measured. Those of first
-# order have that of MuJoCo's Euler and implicitfast at 1 ms, 3.68e-3 of fig12 and 3.75e-2 of
-# classical_regular: it is of the time stepping, not of the contact.
+# engine, preset, field, value, scene, duration [s]: measured path error. First-order engines have
+# the error of MuJoCo's Euler and implicitfast at 1 ms, 3.68e-3 for fig12 and 3.75e-2 for
+# classical_regular: the integrator causes it, not the contact.
 MEASURED = [
     ("pinocchio", "best", "rtol", 1e-12, "fig12", 2.0, 9.9e-13),
     ("pinocchio", "RK4", "timestep", 20e-3, "fig12", 2.0, 5.2e-8),
@@ -440,8 +445,8 @@ MEASURED = [
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", MEASURED, ids=lambda case: "-".join(map(str, case[:5])))
-def test_an_engine_errs_as_it_was_measured(case: tuple[Any, ...]) -> None:
-    """Neither more nor less, by a factor of 1.5: a better engine is news as well."""
+def test_an_engine_has_its_measured_error(case: tuple[Any, ...]) -> None:
+    """Within a factor of 1.5 either way, so that an improvement of an engine is noticed, too."""
     name, preset, field, value, scene, duration, measured = case
     engine = ADAPTERS[name]
     skip_unless_there(name)
@@ -452,15 +457,15 @@ def test_an_engine_errs_as_it_was_measured(case: tuple[Any, ...]) -> None:
     assert measured / 1.5 < path_error(motion, theory) < measured * 1.5
 
 
-# How far an engine's contact points may be from those of a run alone [m]: measured 0 by Warp and by
-# Newton, whose worlds do the same arithmetic, and 4.5e-12 by MJX, whose compiler orders it anew.
+# Largest distance of contact points from a run alone [m]. Measured 0 with Warp and Newton, whose
+# worlds do the same arithmetic, and 4.5e-12 with MJX, whose compiler reorders it.
 ABREAST = {"mujoco-warp": 0.0, "mjx": 1e-10, "newton": 0.0}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ABREAST)
-def test_64_worlds_are_the_runs_alone(name: str) -> None:
-    """On the processor, or on the CUDA device where there is one; another is refused."""
+def test_64_balls_side_by_side_move_as_in_runs_alone(name: str) -> None:
+    """On the processor. An unknown device is refused."""
     skip_unless_there(name)
     attitudes = np.random.default_rng(3).normal(size=(64, 4))
     attitudes /= np.linalg.norm(attitudes, axis=1, keepdims=True)
@@ -468,8 +473,8 @@ def test_64_worlds_are_the_runs_alone(name: str) -> None:
     with pytest.raises(rb.InputError, match=naming("'tpu' cpu")):
         next(rb.simulate_many(FIG12, starts, times, engine=name, device="tpu"))
     motions = [*rb.simulate_many(FIG12, starts, times, engine=name, device="cpu")]
-    errors = [path_error(each, rb.integrate(each.scene, times)) for each in motions]
-    assert max(errors) < 1e-4  # measured 3.6e-6 by Warp, 1.9e-5 by MJX and 2.3e-5 by Newton
+    errors = [path_error(motion, rb.integrate(motion.scene, times)) for motion in motions]
+    assert max(errors) < 1e-4  # measured 3.6e-6 with Warp, 1.9e-5 with MJX, 2.3e-5 with Newton
     for i in (0, 63):
         alone = rb.simulate(
             motions[i].scene, times, settings=motions[i].report.settings, engine=name

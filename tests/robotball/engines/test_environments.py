@@ -1,4 +1,4 @@
-"""An engine that only an environment has runs there by itself, and what goes wrong is one line."""
+"""An engine runs in its environment, and every failure there is one line."""
 
 import os
 import subprocess
@@ -28,7 +28,7 @@ TIMES = rb.sample_times(0.2)
 
 
 def package(folder: Path, name: str, points: str = "") -> None:
-    """The metadata of an installed package, with its entry points."""
+    """Write the metadata of an installed package with its entry points."""
     info = folder / f"{name.replace('-', '_')}-1.5.dist-info"
     info.mkdir(parents=True)
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.5\n")
@@ -37,7 +37,7 @@ def package(folder: Path, name: str, points: str = "") -> None:
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder of environments, in which the one of the engine is: its interpreter finds more."""
+    """Return a folder of environments with one for ELSEWHERE, whose Python also finds this code."""
     point = "[robotball.engines]\nelsewhere = tests.elsewhere_engine:ELSEWHERE\n"
     package(tmp_path / "ours", "elsewhere", point)
     monkeypatch.setattr(sys, "path", [str(tmp_path / "ours"), *sys.path])
@@ -58,9 +58,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_package_whose_engine_cannot_be_loaded_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With the line of its file, also if that ends the program.
+    """With file and line, even if its code ends the program.
 
-    Whoever imports importlib_metadata has entry points loaded by it, as dask does.
+    After an import of importlib_metadata, for example in dask, that module loads the entry points.
     """
     with suppress(ImportError):
         import_module("importlib_metadata")
@@ -73,8 +73,8 @@ def test_a_package_whose_engine_cannot_be_loaded_is_named(
         rb.engine_named("leaving")
 
 
-def test_an_engine_runs_in_its_environment_by_itself(folder: Path) -> None:
-    """The same motion to the last bit, with the version of there; its warning is issued here."""
+def test_an_engine_that_is_not_installed_here_runs_in_its_environment(folder: Path) -> None:
+    """Same motion to the last bit, with the environment's version; its warning is repeated here."""
     package(environments._packages(folder / "elsewhere"), "robotball")
     engine = elsewhere(ELSEWHERE, folder)
     with pytest.warns(rb.SceneWarning, match=naming("fig12 RK4 Elsewhere")):
@@ -87,8 +87,10 @@ def test_an_engine_runs_in_its_environment_by_itself(folder: Path) -> None:
     assert there.report.steps == here.report.steps == 10
 
 
-def test_what_cannot_run_there_is_one_line(folder: Path, tmp_path: Path) -> None:
-    """It is nowhere; or the environment has lost it; or a drive is a function of no module."""
+def test_a_run_that_the_environment_cannot_make_is_refused_in_one_line(
+    folder: Path, tmp_path: Path
+) -> None:
+    """The engine is installed nowhere, or a drive is a local function."""
     with pytest.raises(rb.InputError, match=naming("Elsewhere engines --install")):
         rb.simulate(FIG12, TIMES, engine=elsewhere(ELSEWHERE, tmp_path / "none"))
     function = FIG12.with_hinges(command={"frame": lambda t: 1.0 + 0.1 * t})
@@ -98,32 +100,34 @@ def test_what_cannot_run_there_is_one_line(folder: Path, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(
-    ("script", "said"),
+    ("script", "facts"),
     [
         ("kill -SEGV $$", "python SIGSEGV"),
         ("echo the last word >&2; exit 3", "python the~last~word"),
-        ("exit 0", "python word"),
+        ("exit 0", "python message"),
     ],
 )
-def test_a_process_that_ends_badly_is_one_line(tmp_path: Path, script: str, said: str) -> None:
-    """Its signal, or its last word, with the interpreter."""
+def test_a_process_that_fails_is_reported_in_one_line(
+    tmp_path: Path, script: str, facts: str
+) -> None:
+    """With the interpreter, and its signal or the last line that it printed."""
     interpreter = tmp_path / "python"
     interpreter.write_text(f"#!/bin/sh\n{script}\n")
     interpreter.chmod(0o755)
-    with pytest.raises(rb.InputError, match=naming(said)):
+    with pytest.raises(rb.InputError, match=naming(facts)):
         environments.call(interpreter, int)
 
 
 def test_an_error_of_another_process_is_raised_here() -> None:
-    """An InputError as it was; of any other its last word."""
+    """An InputError is raised unchanged; any other error with its last line."""
     with pytest.raises(rb.InputError, match=naming("starts 1 0")):
         environments.call(sys.executable, check_count, "starts", 0, 1)
     with pytest.raises(rb.InputError, match=naming("python ValueError")):
         environments.call(sys.executable, float, "no number")
 
 
-def test_versions_are_those_that_the_environment_holds(folder: Path) -> None:
-    """By the names in requirements; of what is not there nothing is said."""
+def test_versions_are_read_from_the_environment(folder: Path) -> None:
+    """For the required packages that it holds."""
     home = folder / "elsewhere"
     assert environments.versions_in(home, ("only-there>=1", "numpy")) == "only-there 1.5"
     assert environments.interpreter_of(home) == home / "bin" / "python"
@@ -134,7 +138,7 @@ def test_versions_are_those_that_the_environment_holds(folder: Path) -> None:
 def test_an_environment_with_a_file_that_others_may_write_is_not_run(
     folder: Path, name: str
 ) -> None:
-    """At any depth; the group may write below a folder that it cannot enter, as under umask 002."""
+    """At any depth. Write access for the group is safe below a folder that it cannot enter."""
     home = folder / "elsewhere"
     (home / ".lock").touch()
     (home / ".lock").chmod(0o666)
@@ -144,14 +148,12 @@ def test_an_environment_with_a_file_that_others_may_write_is_not_run(
     for top, mode in ((0o700, 0o777), (0o755, 0o775)):
         home.chmod(top)
         path.chmod(mode)
-        words = (
-            rf"{path} belongs to another user, or others may write there, so it is not run: give"
-        )
-        with pytest.raises(rb.InputError, match=words):
+        pattern = rf"{path} belongs to another user, or others may write to it, so it is not run"
+        with pytest.raises(rb.InputError, match=pattern):
             environments.interpreter_of(home)
 
 
-def test_a_link_of_an_environment_leads_to_what_only_its_user_or_the_system_changes(
+def test_a_link_in_an_environment_must_lead_to_a_file_that_others_cannot_change(
     folder: Path, tmp_path: Path
 ) -> None:
     home, python = folder / "elsewhere", tmp_path / "python3"
@@ -169,7 +171,7 @@ def test_a_link_of_an_environment_leads_to_what_only_its_user_or_the_system_chan
 def test_an_environment_that_is_not_ours_is_not_run(
     folder: Path, whose: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It is refused in a line; one that robotball did not make is none. Nor is any made there."""
+    """It is refused in one line, or ignored if robotball did not make it."""
     home = folder / "elsewhere"
     if whose == "not made by us":
         (environments._packages(home) / environments._MADE).unlink()
@@ -183,17 +185,17 @@ def test_an_environment_that_is_not_ours_is_not_run(
         rb.simulate(FIG12, TIMES, engine=elsewhere(ELSEWHERE, folder))
 
 
-def test_a_process_imports_nothing_of_the_current_folder(
+def test_a_process_imports_no_module_from_the_current_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A module there does not stand in for one that it loads."""
+    """A file there cannot replace a module."""
     (tmp_path / "numpy.py").write_text("raise SystemExit('of a stranger')")
     monkeypatch.chdir(tmp_path)
     assert environments.call(sys.executable, eval, "float(__import__('numpy').ones(2).sum())") == 2
 
 
 def python_of(folder: Path, minor: int, version: int) -> Path:
-    """Make a program python3.`minor` there that says it is Python 3.`version`."""
+    """Make a program python3.`minor` that claims to be Python 3.`version`."""
     folder.mkdir(parents=True)
     path = folder / f"python3.{minor}"
     path.write_text(f"#!/bin/sh\necho python3.{version}\n")
@@ -205,9 +207,9 @@ def python_of(folder: Path, minor: int, version: int) -> Path:
 def test_pythons_are_found_on_the_path_and_where_pyenv_and_uv_keep_theirs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, root: str
 ) -> None:
-    """The newest first; of each the first that is what its name says, and ours of our version.
+    """Newest first; for each version the first Python with that version, and ours for our own.
 
-    Pyenv's folder is that of the variable, or that of the shims on the PATH.
+    Pyenv's folder is PYENV_ROOT, or the parent of shims on the PATH.
     """
     own = sys.version_info[1]
     pyenv, uv = tmp_path / "pyenv", tmp_path / "uv"
@@ -223,9 +225,9 @@ def test_pythons_are_found_on_the_path_and_where_pyenv_and_uv_keep_theirs(
     monkeypatch.setenv("PATH", f"relative:{shims}:{tmp_path / 'bin'}:{tmp_path / 'ours'}")
     monkeypatch.setattr(environments, "_PYENV", pyenv if root == "PYENV_ROOT" else tmp_path)
     monkeypatch.setattr(environments, "_UV", uv)
-    found = environments.pythons()
-    assert found == there | {f"3.{own}": Path(sys.executable)}
-    minors = [int(each.removeprefix("3.")) for each in found]
+    pythons = environments.pythons()
+    assert pythons == there | {f"3.{own}": Path(sys.executable)}
+    minors = [int(version.removeprefix("3.")) for version in pythons]
     assert minors == sorted(minors, reverse=True)
     assert environments.python_named(f"3.{third}") == there[f"3.{third}"]
     with pytest.raises(rb.InputError, match=naming("3.2 3.1…")):
@@ -241,11 +243,15 @@ def test_pythons_are_found_on_the_path_and_where_pyenv_and_uv_keep_theirs(
         ({"3.14": "", "3.12": ""}, ["3.14", "3.12"], "3.14", []),
     ],
 )
-def test_an_environment_is_by_the_newest_python_of_the_newest_release(
-    newest: dict[str, str], known: list[str], taken: str, newer: list[str],
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
-) -> None:  # fmt: skip
-    """Version 1.10 is after 1.9; a newer release that no Python here can have is told."""
+def test_an_environment_has_the_newest_python_that_the_newest_release_supports(
+    newest: dict[str, str],
+    known: list[str],
+    taken: str,
+    newer: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    """Version 1.10 is newer than 1.9. A newer release without a Python here is reported."""
     made: list[str] = []
 
     def uv(home: Path, _: str, *arguments: str, text: str = "") -> str:
@@ -262,7 +268,7 @@ def test_an_environment_is_by_the_newest_python_of_the_newest_release(
         return ""
 
     monkeypatch.setattr(environments, "_supported", lambda: [*newest])
-    monkeypatch.setattr(environments, "pythons", lambda: {each: Path(each) for each in known})
+    monkeypatch.setattr(environments, "pythons", lambda: {name: Path(name) for name in known})
     monkeypatch.setattr(environments, "_uv", uv)
     home = environments.make(tmp_path / "engine", ("engine>=1",))
     assert made == [taken]
@@ -276,7 +282,6 @@ def has_uv() -> bool:
 
 
 def tiny_wheel(folder: Path) -> Path:
-    """Make the wheel of a package tiny 1.5, without code."""
     path, facts = folder / "tiny-1.5-py3-none-any.whl", "tiny-1.5.dist-info"
     with ZipFile(path, "w") as wheel:
         wheel.writestr("tiny.py", "")
@@ -286,12 +291,12 @@ def tiny_wheel(folder: Path) -> Path:
     return path
 
 
-def test_an_environment_is_made_and_its_package_runs_there(
+def test_an_environment_can_be_made_and_runs_its_package(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With uv, from a wheel in a folder; only its user can enter, and made again it is empty."""
+    """With uv and a wheel in a folder. Only its user can enter; making it again empties it."""
     if not has_uv():
-        pytest.skip("there is no uv")
+        pytest.skip("uv is not installed")
     tiny_wheel(tmp_path)
     monkeypatch.setenv("UV_FIND_LINKS", str(tmp_path))
     monkeypatch.setenv("UV_OFFLINE", "1")
@@ -309,10 +314,10 @@ def test_an_environment_is_made_and_its_package_runs_there(
     assert environments.interpreter_of(home) is None
 
 
-def test_without_uv_a_line_says_how_to_get_it(
+def test_without_uv_the_message_names_the_command_that_installs_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Neither is one of the current folder run, which the PATH names relative."""
+    """A uv in the current folder is not run, even if the PATH names that folder."""
     (tmp_path / "uv").write_text("#!/bin/sh\n")
     (tmp_path / "uv").chmod(0o755)
     monkeypatch.chdir(tmp_path)
@@ -323,10 +328,10 @@ def test_without_uv_a_line_says_how_to_get_it(
     assert environments.interpreter_of(tmp_path / "engine") is None
 
 
-def test_an_environment_of_another_python_is_none_when_ours_requires_something_else(
+def test_an_environment_of_another_python_is_outdated_if_our_requirements_have_changed(
     tmp_path: Path,
 ) -> None:
-    """It holds what robotball required when it was made."""
+    """It holds the packages that robotball required when it was made."""
     home = tmp_path / "engine"
     there = home / "lib" / "python3.99" / "site-packages"
     there.mkdir(parents=True)
@@ -343,12 +348,16 @@ def test_an_environment_of_another_python_is_none_when_ours_requires_something_e
     assert environments.interpreter_of(home) is None
 
 
-def test_environments_are_in_the_users_own_folder(tmp_path: Path) -> None:
-    """Whatever folder one stands in: XDG_DATA_HOME, which a relative path is not, or the home's."""
+def test_environments_are_in_the_users_data_folder(tmp_path: Path) -> None:
+    """In an absolute XDG_DATA_HOME, else in ~/.local/share, whatever the current folder is."""
     code = "from robotball.engines.environments import ENVIRONMENTS; print(ENVIRONMENTS)"
-    own = tmp_path / ".local" / "share"
-    for given, data in ((str(tmp_path / "data"), tmp_path / "data"), ("out", own), ("", own)):
-        environment = {**os.environ, "HOME": str(tmp_path), "XDG_DATA_HOME": given}
+    default = tmp_path / ".local" / "share"
+    for variable, data in (
+        (str(tmp_path / "data"), tmp_path / "data"),
+        ("out", default),
+        ("", default),
+    ):
+        environment = {**os.environ, "HOME": str(tmp_path), "XDG_DATA_HOME": variable}
         command = [sys.executable, "-c", code]
-        said = subprocess.check_output(command, env=environment, text=True, cwd=PROJECT)
-        assert said.strip() == str(data / "robotball" / "engines")
+        output = subprocess.check_output(command, env=environment, text=True, cwd=PROJECT)
+        assert output.strip() == str(data / "robotball" / "engines")

@@ -1,4 +1,4 @@
-"""One observer judges every engine's run, by one law, whatever gave its states."""
+"""Every engine's run is judged with the same criteria."""
 
 from collections.abc import Callable
 
@@ -24,25 +24,29 @@ THEORY = rb.integrate(SCENE, TIMES)
 
 
 def by_an_adapter(drift: float) -> ContactMotion:
-    """The equations' motion as another package's engine gives it, turning faster and faster."""
+    """Return the equations' motion as an adapter records it, with ω growing by `drift`."""
     shell, a = SCENE.ball.shell, SCENE.ball.radius
     half = THEORY.hinge_angles[:, :1] / 2
     back = conjugate(np.concatenate([np.cos(half), np.sin(half) * shell.axis], axis=1))
-    own = THEORY.angular_velocity - THEORY.hinge_rates[:, :1] * shell.axis
-    turning = np.einsum("nij,nj->ni", rotation_matrix(THEORY.attitude), own)
-    turning *= _growing(drift, TIMES)
+    shell_omega = THEORY.angular_velocity - THEORY.hinge_rates[:, :1] * shell.axis
+    omega = np.einsum("nij,nj->ni", rotation_matrix(THEORY.attitude), shell_omega)
+    omega *= _growing(drift, TIMES)
     centre = np.column_stack([THEORY.contact_point, np.full(len(TIMES), a)])
     state = State(
-        centre, np.cross(turning, [0.0, 0.0, a]), multiply(THEORY.attitude, back), turning,
-        THEORY.hinge_angles, THEORY.hinge_rates,
-    )  # fmt: skip
+        centre,
+        np.cross(omega, [0.0, 0.0, a]),
+        multiply(THEORY.attitude, back),
+        omega,
+        THEORY.hinge_angles,
+        THEORY.hinge_rates,
+    )
     return motion_of_rows(
         THEORY.engine, SCENE, TIMES, state.row, SETTINGS, timestep=0.1, steps=600, seconds=1.0
     )
 
 
 def by_mujoco(drift: float) -> ContactMotion:
-    """A run of MuJoCo's whose sensors of momentum show the drift."""
+    """Return a run with MuJoCo whose momentum sensors grow by `drift`."""
     model = build(SCENE, rb.preset("fast"))
     recording = Recording(LABEL, SCENE, SETTINGS, TIMES)
     with controlled(model) as control:
@@ -59,15 +63,15 @@ def _growing(drift: float, times: Array) -> Array:
 
 
 @pytest.mark.parametrize("engine", [by_an_adapter, by_mujoco])
-def test_a_slow_drift_of_momentum_is_judged_alike(
+def test_a_slow_drift_of_momentum_is_judged_alike_for_all_engines(
     engine: Callable[[float], ContactMotion],
 ) -> None:
-    """A tolerance of 1e-3 is for ten seconds: 0.59 % in a minute is within it, and 0.61 % is not.
+    """The tolerance of 1e-3 is for ten seconds: in a minute 0.59 % is accepted, 0.61 % is not.
 
-    M of the drift is linear in it.
+    The error of M is linear in the drift.
     """
     size = momentum_error(engine(1e-3), THEORY) / 1e-3
-    within, beyond = (engine(each / size) for each in (5.9e-3, 6.1e-3))
+    within, beyond = (engine(error / size) for error in (5.9e-3, 6.1e-3))
     assert within.report.faults == ()
     (fault,) = beyond.report.faults
     assert (fault.kind, fault.limit) == (rb.FaultKind.MOMENTUM_OFF, 1e-3)

@@ -1,4 +1,4 @@
-"""A trajectory's own numbers give its angular velocity, its slip and its momentum."""
+"""Angular velocity, slip and momentum of a trajectory from its samples."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ FIG12 = rb.integrate(rb.load_scene("fig12"), np.linspace(0.0, 2.0, 101))
 
 
 def trajectory_of(motion: Motion, digits: int | None = None) -> Trajectory:
-    """Its times, path and attitude alone, rounded to so many digits behind the point."""
+    """Return times, path and attitudes alone, rounded to `digits` decimals."""
     position = np.column_stack([motion.contact_point, np.full(len(motion.times), np.nan)])
     attitude = motion.attitude
     if digits is not None:
@@ -30,29 +30,29 @@ SAMPLED = [("fig12", 0.02), ("classical_regular", 0.005), ("wobbling_drive", 0.0
 
 @pytest.mark.parametrize("digits", [None, 8, 5])
 @pytest.mark.parametrize(("name", "interval"), SAMPLED)
-def test_the_error_of_a_numerical_rate_is_not_underestimated(
+def test_the_error_estimate_of_a_numerical_rate_is_an_upper_bound(
     name: str, interval: float, digits: int | None
 ) -> None:
-    """ω, M and slip of an exact trajectory are off by what is said, smooth or rounded.
+    """For ω, M and slip of an exact trajectory, smooth or rounded.
 
-    Measured: at worst 0.0005 to 0.02 of the estimate where the truncation error rules, 0.4 to 0.62
-    where rounding does.
+    Measured: the error is at most 0.0005 to 0.02 of the estimate if truncation dominates, 0.4 to
+    0.62 if rounding does.
     """
     exact = rb.integrate(rb.load_scene(name), np.arange(0, 2 + interval / 2, interval))
     motion = rb.recorded(exact.scene, trajectory_of(exact, digits))
-    off = np.linalg.norm(motion.angular_velocity - exact.angular_velocity, axis=1)
-    off_M = np.linalg.norm(motion.momentum - exact.momentum, axis=1)
-    assert np.all(off <= motion.angular_velocity_error)
+    omega_error = np.linalg.norm(motion.angular_velocity - exact.angular_velocity, axis=1)
+    M_error = np.linalg.norm(motion.momentum - exact.momentum, axis=1)
+    assert np.all(omega_error <= motion.angular_velocity_error)
     assert np.all(motion.slip <= motion.slip_error)
-    assert np.all(off_M <= motion.momentum_error)
+    assert np.all(M_error <= motion.momentum_error)
     assert motion.angular_velocity_error.max() < 80 * 10.0 ** -(digits or 8) / interval + 5e-4
 
 
-def test_slip_and_spin_that_are_there_are_found_beside_the_numerical_error() -> None:
-    """A path longer by a thousandth is a slip of a thousandth of the speed, 5e-3 m/s here.
+def test_slip_and_spin_are_measured_despite_the_numerical_error() -> None:
+    """A stretch of 0.1 % gives a slip of 0.1 % of the speed, 5e-3 m/s here.
 
-    Measured: 4.76e-3 against an error of 4.7e-4; the rolling radius is 1.001. Attitudes that turn
-    about the vertical by 0.1 rad/s more than they should are a spin.
+    Measured: 4.76e-3 with an error of 4.7e-4, and a rolling radius of 1.001. An extra rotation of
+    the attitudes about the vertical at 0.1 rad/s is spin.
     """
     longer = replace(FIG12, contact_point=1.001 * FIG12.contact_point)
     motion = rb.recorded(FIG12.scene, trajectory_of(longer))
@@ -64,29 +64,29 @@ def test_slip_and_spin_that_are_there_are_found_beside_the_numerical_error() -> 
     turn = np.stack([np.cos(half), 0 * half, 0 * half, np.sin(half)], axis=1)
     spun = replace(FIG12, attitude=multiply(turn, FIG12.attitude))
     motion = rb.recorded(FIG12.scene, trajectory_of(spun))
-    assert motion.spin == pytest.approx(0.1, abs=1e-4)  # measured 3e-6 off
+    assert motion.spin == pytest.approx(0.1, abs=1e-4)  # measured error 3e-6
 
 
-def test_what_the_file_says_itself_has_no_numerical_error() -> None:
-    """Angular velocity and momentum by columns: M is the file's, to the last bit.
+def test_quantities_in_the_file_have_no_numerical_error() -> None:
+    """Momentum from the file is kept to the last bit.
 
-    Of attitudes too far apart the frame may have turned either way round between two samples.
+    If attitudes are too far apart, the sense of rotation between two samples is unknown.
     """
-    given = replace(trajectory_of(FIG12), angular_velocity=FIG12.angular_velocity)
-    motion = rb.recorded(FIG12.scene, given)
+    trajectory = replace(trajectory_of(FIG12), angular_velocity=FIG12.angular_velocity)
+    motion = rb.recorded(FIG12.scene, trajectory)
     assert not motion.angular_velocity_error.any()
     assert momentum_error(motion, FIG12) < 1e-14  # measured 3e-15
-    motion = rb.recorded(FIG12.scene, replace(given, momentum=FIG12.momentum + 1))
+    motion = rb.recorded(FIG12.scene, replace(trajectory, momentum=FIG12.momentum + 1))
     assert motion.momentum.tolist() == (FIG12.momentum + 1).tolist()
     apart = trajectory_of(rb.integrate(FIG12.scene, np.array([0.0, 1.0, 2.0, 3.0])))
     with pytest.raises(rb.InputError, match=naming("samples")):
         rb.recorded(FIG12.scene, apart)
 
 
-def test_rates_of_uneven_samples_are_of_the_same_order() -> None:
-    """Sixth order: at half the interval the error is 64 times less (measured 61 to 66).
+def test_rates_of_uneven_samples_have_sixth_order() -> None:
+    """At half the interval the error is 64 times smaller (measured 61 to 66).
 
-    Of two samples the rate is that of the line through both, whose error nothing tells.
+    With two samples the rate is the slope of their line.
     """
 
     def error(n: int) -> float:

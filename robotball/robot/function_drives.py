@@ -32,7 +32,7 @@ _SHORT, _SHORTEST, _PARTS = 0.02, 1e-6, 4
 
 
 @dataclass(frozen=True)
-class Followed:
+class FunctionDrive:
     """The drive of a user's function over a run from 0 to `end` [s], and nowhere else.
 
     The fields are those of a Custom rate, whose breakpoints are `named`. A derivative or integral
@@ -277,7 +277,7 @@ def _check_continuous(begin: float, end: float, values: Array) -> None:
         raise InputError(f"a drive's rate jumps by {jump:g} rad/s at t = {t:.9g} s; ramp it")
 
 
-class Held:
+class HeldCommand:
     """Commands that a run holds, each from a time on until the next; before them, a drive.
 
     It grows as a controller gives commands. Only a motor takes it, for a rate would jump.

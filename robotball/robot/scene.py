@@ -22,7 +22,16 @@ from robotball.errors import (
     counted,
     named,
 )
-from robotball.robot.ball import ROUNDING, Ball, Given, Link, Value, cached_array, imbalance
+from robotball.robot.ball import (
+    ROUNDING,
+    Ball,
+    Link,
+    UserValue,
+    Value,
+    cached_array,
+    imbalance,
+    set_fields,
+)
 from robotball.robot.drives import Constant, Drive, Rate, as_drive, turns
 from robotball.robot.formulas import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.rotations import Array, as_floats, from_matrix, normalised, rotation_matrix, uneven
@@ -125,7 +134,7 @@ _START_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
-class Start(Given):
+class Start(UserValue):
     """Say how the ball lies and rolls at the start of a motion.
 
     Parameters
@@ -342,46 +351,50 @@ class Scene(Value):
             raise InputError(f"rolling must be one of {ROLLING_MODELS}, not {self.rolling!r}")
         check_positive("duration", self.duration, "s")
         check_positive("gravity", self.gravity, "m/s²")
-        assert len(self.hinges) == len(self.ball.hinges)  # commands are checked as drives are made
-        down = as_floats("gravity_direction", self.gravity_direction, (3,))
-        down = unit("gravity_direction", down)
+        assert len(self.hinges) == len(self.ball.hinges)  # converts and checks the commands
+        down = unit(
+            "gravity_direction", as_floats("gravity_direction", self.gravity_direction, (3,))
+        )
         if not down[2] < 0:
             raise InputError(
                 f"gravity_direction must press the ball on the plane: its Z is {down[2]:.6g}, and "
                 "must be negative"
             )
-        object.__setattr__(self, "gravity_direction", tuple(down.tolist()))
-        self._begin(self.start)
-        moved = [hinge.name for hinge in self.hinges if hinge.motor]
+        set_fields(self, {"gravity_direction": tuple(down.tolist())})
+        set_fields(self, {"start": self._exact(self.start)})
+        self._check_motors()
+
+    def _exact(self, start: Start) -> Start:
+        """Return a start made exact. Raises InputError if it violates the rolling model."""
+        if not isinstance(start, Start):
+            raise InputError(f"a scene's start must be Start(attitude, momentum), not {start!r}")
+        for component in start.momentum.tolist():
+            check_size("the start's momentum", component, "kg m²/s", LARGEST**3)
+        attitude, momentum = unit("attitude", start.attitude), start.momentum
+        if self.rolling == "rubber":
+            momentum = horizontal(momentum, self._scale_of(momentum))
+        # Engines that each normalised the start would begin from different states.
+        return Start(attitude, momentum)
+
+    def _check_motors(self) -> None:
+        """Raise InputError unless actuators and the controller have motors to command."""
+        motorized = [hinge.name for hinge in self.hinges if hinge.motor]
         for actuator in self.actuators:
             for name, ratio in actuator.gears:
                 check_size(f"{actuator.name}'s gear", ratio)
-                if name not in moved:
+                if name not in motorized:
                     raise InputError(
-                        f"{actuator.name} moves the hinge of {name!r}, which must be one whose "
-                        f"rate is not given; those are {', '.join(moved) or 'none'}"
+                        f"{actuator.name} cannot move the hinge {name!r}: choose a hinge whose "
+                        f"rate is not prescribed; there are {', '.join(motorized) or 'none'}"
                     )
         if self.controller is not None and not self.actuators:
             from robotball.robot.motors import Free  # few scenes have a controller
 
             if all(isinstance(hinge.motor, Free | None) for hinge in self.hinges):
                 raise InputError(
-                    f"{self.name} has no motor that a controller could command: give a hinge one, "
-                    "as Servo"
+                    f"{self.name} has no motor for the controller to command: give a hinge one, "
+                    "for example Servo"
                 )
-
-    def _begin(self, start: Start) -> None:
-        """Set the start, made exact. Raises InputError where it misses the rolling model."""
-        if not isinstance(start, Start):
-            raise InputError(f"a scene's start must be Start(attitude, momentum), not {start!r}")
-        for part in start.momentum.tolist():
-            check_size("the start's momentum", part, "kg m²/s", LARGEST**3)
-        attitude, momentum = unit("attitude", start.attitude), start.momentum
-        object.__setattr__(self, "start", start)  # whose M has the scale of its own rounding
-        if self.rolling == "rubber":
-            momentum = horizontal(momentum, self.momentum_scale)
-        # Made exact once, here: engines that each normalise it would start from different states.
-        object.__setattr__(self, "start", Start(attitude, momentum))
 
     def __repr__(self) -> str:
         ball = self.ball
@@ -454,8 +467,7 @@ class Scene(Value):
         All that is known already of its bodies and drives is known of the other scene.
         """
         scene = copy(self)
-        vars(scene).pop("momentum_scale", None)  # all else that is kept depends on no start
-        scene._begin(start)
+        set_fields(scene, {"start": self._exact(start)})
         return scene
 
     def with_controller(self, controller: "Controller") -> "Scene":
@@ -614,22 +626,30 @@ class Scene(Value):
     def _first_parameters(self) -> Parameters:
         return self.parameters_at(0.0)
 
-    @cached_property
+    @property
     def momentum_scale(self) -> float:
-        """The unit of relative errors of M [kg m²/s]: |M| of the start, where that is not small.
+        """The unit of relative errors of M [kg m²/s]: |M| at the start, unless that is small.
 
-        A ball that starts from rest has M = 0 or rounding. Then K and dΩ turn it and set the
-        scale; where these are zero as well, it is the M of a ball that falls by its radius. So
-        the scale is proportional to the masses, whatever their unit.
+        A ball that starts from rest has M = 0 or rounding. Then K and dΩ turn it and set the scale.
+        If these are zero as well, the scale is M of a ball that falls by its radius. So the scale
+        is proportional to the masses in every unit.
         """
-        start = math.hypot(*self.start.momentum.tolist())
+        return self._scale_of(self.start.momentum)
+
+    def _scale_of(self, momentum: Array) -> float:
+        size, (least, falling) = math.hypot(*momentum.tolist()), self._least_scale
+        return max(size, least) or falling
+
+    @cached_property
+    def _least_scale(self) -> tuple[float, float]:
+        """The least `momentum_scale` at any start, and the scale if both are zero [kg m²/s]."""
         falling = self.ball.d * float(np.sqrt(self.gravity / self.ball.radius))
         if self.not_reduced:
-            return max(start, falling)
-        with np.errstate(over="ignore", invalid="ignore"):  # refused by the equations, not here
+            return falling, falling
+        with np.errstate(over="ignore", invalid="ignore"):  # the equations refuse an overflow
             numbers = self._first_parameters
         turned = math.hypot(*numbers.K) + numbers.d * math.hypot(*numbers.Omega)
-        return max(start, _SMALL * turned) or falling
+        return _SMALL * turned, falling
 
     def angular_velocity_at(self, start: Start) -> Array:
         """Return ω (3,) of the frame, in frame axes, at any start of this ball [rad/s]."""

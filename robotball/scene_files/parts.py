@@ -11,7 +11,7 @@ import numpy as np
 
 from robotball.errors import InputError, check_not_negative, check_positive, unknown
 from robotball.files import scene_tables as tables
-from robotball.robot.ball import Solid, axial_tensor, thick_shell_inertia
+from robotball.robot.ball import Solid, axial_tensor, shell_inertia
 from robotball.robot.scene import unit
 from robotball.robot.shapes import Shape, tube
 from robotball.rotations import Array, Z, direction, rotation_matrix, z_along
@@ -66,7 +66,7 @@ def _sphere(name: str, sphere: tables.Sphere) -> Solid:
     a = check_positive(f"{name}'s radius", sphere.outer, "m")
     wall = a if sphere.thickness is None else sphere.thickness
     # Of unit mass: the wall is checked before its volume is taken.
-    moment = thick_shell_inertia(a, 1.0, wall)
+    moment = shell_inertia(a, 1.0, wall)
     mass = mass_of(name, sphere, volume_of_wall(a, wall))
     reach, middle = math.hypot(*sphere.centre) + a, np.array(sphere.centre)
     shape = Shape("sphere", np.array([a, 0.0, 0.0]), middle)

@@ -32,7 +32,6 @@ from robotball.robot.ball import (
     beyond_the_shell,
     composed,
     shell_inertia,
-    thick_shell_inertia,
 )
 from robotball.robot.drives import Rate
 from robotball.robot.scene import Friction, Scene, Start
@@ -348,7 +347,7 @@ def _wall(table: tables.ShellTable) -> tuple[float, float, float]:
         from robotball.scene_files.parts import mass_of, volume_of_wall
 
         mass = mass_of("shell", table, volume_of_wall(table.outer, thickness))
-        moment = thick_shell_inertia(table.outer, mass, thickness)
+        moment = shell_inertia(table.outer, mass, thickness)
         return mass, moment, moment
     if table.given("density", "material"):
         raise InputError("shell: a density needs the wall's thickness [m] as well")

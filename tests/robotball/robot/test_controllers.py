@@ -396,7 +396,7 @@ RUNS = {
         answering({"frame": "fast"}),
         "'fast' frame 0~s",
     ),
-    "kept": (answering({"rotor1": 1.0}, scene=KEPT), "rotor1 exactly"),
+    "kept": (answering({"rotor1": 1.0}, scene=KEPT), "rotor1 prescribed"),
     "free": (answering({"rotor1": 1.0}, scene=SERVOS), "rotor1 freely"),
     "lag": (answering({"pull": 1.0}, scene=FILTERED), "pull activation"),
     "copy": (

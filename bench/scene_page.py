@@ -10,8 +10,7 @@ from pathlib import Path
 
 from msgspec import inspect
 
-from robotball.files.scene_tables import DRIVES, HingeTable
-from robotball.scene_files.parts import DENSITIES
+from robotball.files.scene_tables import DENSITIES, DRIVES, HingeTable
 from robotball.scene_files.scene_keys import meaning_of, struct_of, tables_at
 from robotball.user_model.robot_scene import RobotTable
 

@@ -25,6 +25,7 @@ PARTS = _INSIDE if _INSIDE.is_dir() else _BESIDE
 # Relative to the largest entry: a computed tensor has rounding errors of 1e-16, a wrong one misses
 # a condition by far more.
 ROUNDING = 1e-12
+SYMMETRIC = 1e-9  # the same for a composed body, whose entries are sums over its parts
 _LARGEST_MOMENT = LARGEST**3  # kg m², a mass times a length squared; the least is its inverse
 _SHAPES = {"inertia": (3, 3), "asymmetry": (3, 3), "attitude": (4,)}  # other arrays are vectors
 
@@ -135,6 +136,12 @@ def shell_inertia(radius: float, mass: float, thickness: float = 0.0) -> float:
     return 2 / 5 * mass * radius * radius * ratio
 
 
+def wall_volume(radius: float, thickness: float) -> float:
+    """Return the volume of a spherical wall inside a radius [m³]."""
+    b = 1 - thickness / radius
+    return 4 / 3 * math.pi * radius**2 * thickness * (1 + b + b * b)
+
+
 @dataclass(frozen=True)
 class Solid:
     """The mass, centre and inertia of a rigid body.
@@ -157,6 +164,33 @@ class Solid:
     inertia: Array
     reach: float = 0.0
     shapes: tuple[Any, ...] = ()
+
+    def check_within(self, name: str, radius: float) -> None:
+        """Raise InputError if the solid reaches beyond a shell."""
+        if self.reach > radius * (1 + SYMMETRIC):
+            raise InputError(
+                f"{name} reaches {self.reach:.6g} m from the sphere's centre, beyond the shell's "
+                f"radius {radius:g} m; make it smaller, move it, or make the shell larger"
+            )
+
+    def moments_about(self, name: str, axis: Array, otherwise: str) -> tuple[float, float]:
+        """Return the axial and transverse moments [kg m²] about an axis (3,).
+
+        Raises InputError if the solid is not symmetric; otherwise: the body that it could be.
+        """
+        axial = float(axis @ self.inertia @ axis)
+        transverse = float(np.trace(self.inertia) - axial) / 2
+        largest = float(np.abs(self.inertia).max())
+        off = float(np.abs(self.inertia - axial_tensor(axial, transverse, axis)).max())
+        if off > SYMMETRIC * largest:
+            raise InputError(
+                f"{name} is not symmetric about its axis: its inertia is off by {off:.6g} of "
+                f"{largest:.6g} kg m²; such a body is a {otherwise}"
+            )
+        # The moments of a disc are 2 to 1, except for rounding, and a Rotor takes no larger ratio.
+        if axial < 2 * transverse * (1 + SYMMETRIC):
+            axial = min(axial, 2 * transverse)
+        return axial, transverse
 
 
 def composed(solids: Iterable[Solid]) -> Solid:

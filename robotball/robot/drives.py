@@ -94,7 +94,7 @@ COMMAND = "of the command"
 def key(meaning: str, unit: str = "") -> msgspec.Meta:
     """Annotate a key of a scene file with its meaning, a line of Markdown, and its unit.
 
-    The reader of scene files and docs/scene.md both take them from here.
+    The reader of scene files, docs/scene.md and the JSON schema use them.
     """
     return msgspec.Meta(description=meaning, extra={"unit": unit})
 

@@ -71,10 +71,10 @@ lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-# docs/scene.md, from the tables that the reader uses; a test holds it.
+# docs/scene.md and docs/scene.schema.json, from the tables that the reader uses; tests hold both.
 # Then the site, in out/site; it ends at a dead link and at a name that is not there.
 docs: setup
-	$(BIN)/python -m bench.scene_page > docs/scene.md
+	$(BIN)/python -m bench.scene_page
 	$(BIN)/python -m zensical build --clean --strict
 
 # The notebooks of docs/tutorials, run again, with their outputs and pages; a minute.

@@ -1,16 +1,17 @@
-"""Write docs/scene.md: `python -m bench.scene_page > docs/scene.md`, as `make docs` does.
+"""Write docs/scene.md and docs/scene.schema.json: `python -m bench.scene_page`, or `make docs`.
 
-Its prose is scene_page.md, its tables are the records of `scene_tables`.
+The text of the page is in scene_page.md; its tables come from the records of `scene_tables`.
 """
 
+import json
 import re
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 from msgspec import inspect
 
 from robotball.files.scene_tables import DENSITIES, DRIVES, HingeTable
+from robotball.scene_files.scene_file import scene_schema
 from robotball.scene_files.scene_keys import meaning_of, struct_of, tables_at
 from robotball.user_model.robot_scene import RobotTable
 
@@ -73,5 +74,12 @@ def _codes(keys: tuple[str, ...]) -> str:
     return ", ".join(f"`{each}`" for each in keys)
 
 
+def schema() -> str:
+    """Return docs/scene.schema.json."""
+    return json.dumps(scene_schema(), indent=1, ensure_ascii=False) + "\n"
+
+
 if __name__ == "__main__":
-    sys.stdout.write(page())
+    docs = Path(__file__).parent.parent / "docs"
+    (docs / "scene.md").write_text(page())
+    (docs / "scene.schema.json").write_text(schema())

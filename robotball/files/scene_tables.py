@@ -462,7 +462,7 @@ class ShellTable(_Round, frozen=True):
         if isinstance(inertia, ShellInertia) and inertia.thickness is not None:
             if thickness is not None or inertia.given("axial", "transverse"):
                 raise InputError("shell.inertia takes a thickness alone")
-            inertia, thickness = None, inertia.thickness
+            thickness, inertia = inertia.thickness, None
         if inertia is not None and thickness is not None:
             raise InputError("shell takes thickness or inertia, not both")
         if thickness is not None:

@@ -130,12 +130,14 @@ def load_scene(name: str | Path, controls: Mapping[str, Rate] | None = None) -> 
 
 
 def scene_schema() -> dict[str, Any]:
-    """Return the JSON schema of scene files, with which editors check and complete them.
+    """Return the JSON schema of scene files, with which editors complete and check them.
+
+    It describes scenes of bodies or numbers, and not files that name a robot's own model file.
 
     Returns
     -------
     dict
-        The schema, for `json.dump`. docs/scene.schema.json has it.
+        The schema. docs/scene.schema.json holds it.
 
     Examples
     --------
@@ -143,7 +145,8 @@ def scene_schema() -> dict[str, Any]:
     >>> rb.scene_schema()["$ref"]
     '#/$defs/SceneTable'
     """
-    return msgspec.json.schema(tables.SceneTable)
+    draft = "https://json-schema.org/draft/2020-12/schema"
+    return {"$schema": draft, **msgspec.json.schema(tables.SceneTable)}
 
 
 def read_scene(path: Path, text: bytes | str, controls: Mapping[str, Rate] | None = None) -> Scene:

@@ -15,6 +15,17 @@ from robotball.scene_files.scene_file import scene_schema
 from robotball.scene_files.scene_keys import meaning_of, struct_of, tables_at
 from robotball.user_model.robot_scene import RobotTable
 
+_DRIVES = {
+    "prescribed": "The hinge keeps the rate exactly, with any torque that this takes.",
+    "servo": "Torque = kv (rate - the hinge's rate), clipped to the limit.",
+    "position": "Torque = kp (angle - the hinge's angle) - kd · the hinge's rate, clipped to the "
+    "limit.",
+    "dc_motor": "Torque = efficiency · gear · stall_torque (supply - gear · rate/no_load_speed), "
+    "clipped to the limit.",
+    "torque": "The motor applies the torque, independent of the hinge's motion.",
+    "free": "No motor: torque = -damping · rate - stiffness (angle - rest), minus friction.",
+}
+
 
 def page() -> str:
     """Return docs/scene.md: the prose, with a table of keys for each line `{name}` of it."""
@@ -32,7 +43,7 @@ def _rows(name: str) -> Iterator[str]:
         yield from ("| `drive` | what it does | it needs | it may have |", "|---|---|---|---|")
         for drive, kind in DRIVES.items():
             optional = tuple(each for each in kind.allowed if each not in kind.needed)
-            yield f"| `{drive}` | {kind.does} | {_codes(kind.needed)} | {_codes(optional)} |"
+            yield f"| `{drive}` | {_DRIVES[drive]} | {_codes(kind.needed)} | {_codes(optional)} |"
         return
     yield from ("| key | what it says | unit | if not given |", "|---|---|---|---|")
     # A hinge's keys are in a table of their own, not in that of every body that has a hinge.

@@ -108,8 +108,6 @@ class _DriveKind:
 
     Attributes
     ----------
-    does : str
-        A sentence for docs/scene.md.
     command : str or None
         Key of the command.
     motor : str or None
@@ -120,7 +118,6 @@ class _DriveKind:
         Required keys.
     """
 
-    does: str
     command: str | None
     motor: str | None = None
     keys: tuple[str, ...] = ()
@@ -133,49 +130,22 @@ class _DriveKind:
         return tuple(dict.fromkeys(name for name in names if name is not None))
 
 
+_NEEDED_OF_MOTOR = ("stall_torque", "no_load_speed")
+_KEYS_OF_MOTOR = ("gear", "rotor_inertia", "torque_limit", "efficiency", "no_load_current")
 DRIVES: dict[_DriveName, _DriveKind] = {
-    "prescribed": _DriveKind(
-        "The hinge keeps the rate exactly, with any torque that this takes.",
-        "rate",
-    ),
-    "servo": _DriveKind(
-        "Torque = kv (rate - the hinge's rate), clipped to the limit.",
-        "rate",
-        "Servo",
-        keys=("kv", "torque_limit", "armature"),
-        needed=("kv",),
-    ),
+    "prescribed": _DriveKind("rate"),
+    "servo": _DriveKind("rate", "Servo", ("kv", "torque_limit", "armature"), ("kv",)),
     "position": _DriveKind(
-        "Torque = kp (angle - the hinge's angle) - kd · the hinge's rate, clipped to the limit.",
-        "angle",
-        "PositionServo",
-        keys=("kp", "kd", "torque_limit", "armature"),
-        needed=("kp", "angle"),
+        "angle", "PositionServo", ("kp", "kd", "torque_limit", "armature"), ("kp", "angle")
     ),
     "dc_motor": _DriveKind(
-        "Torque = efficiency · gear · stall_torque (supply - gear · rate/no_load_speed), clipped "
-        "to the limit.",
         "supply",
         "DCMotor",
-        keys=(
-            *("stall_torque", "no_load_speed", "gear", "rotor_inertia", "torque_limit"),
-            *("efficiency", "no_load_current", "stall_current"),
-        ),
-        needed=("stall_torque", "no_load_speed", "supply"),
+        (*_NEEDED_OF_MOTOR, *_KEYS_OF_MOTOR, "stall_current"),
+        (*_NEEDED_OF_MOTOR, "supply"),
     ),
-    "torque": _DriveKind(
-        "The motor applies the torque, independent of the hinge's motion.",
-        "torque",
-        "Torque",
-        keys=("armature",),
-        needed=("torque",),
-    ),
-    "free": _DriveKind(
-        "No motor: torque = -damping · rate - stiffness (angle - rest), minus friction.",
-        None,
-        "Free",
-        keys=("damping", "stiffness", "rest", "armature", "friction"),
-    ),
+    "torque": _DriveKind("torque", "Torque", ("armature",), ("torque",)),
+    "free": _DriveKind(None, "Free", ("damping", "stiffness", "rest", "armature", "friction")),
 }
 _DRIVE_KEYS = tuple(dict.fromkeys(name for kind in DRIVES.values() for name in kind.allowed))
 

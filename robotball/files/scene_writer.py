@@ -143,7 +143,7 @@ def _hinge(hinge: Hinge) -> dict[str, Any]:
 
 def _command(rate: Rate) -> Any:
     if isinstance(rate, Sum):
-        return [_command(part) for part in rate.parts]
+        return [_command(part) for part in rate.terms]
     if isinstance(rate, Ramp | Sine | Samples | float | int):
         return rate
     raise InputError("a rate given by a function of time cannot be written to a scene file")

@@ -47,13 +47,6 @@ def cached_array(compute: Callable[[Any], Array]) -> "cached_property[Array]":
     return cached_property(protected)
 
 
-def set_fields(record: object, values: Mapping[str, Any]) -> None:
-    """Set fields of a frozen record while it is being made; arrays become read-only."""
-    for name, value in values.items():
-        value = read_only(value) if isinstance(value, np.ndarray) else value
-        object.__setattr__(record, name, value)
-
-
 class Value:
     """Base of dataclasses with arrays, which are read-only.
 
@@ -63,11 +56,16 @@ class Value:
     """
 
     def __post_init__(self) -> None:
-        set_fields(self, vars(self))
+        self._set(**vars(self))
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        # Pickle and copy restore arrays that can be written.
-        set_fields(self, state)
+        self._set(**state)  # arrays of pickled and copied records are writable
+
+    def _set(self, **values: Any) -> None:
+        """Set fields while the record is being made; arrays become read-only."""
+        for name, value in values.items():
+            value = read_only(value) if isinstance(value, np.ndarray) else value
+            object.__setattr__(self, name, value)
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
@@ -104,12 +102,9 @@ class UserValue(Value):
 
     def __post_init__(self) -> None:
         kind = type(self).__name__.lower()
-        names = [entry.name for entry in fields(self) if entry.type is Array]  # type: ignore[arg-type]
-        arrays = {
-            name: as_floats(f"a {kind}'s {name}", getattr(self, name), _SHAPES.get(name, (3,)))
-            for name in names
-        }
-        set_fields(self, arrays)
+        for name in (entry.name for entry in fields(self) if entry.type is Array):  # type: ignore[arg-type]
+            value, shape = getattr(self, name), _SHAPES.get(name, (3,))
+            self._set(**{name: as_floats(f"a {kind}'s {name}", value, shape)})
 
 
 def axial_tensor(axial: float, transverse: float, axis: Array) -> Array:
@@ -464,7 +459,7 @@ class Hinge(Value):
         if self.rate is not None:
             check_size("a hinge's initial rate", self.rate, "rad/s")
         if self.motor is None:  # the rate has no effect, so hinges with different ones are equal
-            set_fields(self, {"rate": None})
+            self._set(rate=None)
 
 
 @dataclass(frozen=True)

@@ -342,8 +342,7 @@ class Sum:
     Attributes
     ----------
     parts : tuple
-        The rates: numbers, drives or functions of time. A part that is a Sum is replaced by its
-        parts.
+        The rates: numbers, drives, functions of time or sums.
 
     Raises
     ------
@@ -363,10 +362,14 @@ class Sum:
     parts: tuple["Rate", ...]
 
     def __post_init__(self) -> None:
-        parts = (part.parts if isinstance(part, Sum) else (part,) for part in self.parts)
-        object.__setattr__(self, "parts", tuple(itertools.chain.from_iterable(parts)))
         if not self.parts:
             raise InputError("a sum needs at least one rate")
+
+    @property
+    def terms(self) -> tuple["Rate", ...]:
+        """The parts, with the terms of a part that is a Sum in its place."""
+        terms = (part.terms if isinstance(part, Sum) else (part,) for part in self.parts)
+        return tuple(itertools.chain.from_iterable(terms))
 
 
 @dataclass(frozen=True)
@@ -438,7 +441,7 @@ def as_drive(rate: Rate, end: float) -> Drive:
         _check_covers(rate, end)
         drive = rate
     elif isinstance(rate, Sum):
-        drives = tuple(as_drive(part, end) for part in rate.parts)
+        drives = tuple(as_drive(part, end) for part in rate.terms)
         steady = [each.value for each in drives if isinstance(each, Constant)]
         # Numbers add up to a number, so that the scene stays steady and may take compiled steps.
         drive = Constant(sum(steady)) if len(steady) == len(drives) else Total(drives)

@@ -81,7 +81,7 @@ _Three = tuple[Command, Command, Command]
 
 
 def rate_of(command: Command, folder: Path) -> Rate:
-    """Return the rate of a command; folder: the scene's, which may have files of samples."""
+    """Return the rate of a command; folder: of the scene file, for files of samples."""
     if isinstance(command, list):
         return Sum(tuple(rate_of(term, folder) for term in command))
     if not isinstance(command, _SamplesTable):
@@ -168,41 +168,30 @@ class HingeTable(Table, frozen=True):
     kv: Annotated[float | None, key("gain: torque per error of the rate", "N m s/rad")] = None
     kp: Annotated[float | None, key("gain: torque per error of the angle", "N m/rad")] = None
     kd: Annotated[float | None, key("damping: torque against the rate", "N m s/rad")] = None
-    stall_torque: Annotated[
-        float | None, key("stall torque of the motor before its gear", "N m")
-    ] = None
-    no_load_speed: Annotated[
-        float | None, key("no-load speed of the motor before its gear", "rad/s")
-    ] = None
-    gear: Annotated[
-        float | None, key("turns of the motor per turn of the hinge; 1 if not given")
-    ] = None
+    stall_torque: Annotated[float | None, key("stall torque before the gear", "N m")] = None
+    no_load_speed: Annotated[float | None, key("no-load speed before the gear", "rad/s")] = None
+    gear: Annotated[float | None, key("motor turns per hinge turn; 1 if not given")] = None
     rotor_inertia: Annotated[float | None, key("inertia of the motor's rotor", "kg m²")] = None
     torque_limit: Annotated[float | None, key("the motor's largest torque", "N m")] = None
     efficiency: Annotated[
-        float | None,
-        key("gear efficiency: fraction of the torque that reaches the hinge; 1 if not given"),
+        float | None, key("fraction of the torque that the gear transmits; 1 if not given")
     ] = None
     no_load_current: Annotated[
         float | None, key("current at the no-load speed, which gives the motor dry friction", "A")
     ] = None
-    stall_current: Annotated[
-        float | None, key("current at rest, needed by no_load_current", "A")
-    ] = None
+    stall_current: Annotated[float | None, key("at rest; needed by no_load_current", "A")] = None
     damping: Annotated[float | None, key("torque against the rate", "N m s/rad")] = None
     stiffness: Annotated[float | None, key("stiffness of a spring", "N m/rad")] = None
     rest: Annotated[float | None, key("rest angle of the spring", "rad")] = None
     friction: Annotated[
-        float | None,
-        key("dry friction of the hinge; the equations smooth it below 1e-3 rad/s", "N m"),
+        float | None, key("dry friction, smoothed below 1e-3 rad/s in the equations", "N m")
     ] = None
     armature: Annotated[
         float | None, key("inertia of the motor's rotor times its gear ratio squared", "kg m²")
     ] = None
     initial_angle: Annotated[float, key("angle at the start", "rad")] = 0.0
     initial_rate: Annotated[
-        float | None,
-        key("rate at the start; if not given, the command of a servo, or else 0", "rad/s"),
+        float | None, key("rate at the start; if not given, a servo's command or 0", "rad/s")
     ] = None
 
     def __post_init__(self) -> None:
@@ -237,8 +226,9 @@ class Matter(Table, frozen=True):
 
     def __post_init__(self) -> None:
         if len(ways := self.given(*_MASS_KEYS)) > 1:
-            listed = " and ".join(ways)
-            raise ValueError(f"it takes a mass, a density or a material, not {listed}")
+            raise ValueError(
+                f"it takes one of mass, density and material, not {' and '.join(ways)}"
+            )
         if self.material is not None and self.material.lower() not in DENSITIES:
             raise unknown("material", self.material, DENSITIES)
 
@@ -283,9 +273,9 @@ class _Bored(_Round, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.inner_radius < self.outer:
+            inner, outer = self.inner_radius, self.outer
             raise ValueError(
-                f"inner_radius must be less than the radius {self.outer:g}, not "
-                f"{self.inner_radius:g} m"
+                f"inner_radius must be less than the radius {outer:g}, not {inner:g} m"
             )
 
 
@@ -476,7 +466,7 @@ class _BodyTable(HingeTable, frozen=True):
 
 
 def _check_one_way(table: ShellTable | _BodyTable, numbers: str, keys: list[str]) -> None:
-    """Raise ValueError unless a body is given by numbers, by parts or by one file alone."""
+    """Raise ValueError unless a body has either numbers, or parts, or one file."""
     ways = {numbers: keys, **{name: table.given(name) for name in _FILE_KEYS}}
     if len(used := [names for names in ways.values() if names]) != 1:
         listed = " and ".join(map(", ".join, used)) or "nothing"
@@ -510,10 +500,9 @@ class FrictionTable(Table, frozen=True):
     sliding: Annotated[
         float | None, key("largest friction over the normal force; unlimited if not given")
     ] = None
-    torsional: Annotated[
-        float | None,
-        key("largest torque about the vertical over the normal force; unlimited if not given", "m"),
-    ] = None
+    torsional: Annotated[float | None, key("the same for the torque about the vertical", "m")] = (
+        None
+    )
     rolling: Annotated[float, key("torque against rolling over the normal force", "m")] = 0.0
 
 

@@ -51,8 +51,8 @@ class Value:
     """Base of dataclasses with arrays, which are read-only.
 
     Two records of one type are equal if their fields are, except fields with compare=False. Arrays
-    are compared number by number, and NaN equals NaN. Records have no hash, because arrays have
-    none.
+    are compared number by number, and NaN equals NaN. Records cannot be
+    hashed, because arrays cannot.
     """
 
     def __post_init__(self) -> None:
@@ -69,8 +69,7 @@ class Value:
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
-        # Set on each class: a dataclass replaces an inherited __eq__ by its own, which fails on
-        # arrays.
+        # Set on each class: the __eq__ that a dataclass generates fails on arrays.
         cls.__eq__ = _equal  # type: ignore[method-assign]
 
 
@@ -126,7 +125,7 @@ def shell_inertia(radius: float, mass: float, thickness: float = 0.0) -> float:
     if thickness == 0:
         return 2 / 3 * mass * radius * radius
     b = 1 - thickness / radius
-    # (1 - b⁵)/(1 - b³) divided by 1 - b, in which all digits would cancel for a thin shell.
+    # (1 - b⁵)/(1 - b³), both divided by 1 - b, because their digits cancel for a thin shell.
     ratio = (1 + b + b**2 + b**3 + b**4) / (1 + b + b**2)
     return 2 / 5 * mass * radius * radius * ratio
 
@@ -383,7 +382,7 @@ class Link(_ShapedBody):
         True for a joint that moves the body along the axis instead of turning it.
     range : tuple of (str, float, float), optional
         Name, least and largest angle of a joint that has limits, rad or m. The equations end a
-        motion at a limit; engines let the joint go on.
+        motion at a limit; engines ignore it.
 
     Examples
     --------
@@ -476,8 +475,8 @@ class Ball(Value):
     shell : Shell
         The sphere that rolls.
     hinges : tuple of Hinge
-        The frame's hinge first, if there is a frame, and the hinge of a link after that of its
-        parent. Motions list hinge angles and rates in this order.
+        The frame's hinge first, if there is a frame, and a link's hinge after its
+        parent's hinge. Motions list hinge angles and rates in this order.
 
     Raises
     ------
@@ -542,7 +541,7 @@ class Ball(Value):
         Raises
         ------
         InputError
-            If no body has such a name, or the number of values is not that of the hinges.
+            If no body has such a name, or there is not one value per hinge.
         """
         changes: dict[str, dict[str, Any]] = {link.name: {} for link in self.tree[1:]}
         for key, values in given.items():
@@ -564,7 +563,7 @@ class Ball(Value):
 
     @property
     def frame(self) -> Frame:
-        """The frame; StopIteration if the ball has none, see `has_frame`."""
+        """The frame of a ball with `has_frame`."""
         return next(hinge.body for hinge in self.hinges if isinstance(hinge.body, Frame))
 
     @property
@@ -666,8 +665,7 @@ class Ball(Value):
         k = Σ j φ̇ n - J_s Ω. The first column is for the frame's rate, the others for the rotors.
         """
         shell = -self.shell.axial_inertia * self.shell.axis
-        rotors = [rotor.axial_inertia * rotor.axis for rotor in self.rotors]
-        return np.stack([shell, *rotors], axis=1)
+        return np.stack([shell, *(r.axial_inertia * r.axis for r in self.rotors)], axis=1)
 
 
 def imbalance(ball: Ball) -> str | None:

@@ -45,9 +45,7 @@ class Loop:
         self.controller = controller
         self.names = [hinge.name for hinge in scene.hinges]
         self.command_limits = {actuator.name: actuator.within for actuator in scene.actuators}
-        self.with_activation = [
-            actuator.name for actuator in scene.actuators if actuator.activation is not None
-        ]
+        self.with_activation = [a.name for a in scene.actuators if a.activation is not None]
         hinges = {
             hinge.name: HeldCommand(hinge.command)
             for hinge in scene.hinges
@@ -60,7 +58,7 @@ class Loop:
         ]
         ball = scene.ball.with_hinges(command=hinges)
         self.scene = replace(scene, ball=ball, actuators=tuple(actuators))
-        self.held: dict[str, Any] = {**hinges, **{each.name: each.command for each in actuators}}
+        self.held: dict[str, Any] = hinges | {a.name: a.command for a in actuators}
         failure = f"{scene.name}: the controller cannot be copied, and each run needs its own copy"
         self.function = call_users(failure, copy.deepcopy, controller.function)
         self.random = np.random.default_rng(controller.sensors.seed)
@@ -88,7 +86,7 @@ class Loop:
     def holds(self) -> bool:
         """True if every command is constant until the next controller call."""
         commands = (*self.scene.drives, *self.scene.controls)
-        last = (each.drives[-1] if isinstance(each, HeldCommand) else each for each in commands)
+        last = (c.drives[-1] if isinstance(c, HeldCommand) else c for c in commands)
         return all(isinstance(drive, Constant) for drive in last)
 
     def _read(self, time: float, true: TrueReading) -> Reading:

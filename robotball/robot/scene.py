@@ -439,8 +439,7 @@ class Scene(Value):
     @cached_property
     def controls(self) -> tuple[Drive, ...]:
         """The commands of the actuators."""
-        commands = [(each.name, each.control(self.duration)) for each in self.actuators]
-        return tuple(self._drive(name, command) for name, command in commands)
+        return tuple(self._drive(a.name, a.control(self.duration)) for a in self.actuators)
 
     @cached_property
     def plane_drives(self) -> tuple[Drive, ...]:
@@ -574,8 +573,7 @@ class Scene(Value):
     def breakpoints(self) -> tuple[float, ...]:
         """Times after 0 at which a drive is not smooth or the controller acts [s]."""
         stops = {*self.controller.stops(self.duration)} if self.controller else set()
-        times = {t for drive in self._over_time for t in drive.breakpoints if t > 0}
-        return tuple(sorted(times | stops))
+        return tuple(sorted({t for d in self._over_time for t in d.breakpoints if t > 0} | stops))
 
     @cached_property
     def largest_rates(self) -> tuple[float, ...]:
@@ -598,9 +596,7 @@ class Scene(Value):
     @cached_property
     def steady(self) -> bool:
         """True if all rates and the plane's acceleration are constant."""
-        return self.controller is None and all(
-            isinstance(drive, Constant) for drive in self._over_time
-        )
+        return self.controller is None and all(isinstance(d, Constant) for d in self._over_time)
 
     def sampling_error(self, end: float, timestep: float) -> float:
         """Return `sampling_error` of the scene's drives, in steps [s] of a run to `end` [s]."""
@@ -611,8 +607,7 @@ class Scene(Value):
 
     def parameters_at(self, t: float) -> Parameters:
         """Return the numbers of the equations at time t [s], in principal axes."""
-        rates = [float(drive.rate(t)) for drive in self.drives]
-        return parameters_of(self.ball, self.rolling, rates)
+        return parameters_of(self.ball, self.rolling, [float(d.rate(t)) for d in self.drives])
 
     @cached_property
     def parameters(self) -> Parameters:

@@ -65,7 +65,7 @@ def catalog() -> list[str]:
 
 
 def heads() -> dict[str, dict[str, Any]]:
-    """Return the decoded TOML of every catalog scene by name, without making the scenes."""
+    """Return the decoded TOML of every catalog scene by name."""
     return {n: msgspec.toml.decode(contents(CATALOG / f"{n}.toml")) for n in catalog()}
 
 
@@ -220,7 +220,7 @@ def _ball(table: tables.SceneTable, folder: Path) -> Ball:
 
 
 def _shell(table: tables.ShellTable, solids: list[Solid]) -> Shell:
-    """Return the shell; solids: that of its file, if it has one."""
+    """Return the shell; solids: from its model file, if it has one."""
     radius, axis = table.outer, direction("shell.axis", np.array(table.axis))
     solids = solids or _part_solids("shell", table.part, axis)
     # Parts or a file alone may make a shell.
@@ -267,7 +267,7 @@ def _motor(name: str, keys: tuple[str, ...], table: tables.HingeTable) -> Any:
 def _body(
     name: str, table: _HungTable, radius: float, solids: list[Solid]
 ) -> Frame | Rotor | Pendulum:
-    """Return a body in a shell of this radius [m]; solids: that of its file, if it has one."""
+    """Return a body in a shell of this radius [m]; solids: from its model file, if it has one."""
     if isinstance(table, tables.FrameTable):
         solid = _solid(name, table, Z, radius, solids)
         return Frame(solid.mass, solid.inertia, solid.centre, shapes=solid.shapes)
@@ -284,7 +284,7 @@ def _body(
 
 
 def _solid(name: str, table: _HungTable, axis: Array, radius: float, solids: list[Solid]) -> Solid:
-    """Return the solid of a body; axis: that of a rotor or its parts."""
+    """Return the solid of a body; axis: the axis of a rotor, and the default axis of parts."""
     if table.mass is not None:
         if isinstance(table.inertia, tables.Axial):
             tensor = axial_tensor(table.inertia.axial, table.inertia.transverse, axis)

@@ -183,7 +183,7 @@ def meaning_of(field: inspect.Field) -> tuple[str, str]:
 def ask(path: Path, scene: Scene) -> None:
     """Issue a UnitWarning if a number of a scene's file seems to be in another unit.
 
-    For a model file the numbers are those of its scene.
+    For a model file the numbers are read from its scene.
     """
     keys = msgspec.toml.decode(contents(path)) if path.suffix == ".toml" else {}
     limits = _limits_of(scene)

@@ -71,10 +71,10 @@ lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-# Generate docs/scene.md from the tables of the scene reader (a test compares it), then the site in
-# out/site, which fails at a dead link or an unknown name.
+# Generate docs/scene.md and docs/scene.schema.json from the tables of the scene reader (a test
+# compares them), then the site in out/site, which fails at a dead link or an unknown name.
 docs: setup
-	$(BIN)/python -m bench.scene_page > docs/scene.md
+	$(BIN)/python -m bench.scene_page
 	$(BIN)/python -m zensical build --clean --strict
 
 # Run the notebooks of docs/tutorials and write their outputs and pages. Takes a minute.

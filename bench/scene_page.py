@@ -1,19 +1,30 @@
-"""Write docs/scene.md: `python -m bench.scene_page > docs/scene.md`; `make docs` does so.
+"""Write docs/scene.md and docs/scene.schema.json: `python -m bench.scene_page`, or `make docs`.
 
-Its text is in scene_page.md; its tables come from `scene_tables`.
+The text of the page is in scene_page.md; its tables come from the records of `scene_tables`.
 """
 
+import json
 import re
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 from msgspec import inspect
 
-from robotball.files.scene_tables import DRIVES, HingeTable
-from robotball.scene_files.parts import DENSITIES
+from robotball.files.scene_tables import DENSITIES, DRIVES, HingeTable
+from robotball.scene_files.scene_file import scene_schema
 from robotball.scene_files.scene_keys import meaning_of, struct_of, tables_at
 from robotball.user_model.robot_scene import RobotTable
+
+_DRIVES = {
+    "prescribed": "The hinge keeps the rate exactly, with any torque that this takes.",
+    "servo": "Torque = kv (rate - the hinge's rate), clipped to the limit.",
+    "position": "Torque = kp (angle - the hinge's angle) - kd · the hinge's rate, clipped to the "
+    "limit.",
+    "dc_motor": "Torque = efficiency · gear · stall_torque (supply - gear · rate/no_load_speed), "
+    "clipped to the limit.",
+    "torque": "The motor applies the torque, independent of the hinge's motion.",
+    "free": "No motor: torque = -damping · rate - stiffness (angle - rest), minus friction.",
+}
 
 
 def page() -> str:
@@ -32,7 +43,7 @@ def _rows(name: str) -> Iterator[str]:
         yield from ("| `drive` | behaviour | required keys | optional keys |", "|---|---|---|---|")
         for drive, kind in DRIVES.items():
             optional = tuple(key for key in kind.allowed if key not in kind.needed)
-            yield f"| `{drive}` | {kind.does} | {_codes(kind.needed)} | {_codes(optional)} |"
+            yield f"| `{drive}` | {_DRIVES[drive]} | {_codes(kind.needed)} | {_codes(optional)} |"
         return
     yield from ("| key | meaning | unit | default |", "|---|---|---|---|")
     # A hinge's keys have their own table, so other bodies' tables leave them out.
@@ -74,5 +85,12 @@ def _codes(keys: tuple[str, ...]) -> str:
     return ", ".join(f"`{key}`" for key in keys)
 
 
+def schema() -> str:
+    """Return docs/scene.schema.json."""
+    return json.dumps(scene_schema(), indent=1, ensure_ascii=False) + "\n"
+
+
 if __name__ == "__main__":
-    sys.stdout.write(page())
+    docs = Path(__file__).parent.parent / "docs"
+    (docs / "scene.md").write_text(page())
+    (docs / "scene.schema.json").write_text(schema())

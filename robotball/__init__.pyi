@@ -71,6 +71,7 @@ from .robot.scene import Start as Start
 from .robot.scene import sample_times as sample_times
 from .scene_files.scene_file import catalog as catalog
 from .scene_files.scene_file import load_scene as load_scene
+from .scene_files.scene_file import scene_schema as scene_schema
 from .theory.plane import in_space as in_space
 from .view.export import export_scene as export_scene
 from .view.export import scene_toml as scene_toml

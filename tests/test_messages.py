@@ -61,8 +61,8 @@ def in_scene_files(folder: Path) -> Rows:
         asked = f"{body} {facts}".strip()
         yield asked, test_refused_scene_files.refusal(text, folder)
     path = folder / "unit.toml"
-    for stands, (typed, *_) in test_refused_scene_files.ASKED.items():
-        path.write_text(edited(stands, typed, test_refused_scene_files.EXAMPLE))
+    for text, typed, _ in test_refused_scene_files.ASKED:
+        path.write_text(edited(text, typed, test_refused_scene_files.EXAMPLE))
         with pytest.warns(UnitWarning) as warned:
             ask(path, rb.load_scene(PROJECT / "examples" / "my_robot.toml"))
         yield typed, str(warned[0].message)

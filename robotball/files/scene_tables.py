@@ -1,9 +1,8 @@
-"""The tables of a scene file, a record each, in the order in which a file is written.
+"""The tables of a scene file, one record each, in the order of a written file.
 
-From these records a file is decoded (by msgspec, which refuses unknown keys and wrong types), read
-(`scene_file`), explained (`scene_keys`) and written (`scene_writer`). Each key has
-its meaning and unit beside it. In order: hinges, bodies, friction, numbers, starts, the whole
-scene.
+msgspec decodes a file into these records, and refuses unknown keys, wrong types and numbers beyond
+a key's limits. They are the only list of the keys: the reader (`scene_file`), its messages
+(`scene_keys`), the writer (`scene_writer`), docs/scene.md and the JSON schema all use them.
 """
 
 from collections.abc import Iterator
@@ -13,23 +12,43 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from robotball.errors import InputError
+from robotball.errors import InputError, unknown
+from robotball.robot.ball import shell_inertia, wall_volume
 from robotball.robot.drives import COMMAND, Ramp, Rate, Samples, Sine, Sum, key
 from robotball.robot.formulas import Rolling
 from robotball.robot.scene import DOWN, GRAVITY
 
 Triple = tuple[float, float, float]
 _Quadruple = tuple[float, float, float, float]
+_Positive = Annotated[float, msgspec.Meta(gt=0)]
+_NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 _ORIGIN: Triple = (0.0, 0.0, 0.0)
 _UPRIGHT: _Quadruple = (1.0, 0.0, 0.0, 0.0)
+# kg/m³ of solid material, typical values of data sheets; grades differ by a few percent.
+DENSITIES = {
+    "abs": 1050.0,
+    "pla": 1240.0,
+    "petg": 1270.0,
+    "pmma": 1190.0,
+    "pc": 1200.0,
+    "nylon": 1140.0,
+    "pom": 1410.0,
+    "aluminium": 2700.0,
+    "steel": 7850.0,
+    "brass": 8500.0,
+    "lead": 11340.0,
+    "tungsten": 19300.0,
+}
+_MASS_KEYS = ("mass", "density", "material")
+_FILE_KEYS = ("part", "mjcf", "urdf")
 
 
 class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A TOML table in which every key must be known."""
+    """A TOML table without unknown keys."""
 
     def given(self, *keys: str) -> list[str]:
-        """Return those of the keys that the table has."""
-        return [each for each in keys if getattr(self, each) is not None]
+        """Return the names in `keys` that the table has."""
+        return [name for name in keys if getattr(self, name) is not None]
 
 
 def numbers_in(value: object, path: str = "") -> Iterator[tuple[str, float]]:
@@ -44,55 +63,61 @@ def numbers_in(value: object, path: str = "") -> Iterator[tuple[str, float]]:
             yield from numbers_in(inner, f"{path}[{i}]")
 
 
-# Not `drives.Samples` itself: that one has numbers, and no file.
+# `drives.Samples` has no file.
 class _SamplesTable(Table, frozen=True, tag_field="kind", tag="samples"):
-    """Samples, given here or in a file."""
+    """Samples in the scene file or in a file of their own."""
 
     times: Annotated[list[float] | None, key("increasing times, over the whole run", "s")] = None
     values: Annotated[list[float] | None, key("as many values", COMMAND)] = None
     file: Annotated[
         str | None,
-        key("instead of both: a file (.csv, .npz) of two columns, time and value, with names"),
+        key("instead of both: a file (.csv, .npz) with two named columns, time and value"),
     ] = None
 
 
-_Told = float | Ramp | Sine | _SamplesTable
-Command = _Told | list[_Told]
+_Term = float | Ramp | Sine | _SamplesTable
+Command = _Term | list[_Term]
 _Three = tuple[Command, Command, Command]
 
 
-def rate_of(given: Command, folder: Path) -> Rate:
-    """Return a command as a drive takes it; samples may be in a file beside the scene's."""
-    if isinstance(given, list):
-        return Sum(tuple(rate_of(each, folder) for each in given))
-    if not isinstance(given, _SamplesTable):
-        return given
-    if given.file is not None:
-        if given.times is not None or given.values is not None:
+def rate_of(command: Command, folder: Path) -> Rate:
+    """Return the rate of a command; folder: of the scene file, for files of samples."""
+    if isinstance(command, list):
+        return Sum(tuple(rate_of(term, folder) for term in command))
+    if not isinstance(command, _SamplesTable):
+        return command
+    if command.file is not None:
+        if command.times is not None or command.values is not None:
             raise InputError("samples take a file, or times and values, not both")
         from robotball.files.columns import read_samples  # few scenes have such a file
 
-        return read_samples(folder / given.file)
-    if given.times is None or given.values is None:
-        missing = "times" if given.times is None else "values"
+        return read_samples(folder / command.file)
+    if command.times is None or command.values is None:
+        missing = "times" if command.times is None else "values"
         raise InputError(f"samples: key {missing!r} is missing, or 'file' instead")
-    return Samples(times=tuple(given.times), values=tuple(given.values))
+    return Samples(times=tuple(command.times), values=tuple(command.values))
 
 
-# As a type of its own, so that msgspec refuses any other word.
+# A separate type, so that msgspec refuses other words.
 _DriveName = Literal["prescribed", "servo", "position", "dc_motor", "torque", "free"]
 
 
 @dataclass(frozen=True)
 class _DriveKind:
-    """A way to move a hinge: the key of its command, its motor, and the keys of the motor's fields.
+    """A value of the key `drive`.
 
-    does: a sentence of docs/scene.md; motor: the name of its class in `robotball.robot.motors`,
-    which is loaded for scenes that have one; None keeps the command exactly; keys: in the order of
-    the motor's fields; needed: the keys without which the drive is refused.
+    Attributes
+    ----------
+    command : str or None
+        Key of the command.
+    motor : str or None
+        Class in `robotball.robot.motors`; None keeps the commanded rate exactly.
+    keys : tuple of str
+        Keys of the motor's fields, in their order.
+    needed : tuple of str
+        Required keys.
     """
 
-    does: str
     command: str | None
     motor: str | None = None
     keys: tuple[str, ...] = ()
@@ -100,115 +125,133 @@ class _DriveKind:
 
     @property
     def allowed(self) -> tuple[str, ...]:
-        """All keys that belong to the drive, those that it needs included."""
-        own = (*self.needed, self.command, *self.keys, "initial_rate" if self.motor else None)
-        return tuple(dict.fromkeys(each for each in own if each is not None))
+        """All keys that belong to the drive."""
+        names = (*self.needed, self.command, *self.keys, "initial_rate" if self.motor else None)
+        return tuple(dict.fromkeys(name for name in names if name is not None))
 
 
+_NEEDED_OF_MOTOR = ("stall_torque", "no_load_speed")
+_KEYS_OF_MOTOR = ("gear", "rotor_inertia", "torque_limit", "efficiency", "no_load_current")
 DRIVES: dict[_DriveName, _DriveKind] = {
-    "prescribed": _DriveKind(
-        "The hinge keeps the rate exactly, whatever torque that takes.",
-        "rate",
-    ),
-    "servo": _DriveKind(
-        "Torque = kv (rate - the hinge's rate), at most the limit either way.",
-        "rate", "Servo", keys=("kv", "torque_limit", "armature"), needed=("kv",),
-    ),
+    "prescribed": _DriveKind("rate"),
+    "servo": _DriveKind("rate", "Servo", ("kv", "torque_limit", "armature"), ("kv",)),
     "position": _DriveKind(
-        "Torque = kp (angle - the hinge's angle) - kd · the hinge's rate, likewise.",
-        "angle", "PositionServo", keys=("kp", "kd", "torque_limit", "armature"),
-        needed=("kp", "angle"),
+        "angle", "PositionServo", ("kp", "kd", "torque_limit", "armature"), ("kp", "angle")
     ),
     "dc_motor": _DriveKind(
-        "Torque = efficiency · gear · stall_torque (supply - gear · rate/no_load_speed), likewise.",
-        "supply", "DCMotor", needed=("stall_torque", "no_load_speed", "supply"),
-        keys=(
-            "stall_torque", "no_load_speed", "gear", "rotor_inertia", "torque_limit", "efficiency",
-            "no_load_current", "stall_current",
-        ),
+        "supply",
+        "DCMotor",
+        (*_NEEDED_OF_MOTOR, *_KEYS_OF_MOTOR, "stall_current"),
+        (*_NEEDED_OF_MOTOR, "supply"),
     ),
-    "torque": _DriveKind(
-        "The motor gives the torque, whatever the hinge does.",
-        "torque", "Torque", keys=("armature",), needed=("torque",),
-    ),
-    "free": _DriveKind(
-        "No motor: torque = -damping · rate - stiffness (angle - rest), less friction.",
-        None, "Free", keys=("damping", "stiffness", "rest", "armature", "friction"),
-    ),
-}  # fmt: skip
+    "torque": _DriveKind("torque", "Torque", ("armature",), ("torque",)),
+    "free": _DriveKind(None, "Free", ("damping", "stiffness", "rest", "armature", "friction")),
+}
+_DRIVE_KEYS = tuple(dict.fromkeys(name for kind in DRIVES.values() for name in kind.allowed))
 
 
 class HingeTable(Table, frozen=True):
-    """How a hinge is moved, and where it starts."""
+    """The drive and the initial state of a hinge."""
 
-    # None where a key is not given: 0 would be a value, and a key of another drive is refused.
+    # None marks a missing key: 0 would be a value, and a key of another drive is refused.
     rate: Annotated[
         Command | None, key("commanded rate, a command as below; 0 if not given", "rad/s")
     ] = None
     angle: Annotated[Command | None, key("commanded angle, a command as below", "rad")] = None
     torque: Annotated[Command | None, key("commanded torque, a command as below", "N m")] = None
     supply: Annotated[
-        Command | None, key("share of the nominal voltage, -1 to 1, a command as below", "1")
+        Command | None, key("fraction of the nominal voltage, -1 to 1, a command as below", "1")
     ] = None
     drive: Annotated[
-        _DriveName, key("what moves the hinge, see Drives; `prescribed`: it keeps its rate exactly")
+        _DriveName, key("the motor of the hinge, see Drives; `prescribed`: exact rate, no motor")
     ] = "prescribed"
-    kv: Annotated[float | None, key("gain: torque per rate missed", "N m s/rad")] = None
-    kp: Annotated[float | None, key("gain: torque per angle missed", "N m/rad")] = None
+    kv: Annotated[float | None, key("gain: torque per error of the rate", "N m s/rad")] = None
+    kp: Annotated[float | None, key("gain: torque per error of the angle", "N m/rad")] = None
     kd: Annotated[float | None, key("damping: torque against the rate", "N m s/rad")] = None
-    stall_torque: Annotated[float | None, key("of the motor before its gear", "N m")] = None
-    no_load_speed: Annotated[float | None, key("of the motor before its gear", "rad/s")] = None
-    gear: Annotated[float | None, key("the motor's turns in one of the hinge's; else 1")] = None
-    rotor_inertia: Annotated[float | None, key("of the motor's own rotor", "kg m²")] = None
+    stall_torque: Annotated[float | None, key("stall torque before the gear", "N m")] = None
+    no_load_speed: Annotated[float | None, key("no-load speed before the gear", "rad/s")] = None
+    gear: Annotated[float | None, key("motor turns per hinge turn; 1 if not given")] = None
+    rotor_inertia: Annotated[float | None, key("inertia of the motor's rotor", "kg m²")] = None
     torque_limit: Annotated[float | None, key("the motor's largest torque", "N m")] = None
     efficiency: Annotated[
-        float | None, key("of the gear: the part of the torque that reaches the hinge; else 1")
+        float | None, key("fraction of the torque that the gear transmits; 1 if not given")
     ] = None
     no_load_current: Annotated[
-        float | None, key("at the no-load speed; with it the motor has dry friction", "A")
+        float | None, key("current at the no-load speed, which gives the motor dry friction", "A")
     ] = None
-    stall_current: Annotated[float | None, key("at rest, which no_load_current needs", "A")] = None
+    stall_current: Annotated[float | None, key("at rest; needed by no_load_current", "A")] = None
     damping: Annotated[float | None, key("torque against the rate", "N m s/rad")] = None
-    stiffness: Annotated[float | None, key("of a spring", "N m/rad")] = None
-    rest: Annotated[float | None, key("the angle at which the spring rests", "rad")] = None
+    stiffness: Annotated[float | None, key("stiffness of a spring", "N m/rad")] = None
+    rest: Annotated[float | None, key("rest angle of the spring", "rad")] = None
     friction: Annotated[
-        float | None,
-        key("dry friction of the hinge; the equations smooth it below 1e-3 rad/s", "N m"),
+        float | None, key("dry friction, smoothed below 1e-3 rad/s in the equations", "N m")
     ] = None
     armature: Annotated[
-        float | None, key("inertia of the motor's own rotor, times its gear ratio squared", "kg m²")
+        float | None, key("inertia of the motor's rotor times its gear ratio squared", "kg m²")
     ] = None
     initial_angle: Annotated[float, key("angle at the start", "rad")] = 0.0
     initial_rate: Annotated[
-        float | None,
-        key("rate at the start; if not given, that of a velocity servo's command, else 0", "rad/s"),
+        float | None, key("rate at the start; if not given, a servo's command or 0", "rad/s")
     ] = None
 
+    def __post_init__(self) -> None:
+        drive = DRIVES[self.drive]
+        for name in drive.needed:
+            if getattr(self, name) is None:
+                raise ValueError(f'drive = "{self.drive}" needs the key {name!r}')
+        # A key of another drive would be ignored silently.
+        for name in self.given(*_DRIVE_KEYS):
+            if name not in drive.allowed:
+                owners = [f'"{owner}"' for owner, kind in DRIVES.items() if name in kind.allowed]
+                raise ValueError(
+                    f'{name} belongs to drive = {" or ".join(owners)}, not to "{self.drive}"'
+                )
 
-_Name = Annotated[str | None, key("one word, by which `fit` finds its numbers")]
-_Mass = Annotated[float, key("its mass", "kg")]
-_Place = Annotated[Triple, key("where its middle is, from the sphere's centre", "m")]
+
+_Name = Annotated[str | None, key("one word, the name of the part in `fit`")]
+_Mass = Annotated[_Positive, key("mass", "kg")]
+_Place = Annotated[Triple, key("position of its middle, from the sphere's centre", "m")]
 _Axis = Annotated[
     Triple | None,
-    key("what it is symmetric about; without it the axis of the shell or rotor, or else z"),
+    key("symmetry axis; if not given, the axis of the shell or rotor, or else z"),
 ]
 
 
 class Matter(Table, frozen=True):
-    """A body's matter: its mass, or what makes it in the body's volume."""
+    """The mass of a body, or its density or material."""
 
-    mass: Annotated[float | None, key("its mass, or else its density or material", "kg")] = None
-    density: Annotated[float | None, key("instead of the mass", "kg/m³")] = None
+    mass: Annotated[_Positive | None, key("mass, or else a density or material", "kg")] = None
+    density: Annotated[_Positive | None, key("instead of the mass", "kg/m³")] = None
     material: Annotated[str | None, key("instead of the density, see Materials")] = None
+
+    def __post_init__(self) -> None:
+        if len(ways := self.given(*_MASS_KEYS)) > 1:
+            raise ValueError(
+                f"it takes one of mass, density and material, not {' and '.join(ways)}"
+            )
+        if self.material is not None and self.material.lower() not in DENSITIES:
+            raise unknown("material", self.material, DENSITIES)
+
+    def mass_in(self, volume: float) -> float:
+        """Return the mass [kg] of a body with a volume [m³]."""
+        if self.mass is not None:
+            return self.mass
+        density = self.density if self.material is None else DENSITIES[self.material.lower()]
+        if density is None:
+            raise InputError("it needs a mass [kg], a density [kg/m³] or a material")
+        if volume == 0:
+            raise InputError("without a thickness it takes a mass, not a density or a material")
+        return density * volume
 
 
 class _Round(Matter, frozen=True):
-    """Matter of a round shape, by its outer radius or diameter."""
+    """A round body with an outer radius or diameter."""
 
-    radius: Annotated[float | None, key("its outer radius, or else its diameter", "m")] = None
-    diameter: Annotated[float | None, key("instead of the radius", "m")] = None
+    radius: Annotated[_Positive | None, key("outer radius, or else a diameter", "m")] = None
+    diameter: Annotated[_Positive | None, key("instead of the radius", "m")] = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.diameter is None is self.radius:
             raise ValueError("key 'radius' is missing, or 'diameter' instead")
         if self.diameter is not None and self.radius:
@@ -221,16 +264,23 @@ class _Round(Matter, frozen=True):
 
 
 class _Bored(_Round, frozen=True):
-    """A round shape about an axis, with or without a round hole."""
+    """A round body about an axis, with or without a round hole."""
 
-    inner_radius: Annotated[float, key("of its hole", "m")] = 0.0
+    inner_radius: Annotated[_NotNegative, key("radius of its hole", "m")] = 0.0
     centre: _Place = _ORIGIN
     axis: _Axis = None
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.inner_radius < self.outer:
+            inner, outer = self.inner_radius, self.outer
+            raise ValueError(
+                f"inner_radius must be less than the radius {outer:g}, not {inner:g} m"
+            )
 
-# The parts, of which bodies are put together.
+
 class Point(Table, frozen=True, kw_only=True, tag_field="kind", tag="point"):
-    """A mass without a size."""
+    """A point mass."""
 
     mass: _Mass
     centre: _Place = _ORIGIN
@@ -240,7 +290,7 @@ class Point(Table, frozen=True, kw_only=True, tag_field="kind", tag="point"):
 class Sphere(_Round, frozen=True, tag_field="kind", tag="sphere"):
     """A ball, solid or hollow."""
 
-    thickness: Annotated[float | None, key("of its wall; without it the ball is solid", "m")] = None
+    thickness: Annotated[_Positive | None, key("of its wall; solid if not given", "m")] = None
     centre: _Place = _ORIGIN
     name: _Name = None
 
@@ -248,10 +298,10 @@ class Sphere(_Round, frozen=True, tag_field="kind", tag="sphere"):
 class Box(Matter, frozen=True, kw_only=True, tag_field="kind", tag="box"):
     """A cuboid."""
 
-    size: Annotated[Triple, key("its three edges, whole lengths", "m")]
+    size: Annotated[tuple[_Positive, _Positive, _Positive], key("full lengths of its edges", "m")]
     centre: _Place = _ORIGIN
     attitude: Annotated[
-        _Quadruple, key("quaternion (w, x, y, z) that turns its edges from x, y, z")
+        _Quadruple, key("quaternion (w, x, y, z) that rotates its edges from x, y, z")
     ] = _UPRIGHT
     name: _Name = None
 
@@ -259,22 +309,22 @@ class Box(Matter, frozen=True, kw_only=True, tag_field="kind", tag="box"):
 class Cylinder(_Bored, frozen=True, kw_only=True, tag_field="kind", tag="cylinder"):
     """A cylinder or a tube."""
 
-    length: Annotated[float, key("along the axis", "m")]
+    length: Annotated[_Positive, key("length along the axis", "m")]
     name: _Name = None
 
 
 class Disc(_Bored, frozen=True, tag_field="kind", tag="disc"):
     """A round plate, with or without a round hole."""
 
-    thickness: Annotated[float, key("along the axis; a density needs it", "m")] = 0.0
+    thickness: Annotated[_NotNegative, key("along the axis; needed by a density", "m")] = 0.0
     name: _Name = None
 
 
 class Ring(Table, frozen=True, kw_only=True, tag_field="kind", tag="ring"):
-    """A hoop, all of whose mass is at its radius."""
+    """A thin hoop."""
 
     mass: _Mass
-    radius: Annotated[float, key("its radius", "m")]
+    radius: Annotated[_Positive, key("radius", "m")]
     centre: _Place = _ORIGIN
     axis: _Axis = None
     name: _Name = None
@@ -283,9 +333,9 @@ class Ring(Table, frozen=True, kw_only=True, tag_field="kind", tag="ring"):
 class Rod(_Round, frozen=True, kw_only=True, tag_field="kind", tag="rod"):
     """A round rod between two points."""
 
-    begin: Annotated[Triple, key("the middle of its one end, from the sphere's centre", "m")]
-    end: Annotated[Triple, key("the middle of its other end", "m")]
-    radius: Annotated[float, key("of its round section; a density needs it", "m")] = 0.0
+    begin: Annotated[Triple, key("centre of one end, from the sphere's centre", "m")]
+    end: Annotated[Triple, key("centre of the other end", "m")]
+    radius: Annotated[_NotNegative, key("of its round section; needed by a density", "m")] = 0.0
     name: _Name = None
 
 
@@ -293,93 +343,151 @@ Part = Point | Sphere | Box | Cylinder | Disc | Ring | Rod
 
 
 class _BodyFile(Table, frozen=True):
-    """A file with a body, and where that is laid."""
+    """A body in a model file, and its pose in the ball."""
 
     file: Annotated[str, key("the file; a relative path is from the scene's own folder")]
-    origin: Annotated[Triple, key("where its origin is, from the sphere's centre", "m")] = _ORIGIN
-    attitude: Annotated[_Quadruple, key("quaternion (w, x, y, z) that turns its axes")] = _UPRIGHT
+    origin: Annotated[Triple, key("position of its origin, from the sphere's centre", "m")] = (
+        _ORIGIN
+    )
+    attitude: Annotated[_Quadruple, key("quaternion (w, x, y, z) that rotates its axes")] = _UPRIGHT
 
 
 class MjcfTable(_BodyFile, frozen=True, kw_only=True):
-    """A body of an MJCF file, with all that is fixed to it."""
+    """A body of an MJCF file, with everything fixed to it."""
 
     body: Annotated[str, key("the name of the body")]
 
 
 class UrdfTable(_BodyFile, frozen=True, kw_only=True):
-    """A link of a URDF file, with all that is fixed to it."""
+    """A link of a URDF file, with everything fixed to it."""
 
     link: Annotated[str, key("the name of the link")]
 
 
-Rows = list[float | Triple]  # three moments, or three rows: msgspec knows no list of either
+Rows = list[float | Triple]  # three moments or three rows: msgspec has no union of two lists
 _Tensor = Annotated[
-    Rows | None, key("about its own centre of mass: three moments, or three rows of three", "kg m²")
+    Rows | None, key("about its centre of mass: three moments, or three rows of three", "kg m²")
 ]
 
 
 class Axial(Table, frozen=True):
-    """Moments of a symmetric body about its axis and across it."""
+    """Moments of a symmetric body."""
 
-    axial: Annotated[float, key("about the axis", "kg m²")]
-    transverse: Annotated[float, key("across it", "kg m²")]
+    axial: Annotated[float, key("moment about the axis", "kg m²")]
+    transverse: Annotated[float, key("moment about a line across the axis", "kg m²")]
 
 
 class ShellInertia(Table, frozen=True):
-    """Two moments about the shell's own centre of mass, or a thickness."""
+    """Two moments about the shell's centre of mass, or a thickness."""
 
-    axial: Annotated[float | None, key("about the axis", "kg m²")] = None
-    transverse: Annotated[float | None, key("across it", "kg m²")] = None
-    thickness: Annotated[float | None, key("as `thickness` of the shell", "m")] = None
+    axial: Annotated[float | None, key("moment about the axis", "kg m²")] = None
+    transverse: Annotated[float | None, key("moment about a line across the axis", "kg m²")] = None
+    thickness: Annotated[_Positive | None, key("as `thickness` of the shell", "m")] = None
 
 
 class ShellTable(_Round, frozen=True):
-    """The sphere that rolls: a wall, and parts fixed to it; symmetric about `axis`."""
+    """The sphere that rolls: a wall and parts fixed to it; symmetric about `axis`."""
 
-    # Which of these combine the reader knows; the records have only what a value may be.
-    thickness: Annotated[float | None, key("of the wall, the same all round", "m")] = None
+    thickness: Annotated[_Positive | None, key("thickness of the uniform wall", "m")] = None
     inertia: Annotated[
         Literal["thin"] | ShellInertia | None,
-        key('of the wall, instead of its thickness: `"thin"` for none, or two moments'),
+        key('of the wall, instead of its thickness: `"thin"` for a thin wall, or two moments'),
     ] = None
     axis: Annotated[
-        Triple, key("what the frame turns about in the shell; a direction of any length")
+        Triple, key("axis of the frame's hinge in the shell; a direction of any length")
     ] = (0.0, 0.0, 1.0)
     offset: Annotated[
-        float, key("how far along `axis` the wall's centre of mass is from the sphere's", "m")
+        float, key("position of the wall's centre of mass along `axis`, from the sphere's", "m")
     ] = 0.0
     part: Annotated[list[Part] | None, key("parts fixed to the wall, see Parts")] = None
     mjcf: Annotated[MjcfTable | None, key("the whole shell from an MJCF file")] = None
     urdf: Annotated[UrdfTable | None, key("the whole shell from a URDF file")] = None
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.mjcf or self.urdf:
+            _check_one_way(self, "mass and thickness", self.wall_keys)
+
+    @property
+    def wall_keys(self) -> list[str]:
+        """The keys of the wall that the table has."""
+        return self.given(*_MASS_KEYS, "thickness", "inertia")
+
+    def wall(self) -> tuple[float, float, float]:
+        """Return the mass [kg] of the wall, and its axial and transverse moments [kg m²].
+
+        Raises InputError for missing keys and for keys that exclude each other.
+        """
+        inertia, thickness = self.inertia, self.thickness
+        if isinstance(inertia, ShellInertia) and inertia.thickness is not None:
+            if thickness is not None or inertia.given("axial", "transverse"):
+                raise InputError("shell.inertia takes a thickness alone")
+            thickness, inertia = inertia.thickness, None
+        if inertia is not None and thickness is not None:
+            raise InputError("shell takes thickness or inertia, not both")
+        if thickness is not None:
+            mass = self.mass_in(wall_volume(self.outer, thickness))
+            moment = shell_inertia(self.outer, mass, thickness)
+            return mass, moment, moment
+        if self.given("density", "material"):
+            raise InputError("shell: a density needs the wall's thickness [m]")
+        if self.mass is None:
+            raise InputError("shell: key 'mass' is missing")
+        if inertia is None:
+            raise InputError("shell: key 'thickness' is missing, or 'inertia' instead of it")
+        if inertia == "thin":
+            moment = shell_inertia(self.outer, self.mass)
+            return self.mass, moment, moment
+        if inertia.axial is None or inertia.transverse is None:
+            raise InputError('shell.inertia takes "thin", or thickness, or axial and transverse')
+        return self.mass, inertia.axial, inertia.transverse
+
 
 class _BodyTable(HingeTable, frozen=True):
-    """A body on a hinge, but for its inertia and the hinge's place."""
+    """A body on a hinge, without its inertia and the axis of the hinge."""
 
-    mass: Annotated[float | None, key("its mass", "kg")] = None
+    mass: Annotated[float | None, key("mass", "kg")] = None
     centre: Annotated[
         Triple | None, key("the centre of mass, from the sphere's centre; 0 if not given", "m")
     ] = None
-    part: Annotated[list[Part] | None, key("parts that it is made of, see Parts")] = None
+    part: Annotated[list[Part] | None, key("parts of the body, see Parts")] = None
     mjcf: Annotated[MjcfTable | None, key("a body of an MJCF file")] = None
     urdf: Annotated[UrdfTable | None, key("a link of a URDF file")] = None
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        numbers = self.given("mass", "inertia", "centre")
+        _check_one_way(self, "mass and inertia", numbers)
+        if self.part is not None and not self.part:
+            raise ValueError("part is empty: list at least one part, or give mass and inertia")
+        for name in ("mass", "inertia") if numbers else ():
+            if getattr(self, name) is None:
+                raise ValueError(f"key {name!r} is missing")
+
+
+def _check_one_way(table: ShellTable | _BodyTable, numbers: str, keys: list[str]) -> None:
+    """Raise ValueError unless a body has either numbers, or parts, or one file."""
+    ways = {numbers: keys, **{name: table.given(name) for name in _FILE_KEYS}}
+    if len(used := [names for names in ways.values() if names]) != 1:
+        listed = " and ".join(map(", ".join, used)) or "nothing"
+        raise ValueError(f"it gives {listed}; it takes {', or '.join(ways)}")
+
 
 class FrameTable(_BodyTable, frozen=True):
-    """The body that turns in the shell, about the shell's axis, and carries the others."""
+    """The body that turns in the shell, about the shell's axis, and carries the other bodies."""
 
     inertia: _Tensor = None
 
 
 class RotorTable(_BodyTable, frozen=True, kw_only=True):
-    """A symmetric body on the frame that turns about its own axis."""
+    """A symmetric body that turns on the frame about its symmetry axis."""
 
-    inertia: Annotated[Axial | None, key("its moments")] = None
-    axis: Annotated[Triple, key("its axis; a direction of any length")]
+    inertia: Annotated[Axial | None, key("moments")] = None
+    axis: Annotated[Triple, key("symmetry axis; a direction of any length")]
 
 
 class PendulumTable(_BodyTable, frozen=True, kw_only=True):
-    """Any body on a hinge of the frame, as it is at the hinge's angle 0."""
+    """Any body on a hinge of the frame, at hinge angle 0."""
 
     inertia: _Tensor = None
     axis: Annotated[Triple, key("the hinge's axis; a direction of any length")]
@@ -390,29 +498,28 @@ class FrictionTable(Table, frozen=True):
     """Friction of the plane against the shell."""
 
     sliding: Annotated[
-        float | None, key("largest friction over the normal force; as much as needed if not given")
+        float | None, key("largest friction over the normal force; unlimited if not given")
     ] = None
-    # None is as much as needed; 0, a plane of ice, is refused.
-    torsional: Annotated[
-        float | None, key("largest torque about the vertical over the normal force; likewise", "m")
-    ] = None
+    torsional: Annotated[float | None, key("the same for the torque about the vertical", "m")] = (
+        None
+    )
     rolling: Annotated[float, key("torque against rolling over the normal force", "m")] = 0.0
 
 
 class PlaneTable(Table, frozen=True):
-    """How the plane moves, without turning."""
+    """The motion of the plane, which does not rotate."""
 
     motion: Annotated[_Three, key("its acceleration along the world's X, Y, Z", "m/s²")] = _ORIGIN
 
 
 class NumbersTable(Table, frozen=True):
-    """The numbers of the equations, for which bodies are designed."""
+    """Numbers of the equations, for which bodies are designed."""
 
     radius: Annotated[float, key("a", "m")]
     A: Annotated[Rows, key("A: its diagonal, or three rows", "1/(kg m²)")]
     K: Annotated[Triple, key("K, in the same axes", "kg m²/s")]
     Omega: Annotated[Triple, key("Ω, in the same axes", "rad/s")]
-    mass: Annotated[float | None, key("of the whole ball; found if not given", "kg")] = None
+    mass: Annotated[float | None, key("mass of the whole ball; found if not given", "kg")] = None
 
 
 class _SectionTable(Table, frozen=True):
@@ -426,7 +533,7 @@ class _SectionTable(Table, frozen=True):
 
 
 class StartTable(Table, frozen=True):
-    """An attitude and what turns the ball, in one of three forms."""
+    """The initial attitude and momentum, in one of three forms."""
 
     attitude: Annotated[
         _Quadruple | None, key("quaternion (w, x, y, z) of the frame, frame to world")
@@ -434,12 +541,12 @@ class StartTable(Table, frozen=True):
     gamma: Annotated[Triple | None, key("the upward vertical, in frame axes; of length 1")] = None
     alpha: Annotated[Triple | None, key("the world's X, in frame axes; of length 1")] = None
     angular_velocity: Annotated[
-        Triple | None, key("ω of the frame, in frame axes; 0 is a frame that stands still", "rad/s")
+        Triple | None, key("ω of the frame, in frame axes; 0 for a frame at rest", "rad/s")
     ] = None
     momentum: Annotated[Triple | None, key("M in frame axes", "kg m²/s")] = None
     momentum_world: Annotated[Triple | None, key("M in world axes", "kg m²/s")] = None
     rest: Annotated[
-        bool, key("`true` is M = 0, the paper's rest; what turns at the start turns the ball then")
+        bool, key("`true` is M = 0, the paper's rest; hinges that turn then turn the ball too")
     ] = False
     section: Annotated[_SectionTable | None, key("the paper's section coordinates")] = None
 
@@ -448,24 +555,24 @@ class SceneTable(Table, frozen=True, kw_only=True):
     """The table of a whole scene file."""
 
     title: Annotated[str, key("one line, for tables and plots")]
-    source: Annotated[str, key("where the numbers come from, any lines of text")] = ""
+    source: Annotated[str, key("source of the numbers, any lines of text")] = ""
     rolling: Annotated[
         Rolling,
         key("`rubber`: the shell neither slips nor spins on the spot; `classical`: no slip"),
     ]
-    duration: Annotated[float, key("of the motion", "s")]
-    gravity: Annotated[float, key("how fast things fall", "m/s²")] = GRAVITY
+    duration: Annotated[float, key("duration of the motion", "s")]
+    gravity: Annotated[float, key("acceleration of free fall", "m/s²")] = GRAVITY
     gravity_direction: Annotated[
         Triple,
         key(
-            "which way they fall, a direction of any length; Z is up from the plane, and "
+            "direction of gravity, of any length; Z is up from the plane, and "
             "`[tan(slope), 0, -1]` is a plane that goes down towards X"
         ),
     ] = DOWN
     friction: Annotated[FrictionTable, key("friction of the plane, see Friction")] = FrictionTable()
-    plane: Annotated[PlaneTable, key("how the plane moves, see Plane")] = PlaneTable()
+    plane: Annotated[PlaneTable, key("motion of the plane, see Plane")] = PlaneTable()
     shell: Annotated[ShellTable | None, key("the sphere that rolls, see Shell")] = None
-    frame: Annotated[FrameTable | None, key("what turns in it, see Frame")] = None
+    frame: Annotated[FrameTable | None, key("the body that turns in the shell, see Frame")] = None
     rotor: Annotated[tuple[RotorTable, ...], key("`[[rotor]]`, any number of them, see Rotor")] = ()
     pendulum: Annotated[
         tuple[PendulumTable, ...], key("`[[pendulum]]`, any number of them, see Pendulum")
@@ -473,4 +580,4 @@ class SceneTable(Table, frozen=True, kw_only=True):
     numbers: Annotated[
         NumbersTable | None, key("instead of bodies: numbers of the paper's equations, see Numbers")
     ] = None
-    start: Annotated[StartTable, key("where the motion starts, see Start")]
+    start: Annotated[StartTable, key("initial state, see Start")]

@@ -1,7 +1,7 @@
-"""Write a scene as TOML, in full precision: `load_scene` reads the same scene back to the last bit.
+"""Write a scene as TOML in full precision: `load_scene` reads the same scene to the last bit.
 
-The scene becomes the records of `scene_tables`, and these become text: scalars first, then a table
-for each body. Bodies are written by mass, centre and inertia, however they were given.
+The scene becomes the records of `scene_tables`, and these become text: scalars first, then one
+table per body. Bodies are written with mass, centre and inertia, even if they had parts.
 """
 
 import json
@@ -21,17 +21,17 @@ from robotball.robot.scene import Scene
 from robotball.rotations import Array
 
 _REST_COMMENT = "M = 0; ω is not, where frame or rotors turn"
-# Written even where they have their default: a reader would look for a direction and its place.
+# Written even if they have their defaults, because a reader expects a direction and its point.
 _ALWAYS = ("axis", "pivot")
 
 
 def toml_of(scene: Scene) -> str:
     """Return the text of a scene file.
 
-    Raises InputError for a rate by a function of time, links, actuators or a controller.
+    Raises InputError for a rate given as a function of time, links, actuators or a controller.
     """
-    # The start comes last, and its momentum last in it: the remark is on that line. From rest means
-    # M = 0 in the paper, where a robot's builder would expect ω = 0.
+    # The momentum is the last key, so the comment is on its line. At rest means M = 0 in the paper,
+    # but ω = 0 to a robot's builder.
     text = text_of(_scene_table(scene)).rstrip("\n")
     return f"{text}\n" if np.any(scene.start.momentum) else f"{text}  # {_REST_COMMENT}\n"
 
@@ -42,10 +42,10 @@ def _scene_table(scene: Scene) -> tables.SceneTable:
     if ball.general or scene.actuators:
         raise InputError(
             f"{scene.name}: a scene file holds a symmetric shell, a frame, rotors and pendulums, "
-            "but no links or actuators; keep the model file, or the Python that made the scene"
+            "but not links or actuators; keep the model file or the Python that made the scene"
         )
     kinds = (Rotor, Pendulum)
-    hung = {kind: [each for each in ball.hinges if isinstance(each.body, kind)] for kind in kinds}
+    hung = {kind: [h for h in ball.hinges if isinstance(h.body, kind)] for kind in kinds}
     return tables.SceneTable(
         title=scene.title,
         source=scene.source,
@@ -57,8 +57,8 @@ def _scene_table(scene: Scene) -> tables.SceneTable:
         plane=tables.PlaneTable(motion=tuple(map(_command, scene.plane_motion))),
         shell=_shell(ball.shell),
         frame=tables.FrameTable(**_hinge(ball.hinges[0])),
-        rotor=tuple(tables.RotorTable(**_hinge(each)) for each in hung[Rotor]),
-        pendulum=tuple(tables.PendulumTable(**_hinge(each)) for each in hung[Pendulum]),
+        rotor=tuple(tables.RotorTable(**_hinge(hinge)) for hinge in hung[Rotor]),
+        pendulum=tuple(tables.PendulumTable(**_hinge(hinge)) for hinge in hung[Pendulum]),
         start=tables.StartTable(
             attitude=_numbers(scene.start.attitude), momentum_world=_numbers(scene.start.momentum)
         ),
@@ -66,7 +66,7 @@ def _scene_table(scene: Scene) -> tables.SceneTable:
 
 
 def _shell(shell: Shell) -> tables.ShellTable:
-    # A word where it is exact: so is the reader's formula, and the file says what is meant.
+    # "thin" if it is exact, because the reader uses the same formula.
     thin = shell_inertia(shell.radius, shell.mass)
     axial, transverse = shell.axial_inertia, shell.transverse_inertia
     is_thin = (axial, transverse) == (thin, thin)
@@ -80,7 +80,7 @@ def _shell(shell: Shell) -> tables.ShellTable:
 
 
 def _numbers(values: Array) -> Any:
-    """Return a tuple of numbers, whose length the records know."""
+    """Return a tuple of numbers."""
     return tuple(values.tolist())
 
 
@@ -88,13 +88,13 @@ def _hinge(hinge: Hinge) -> dict[str, Any]:
     """Return the keys of a hinge and of its body."""
     body, motor = hinge.body, hinge.motor
     if isinstance(body, Rotor):
-        # Its moments, not its tensor, which would come back rounded.
+        # The moments of its tensor would be rounded.
         inertia: Any = tables.Axial(axial=body.axial_inertia, transverse=body.transverse_inertia)
     else:
         inertia = [_numbers(row) for row in body.inertia]
-    of_motor = None if motor is None else type(motor).__name__
-    named = (each for each in DRIVES.items() if each[1].motor == of_motor)
-    name, kind = next(named, (None, None))
+    motor_name = None if motor is None else type(motor).__name__
+    drives = ((name, kind) for name, kind in DRIVES.items() if kind.motor == motor_name)
+    name, kind = next(drives, (None, None))
     if kind is None:
         raise InputError(f"a scene file cannot hold the motor {motor}")
     keys: dict[str, Any] = {
@@ -112,7 +112,7 @@ def _hinge(hinge: Hinge) -> dict[str, Any]:
     if kind.command is not None:
         keys[kind.command] = _command(hinge.command)
     if motor is not None:
-        # A motor's field that is 0 or None has no effect, and is what the reader takes for no key.
+        # A field of 0 or None has no effect, the same as a missing key.
         values = astuple(cast(Any, motor))  # each is a dataclass
         keys.update({k: v for k, v in zip(kind.keys, values, strict=True) if v})
     return keys
@@ -120,10 +120,10 @@ def _hinge(hinge: Hinge) -> dict[str, Any]:
 
 def _command(rate: Rate) -> Any:
     if isinstance(rate, Sum):
-        return [_command(part) for part in rate.parts]
+        return [_command(part) for part in rate.terms]
     if isinstance(rate, Ramp | Sine | Samples | float | int):
         return rate
-    raise InputError("a rate given by a function of time cannot be written to a scene file")
+    raise InputError("a function of time cannot be written to a scene file; use Samples")
 
 
 def text_of(table: tables.SceneTable) -> str:
@@ -132,12 +132,10 @@ def text_of(table: tables.SceneTable) -> str:
 
 
 def _lines(table: tables.Table) -> Iterator[str]:
-    """Yield the lines of a table: its keys, then the tables in it, each below its name."""
-    # A body's own keys before those of its hinge, which the records inherit.
-    info = sorted(
-        msgspec.structs.fields(table), key=lambda each: each.name in HingeTable.__struct_fields__
-    )
-    for field in info:
+    """Yield the lines of a table: its keys, then the tables in it with their names."""
+    # The keys of a body come before the keys of its hinge, which the records inherit.
+    in_hinge = HingeTable.__struct_fields__
+    for field in sorted(msgspec.structs.fields(table), key=lambda field: field.name in in_hinge):
         name, value = field.name, getattr(table, field.name)
         if value is None or (value == field.default and name not in _ALWAYS):
             continue
@@ -147,23 +145,23 @@ def _lines(table: tables.Table) -> Iterator[str]:
         elif isinstance(table, tables.SceneTable) and isinstance(value, tables.Table):
             yield from ("", f"[{name}]", *_lines(value))
         elif isinstance(table, tables.SceneTable) and name in ("rotor", "pendulum"):
-            for each in value:
-                yield from ("", f"[[{name}]]", *_lines(each))
+            for body in value:
+                yield from ("", f"[[{name}]]", *_lines(body))
         else:
             yield f"{name} = {_value(value)}"
 
 
 def _value(value: Any) -> str:
-    """Return the text of a value, on one line but for a tensor's rows."""
+    """Return the text of a value, on one line except for the rows of a tensor."""
     if isinstance(value, str):
         return f'"{_escaped(value)}"'
     if isinstance(value, msgspec.Struct):
-        builtins = msgspec.to_builtins(value, enc_hook=float)  # msgspec knows no NumPy numbers
+        builtins = msgspec.to_builtins(value, enc_hook=float)  # float: msgspec has no NumPy numbers
         keys = {k: v for k, v in builtins.items() if v is not None}
         return f"{{ {', '.join(f'{k} = {_value(v)}' for k, v in keys.items())} }}"
     if isinstance(value, tuple | list):
-        texts = [_value(each) for each in value]
-        # An inline table must stay on its line in TOML, a list need not.
+        texts = [_value(item) for item in value]
+        # Inline tables must be on one line in TOML, lists need not.
         if isinstance(value[0], tuple | tables.Table):
             return "\n".join(["[", *(f"    {row}," for row in texts), "]"])
         return f"[{', '.join(texts)}]"
@@ -171,5 +169,5 @@ def _value(value: Any) -> str:
 
 
 def _escaped(text: str) -> str:
-    """Return a text with TOML's escapes, which are JSON's and one for DEL."""
+    """Return a text with the escapes of TOML: the escapes of JSON, and DEL."""
     return json.dumps(text, ensure_ascii=False)[1:-1].replace("\x7f", "\\u007f")

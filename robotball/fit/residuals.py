@@ -20,7 +20,7 @@ from robotball.fit.logs import Log
 from robotball.fit.sensing import Rows, apart, circumstance, is_of_readings, times_of
 from robotball.motion import Motion
 from robotball.robot.drives import Constant
-from robotball.robot.function_drives import Held
+from robotball.robot.function_drives import HeldCommand
 from robotball.robot.scene import Scene, Start
 from robotball.rotations import Array, turned
 
@@ -445,10 +445,10 @@ class Residuals:
         return derivative
 
 
-def held(times: Array, values: Array) -> Held:
+def held(times: Array, values: Array) -> HeldCommand:
     """Return a log's commands as a drive, each held until the next that differs."""
     changes = np.flatnonzero(np.diff(values)) + 1
-    command = Held(Constant(float(values[0])))
+    command = HeldCommand(Constant(float(values[0])))
     for t, value in zip(times[changes].tolist(), values[changes].tolist(), strict=True):
         command.hold(t, Constant(value))
     command.breakpoints = tuple(command.times)

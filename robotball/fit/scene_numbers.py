@@ -21,7 +21,7 @@ from robotball.files.numbers import Number, Numbers
 from robotball.files.scene_tables import SceneTable
 from robotball.files.scene_writer import text_of, toml_of
 from robotball.robot.scene import Scene
-from robotball.scene_files.scene_file import CATALOG, catalog, scene_of_table
+from robotball.scene_files.scene_file import CATALOG, catalog, read_keys
 from robotball.scene_files.scene_keys import unit_at
 
 _Place = tuple[str | int, ...]
@@ -49,7 +49,7 @@ class SceneNumbers(Numbers):
 
     def scene(self, values: Mapping[str, float]) -> Scene:
         """Return the scene with other numbers at some paths. Raises InputError where none is."""
-        scene = scene_of_table(self.folder / f"{self.name}.toml", _as_table(self._changed(values)))
+        scene = read_keys(self.folder / f"{self.name}.toml", self._changed(values))
         return replace(scene, name=self.name)
 
     def text(self, values: Mapping[str, float], start: Scene) -> str:

@@ -1,7 +1,7 @@
-"""Activations: what an actuator with a state of its own makes of its command.
+"""Activations: actuators with first-order dynamics between the command and the law.
 
-As the command is given over time and depends on nothing else, so is the state: first-order dynamics
-turn one function of time into another.
+A command is a function of time alone, so the activation state is one too, and is computed before
+the run.
 """
 
 import math
@@ -17,19 +17,19 @@ from robotball.errors import InputError
 from robotball.robot.drives import Constant, Custom, Drive, Rate, as_drive
 from robotball.robot.function_drives import polynomials_of
 
-_LAGS = 5.0  # of a settling time, over which an integral is taken in one piece
-_MOST_SETTLINGS = 1e5  # settling times of a run, for a command that changes: half a minute's work
-_LOOKS = 1001  # at a function of time, for where it leaves a range
-_ROOT = 1e-14  # s, and how near to its time a limit is found
-_ROUNDING = 1e-9  # of a range's larger end: what leaves it by less is within it
+_LAGS = 5.0  # settling times per piece of the integral
+_MOST_SETTLINGS = 1e5  # settling times in a run with a changing command: 30 s of work
+_LOOKS = 1001  # samples in time of a check against a range
+_ROOT = 1e-14  # s, tolerance of the time at which a limit is reached
+_ROUNDING = 1e-9  # tolerance of a range, relative to its larger end
 
 
 @dataclass(frozen=True)
 class Activation:
-    """A state w of an actuator's own, which its law takes in place of the command u.
+    """Activation state w, which the law of an actuator takes in place of the command u.
 
-    ẇ = (u - w)/settling, or ẇ = u where settling [s] is None; w starts at `initial` and stays
-    between low and high.
+    ẇ = (u - w)/settling, or ẇ = u if settling [s] is None; w starts at `initial` and is clipped to
+    low and high.
     """
 
     initial: float
@@ -38,7 +38,7 @@ class Activation:
     high: float = math.inf
 
     def of(self, u: Drive, end: float) -> Rate:
-        """Return w over time, from 0 to `end` [s]; only a constant u may take it to a limit."""
+        """Return w over time, from 0 to `end` [s]; w is clipped if u is constant."""
         if isinstance(u, Constant) and u.value == (self.initial if self.settling else 0.0):
             return self.initial
         value = self._unlimited(u, end)
@@ -46,7 +46,7 @@ class Activation:
         limit = float(np.clip(last, self.low, self.high))
         if limit == last or not isinstance(u, Constant):
             return Custom(value, u.breakpoints)
-        # w goes one way all along, and stays at its limit.
+        # w is monotone, and stays at its limit.
         reached = brentq(lambda t: value(t) - limit, 0.0, end, xtol=_ROOT)
         return Custom(lambda t: limit if t >= reached else value(t), (reached,))
 
@@ -59,11 +59,11 @@ class Activation:
             return lambda t: to + (w - to) * math.exp(-t / settling)
         if end > _MOST_SETTLINGS * settling:
             raise InputError(
-                f"a filter of {settling:g} s is too short to be followed over {end:g} s; leave it "
-                "out, or give a constant control"
+                f"a filter of {settling:g} s is too short for a run of {end:g} s, of at most "
+                f"{_MOST_SETTLINGS * settling:g} s; leave it out, or give a constant control"
             )
-        # w = exp(-(t - T)/τ)(w_T + ∫ u exp((s - T)/τ)/τ ds) from a time T not long before t, as the
-        # exponential would overflow.
+        # w = exp(-(t - T)/τ)(w_T + ∫ u exp((s - T)/τ)/τ ds), with T shortly before t because the
+        # exponential would overflow otherwise.
         begins = np.arange(0.0, end, _LAGS * settling).tolist()
         pieces = []
         for begin, stop in pairwise([*begins, end]):
@@ -83,13 +83,13 @@ class Activation:
         return value
 
 
-def passed(
+def filtered(
     name: str, command: Rate, within: tuple[float, float], activation: Activation | None, end: float
 ) -> Rate:
-    """Return what is left of an actuator's command behind its range and its activation.
+    """Return an actuator's command after its range and activation, in a run to `end` [s].
 
-    end: of the run [s]. A constant command is clipped to its range. Raises InputError where another
-    one leaves it, or takes the activation out of its own.
+    A constant command is clipped to its range. Raises InputError if another command leaves its
+    range, or drives the activation out of its range.
     """
     drive = as_drive(command, end)
     if isinstance(drive, Constant):
@@ -106,13 +106,13 @@ def passed(
 
 
 def _check_within(
-    what: str, value: Callable[[float], float], low: float, high: float, end: float
+    name: str, value: Callable[[float], float], low: float, high: float, end: float
 ) -> None:
     sizes = [abs(limit) for limit in (low, high) if math.isfinite(limit)]
     off = _ROUNDING * max(sizes, default=0.0)
     for t in np.linspace(0.0, end, _LOOKS).tolist():
         if not low - off <= value(t) <= high + off:
             raise InputError(
-                f"{what} is {value(t):g} at t = {t:g} s, where it would be clipped to its range of "
-                f"{low:g} to {high:g}; keep it within"
+                f"{name} is {value(t):g} at t = {t:g} s, outside its range of {low:g} to {high:g}; "
+                "a changing command cannot be clipped, so keep it within"
             )

@@ -1,9 +1,4 @@
-"""The ball's bodies and hinges, and the few numbers that the equations need of them (Appendix A).
-
-In order: records with arrays, which are equal where their numbers are; inertias of simple bodies
-and of bodies put together; the bodies of a ball; its hinges; the ball; checks of what a rigid body
-can be.
-"""
+"""The bodies and hinges of a ball, and the numbers of the equations that follow from them."""
 
 import itertools
 import math
@@ -23,29 +18,16 @@ if TYPE_CHECKING:
     from robotball.robot.drives import Rate
     from robotball.robot.motors import Motor
 
-
-class Value:
-    """Base of dataclasses with arrays: equal to one of the same type with equal fields.
-
-    Arrays are equal number by number, NaN to NaN; fields with compare=False do not count. Such a
-    record has no hash, because arrays have none. Its arrays are read-only: it was checked when it
-    was made.
-    """
-
-    def __post_init__(self) -> None:
-        self.__setstate__({})
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        # A copy, or what another process sends, has arrays that can be written.
-        own = vars(self)
-        own |= state
-        own |= {name: read_only(each) for name, each in own.items() if isinstance(each, np.ndarray)}
-
-    def __init_subclass__(cls) -> None:
-        super().__init_subclass__()
-        # Set on the class itself: a dataclass writes its own __eq__ over one that is inherited, and
-        # that one asks arrays for a single truth value, which they do not have.
-        cls.__eq__ = _equal  # type: ignore[method-assign]
+# Hand-written MJCF of the floor and of the bodies: inside the package in a wheel, beside it in a
+# checkout.
+_INSIDE, _BESIDE = (folder / "mjcf" for folder in Path(__file__).parents[1:3])
+PARTS = _INSIDE if _INSIDE.is_dir() else _BESIDE
+# Relative to the largest entry: a computed tensor has rounding errors of 1e-16, a wrong one misses
+# a condition by far more.
+ROUNDING = 1e-12
+SYMMETRIC = 1e-9  # the same for a composed body, whose entries are sums over its parts
+_LARGEST_MOMENT = LARGEST**3  # kg m², a mass times a length squared; the least is its inverse
+_SHAPES = {"inertia": (3, 3), "asymmetry": (3, 3), "attitude": (4,)}  # other arrays are vectors
 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:
@@ -56,7 +38,7 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def cached_array(compute: Callable[[Any], Array]) -> "cached_property[Array]":
-    """Make a cached property of a method that returns an array, which is read-only."""
+    """Make a cached property whose array is read-only."""
 
     @wraps(compute)
     def protected(self: Any) -> Array:
@@ -65,14 +47,37 @@ def cached_array(compute: Callable[[Any], Array]) -> "cached_property[Array]":
     return cached_property(protected)
 
 
+class Value:
+    """Base of dataclasses with arrays, which are read-only.
+
+    Two records of one type are equal if their fields are, except fields with compare=False. Arrays
+    are compared number by number, and NaN equals NaN. Records cannot be
+    hashed, because arrays cannot.
+    """
+
+    def __post_init__(self) -> None:
+        self._set(**vars(self))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self._set(**state)  # arrays of pickled and copied records are writable
+
+    def _set(self, **values: Any) -> None:
+        """Set fields while the record is being made; arrays become read-only."""
+        for name, value in values.items():
+            value = read_only(value) if isinstance(value, np.ndarray) else value
+            object.__setattr__(self, name, value)
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        # Set on each class: the __eq__ that a dataclass generates fails on arrays.
+        cls.__eq__ = _equal  # type: ignore[method-assign]
+
+
 def _equal(one: Any, other: Any) -> Any:
     if type(one) is not type(other):
         return NotImplemented
-    return all(
-        _same(getattr(one, each.name), getattr(other, each.name))
-        for each in fields(one)
-        if each.compare
-    )
+    names = [entry.name for entry in fields(one) if entry.compare]
+    return all(_same(getattr(one, name), getattr(other, name)) for name in names)
 
 
 def _same(one: Any, other: Any) -> bool:
@@ -88,14 +93,17 @@ def _same(one: Any, other: Any) -> bool:
         return one is other
 
 
-# Hand-written MJCF of the floor and of the bodies: a wheel has the folder inside the package, a
-# checkout beside it.
-_INSIDE, _BESIDE = (folder / "mjcf" for folder in Path(__file__).parents[1:3])
-PARTS = _INSIDE if _INSIDE.is_dir() else _BESIDE
-# The largest error by which an inertia may miss a condition, relative to its largest part: a tensor
-# that was computed has some roundings of 1e-16, a wrong one misses by far more.
-ROUNDING = 1e-12
-_LARGEST_MOMENT = LARGEST**3  # kg m², of a mass times a length squared; the least is as far below 1
+class UserValue(Value):
+    """Base of records that users make: lists and tuples of numbers are converted to arrays.
+
+    Raises InputError if a value cannot be converted to an array of its field's shape.
+    """
+
+    def __post_init__(self) -> None:
+        kind = type(self).__name__.lower()
+        for name in (entry.name for entry in fields(self) if entry.type is Array):  # type: ignore[arg-type]
+            value, shape = getattr(self, name), _SHAPES.get(name, (3,))
+            self._set(**{name: as_floats(f"a {kind}'s {name}", value, shape)})
 
 
 def axial_tensor(axial: float, transverse: float, axis: Array) -> Array:
@@ -103,35 +111,46 @@ def axial_tensor(axial: float, transverse: float, axis: Array) -> Array:
     return transverse * np.eye(3) + (axial - transverse) * np.outer(axis, axis)
 
 
-def thick_shell_inertia(radius: float, mass: float, thickness: float) -> float:
-    """Return 2/5 m (a⁵ - b⁵)/(a³ - b³), a homogeneous shell from b = a - thickness to a [kg m²].
+def shell_inertia(radius: float, mass: float, thickness: float = 0.0) -> float:
+    """Return the moment of a homogeneous spherical shell about a diameter [kg m²].
 
-    Raises InputError unless 0 < thickness <= radius.
+    2/5 m (a⁵ - b⁵)/(a³ - b³) with b = a - thickness; 2/3 m a² if the thickness is 0. Raises
+    InputError for a negative thickness or one above the radius.
     """
-    if not 0 < thickness <= radius:
+    if not 0 <= thickness <= radius:
         raise InputError(
             f"a shell's thickness must be positive and at most its radius {radius:g}, not "
             f"{thickness:g} m"
         )
+    if thickness == 0:
+        return 2 / 3 * mass * radius * radius
     b = 1 - thickness / radius
-    # (1 - b⁵)/(1 - b³) divided by 1 - b, which cancels to nothing for a thin shell.
+    # (1 - b⁵)/(1 - b³), both divided by 1 - b, because their digits cancel for a thin shell.
     ratio = (1 + b + b**2 + b**3 + b**4) / (1 + b + b**2)
     return 2 / 5 * mass * radius * radius * ratio
 
 
-def shell_inertia(radius: float, mass: float, thickness: float = 0.0) -> float:
-    """Return the moment of a homogeneous shell about a diameter, 2/3 m a² of a thin one [kg m²]."""
-    if thickness == 0:  # the limit of a thick shell, whose formula takes none
-        return 2 / 3 * mass * radius * radius
-    return thick_shell_inertia(radius, mass, thickness)
+def wall_volume(radius: float, thickness: float) -> float:
+    """Return the volume of a spherical wall inside a radius [m³]."""
+    b = 1 - thickness / radius
+    return 4 / 3 * math.pi * radius**2 * thickness * (1 + b + b * b)
 
 
 @dataclass(frozen=True)
 class Solid:
-    """A mass [kg], its centre (3,) [m] and the inertia (3, 3) about that centre [kg m²].
+    """The mass, centre and inertia of a rigid body.
 
-    reach [m]: how far from the sphere's centre its matter lies, where that is known, else 0.
-    shapes: as of a body.
+    Attributes
+    ----------
+    mass : float, kg
+    centre : (3,), m
+        Centre of mass.
+    inertia : (3, 3), kg m²
+        Inertia about the centre of mass.
+    reach : float, m
+        Largest distance of its matter from the sphere's centre; 0 if unknown.
+    shapes : tuple of Shape
+        Shapes for pictures.
     """
 
     mass: float
@@ -140,15 +159,42 @@ class Solid:
     reach: float = 0.0
     shapes: tuple[Any, ...] = ()
 
+    def check_within(self, name: str, radius: float) -> None:
+        """Raise InputError if the solid reaches beyond a shell."""
+        if self.reach > radius * (1 + SYMMETRIC):
+            raise InputError(
+                f"{name} reaches {self.reach:.6g} m from the sphere's centre, beyond the shell's "
+                f"radius {radius:g} m; make it smaller, move it, or make the shell larger"
+            )
+
+    def moments_about(self, name: str, axis: Array, otherwise: str) -> tuple[float, float]:
+        """Return the axial and transverse moments [kg m²] about an axis (3,).
+
+        Raises InputError if the solid is not symmetric; otherwise: the body that it could be.
+        """
+        axial = float(axis @ self.inertia @ axis)
+        transverse = float(np.trace(self.inertia) - axial) / 2
+        largest = float(np.abs(self.inertia).max())
+        off = float(np.abs(self.inertia - axial_tensor(axial, transverse, axis)).max())
+        if off > SYMMETRIC * largest:
+            raise InputError(
+                f"{name} is not symmetric about its axis: its inertia is off by {off:.6g} of "
+                f"{largest:.6g} kg m²; such a body is a {otherwise}"
+            )
+        # The moments of a disc are 2 to 1, except for rounding, and a Rotor takes no larger ratio.
+        if axial < 2 * transverse * (1 + SYMMETRIC):
+            axial = min(axial, 2 * transverse)
+        return axial, transverse
+
 
 def composed(solids: Iterable[Solid]) -> Solid:
     """Return several solids as one body."""
     solids = list(solids)
-    mass = sum(each.mass for each in solids)
-    centre = np.array([each.mass / mass * each.centre for each in solids]).sum(axis=0)
-    inertia = np.array([inertia_about(centre, each) for each in solids]).sum(axis=0)
-    shapes = tuple(shape for each in solids for shape in each.shapes)
-    return Solid(mass, centre, inertia, max(each.reach for each in solids), shapes)
+    mass = sum(solid.mass for solid in solids)
+    centre = np.array([solid.mass / mass * solid.centre for solid in solids]).sum(axis=0)
+    inertia = np.array([inertia_about(centre, solid) for solid in solids]).sum(axis=0)
+    shapes = tuple(shape for solid in solids for shape in solid.shapes)
+    return Solid(mass, centre, inertia, max(solid.reach for solid in solids), shapes)
 
 
 def inertia_about(point: Array, body: "Solid | Body") -> Array:
@@ -157,35 +203,16 @@ def inertia_about(point: Array, body: "Solid | Body") -> Array:
     return body.inertia + body.mass * (r @ r * np.eye(3) - np.outer(r, r))
 
 
-_SHAPES = {"inertia": (3, 3), "asymmetry": (3, 3), "attitude": (4,)}  # others have three numbers
-
-
-class Given(Value):
-    """Base of what users make: numbers in lists and tuples are taken for arrays.
-
-    Raises InputError for what is no array, or of another shape than the field's.
-    """
-
-    def __post_init__(self) -> None:
-        for each in fields(self):  # type: ignore[arg-type]
-            if each.type is not Array:
-                continue
-            value = getattr(self, each.name)
-            what = f"a {type(self).__name__.lower()}'s {each.name}"
-            array = as_floats(what, value, _SHAPES.get(each.name, (3,)))
-            object.__setattr__(self, each.name, read_only(array))
-
-
 @dataclass(frozen=True)
-class _Built(Given):
+class _ShapedBody(UserValue):
     """A body, with the shapes (`robotball.robot.shapes.Shape`) [m] that pictures show."""
 
     shapes: tuple[Any, ...] = field(default=(), compare=False, repr=False, kw_only=True)
 
 
 @dataclass(frozen=True)
-class Shell(_Built):
-    """Describe the sphere that rolls, about whose axis the frame turns.
+class Shell(_ShapedBody):
+    """Describe the sphere that rolls. The frame turns about its axis.
 
     Parameters
     ----------
@@ -194,15 +221,16 @@ class Shell(_Built):
     mass : float
         kg.
     axial_inertia, transverse_inertia : float
-        Moments about the axis and across it, through the shell's own centre of mass, kg m².
+        Moments about the axis and about a line across it, through the shell's centre of mass,
+        kg m².
     axis : array (3,)
         Unit vector, frame axes.
     offset : float, optional
-        σ, how far the centre of mass is along the axis from the sphere's centre, m.
+        σ, position of the centre of mass along the axis, from the sphere's centre, m.
     asymmetry : array (3, 3), optional
-        What is added to the inertia of a shell that is not symmetric, kg m².
+        Tensor added to the inertia of a shell that is not symmetric, kg m².
     aside : array (3,), optional
-        What is added to the centre of mass of such a shell, m.
+        Vector added to the centre of mass of such a shell, m.
 
     Examples
     --------
@@ -228,12 +256,12 @@ class Shell(_Built):
 
     @property
     def inertia(self) -> Array:
-        """The inertia (3, 3) about the shell's own centre of mass, frame axes [kg m²]."""
+        """The inertia (3, 3) about the shell's centre of mass, frame axes [kg m²]."""
         return axial_tensor(self.axial_inertia, self.transverse_inertia, self.axis) + self.asymmetry
 
 
 @dataclass(frozen=True)
-class Frame(_Built):
+class Frame(_ShapedBody):
     """Describe the body that turns inside the shell and carries rotors and pendulums.
 
     Its hinge lies along the shell's axis, through the sphere's centre.
@@ -243,7 +271,7 @@ class Frame(_Built):
     mass : float
         kg.
     inertia : array (3, 3)
-        About the frame's own centre of mass, frame axes, kg m².
+        About the frame's centre of mass, frame axes, kg m².
     centre : array (3,), optional
         Centre of mass, from the sphere's centre, m.
 
@@ -262,15 +290,16 @@ class Frame(_Built):
 
 
 @dataclass(frozen=True)
-class Rotor(_Built):
-    """Describe a symmetric body that turns on the frame about its own axis.
+class Rotor(_ShapedBody):
+    """Describe a symmetric body that turns on the frame about its symmetry axis.
 
     Parameters
     ----------
     mass : float
         kg.
     axial_inertia, transverse_inertia : float
-        Moments about the axis and across it, through the rotor's own centre of mass, kg m².
+        Moments about the axis and about a line across it, through the rotor's centre of mass,
+        kg m².
     axis : array (3,)
         Unit vector, frame axes.
     centre : array (3,), optional
@@ -292,24 +321,24 @@ class Rotor(_Built):
 
     @property
     def inertia(self) -> Array:
-        """The inertia (3, 3) about the rotor's own centre of mass, frame axes [kg m²]."""
+        """The inertia (3, 3) about the rotor's centre of mass, frame axes [kg m²]."""
         return axial_tensor(self.axial_inertia, self.transverse_inertia, self.axis)
 
 
 @dataclass(frozen=True)
-class Pendulum(_Built):
-    """Describe any body on a hinge of the frame, as it is at the hinge's angle 0.
+class Pendulum(_ShapedBody):
+    """Describe any body on a hinge of the frame, at hinge angle 0.
 
     Parameters
     ----------
     mass : float
         kg.
     inertia : array (3, 3)
-        About the pendulum's own centre of mass, frame axes, kg m².
+        About the pendulum's centre of mass, frame axes, kg m².
     centre : array (3,)
         Centre of mass, from the sphere's centre, m.
     axis : array (3,)
-        The hinge's unit vector, frame axes.
+        Unit vector of the hinge, frame axes.
     pivot : array (3,), optional
         A point of the hinge's axis, from the sphere's centre, m.
 
@@ -330,30 +359,30 @@ class Pendulum(_Built):
 
 
 @dataclass(frozen=True)
-class Link(_Built):
-    """Describe any body of the tree with its joint, as they are where all joints are at 0.
+class Link(_ShapedBody):
+    """Describe any body of a tree with its joint, at joint angles 0.
 
     Parameters
     ----------
     name : str
-        The body's own name.
+        Name of the body.
     parent : str
-        Name of the body that it is joined to; "" of the shell, which is joined to none.
+        Name of the body that it is joined to; "" for the shell, which has no joint.
     mass : float
         kg.
     inertia : array (3, 3)
-        About the link's own centre of mass, frame axes, kg m².
+        About the link's centre of mass, frame axes, kg m².
     centre : array (3,)
         Centre of mass, from the sphere's centre, m.
     axis : array (3,)
-        The joint's unit vector, frame axes.
+        Unit vector of the joint, frame axes.
     pivot : array (3,), optional
-        A point of a hinge's axis, from the sphere's centre, m.
+        A point of the hinge's axis, from the sphere's centre, m.
     slides : bool, optional
-        Whether the joint moves the body along the axis, and does not turn it.
+        True for a joint that moves the body along the axis instead of turning it.
     range : tuple of (str, float, float), optional
         Name, least and largest angle of a joint that has limits, rad or m. The equations end a
-        motion there, while engines let the joint go on.
+        motion at a limit; engines ignore it.
 
     Examples
     --------
@@ -386,7 +415,7 @@ Body = Shell | Hung
 
 @dataclass(frozen=True)
 class Hinge(Value):
-    """Hang a body in the ball, and say how it is moved and how it starts.
+    """Mount a body in the ball, with its motor, command and initial state.
 
     Parameters
     ----------
@@ -394,15 +423,15 @@ class Hinge(Value):
         A frame turns relative to the shell, rotors and pendulums relative to the frame, a link
         relative to its parent.
     command : float, Drive, Custom or callable, optional
-        What the motor takes, as a function of time: a rate (rad/s), an angle (rad), a torque
-        (N m). Without a motor it is the rate, which the hinge keeps exactly. Of a slide in m and N.
+        Command of the motor as a function of time: a rate (rad/s), an angle (rad) or a torque
+        (N m). Without a motor it is the rate, which the hinge keeps exactly. Slides take m and N.
     motor : Motor, optional
-        What moves the hinge by a torque.
+        Motor that applies a torque to the hinge.
     angle : float, optional
-        At the start, rad; m of a slide.
+        Initial angle, rad; m for a slide.
     rate : float, optional
-        At the start, rad/s; m/s of a slide. If None it is the commanded rate, or 0 where the
-        command is none. A hinge without a motor always starts at its commanded rate.
+        Initial rate, rad/s; m/s for a slide. If None, the commanded rate, or 0 if the command is
+        not a rate. A hinge without a motor always starts at its commanded rate.
 
     Raises
     ------
@@ -425,34 +454,34 @@ class Hinge(Value):
     rate: float | None = None
 
     def __post_init__(self) -> None:
-        check_size("a hinge's angle at the start", self.angle, "rad")
+        check_size("a hinge's initial angle", self.angle, "rad")
         if self.rate is not None:
-            check_size("a hinge's rate at the start", self.rate, "rad/s")
-        if self.motor is None:  # equal hinges are equal records
-            object.__setattr__(self, "rate", None)
+            check_size("a hinge's initial rate", self.rate, "rad/s")
+        if self.motor is None:  # the rate has no effect, so hinges with different ones are equal
+            self._set(rate=None)
 
 
 @dataclass(frozen=True)
 class Ball(Value):
-    """Put a ball together: its shell, and the hinges by which other bodies hang in it.
+    """Assemble a ball from a shell and the hinges that carry the other bodies.
 
-    Vectors have the frame's axes, which are not always principal ones, or the shell's axes in a
-    ball without a frame. The reduced equations need a balanced ball, its centre of mass at the
-    centre of the sphere, with a frame and rotors only. Numbers that change with a joint are those
-    at its angle 0.
+    Vectors are in frame axes, which need not be principal axes, or in the shell's axes if the ball
+    has no frame. The reduced equations need a balanced ball, with its centre of mass at the centre
+    of the sphere, and only a frame and rotors. Numbers that depend on joint angles are those at
+    angle 0.
 
     Parameters
     ----------
     shell : Shell
         The sphere that rolls.
     hinges : tuple of Hinge
-        The frame's first, where there is one, and every link's after its parent's. In this order
-        motions have the hinges' angles and rates.
+        The frame's hinge first, if there is a frame, and a link's hinge after its
+        parent's hinge. Motions list hinge angles and rates in this order.
 
     Raises
     ------
     InputError
-        If the bodies do not make a tree, or a rigid body cannot have the numbers of one of them.
+        If the bodies do not make a tree, or if no rigid body can have the numbers of one of them.
 
     Examples
     --------
@@ -472,31 +501,16 @@ class Ball(Value):
         check_positive("the shell's radius", self.shell.radius, "m")
         self._check_tree()
         for name, body in self.named_bodies:
-            massless = isinstance(body, Link) and body.massless
-            if not massless:
-                check_positive(f"{name}'s mass", body.mass, "kg")
-            if not isinstance(body, Frame):
-                _check_unit(f"{name}'s axis", body.axis)
-            for coordinate in body.centre.tolist():
-                check_size(f"{name}'s centre", coordinate, "m")
-            if isinstance(body, Shell | Rotor):
-                _check_entries(name, np.array([body.axial_inertia, body.transverse_inertia]))
-            if isinstance(body, Link | Pendulum):
-                for coordinate in body.pivot.tolist():
-                    check_size(f"{name}'s pivot", coordinate, "m")
-            if isinstance(body, Rotor):
-                _check_no_flatter_than_a_disk(name, body)
-            if not massless:
-                check_inertia(name, body.inertia)
-        # The sum may fail where the bodies pass: in turned axes a needle's least moment is lost to
-        # rounding.
+            _check_body(name, body)
+        # The sum can fail although each body passes: in rotated axes rounding can exceed the least
+        # moment of a needle.
         check_inertia("the ball", self.inertia)
 
     def _check_tree(self) -> None:
-        """Raise InputError unless every body hangs on one that comes before it."""
+        """Raise InputError unless every body is mounted on one that comes before it."""
         names = [name for name, _ in self.named_bodies]
-        if twice := [name for name in names if names.count(name) > 1]:
-            raise InputError(f"two bodies are called {twice[0]!r}")
+        if repeated := [name for name in names if names.count(name) > 1]:
+            raise InputError(f"two bodies are called {repeated[0]!r}")
         for i, (name, body) in enumerate(self.named_bodies):
             if isinstance(body, Rotor | Pendulum) and not self.has_frame:
                 raise InputError(
@@ -506,8 +520,8 @@ class Ball(Value):
                 raise InputError(f"the frame carries the others: put it before {names[1]}")
             if isinstance(body, Link) and body.parent not in names[:i]:
                 raise InputError(
-                    f"{name} hangs on {body.parent!r}, which is no body before it; the bodies "
-                    f"before it are {', '.join(names[:i])}"
+                    f"{name} is joined to {body.parent!r}, but the bodies before it are "
+                    f"{', '.join(names[:i])}; put its parent before it"
                 )
 
     def with_hinges(self, **given: "Mapping[str, Any] | Sequence[Any] | Array") -> "Ball":
@@ -516,32 +530,32 @@ class Ball(Value):
         Parameters
         ----------
         **given
-            By the name of a field of `Hinge`: a mapping from names of bodies to their new values,
-            or a value for each hinge, in order.
+            Values by the name of a field of `Hinge`: a mapping from names of bodies to new values,
+            or one value per hinge, in order.
 
         Returns
         -------
         Ball
-            Hinges that are not named stay as they are.
+            Hinges that are not named keep their values.
 
         Raises
         ------
         InputError
-            If no body has such a name, or there is not a value for each hinge.
+            If no body has such a name, or there is not one value per hinge.
         """
         changes: dict[str, dict[str, Any]] = {link.name: {} for link in self.tree[1:]}
-        for what, values in given.items():
+        for key, values in given.items():
             if not isinstance(values, Mapping):
                 count = len(changes)
                 if len(values) != count:
-                    raise InputError(f"{count} hinges need as many {what}s, not {len(values)}")
+                    raise InputError(f"{count} hinges need as many {key}s, not {len(values)}")
                 values = dict(zip(changes, values, strict=True))
             for name, value in values.items():
                 if name not in changes:
                     raise unknown("hinge", name, changes)
-                changes[name][what] = value
-        hinges = zip(self.hinges, changes.values(), strict=True)
-        return replace(self, hinges=tuple(replace(each, **own) for each, own in hinges))
+                changes[name][key] = value
+        pairs = zip(self.hinges, changes.values(), strict=True)
+        return replace(self, hinges=tuple(replace(hinge, **change) for hinge, change in pairs))
 
     @cached_property
     def has_frame(self) -> bool:
@@ -549,7 +563,7 @@ class Ball(Value):
 
     @property
     def frame(self) -> Frame:
-        """The frame of a ball that has one."""
+        """The frame of a ball with `has_frame`."""
         return next(hinge.body for hinge in self.hinges if isinstance(hinge.body, Frame))
 
     @property
@@ -566,13 +580,13 @@ class Ball(Value):
 
     @property
     def general(self) -> bool:
-        """True with links, or a shell that is not symmetric, which the paper does not describe."""
+        """True with links or an asymmetric shell, which the paper does not describe."""
         shell = self.shell
         return bool(self.links or shell.asymmetry.any() or shell.aside.any()) or not self.has_frame
 
     @cached_property
     def named_bodies(self) -> tuple[tuple[str, Body], ...]:
-        """(name, body) of the shell and of every hinge's body, as engines name them."""
+        """(name, body) of the shell and of every hinge's body, with the names of engines."""
         counts = {Rotor: itertools.count(1), Pendulum: itertools.count(1)}
         named: list[tuple[str, Body]] = [("shell", self.shell)]
         for body in (hinge.body for hinge in self.hinges):
@@ -585,9 +599,9 @@ class Ball(Value):
 
     @cached_property
     def tree(self) -> tuple[Link, ...]:
-        """All bodies as links, the shell first and every parent before what hangs on it.
+        """All bodies as links, the shell first and parents before their children.
 
-        The joint of the shell, which has none, is that of the frame.
+        The shell has no joint; its link has the axis of the frame's joint.
         """
         return tuple(self._link(name, body) for name, body in self.named_bodies)
 
@@ -610,7 +624,7 @@ class Ball(Value):
 
     @cached_property
     def d(self) -> float:
-        """M a² [kg m²]: the ball's mass as seen from the contact point."""
+        """M a² [kg m²]: the moment of the ball's mass about the contact point."""
         return self.mass * self.radius**2
 
     @cached_array
@@ -629,11 +643,10 @@ class Ball(Value):
     def principal(self) -> tuple[Array, Array]:
         """Principal moments I (3,) and axes, the columns of a rotation (3, 3), frame axes.
 
-        Axes that are principal already are kept, in their own order, as users expect of a diagonal
-        inertia; eigh would sort them.
+        The axes of a diagonal inertia keep their order, which eigh would change.
         """
         moments = np.diag(self.inertia)
-        # A sum of diagonal tensors, some turned about a coordinate axis, is diagonal to roundings.
+        # Rounding: a sum of diagonal tensors, some of them rotated, is not exactly diagonal.
         if np.abs(self.inertia - np.diag(moments)).max() <= 1e-14 * moments.sum():
             return moments, read_only(np.eye(3))
         moments, axes = np.linalg.eigh(self.inertia)
@@ -647,16 +660,16 @@ class Ball(Value):
 
     @cached_array
     def gyrostatic_inertia(self) -> Array:
-        """(3, 1 + rotors) of (A.3), frame axes [kg m²]: k is this times the hinges' rates.
+        """Matrix (3, 1 + rotors) of (A.3) that maps hinge rates to k, frame axes [kg m²].
 
-        k = Σ j φ̇ n - J_s Ω, for the frame's rate about the shell's axis, then the rotors'.
+        k = Σ j φ̇ n - J_s Ω. The first column is for the frame's rate, the others for the rotors.
         """
         shell = -self.shell.axial_inertia * self.shell.axis
-        return np.stack([shell, *(each.axial_inertia * each.axis for each in self.rotors)], axis=1)
+        return np.stack([shell, *(r.axial_inertia * r.axis for r in self.rotors)], axis=1)
 
 
 def imbalance(ball: Ball) -> str | None:
-    """Return one line where the centre of mass is off the sphere's centre, else None."""
+    """Return a message if the centre of mass is off the sphere's centre, else None."""
     offset = float(np.linalg.norm(ball.centre_of_mass))
     if offset <= ROUNDING * ball.radius:
         return None
@@ -664,35 +677,62 @@ def imbalance(ball: Ball) -> str | None:
 
 
 def beyond_the_shell(ball: Ball) -> list[str]:
-    """Return a line for each body that needs mass outside the sphere, as no workshop can build it.
+    """Return a message for each body that needs mass outside the sphere.
 
-    For mass within the radius a, tr(I)/2 = Σ m r² about the centre of the sphere is at most m a².
-    A pendulum is judged at its worst angle.
+    Mass within the radius a has tr(I)/2 = Σ m r² <= m a² about the centre of the sphere. A pendulum
+    is tested at its worst angle.
     """
-    lines = []
+    messages = []
     for name, body in ball.named_bodies:
-        # Of all its mass the mean square distance from its own centre of mass, and that centre's
-        # distance; a link may have no mass.
+        # The mean square distance of its mass from its centre of mass; links may be massless.
         spread = float(np.trace(body.inertia)) / 2 / (body.mass or 1.0)
         reach = math.hypot(math.sqrt(spread), _furthest(body))
         if reach > ball.radius * (1 + ROUNDING):
-            lines.append(
+            messages.append(
                 f"{name} has mass outside the shell: at {reach:.4g} m, beyond {ball.radius:g} m; "
                 "check its inertia and centre"
             )
-    return lines
+    return messages
 
 
 def _furthest(body: Body) -> float:
-    """Return how far the centre of mass may get from the sphere's centre, at any angle [m]."""
-    if not isinstance(body, Pendulum):  # where a link gets depends on all that carry it
+    """Return the largest distance [m] of the centre of mass from the sphere's centre."""
+    if not isinstance(body, Pendulum):  # the position of a link depends on all its parents
         return float(np.linalg.norm(body.centre))
-    # The centre goes round a circle in a plane across the axis. Both the circle's radius and the
-    # axis's distance count, as at the worst angle they point the same way.
+    # The centre moves on a circle about the axis. The circle's radius and the distance of the axis
+    # add up, because at the worst angle they have the same direction.
     n, arm = body.axis, body.centre - body.pivot
     height = float(n @ body.centre)
     circle = float(np.linalg.norm(np.cross(n, arm)))
     return math.hypot(height, circle + float(np.linalg.norm(np.cross(n, body.pivot))))
+
+
+def _check_body(name: str, body: Body) -> None:
+    """Raise InputError unless a rigid body can have these numbers."""
+    massless = isinstance(body, Link) and body.massless
+    if not massless:
+        check_positive(f"{name}'s mass", body.mass, "kg")
+    if not isinstance(body, Frame):
+        length = math.hypot(*body.axis.tolist())  # does not overflow
+        if not abs(length - 1) <= ROUNDING:
+            raise InputError(f"{name}'s axis must be a unit vector; its length is {length:.17g}")
+    for coordinate in body.centre.tolist():
+        check_size(f"{name}'s centre", coordinate, "m")
+    if isinstance(body, Link | Pendulum):
+        for coordinate in body.pivot.tolist():
+            check_size(f"{name}'s pivot", coordinate, "m")
+    if isinstance(body, Shell | Rotor):
+        _check_entries(name, np.array([body.axial_inertia, body.transverse_inertia]))
+    if isinstance(body, Rotor):
+        # The triangle inequality for two equal moments, in the numbers that the user gave.
+        axial, transverse = body.axial_inertia, body.transverse_inertia
+        if not axial <= 2 * transverse * (1 + ROUNDING):
+            raise InputError(
+                f"{name} is flatter than a disk: its axial inertia {axial:.6g} exceeds twice the "
+                f"transverse {transverse:.6g} by {axial - 2 * transverse:.6g} kg m²"
+            )
+    if not massless:
+        check_inertia(name, body.inertia)
 
 
 def check_inertia(name: str, inertia: Array) -> None:
@@ -710,7 +750,7 @@ def check_inertia(name: str, inertia: Array) -> None:
             f"{name}'s smallest principal moment must be at least {1 / _LARGEST_MOMENT:g}, not "
             f"{small:.6g} kg m²"
         )
-    # Each moment is Σ m (x² + y²), so that no one exceeds the sum of the other two.
+    # Each moment is Σ m (x² + y²), so it cannot exceed the sum of the other two.
     if large - small - middle > ROUNDING * large:
         raise InputError(
             f"{name}'s inertia breaks the triangle inequality: {large:.6g} > {small:.6g} + "
@@ -722,19 +762,3 @@ def _check_entries(name: str, inertia: Array) -> None:
     if not np.all(np.isfinite(inertia)):
         raise InputError(f"{name}'s inertia has an entry that is not finite: {inertia.tolist()}")
     check_size(f"{name}'s inertia", float(np.abs(inertia).max()), "kg m²", _LARGEST_MOMENT)
-
-
-def _check_unit(what: str, axis: Array) -> None:
-    length = math.hypot(*axis.tolist())  # overflows nowhere
-    if not abs(length - 1) <= ROUNDING:
-        raise InputError(f"{what} must be a unit vector; its length is {length:.17g}")
-
-
-def _check_no_flatter_than_a_disk(name: str, rotor: Rotor) -> None:
-    # The triangle inequality for two equal moments, said in the author's numbers.
-    axial, transverse = rotor.axial_inertia, rotor.transverse_inertia
-    if not axial <= 2 * transverse * (1 + ROUNDING):
-        raise InputError(
-            f"{name} is flatter than a disk: its axial inertia {axial:.6g} exceeds twice the "
-            f"transverse {transverse:.6g} by {axial - 2 * transverse:.6g} kg m²"
-        )

@@ -1,6 +1,6 @@
-"""Controllers: commands by what a robot's own sensors read, held from one call to the next.
+"""Controllers: commands computed from sensor readings, and held until the next call.
 
-In order: what sensors read, the sensors, the controller. `robotball.robot.loop` runs it.
+`robotball.robot.loop` runs them.
 """
 
 import math
@@ -13,29 +13,29 @@ from robotball.errors import InputError, check_not_negative, check_positive, che
 from robotball.robot.ball import Value
 from robotball.rotations import Array
 
-_MOST_CALLS = 1e6  # in a run: half a minute's work of a controller that does nothing
-_TOGETHER = 1e-9  # of a period: times that are so near to each other are one
-# The sensors with the units of their noise.
-SENSORS = {"gyro": "rad/s", "attitude": "rad", "angles": "rad", "rates": "rad/s",
-          "contact_point": "m"}  # fmt: skip
+_MOST_CALLS = 1e6  # in a run: 30 s of work of an empty controller
+_TOGETHER = 1e-9  # of a period: events at a smaller distance are simultaneous
+# Units of the noise by sensor; the contact point is optional.
+_ALWAYS_READ = {"gyro": "rad/s", "attitude": "rad", "angles": "rad", "rates": "rad/s"}
+SENSORS = {**_ALWAYS_READ, "contact_point": "m"}
 
 
 @dataclass(frozen=True)
 class Reading(Value):
-    """Hold what the sensors of a robot read at a time.
+    """Hold the sensor readings of a robot at a time.
 
     Attributes
     ----------
     time : float, s
         The time of the call.
     gyro : (3,), rad/s, frame axes
-        The angular velocity of the frame; of the shell in a ball without a frame.
+        Angular velocity of the frame, or of the shell in a ball without a frame.
     attitude : (4,)
-        The frame's unit quaternion (w, x, y, z), frame to world.
+        Unit quaternion (w, x, y, z) of the frame, frame to world.
     angles, rates : mapping of str to float, rad and rad/s
-        Of each hinge, by its name. Of a slide in m and m/s.
+        Hinge angles and rates by hinge name; m and m/s for slides.
     contact_point : (2,), m, world, or None
-        Where the ball touches the plane; None unless `Sensors` asks for it.
+        Contact point on the plane; None unless `Sensors.contact_point` is set.
 
     Examples
     --------
@@ -56,28 +56,28 @@ class Reading(Value):
 
 @dataclass(frozen=True)
 class Sensors:
-    """Say what a controller reads, and how badly.
+    """Select the sensors of a controller, with their noise, resolution and latency.
 
-    Sensors are gyro, attitude, angles, rates and contact_point, as in `Reading`.
+    Sensors are gyro, attitude, angles, rates and contact_point, see `Reading`.
 
     Parameters
     ----------
     noise : mapping of str to float, optional
-        Standard deviation of each number of a sensor. That of the attitude is in rad, of a turn
-        about each axis.
+        Standard deviation of each number of a sensor. For the attitude, of a rotation about each
+        axis, rad.
     resolution : mapping of str to float, optional
-        Step to which a sensor's numbers are rounded. The attitude has none.
+        Step to which the numbers of a sensor are rounded. The attitude cannot be rounded.
     latency : float, optional
-        Age of what is read, s. Before the motion has lasted so long, its start is read.
+        Age of the readings, s. Until the motion has lasted as long, the initial state is read.
     contact_point : bool, optional
-        Whether the contact point is read.
+        True to read the contact point.
     seed : int, optional
-        Of the noise, which is the same in every run of every engine.
+        Seed of the noise, which is the same in every run of every engine.
 
     Raises
     ------
     InputError
-        If there is no such sensor, or a number is negative or not finite.
+        If a sensor is unknown, or a number is negative or not finite.
 
     Examples
     --------
@@ -96,36 +96,37 @@ class Sensors:
     def __post_init__(self) -> None:
         check_seed(self.seed)
         check_not_negative("the sensors' latency", self.latency, "s")
-        read = [*SENSORS] if self.contact_point else [*SENSORS][:-1]
-        for what, names in (("noise", read), ("resolution", [n for n in read if n != "attitude"])):
-            for name, value in getattr(self, what).items():
+        read = [*SENSORS] if self.contact_point else [*_ALWAYS_READ]
+        rounded = [name for name in read if name != "attitude"]
+        for kind, names in (("noise", read), ("resolution", rounded)):
+            for name, value in getattr(self, kind).items():
                 if name not in names:
-                    raise unknown(f"sensor with a {what}", name, names)
-                check_not_negative(f"the {what} of {name}", value, SENSORS[name])
+                    raise unknown(f"sensor with a {kind}", name, names)
+                check_not_negative(f"the {kind} of {name}", value, SENSORS[name])
 
 
 @dataclass(frozen=True)
 class Controller:
-    """Close the loop of a scene: command its motors by what its sensors read.
+    """Command the motors of a scene from its sensor readings.
 
     Parameters
     ----------
     function : callable
         Called with a `Reading`. Returns commands by the names of hinges with a motor and of
-        actuators, in the motor's unit. A name that is left out keeps its command. An object with a
-        state of its own is copied for each run.
+        actuators, in the motor's unit. Omitted names keep their command. An object with a state is
+        copied for each run.
     period : float
-        Time between two calls, s. The first is at t = 0.
+        Time between two calls, s. The first call is at t = 0.
     delay : float, optional
-        Time from a call until its commands take effect, s. Until the first do, motors have those of
+        Time from a call until its commands take effect, s. Before that, motors have the commands of
         their scene.
     sensors : Sensors, optional
-        What is read, and how badly.
+        Sensors with their errors.
 
     Raises
     ------
     InputError
-        If the function cannot be called, or a time is not finite, negative, or a period of 0.
+        If the function is not callable, the period not positive, or the delay negative.
 
     Examples
     --------
@@ -150,21 +151,21 @@ class Controller:
 
     @property
     def together(self) -> float:
-        """The time [s] within which two events of the loop are one."""
+        """Two events within this time [s] are simultaneous."""
         return _TOGETHER * self.period
 
     def stops(self, end: float) -> list[float]:
-        """Return the times after 0 of a run to `end` [s] at which it measures, calls and commands.
+        """Return the times after 0 of measurements, calls and commands in a run to `end` [s].
 
-        Raises InputError for a run with too many calls.
+        Raises InputError if there are too many calls.
         """
         if not end / self.period <= _MOST_CALLS:
             raise InputError(
                 f"a controller with a period of {self.period:g} s is called "
-                f"{end / self.period:.2g} times in {end:g} s, of at most {_MOST_CALLS:g}; take a "
-                "longer period, or a shorter run"
+                f"{end / self.period:.2g} times in {end:g} s, of at most {_MOST_CALLS:g}; choose a "
+                "longer period or a shorter run"
             )
-        # Multiples, as sums of a period would add up their rounding.
+        # Multiples of the period, because sums would accumulate rounding errors.
         calls = self.period * np.arange(math.ceil(end / self.period))
         times = np.sort([*(calls - self.sensors.latency), *calls, *(calls + self.delay)])
         alone = np.diff(times, prepend=-np.inf) > self.together

@@ -1,17 +1,14 @@
-"""The paper's equations of motion, once, in plain arithmetic on 3-tuples.
+"""The paper's equations of motion, in plain arithmetic on 3-tuples.
 
-The formulas have nothing but ``+ - * /`` on scalars, so that the same functions run on floats,
-NumPy columns, sympy and mpmath numbers, heyoka expressions and inside numba. Equation numbers are
-those of "Different Models of Rolling for a Robot Ball on a Plane as a Generalization of the
-Chaplygin Ball Problem", with its misprints corrected.
+The formulas use only ``+ - * /`` on scalars, so the same functions run on floats, NumPy columns,
+sympy and mpmath numbers, heyoka expressions and inside numba. The equation numbers refer to
+"Different Models of Rolling for a Robot Ball on a Plane as a Generalization of the Chaplygin Ball
+Problem", with its misprints corrected.
 
-Axes and symbols: vectors are 3-tuples along the principal axes of the ball's inertia, which
-turn with the frame. ``A`` and ``I`` are 3-tuples, the diagonals of A = (I + d E)^-1 [1/(kg m^2)]
-and of the inertia [kg m^2]; ``d`` = m a^2 [kg m^2]; ``Omega`` is the frame's angular velocity
-relative to the shell [rad/s]; ``K`` = k - d Omega [kg m^2/s]; ``gamma`` is the unit vertical.
-
-In order: vectors, the reduced equations, kinematics, momentum and energy, the full equations, and
-the numbers of a ball that they take, which are all that they know of its bodies.
+Axes and symbols: vectors are 3-tuples along the principal axes of the ball's inertia, which rotate
+with the frame. ``A`` and ``I`` are 3-tuples, the diagonals of A = (I + d E)^-1 [1/(kg m^2)] and of
+the inertia [kg m^2]; ``d`` = m a^2 [kg m^2]; ``Omega`` is the frame's angular velocity relative to
+the shell [rad/s]; ``K`` = k - d Omega [kg m^2/s]; ``gamma`` is the unit vertical.
 """
 
 import math
@@ -25,10 +22,12 @@ from robotball.errors import LARGEST, InputError
 from robotball.robot.ball import Ball
 from robotball.rotations import Array
 
-# Any type with + - * /: numba, sympy and heyoka each bring their own, which no protocol names.
+# Any type with + - * /; numba, sympy and heyoka have no common protocol.
 Scalar = Any
 Vector = tuple[Scalar, Scalar, Scalar]
 Quaternion = tuple[Scalar, Scalar, Scalar, Scalar]
+Rolling = Literal["rubber", "classical"]
+ROLLING_MODELS: tuple[str, ...] = get_args(Rolling)
 
 
 def dot(u: Vector, v: Vector) -> Scalar:
@@ -76,7 +75,7 @@ def rubber_angular_velocity(
     ω = A( (M×Aγ + (Ω + AK, γ)γ)/(Aγ,γ) - K );  needs (M, γ) = 0.
     """
     A_gamma = diagonal(A, gamma)
-    # One division serves three coordinates: it is the slowest operation here.
+    # One division for three coordinates: it is the slowest operation here.
     per_A_gamma_gamma = 1 / dot(A_gamma, gamma)
     Omega_AK = add(Omega, diagonal(A, K))
     turning = add(cross(M, A_gamma), scale(dot(Omega_AK, gamma), gamma))
@@ -127,7 +126,7 @@ def attitude_rate(q: Quaternion, omega: Vector) -> Quaternion:
 
 
 def space_axes(q: Quaternion) -> tuple[Vector, Vector, Vector]:
-    """Return α, β, γ, space's axes X, Y, Z seen from the frame, of a quaternion of any length."""
+    """Return α, β, γ, the world axes in frame axes, of a quaternion of any length."""
     w, x, y, z = q
     alpha, beta, gamma = unit_space_axes(q)
     per_square = 1 / (w * w + x * x + y * y + z * z)
@@ -184,7 +183,7 @@ def contact_angular_momentum(
 def energy(
     omega: Vector, gamma: Vector, Omega: Vector, A: Vector, d: Scalar, spinning: bool
 ) -> Scalar:
-    """Return (ω,A⁻¹ω)/2 - (Ω,A⁻¹ω), less d(γ,ω-Ω)²/2 where the ball may spin (classical) [J]."""
+    """Return (ω,A⁻¹ω)/2 - (Ω,A⁻¹ω), minus d(γ,ω-Ω)²/2 if the ball may spin (classical) [J]."""
     momentum = (omega[0] / A[0], omega[1] / A[1], omega[2] / A[2])
     spin = dot(gamma, subtract(omega, Omega)) if spinning else 0
     return dot(omega, momentum) / 2 - dot(Omega, momentum) - d * spin * spin / 2
@@ -206,9 +205,9 @@ def full_angular_acceleration(
 ) -> tuple[Vector, Scalar]:
     """Return dω/dt [rad/s²] and the spin torque λ₀ [N m] of the unreduced system (2.4)-(2.5).
 
-    Ĩ dω/dt = (Iω + k)×ω - dk/dt + d(E - γ⊗γ)(dΩ/dt + ω×Ω) + λ₀γ, where `spin_free` says that
-    the constraint (ω - Ω, γ) = 0 of the rubber model holds and gives λ₀; otherwise λ₀ = 0.
-    `k` is (A.3), without the -dΩ that K has.
+    Ĩ dω/dt = (Iω + k)×ω - dk/dt + d(E - γ⊗γ)(dΩ/dt + ω×Ω) + λ₀γ. With `spin_free`, the constraint
+    (ω - Ω, γ) = 0 of the rubber model determines λ₀; otherwise λ₀ = 0. `k` is (A.3), without the
+    term -dΩ of K.
     """
     A = (1 / (I[0] + d), 1 / (I[1] + d), 1 / (I[2] + d))
     A_gamma = diagonal(A, gamma)
@@ -232,16 +231,19 @@ def full_angular_acceleration(
     return add(free, scale(lambda_0, per_spin_torque)), lambda_0
 
 
-Rolling = Literal["rubber", "classical"]
-ROLLING_MODELS: tuple[str, ...] = get_args(Rolling)
-
-
 @dataclass(frozen=True)
 class Parameters:
-    """I, d, Ω, K and a of (3.2)/(3.3), in the principal axes of the ball's inertia; SI units.
+    """The numbers of (3.2) and (3.3), vectors in the principal axes of the ball's inertia.
 
-    rolling: "rubber" (no slip, no spin) or "classical" (no slip). I (3) kg m², d kg m²,
-    Omega (3) rad/s, K (3) kg m²/s, a m; as plain tuples of floats.
+    Attributes
+    ----------
+    rolling : {"rubber", "classical"}
+        No slip and no spin, or no slip.
+    I : 3 floats, kg m²
+    d : float, kg m²
+    a : float, m
+    Omega : 3 floats, rad/s
+    K : 3 floats, kg m²/s
     """
 
     rolling: Rolling
@@ -280,7 +282,7 @@ class Parameters:
 
 
 def parameters_of(ball: Ball, rolling: Rolling, rates: Sequence[float]) -> Parameters:
-    """Return the numbers of a ball whose hinges turn at `rates` [rad/s], the frame's first."""
+    """Return the numbers of a ball with hinge rates [rad/s], the frame's rate first."""
     moments, axes = ball.principal
     Omega = rates[0] * ball.shell.axis
     k = ball.gyrostatic_inertia @ rates
@@ -295,10 +297,10 @@ def parameters_of(ball: Ball, rolling: Rolling, rates: Sequence[float]) -> Param
 
 
 def speed_bound(parameters: Parameters, size: Array) -> Array:
-    """Return bounds (n,) of |ω| for |M| = size (n,), by (3.2) or (3.3) term by term [rad/s]."""
+    """Return bounds (n,) of |ω| for |M| = size (n,), from the terms of (3.2) or (3.3) [rad/s]."""
     A, I = np.array(parameters.A), np.array(parameters.I)
     Omega, K = math.hypot(*parameters.Omega), math.hypot(*parameters.K)
-    # An overflow is an infinite bound, which `check_speed` refuses.
+    # An overflow gives an infinite bound, which `check_speed` refuses.
     with np.errstate(over="ignore", invalid="ignore"):
         if parameters.rolling == "rubber":
             Z = (Omega + A.max() * K) / A.min()
@@ -308,7 +310,7 @@ def speed_bound(parameters: Parameters, size: Array) -> Array:
 
 
 def check_speed(parameters: Parameters, size: Array) -> Array:
-    """Return `speed_bound` (n,). Raises InputError where one is faster than numbers can follow."""
+    """Return `speed_bound` (n,). Raises InputError if a bound exceeds `LARGEST`."""
     bounds = speed_bound(parameters, size)
     fastest = float(bounds.max())
     if not fastest <= LARGEST:

@@ -1,9 +1,9 @@
-"""Drives by users' functions of time, with derivatives and integrals by polynomials.
+"""Drives from users' functions of time, with polynomials for derivatives and integrals.
 
-A function is followed by Chebyshev polynomials of degree 24, a panel each. Panels are halved until
-the last coefficients are rounding and the polynomial passes through every look at the function, so
-that smooth functions are known to rounding, and what still changes within the narrowest panel is a
-jump. In order: the drive, its polynomials, commands that are held.
+Chebyshev polynomials of degree 24 approximate a function, one per panel. Panels are halved until
+the last coefficients are rounding errors and the polynomial agrees with every sample of the
+function. So smooth functions are accurate to rounding, and a change within the narrowest panel is a
+jump. `HeldCommand` is the drive of a controller's commands.
 """
 
 from bisect import bisect_right
@@ -21,22 +21,33 @@ from robotball.rotations import Array, uneven
 
 _Function = Callable[[float], float]
 
-_LONGEST_FUNCTION = 1e5  # s, of a followed function: half a minute's work for a cheap one
-_FOLLOWED = 1e-12  # of the largest rate: a polynomial as near as that costs no accuracy
+_LONGEST_FUNCTION = 1e5  # s: 30 s of work for a cheap function
+_ACCURATE = 1e-12  # of the largest rate: a polynomial with this error costs no accuracy
 _GIVEN = 1e-6  # relative: the largest error of a given derivative or integral
-_FINEST = 1e-3  # s, between two looks at a function whose author names no other
-_LOOKS, _MOST_LOOKS = 100_000, 10_000_000  # over a run: without a `finest`, and with one
-# s: a step may pass over what a panel shorter than _SHORT follows, so there are breakpoints, as
-# near as RK4 needs them. A panel below _SHORTEST is at a kink, which is halved without end.
+_FINEST = 1e-3  # s, default interval between samples of a function
+_LOOKS, _MOST_LOOKS = 100_000, 10_000_000  # samples over a run: without a `finest`, and with one
+# s: a step may skip the features of a panel shorter than _SHORT, so it gets _PARTS - 1 breakpoints
+# inside, as close as RK4 needs. Panels below _SHORTEST are at a kink, which is halved without end.
 _SHORT, _SHORTEST, _PARTS = 0.02, 1e-6, 4
+_PANEL = 0.5  # s, longest panel
+_NARROWEST = 1e-9  # s: panels of this length are not halved
+_MOST_HALVES = 500  # of one panel: some ten kinks
+_JUMP = 1e-4  # of 1 + the value: a larger change within the narrowest panel is a jump
+_DEGREE = 24
+# The nodes include the ends, so neighbours meet and the integral of the slope is the function.
+_NODES = chebyshev.chebpts2(_DEGREE + 1)
+_COEFFICIENTS = np.linalg.inv(chebyshev.chebvander(_NODES, _DEGREE))
+_EPS = float(np.finfo(float).eps)
+_ROUNDING = 8 * _EPS  # of the last coefficients of an accurate polynomial
+_BETWEEN = 100.0  # ratio of rounding errors between the nodes and in the last coefficients
 
 
 @dataclass(frozen=True)
-class Followed:
-    """The drive of a user's function over a run from 0 to `end` [s], and nowhere else.
+class FunctionDrive:
+    """The drive of a user's function over a run from 0 to `end` [s].
 
-    The fields are those of a Custom rate, whose breakpoints are `named`. A derivative or integral
-    that is None is taken from polynomials.
+    The other fields are the fields of a Custom; `named` are its breakpoints. Polynomials replace a
+    derivative or integral that is None.
     """
 
     end: float
@@ -48,9 +59,10 @@ class Followed:
 
     @cached_property
     def breakpoints(self) -> tuple[float, ...]:
-        """The breakpoints that are named, and the parts of the panels where the rate is quick."""
-        quick = (p for p in pairwise(self.polynomials.edges) if _SHORTEST < p[1] - p[0] < _SHORT)
-        parts = chain.from_iterable(np.linspace(*each, _PARTS + 1).tolist() for each in quick)
+        """The user's breakpoints, and the parts of short panels, in which the rate changes fast."""
+        panels = pairwise(self.polynomials.edges)
+        short = (panel for panel in panels if _SHORTEST < panel[1] - panel[0] < _SHORT)
+        parts = chain.from_iterable(np.linspace(*panel, _PARTS + 1).tolist() for panel in short)
         return tuple(sorted({*self.named, *parts} - {self.end}))
 
     def rate(self, t: Any) -> Any:
@@ -64,36 +76,37 @@ class Followed:
 
     @cached_property
     def polynomials(self) -> "_Polynomials":
-        """Polynomials that follow the function over the whole run.
+        """Polynomials that approximate the function over the whole run.
 
-        Raises InputError where the function jumps, or where a derivative or integral given for it
-        is not its own; warns where it is not smooth and no derivative is given.
+        Raises InputError if the function jumps, or if a given derivative or integral is wrong.
+        Warns if the function is not smooth and has no derivative.
         """
         finest = self.finest or max(_FINEST, self.end / _LOOKS)
         longest = min(_LONGEST_FUNCTION, _MOST_LOOKS * finest)
         if not self.end <= longest:
             raise InputError(
-                f"a drive's function can be followed to t = {longest:g} s at most, not to "
+                f"a drive's function can be sampled to t = {longest:g} s at most, not to "
                 f"{self.end:g} s, every {finest:g} s; a number, a Ramp or a Sine has no such limit"
             )
         inside = sorted({float(b) for b in self.named if 0 < b < self.end})
         looks = uneven(self.end, finest)
-        found = polynomials_of(self._rate, [0.0, *inside, self.end], looks)
-        follows = found.off <= _FOLLOWED * (1 + found.size)
-        # What is given is compared in the middle of each panel that the polynomial follows: near a
-        # kink that no breakpoint names, the polynomial itself is off.
-        middles = (found.edges[:-1] + found.edges[1:])[follows] / 2
+        polynomials = polynomials_of(self._rate, [0.0, *inside, self.end], looks)
+        accurate = polynomials.off <= _ACCURATE * (1 + polynomials.size)
+        # Functions given by the user are compared in the middle of accurate panels: near a kink
+        # without a breakpoint, the polynomial is wrong.
+        edges = polynomials.edges
+        middles = (edges[:-1] + edges[1:])[accurate] / 2
         if self.derivative is not None:
-            _check_own("derivative", self._acceleration, found.slope, middles, "rad/s²")
-        elif not follows.all():
+            _check_given("derivative", self._acceleration, polynomials.slope, middles, "rad/s²")
+        elif not accurate.all():
             warn(
-                f"a drive's function is not smooth at t = {found.edges[found.off.argmax()]:.6g} s: "
-                f"its derivative there follows it to {found.off.max():.1g} rad/s only; give "
-                "Custom its breakpoints, or its derivative"
+                f"a drive's function is not smooth at t = {edges[polynomials.off.argmax()]:.6g} s: "
+                f"there it is known to {polynomials.off.max():.1g} rad/s only; give Custom its "
+                "breakpoints or its derivative"
             )
         if self.integral is not None:
-            _check_own("integral", self._angle, found.area, middles, "rad")
-        return found
+            _check_given("integral", self._angle, polynomials.area, middles, "rad")
+        return polynomials
 
     def _rate(self, t: float) -> float:
         t = self._inside(t)
@@ -116,7 +129,7 @@ class Followed:
         return _called("integral", given, t) - _called("integral", given, 0.0)
 
     def _inside(self, t: float) -> float:
-        """Return the time without the rounding that may carry it beyond the end."""
+        """Return the time without rounding errors beyond the end."""
         if not t <= self.end * (1 + END_ROUNDING):
             raise InputError(f"t = {t:g} s is beyond the end of the run, {self.end:g} s")
         return min(t, self.end)
@@ -128,46 +141,40 @@ def _called(name: str, function: _Function, t: float) -> float:
 
 
 def _each(function: _Function, t: Any) -> Any:
-    # A user's function is asked for one time after another: it need not take arrays.
+    # A user's function need not accept arrays.
     if np.ndim(t) == 0:
         return function(float(t))
     return np.array([function(float(s)) for s in t])
 
 
-def _check_own(name: str, given: _Function, own: _Function, at: Any, unit: str) -> None:
-    """Raise InputError where a given derivative or integral is not the function's own."""
+def _check_given(name: str, given: _Function, computed: _Function, at: Any, unit: str) -> None:
+    """Raise InputError if a given derivative or integral differs from the computed one."""
     for t in at.tolist():
-        theirs, ours = given(t), own(t)
+        theirs, ours = given(t), computed(t)
         if not abs(theirs - ours) <= _GIVEN * (1 + abs(ours)):
             raise InputError(
-                f"the {name} given for a drive is {theirs:.6g} {unit} at t = {t:g} s, where that "
-                f"of its function is {ours:.6g} {unit}"
+                f"the {name} given for a drive is {theirs:.6g} {unit} at t = {t:g} s, but the "
+                f"{name} of its function is {ours:.6g} {unit}"
             )
-
-
-_PANEL = 0.5  # s, the longest
-_NARROWEST = 1e-9  # s: a panel of that length is not halved again
-_MOST_HALVES = 500  # of one panel: some ten kinks
-_JUMP = 1e-4  # of 1 and the value: more within the narrowest panel is no slope but a jump
-_DEGREE = 24
-# The ends are among the nodes, so that neighbours meet and the slope's integral is the function.
-_NODES = chebyshev.chebpts2(_DEGREE + 1)
-_COEFFICIENTS = np.linalg.inv(chebyshev.chebvander(_NODES, _DEGREE))
-_EPS = float(np.finfo(float).eps)
-_ROUNDING = 8 * _EPS  # of the last coefficients of a polynomial that follows
-_BETWEEN = 100.0  # times as much: the rounding of its values between the nodes
 
 
 @dataclass(frozen=True)
 class _Polynomials:
-    """A function from edges[0] to edges[-1] by one polynomial between each two edges.
+    """A function from edges[0] to edges[-1], with one polynomial per panel.
 
-    edges   (n + 1,)  s
-    slopes  (n, k)    coefficients of the derivative, Chebyshev's, on -1 to 1
-    areas   (n, k+2)  of the integral from the panel's begin, to rounding
-    before  (n,)      the integral from edges[0] to the panel's begin, less the rounding there
-    off     (n,)      how far the polynomial may be off the function
-    size              the function's largest value
+    Attributes
+    ----------
+    edges : (n + 1,), s
+    slopes : (n, k)
+        Chebyshev coefficients of the derivative, on -1 to 1.
+    areas : (n, k + 2)
+        Chebyshev coefficients of the integral from the panel's begin.
+    before : (n,)
+        Integral from edges[0] to the panel's begin, minus the rounding error of `areas` there.
+    off : (n,)
+        Bound of the polynomial's error.
+    size : float
+        Largest value of the function.
     """
 
     edges: Array
@@ -178,7 +185,7 @@ class _Polynomials:
     size: float
 
     def slope(self, t: float) -> float:
-        """Return the derivative at `t`; at an edge, from there on."""
+        """Return the derivative at `t`; at an edge, the one after it."""
         i, x = self._place(t)
         return float(chebyshev.chebval(x, self.slopes[i]))
 
@@ -188,7 +195,7 @@ class _Polynomials:
         return float(self.before[i] + chebyshev.chebval(x, self.areas[i]))
 
     def _place(self, t: float) -> tuple[int, float]:
-        """Return the panel of a time, and where in it the time is, from -1 to 1."""
+        """Return the panel of a time, and the position of the time in it, from -1 to 1."""
         i = int(np.searchsorted(self.edges[1:-1], t, side="right"))
         begin, end = self.edges[i : i + 2]
         return i, float((2 * t - begin - end) / (end - begin))
@@ -197,58 +204,57 @@ class _Polynomials:
 def polynomials_of(
     function: _Function, edges: list[float], looks: Array = _NODES[:0]
 ) -> _Polynomials:
-    """Return polynomials that follow a function to rounding, or as near as halving brings them.
+    """Return polynomials that approximate a function to rounding, or as well as halving permits.
 
-    edges: increasing times, of which the function is smooth between each two; looks: further times
-    at which it is followed. It is asked there and between, never before the first or after the
-    last. Raises InputError where it jumps.
+    edges: increasing times; the function is smooth between them, and is not called outside them;
+    looks: further times at which it is sampled. Raises InputError if it jumps.
     """
     panels: list[tuple[float, float, Array, float]] = []
     size = 0.0
     for piece in pairwise(edges):
         count = int(np.ceil((piece[1] - piece[0]) / _PANEL))
         for begin, end in pairwise(np.linspace(*piece, count + 1).tolist()):
-            seen = looks[np.searchsorted(looks, begin) : np.searchsorted(looks, end)]
-            for panel in _halved(function, begin, end, size, seen):
+            inside = looks[np.searchsorted(looks, begin) : np.searchsorted(looks, end)]
+            for panel in _halved(function, begin, end, size, inside):
                 panels.append(panel)
                 size = max(size, float(np.abs(panel[2]).max()))
-    found = np.array([panels[0][0], *(end for _, end, *_ in panels)])
-    halves = np.diff(found)[:, None] / 2
+    ends_of_panels = np.array([panels[0][0], *(end for _, end, *_ in panels)])
+    halves = np.diff(ends_of_panels)[:, None] / 2
     coefficients = np.array([_COEFFICIENTS @ values for _, _, values, _ in panels])
     off = np.array([off for *_, off in panels])
-    # Coefficients of rounding alone would be magnified in the slope by the square of their degree.
+    # The slope would magnify coefficients that are rounding errors by the square of their degree.
     coefficients[np.abs(coefficients) < _EPS * size] = 0.0
     slopes = chebyshev.chebder(coefficients, axis=1) / halves
     areas = chebyshev.chebint(coefficients, lbnd=-1.0, axis=1) * halves
-    # What rounding leaves at a panel's begin depends on the processor; the integral begins at 0.
+    # The rounding error at a panel's begin depends on the processor; the integral begins at 0.
     begins, ends = (np.asarray(chebyshev.chebval(x, areas.T)) for x in (-1.0, 1.0))
     before = np.cumsum([0.0, *(ends - begins)[:-1]]) - begins
-    return _Polynomials(found, slopes, areas, before, off, size)
+    return _Polynomials(ends_of_panels, slopes, areas, before, off, size)
 
 
 def _halved(
     function: _Function, begin: float, end: float, size: float, looks: Array
 ) -> Iterator[tuple[float, float, Array, float]]:
-    """Yield (begin, end, values at the nodes, how far off) of the parts, halved as it helps."""
-    seen = np.array([function(t) for t in looks.tolist()])
-    # A stack with the earlier half on top, so that panels come in the order of time.
+    """Yield (begin, end, values at the nodes, error) of the panels, halved as long as it helps."""
+    samples = np.array([function(t) for t in looks.tolist()])
+    # A stack with the earlier half on top, so that panels come in order.
     left, halves = [(begin, end)], 0
     while left:
         a, b = left.pop()
         middle, half = (a + b) / 2, (b - a) / 2
-        # Rounding may carry a node out of the panel, where the function need not be defined.
+        # Rounding may move a node out of the panel, and the function may be undefined there.
         nodes = np.clip(middle + half * _NODES, a, b)
         nodes[0], nodes[-1] = a, b
         values = np.array([function(t) for t in nodes.tolist()])
         coefficients = _COEFFICIENTS @ values
         part = slice(*np.searchsorted(looks, (a, b)))
-        between = chebyshev.chebval((looks[part] - middle) / half, coefficients) - seen[part]
+        between = chebyshev.chebval((looks[part] - middle) / half, coefficients) - samples[part]
         tail, missed = float(_tail(coefficients)), float(np.abs(between).max(initial=0.0))
-        follows = max(tail, missed / _BETWEEN) <= _rounding_of(coefficients, a, b, size)
-        if follows or b - a <= _NARROWEST or halves == _MOST_HALVES:
-            if not follows and b - a <= _NARROWEST:
+        accurate = max(tail, missed / _BETWEEN) <= _rounding_of(coefficients, a, b, size)
+        if accurate or b - a <= _NARROWEST or halves == _MOST_HALVES:
+            if not accurate and b - a <= _NARROWEST:
                 _check_continuous(a, b, values)
-            yield a, b, values, tail if follows else max(tail, missed)
+            yield a, b, values, tail if accurate else max(tail, missed)
         else:
             halves += 1
             left += [(middle, b), (a, middle)]
@@ -256,46 +262,46 @@ def _halved(
 
 def _tail(coefficients: Array) -> Array:
     """Return the largest of the last coefficients (..., degree + 1)."""
-    # Three, as an odd or even function has every second coefficient zero.
+    # Three, because every second coefficient of an odd or even function is zero.
     return np.abs(coefficients[..., -3:]).max(axis=-1)
 
 
 def _rounding_of(coefficients: Array, begin: float, end: float, size: float) -> float:
-    """Return what rounding leaves of a function of this size in its last coefficients.
+    """Return the rounding error in the last coefficients of a function of this size.
 
-    No function knows its argument better than to the last bit.
+    It includes the effect of rounding the argument.
     """
     steepest = float(np.abs(coefficients[1:]).sum()) / ((end - begin) / 2)
     return _ROUNDING * (max(size, float(np.abs(coefficients).max())) + abs(end) * steepest)
 
 
 def _check_continuous(begin: float, end: float, values: Array) -> None:
-    """Raise InputError where the values in a panel of the narrowest length are too far apart."""
+    """Raise InputError if the values in a narrowest panel differ too much."""
     jump = float(np.ptp(values))
     if jump > _JUMP * (1 + float(np.abs(values).min())):
         t = (begin + end) / 2
         raise InputError(f"a drive's rate jumps by {jump:g} rad/s at t = {t:.9g} s; ramp it")
 
 
-class Held:
-    """Commands that a run holds, each from a time on until the next; before them, a drive.
+class HeldCommand:
+    """The commands of a controller in a run, each held until the next; before them, a drive.
 
-    It grows as a controller gives commands. Only a motor takes it, for a rate would jump.
+    It grows during the run. Only for motors, because a prescribed rate must not jump.
     """
 
-    # Drives, by whose module this one is imported.
+    # Any: drives.Drive, whose module imports this one.
     def __init__(self, before: Any) -> None:
         self.times: list[float] = []
-        self.drives, self.turned = [before], [0.0]  # turned: rad, where each begins
+        self.drives, self.turned = [before], [0.0]  # turned: rad, angle at which each begins
         self.breakpoints = before.breakpoints
 
     def hold(self, t: float, drive: Any) -> None:
-        """Hold another drive from t [s] on, which is not before the last of the times."""
+        """Hold another drive from t [s] on; calls are in order of time."""
         self.turned.append(self.angle(t))
         self.times.append(t)
         self.drives.append(drive)
 
-    # Engines ask for one time after another, and often.
+    # Engines ask for single times, and often.
 
     def rate(self, t: Any) -> Any:
         return self.at(t).rate(t) if isinstance(t, float) else _each(self.rate, t)

@@ -1,4 +1,4 @@
-"""Loads: the forces and torques that a motion needs, by the laws of Newton and Euler."""
+"""Loads: the forces and torques that a motion needs, from the laws of Newton and Euler."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ from robotball.rotations import Array
 class Loads(Value):
     """Hold the forces and torques that a motion needs, at n times and on h hinges.
 
-    The hinges are the frame's, then the rotors'.
+    The frame's hinge comes first, then the hinges of the rotors.
 
     Attributes
     ----------
@@ -25,8 +25,8 @@ class Loads(Value):
     spin_torque : (n,), N m
         The torque λ₀ of the plane on the shell about the vertical.
     motor_torques : (n, h), N m
-        The torques of the motors along the hinges: of the shell on the frame, and of the frame on
-        the rotors. 0 for a hinge that never turns.
+        The torques of the motors along the hinges, which act from the shell on the frame, and from
+        the frame on the rotors. 0 for a hinge that never turns.
 
     Examples
     --------
@@ -62,7 +62,7 @@ class Loads(Value):
 
 
 def loads_of(scene: Scene, times: Array, axes: Array, omega: Array) -> Loads:
-    """Return the loads that the constraints (2.1), (2.2) and the drives need, by Newton and Euler.
+    """Return the loads of the constraints (2.1), (2.2) and the drives, from Newton and Euler.
 
     The angular acceleration comes from the unreduced equations (2.4)-(2.5). times (n,) s; axes
     (n, 3, 3) from principal axes to world; omega (n, 3) of the frame, in principal axes [rad/s].
@@ -88,19 +88,18 @@ def loads_of(scene: Scene, times: Array, axes: Array, omega: Array) -> Loads:
     spin_torque = np.broadcast_to(np.float64(spin_torque), times.shape)
     omega_rate, w = np.array(rate), omega.T
 
-    # Seen from the frame, the shell is symmetric about its hinge, so that its inertia is constant
-    # there while it turns.
+    # In frame axes the inertia of the turning shell is constant, because it is symmetric about its
+    # hinge.
     turning, turning_rate = w - Omega, omega_rate - Omega_rate
     acceleration = ball.radius * _cross(turning_rate - _cross(w, Omega), gamma)
     force = ball.mass * (acceleration - scene.gravity_at(times)[:, 2] * gamma)
     shell_inertia = to_principal @ ball.shell.inertia @ to_principal.T
     shell_momentum_rate = shell_inertia @ turning_rate + _cross(w, shell_inertia @ turning)
-    # Euler's equation of the shell about its centre: the torque that the plane does not give is the
-    # frame's motor's.
+    # Euler's equation of the shell about its centre gives the torque of the frame's motor.
     from_plane = spin_torque * gamma - ball.radius * _cross(gamma, force)
     frame_torque = hinges[:, 0] @ (from_plane - shell_momentum_rate)
     moving = np.array([turns(drive) for drive in scene.drives])
-    # Along its axis a symmetric rotor has I (dω/dt, n) + I φ̈: the gyroscopic torque is across it.
+    # I (dω/dt, n) + I φ̈ along the axis of a symmetric rotor: its gyroscopic torque is across it.
     rotor_inertias = np.array([rotor.axial_inertia for rotor in ball.rotors])[:, None]
     rotor_torques = rotor_inertias * (hinges[:, 1:].T @ omega_rate + accelerations[1:])
     return Loads(
@@ -116,5 +115,5 @@ def _cross(u: Array, v: Array) -> Array:
 
 
 def _per_newton(load: Array, normal_force: Array) -> Array:
-    # 0 where the ball is off the plane: no friction acts there, and none is needed.
+    # 0 while the ball is off the plane, because it needs no friction there.
     return np.divide(load, normal_force, out=np.zeros_like(load), where=normal_force > 0)

@@ -1,11 +1,13 @@
-"""Colours, and the shapes of each body as films, models and pages show it.
+"""Colours and shapes of bodies in films, models and pages.
 
-A body that has shapes, from parts or from a user's own model, is drawn as it is built. One that is
-given by numbers alone has a symbol: shell, frame and rotor are the hand-written parts in mjcf/, a
-pendulum or link is the box of its inertia on an arm.
-Sizes of symbols are chosen so that no two touch: the frame's hoop is near the shell, what turns
-inside it stays inside, and rotors with one centre are rings within rings. A frame off balance has a
-weight on the side of its centre of mass. The shell is always glass, with bands that show it roll.
+A body with shapes, from parts or a user's model, is drawn with them. A body with numbers alone has
+a symbol: shell, frame and rotor are the hand-written parts in mjcf/, a pendulum or link is the box
+of its inertia on an arm.
+
+The sizes of symbols are chosen so that symbols do not touch: the frame's hoop is near the shell,
+bodies that turn inside it stay inside, and rotors with one centre are nested rings. An unbalanced
+frame has a weight on the side of its centre of mass. The shell is always glass, with bands that
+make its rolling visible.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,9 +25,32 @@ from robotball.robot.shapes import Kind, Shape
 from robotball.rotations import Array, from_matrix, multiply, rotation_matrix, z_along
 
 INK = "#22262B"  # text
-ACCENT = "#D55E00"  # what the rest is held against
-FAINT = "#B4B9BF"  # what stands behind
+ACCENT = "#D55E00"  # the reference
+FAINT = "#B4B9BF"  # the background
 GHOST = 0.35  # opacity of a ball that is drawn over others
+# Materials of the marks of a rotor, and of its disc if the marks turn too fast to be visible.
+MARKS, BLUR = "spoke", "blur"
+_HUB = ("capsule", "cylinder")  # the shapes inside a rotor's rim
+
+# Lengths in radii of the ball.
+INSIDE = 0.75  # outer radius of bodies that turn in the frame's hoop
+RIM = 0.61  # outer radius of the part "rotor"
+_RING = 0.7  # size ratio of nested rings
+_LEAST = 0.06  # smallest visible rotor or box
+_CORE = 0.28  # space for rotors at the centre if there are pendulums
+_ARM, _HINGE = 0.035, 0.14  # radius of a pendulum's arm, and half of the length of its hinge
+_OUTSIDE = 0.96  # outer radius of a weight on the frame's hoop
+_BALANCED = 0.01  # a frame with a smaller offset has no weight
+_TOGETHER = 0.05  # rotors with centres at a smaller distance are nested
+
+_ORIGIN, _NO_TURN = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+_AXLE, _POLE = 0.02, 0.97  # radius of the axle of a frame with parts, and half of its length
+_THIN = 0.012  # drawn size of a shape without a size
+_SAME = 0.02  # a sphere of the shell that differs by less is the shell
+_GLASS = "26"  # opacity, at the end of a colour, of a user's part that encloses others
+_INERTIA = "#f2c23399"  # the box of a body that has a mass but no shape
+
+Looks = Mapping[str, Sequence[Shape]]
 
 
 def rgb(colour: str) -> tuple[float, float, float]:
@@ -34,83 +59,58 @@ def rgb(colour: str) -> tuple[float, float, float]:
     return red / 255, green / 255, blue / 255
 
 
-# The materials that show a rotor's angle, and its disc when it turns too fast to be seen.
-MARKS, BLUR = "spoke", "blur"
-_HUB = ("capsule", "cylinder")  # the shapes inside a rotor's rim
-
-# Lengths in radii of the ball.
-INSIDE = 0.75  # bodies that turn in the frame's hoop reach no further
-RIM = 0.61  # how far the part "rotor" reaches
-_RING = 0.7  # the size of a ring over that of the ring around it
-_LEAST = 0.06  # the smallest rotor, and the smallest box, that can still be seen
-_CORE = 0.28  # room for rotors at the centre where a pendulum swings around them
-_ARM, _HINGE = 0.035, 0.14  # radius of a pendulum's arm, and half of its hinge's length
-_OUTSIDE = 0.96  # how far out a weight on the frame's hoop reaches
-_BALANCED = 0.01  # a frame whose centre of mass is nearer to the ball's has no weight
-_TOGETHER = 0.05  # rotors whose centres are nearer are nested
-
-_ORIGIN, _NO_TURN = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
-_AXLE, _POLE = 0.02, 0.97  # radius of the axle of a frame of parts, and how far out it ends
-_THIN = 0.012  # of what has no size
-_SAME = 0.02  # a sphere of the shell's that differs by less is the shell
-_GLASS = "26"  # opacity, as a colour ends with, of a user's part that hides what is inside
-_INERTIA = "#f2c23399"  # the box of a body that has a mass and no shape
-
-Looks = Mapping[str, Sequence[Shape]]
-
-
 def looks_of(ball: Ball) -> dict[str, tuple[Shape, ...]]:
-    """Return the shapes of each body by its name, in radii of the ball.
+    """Return the shapes of each body by body name, in radii of the ball.
 
-    A shape of a user's that encloses a whole other body, or is fixed on the shell and encloses the
-    middle of one, is see-through.
+    A user's shape is transparent if it encloses a whole other body, or if it belongs to the shell
+    and encloses the middle of another body.
     """
     rings = _rings(ball)
     looks = {name: tuple(_look(ball, body, rings)) for name, body in ball.named_bodies}
     corners = {
-        name: np.concatenate([each.triangles.reshape(-1, 3) for each in shapes])
+        name: np.concatenate([shape.triangles.reshape(-1, 3) for shape in shapes])
         for name, shapes in looks.items()
         if shapes and name != "shell"
     }
 
-    def seen(name: str, shape: Shape) -> Shape:
+    def drawn(name: str, shape: Shape) -> Shape:
         others = [points for other, points in corners.items() if other != name]
-        if name == "shell":  # an axle may reach through a hull
+        if name == "shell":  # an axle may extend through a hull
             others = [points.mean(axis=0, keepdims=True) for points in others]
         if shape.material.startswith("#") and any(map(shape.encloses, others)):
             return replace(shape, material=shape.material[:7] + min(shape.material[7:], _GLASS))
         return shape
 
-    return {name: tuple(seen(name, each) for each in shapes) for name, shapes in looks.items()}
+    return {name: tuple(drawn(name, shape) for shape in shapes) for name, shapes in looks.items()}
 
 
 def _look(ball: Ball, body: Body, rings: Iterator[tuple[float, bool]]) -> Iterator[Shape]:
-    """Yield a body's own shapes, then what stands for what they do not show.
+    """Yield a body's shapes, then symbols for the features that they do not show.
 
-    rings: of which a rotor takes the next.
+    rings: an iterator from which a rotor takes its ring.
     """
     radius, axis = ball.radius, ball.shell.axis
-    own = _hex("frame" if isinstance(body, Shell | Frame) else "rotor")
+    colour = _hex("frame" if isinstance(body, Shell | Frame) else "rotor")
     built = [
         replace(
-            each,
-            pos=each.pos / radius,
-            size=np.where((each.size == 0) & (not each.material), _THIN, each.size / radius),
-            material=each.material or own,
+            shape,
+            pos=shape.pos / radius,
+            size=np.where((shape.size == 0) & (not shape.material), _THIN, shape.size / radius),
+            material=shape.material or colour,
         )
-        for each in body.shapes
+        for shape in body.shapes
     ]
-    # The glass is in place of the sphere that rolls, and of one for its looks alone.
-    yield from (each for each in built if not (isinstance(body, Shell) and _is_the_ball(each)))
+    # The glass replaces the sphere that rolls, and visual copies of it.
+    yield from (shape for shape in built if not (isinstance(body, Shell) and _is_the_ball(shape)))
     match body:
         case Shell():
-            part = [each for each in _part("shell") if ball.has_frame or each.kind != "cylinder"]
+            part = [s for s in _part("shell") if ball.has_frame or s.kind != "cylinder"]
             yield from _placed(part, axis)
         case Frame():
             yield from [_rod(-_POLE * axis, _POLE * axis, _AXLE)] if built else _frame(ball)
         case Rotor():
             size, inmost = next(rings)
-            part = [each for each in _part("rotor") if inmost or each.kind not in _HUB]
+            part = [s for s in _part("rotor") if inmost or s.kind not in _HUB]
             ring = _placed(part, body.axis, size, body.centre / radius)
             yield from [_bar(built, body, radius)] if built else ring
         case Pendulum() | Link():
@@ -123,7 +123,7 @@ def _look(ball: Ball, body: Body, rings: Iterator[tuple[float, bool]]) -> Iterat
 
 
 def _is_the_ball(shape: Shape) -> bool:
-    """Return whether a shape is a sphere of the ball's own size and place, but for hundredths."""
+    """Return whether a shape is a sphere with the ball's size and position, within 2 %."""
     off = max(float(np.linalg.norm(shape.pos)), abs(float(shape.size[0]) - 1))
     return shape.kind == "sphere" and off < _SAME
 
@@ -135,18 +135,18 @@ def _rod(begin: Array, end: Array, radius: float) -> Shape:
 
 
 def _bar(built: Sequence[Shape], rotor: Rotor, radius: float) -> Shape:
-    """Return a bar from a rotor's axis to its rim, which shows its angle on both of its faces."""
+    """Return a bar from a rotor's axis to its rim, which marks its angle on both faces."""
     centre, turn = rotor.centre / radius, z_along(rotor.axis)
-    corners = np.concatenate([each.triangles.reshape(-1, 3) for each in built])
-    own = (corners - centre) @ rotation_matrix(turn)
-    rim, high = float(np.hypot(*own.T[:2]).max()), float(np.abs(own[:, 2]).max())
+    corners = np.concatenate([shape.triangles.reshape(-1, 3) for shape in built])
+    local = (corners - centre) @ rotation_matrix(turn)
+    rim, high = float(np.hypot(*local.T[:2]).max()), float(np.abs(local[:, 2]).max())
     size = np.array([rim / 2, 0.05 * rim, high + 0.01 * rim])
     at = centre + rotation_matrix(turn) @ [rim / 2, 0.0, 0.0]
     return Shape("box", size, at, turn, MARKS)
 
 
 def _inertia_box(body: Pendulum | Link, radius: float) -> Shape:
-    """Return the box of a body's mass and moments, which is no shape that the body has."""
+    """Return the homogeneous box with a body's mass and moments."""
     moments, axes = np.linalg.eigh(body.inertia / body.mass)
     size = np.sqrt(np.maximum(1.5 * (moments.sum() - 2 * moments), 0.0)) / radius
     turn = from_matrix(axes * np.sign(np.linalg.det(axes)))  # eigh may return a reflection
@@ -154,7 +154,7 @@ def _inertia_box(body: Pendulum | Link, radius: float) -> Shape:
 
 
 def materials_of(looks: Looks) -> dict[str, tuple[float, ...]]:
-    """Return the materials of all shapes by name, as `rgba_of` has them."""
+    """Return the colours of all materials by name, see `rgba_of`."""
     used = sorted({shape.material for shapes in looks.values() for shape in shapes})
     return {name: rgba_of(name) for name in used}
 
@@ -172,7 +172,7 @@ def _hex(material: str) -> str:
 
 @cache
 def colours() -> dict[str, tuple[float, ...]]:
-    """Return (red, green, blue, opacity), each 0 to 1, of the parts' materials by name."""
+    """Return (red, green, blue, opacity), each 0 to 1, of hand-written materials by name."""
     return {
         material.attrib["name"]: tuple(map(float, material.attrib["rgba"].split()))
         for part in ("shell", "frame", "rotor")
@@ -181,14 +181,14 @@ def colours() -> dict[str, tuple[float, ...]]:
 
 
 def _rings(ball: Ball) -> Iterator[tuple[float, bool]]:
-    """Yield each rotor's size, 1 for the part's own, and whether no other rotor is inside it."""
+    """Yield each rotor's size relative to its part, and whether no other rotor is inside it."""
     centres = [rotor.centre / ball.radius for rotor in ball.rotors]
     for i, centre in enumerate(centres):
         away = [float(np.linalg.norm(centre - other)) for other in centres]
         before = sum(distance < _TOGETHER for distance in away[:i])
         after = sum(distance < _TOGETHER for distance in away[i + 1 :])
         room = [RIM, INSIDE - float(np.linalg.norm(centre))]
-        # Half of the way for each of two neighbours, so that they do not touch.
+        # Half of the distance for each of two neighbours, so that they do not touch.
         room += [distance / 2 for distance in away if distance >= _TOGETHER]
         if ball.pendulums:
             room.append(_CORE)
@@ -196,14 +196,14 @@ def _rings(ball: Ball) -> Iterator[tuple[float, bool]]:
 
 
 def _frame(ball: Ball) -> tuple[Shape, ...]:
-    """Return the frame's shapes; off balance, the hoop is turned to carry a weight on that side."""
+    """Return the frame's shapes, with a weight on the side of its centre of mass."""
     part, axis, centre = _part("frame"), ball.shell.axis, ball.frame.centre / ball.radius
     off = float(np.linalg.norm(centre))
     if off < _BALANCED:
         return _placed(part, axis)
     across = rotation_matrix(z_along(axis)).T @ centre
     hoop = _placed(part, axis, spin=float(np.arctan2(across[1], across[0])))
-    # Rotors at the centre leave more room than what turns elsewhere.
+    # Rotors at the centre leave more space than other bodies.
     elsewhere = ball.pendulums or any(rotor.centre.any() for rotor in ball.rotors)
     size = (_OUTSIDE - (INSIDE if elsewhere else RIM)) / 2
     at = (_OUTSIDE - size) * centre / off
@@ -217,12 +217,12 @@ def _placed(
     centre: Array = _ORIGIN,
     spin: float = 0.0,
 ) -> tuple[Shape, ...]:
-    """Turn a part's shapes from z to an axis (3,), scale them, and move them to a centre (3,).
+    """Rotate a part's shapes from z to an axis (3,), scale them, and move them to a centre (3,).
 
     spin: the angle about that axis [rad].
     """
     turn = multiply(z_along(axis), np.array([np.cos(spin / 2), 0.0, 0.0, np.sin(spin / 2)]))
-    return tuple(each.moved(turn, centre, size) for each in shapes)
+    return tuple(shape.moved(turn, centre, size) for shape in shapes)
 
 
 @cache
@@ -257,7 +257,7 @@ def add_materials(
     prefix: str = "",
     opacity: float = 1.0,
 ) -> None:
-    """Add the materials of shapes; own: "r g b" for those that have another colour here."""
+    """Add the materials of shapes; own: "r g b" of materials with another colour here."""
     for name, (red, green, blue, solid) in materials_of(looks).items():
         rgb = (own or {}).get(name, f"{red:g} {green:g} {blue:g}")
         look = {"rgba": f"{rgb} {solid * opacity:g}", "specular": "0.4", "shininess": "0.6"}

@@ -1,8 +1,7 @@
-"""The loop of a controller over one run: engines reach its times, and hold its commands.
+"""Sample-and-hold loop between a controller and an engine.
 
-A closed loop is a sequence of motions with constant commands. Every engine steps from one change of
-a command to the next, so none calls a controller within a step, and all call it at the same times.
-In order: what engines tell of a state, the loop.
+Commands are constant between controller calls, so a closed-loop run is a sequence of open-loop
+runs. Engines stop at the controller's times and never call it within a step.
 """
 
 import copy
@@ -17,17 +16,14 @@ import numpy as np
 from robotball.errors import LARGEST, InputError, call_users, unknown
 from robotball.robot.controllers import SENSORS, Controller, Reading, Sensors
 from robotball.robot.drives import Constant
-from robotball.robot.function_drives import Held
-from robotball.robot.motors import Free
+from robotball.robot.function_drives import HeldCommand
+from robotball.robot.motors import NO_LIMITS, Free
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, turned
 
 
-class Sensed(NamedTuple):
-    """What the sensors would read without error: gyro, attitude, hinges and contact point.
-
-    As in `Reading`, with the hinges' angles and rates (h,) in the order of the scene.
-    """
+class TrueReading(NamedTuple):
+    """Sensor values without noise. Fields as in `Reading`; hinge angles and rates (h,) in order."""
 
     gyro: Array
     attitude: Array
@@ -37,38 +33,42 @@ class Sensed(NamedTuple):
 
 
 class Loop:
-    """A controller in one run of its scene.
+    """Call a controller during one run and hold its commands.
 
-    scene: with the commands that the run has had so far, for the engine that runs it.
+    Attributes
+    ----------
+    scene : Scene
+        The scene with the held commands; pass this one to the engine.
     """
 
     def __init__(self, scene: Scene, controller: Controller) -> None:
-        self.scene, self.controller = scene, controller
+        self.controller = controller
         self.names = [hinge.name for hinge in scene.hinges]
-        self.within = {each.name: each.within for each in scene.actuators}
-        self.filtered = [each.name for each in scene.actuators if each.activation is not None]
-        moved = [each for each in scene.hinges if not isinstance(each.motor, Free | None)]
-        self.held = {each.name: Held(each.command) for each in moved}
-        actuators = zip(scene.actuators, scene.controls, strict=True)
-        self.held |= {each.name: Held(command) for each, command in actuators}
-        copied = f"{scene.name}: the controller cannot be copied, as each run needs its own"
-        self.function = call_users(copied, copy.deepcopy, controller.function)
-        self.scene = replace(scene)
-        hinges = [replace(h, command=self.held.get(h.name, h.command)) for h in scene.hinges]
-        # The properties' own places: what a drive promises a scene, commands to come cannot.
-        vars(self.scene).update(
-            hinges=tuple(hinges),
-            drives=tuple(hinge.command for hinge in hinges),
-            controls=tuple(self.held[each.name] for each in scene.actuators),
-        )
+        self.command_limits = {actuator.name: actuator.within for actuator in scene.actuators}
+        self.with_activation = [a.name for a in scene.actuators if a.activation is not None]
+        hinges = {
+            hinge.name: HeldCommand(hinge.command)
+            for hinge in scene.hinges
+            if not isinstance(hinge.motor, Free | None)
+        }
+        # Limits and activations are applied already: `controls` has their results.
+        actuators = [
+            replace(actuator, command=HeldCommand(control), activation=None, within=NO_LIMITS)
+            for actuator, control in zip(scene.actuators, scene.controls, strict=True)
+        ]
+        ball = scene.ball.with_hinges(command=hinges)
+        self.scene = replace(scene, ball=ball, actuators=tuple(actuators))
+        self.held: dict[str, Any] = hinges | {a.name: a.command for a in actuators}
+        failure = f"{scene.name}: the controller cannot be copied, and each run needs its own copy"
+        self.function = call_users(failure, copy.deepcopy, controller.function)
         self.random = np.random.default_rng(controller.sensors.seed)
         self.measured = self.called = self.applied = 0
         self.readings, self.answers = deque[Reading](), deque[dict[str, float]]()
 
-    def reach(self, t: float, sense: Callable[[], Sensed]) -> None:
-        """Measure, call and command what is due at t [s], a stop of the run; sense: its state.
+    def reach(self, t: float, sense: Callable[[], TrueReading]) -> None:
+        """Sample the sensors, call the controller and apply its commands, if due at time t [s].
 
-        Raises InputError where the function fails or returns no commands.
+        Raises InputError if the controller fails or returns invalid commands.
         """
         controller, until = self.controller, t + self.controller.together
         while self.measured * controller.period - controller.sensors.latency <= until:
@@ -84,13 +84,13 @@ class Loop:
 
     @property
     def holds(self) -> bool:
-        """Whether all commands keep their values until the controller gives others."""
+        """True if every command is constant until the next controller call."""
         commands = (*self.scene.drives, *self.scene.controls)
-        last = (each.drives[-1] if isinstance(each, Held) else each for each in commands)
-        return all(isinstance(each, Constant) for each in last)
+        last = (c.drives[-1] if isinstance(c, HeldCommand) else c for c in commands)
+        return all(isinstance(drive, Constant) for drive in last)
 
-    def _read(self, time: float, true: Sensed) -> Reading:
-        """Return what the sensors make of a state."""
+    def _read(self, time: float, true: TrueReading) -> Reading:
+        """Return the reading that the sensors give of a state."""
         sensors = self.controller.sensors
         if sensors.noise or sensors.resolution:
             true = self._disturbed(sensors, true)
@@ -99,57 +99,56 @@ class Loop:
         point = true.contact_point if sensors.contact_point else None
         return Reading(time, true.gyro, true.attitude, angles, rates, point)
 
-    def _disturbed(self, sensors: Sensors, true: Sensed) -> Sensed:
-        read = {name: np.array(value) for name, value in true._asdict().items()}
-        # In one order, as the noise must not depend on that of a mapping.
+    def _disturbed(self, sensors: Sensors, true: TrueReading) -> TrueReading:
+        values = {name: np.array(value) for name, value in true._asdict().items()}
+        # Fixed order: noise must not depend on the order of a dict.
         for name in [name for name in SENSORS if sensors.noise.get(name)]:
             if name == "attitude":
-                read[name] = turned(read[name], sensors.noise[name] * self.random.normal(size=3))
+                turn = sensors.noise[name] * self.random.normal(size=3)
+                values[name] = turned(values[name], turn)
             else:
-                read[name] += sensors.noise[name] * self.random.normal(size=len(read[name]))
+                values[name] += sensors.noise[name] * self.random.normal(size=len(values[name]))
         for name, step in sensors.resolution.items():
-            read[name] = step * np.round(read[name] / step) if step else read[name]
-        angles, rates = read.pop("angles").tolist(), read.pop("rates").tolist()
-        return Sensed(angles=angles, rates=rates, **read)
+            values[name] = step * np.round(values[name] / step) if step else values[name]
+        angles, rates = values.pop("angles").tolist(), values.pop("rates").tolist()
+        return TrueReading(angles=angles, rates=rates, **values)
 
     def _call(self, reading: Reading) -> dict[str, float]:
-        """Return the commands of a reading."""
-        failed = f"{self.scene.name}: the controller fails"
-        answer: Any = call_users(failed, self.function, reading, at=reading.time)
+        """Return the controller's commands for a reading, within their limits."""
+        failure = f"{self.scene.name}: the controller fails"
+        answer: Any = call_users(failure, self.function, reading, at=reading.time)
         if not isinstance(answer, Mapping):
-            example, at = {next(iter(self.held)): 1.0}, f"t = {reading.time:g} s"
+            example = {next(iter(self.held)): 1.0}
             raise self._refused(
-                f"must return commands by name, as {example}, not {answer!r} ({at})"
+                f"must return commands by name, for example {example}, not {answer!r} "
+                f"(t = {reading.time:g} s)"
             )
         commands = {}
         for name, value in answer.items():
             if name not in self.held:
                 raise self._no_command(name)
-            if name in self.filtered:
-                raise self._refused(f"cannot command {name}, whose activation has a lag")
+            if name in self.with_activation:
+                raise self._refused(f"cannot command {name}: its activation has a lag")
             try:
                 command = float(value)
             except (TypeError, ValueError):
                 command = math.nan
             if not abs(command) <= LARGEST:
                 raise self._refused(
-                    f"commands {value!r} of {name} at t = {reading.time:g} s; a command must be "
+                    f"commands {value!r} for {name} at t = {reading.time:g} s; a command must be "
                     f"finite and at most {LARGEST:g} in size"
                 )
-            low, high = self.within.get(name, _ANY)
+            low, high = self.command_limits.get(name, NO_LIMITS)
             commands[name] = min(max(command, low), high)
         return commands
 
     def _no_command(self, name: object) -> InputError:
-        """Return the error for a name that is no motor's."""
+        """Return the error for a name without a motor."""
         if name not in self.names:
             return InputError(f"{self.scene.name}, controller: {unknown('motor', name, self.held)}")
         hinge = self.scene.hinges[self.names.index(str(name))]
-        lacks = "its rate is given exactly" if hinge.motor is None else "it turns freely"
-        return self._refused(f"cannot command {name}, as {lacks}: give it a motor, as Servo")
+        reason = "its rate is prescribed" if hinge.motor is None else "it turns freely"
+        return self._refused(f"cannot command {name}: {reason}. Give it a motor, for example Servo")
 
-    def _refused(self, why: str) -> InputError:
-        return InputError(f"{self.scene.name}: the controller {why}")
-
-
-_ANY = (-math.inf, math.inf)
+    def _refused(self, reason: str) -> InputError:
+        return InputError(f"{self.scene.name}: the controller {reason}")

@@ -1,20 +1,18 @@
-"""The mechanics of a tree of bodies that rolls in a shell, once, in plain arithmetic.
+"""The mechanics of a tree of bodies that rolls in a shell, in plain arithmetic.
 
-The formulas take scalars, as those of equations.py do, so that the same functions run on floats, on
-NumPy columns and inside numba. Vectors are 3-tuples in the axes of one body of the tree, its
-carrier, but velocities and accelerations are rates in space; positions are from the sphere's
-centre. Row 0 of the bodies is the shell; every other body is joined to its parent, which has a
-lower row, by a hinge or a slide: joint j moves body j + 1. Arrays that end in `...` have there the
-shape of the scalars, () or (n,); those that are named last are written.
+The formulas use scalars, like those of formulas.py, so the same functions run on floats, on NumPy
+columns and inside numba. Vectors are 3-tuples in the axes of one body of the tree, its carrier,
+but velocities and accelerations are rates in space; positions are from the sphere's centre. Row 0
+of the bodies is the shell. Every other body is joined to its parent, which has a lower row, by a
+hinge or a slide: joint j moves body j + 1. Arrays that end in `...` have the shape of the scalars
+there, () or (n,). Functions write into their last array arguments.
 
-u = (ω_s, q̇): the shell's angular velocity, then the rates of the joints. A body turns and moves by
-its columns, ω_b = Σ t_k u_k and v_b = Σ s_k u_k (Kane's partial velocities). (L, h) = 𝓜u: the
+u = (ω_s, q̇): the shell's angular velocity, then the rates of the joints. The columns of a body give
+its motion, ω_b = Σ t_k u_k and v_b = Σ s_k u_k (Kane's partial velocities). (L, h) = 𝓜u: the
 angular momentum about the contact point, then the momenta along the joints.
 
-In order: rows of numbers, where bodies are, their columns, 𝓜 and the momenta's rates, forces by
-Newton and Euler, 𝓜u = (L, h) solved where some rates are given and the shell may not turn as it
-likes; then a robot and n of its states as columns: gamma (n, 3) in the carrier's axes; angles and
-rates (n, h) of the joints [rad, rad/s; m, m/s of slides]; omega (n, 3) of the carrier, in its axes
+`States` has n states of a `Robot` as columns: gamma (n, 3) in the carrier's axes; angles and rates
+(n, h) of the joints [rad, rad/s; m, m/s for slides]; omega (n, 3) of the carrier, in its axes
 [rad/s]. SI units.
 """
 
@@ -30,17 +28,16 @@ from robotball.rotations import Array
 
 _Numbers = Any  # an array, or its row
 
-# Bodies are rows of numbers and no records: numba and columns take them as one array.
-# A body's row: as it is where all joints are at 0, in axes that are then those of every body.
-_MASS, _CENTRE, _AXIS, _PIVOT, _INERTIA, _ARMATURE, _PARENT, _SLIDES, _ROW = (
-    0, 1, 4, 7, 10, 19, 20, 21, 22,
-)  # fmt: skip
-# A placed body's row: its centre of mass, its tensor about it, the axis of its joint, the pivot,
-# and the rows of the rotation that brings vectors from where the joints are at 0.
+# Bodies are rows of one array, for numba and for columns.
+# Row of a body at joint angles 0, in axes that all bodies then share.
+_MASS, _CENTRE, _AXIS, _PIVOT, _INERTIA, _ARMATURE = 0, 1, 4, 7, 10, 19
+_PARENT, _SLIDES, _ROW = 20, 21, 22
+# Row of a placed body: its centre of mass, its tensor about it, the axis of its joint, the pivot,
+# and the rows of its rotation from joint angles 0.
 _FROM_CENTRE, _TENSOR, _ALONG, _AT, _ROTATION, PLACED = 0, 3, 12, 15, 18, 27
-# A body's column of u: its angular velocity and its centre of mass's velocity at unit rate.
+# Column of a body for a component of u: angular velocity and velocity of the centre of mass.
 _TURN, _MOVE, COLUMN = 0, 3, 6
-# A moving body's row: its angular velocity, its centre of mass's velocity, and the rates of both.
+# Row of a moving body: angular velocity, velocity of the centre of mass, and the rates of both.
 TURNING, _VELOCITY, _TURNING_RATE, _ACCELERATION, MOVING = 0, 3, 6, 9, 12
 _X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -58,7 +55,7 @@ def put(row: _Numbers, at: int, v: Vector) -> None:
 
 
 def _applied(row: _Numbers, at: int, v: Vector) -> Vector:
-    """Return the matrix that a row holds, times v."""
+    """Return the matrix in a row times v."""
     return (
         dot(vector(row, at), v),
         dot(vector(row, at + 3), v),
@@ -67,15 +64,15 @@ def _applied(row: _Numbers, at: int, v: Vector) -> Vector:
 
 
 def _turned(v: Vector, axis: Vector, cosine: Scalar, sine: Scalar) -> Vector:
-    """Return v turned about a unit vector, by Rodrigues' formula."""
+    """Return v rotated about a unit vector, with the formula of Rodrigues."""
     along = scale((1 - cosine) * dot(axis, v), axis)
     return add(add(scale(cosine, v), scale(sine, cross(axis, v))), along)
 
 
 def place(bodies: _Numbers, carrier: int, angles: _Numbers, placed: _Numbers) -> None:
-    """Write where the bodies are, placed (b, PLACED, ...), for the joints' angles (h, ...)."""
-    # From the carrier, whose axes these are, back along its joints to the shell: the rows of its
-    # rotation are the axes of the carrier, seen from it.
+    """Write the placed bodies (b, PLACED, ...) for joint angles (h, ...)."""
+    # From the carrier back along its joints to the shell: the rows of the shell's rotation are the
+    # carrier's axes in the shell.
     x, y, z = _X, _Y, _Z
     b = carrier
     while b > 0:
@@ -89,7 +86,7 @@ def place(bodies: _Numbers, carrier: int, angles: _Numbers, placed: _Numbers) ->
     put(placed[0], _ROTATION, x)
     put(placed[0], _ROTATION + 3, y)
     put(placed[0], _ROTATION + 6, z)
-    # Zero times a vector has the shape of the scalars, which a literal zero has not.
+    # Zero times a vector has the shape of the scalars; a literal zero does not.
     put(placed[0], _AT, scale(0.0, x))
     for b in range(len(bodies)):
         body, row = bodies[b], placed[b]
@@ -118,8 +115,7 @@ def place(bodies: _Numbers, carrier: int, angles: _Numbers, placed: _Numbers) ->
             put(row, _AT, pivot)
         arm = subtract(vector(body, _CENTRE), vector(body, _PIVOT))
         put(row, _FROM_CENTRE, add(vector(row, _AT), _applied(row, _ROTATION, arm)))
-        # RJ, column by column, and then (RJ)Rᵀ, row by row; J is symmetric, so its rows are its
-        # columns.
+        # RJ by columns, then (RJ)Rᵀ by rows; J is symmetric.
         x = _applied(row, _ROTATION, vector(body, _INERTIA))
         y = _applied(row, _ROTATION, vector(body, _INERTIA + 3))
         z = _applied(row, _ROTATION, vector(body, _INERTIA + 6))
@@ -131,11 +127,11 @@ def place(bodies: _Numbers, carrier: int, angles: _Numbers, placed: _Numbers) ->
 def partial_velocities(
     bodies: _Numbers, placed: _Numbers, radius: float, gamma: Vector, columns: _Numbers
 ) -> None:
-    """Write the columns (b, 3 + h, COLUMN, ...) by which u turns and moves the bodies."""
+    """Write the columns (b, 3 + h, COLUMN, ...) of the bodies' motion per unit of u."""
     columns[:] = 0.0
     for b in range(len(bodies)):
         r = vector(placed[b], _FROM_CENTRE)
-        # From the shell's point at the contact, which has no velocity.
+        # From the contact point of the shell, which is at rest.
         x = add(r, scale(radius, gamma))
         for i, e in enumerate((_X, _Y, _Z)):
             columns[b, i, _TURN + i] = 1.0
@@ -152,19 +148,19 @@ def partial_velocities(
 
 
 def _before(bodies: _Numbers, i: int) -> int:
-    """Return the number in u of the last rate before i that moves the body of i too, or -1."""
+    """Return the index in u of the last rate before i that moves the body of i too, or -1."""
     return 2 + int(bodies[i - 2][_PARENT]) if i > 2 else i - 1
 
 
 def mass_matrix(bodies: _Numbers, placed: _Numbers, columns: _Numbers, matrix: _Numbers) -> None:
-    """Write 𝓜 (3 + h, 3 + h, ...): u·𝓜u/2 is the kinetic energy, with that of the armatures.
+    """Write 𝓜 (3 + h, 3 + h, ...); u·𝓜u/2 is the kinetic energy, including the armatures.
 
-    A larger matrix has zeros beyond.
+    A larger matrix gets zeros outside 𝓜.
     """
     matrix[:] = 0.0
     k = columns.shape[1]
     for b in range(len(bodies)):
-        # Only the rates that move the body: the columns of all others are zero.
+        # Only the rates that move the body: the other columns are zero.
         i = 2 + b
         while i >= 0:
             spin = _applied(placed[b], _TENSOR, vector(columns[b, i], _TURN))
@@ -176,14 +172,14 @@ def mass_matrix(bodies: _Numbers, placed: _Numbers, columns: _Numbers, matrix: _
                 j = _before(bodies, j)
             i = _before(bodies, i)
     for i in range(k):
-        if i > 2:  # a motor's rotor, behind its gear, counts for the rate of its joint alone
+        if i > 2:  # the rotor of a geared motor has inertia for its own joint only
             matrix[i, i] += bodies[i - 2][_ARMATURE]
         for j in range(i):
             matrix[j, i] = matrix[i, j]
 
 
 def move(columns: _Numbers, u: _Numbers, moving: _Numbers) -> None:
-    """Write the velocities of moving (b, MOVING, ...) that u (3 + h, ...) gives."""
+    """Write the velocities in moving (b, MOVING, ...) for u (3 + h, ...)."""
     for b in range(len(columns)):
         turning, velocity = scale(0.0, vector(u, 0)), scale(0.0, vector(u, 0))
         for k in range(columns.shape[1]):
@@ -202,11 +198,11 @@ def momentum_rates(
     gravity: Vector,
     rates: _Numbers,
 ) -> None:
-    """Write the rates of (L, h) in space (3 + h, ...) without the torques of motors and plane.
+    """Write the rates of (L, h) in space (3 + h, ...), without the torques of motors and plane.
 
     L̇ = Σ m v_b×v + m(r_b + aγ)×G; along a hinge of the parent's ω, whose pivot has the velocity w,
     ḣ = Σ (ω×n, J_bω_b + ρ×m v_b) + (n, m v_b×w + mρ×G); along a slide ḣ = Σ m(ω×n, v_b) + m(n, G).
-    The sums for a joint are over the bodies beyond it.
+    The sum for a joint is over the bodies that it moves.
     """
     v = scale(radius, cross(vector(moving[0], TURNING), gamma))
     L_rate = scale(0.0, gamma)
@@ -247,18 +243,18 @@ def bias(
     u: _Numbers,
     torques: _Numbers,
 ) -> Vector:
-    """Write the torques that keep u as it is (3 + h, ...), by Newton and Euler.
+    """Write the torques that keep u constant (3 + h, ...), from Newton and Euler.
 
-    torques (3 + h, ...): that of the plane about the contact point, then those of the motors; of
-    slides, forces. Returns the plane's force [N]. For u to change, 𝓜 du/dt is added to them, and
-    `push` of it to the force. The accelerations are written into `moving`.
+    torques (3 + h, ...): of the plane about the contact point, then of the motors (forces for
+    slides). Returns the plane's force [N]. For du/dt ≠ 0, 𝓜 du/dt is added to the torques, and
+    `push` of du/dt to the force. The accelerations are written into `moving`.
     """
     force = scale(0.0, gamma)
     torques[:] = 0.0
     for b in range(len(bodies)):
         row, m = placed[b], bodies[b][_MASS]
         turning, r = vector(moving[b], TURNING), vector(row, _FROM_CENTRE)
-        # The centre of the sphere moves steadily, and the shell turns steadily.
+        # The velocities of the sphere's centre and of the shell are constant.
         rate = scale(0.0, gamma)
         acceleration = rate
         rho = r
@@ -269,7 +265,7 @@ def bias(
             arm = subtract(pivot, vector(placed[p], _FROM_CENTRE))
             rate = vector(moving[p], _TURNING_RATE)
             acceleration = add(vector(moving[p], _ACCELERATION), _acceleration(rate, omega, arm))
-            # In space n has the rate ω×n, which gives a hinge q̇ω×n, a slide 2q̇ω×n.
+            # n has the rate ω×n in space: a hinge gets q̇ω×n, a slide 2q̇ω×n.
             carried = scale(u[2 + b], cross(omega, n))
             if bodies[b][_SLIDES] == 0:
                 rate = add(rate, carried)
@@ -290,7 +286,7 @@ def bias(
 
 
 def push(bodies: _Numbers, columns: _Numbers, u: _Numbers) -> Vector:
-    """Return the momentum Σ m v_b that u (3 + h, ...) gives the bodies, or its rate for du/dt."""
+    """Return the momentum Σ m v_b for u (3 + h, ...), or its rate for du/dt."""
     total = scale(0.0, vector(u, 0))
     for b in range(len(bodies)):
         for k in range(columns.shape[1]):
@@ -299,22 +295,21 @@ def push(bodies: _Numbers, columns: _Numbers, u: _Numbers) -> Vector:
 
 
 def _acceleration(rate: Vector, turning: Vector, r: Vector) -> Vector:
-    """Return the acceleration of a point r of a turning body against its origin's."""
+    """Return the acceleration of a point r of a turning body, relative to its origin."""
     return add(cross(rate, r), cross(turning, cross(turning, r)))
 
 
 def eliminate(matrix: _Numbers, given: _Numbers) -> None:
-    """Put 𝓜 (k, k, ...), without the rows and columns of given rates (k,), into triangular form.
+    """Bring 𝓜 (k, k, ...), without the rows and columns of given rates (k,), to triangular form.
 
-    Gaussian elimination, whose factors take the place of what is eliminated. 𝓜 is positive
-    definite, and what it leaves of a border by directions negative definite, so that no rows need
-    to be exchanged.
+    Gaussian elimination in place, with the factors in the lower triangle. 𝓜 is positive definite
+    and the remainder of its border negative definite, so rows need not be exchanged.
     """
     k = len(matrix)
     for i in range(k):
         for j in range(i + 1, k):
-            # Rows and columns of given rates are passed over; to cut them out would take new arrays
-            # at every evaluation of compiled code.
+            # Rows and columns of given rates are skipped: removing them would allocate arrays at
+            # every evaluation of compiled code.
             if not (given[i] or given[j]):
                 matrix[j, i] /= matrix[i, i]
                 for l in range(i + 1, k):
@@ -322,11 +317,11 @@ def eliminate(matrix: _Numbers, given: _Numbers) -> None:
 
 
 def constrain(matrix: _Numbers, directions: tuple[Vector, ...]) -> None:
-    """Border 𝓜, at the end of a larger matrix, by directions D_k about which no shell may turn.
+    """Border 𝓜, at the end of a larger matrix, with directions D_k without shell rotation.
 
-    The further unknowns are Lagrange multipliers, the torques along D_k but for their sign, and the
-    further rows say (D_k, ω_s) = 0. For momenta as the right side the multipliers are the parts of
-    L along D_k, which M does not have.
+    The additional unknowns are Lagrange multipliers, the torques along D_k with the opposite sign;
+    the additional rows are (D_k, ω_s) = 0. If the right side has momenta, the multipliers are the
+    components of L along D_k, which M lacks.
     """
     first = len(matrix) - len(directions)
     for c in range(len(directions)):
@@ -335,9 +330,9 @@ def constrain(matrix: _Numbers, directions: tuple[Vector, ...]) -> None:
 
 
 def solve(matrix: _Numbers, given: _Numbers, right: _Numbers, u: _Numbers) -> None:
-    """Solve 𝓜u = right for u (k, ...) in the rows that are not given (k,); the others stay.
+    """Solve 𝓜u = right for the rates of u (k, ...) that are not given (k,); the others stay.
 
-    matrix: 𝓜 as `eliminate` leaves it, where the rows of given rates are as they were.
+    matrix: the result of `eliminate`, in which rows of given rates are unchanged.
     """
     k = len(matrix)
     for i in range(k):
@@ -360,9 +355,9 @@ def solve(matrix: _Numbers, given: _Numbers, right: _Numbers, u: _Numbers) -> No
 
 @dataclass(frozen=True)
 class Robot:
-    """The numbers of a tree of bodies, in rows (b, _ROW) as the formulas take them, and a [m].
+    """The numbers of a tree of bodies, in rows (b, _ROW), and the radius [m].
 
-    carrier: the row of the body whose axes vectors have, and whose attitude a motion gives.
+    carrier: row of the body in whose axes vectors are, and whose attitude a motion gives.
     """
 
     bodies: Array
@@ -387,16 +382,16 @@ class Robot:
         return States(self, gamma.T, placed, columns, u, moving)
 
     def placed(self, angles: Array) -> Array:
-        """Return where the bodies are at angles (n, h): (b, PLACED, n), in the carrier's axes."""
+        """Return the placed bodies (b, PLACED, n) at angles (n, h), in the carrier's axes."""
         placed = np.empty((len(self.bodies), PLACED, len(angles)))
         place(self.bodies, self.carrier, angles.T, placed)
         return placed
 
     def moved(self, angles: Array) -> tuple[Array, Array]:
-        """Return how the bodies are turned (b, n, 3, 3) and shifted (b, n, 3) by n joint angles.
+        """Return rotations R (b, n, 3, 3) and shifts s (b, n, 3) of the bodies at angles (n, h).
 
-        A point x of a body, as it is where all joints are at 0, is at Rx + s from the sphere's
-        centre, in the carrier's axes.
+        A point of a body at x for joint angles 0 moves to Rx + s from the sphere's centre, in the
+        carrier's axes.
         """
         placed = self.placed(angles)
         turned = placed[:, _ROTATION:].transpose(0, 2, 1).reshape(*placed[:, 0].shape, 3, 3)
@@ -428,7 +423,7 @@ class Robot:
         mass_matrix(self.bodies, placed, columns, matrix)
         constrain(matrix, (tuple(gamma.T),))
         eliminate(matrix, given)
-        # M is γ×L in the rubber model, so L is M×γ but for its part along γ, the multiplier.
+        # M is γ×L in the rubber model, so L is M×γ plus a part along γ, the multiplier.
         right[:3] = (np.cross(M, gamma) if rolling == "rubber" else M).T
         u[3:k] = rates.T
         solve(matrix, given, right, u)
@@ -451,10 +446,10 @@ def robot_of(ball: Ball) -> Robot:
 
 @dataclass(frozen=True)
 class States:
-    """States of a robot in motion, n of them, which the last index of an array counts.
+    """n states of a robot in motion; the last index of an array is the state.
 
     gamma (3, n), placed (b, PLACED, n), columns (b, 3 + h, COLUMN, n), u (3 + h, n), moving
-    (b, MOVING, n), of which the velocities are known.
+    (b, MOVING, n) without its accelerations.
     """
 
     robot: Robot

@@ -1,9 +1,9 @@
-"""Motors: what moves a hinge by a torque, as its command, its angle and its rate ask for.
+"""Motors: the torque on a hinge as a function of its command, angle and rate.
 
-A hinge without a motor keeps its drive (`drives`) as its rate [rad/s] exactly. To a motor the drive
-is a command: a rate [rad/s] for a Servo, an angle [rad] for a PositionServo, a share of the nominal
-voltage for a DCMotor, a torque [N m] for a Torque. A hinge's torque is that of the parent on the
-child [N m]. SI units; a slide's are in m, N.
+A hinge without a motor keeps its drive (`drives`) as its rate [rad/s] exactly. For a motor the
+drive is a command: a rate [rad/s] for a Servo, an angle [rad] for a PositionServo, a fraction of
+the nominal voltage for a DCMotor, a torque [N m] for a Torque. The torque on a hinge acts from the
+parent on the child. SI units; slides have m and N.
 """
 
 import math
@@ -20,28 +20,29 @@ if TYPE_CHECKING:
 
 _Scalar = Any  # a float, or a column (n,)
 
-# rad/s: dry friction turns over within so slow a rate, as no smooth equation has a jump.
+# rad/s: dry friction changes sign over about this rate, because smooth equations cannot jump.
 SLOW = 1e-3
+NO_LIMITS = (-math.inf, math.inf)  # least and largest command of an actuator without limits
 
 
 class Law(NamedTuple):
-    """Give the torque of any motor by six numbers, which compiled equations take as they are.
+    """Describe the torque of any motor with six numbers, which compiled equations use directly.
 
-    It is per_command · command - per_angle · angle - per_rate · rate + at_rest, less a dry
-    friction smoothed to friction · tanh(rate/SLOW), and lies between -limit and limit. SI units.
+    The torque is per_command · command - per_angle · angle - per_rate · rate + at_rest, minus dry
+    friction smoothed to friction · tanh(rate/SLOW), clipped to -limit and limit. SI units.
 
     Parameters
     ----------
     per_command : float
         Torque per unit of the command.
     per_angle : float
-        Against the angle, N m/rad.
+        Stiffness, N m/rad.
     per_rate : float
-        Against the rate, N m s/rad.
+        Damping, N m s/rad.
     at_rest : float, optional
-        Torque of the motor at rest, N m.
+        Torque at rest, at zero angle and command, N m.
     limit : float, optional
-        Largest torque either way, N m.
+        Largest torque in either direction, N m.
     friction : float, optional
         Dry friction, N m.
 
@@ -65,15 +66,15 @@ class Law(NamedTuple):
         return np.clip(self.unlimited(command, angle, rate), -self.limit, self.limit)
 
     def unlimited(self, command: _Scalar, angle: _Scalar, rate: _Scalar) -> Any:
-        """Return the torque on the child [N m] as it would be without a limit."""
+        """Return the torque on the child [N m] without a limit."""
         free = self.per_command * command - self.per_angle * angle - self.per_rate * rate
         return free + self.at_rest - self.friction * np.tanh(rate / SLOW)
 
 
 class Motor(Protocol):
-    """A hinge's motor: its law, and the reflected inertia of its rotor [kg m²]."""
+    """The motor of a hinge: its law, and the reflected inertia of its rotor [kg m²]."""
 
-    # Whether the command is a rate, as that of a velocity servo.
+    # True if the command is a rate.
     follows_rate: ClassVar[bool] = False
 
     @property
@@ -83,20 +84,20 @@ class Motor(Protocol):
     def law(self) -> Law: ...
 
     def torque(self, command: _Scalar, angle: _Scalar, rate: _Scalar) -> Any:
-        """Return the law's torque on the child [N m]."""
+        """Return the torque on the child [N m]."""
         return self.law.torque(command, angle, rate)
 
 
 @dataclass(frozen=True)
 class Servo(Motor):
-    """Follow a rate: torque = gain (command - rate), at most the limit either way.
+    """Follow a rate: torque = gain (command - rate), clipped to the limit.
 
     Parameters
     ----------
     gain : float
         N m s/rad.
     torque_limit : float, optional
-        N m; if None there is none.
+        Largest torque, N m; no limit if None.
     armature : float, optional
         Reflected inertia of the motor's rotor, kg m².
 
@@ -128,7 +129,7 @@ class Servo(Motor):
 
 @dataclass(frozen=True)
 class PositionServo(Motor):
-    """Follow an angle: torque = gain (command - angle) - damping · rate, at most the limit.
+    """Follow an angle: torque = gain (command - angle) - damping · rate, clipped to the limit.
 
     Parameters
     ----------
@@ -137,7 +138,7 @@ class PositionServo(Motor):
     damping : float, optional
         N m s/rad.
     torque_limit : float, optional
-        N m; if None there is none.
+        Largest torque, N m; no limit if None.
     armature : float, optional
         Reflected inertia of the motor's rotor, kg m².
 
@@ -176,12 +177,11 @@ def _check_common(servo: Servo | PositionServo) -> None:
 
 @dataclass(frozen=True)
 class DCMotor(Motor):
-    """Drive a hinge by a direct-current motor.
+    """Drive a hinge with a direct-current motor.
 
-    The command is the share of the nominal voltage.
-
-    Without a limit the torque falls linearly with the rate, also beyond the no-load speed, and a
-    motor that is turned backwards exceeds its stall torque.
+    The command is the fraction of the nominal voltage. Without a limit the torque falls linearly
+    with the rate, also beyond the no-load speed, and a motor that is turned backwards exceeds its
+    stall torque.
 
     Parameters
     ----------
@@ -190,24 +190,24 @@ class DCMotor(Motor):
     no_load_speed : float
         Before the gear, rad/s.
     gear : float, optional
-        Turns of the motor in one of the hinge.
+        Turns of the motor per turn of the hinge.
     rotor_inertia : float, optional
         Before the gear, kg m².
     torque_limit : float, optional
-        Of the hinge, as electronics or the gear set it, N m; if None there is none.
+        Largest torque on the hinge, set by the electronics or the gear, N m; no limit if None.
     efficiency : float, optional
-        Of the gear: the part of the motor's torque that reaches the hinge, either way.
+        Gear efficiency: the fraction of the motor's torque that reaches the hinge.
     no_load_current : float, optional
-        At the no-load speed, A. The motor's dry friction is that part of the stall torque which
-        this current is of the rest of the stall current.
+        Current at the no-load speed, A. With stall torque T, no-load current I₀ and stall current
+        I, the motor's dry friction is T I₀/(I - I₀).
     stall_current : float, optional
-        At rest and the nominal voltage, A.
+        Current at rest and the nominal voltage, A.
 
     Raises
     ------
     InputError
-        If a number is not positive, but the rotor's inertia and the no-load current may be 0; for
-        a no-load current of at least the stall current, or with a torque limit.
+        If a number is not positive (the rotor's inertia and the no-load current may be 0), if the
+        no-load current reaches the stall current, or if it is given with a torque limit.
 
     Examples
     --------
@@ -252,7 +252,7 @@ class DCMotor(Motor):
     def law(self) -> Law:
         stall = self.efficiency * self.gear * self.stall_torque
         slope = self.gear * stall / self.no_load_speed
-        # The sheet's torque is less this friction already, also at rest.
+        # The stall torque of a data sheet is measured with this friction.
         idle = self.no_load_current
         friction = stall * idle / (self.stall_current - idle) if self.stall_current else 0.0
         limit = self.torque_limit or math.inf
@@ -261,7 +261,7 @@ class DCMotor(Motor):
 
 @dataclass(frozen=True)
 class Torque(Motor):
-    """Give the commanded torque, whatever the hinge does.
+    """Apply the commanded torque, independent of the hinge's motion.
 
     Parameters
     ----------
@@ -292,7 +292,7 @@ class Torque(Motor):
 
 @dataclass(frozen=True)
 class Free(Motor):
-    """Let a hinge turn freely against damping, a spring and dry friction, without a command.
+    """Damp a hinge with a viscous damper, a spring and dry friction, without a command.
 
     Parameters
     ----------
@@ -301,9 +301,9 @@ class Free(Motor):
     stiffness : float, optional
         Of the spring, N m/rad.
     rest : float, optional
-        Angle at which the spring rests, rad.
+        Rest angle of the spring, rad.
     armature : float, optional
-        Reflected inertia of what turns with the hinge, kg m².
+        Reflected inertia of parts that turn with the hinge, kg m².
     friction : float, optional
         Dry friction, smoothed as in `Law`, N m.
 
@@ -340,28 +340,28 @@ class Free(Motor):
 
 @dataclass(frozen=True)
 class Actuator:
-    """Move hinges through gears, besides what each hinge has of its own.
+    """Move hinges through gears, in addition to the motors of the hinges.
 
     Parameters
     ----------
     name : str
-        The actuator's own.
+        Name of the actuator.
     gears : tuple of (str, float)
-        Hinges by name, with the ratio of each: the motor's angle is Σ ratio · angle, and a hinge
-        gets ratio times its torque.
+        Names of hinges, each with its ratio. The motor's angle is Σ ratio · angle, and a hinge gets
+        ratio times the motor's torque.
     law : Law
         Torque of the motor, N m.
     command : float, Drive, Custom or callable, optional
-        What the law takes, as a function of time; with an activation, what that takes.
+        Input of the law, or of the activation if there is one, as a function of time.
     activation : Activation, optional
-        State of the actuator's own between the command and the law.
+        State between the command and the law.
     within : tuple of 2 floats, optional
-        Least and largest command, to which a constant one is clipped.
+        Least and largest command. A constant command is clipped to them.
 
     Raises
     ------
     InputError
-        Where the gears name a hinge twice.
+        If the gears name a hinge twice.
 
     Examples
     --------
@@ -376,19 +376,19 @@ class Actuator:
     law: Law
     command: Rate = 0.0
     activation: "Activation | None" = None
-    within: tuple[float, float] = (-math.inf, math.inf)
+    within: tuple[float, float] = NO_LIMITS
 
     def __post_init__(self) -> None:
         if len({name for name, _ in self.gears}) < len(self.gears):
-            raise InputError(f"{self.name} must have one gear a hinge, not {self.gears}")
+            raise InputError(f"{self.name} must have one gear per hinge, not {self.gears}")
 
     def control(self, end: float) -> Rate:
-        """Return what the law takes in a run from 0 to `end` [s].
+        """Return the input of the law in a run from 0 to `end` [s].
 
-        Raises InputError for a command or an activation that changes in time and leaves its range.
+        Raises InputError if a command that changes in time, or its activation, leaves its range.
         """
-        if self.activation is None and self.within == (-math.inf, math.inf):
+        if self.activation is None and self.within == NO_LIMITS:
             return self.command
-        from robotball.robot.activations import passed  # few actuators have either
+        from robotball.robot.activations import filtered  # few actuators have either
 
-        return passed(self.name, self.command, self.within, self.activation, end)
+        return filtered(self.name, self.command, self.within, self.activation, end)

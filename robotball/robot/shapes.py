@@ -1,8 +1,7 @@
-"""Shapes of bodies, as they are built or as they are drawn: boxes, round ones, tubes and meshes.
+"""Shapes of bodies: boxes, round shapes, tubes and meshes.
 
-A shape may come from a geom of a MuJoCo model, a part of a scene file or a hand-written part. It
-becomes triangles for drawings without OpenGL, or a geom of MJCF that has no mass and takes no part
-in contact.
+A shape comes from a geom of a MuJoCo model, a part of a scene file or a hand-written part. It
+becomes triangles for drawings without OpenGL, or a geom of MJCF without mass and contact.
 """
 
 from collections.abc import Iterable, Iterator
@@ -21,25 +20,37 @@ from robotball.rotations import Array, from_matrix, multiply, rotation_matrix
 Kind = Literal["torus", "sphere", "ellipsoid", "capsule", "cylinder", "box", "mesh"]
 
 _ORIGIN = np.zeros(3)
-_KINDS: dict[int, Kind] = {  # by MuJoCo's numbers; 8 is a mesh with a signed distance field
-    2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh", 8: "mesh"
-}  # fmt: skip
-_HIDDEN = 3  # the first of the groups that MuJoCo's viewer hides
-_UNCOLOURED = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's grey
-_CELLS = 400.0  # along the longest side of a mesh that is thinned, at first
+# mjtGeom of MuJoCo from 2 on; the last is a mesh with a signed distance field.
+_GEOMS: tuple[Kind, ...] = ("sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "mesh")
+_KINDS = dict(enumerate(_GEOMS, start=2))
+_HIDDEN = 3  # first of the groups that MuJoCo's viewer hides
+_UNCOLOURED = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's default grey
+_CELLS = 400.0  # initial cells along the longest side of a mesh that is thinned
 _RESOLUTION = 48  # points around a torus, and around its tube
+_AROUND, _SECTION = 48, 8  # steps about a shape's axis, and around a tube or a round end
+_THIN = 12  # steps about the axis of a capsule or a small sphere
 
 
 @dataclass(frozen=True)
 class Shape(Value):
-    """A shape of a body where all joints are at 0, in the ball's axes, from the sphere's centre.
+    """A shape of a body at joint angles 0, in the ball's axes, from the sphere's centre.
 
-    size      (3,)  as in MJCF, 0 for what is too thin to have a size; for a torus about z its
-                    radius and its tube's; for a mesh the factors of its vertices
-    pos       (3,)  in the unit of the size: metres of a body, radii of the ball in a picture
-    turn      (4,)  quaternion
-    material  a name, a colour "#rrggbbaa", or "" for that of its body
-    vertices  (v, 3) of a mesh; faces: (f, 3) their numbers in each triangle, anticlockwise
+    Attributes
+    ----------
+    kind : str
+    size : (3,)
+        As in MJCF, 0 for a shape that is too thin to have a size. For a torus about z, its radius
+        and the radius of its tube; for a mesh, the factors of its vertices.
+    pos : (3,)
+        In the unit of the size: metres for a body, radii of the ball for a picture.
+    turn : (4,)
+        Quaternion.
+    material : str
+        A name, a colour "#rrggbbaa", or "" for the colour of the body.
+    vertices : (v, 3)
+        Vertices of a mesh.
+    faces : (f, 3)
+        Indices of the vertices of each triangle, anticlockwise.
     """
 
     kind: Kind
@@ -51,7 +62,7 @@ class Shape(Value):
     faces: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 3), np.int64))
 
     def moved(self, turn: Array, shift: Array = _ORIGIN, scale: float = 1.0) -> "Shape":
-        """Return the shape scaled, turned about the origin by a quaternion (4,), and shifted."""
+        """Return the shape scaled, rotated about the origin by a quaternion (4,), and shifted."""
         return replace(
             self,
             size=self.size * scale,
@@ -61,23 +72,26 @@ class Shape(Value):
 
     @cached_property
     def triangles(self) -> Array:
-        """The triangles (n, 3, 3); seen from outside, their corners run anticlockwise."""
-        return self._own @ rotation_matrix(self.turn).T + self.pos
+        """The triangles (n, 3, 3), with anticlockwise corners from outside."""
+        return self._local @ rotation_matrix(self.turn).T + self.pos
 
     def encloses(self, points: Array) -> bool:
-        """Return whether points (n, 3) are all in the box around the shape, along its own axes."""
-        corners, own = self._own.reshape(-1, 3), (points - self.pos) @ rotation_matrix(self.turn)
-        inside = (own >= corners.min(axis=0)) & (own <= corners.max(axis=0))
+        """Return whether all points (n, 3) are in the bounding box along the shape's axes."""
+        corners, local = (
+            self._local.reshape(-1, 3),
+            (points - self.pos) @ rotation_matrix(self.turn),
+        )
+        inside = (local >= corners.min(axis=0)) & (local <= corners.max(axis=0))
         return len(points) > 0 and bool(inside.all())
 
     @cached_property
-    def _own(self) -> Array:
+    def _local(self) -> Array:
         if self.kind == "mesh":
             return np.asarray(self.vertices[self.faces] * self.size)
         return _triangles(self.kind, self.size)
 
     def thinned(self, most: int) -> "Shape":
-        """Return a mesh of at most so many triangles: vertices that share a cell become one."""
+        """Return a mesh with at most `most` triangles; vertices in one cell are merged."""
         vertices, faces, cells = self.vertices, self.faces, _CELLS
         while len(faces) > most:
             low = self.vertices.min(axis=0)
@@ -91,27 +105,27 @@ class Shape(Value):
 
 
 def tube(outer: float, inner: float, length: float) -> Shape:
-    """Return a tube about z, from its radii and its whole length; a wall of no size is thin."""
-    # Neither wall nor length may vanish: triangles without an area have no normal.
+    """Return a tube about z with its radii and full length; a wall of size 0 is drawn thin."""
+    # Wall and length must not vanish: triangles of area 0 have no normal.
     a, b, h = outer, min(inner, 0.98 * outer), max(length, 0.02 * outer) / 2
     section = np.array([(b, -h), (a, -h), (a, h), (b, h), (b, -h)])
     corners = _rotated_shape(section, _AROUND).reshape(-1, 3)
-    # Triangles share their corners, without which no light would run smoothly round the tube.
+    # Triangles share their corners for smooth shading.
     vertices, numbers = np.unique(np.round(corners / a, 9), axis=0, return_inverse=True)
     return Shape("mesh", np.full(3, a), vertices=vertices, faces=numbers.reshape(-1, 3))
 
 
 def shapes_of_geoms(model: Any, data: Any, bodies: Iterable[int]) -> Iterator[Shape]:
-    """Yield the shapes of the geoms of bodies of a MuJoCo model, as placed in `data`; world [m].
+    """Yield the shapes of the geoms of bodies of a MuJoCo model, placed as in `data`; world [m].
 
-    Geoms in groups that MuJoCo's viewer hides are left out where the bodies have others; planes and
-    height fields, textures and what is wholly transparent always.
+    Geoms in groups that MuJoCo's viewer hides are left out if the bodies have other geoms. Planes,
+    height fields, textures and fully transparent geoms are always left out.
     """
     geoms = np.flatnonzero(np.isin(model.geom_bodyid, list(bodies)))
-    seen = geoms[model.geom_group[geoms] < _HIDDEN]
-    for i in seen if len(seen) else geoms:
+    visible = geoms[model.geom_group[geoms] < _HIDDEN]
+    for i in visible if len(visible) else geoms:
         rgba, material = model.geom_rgba[i], model.geom_matid[i]
-        # A geom's own colour comes before its material's, but for the one that all have.
+        # The colour of a geom takes precedence over its material, unless it is the default.
         if material >= 0 and np.all(rgba == _UNCOLOURED):
             rgba = model.mat_rgba[material]
         kind = _KINDS.get(int(model.geom_type[i]))
@@ -133,7 +147,7 @@ def add_geoms(
 ) -> None:
     """Add shapes to a body of MJCF that has the same axes.
 
-    unit: what lengths are multiplied by; prefix: of the materials' names.
+    unit: factor of lengths; prefix: of the names of materials.
     """
     for shape in shapes:
         geom = SubElement(body, "geom", contype="0", conaffinity="0", mass="0")
@@ -149,20 +163,20 @@ def add_geoms(
 
 
 def _asset(assets: Element, shape: Shape, unit: float) -> str:
-    """Return the name of a shape's mesh, which is added unless a like shape has."""
+    """Return the name of a shape's mesh, which is added unless an equal shape has it."""
     radius, tube, _ = shape.size
     if shape.kind == "torus":
         name, scale = f"ring_{radius:.4g}_{tube:.4g}", np.full(3, radius * unit)
         params = f"{_RESOLUTION} {tube / radius:.6g} 1 1"
-        own = {"builtin": "supertorus", "params": params}
+        source = {"builtin": "supertorus", "params": params}
     else:
         vertices, faces = _digits(shape.vertices.ravel()), " ".join(map(str, shape.faces.ravel()))
         scale = shape.size * unit
         name = f"mesh_{crc32((vertices + faces + _digits(scale)).encode()):08x}"
-        # Of a shell, as a mesh that only is looked at may be open.
-        own = {"vertex": vertices, "face": faces, "inertia": "shell"}
+        # Inertia of a shell, because a visual mesh may be open.
+        source = {"vertex": vertices, "face": faces, "inertia": "shell"}
     if assets.find(f"mesh[@name='{name}']") is None:
-        SubElement(assets, "mesh", {"name": name, "scale": _digits(scale), **own})
+        SubElement(assets, "mesh", {"name": name, "scale": _digits(scale), **source})
     return name
 
 
@@ -170,13 +184,9 @@ def _digits(numbers: Array) -> str:
     return " ".join(f"{number:.9g}" for number in numbers)
 
 
-_AROUND, _SECTION = 48, 8  # steps about a shape's axis, and around a tube or a round end
-_THIN = 12  # steps about the axis of a capsule or a small sphere
-
-
 def _rotated_shape(section: Array, steps: int) -> Array:
-    """Return the triangles (n, 3, 3) of a section (m, 2), as r and z, turned about z."""
-    # Half a step on, so that the four sides of a box face its axes.
+    """Return the triangles (n, 3, 3) of a section (m, 2) of r and z, rotated about z."""
+    # Offset by half a step, so that the four sides of a box face its axes.
     angles = 2 * np.pi * (np.arange(steps + 1) + 0.5) / steps
     r, z = section.T
     grid = np.stack(
@@ -188,17 +198,17 @@ def _rotated_shape(section: Array, steps: int) -> Array:
 
 
 def _triangles(kind: Kind, size: Array) -> Array:
-    """Return the triangles (n, 3, 3) of any shape but a mesh, in its own axes."""
+    """Return the triangles (n, 3, 3) of any shape except a mesh, in its axes."""
     a, b, _ = size
     if kind == "torus":
         turn = np.linspace(0.0, 2 * np.pi, _SECTION + 1)
         return _rotated_shape(np.column_stack([a + b * np.cos(turn), b * np.sin(turn)]), _AROUND)
     if kind in ("cylinder", "box"):
-        # A box is a cylinder with four sides, whose edges are √2 as far from the axis.
+        # A box is a cylinder with four sides and a radius √2 times as large.
         r, steps = (1.0, _AROUND) if kind == "cylinder" else (np.sqrt(2), 4)
         section = np.array([(0.0, -1.0), (r, -1.0), (r, 1.0), (0.0, 1.0)])
         return _rotated_shape(section, steps) * ([a, a, b] if kind == "cylinder" else size)
-    # Only the shell is so large that its steps would be seen.
+    # Only on the shell are steps visible.
     large = kind != "capsule" and a > 0.5
     rise = np.linspace(-np.pi / 2, np.pi / 2, (2 if large else 1) * _SECTION + 1)
     section, steps = np.column_stack([np.cos(rise), np.sin(rise)]), _AROUND if large else _THIN

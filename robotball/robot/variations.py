@@ -1,4 +1,4 @@
-"""Variations: make a scene from another one, with other bodies, masses, sizes or rates."""
+"""Variations of a scene: other bodies, masses, sizes or rates."""
 
 from collections.abc import Callable
 from dataclasses import fields, replace
@@ -16,9 +16,9 @@ _OneBody = TypeVar("_OneBody", bound=Shell | Frame | Rotor | Pendulum)
 
 
 def with_bodies(ball: Ball, change: Callable[[Any], Any]) -> Ball:
-    """Return the ball with another body in the place of each, the shell first."""
+    """Return the ball with every body changed, the shell first."""
     shell = change(ball.shell)
-    hinges = tuple(replace(each, body=change(each.body)) for each in ball.hinges)
+    hinges = tuple(replace(hinge, body=change(hinge.body)) for hinge in ball.hinges)
     return replace(ball, shell=shell, hinges=hinges)
 
 
@@ -32,7 +32,7 @@ def scaled_body(body: _OneBody, mass: float, length: float = 1.0) -> _OneBody:
         "radius": length,
         "centre": length,
     }
-    names = {each.name for each in fields(body)} & factors.keys()
+    names = {field.name for field in fields(body)} & factors.keys()
     return replace(body, **{name: getattr(body, name) * factors[name] for name in names})
 
 
@@ -41,8 +41,8 @@ def scaled(
 ) -> Scene:
     """Return the scene with its masses and lengths multiplied by two factors, and M with them.
 
-    Rates and times stay, so that momenta go with mass·length². gravity: its factor; that of lengths
-    if None, by which the motion stays the same but for its size.
+    Rates and times stay, so momenta are multiplied by mass·length². gravity: its factor; None is
+    the factor of lengths, with which the motion changes only in size.
     """
     return replace(
         scene,
@@ -53,7 +53,7 @@ def scaled(
 
 
 def redistributed(scene: Scene, *, frame_to_shell: float, rotor_to_frame: float) -> Scene:
-    """Return the scene with its mass shared out anew; bodies keep their shapes and rates."""
+    """Return the scene with its mass redistributed; bodies keep their shapes and rates."""
     ball = scene.ball
     shares = np.array([1.0, frame_to_shell, frame_to_shell * rotor_to_frame])
     masses = iter((ball.mass * shares / shares.sum()).tolist())
@@ -75,9 +75,9 @@ def gyrostat(
 ) -> Scene:
     """Return the scene with other Ω and K (3,), frame axes, and the same A and mass.
 
-    What is None stays; rates are in rad/s. By (A.3) the rotor has to carry K + (J_s + d)Ω: its axis
-    and its rate become what that takes, or, where its rate is given, its axis and its inertia. The
-    frame takes the rest of the inertia. Raises InputError where nothing is left for it.
+    None keeps a value; rates are in rad/s. By (A.3) the rotor carries K + (J_s + d)Ω, which sets
+    its axis and its rate, or its axis and its inertia if `rotor_rate` is given. The frame gets the
+    rest of the inertia. Raises InputError if no inertia remains for it.
     """
     ball = scene.ball
     (rotor,) = ball.rotors

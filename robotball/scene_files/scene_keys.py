@@ -1,7 +1,7 @@
-"""The keys of scene files in words: what is wrong with one, and units asked back.
+"""Messages about the keys of scene files: errors, and questions about units.
 
-Both are made by walking the records of `scene_tables` with msgspec's inspection, so that a key is
-described where it is declared and nowhere else.
+Both come from msgspec's inspection of the records in `scene_tables`, which declare each key with
+its meaning and unit.
 """
 
 import difflib
@@ -10,17 +10,18 @@ import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import msgspec
 from msgspec import inspect
 
 from robotball.errors import UnitWarning, warn
 from robotball.files import contents
-from robotball.files.scene_tables import SceneTable, numbers_in
+from robotball.files.scene_tables import DENSITIES, SceneTable, numbers_in
 from robotball.robot.drives import COMMAND
 from robotball.robot.scene import Scene
 
-_WORDS = {  # msgspec's names of types, in the words of TOML's users
+_WORDS = {  # msgspec's names of types, in the terms of TOML
     "float": "a number",
     "int": "a whole number",
     "str": "text",
@@ -28,10 +29,10 @@ _WORDS = {  # msgspec's names of types, in the words of TOML's users
     "array": "a list",
     "object": "a table",
 }
-# Other formats' words for a key. By their letters alone another key would be the nearest.
+# Keys of other formats, whose nearest match by spelling would be another key.
 _MEANT = dict.fromkeys(("max_torque", "torque_max", "effort", "forcerange"), "torque_limit")
-# By key or unit: the largest number that a robot has there. Balls that people ride in have 1.5 m;
-# few motors turn at 19 000 rpm. `_limits_of` adds what depends on the ball.
+# Largest plausible number by key or unit. Balls that people ride in have a radius of 1.5 m; few
+# motors turn at 19 000 rpm. `_limits_of` adds the limits that depend on the ball.
 _LARGEST = {
     "m": 10.0,
     "rad": 2 * math.pi,
@@ -40,10 +41,9 @@ _LARGEST = {
     "1": 1.0,
     "rotor_inertia": 0.1,
 }
-_STEEL = 7850.0  # kg/m³: a ball of solid steel is heavier than any robot in a shell of its size
-_OVERSIZED = 4.0  # times the ball's weight at its radius: the torque of a motor far too strong
-_FASTEST = 20.0  # m/s, at which a ball rolls
-# Other units that a number beyond may be in, and what they are in the key's.
+_OVERSIZED = 4.0  # times the ball's weight at its radius: an implausible motor torque
+_FASTEST = 20.0  # m/s, plausible rolling speed
+# Other units that a larger number may be in, in units of the key.
 _OTHERS = {
     "m": {"mm": 1e-3},
     "kg": {"g": 1e-3},
@@ -55,49 +55,63 @@ _OTHERS = {
     "rotor_inertia": {"g cm²": 1e-7},
     "kg/m³": {"g/cm³": 1e3},
 }
-_LIGHTEST = 25.0  # kg/m³, of a foam; the densest metal has 22.6 g/cm³
+_LIGHTEST = 25.0  # kg/m³, a foam; the densest metal has 22.6 g/cm³
 _MANY = ("rotor", "pendulum", "part")
 
 
-def explained(message: str) -> str:
-    """Return msgspec's message with the key's path first, and near matches or the known values."""
-    # Its messages are its only report of what and where; a test holds each form that is read here.
+def explained(message: str, keys: object) -> str:
+    """Return msgspec's message with the key's path first, and with its value or near matches.
+
+    keys: the decoded file.
+    """
+    # msgspec reports an error only as text; a test covers each form.
     where = re.search(r" - at `\$\.?(.*)`$", message)
-    key, what = (where[1], message[: where.start()]) if where else ("", message)
-    line = _worded(key, what)
-    return f"{key}: {line}" if key else line
+    path, error = (where[1], message[: where.start()]) if where else ("", message)
+    line = _worded(path, error, keys)
+    return f"{path}: {line}" if path else line
 
 
 def counted(message: str) -> str:
-    """Return the message with bodies numbered from 1, as everywhere else: rotor[0] is rotor1."""
+    """Return the message with bodies numbered from 1: rotor[0] becomes rotor1."""
     many = rf"\b({'|'.join(_MANY)})\[(\d+)\]"
-    return re.sub(many, lambda found: f"{found[1]}{int(found[2]) + 1}", message)
+    return re.sub(many, lambda match: f"{match[1]}{int(match[2]) + 1}", message)
 
 
-def _worded(key: str, what: str) -> str:
-    if unknown := re.search(r"unknown field `(.*)`", what, re.S):
-        word, tables = unknown[1], tables_at(key)
-        if tags := [str(t.tag) for t in tables if any(word == each.name for each in t.fields)]:
-            return f"key {word!r} is of the kinds {', '.join(tags)} alone"
-        known = [each.name for table in tables for each in table.fields]
-        meant = _MEANT.get(word)
-        near = [meant] if meant in known else difflib.get_close_matches(word, known, n=1)
-        return f"unknown key {word!r}" + (f"; did you mean {near[0]!r}?" if near else "")
-    if missing := re.search(r"missing required field `(.*)`", what):
-        kinds = _listed(f"{key}.kind") if missing[1] == "kind" else ""
+def _worded(path: str, error: str, keys: object) -> str:
+    if unknown := re.search(r"unknown field `(.*)`", error, re.S):
+        name, tables = unknown[1], tables_at(path)
+        if tags := [str(t.tag) for t in tables if any(name == field.name for field in t.fields)]:
+            return f"key {name!r} belongs only to the kinds {', '.join(tags)}"
+        known = [field.name for table in tables for field in table.fields]
+        meant = _MEANT.get(name)
+        near = [meant] if meant in known else difflib.get_close_matches(name, known, n=1)
+        return f"unknown key {name!r}" + (f"; did you mean {near[0]!r}?" if near else "")
+    if missing := re.search(r"missing required field `(.*)`", error):
+        kinds = _listed(f"{path}.kind") if missing[1] == "kind" else ""
         return f"key {missing[1]!r} is missing{kinds}"
-    if invalid := re.match(r"Invalid (?:enum )?value (.*)$", what):
-        return f"unknown value {invalid[1]}{_listed(key)}"
-    if expected := re.match(r"Expected (.*), got `?(\w+)`?$", what):
-        # [rotor] for [[rotor]] is easily written, and is a table where a list is expected.
-        if key.split(".")[-1] in _MANY and expected[2] == "object":
-            return f"a scene may have many; write [[{key}]] for each"
-        # A key that may be left out is a union with null, which TOML has not.
-        types, given = expected[1].replace(" | null", ""), expected[2]
+    if needed := re.search(r"needs the key '(\w+)'$", error):
+        return f"{error} [{unit_at(f'{path}.{needed[1]}')}]"
+    if invalid := re.match(r"Invalid (?:enum )?value (.*)$", error):
+        return f"unknown value {invalid[1]}{_listed(path)}"
+    if bound := re.match(r"Expected `float` (>=?) 0.0$", error):
+        least = "positive" if bound[1] == ">" else "0 or more"
+        return f"it must be {least}, not {_value_at(keys, path):g} {unit_at(path)}"
+    if expected := re.match(r"Expected (.*), got `?(\w+)`?$", error):
+        # [rotor] in place of [[rotor]] is a common mistake, and gives a table instead of a list.
+        if path.split(".")[-1] in _MANY and expected[2] == "object":
+            return f"a scene may have many; write [[{path}]] for each"
+        # An optional key is a union with null, which TOML does not have.
+        types, actual = expected[1].replace(" | null", ""), expected[2]
         types = re.sub(r"`array` of length (\d+)", r"a list of \1", types).replace(" | ", " or ")
-        types = re.sub(r"\w+", lambda word: _WORDS.get(word[0], word[0]), types).replace("`", "")
-        return f"it must be {types}, not {_WORDS.get(given, given)}"
-    return what
+        types = re.sub(r"\w+", lambda name: _WORDS.get(name[0], name[0]), types).replace("`", "")
+        return f"it must be {types}, not {_WORDS.get(actual, actual)}"
+    return error
+
+
+def _value_at(keys: Any, path: str) -> float:
+    for name, number in re.findall(r"(\w+)|\[(\d+)\]", re.sub(r"\[\.\.\.\]", "", path)):
+        keys = keys[name] if name and not number else keys[int(number)]
+    return float(keys)
 
 
 def _listed(path: str) -> str:
@@ -106,40 +120,39 @@ def _listed(path: str) -> str:
 
 
 def tables_at(path: str) -> list[inspect.StructType]:
-    """Return the tables that may stand at a path."""
-    words = [word for word in re.sub(r"\[.*?\]", "", path).split(".") if word]
-    # All tables that may stand there: parts and commands are of several kinds.
-    found = [struct_of(SceneTable)]
-    for word in words:
-        fields = [field for table in found for field in table.fields if field.name == word]
-        found = [table for field in fields for table in _tables_in(field.type)]
-    return found
+    """Return the tables that may stand at a path; parts and commands are of several kinds."""
+    tables = [struct_of(SceneTable)]
+    for name in re.findall(r"\w+", re.sub(r"\[.*?\]", "", path)):
+        fields = [field for table in tables for field in table.fields if field.name == name]
+        tables = [table for field in fields for table in _tables_in(field.type)]
+    return tables
 
 
 def _tables_in(kind: inspect.Type) -> list[inspect.StructType]:
-    """Return the tables that a value of a type may be, or hold in a list."""
-    return [each for each in _parts_of(kind) if isinstance(each, inspect.StructType)]
+    """Return the tables of a type, a union or a list."""
+    return [part for part in _parts_of(kind) if isinstance(part, inspect.StructType)]
 
 
 def _values_at(path: str) -> Iterator[str]:
-    """Yield the words that may stand at a path."""
+    """Yield the allowed strings at a path."""
     above, _, name = path.rpartition(".")
     for table in tables_at(above):
         if name == table.tag_field:
             yield str(table.tag)
-        of_name = (each for each in table.fields if each.name == re.sub(r"\[.*", "", name))
-        for kind in (kind for field in of_name for kind in _parts_of(field.type)):
-            if isinstance(kind, inspect.LiteralType):
-                yield from map(str, kind.values)
+        for field in table.fields:
+            if field.name == re.sub(r"\[.*", "", name):
+                for kind in _parts_of(field.type):
+                    if isinstance(kind, inspect.LiteralType):
+                        yield from map(str, kind.values)
 
 
 def _parts_of(kind: inspect.Type) -> Iterator[inspect.Type]:
-    """Yield a type without its annotations, or the types of a union or of a list's items."""
+    """Yield a type without its annotations, or the types in a union or of a list's items."""
     if isinstance(kind, inspect.Metadata):
         yield from _parts_of(kind.type)
     elif isinstance(kind, inspect.UnionType):
-        for each in kind.types:
-            yield from _parts_of(each)
+        for member in kind.types:
+            yield from _parts_of(member)
     elif isinstance(kind, inspect.ListType | inspect.VarTupleType):
         yield from _parts_of(kind.item_type)
     else:
@@ -147,7 +160,7 @@ def _parts_of(kind: inspect.Type) -> Iterator[inspect.Type]:
 
 
 def unit_at(path: str) -> str:
-    """Return the unit of the key at a path, of a command's numbers that of the command."""
+    """Return the unit of the key at a path; the numbers in a command have the command's unit."""
     above, _, name = re.sub(r"\[.*?\]", "", path).rpartition(".")
     fields = (field for table in tables_at(above) for field in table.fields)
     unit = next((meaning_of(field)[1] for field in fields if field.name == name), "")
@@ -161,40 +174,40 @@ def struct_of(table: type[msgspec.Struct]) -> inspect.StructType:
 
 
 def meaning_of(field: inspect.Field) -> tuple[str, str]:
-    """Return what `drives.key` says of a field: its meaning and its unit."""
-    meant = field.type
-    assert isinstance(meant, inspect.Metadata)
-    return (meant.extra_json_schema or {})["description"], (meant.extra or {})["unit"]
+    """Return the meaning and the unit of a field, from `drives.key`."""
+    annotation = field.type
+    assert isinstance(annotation, inspect.Metadata)
+    return (annotation.extra_json_schema or {})["description"], (annotation.extra or {})["unit"]
 
 
 def ask(path: Path, scene: Scene) -> None:
-    """Issue a UnitWarning where numbers of a scene's file seem to be in another unit.
+    """Issue a UnitWarning if a number of a scene's file seems to be in another unit.
 
-    Of a robot's own file they are those of the scene that was made of it.
+    For a model file the numbers are read from its scene.
     """
-    given = msgspec.toml.decode(contents(path)) if path.suffix == ".toml" else {}
+    keys = msgspec.toml.decode(contents(path)) if path.suffix == ".toml" else {}
     limits = _limits_of(scene)
-    if "start" in given:
-        found = [*_doubts(msgspec.convert(given, SceneTable), limits)]
+    if "start" in keys:
+        questions = [*_questions_of_file(msgspec.convert(keys, SceneTable), limits)]
     else:
         numbers = _numbers_of(scene)
-        found = [line for each in numbers for line in _question(*each, limits.get(each[1]))]
-    more = f" More such numbers: {len(found) - 1}" if found[1:] else ""
-    for line in found[:1]:
-        warn(f"{path}: {counted(line)}{more}", UnitWarning)
+        questions = [q for number in numbers for q in _question(*number, limits.get(number[1]))]
+    more = f" More such numbers: {len(questions) - 1}" if questions[1:] else ""
+    for question in questions[:1]:
+        warn(f"{path}: {counted(question)}{more}", UnitWarning)
 
 
 def _limits_of(scene: Scene) -> dict[str, float]:
-    """Return the largest likely numbers by key or unit, of a ball of this size and weight."""
+    """Return the largest plausible numbers, by key or unit, for this size and weight."""
     a, ball = scene.ball.radius, scene.ball
-    steel = min(1e3, _STEEL * 4 / 3 * math.pi * a**3)
+    solid_steel = min(1e3, DENSITIES["steel"] * 4 / 3 * math.pi * a**3)
     torque = _OVERSIZED * ball.mass * scene.gravity * a
     turning = dict.fromkeys(("frame rad/s", "start rad/s"), _FASTEST / a)
-    return {**_LARGEST, **turning, "kg": steel, "N m": torque, "rolling": a}
+    return {**_LARGEST, **turning, "kg": solid_steel, "N m": torque, "rolling": a}
 
 
 def _numbers_of(scene: Scene) -> Iterator[tuple[str, str, float]]:
-    """Yield what a robot's own file gives, with its unit."""
+    """Yield name, unit and value of the numbers in a model file."""
     yield "the shell's radius", "m", scene.ball.radius
     yield "gravity", "m/s²", scene.gravity
     slides = {link.name: link.slides for link in scene.ball.tree}
@@ -202,35 +215,35 @@ def _numbers_of(scene: Scene) -> Iterator[tuple[str, str, float]]:
         yield f"the mass of {link.name}", "kg", link.mass
     for hinge in scene.hinges:
         yield f"the start of {hinge.name}", "m" if slides[hinge.name] else "rad", hinge.angle
-    for each in scene.actuators:
-        (name, gear), law, command = each.gears[0], each.law, each.command
+    for actuator in scene.actuators:
+        (name, gear), law, command = actuator.gears[0], actuator.law, actuator.command
         angle = bool(law.per_angle)
         if isinstance(command, float) and not slides[name] and (angle or not law.per_rate):
             value = command if angle else gear * float(law.torque(command, 0.0, 0.0))
-            yield f"the command of {each.name}", "rad" if angle else "N m", value
+            yield f"the command of {actuator.name}", "rad" if angle else "N m", value
 
 
-def _doubts(table: SceneTable, limits: dict[str, float]) -> Iterator[str]:
-    """Yield a question for each number of a scene file that is unlikely in its unit."""
+def _questions_of_file(table: SceneTable, limits: dict[str, float]) -> Iterator[str]:
+    """Yield a question for each number of a scene file that is implausible in its unit."""
     numbers = dict(numbers_in(msgspec.to_builtins(table)))
     for path, value in numbers.items():
         above, _, key = path.rpartition(".")
         body, unit = path.partition(".")[0], unit_at(path)
-        # What the hinge has of a motor's number, behind the gear.
+        # A motor's numbers are compared behind its gear.
         gear = numbers.get(f"{above}.gear") or 1.0
-        times = {"stall_torque": gear, "no_load_speed": 1 / gear}.get(key, 1.0)
-        most = next((limits[i] for i in (key, f"{body} {unit}", unit) if i in limits), None)
-        yield from _question(path, key if key in _OTHERS else unit, value, most, times, unit)
+        factor = {"stall_torque": gear, "no_load_speed": 1 / gear}.get(key, 1.0)
+        largest = next((limits[i] for i in (key, f"{body} {unit}", unit) if i in limits), None)
+        yield from _question(path, key if key in _OTHERS else unit, value, largest, factor, unit)
 
 
 def _question(
-    what: str, kind: str, value: float, most: float | None, times: float = 1.0, unit: str = ""
+    name: str, kind: str, value: float, largest: float | None, factor: float = 1.0, unit: str = ""
 ) -> Iterator[str]:
-    """Yield a question where a number is unlikely; kind: a key or a unit of `_OTHERS`."""
+    """Yield a question if a number is implausible; kind: a key or unit of `_OTHERS`."""
     light = kind == "kg/m³" and 0 < value < _LIGHTEST
-    if light or (most is not None and abs(value) * times > most):
-        others = _OTHERS[kind].items()
-        fits = [each for each in others if abs(value) * times * each[1] <= (most or math.inf)]
-        other, factor = (fits or [*others])[0]
+    if light or (largest is not None and abs(value) * factor > largest):
+        others, size = _OTHERS[kind].items(), abs(value) * factor
+        fits = [other for other in others if size * other[1] <= (largest or math.inf)]
+        other, ratio = (fits or [*others])[0]
         shown = f"{value:g} {unit or kind}".removesuffix(" 1")
-        yield f"{what} is {shown}; did you mean {value * factor:.4g} ({value:g} {other})?"
+        yield f"{name} is {shown}; did you mean {value * ratio:.4g} ({value:g} {other})?"

@@ -17,12 +17,10 @@ from robotball.design import designing
 from robotball.engines.mujoco.mjcf_export import write_model
 from robotball.engines.mujoco.settings import Prescribed
 from robotball.errors import LONGEST_LINE
-from robotball.files import scene_tables
 from robotball.files.scene_writer import toml_of
 from robotball.robot import ball, drives, motors, scene
 from robotball.robot.ball import Ball, Frame, Hinge, Link, Rotor, Shell
 from robotball.rotations import Array
-from robotball.scene_files.parts import solid_of
 from tests import random_robots
 from tests.messages import unnamed
 from tests.robotball.design import designs
@@ -60,11 +58,6 @@ def body(name: str, **changes: Any) -> Ball:
 def bob(pivot: Array) -> Hinge:
     """A pendulum with this pivot."""
     return Hinge(rb.Pendulum(1.0, np.eye(3), UP, UP, pivot))
-
-
-def part(kind: str, **sizes: Any) -> None:
-    """A part of this kind; by a mass of 1 kg where nothing else is given."""
-    solid_of(getattr(scene_tables, kind)(**({} if "density" in sizes else {"mass": 1.0}) | sizes))
 
 
 def hung(link: Link) -> Ball:
@@ -110,25 +103,6 @@ BODIES = {
     "body('frame', inertia=(0.1, 0.2))": "frame inertia (3,~3)",
     "start(attitude=(1.0, 0.0))": "start attitude (4,)",
     "body('shell', axis=NAN * UP)": "shell axis nan",
-}  # fmt: skip
-
-PARTS = {
-    "part('Sphere', density=1.0, mass=1.0, radius=1.0)":
-        "sphere mass density material",
-    "part('Sphere', density=None, radius=1.0)":
-        "sphere mass~[kg] density~[kg/m³] material",
-    "part('Sphere', density=-1.0, radius=1.0)": "sphere density -1~kg/m³",
-    "part('Box', size=(1.0, 0.0, 1.0))": "box size 0~m",
-    "part('Box', size=(1.0, 1.0, 1.0), attitude=(2.0, 0.0, 0.0, 0.0))":
-        "unit |attitude|~=~2",
-    "part('Sphere', radius=0.1, thickness=0.2)":
-        "thickness radius 0.1 0.2~m",
-    "part('Disc', radius=0.1, inner_radius=0.1)":
-        "disc inner_radius radius 0.1~m",
-    "part('Rod', begin=(0.0, 0.0, 1.0), end=(0.0, 0.0, 1.0))":
-        "rod [0.0,~0.0,~0.0]",
-    "part('Ring', radius=0.1, axis=(0.0, 0.0, 0.0))":
-        "ring axis [0.0,~0.0,~0.0]",
 }  # fmt: skip
 
 SCENES = {
@@ -315,7 +289,7 @@ PUBLIC = {
 }
 
 
-ALL = PUBLIC | BODIES | PARTS | SCENES | STARTS | DRIVES | MOTORS | COUNTS | DESIGNS
+ALL = PUBLIC | BODIES | SCENES | STARTS | DRIVES | MOTORS | COUNTS | DESIGNS
 
 
 def refusal(snippet: str) -> str:

@@ -16,7 +16,7 @@ from robotball.robot import formulas as eq
 from robotball.rotations import Array
 
 if TYPE_CHECKING:
-    from robotball.robot.loop import Loop, Sensed
+    from robotball.robot.loop import Loop, TrueReading
 
 FREE_QPOS, FREE_QVEL = 7, 6  # coordinates and velocities of the free joint; hinges follow
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -36,15 +36,15 @@ def state_of(data: mujoco.MjData) -> Array:
     return state
 
 
-def senses(model: Model) -> Callable[[mujoco.MjData], "Sensed"]:
+def senses(model: Model) -> Callable[[mujoco.MjData], "TrueReading"]:
     """Return what reads a robot's sensors in a state, without its forces, which take longest."""
-    from robotball.robot.loop import Sensed
+    from robotball.robot.loop import TrueReading
 
     compiled, columns, count = model.compiled, model.sensor_columns, len(model.scene.hinges)
     places = [(each.index, columns[f"{each.name}_angle"].start, columns[f"{each.name}_rate"].start)
               for each in model.hinges]  # fmt: skip
 
-    def sensed(data: mujoco.MjData) -> Sensed:
+    def sensed(data: mujoco.MjData) -> TrueReading:
         mujoco.mj_kinematics(compiled, data)
         mujoco.mj_comPos(compiled, data)
         mujoco.mj_sensorPos(compiled, data)
@@ -58,7 +58,7 @@ def senses(model: Model) -> Callable[[mujoco.MjData], "Sensed"]:
         attitude, turning = read[columns["attitude"]], read[columns["angular_velocity"]]
         gyro = eq.seen_from_frame(tuple(turning), eq.unit_space_axes(tuple(attitude)))
         point = np.array(read[columns["centre"]][:2])
-        return Sensed(np.array(gyro), np.array(attitude), angles, rates, point)
+        return TrueReading(np.array(gyro), np.array(attitude), angles, rates, point)
 
     return sensed
 

@@ -27,7 +27,7 @@ from robotball.motion import (
 )
 from robotball.robot.drives import turns
 from robotball.robot.loads import Loads
-from robotball.robot.loop import Loop, Sensed
+from robotball.robot.loop import Loop, TrueReading
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, rotation_matrix
 from robotball.theory.dop853 import LEAST_RTOL, Compensated, take_step
@@ -370,11 +370,11 @@ class March:
         if self.loop is None:
             return
 
-        def sense() -> Sensed:
+        def sense() -> TrueReading:
             readings, count = self.system.readings(t, state), self.system.count
             attitude, point = state[:4] / np.linalg.norm(state[:4]), state[POINT:MOMENTUM].copy()
             angles, rates = state[HINGES : HINGES + count].tolist(), readings.rates.tolist()
-            return Sensed(readings.omega, attitude, angles, rates, point)
+            return TrueReading(readings.omega, attitude, angles, rates, point)
 
         self.loop.reach(t, sense)
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from robotball.robot.drives import Constant, Drive, Ramp
-from robotball.robot.function_drives import Held
+from robotball.robot.function_drives import HeldCommand
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
 from robotball.theory.dop853 import STAGES
@@ -69,7 +69,7 @@ class System:
             [*(hinge.command for hinge in each.hinges if hinge.motor is not None), *each.controls]
             for each in scenes
         ]
-        self.holds = any(isinstance(command, Held) for command in self._commands[0])
+        self.holds = any(isinstance(command, HeldCommand) for command in self._commands[0])
         # The planes that move differently, each by a scene and the robots on it.
         self._planes: dict[Any, tuple[Scene, list[int]]] = {}
         for k, each in enumerate(scenes if first.plane_moves else ()):
@@ -89,7 +89,7 @@ class System:
         self.end = float(np.nextafter(end, t))
         self._known: tuple[float, bytes, Modes] | None = None
         commands = [
-            (i, command.at(t) if isinstance(command, Held) else command, k)
+            (i, command.at(t) if isinstance(command, HeldCommand) else command, k)
             for k, each in enumerate(self._commands)
             for i, command in enumerate(each)
         ]

@@ -16,6 +16,7 @@ from robotball.fit.sensing import apart, contradictions, noise_of, stands_still,
 from robotball.motion import Motion
 from robotball.rotations import turned
 from robotball.scene_files.scene_file import CATALOG
+from tests.imports import PROJECT
 from tests.messages import naming, unnamed, untold
 
 NOISE = {"position": 1e-3, "attitude": 1e-2, "gyro": 2e-2}
@@ -558,6 +559,13 @@ def test_a_circumstance_of_a_sensor_that_is_not_there_is_refused() -> None:
     """With those that can be."""
     with pytest.raises(rb.InputError, match=naming("circumstance")):
         rb.fit("pendulum_robot", [log()], ["kv"], circumstances=["frame_angle.zero"])
+
+
+def test_numbers_that_no_body_can_have_are_refused_with_their_key() -> None:
+    """The limits of a scene file's keys hold for the numbers of a fit too."""
+    numbers = numbers_of(PROJECT / "examples" / "my_robot.toml")
+    with pytest.raises(rb.InputError, match=naming("frame.part1.mass positive -1~kg")):
+        numbers.scene({"frame.part.1.mass": -1.0})
 
 
 def test_all_scenes_of_the_catalog_have_their_numbers() -> None:

@@ -12,13 +12,13 @@ from scipy.spatial.transform import Rotation
 from robotball.robot.ball import (
     Ball,
     Frame,
-    Given,
     Hinge,
     Hung,
     Link,
     Pendulum,
     Rotor,
     Shell,
+    UserValue,
     Value,
     axial_tensor,
     beyond_the_shell,
@@ -46,7 +46,7 @@ START = Start(np.array([0.6, 0.8, 0.0, 0.0]), Y)
 @given(
     st.sampled_from((SHELL, FRAME, ROTOR, PENDULUM, LINK, START)), st.sampled_from((list, tuple))
 )
-def test_lists_and_tuples_are_taken_for_arrays(record: Given, kind: type) -> None:
+def test_lists_and_tuples_are_taken_for_arrays(record: UserValue, kind: type) -> None:
     """In every field of every body, and of a start: the record is the same."""
     names = [each.name for each in fields(record)]  # type: ignore[arg-type]
     arrays = {name: getattr(record, name) for name in names}

@@ -15,7 +15,7 @@ from robotball.engines.mujoco.stepping import controlled
 from robotball.motion import path_error
 from robotball.processes import at_most
 from robotball.robot.activations import Activation
-from robotball.robot.loop import Loop
+from robotball.robot.loop import Loop, TrueReading
 from robotball.theory.multibody.integration import March
 from robotball.theory.multibody.system import System
 from tests.messages import naming
@@ -319,6 +319,16 @@ def test_a_call_costs_the_equations_no_search_for_a_step() -> None:
     assert steps[1] < 1.6 * steps[0]
 
 
+def test_a_scene_made_from_that_of_a_loop_keeps_its_commands() -> None:
+    """They are fields of the scene, not contents of its caches."""
+    scene = PENDULUM.with_controller(rb.Controller(lambda _: {"frame": -3.0}, 0.01))
+    assert scene.controller is not None
+    loop = Loop(scene, scene.controller)
+    loop.reach(0.0, lambda: TrueReading(np.zeros(3), np.eye(4)[0], [0.0], [0.0], np.zeros(2)))
+    again = replace(loop.scene, title="again")
+    assert again.drives[0].rate(0.5) == loop.scene.drives[0].rate(0.5) == -3.0
+
+
 # Refused ---------------------------------------------------------------------------------------
 
 
@@ -398,7 +408,7 @@ RUNS = {
         answering({"frame": "fast"}),
         "'fast' frame 0~s",
     ),
-    "kept": (answering({"rotor1": 1.0}, scene=KEPT), "rotor1 exactly"),
+    "kept": (answering({"rotor1": 1.0}, scene=KEPT), "rotor1 prescribed"),
     "free": (answering({"rotor1": 1.0}, scene=SERVOS), "rotor1 freely"),
     "lag": (answering({"pull": 1.0}, scene=FILTERED), "pull activation"),
     "copy": (

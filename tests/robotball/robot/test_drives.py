@@ -92,6 +92,9 @@ def test_samples_are_passed_and_never_overshot() -> None:
 def test_a_sum_of_numbers_is_a_number_and_a_steep_ramp_is_no_jump() -> None:
     """So a steady scene stays one, and a rotor may spin up within a microsecond."""
     assert as_drive(rb.Sum((1.0, 2.0)), 10.0) == Constant(3.0)
+    nested = rb.Sum((1.0, rb.Sum((2.0, rb.Sum((3.0,))))))
+    assert nested.terms == (1.0, 2.0, 3.0)
+    assert as_drive(nested, 10.0) == Constant(6.0)
     steep = rb.Ramp(final=150.0, start=1.0, end=1.000001)
     assert as_drive(steep, 10.0) is steep
 

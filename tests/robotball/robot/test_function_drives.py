@@ -9,7 +9,7 @@ from scipy.special import erf
 
 from robotball.errors import InputError
 from robotball.robot.drives import Constant, Ramp
-from robotball.robot.function_drives import Followed, Held, polynomials_of
+from robotball.robot.function_drives import FunctionDrive, HeldCommand, polynomials_of
 from tests.messages import naming
 
 END = 3.0
@@ -28,8 +28,8 @@ CASES: list[tuple[Function, Function, Function]] = [
 ]
 
 
-def followed(function: Function, *named: float, finest: float | None = None) -> Followed:
-    return Followed(END, function, named, None, None, finest)
+def followed(function: Function, *named: float, finest: float | None = None) -> FunctionDrive:
+    return FunctionDrive(END, function, named, None, None, finest)
 
 
 def test_slope_and_integral_are_those_of_the_function() -> None:
@@ -92,7 +92,7 @@ def test_held_commands_turn_as_far_as_each_while_it_is_held() -> None:
 
     As exact as the numbers are.
     """
-    held = Held(Ramp(initial=0.0, final=2.0, start=0.0, end=2.0, shape="linear"))
+    held = HeldCommand(Ramp(initial=0.0, final=2.0, start=0.0, end=2.0, shape="linear"))
     for t, rate in ((2.0, -1.0), (2.0, 3.0), (4.0, 0.5)):
         held.hold(t, Constant(rate))
     turned = {0.0: 0.0, 1.0: 0.5, 2.0: 2.0, 3.0: 5.0, 4.0: 8.0, 6.0: 9.0}

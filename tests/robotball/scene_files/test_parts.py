@@ -7,10 +7,20 @@ import mujoco
 import numpy as np
 import pytest
 
-from robotball.files.scene_tables import Box, Cylinder, Disc, Part, Point, Ring, Rod, Sphere
+from robotball.files.scene_tables import (
+    DENSITIES,
+    Box,
+    Cylinder,
+    Disc,
+    Part,
+    Point,
+    Ring,
+    Rod,
+    Sphere,
+)
 from robotball.robot.ball import Solid
 from robotball.rotations import z_along
-from robotball.scene_files.parts import DENSITIES, solid_of
+from robotball.scene_files.parts import solid_of
 
 CENTRE = (0.03, -0.02, 0.05)
 AXIS = (1.0, -2.0, 2.0)

@@ -5,11 +5,12 @@ import tomllib
 from dataclasses import replace
 from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 
 import robotball as rb
-from bench.scene_page import page
+from bench.scene_page import page, schema
 from robotball.files import scene_tables
 from robotball.motion import path_error
 from robotball.robot.scene import Friction
@@ -192,9 +193,37 @@ def test_rest_is_no_momentum_and_standing_still_is_another_start() -> None:
     assert "# M = 0" not in rb.scene_toml(still)
 
 
-def test_the_page_is_what_is_generated() -> None:
-    """`python -m bench.scene_page > docs/scene.md` changes nothing."""
+def test_the_page_and_the_schema_are_what_is_generated() -> None:
+    """`python -m bench.scene_page` changes nothing."""
     assert PAGE.read_text() == page()
+    assert PAGE.with_name("scene.schema.json").read_text() == schema()
+
+
+VALIDATOR = jsonschema.Draft202012Validator(rb.scene_schema())
+
+
+def schema_errors(text: str) -> list[str]:
+    """The paths and messages of the errors that an independent validator finds."""
+    return [f"{e.json_path}: {e.message}" for e in VALIDATOR.iter_errors(tomllib.loads(text))]
+
+
+@pytest.mark.parametrize("name", rb.catalog())
+def test_catalog_scenes_satisfy_the_schema(name: str) -> None:
+    assert schema_errors((CATALOG / f"{name}.toml").read_text()) == []
+
+
+def test_schema_refuses_misspelt_keys_and_impossible_numbers() -> None:
+    """At any depth; the schema itself is valid."""
+    jsonschema.Draft202012Validator.check_schema(rb.scene_schema())
+    for old, new, path, name in (
+        ("duration", "duratoin", "$", "duratoin"),
+        ("[shell]\nradius", "[shell]\nraduis", "$.shell", "raduis"),
+        ("axial = 0.023", "axail = 0.023", "$.rotor[0].inertia", "axail"),
+        ("radius = 1.0", "radius = -1.0", "$.shell", "-1.0"),
+        ('rolling = "rubber"', 'rolling = "sliding"', "$.rolling", "sliding"),
+    ):
+        errors = schema_errors(edited(old, new))
+        assert any(e.startswith(path) and name in e for e in errors), (name, errors)
 
 
 def whole(example: str) -> str:

@@ -144,7 +144,7 @@ def test_drives_are_told_by_formula_or_by_samples(tmp_path: Path) -> None:
     rows = read_table(tmp_path / "drives.csv").columns
     assert rows["frame_command"] == pytest.approx(2.0 + np.sin(rows["t"]) ** 3, rel=1e-12)
     header = read_table(tmp_path / "reference.csv").header
-    assert header["scene_toml_missing"].startswith("a rate given by a function")
+    assert header["scene_toml_missing"].startswith("a function of time cannot")
     motion = rb.load_motion(tmp_path / "reference.csv", scene)
     assert motion.path_length == rb.integrate(scene, motion.times).path_length
 

@@ -77,8 +77,10 @@ def _momentum(model: Model, rows: Array) -> Array:
         arm = rows[:, columns["centre_of_mass"]] - centre * [1.0, 1.0, 0.0]
     else:  # the centre of mass is the sphere's centre, and has no sensor of its own
         arm = centre * _UP
-    L = rows[:, columns["angular_momentum"]] + _cross(arm, linear)
-    return _cross(_UP, L) if scene.rolling == "rubber" else L
+    L = eq.add(
+        tuple(rows[:, columns["angular_momentum"]].T), eq.cross(tuple(arm.T), tuple(linear.T))
+    )
+    return np.stack(eq.cross(tuple(_UP), L) if scene.rolling == "rubber" else L, axis=1)
 
 
 def _force_in_world(contact: Array) -> Array:
@@ -139,11 +141,6 @@ def _torque(rows: Array, columns: slice | None) -> Array:
     the hinge. A passive hinge has no sensor of its torque.
     """
     return np.zeros(len(rows)) if columns is None else rows[:, columns.stop - 1]
-
-
-def _cross(u: Array, v: Array) -> Array:
-    """Return u × v (m, 3) of rows (m, 3) or (3,)."""
-    return np.stack(eq.cross(tuple(u.T), tuple(v.T)), axis=-1)
 
 
 _AT_LIMIT = 1 - 1e-9  # of a servo's torque limit, beyond which only rounding lies

@@ -23,9 +23,10 @@ import numpy as np
 from mujoco.rollout import rollout
 
 from robotball.engines.many_motions import FromStarts, differ_in_start, of_each
+from robotball.engines.mujoco.accuracy import checked
 from robotball.engines.mujoco.limits import check_length, precheck
 from robotball.engines.mujoco.model import Model, build, carrying_depth, start_state
-from robotball.engines.mujoco.run import held, observed, run
+from robotball.engines.mujoco.run import observed, run
 from robotball.engines.mujoco.settings import Resolved, Settings
 from robotball.engines.mujoco.stepping import Portion, controlled, stretches
 from robotball.errors import mujoco_silent
@@ -68,7 +69,7 @@ def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Itera
     def motion() -> ContactMotion:
         scene, ended = ahead.popleft()
         read = ended and ended.result()
-        return held(read) if read else alone(scene)
+        return checked(read) if read else alone(scene)
 
     threads = ThreadPoolExecutor(allowed())
     try:
@@ -84,7 +85,7 @@ def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Itera
 
 
 def _alone(settings: Settings, times: Array, scene: Scene) -> ContactMotion:
-    return held(run(build(scene, settings), times))
+    return checked(run(build(scene, settings), times))
 
 
 class _Started(NamedTuple):

@@ -42,13 +42,11 @@ def controlled(model: Model) -> Iterator[Control]:
             control.step = resistance.rk4 if integrator.order > 1 else resistance.first_order
             control.steps = resistance.steps(control.steps or control.whole)
         if model.scene.plane_moves:
-            # Controls come too late: forces of gravity are known before they are set.
+            # The forces of gravity are computed before the control callback.
+            stack.callback(mujoco.set_mjcb_passive, mujoco.get_mjcb_passive())
             mujoco.set_mjcb_passive(control.fall)
-            stack.callback(mujoco.set_mjcb_passive, None)
-        # Constant controls are in the keyframe; a call of Python at each evaluation costs 8 µs.
-        if not control.steady:
-            mujoco.set_mjcb_control(control.set)
-            stack.callback(mujoco.set_mjcb_control, None)
+        stack.callback(mujoco.set_mjcb_control, mujoco.get_mjcb_control())
+        control.install()
         yield control
 
 

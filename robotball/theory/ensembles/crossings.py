@@ -142,7 +142,7 @@ def cross(
 ) -> None:  # fmt: skip
     """Write the first m crossings of each of n orbits, after time 0.
 
-    queue, rows, lengths: as in `_march_lanes`; step_limit: of steps without a crossing; longest:
+    queue, rows, lengths: as in `march_lanes`; step_limit: of steps without a crossing; longest:
     how far to look [s]; direction: +1 or -1 for crossings of that direction only, 0 for both; w,
     counters: of `work`; tracks: (LANES, TRACK).
     Writes times (n, m), states (n, m, size), directions (n, m), found (n,) and status (n,).

@@ -118,7 +118,7 @@ def collapsed(w: Any, lanes: int, lane: int) -> bool:
     f"void({STEP}, i8[::1], f8[:, ::1], f8[::1], f8[::1], f8, i8, f8[::1], UniTuple(i8[::1], 3), "
     "f8[:, :, ::1], i8[::1])"
 )
-def _march_lanes(
+def march_lanes(
     step: Any, queue: Any, rows: Any, lengths: Any, times: Any, tolerance: float, step_limit: int,
     w: Any, counters: Any, states: Any, status: Any,
 ) -> None:  # fmt: skip
@@ -166,7 +166,7 @@ def _march_lanes(
 
 
 @compiled(f"Tuple((i8, f8))({STEP}, f8[::1], f8, f8[::1], f8, i8, f8[::1], f8[::1], f8[:, ::1])")
-def _follow(
+def follow(
     step: Any, row: Any, length: float, times: Any, tolerance: float, step_limit: int, w: Any,
     old: Any, states: Any,
 ) -> tuple[int, float]:  # fmt: skip
@@ -286,7 +286,7 @@ def orbit(
     limit = starts.step_limit(times[-1]) if max_steps is None else max_steps
     step, row = stepper(PATH, parameters.rolling, FEW), starts.rows_of(PATH, np.zeros((1, 2)))[0]
     _, new, _, total = places(PATH.size)
-    status, reached = _follow(
+    status, reached = follow(
         step, row, length, times[1:], tolerance, limit + len(times), np.zeros(total * FEW),
         np.zeros(new - STATE), states[1:],
     )  # fmt: skip
@@ -376,7 +376,7 @@ class Starts:
 
         def march(queue: Queue) -> None:
             own = work(system.size, 3)
-            _march_lanes(step, queue, rows, lengths, stops, tolerance, limit, *own, states, status)
+            march_lanes(step, queue, rows, lengths, stops, tolerance, limit, *own, states, status)
 
         in_threads(march, math.ceil(n / LANES))
         return states, status

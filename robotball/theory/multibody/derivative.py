@@ -297,7 +297,7 @@ _SIGNATURE = types.void(
 
 
 @compiled_from(text_of(eq.__file__, mechanics.__file__, __file__), _SIGNATURE)
-def _differentiate_stages(
+def differentiate_stages(
     machines: Machine, modes: Modes, inputs: Inputs, length: float, weights: Any, base: Any,
     begin: Any, slopes: Any, ends: Any, readings: Any, work: Work,
 ) -> None:  # fmt: skip
@@ -333,7 +333,7 @@ def differentiate() -> Any:
     """
     # By the entry of its only signature: to look at the types of its records again and again would
     # take longer than the derivative of a ball.
-    return next(iter(_differentiate_stages.code.overloads.values())).entry_point
+    return next(iter(differentiate_stages.code.overloads.values())).entry_point
 
 
 class Readings(NamedTuple):

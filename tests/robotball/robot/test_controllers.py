@@ -17,7 +17,7 @@ from robotball.motion import path_error
 from robotball.processes import at_most
 from robotball.robot.activations import Activation
 from robotball.robot.loop import Loop
-from robotball.theory.multibody.integration import March
+from robotball.theory.multibody.march import March
 from robotball.theory.multibody.system import System
 from tests.messages import naming
 from tests.off_engine import OFF

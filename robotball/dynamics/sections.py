@@ -28,7 +28,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import minimize_scalar
 
 from robotball.dynamics.cycles import Cycle, close
-from robotball.engines.engine import integrate
+from robotball.engines.equations import integrate
 from robotball.errors import InputError
 from robotball.motion import Motion
 from robotball.processes import Queue, in_threads

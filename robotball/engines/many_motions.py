@@ -7,7 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar, overload
 
-from robotball.engines.engine import DEFAULT, Engine, Request, as_of, request_of, runnable, scene_of
+from robotball.engines.engine import DEFAULT, Engine, Request, as_of, request_of, runnable
+from robotball.engines.equations import scene_of
 from robotball.errors import InputError
 from robotball.motion import ContactMotion, EngineSettings, Progress
 from robotball.processes import in_processes, pickled_jobs

@@ -10,7 +10,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from robotball.engines.engine import as_own, integrate, request_of, scene_of
+from robotball.engines.engine import as_own, request_of
+from robotball.engines.equations import integrate, scene_of
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.settings import Prescribed, Settings

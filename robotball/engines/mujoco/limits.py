@@ -159,7 +159,7 @@ class PlannedRun(Resolved):
         """
         if self.known_loads is not None or self.scene.controller is not None:
             return self.loads
-        from robotball.engines.engine import integrate  # few runs need it
+        from robotball.engines.equations import integrate  # few runs need it
 
         times = np.linspace(0.0, self.duration, _LOADS_SEEN)
         with suppress(InputError):

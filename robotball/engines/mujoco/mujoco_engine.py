@@ -12,9 +12,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from robotball.engines.engine import Engine, Request, Runner, as_own
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.limits import precheck
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.run import run
+from robotball.engines.mujoco.run import precheck, run
 from robotball.engines.mujoco.settings import PRESETS, Settings
 from robotball.motion import ContactMotion, EngineSettings
 from robotball.robot.scene import Scene

@@ -24,9 +24,8 @@ from mujoco.rollout import rollout
 
 from robotball.engines.many_motions import FromStarts, differ_in_start, of_each
 from robotball.engines.mujoco.accuracy import checked
-from robotball.engines.mujoco.limits import check_length, precheck
 from robotball.engines.mujoco.model import Model, build, carrying_depth, start_state
-from robotball.engines.mujoco.run import observed, run
+from robotball.engines.mujoco.run import check_length, observed, precheck, run
 from robotball.engines.mujoco.settings import Resolved, Settings
 from robotball.engines.mujoco.stepping import Portion, controlled, stretches
 from robotball.errors import mujoco_silent

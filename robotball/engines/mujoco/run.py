@@ -1,17 +1,92 @@
-"""Run a built model: step it over its times, monitor every step, and record the motion."""
+"""Check a planned run; run a built model: step it, monitor every step, record the motion."""
 
 from collections.abc import Iterable
 from dataclasses import replace
 
-from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.limits import check_length
+import numpy as np
+
+from robotball.engines.mujoco import LABEL, limits
+from robotball.engines.mujoco.limits import LimitCheck, PlannedRun
 from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.readings import own_faults, readings_of
+from robotball.engines.mujoco.settings import Settings
 from robotball.engines.mujoco.stepping import Portion, by_steps, controlled
-from robotball.engines.observe import Recording
+from robotball.engines.observe import Recording, step_count
+from robotball.errors import InputError, warn
 from robotball.motion import ContactMotion, Progress
+from robotball.robot.loads import Loads
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
+
+
+def limit_checks(plan: PlannedRun) -> dict[str, LimitCheck]:
+    """Return the predictions of all laws that apply to a run, by the name of the law."""
+    laws = [*limits.LAWS]
+    if not plan.plain_robot:
+        from robotball.engines.mujoco import robot_limits
+
+        laws += robot_limits.LAWS
+    if not plan.plain_contact:
+        from robotball.engines.mujoco import contact_limits
+
+        laws += contact_limits.LAWS
+    # Extreme settings overflow here, and an infinite value exceeds its limit.
+    with np.errstate(all="ignore"):
+        checks = {law.__name__: law(plan) for law in laws}
+    return {name: check for name, check in checks.items() if check is not None}
+
+
+def exceeded(
+    scene: Scene, settings: Settings, times: Array, loads: Loads | None = None
+) -> dict[str, LimitCheck]:
+    """Return the limits that a run over times (n,) [s] is predicted to exceed, by name.
+
+    loads: of the whole motion, if known from a reference.
+    """
+    checks = limit_checks(PlannedRun(scene, settings, float(times[-1]), loads))
+    return {name: check for name, check in checks.items() if check.exceeded}
+
+
+def precheck(
+    scene: Scene,
+    settings: Settings,
+    times: Array,
+    loads: Loads | None = None,
+    *,
+    strict: bool = False,
+) -> None:
+    """Warn of each limit that the run is predicted to exceed; raise InputError if strict."""
+    for check in exceeded(scene, settings, times, loads).values():
+        line = f"{scene.name}, {settings.name}: {check.warning}"
+        if strict:
+            raise InputError(line)
+        warn(line)
+
+
+def check_length(scene: Scene, settings: Settings, times: Array) -> None:
+    """Raise InputError for a run of more steps than the settings allow.
+
+    Adaptive steps are counted while they are taken; here only those that servos need at least.
+    """
+    plan = PlannedRun(scene, settings, float(times[-1]))
+    if settings.adaptive and settings.timestep is None:
+        from robotball.engines.mujoco.robot_limits import settling
+
+        least = settling(plan)
+        if least is not None and least.value > settings.max_steps:
+            raise InputError(
+                f"{scene.name} over {times[-1]:g} s: {least.warning}; "
+                f"max_steps = {settings.max_steps}"
+            )
+        return
+    steps = step_count(times, scene.breakpoints, plan.timestep)
+    if not steps <= settings.max_steps:  # a NaN is refused as well
+        size = f"{steps:.0f}" if steps < 1e15 else f"{steps:.2g}"
+        raise InputError(
+            f"{scene.name} over {times[-1]:g} s takes {size} steps of {plan.timestep:g} s, more "
+            f"than max_steps = {settings.max_steps}: shorten the run, lengthen the timestep, or "
+            "raise max_steps"
+        )
 
 
 def run(

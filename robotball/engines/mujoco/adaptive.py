@@ -13,9 +13,8 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 
-from robotball.engines.mujoco.control import Control, put, read_row, right_hand_side
+from robotball.engines.mujoco.control import Control, Portion, put, read_row, right_hand_side
 from robotball.engines.mujoco.settings import Resolved
-from robotball.engines.mujoco.stepping import Portion
 from robotball.motion import Fault, FaultKind
 from robotball.rotations import Array
 from robotball.theory.dop853 import Compensated, one_by_one

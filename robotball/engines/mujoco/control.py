@@ -6,17 +6,20 @@ that is called within a callback raises a warning (docs/findings).
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from robotball.engines.mujoco.model import Model, controls_at
+from robotball.motion import Fault
 from robotball.robot import formulas as eq
 from robotball.rotations import Array
 
 if TYPE_CHECKING:
-    from robotball.robot.loop import Loop, Sensed
+    from robotball.robot.loop import Loop
 
 FREE_QPOS, FREE_QVEL = 7, 6  # coordinates and velocities of the free joint; hinges follow
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -48,39 +51,6 @@ def state_of(data: mujoco.MjData) -> Array:
     state = np.empty(mujoco.mj_stateSize(data.model, STATE))
     mujoco.mj_getState(data.model, data, state, STATE)
     return state
-
-
-def sensor_reader(model: Model) -> Callable[[mujoco.MjData], "Sensed"]:
-    """Return a function that reads a robot's sensors in a state, without computing the forces."""
-    from robotball.robot.loop import Sensed
-
-    compiled, columns, count = model.compiled, model.sensor_columns, len(model.scene.hinges)
-    places = [
-        (
-            hinge.index,
-            columns[f"{hinge.name}_angle"].start,
-            columns[f"{hinge.name}_rate"].start,
-        )
-        for hinge in model.hinges
-    ]
-
-    def sensed(data: mujoco.MjData) -> Sensed:
-        mujoco.mj_kinematics(compiled, data)
-        mujoco.mj_comPos(compiled, data)
-        mujoco.mj_sensorPos(compiled, data)
-        mujoco.mj_comVel(compiled, data)
-        mujoco.mj_sensorVel(compiled, data)
-        # Plain floats: a lookup in an array takes as long as all the sensors.
-        values = data.sensordata.tolist()
-        angles, rates = [0.0] * count, [0.0] * count
-        for i, angle, rate in places:
-            angles[i], rates[i] = values[angle], values[rate]
-        attitude, turning = values[columns["attitude"]], values[columns["angular_velocity"]]
-        gyro = eq.seen_from_frame(tuple(turning), eq.unit_space_axes(tuple(attitude)))
-        point = np.array(values[columns["centre"]][:2])
-        return Sensed(np.array(gyro), np.array(attitude), angles, rates, point)
-
-    return sensed
 
 
 def mujoco_step(data: mujoco.MjData, length: float) -> None:
@@ -124,6 +94,60 @@ def right_hand_side(forward: Forward, data: mujoco.MjData) -> Callable[..., Arra
     return rate
 
 
+@dataclass(frozen=True)
+class Stretch:
+    """Consecutive spans of time that are stepped before the monitor reads them.
+
+    Attributes
+    ----------
+    ends : (m, 2), s
+        The begin and end of each span.
+    lengths : (m,), s
+        The length of the steps in each.
+    counts : (m,)
+        The number of steps in each.
+    samples : (k,)
+        The steps, counted over the stretch, that start at a sample time.
+    """
+
+    ends: Array
+    lengths: Array
+    counts: NDArray[np.int64]
+    samples: NDArray[np.int64]
+
+    def __iter__(self) -> Iterator[tuple[list[float], float, int]]:
+        ends, lengths, counts = self.ends.tolist(), self.lengths.tolist(), self.counts.tolist()
+        return zip(ends, lengths, counts, strict=True)
+
+
+@dataclass(frozen=True)
+class Portion:
+    """A part of a run that the monitor reads at once.
+
+    Attributes
+    ----------
+    rows : (m, n)
+        Rows of `read_row`, in the order of time.
+    sampled : (k,)
+        The indices of the rows at the sample times.
+    steps : int
+        The number of steps taken.
+    longest : float, s
+        The longest of them.
+    seconds : float, s
+        Their processor time in this thread, which does not depend on how busy the machine is.
+    failure : Fault or None
+        Why the run cannot go on.
+    """
+
+    rows: Array
+    sampled: NDArray[np.int64]
+    steps: int
+    longest: float
+    seconds: float
+    failure: Fault | None = None
+
+
 class TooManyPartsError(Exception):
     """Raised if the parts of a run's steps become so short that the run would not end."""
 
@@ -155,6 +179,7 @@ class Control:
         self.model = model
         self.loop: Loop | None = None
         if model.scene.controller is not None:
+            from robotball.engines.mujoco.closed_loop import sensor_reader
             from robotball.robot import loop  # few scenes need it
 
             self.loop = loop.Loop(model.scene, model.scene.controller)

@@ -24,10 +24,11 @@ from mujoco.rollout import rollout
 
 from robotball.engines.many_motions import FromStarts, differ_in_start, of_each
 from robotball.engines.mujoco.accuracy import checked
+from robotball.engines.mujoco.control import Portion
 from robotball.engines.mujoco.model import Model, build, carrying_depth, start_state
 from robotball.engines.mujoco.run import check_length, observed, precheck, run
 from robotball.engines.mujoco.settings import Resolved, Settings
-from robotball.engines.mujoco.stepping import Portion, controlled, stretches
+from robotball.engines.mujoco.stepping import controlled, stretches
 from robotball.errors import mujoco_silent
 from robotball.motion import ContactMotion, FaultKind
 from robotball.processes import allowed

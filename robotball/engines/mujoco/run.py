@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from robotball.engines.mujoco import LABEL, limits
+from robotball.engines.mujoco.control import Portion
 from robotball.engines.mujoco.limits import LimitCheck, PlannedRun
 from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.readings import own_faults, readings_of
 from robotball.engines.mujoco.settings import Settings
-from robotball.engines.mujoco.stepping import Portion, by_steps, controlled
+from robotball.engines.mujoco.stepping import by_steps, controlled
 from robotball.engines.observe import Recording, step_count
 from robotball.errors import InputError, warn
 from robotball.motion import ContactMotion, Progress

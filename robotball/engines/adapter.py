@@ -1,15 +1,15 @@
-"""Run a scene in an engine of another package: steps, readings and the report.
+"""Run scenes with engines of other packages.
 
-An adapter is a file: its settings, its presets, what it cannot express, and a World, which is the
-ball made ready in that engine. The package is imported when a world is made, not before.
-docs/engines.md has what every preset was measured to do, and why it is as it is; docs/findings has
-a small program for each peculiarity of an engine.
+An adapter file has the engine's settings and presets, its limitations, and a World, which is the
+ball in that engine. The package is imported when a world is made. docs/engines.md has the measured
+errors of every preset and the reasons for its values; docs/findings has a small program for each
+peculiarity of an engine.
 
 IdealWorld rolls ideally on the other engine's dynamics: its mass matrix and bias, our constraints.
 With u = (v of the sphere's centre, ω of the shell, hinge rates), world axes, rolling v = a ω×e_z,
 (ω, e_z) = 0 of the rubber model and given rates are linear in u with constant coefficients. So
-u = S w + s(t) with w the free part of ω, and the engine's M du/dt + h = 0 is projected on S: no
-term of dS/dt is left to be dropped.
+u = S w + s(t) with w the free part of ω, and the engine's M du/dt + h = 0 is projected on S. There
+is no term of dS/dt.
 """
 
 import time
@@ -38,17 +38,23 @@ from robotball.robot.scene import Scene
 from robotball.rotations import Array
 from robotball.theory.dop853 import Compensated, Rate, one_by_one
 
-# Python's part of a run is measured afterwards, on so many steps or calls without the engine.
-_CALLS = 200
-_ABREAST = 1024  # balls of a world at most; their samples are held until the end
+_CALLS = 200  # steps or calls without the engine that measure Python's part of a run
+_ABREAST = 1024  # the largest number of balls in a world; their samples are held until the end
 
 
 class World(ABC):
-    """A ball in an engine, at its start. To make one is set-up, which no run's time includes.
+    """A ball in an engine, at its start. Making it is set-up, which the time of a run excludes.
 
-    steps: the number taken so far; longest: the longest of them [s]; clock: by which they are
-    timed, the processor's unless another device takes them; friction: the coefficient of the
-    engine's contact, where it is known.
+    Attributes
+    ----------
+    steps : int
+        The number of steps so far.
+    longest : float, s
+        The longest of them.
+    clock : callable
+        The clock for the steps: of the processor, unless another device takes them.
+    friction : float
+        The coefficient of the engine's contact; NaN if unknown.
     """
 
     friction = float("nan")
@@ -59,27 +65,24 @@ class World(ABC):
 
     @abstractmethod
     def march(self, times: Array, timestep: float) -> Iterator[Callable[[], State]]:
-        """Take steps of `timestep` at most [s], and yield at each of times (n,) after the first.
+        """Take steps of at most `timestep` [s], and yield at each of times (n,) after the first.
 
-        What is yielded reads the state, which is no part of a run's time.
+        It yields functions that read the state, which the time of a run excludes.
         """
 
     @abstractmethod
     def python_seconds(self) -> float:
-        """Return the processor time of Python's part in all steps so far [s]."""
+        """Return the processor time of Python in all steps so far [s]."""
 
     def end(self) -> None:  # noqa: B027
-        """Have the engine keep for other runs what it keeps, as what it compiled."""
+        """Let the engine cache what later runs can reuse, such as compiled kernels."""
 
     def force(self) -> Array:
-        """Return the plane's force on the shell in the last step (3,) [N], world, if it is known.
-
-        The normal force is last.
-        """
+        """Return the plane's force (3,) on the shell in the last step [N], world, or NaN."""
         return UNKNOWN_FORCE
 
     def fall(self, gravity: Array) -> None:
-        """Set gravity (3,) [m/s²], world axes; an engine's that says so by `falls`."""
+        """Set gravity (3,) [m/s²], world axes, in an engine whose `falls` is true."""
         raise NotImplementedError
 
     def hinges_at(self, t: float) -> tuple[Array, Array]:
@@ -91,14 +94,14 @@ class World(ABC):
     def stretches(
         self, times: Array, timestep: float
     ) -> Iterator[tuple[float, float, int, float | None]]:
-        """Yield stretches of equal steps that end on sample times (n,) and on breakpoints.
+        """Yield stretches of equal steps that end at sample times (n,) and at breakpoints.
 
-        Each is the time at which it begins [s], the steps' length, `timestep` at most [s], their
-        number, and the sample time at which it ends, or None. The steps are counted as taken.
+        Each is its begin [s], the length of its steps, at most `timestep` [s], their number, and
+        the sample time at which it ends, or None. The steps are counted as taken.
         """
         sampled = set(times.tolist())
         cut = spans(times, self.scene.breakpoints, timestep)
-        for (begin, end), length, count in zip(*(each.tolist() for each in cut), strict=True):
+        for (begin, end), length, count in zip(*(column.tolist() for column in cut), strict=True):
             self.steps, self.longest = self.steps + int(count), max(self.longest, length)
             yield begin, length, int(count), end if end in sampled else None
 
@@ -110,14 +113,14 @@ class SteppedWorld(World):
 
     @abstractmethod
     def control(self, t: float, step: float) -> None:
-        """Set the hinges' motors for a step that begins at t [s]; called only if rates change."""
+        """Set the motors for a step that begins at t [s]. Called only if rates change."""
 
     @abstractmethod
     def step(self, step: float) -> None:
         """Take one step of the engine [s]."""
 
     def wait(self) -> None:
-        """Wait for the steps taken: a device's own work would else count as our reading."""
+        """Wait for the device, so that its work does not count as reading."""
 
     @abstractmethod
     def state(self) -> State:
@@ -125,11 +128,11 @@ class SteppedWorld(World):
 
     def march(self, times: Array, timestep: float) -> Iterator[Callable[[], State]]:
         lengths = spans(times, self.scene.breakpoints, timestep)[1]
-        # The engine has its step from set-up. Lengths that differ by rounding alone count as equal.
+        # The step is set when the world is made. Lengths may differ by rounding.
         if not self.any_step and not np.allclose(lengths, lengths[0], rtol=1e-9, atol=0.0):
             raise InputError(
-                f"{self.scene.name}: this engine's steps are all equal, and they have to end on "
-                "every sample and wherever a rate breaks: sample it at equal intervals that do"
+                f"{self.scene.name}: this engine's steps are equal, so samples and breakpoints of "
+                "the rates must fall on multiples of one step: choose another interval"
             )
         for begin, length, count, sample in self.stretches(times, timestep):
             self._loop(self.step, begin, length, count)
@@ -138,8 +141,7 @@ class SteppedWorld(World):
                 yield self.state
 
     def python_seconds(self) -> float:
-        # Commands are given to the engine as in the run, so that these calls count; no step is
-        # taken.
+        # Commands are set as in the run, without any step.
         count = min(_CALLS, self.steps)
         began = time.process_time()
         self._loop(lambda _: None, 0.0, self.longest, count)
@@ -152,7 +154,7 @@ class SteppedWorld(World):
             return
         for i in range(count):
             self.control(begin + i * step, step)
-            if self.scene.plane_moves:  # its mean over the step, but for the second order
+            if self.scene.plane_moves:  # the mean over the step, to second order
                 self.fall(self.scene.gravity_at(begin + (i + 0.5) * step))
             take(step)
 
@@ -165,24 +167,24 @@ class ServoWorld(SteppedWorld):
         """Set the target rates (h,) of the hinges [rad/s]."""
 
     def control(self, t: float, step: float) -> None:
-        # These engines take semi-implicit steps, whose velocities are those at the end of a step.
+        # A semi-implicit step uses the velocities at its end.
         self.turn(self.hinges_at(t + step)[1])
 
 
 def on_device(world: World, device: str, cuda: bool) -> str:
-    """Return the device of a world's balls, and time its steps. Raises InputError for no device.
+    """Return the device of a world's balls, and set its clock.
 
-    cuda: whether the engine finds one.
+    cuda: whether the engine has a CUDA device. Raises InputError if the device is missing.
     """
     if device == "cuda" and not cuda:
-        raise InputError("there is no device 'cuda': give cpu, as no CUDA device is found")
+        raise InputError("device 'cuda' needs a CUDA device, which was not found: give cpu")
     if device == "cuda":
         world.clock = time.perf_counter
     return device
 
 
 def seconds_per_call(call: Callable[[], object]) -> float:
-    """Return the processor time that a function takes [s], the mean of many calls."""
+    """Return the mean processor time of a call [s]."""
     began = time.process_time()
     for _ in range(_CALLS):
         call()
@@ -191,32 +193,35 @@ def seconds_per_call(call: Callable[[], object]) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class StepSettings(EngineSettings):
-    """Settings of an engine that takes equal steps [s]; each adapter adds its own.
-
-    In these None leaves a choice at the engine's own default.
-    """
+    """Settings of an engine with equal steps [s]. In an adapter's settings None is the default."""
 
     timestep: float
 
 
 def given(**values: Any) -> dict[str, Any]:
-    """Return the values that are not left to the engine, which None does."""
+    """Return the values that are not None."""
     return {name: value for name, value in values.items() if value is not None}
 
 
 def by_name(*presets: Kind) -> dict[str, Kind]:
-    """Return presets by their names."""
-    return {each.name: each for each in presets}
+    """Return the mapping of names to presets."""
+    return {preset.name: preset for preset in presets}
 
 
 @dataclass(frozen=True, kw_only=True)
 class PointSettings(StepSettings):
-    """Settings of an engine whose point contact resists no spin, or that needs none.
+    """Settings of an engine with a point contact, which does not resist spin.
 
-    spin_part: of inertia over step, for a torque of ours against the spin; 0 for no torque. One
-    that is explicit in time is stable up to 2.
-    ideal: the steps of our own constraints on the engine's mass matrix and bias, None for its own
-    contact; rtol: of DOP853.
+    Attributes
+    ----------
+    spin_part : float
+        Our damping torque against the spin, as a part of inertia over step; 0 for no torque. An
+        explicit torque is stable up to 2.
+    ideal : {"RK4", "DOP853"} or None
+        The integrator for our constraints on the engine's mass matrix and bias. None uses the
+        engine's contact.
+    rtol : float
+        The relative error allowed in one step of DOP853.
     """
 
     spin_part: float = 1.5
@@ -224,33 +229,32 @@ class PointSettings(StepSettings):
     rtol: float = 1e-12
 
 
-def either(own: Callable[..., World], ideal: Callable[..., World]) -> Callable[..., World]:
-    """Return what makes a world of the engine's own contact, or one by our constraints."""
-    return lambda scene, settings, step: (ideal if settings.ideal else own)(scene, settings, step)
+def either(contact: Callable[..., World], ideal: Callable[..., World]) -> Callable[..., World]:
+    """Return the constructor of worlds with the engine's contact or with our constraints."""
+    return lambda scene, settings, step: (ideal if settings.ideal else contact)(
+        scene, settings, step
+    )
 
 
 def spin_damping(scene: Scene, settings: PointSettings, step: float) -> float:
-    """Return the c of our torque -c (ω, e_z) on a rubber shell [N m s], and 0 where there is none.
-
-    The inertia is the ball's least moment.
-    """
+    """Return c [N m s] of our torque -c (ω, e_z) on a rubber shell, from the least inertia."""
     if scene.rolling == "classical":
         return 0.0
     return settings.spin_part * float(np.linalg.eigvalsh(scene.ball.inertia)[0]) / step
 
 
 def no_torsion(scene: Scene, instead: str = "the shell spins freely") -> str | None:
-    """Return that a contact has no torsional friction, where a ball needs it, and what follows."""
+    """Return the lack of torsional friction and its consequence, if the ball needs friction."""
     if scene.rolling == "classical":
         return None
     return f"its contact has no torsional friction: {instead}"
 
 
 def spins(scene: Scene, settings: PointSettings) -> str | None:
-    """Return that the shell spins freely, or that a torque of ours damps that; None if neither."""
+    """Return that the shell spins freely, or that our torque damps its spin; None if neither."""
     if settings.ideal:
         return None
-    damped = ["a torque of ours damps the spin"] if settings.spin_part else []
+    damped = ["our torque damps the spin"] if settings.spin_part else []
     return no_torsion(scene, *damped)
 
 
@@ -263,13 +267,22 @@ def in_single_precision(scene: Scene, settings: Any) -> str:
 class Adapter(Engine):
     """An engine of another package.
 
-    packages: the names that are imported; extra: the extra of robotball that brings them, the
-    engine's own name and that of its environment, in the folder `environments`; world: what makes
-    the ball at its start of a scene, settings and its longest step [s]; lacks: what says in a line
-    what the engine lacks for a scene under settings, if anything. Both get its own kind of
-    settings, that of its presets. falls: whether its worlds set gravity as they go. Where presets
-    have a `device`, a world can roll many balls there, each as if it were alone; `world` then takes
-    the scenes too, which differ in their starts.
+    If its presets have a `device`, a world can roll many balls there, each as if it were alone.
+
+    Attributes
+    ----------
+    packages : tuple of str
+        The packages that it imports.
+    extra : str
+        The extra of robotball that installs them, which is also the name of the engine and of its
+        environment in the folder `environments`.
+    world : callable
+        Takes a scene, settings and the longest step [s], and scenes that differ in their starts if
+        there are several; returns the ball at its start.
+    lacks : callable
+        Takes a scene and settings; returns in one line what the engine lacks, or None.
+    falls : bool
+        Whether its worlds can change gravity during a run.
     """
 
     label: Label
@@ -284,18 +297,18 @@ class Adapter(Engine):
 
     @property
     def requirements(self) -> tuple[str, ...]:
-        """The requirements of its extra, by robotball's own metadata."""
-        # Each line is "requirement; marker", as in "pin>=4.1; extra == 'pinocchio'".
+        """The requirements of its extra, from the metadata of robotball."""
+        # Each line is "requirement; marker", for example "pin>=4.1; extra == 'pinocchio'".
         lines = (line.partition("; ") for line in requires("robotball") or ())
         return tuple(needed for needed, _, on in lines if on == f"extra == '{self.extra}'")
 
     @property
     def installed(self) -> bool:
-        """True if its packages are there. None is imported but for that of which one is a part."""
-        return all(find_spec(each) is not None for each in self.packages)
+        """True if its packages are installed. Only parent packages are imported."""
+        return all(find_spec(package) is not None for package in self.packages)
 
     def cannot_express(self, scene: Scene) -> str | None:
-        """Return why adapters cannot roll the scene, in a line, or None."""
+        """Return why adapters cannot roll the scene, in one line; None if they can."""
         if scene.not_reduced:
             return (
                 f"its adapter turns hinges at given rates in a balanced ball: {scene.not_reduced}"
@@ -307,9 +320,9 @@ class Adapter(Engine):
         return None
 
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
-        """Return the motion. Loads that the engine does not give are NaN.
+        """Return the scene's motion. Loads that the engine does not give are NaN.
 
-        Where the engine is not installed it is run in its environment, without progress.
+        An engine that is not installed runs in its environment, without progress.
         """
         (motion,) = self._motions([scene], times, request)
         return motion
@@ -317,7 +330,7 @@ class Adapter(Engine):
     def run_many(
         self, scenes: Sequence[Scene], times: Array, settings: EngineSettings
     ) -> Iterator[ContactMotion]:
-        """Yield the motions of scenes, in one world where they differ in the start alone."""
+        """Yield the motions of scenes, in one world if they differ only in the start."""
         abreast = differ_in_start(scenes) and getattr(settings, "device", None) is not None
         size = _ABREAST if abreast else 1
         for i in range(0, len(scenes), size):
@@ -326,7 +339,7 @@ class Adapter(Engine):
     def _motions(
         self, scenes: Sequence[Scene], times: Array, request: Request
     ) -> Iterable[ContactMotion]:
-        """Return the motions of scenes by one world, here or in the engine's environment."""
+        """Return the motions of scenes in one world, here or in the engine's environment."""
         if self.installed:
             return self._rolled(scenes, times, request)
         python = interpreter_of(self.environments / self.extra)
@@ -337,22 +350,21 @@ class Adapter(Engine):
     def _rolled(
         self, scenes: Sequence[Scene], times: Array, request: Request
     ) -> Iterator[ContactMotion]:
-        """Yield the motions of scenes by one world of the engine as it is installed here."""
+        """Yield the motions of scenes in one world of the engine that is installed here."""
         settings = as_own(request.settings, type(self.presets[self.default]), self.label)
         scene = scenes[0]
-        # It runs all the same: how far off it then is belongs to the comparison of engines.
+        # It runs nevertheless: the comparison of engines shows the error.
         if lack := self.lacks(scene, settings):
             warn(f"{scene.name}, {settings.name}: {self.label.name}: {lack}")
         more = (scenes,) if len(scenes) > 1 else ()
         step = float(spans(times, scene.breakpoints, settings.timestep)[1].max())
         missed = scene.sampling_error(float(times[-1]), step)
         if missed > RATE_ERROR and getattr(settings, "ideal", None) != "DOP853":
-            lack = f"a drive's error over a step of {step:g} s is {missed:.2g}; take a shorter one"
+            lack = f"a drive's error over a step of {step:g} s is {missed:.2g}: take a shorter step"
             warn(f"{scene.name}, {settings.name}: {self.label.name}: {lack}")
         world = self.world(scene, settings, step, *more)
-        # Only the engine's steps are timed, not the reading of its states. A state that is no
-        # number ends the run of its ball.
-        rows, spent = [np.array([start_state(each).row for each in scenes])], 0.0
+        # The time excludes reading. A state that is not finite ends the run of its ball.
+        rows, spent = [np.array([start_state(scene).row for scene in scenes])], 0.0
         forces = [UNKNOWN_FORCE]
         march = world.march(times, settings.timestep)
         while len(rows) < len(times) and np.isfinite(rows[-1]).all(axis=1).any():
@@ -360,16 +372,16 @@ class Adapter(Engine):
             read = next(march)
             spent += world.clock() - began
             rows.append(np.atleast_2d(read().row))
-            # Of balls abreast the forces are not read.
+            # The forces of many balls are not read.
             forces.append(world.force() if len(scenes) == 1 else UNKNOWN_FORCE)
             if request.progress is not None:
                 request.progress(times[len(rows) - 1] / times[-1])
         share, python = spent / len(scenes), world.python_seconds() / len(scenes)
         world.end()
         cost = {"seconds": share, "python_seconds": python}
-        for each, own in zip(scenes, np.stack(rows, axis=1), strict=True):
+        for scene, states in zip(scenes, np.stack(rows, axis=1), strict=True):
             yield motion_of_rows(
-                self.label, each, times, own, settings, np.array(forces), world.friction,
+                self.label, scene, times, states, settings, np.array(forces), world.friction,
                 timestep=world.longest, steps=world.steps, **cost,
             )  # fmt: skip
 
@@ -377,24 +389,24 @@ class Adapter(Engine):
 def _rolled_by(
     name: str, scenes: Sequence[Scene], times: Array, settings: Any
 ) -> list[ContactMotion]:
-    """Return the motions by an adapter, as its environment has it."""
+    """Return the motions from an adapter, inside its environment."""
     engine = engine_named(name)
     assert isinstance(engine, Adapter)
     return list(engine._rolled(scenes, times, Request(engine, settings)))
 
 
 def elsewhere(engine: Engine, folder: Path | str) -> Engine:
-    """Return the engine with environments in a folder, where it is one that may need them."""
+    """Return the engine with environments in a folder, if it is an adapter."""
     return replace(engine, environments=Path(folder)) if isinstance(engine, Adapter) else engine
 
 
 def not_installed(engine: str, name: str) -> InputError:
-    """Return the error for an engine, called by a name, that is neither here nor elsewhere."""
+    """Return the error for an engine that is not installed in any environment."""
     return InputError(f"{engine} is not installed: robotball engines --install {name}")
 
 
 def version_of(distribution: str) -> str:
-    """Return the version of a package that may be installed, without an import."""
+    """Return the version of a package without importing it."""
     try:
         return version(distribution)
     except PackageNotFoundError:
@@ -402,10 +414,9 @@ def version_of(distribution: str) -> str:
 
 
 class IdealWorld(World):
-    """A world that asks an engine for its dynamics, and takes the steps itself.
+    """A world that takes the dynamics from an engine and steps them itself.
 
-    They are of fixed length, or DOP853's, which chooses its own, none longer than the timestep, by
-    an error of `rtol` in one step.
+    Steps have a fixed length, or the length for an error of `rtol`, at most the timestep.
     """
 
     def __init__(self, scene: Scene, settings: PointSettings) -> None:
@@ -418,7 +429,7 @@ class IdealWorld(World):
 
     @abstractmethod
     def dynamics(self, state: State) -> tuple[Array, Array]:
-        """Return M (n, n) and h (n,) of M du/dt + h = 0, with u as above and n = 6 + hinges."""
+        """Return M (n, n) and h (n,) of M du/dt + h = 0, with n = 6 + hinges."""
 
     def rate(self, t: float, y: Array) -> Array:
         """Return the derivative of (X, Y, q, w)."""
@@ -431,9 +442,9 @@ class IdealWorld(World):
         M, h = self.dynamics(state)
         S, (w, x, y, z) = self.S, state.attitude
         free_rate = np.linalg.solve(S.T @ M @ S, -S.T @ (M @ pushed + h))
-        # The turning is in world axes, and so stands on the left: dq/dt = (0, ω)∘q/2.
+        # ω in world axes is the left factor: dq/dt = (0, ω)∘q/2.
         turn = eq.quaternion_product((0.0, *as_vector(state.turning)), (w, x, y, z))
-        return np.array([*state.velocity[:2], *(each / 2 for each in turn), *free_rate])
+        return np.array([*state.velocity[:2], *(part / 2 for part in turn), *free_rate])
 
     def state_at(self, t: float, y: Array) -> State:
         """Return the state of (X, Y, q, w) at t [s]."""
@@ -462,9 +473,9 @@ class IdealWorld(World):
                 yield sample, y
 
     def _dop853(self, times: Array, timestep: float, y: Array) -> Iterator[tuple[float, Array]]:
-        # It begins anew at every breakpoint: a step across one is wrong by 1e-5.
+        # It restarts at every breakpoint: a step across one has an error of 1e-5.
         stops = np.union1d([t for t in self.scene.breakpoints if t < times[-1]], times[[0, -1]])
-        # X and Y do not set the step where they pass zero: their scale is the radius.
+        # With the radius as scale X and Y do not shorten steps when they pass zero.
         scale = np.array([*[self.scene.ball.radius] * 2, *[1.0] * 4, *[1.0] * (len(y) - 6)])
         for begin, end in pairwise(stops.tolist()):
             stages = partial(one_by_one, self.rate)
@@ -479,7 +490,7 @@ class IdealWorld(World):
             y = solver.state
 
     def python_seconds(self) -> float:
-        """Return that of our constraints, without the calls for the engine's dynamics."""
+        """Return the processor time of our constraints [s], without the engine's dynamics."""
         y, evaluations = self._start, self.evaluations
         whole = seconds_per_call(lambda: self.rate(0.0, y))
         return (whole - seconds_per_call(lambda: self.dynamics(self.now))) * evaluations
@@ -495,6 +506,6 @@ def _rk4(rate: Rate, t: float, y: Array, h: float) -> Array:
 
 
 def velocity_first(M: Array, h: Array) -> tuple[Array, Array]:
-    """Return M and h for u = (v, ω, rates) from those of an engine that has (ω, v, rates)."""
+    """Return M and h for u = (v, ω, rates), given both for (ω, v, rates)."""
     order = np.array([3, 4, 5, 0, 1, 2, *range(6, len(h))])
     return M[np.ix_(order, order)], h[order]

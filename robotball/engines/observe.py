@@ -1,7 +1,6 @@
-"""Observe a run: states of the ball → readings, the faults that they show, and the motion.
+"""Observe a run: cut it into steps, find the faults in its readings, and record its motion.
 
-Every engine's run is cut into steps, judged and recorded here, so that one law holds for all. In
-order: the steps of a run, the readings of states, the monitor, the recording.
+All engines use the same monitor.
 """
 
 from collections.abc import Sequence
@@ -35,24 +34,23 @@ from robotball.rotations import Array, Mask
 def spans(
     times: Array, breakpoints: tuple[float, ...], timestep: float
 ) -> tuple[Array, Array, Array]:
-    """Cut a run into equal steps that end on its times and on the drives' breakpoints [s].
+    """Cut a run into spans between its times and the drives' breakpoints [s].
 
-    Returns the ends (m, 2) between two of these, with the lengths (m,) and the counts (m,) of the
-    fewest steps that are not longer than `timestep`.
+    Returns the ends (m, 2) of the spans, and the lengths (m,) and counts (m,) of the fewest equal
+    steps in each that are not longer than `timestep`.
     """
-    inside = [t for t in breakpoints if t < times[-1]]
-    # Most runs have no breakpoints: union1d would sort and copy their times for nothing.
+    inside = np.array([t for t in breakpoints if t < times[-1]])
     stops = times
-    if inside:
-        # One that rounding sets apart from a sample time is that time: no step is so short.
-        apart, given = 1e-9 * timestep, np.array(inside)
-        following = times[np.searchsorted(times, given - apart)]
-        stops = np.union1d(times, given[np.abs(following - given) > apart])
+    if len(inside):
+        # A breakpoint that differs from a sample time by rounding is that time.
+        apart = 1e-9 * timestep
+        following = times[np.searchsorted(times, inside - apart)]
+        stops = np.union1d(times, inside[np.abs(following - inside) > apart])
     ends = np.stack([stops[:-1], stops[1:]], axis=1)
     lengths = np.diff(stops)
-    if np.ptp(lengths) <= 4 * np.spacing(stops[-1]):  # equal but for the rounding of the times
+    if np.ptp(lengths) <= 4 * np.spacing(stops[-1]):  # equal up to the rounding of the times
         lengths[:] = (stops[-1] - stops[0]) / len(lengths)
-    # Times such as 0.02 i are rounded, and a length that exceeds its steps by that needs no more.
+    # The rounding of times such as 0.02 i must not add a step.
     counts = np.ceil(lengths / timestep * (1 - 1e-9))
     return ends, np.minimum(lengths / counts, timestep), counts
 
@@ -65,7 +63,7 @@ def step_count(times: Array, breakpoints: tuple[float, ...], timestep: float) ->
 
 @dataclass(frozen=True)
 class Readings:
-    """The readings of m states of a run: what a motion records, and what shows its faults.
+    """Readings of m states of a run: the numbers of a motion, and those that show its faults.
 
     Attributes
     ----------
@@ -80,13 +78,13 @@ class Readings:
         The paper's M (3.1).
     hinge_angles, hinge_rates : (m, h), rad and rad/s
     loads : Loads
-        NaN where the engine gives none.
+        NaN if the engine gives no loads.
     slip : (m,), m/s
         The sliding velocity of the shell at the contact.
     spin : (m,), rad/s
         The shell's angular velocity about the vertical.
     friction_used : (m,)
-        The used part of the friction cone; NaN where it is not known.
+        The used part of the friction cone; NaN if unknown.
     touching : (m,), bool
         Whether the plane carries the shell.
     sound : (m,), bool
@@ -108,15 +106,16 @@ class Readings:
     sound: Mask
 
 
-def attitudes(given: Array, sound: Mask) -> Array:
-    """Return quaternions (m, 4) as given, and no turn for those of states that are not sound.
+def attitudes(quaternions: Array, sound: Mask) -> Array:
+    """Return quaternions (m, 4), with the identity for states that are not sound.
 
-    Such a state may have zeros for a quaternion, whose axes cannot be computed.
+    The quaternion of such a state may be zero, which has no axes.
     """
-    return given if sound.all() else np.where(sound[:, None], given, [1.0, 0.0, 0.0, 0.0])
+    identity = [1.0, 0.0, 0.0, 0.0]
+    return quaternions if sound.all() else np.where(sound[:, None], quaternions, identity)
 
 
-class Found(NamedTuple):
+class FaultAt(NamedTuple):
     """A fault, and the row of the readings at which it begins."""
 
     row: int
@@ -124,20 +123,25 @@ class Found(NamedTuple):
 
 
 Sign = tuple[Mask, Fault]
-"""The rows (m,) that show a fault, and the fault, whose time is not known yet."""
-_ROUNDING = 2e-15  # of an angle and of its drive's, relative
+"""The rows (m,) that show a fault, and the fault, without its time."""
+_ROUNDING = 2e-15  # relative, of an angle and of its drive
 _ORDER = {kind: i for i, kind in enumerate(FaultKind)}
 
 
 class Monitor:
-    """The memory, from one look to the next, of what makes the numbers of a run no result.
+    """Monitor of a run, which finds its faults.
 
-    Engines warn of little of it: a slip, a lost contact or a servo that misses its rate changes the
-    motion without a word.
+    Engines do not warn of slip, a lost contact or the tracking error of a servo.
 
-    rolled, slipped: the lengths of the path and of the slip along it so far [m], where a rubber
-    ball's spin counts as slip at its radius; momentum: M of the first state (3,); ahead (1, k): how
-    much farther the hinges have turned than their drives [rad].
+    Attributes
+    ----------
+    rolled, slipped : float, m
+        The lengths of the path and of the slip so far. The spin of a rubber ball counts as slip at
+        its radius.
+    momentum : (3,) or None
+        M of the first state.
+    ahead : (1, k) or None, rad
+        How much farther the hinges have turned than their drives.
     """
 
     def __init__(self, scene: Scene, settings: EngineSettings) -> None:
@@ -149,45 +153,45 @@ class Monitor:
 
     def look(
         self, readings: Readings, own: Sequence[Sign] = (), failure: Fault | None = None
-    ) -> list[Found]:
-        """Return the first of each kind of fault in the next readings, the earliest first.
+    ) -> list[FaultAt]:
+        """Return the first fault of each kind in the next readings, the earliest first.
 
-        If the settings stop at a fault, the first that is no event is fatal.
+        If the settings stop at a fault, the first one that is not a note is fatal.
 
         Parameters
         ----------
         readings : Readings
-            Of the next m states.
+            The readings of the next m states.
         own : sequence of Sign
-            Found by laws of the engine's own.
+            Faults that only this engine can have.
         failure : Fault, optional
-            Why the integrator could not go on after the last row.
+            Why the integrator could not continue after the last row.
         """
-        # A diverged state's numbers have no squares.
+        # Squares of a diverged state overflow.
         with np.errstate(all="ignore"):
             elapsed = np.diff(readings.time, prepend=self.last_time)
             of_the_state = self._of_the_state(readings, elapsed)
-            seen = [*of_the_state, *own, *self._of_the_path(readings, elapsed)]
-        first = [(int(np.argmax(mask)), fault) for mask, fault in seen if mask.any()]
-        # A state that has diverged is the cause; that the integrator gives up there only follows.
+            signs = [*of_the_state, *own, *self._of_the_path(readings, elapsed)]
+        first = [(int(np.argmax(mask)), fault) for mask, fault in signs if mask.any()]
+        # A failure of the integrator only follows from a diverged state.
         if failure is not None and not any(fault.fatal for _, fault in first):
             first.append((len(readings.time), failure))
-        found = [
-            Found(row, replace(fault, time=_time_of(readings.time, row, self.last_time)))
+        faults = [
+            FaultAt(row, replace(fault, time=_time_of(readings.time, row, self.last_time)))
             for row, fault in first
         ]
         if len(readings.time):
             self.last_time = float(readings.time[-1])
-        found.sort(key=lambda each: (each.row, _ORDER[each.fault.kind]))
-        wrong = [each.row for each in found if not each.fault.note]
+        faults.sort(key=lambda at: (at.row, _ORDER[at.fault.kind]))
+        wrong = [row for row, fault in faults if not fault.note]
         if wrong and self.settings.stop_at_fault:
-            return [Found(row, replace(fault, fatal=row == wrong[0])) for row, fault in found]
-        return found
+            return [FaultAt(row, replace(fault, fatal=row == wrong[0])) for row, fault in faults]
+        return faults
 
     def _of_the_state(self, readings: Readings, elapsed: Array) -> list[Sign]:
-        """Return the faults that each state shows by itself."""
+        """Return the faults that single states show."""
         sound, kind = readings.sound, FaultKind
-        # A motor of the scene's own may be weak; any other drive has to keep its rate.
+        # The scene's motors may be weak; any other drive must keep its rate.
         exact = [i for i, hinge in enumerate(self.scene.hinges) if hinge.motor is None]
         off_rate = np.asarray((rate_errors_of(self.scene, readings) > RATE_ERROR).any(axis=1))
         if exact and not self.scene.steady:
@@ -200,9 +204,9 @@ class Monitor:
         ]
 
     def _off_between(self, readings: Readings, elapsed: Array, exact: Sequence[int]) -> Mask:
-        """Return the rows (m, k) since whose last one a hinge has not turned as its drive did.
+        """Return the rows (m, k) before which a hinge has not turned as its drive.
 
-        A drive whose period divides the timestep has the same rate at every row.
+        The rates do not show it for a drive whose period divides the timestep.
         """
         times = np.where(np.isfinite(readings.time), readings.time, 0.0)
         angles, drives = readings.hinge_angles[:, exact], [self.scene.drives[i] for i in exact]
@@ -213,14 +217,14 @@ class Monitor:
         return np.asarray(np.abs(gained) > most + _ROUNDING * np.abs(angles))
 
     def _of_the_path(self, readings: Readings, elapsed: Array) -> list[Sign]:
-        """Return the faults by the slip over the path, and by the momentum."""
+        """Return the faults of slip along the path and of momentum."""
         if not len(readings.time):
             return []
         scene, tolerance = self.scene, self.settings.error_tolerance
         slip = slip_with_spin(scene, readings.slip, readings.spin)
         before = readings.centre[:1] if self.last_centre is None else self.last_centre
         moved = lengths(np.diff(readings.centre[:, :2], axis=0, prepend=before[:, :2]))
-        # Of the first state no time has elapsed yet.
+        # No time has elapsed at the first state.
         slipped = self.slipped + np.cumsum(slip * np.where(elapsed == np.inf, 0.0, elapsed))
         rolled = self.rolled + np.cumsum(moved)
         self.slipped, self.rolled = float(slipped[-1]), float(rolled[-1])
@@ -239,10 +243,10 @@ class Monitor:
 def rate_errors_of(scene: Scene, readings: Readings) -> Array:
     """Return the errors (m, h) of the hinges' rates in the unit `Scene.rate_scales`.
 
-    A hinge with a motor has no error, because its lag belongs to the motion.
+    The error of a hinge with a motor is 0, because its lag belongs to the motion.
     """
     rates, errors = readings.hinge_rates, np.zeros_like(readings.hinge_rates)
-    # A diverged state's time may be none, which no drive can be evaluated at.
+    # The time of a diverged state may be NaN, and drives cannot be evaluated there.
     times = np.where(np.isfinite(readings.time), readings.time, 0.0)
     for i, (hinge, scale) in enumerate(zip(scene.hinges, scene.rate_scales, strict=True)):
         if hinge.motor is None:
@@ -251,7 +255,7 @@ def rate_errors_of(scene: Scene, readings: Readings) -> Array:
 
 
 def lengths(v: Array) -> Array:
-    """Return the lengths (m,) of vectors (m, k), by columns: NumPy's norm of rows is slow."""
+    """Return the lengths (m,) of vectors (m, k); NumPy's norm of rows is slower."""
     return np.asarray(np.sqrt(sum(column * column for column in v.T)))
 
 
@@ -262,7 +266,7 @@ def _time_of(times: Array, row: int, last_time: float) -> float:
 
 
 class Recording:
-    """The motion of a run as it grows, until it ends or breaks off at a fault.
+    """Record of a run, up to its end or its first fatal fault.
 
     ended: whether a fault has ended it; faults: the first of each kind and subject.
     """
@@ -281,19 +285,19 @@ class Recording:
         own: Sequence[Sign] = (),
         failure: Fault | None = None,
     ) -> None:
-        """Judge the next readings, and record those at sample times.
+        """Find the faults of the next readings, and record those at sample times.
 
         sampled (k,): the rows at the run's sample times, all if None; own, failure: as in
         `Monitor.look`.
         """
-        found = self.monitor.look(readings, own, failure)
-        ends = next((each.row for each in found if each.fault.fatal), None)
+        faults = self.monitor.look(readings, own, failure)
+        ends = next((row for row, fault in faults if fault.fatal), None)
         self.ended = ends is not None
-        for row, fault in found:
+        for row, fault in faults:
             if ends is None or row <= ends:
                 self.faults.setdefault((fault.kind, fault.subject), fault)
         rows = np.arange(len(readings.time)) if sampled is None else sampled
-        kept = rows if ends is None else rows[rows < ends]  # that of the fatal fault is bad itself
+        kept = rows if ends is None else rows[rows < ends]  # the row of the fatal fault is bad
         sampled_arrays = {place: array[kept] for place, array in arrays_of(readings)}
         self._samples.add(with_arrays(readings, sampled_arrays))
 
@@ -302,15 +306,15 @@ class Recording:
     ) -> ContactMotion:
         """Return the recorded motion.
 
-        timestep: of the longest step [s]; steps: taken, in so many seconds of processor time, of
-        which python_seconds are Python's, where that is measured.
+        timestep: the longest step [s]; steps: their number; seconds: their processor time;
+        python_seconds: Python's part of it, if measured.
         """
         read, faults = self._samples.whole, self.faults.values()
         seconds = measured_time(seconds)
         return ContactMotion(
             scene=self.scene,
             engine=self.engine,
-            # An engine's clock adds up its steps; the sample times are those that were asked for.
+            # The requested times; the engine's clock adds up its steps.
             times=self.times[: len(read.time)],
             contact_point=read.centre[:, :2],
             attitude=read.attitude,
@@ -326,13 +330,12 @@ class Recording:
                 depth=self.scene.ball.radius - read.centre[:, 2],
                 friction_used=read.friction_used,
                 hinge_rate_error=rate_errors_of(self.scene, read).max(axis=1, initial=0.0),
-                faults=tuple(each for each in faults if not each.note),
+                faults=tuple(fault for fault in faults if not fault.note),
                 timestep=timestep,
                 steps=steps,
                 seconds=seconds,
                 total_seconds=seconds,
-                # Events of the motion, as a motor at the limit that its scene gives it.
-                notes=tuple(each for each in faults if each.note),
+                notes=tuple(fault for fault in faults if fault.note),
                 python_seconds=python_seconds,
             ),
         )

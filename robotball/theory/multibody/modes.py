@@ -20,7 +20,7 @@ from robotball.theory.multibody.derivative import (
 from robotball.theory.multibody.system import System
 from robotball.theory.plane import lift_off
 
-# Index of this margin, after which there is no mode. The ranges of joints follow, which end the
+# The index of this margin; its event ends the rolling. The ranges of joints follow, which end the
 # motion, then the limited motors, then a standing shell.
 _LIFT_OFF = 0
 _NUDGE = 1e-6  # s, over which a shell that begins to roll shows its direction

@@ -50,7 +50,7 @@ def test_a_request_is_made_of_settings_or_of_an_accuracy() -> None:
         ({"settings": "fast", "accuracy": 1e-6}, "give settings or an accuracy, not both"),
         ({"accuracy": 1e-15}, "accuracy must be at least 1e-11, .* less than 1, not 1e-15"),
         ({"accuracy": 1.0}, "accuracy must be at least .* less than 1, not 1"),
-        ({"accuracy": np.nan}, "an accuracy must be at least .* and below 1, not nan"),
+        ({"accuracy": np.nan}, "accuracy must be at least .* less than 1, not nan"),
     ):
         with pytest.raises(rb.InputError, match=words):
             rb.simulate(FIG12, **refused)

@@ -122,7 +122,7 @@ def test_code_is_kept_in_no_folder_that_was_not_checked(
 ) -> None:
     """Where its folder cannot be written, numba would go on to the one of the source file."""
     monkeypatch.setattr(caching.UserProvidedCacheLocator, "from_function", lambda *_: None)
-    with pytest.warns(SceneWarning, match=naming("compiled written")):
+    with pytest.warns(SceneWarning, match=naming("compiled cached")):
         assert compiled()[0] == 6.0
 
 

@@ -16,13 +16,7 @@ import numpy as np
 
 from robotball.engines.equations import scene_of
 from robotball.errors import InputError, unknown, warn
-from robotball.motion import (
-    ContactMotion,
-    EngineSettings,
-    Label,
-    Progress,
-    preset_named,
-)
+from robotball.motion import ContactMotion, EngineSettings, Label, Progress, preset_named
 from robotball.robot.loads import Loads
 from robotball.robot.scene import Scene, check_times
 from robotball.rotations import Array

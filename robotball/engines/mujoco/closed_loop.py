@@ -14,11 +14,7 @@ def sensor_reader(model: Model) -> Callable[[mujoco.MjData], Sensed]:
     """Return a function that reads a robot's sensors in a state, without computing the forces."""
     compiled, columns, count = model.compiled, model.sensor_columns, len(model.scene.hinges)
     places = [
-        (
-            hinge.index,
-            columns[f"{hinge.name}_angle"].start,
-            columns[f"{hinge.name}_rate"].start,
-        )
+        (hinge.index, columns[f"{hinge.name}_angle"].start, columns[f"{hinge.name}_rate"].start)
         for hinge in model.hinges
     ]
 

@@ -135,11 +135,4 @@ def _allowed(plan: PlannedRun) -> str:
     return f"{percent(plan.settings.error_tolerance)} is allowed"
 
 
-LAWS: tuple[Law, ...] = (
-    contact_dimension,
-    drag,
-    frame_as_root,
-    creep,
-    start_depth,
-    first_step,
-)
+LAWS: tuple[Law, ...] = (contact_dimension, drag, frame_as_root, creep, start_depth, first_step)

@@ -6,13 +6,7 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from robotball.engines.mujoco.control import (
-    Control,
-    Portion,
-    Stretch,
-    TooManyPartsError,
-    read_row,
-)
+from robotball.engines.mujoco.control import Control, Portion, Stretch, TooManyPartsError, read_row
 from robotball.motion import DIVERGED, Fault, FaultKind
 from robotball.rotations import Array
 

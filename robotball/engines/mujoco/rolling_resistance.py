@@ -14,13 +14,7 @@ from math import hypot
 import mujoco
 import numpy as np
 
-from robotball.engines.mujoco.control import (
-    Control,
-    Steps,
-    mujoco_step,
-    put,
-    right_hand_side,
-)
+from robotball.engines.mujoco.control import Control, Steps, mujoco_step, put, right_hand_side
 from robotball.rotations import Array, rotation_matrix
 
 _STANDING = 1e-8  # rad/s: a shell that rolls no faster stands, if the plane can hold it

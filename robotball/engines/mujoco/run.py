@@ -91,10 +91,7 @@ def check_length(scene: Scene, settings: Settings, times: Array) -> None:
 
 
 def run(
-    model: Model,
-    times: Array,
-    progress: Progress | None = None,
-    scene: Scene | None = None,
+    model: Model, times: Array, progress: Progress | None = None, scene: Scene | None = None
 ) -> ContactMotion:
     """Run a built model.
 

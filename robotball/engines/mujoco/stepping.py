@@ -7,14 +7,7 @@ from contextlib import ExitStack, contextmanager
 import mujoco
 import numpy as np
 
-from robotball.engines.mujoco.control import (
-    STATE,
-    Control,
-    Portion,
-    Stretch,
-    read_row,
-    state_of,
-)
+from robotball.engines.mujoco.control import STATE, Control, Portion, Stretch, read_row, state_of
 from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.settings import INTEGRATORS, MUJOCOS_DEFAULT
 from robotball.engines.observe import spans

@@ -16,14 +16,9 @@ _LOOPS: tuple[Any, ...] = (
     orbits.follow,
     crossings.cross,
 )
-# Of each rolling model, with the number of lanes.
-_STEPS = (
-    (steppers.PATH, FEW),
-    (steppers.PATH, LANES),
-    (steppers.RETURN, LANES),
-    (steppers.ARC, LANES),
-    (steppers.DEVIATION, LANES),
-)
+# Compiled for each rolling model, with the number of lanes.
+_SYSTEMS = (steppers.PATH, steppers.RETURN, steppers.ARC, steppers.DEVIATION)
+_STEPS = ((steppers.PATH, FEW), *((system, LANES) for system in _SYSTEMS))
 
 
 def compile_all() -> None:

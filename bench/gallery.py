@@ -22,14 +22,13 @@ from PIL import Image
 
 from bench.random_runs import measure_detection
 from robotball import FaultKind, sample_times
-from robotball.engines.mujoco.limits import LAWS
 from robotball.engines.mujoco.settings import FIRST_ORDER
 from robotball.files.replacing import replacing
 from robotball.view.render import Film, frames
 from validation.agreement import compare
 from validation.comparing import motions_of
 from validation.output import write_text
-from validation.studies.extremes import Outcome
+from validation.studies.extremes import LAWS, Outcome
 
 _DOCS = Path(__file__).parents[1] / "docs"
 _OUT = Path("out/gallery")

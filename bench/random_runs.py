@@ -30,7 +30,8 @@ from robotball import (
     load_scene,
     preset,
 )
-from robotball.engines.mujoco.limits import PlannedRun, exceeded
+from robotball.engines.mujoco.limits import PlannedRun
+from robotball.engines.mujoco.run import exceeded
 from robotball.engines.mujoco.settings import ADAPTIVE, OWN, Prescribed, recipe
 from robotball.robot.ball import Frame, Pendulum, Rotor, Shell
 from robotball.robot.motors import Servo

@@ -14,8 +14,8 @@ from .engines.engine import Engine as Engine
 from .engines.engine import Request as Request
 from .engines.engine import engine_named as engine_named
 from .engines.engine import engine_names as engine_names
-from .engines.engine import integrate as integrate
 from .engines.engine import simulate as simulate
+from .engines.equations import integrate as integrate
 from .engines.many_motions import simulate_many as simulate_many
 from .engines.mujoco.dm_environment import dm_environment as dm_environment
 from .engines.mujoco.settings import PRESETS as PRESETS

@@ -4,7 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from robotball.engines.engine import integrate, request_of, run_request
+from robotball.engines.engine import request_of, run_request
+from robotball.engines.equations import integrate
 from robotball.engines.mujoco import LABEL
 from robotball.motion import (
     ContactMotion,

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from robotball.engines.engine import Engine, Request, integrate
+from robotball.engines.engine import Engine, Request
+from robotball.engines.equations import integrate
 from robotball.motion import ContactMotion, ContactReport, EngineSettings, Label, extended
 from robotball.robot.scene import Scene
 from robotball.rotations import Array

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robotball import Engine, EngineSettings, Fault, Motion, Scene, integrate
-from robotball.engines.engine import DEFAULT, Request, request_of, run_request, scene_of
+from robotball.engines.engine import DEFAULT, Request, request_of, run_request
+from robotball.engines.equations import scene_of
 from robotball.motion import (
     ContactMotion,
     ContactReport,

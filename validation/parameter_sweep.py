@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from robotball import Engine, EngineSettings, Scene
-from robotball.engines.engine import DEFAULT, request_of, scene_of
+from robotball.engines.engine import DEFAULT, request_of
+from robotball.engines.equations import scene_of
 from robotball.errors import InputError, unknown
 from robotball.motion import Progress
 from robotball.processes import in_processes

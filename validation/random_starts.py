@@ -10,7 +10,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robotball import Engine, EngineSettings, Scene, Start, integrate, sample_times, simulate_many
-from robotball.engines.engine import DEFAULT, scene_of
+from robotball.engines.engine import DEFAULT
+from robotball.engines.equations import scene_of
 from robotball.engines.many_motions import FromStarts, of_each
 from robotball.errors import InputError, check_count
 from robotball.motion import Motion, Progress, extended

@@ -29,7 +29,7 @@ import numpy as np
 from scipy.linalg import eig
 
 from robotball.dynamics.normal_forms import flow_near, linear_part, lyapunov_value
-from robotball.engines.engine import scene_of
+from robotball.engines.equations import scene_of
 from robotball.errors import InputError
 from robotball.robot import formulas as eq
 from robotball.robot.ball import Value

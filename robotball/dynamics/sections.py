@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicHermiteSpline
 
 from robotball.dynamics.cycles import Cycle, close
-from robotball.engines.engine import integrate, scene_of
+from robotball.engines.equations import integrate, scene_of
 from robotball.engines.many_motions import FromStarts
 from robotball.errors import InputError, check_count
 from robotball.motion import Motion

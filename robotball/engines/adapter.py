@@ -24,7 +24,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from robotball.engines.engine import Engine, Own, Request, as_own, engine_named
+from robotball.engines.engine import Engine, Kind, Request, as_own, engine_named
 from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of
 from robotball.engines.many_motions import differ_in_start
 from robotball.engines.observe import spans
@@ -194,7 +194,7 @@ def without_none(**values: Any) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
 
 
-def by_name(*presets: Own) -> dict[str, Own]:
+def by_name(*presets: Kind) -> dict[str, Kind]:
     return {preset.name: preset for preset in presets}
 
 

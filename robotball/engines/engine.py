@@ -1,9 +1,8 @@
-"""The engines, and the two motions of a scene: by a contact engine and by the equations.
+"""Contact engines: their protocol, requests to them, their names, and `simulate`.
 
-In order: what an engine is, a request to one, the names of engines, `simulate` by a contact engine,
-`integrate` by the equations. Engines are loaded when they are named, so that none needs another and
-what an engine depends on is imported only for its users. A package adds an engine by an entry point
-of the group `robotball.engines`, whose name is the engine's and whose object is an Engine.
+An engine is imported when it is named, so its dependencies are imported only for its users. Another
+package adds an engine with an entry point of the group `robotball.engines` that has the engine's
+name and points to an Engine.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -11,35 +10,27 @@ from dataclasses import dataclass, replace
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any, Literal, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 
-from robotball.errors import InputError, check_count, check_size, unknown, warn
-from robotball.motion import (
-    ContactMotion,
-    EngineSettings,
-    Label,
-    Progress,
-    ReferenceMotion,
-    arrays_of,
-    preset_named,
-)
+from robotball.engines.equations import scene_of
+from robotball.errors import InputError, unknown, warn
+from robotball.motion import ContactMotion, EngineSettings, Label, Progress, preset_named
 from robotball.robot.loads import Loads
 from robotball.robot.scene import Scene, Times, times_of
 from robotball.rotations import Array
-from robotball.theory.dop853 import LEAST_RTOL
 
 Runner = Callable[[Array, Scene], ContactMotion]
-"""Times (n,) [s] from 0 and a scene that starts in another state → the motion."""
-Own = TypeVar("Own", bound=EngineSettings)
+"""Takes times (n,) [s] from 0 and a scene that starts in another state; returns the motion."""
+Kind = TypeVar("Kind", bound=EngineSettings)
 
 
 class Engine(Protocol):
-    """Run scenes as a contact engine does.
+    """Protocol of a contact engine.
 
-    Any object with these members is an engine. A class that derives from this one inherits the
-    members that have a value here.
+    Any object with these members is an engine. A subclass inherits the members that have a default
+    here.
 
     Attributes
     ----------
@@ -48,9 +39,10 @@ class Engine(Protocol):
     presets : mapping of str to EngineSettings
         The engine's settings by name.
     default : str
-        The preset that is taken if no settings are given.
+        The preset if no settings are given.
     least_accuracy : float or None
-        The smallest path error that the engine can choose settings for. None if it chooses none.
+        The smallest path error that the engine can choose settings for. None if it cannot choose
+        settings.
     as_it_comes : str
         The preset that a newcomer would write.
     closes_loops : bool
@@ -74,29 +66,29 @@ class Engine(Protocol):
     closes_loops: bool = False
 
     def cannot_express(self, scene: Scene) -> str | None:
-        """Return why the engine cannot roll this scene, in a line; None where it can."""
+        """Return why the engine cannot roll this scene, in one line; None if it can."""
         return None
 
     def run(self, scene: Scene, times: Array, request: "Request") -> ContactMotion:
-        """Return the scene's motion at times (n,) [s] from 0; fewer where the run broke off."""
+        """Return the scene's motion at times (n,) [s] from 0; fewer if the run broke off."""
         ...
 
     def prepare(self, scene: Scene, settings: EngineSettings) -> Runner:
-        """Return the engine made ready to run a scene from one state of its ball after another."""
+        """Return a function that runs the scene from any state of its ball, without the set-up."""
         request = Request(self, settings)
         return lambda times, started: self.run(started, times, request)
 
     def run_many(
         self, scenes: Sequence[Scene], times: Array, settings: EngineSettings
     ) -> Iterator[ContactMotion]:
-        """Yield the motions of scenes, as `run` returns them."""
+        """Yield the motions of scenes, each equal to that of `run`."""
         request = Request(self, settings)
-        return (self.run(each, times, request) for each in scenes)
+        return (self.run(scene, times, request) for scene in scenes)
 
 
 @dataclass(frozen=True)
 class Request:
-    """Request a run of an engine, by its own settings or by an accuracy.
+    """Request to an engine: settings of its own, or an accuracy.
 
     Attributes
     ----------
@@ -107,12 +99,11 @@ class Request:
     accuracy : float or None
         The path error to reach, relative to the path's length. None if settings are given.
     strict : bool
-        Whether settings that are predicted to fail raise InputError. Otherwise they cause a
-        warning.
+        True if settings that are predicted to fail raise InputError; False if they warn.
     progress : callable or None
         Called with the simulated fraction, from 0 to 1.
     loads : Loads or None
-        The loads of the whole motion, if a reference knows them. The predictions use them.
+        The loads of the whole motion, if known from a reference. Predictions use them.
 
     Examples
     --------
@@ -134,16 +125,16 @@ class Request:
         return f"to {self.accuracy:g}" if self.settings is None else self.settings.name
 
 
-def as_own(settings: EngineSettings | None, kind: type[Own], label: Label) -> Own:
-    """Return the settings as an engine's own kind. Raises InputError if they are another's."""
+def as_own(settings: EngineSettings | None, kind: type[Kind], label: Label) -> Kind:
+    """Return settings of an engine's own kind. Raises InputError if they are of another kind."""
     if not isinstance(settings, kind):
-        raise InputError(f"{label.name} runs by {kind.__name__}, not by {settings!r}")
+        raise InputError(f"{label.name} needs {kind.__name__}, not {settings!r}")
     return settings
 
 
 _GROUP = "robotball.engines"
 DEFAULT = "mujoco"
-# Named by strings, as entry points are: an import would load all engines at once.
+# Strings as in entry points: an import would load all engines.
 OURS = {
     "mujoco": "robotball.engines.mujoco.mujoco_engine:MUJOCO",
     "multibody": "robotball.engines.multibody_engine:MULTIBODY",
@@ -166,9 +157,9 @@ def engine_names() -> list[str]:
     Returns
     -------
     list of str
-        The names: the engines of robotball first, then those that installed packages add by an
-        entry point of the group `robotball.engines`. An engine that is listed need not be
-        installed.
+        The names of the engines of robotball, then of those that installed packages add with an
+        entry point of the group `robotball.engines`. The dependencies of a listed engine need not
+        be installed.
 
     Examples
     --------
@@ -180,7 +171,7 @@ def engine_names() -> list[str]:
 
 
 def engine_named(name: str) -> Engine:
-    """Load the engine of a name.
+    """Load an engine by name.
 
     Parameters
     ----------
@@ -203,29 +194,17 @@ def engine_named(name: str) -> Engine:
     >>> sorted(rb.engine_named("mujoco").presets)
     ['accurate', 'adaptive', 'balanced', 'fast', 'naive']
     """
+    engine: Engine
     if name in [*OURS]:
-        return _loaded(OURS[name])
+        module, attribute = OURS[name].split(":")
+        engine = getattr(import_module(module), attribute)
+        return engine
     for point in entry_points(group=_GROUP, name=name):
-        from robotball.errors import call_users  # which our own engines do without
+        from robotball.errors import call_users
 
-        engine: Engine = call_users(f"the engine {name!r} of {point.value} fails", point.load)
+        engine = call_users(f"the engine {name!r} of {point.value} fails", point.load)
         return engine
     raise unknown("engine", name, engine_names())
-
-
-def _loaded(where: str) -> Any:
-    """Return the object of a string `module:attribute`."""
-    module, attribute = where.split(":")
-    return getattr(import_module(module), attribute)
-
-
-def scene_of(scene: Scene | str | Path) -> Scene:
-    """Return a scene, which `load_scene` loads where its name or path is given."""
-    if isinstance(scene, Scene):
-        return scene
-    from robotball.scene_files.scene_file import load_scene
-
-    return load_scene(scene)
 
 
 def simulate(
@@ -238,10 +217,10 @@ def simulate(
     strict: bool = False,
     progress: Progress | None = None,
 ) -> ContactMotion:
-    """Simulate a scene by a contact engine.
+    """Simulate a scene with a contact engine.
 
     A run ends at its first fault, so a motion may have fewer times than requested. If
-    `stop_at_fault` of the settings is False, only a fault that leaves no state ends the run.
+    `stop_at_fault` of the settings is False, only a fault that leaves no state ends it.
 
     Parameters
     ----------
@@ -254,10 +233,10 @@ def simulate(
     engine : Engine or str, default "mujoco"
         The engine, or its name.
     accuracy : float, optional
-        The path error to reach, relative to the path's length. It chooses the settings, so give
+        The path error to reach, relative to the path's length. Settings are chosen for it, so give
         either `accuracy` or `settings`.
     strict : bool, default False
-        Whether settings that are predicted to fail raise InputError instead of a warning.
+        Raise InputError for settings that are predicted to fail, instead of a warning.
     progress : callable, optional
         Called with the simulated fraction, from 0 to 1.
 
@@ -276,8 +255,8 @@ def simulate(
     Warns
     -----
     SceneWarning
-        If the accuracy is not reached, if settings are predicted to fail, if the ball or its motion
-        can hardly be intended, or if `load_scene` warns.
+        If the accuracy is not reached, if settings are predicted to fail, if the motion is
+        implausible, or if `load_scene` warns.
 
     Examples
     --------
@@ -292,87 +271,86 @@ def simulate(
 
 
 def request_of(
-    of: Engine | str = DEFAULT,
+    engine: Engine | str = DEFAULT,
     settings: EngineSettings | str | None = None,
     accuracy: float | None = None,
     *,
     keep_going: bool = False,
 ) -> Request:
-    """Return the request of a user's choices.
+    """Return the request for a user's choices.
 
     keep_going: do not end at the first fault. Raises InputError for an unknown engine or preset,
     for both settings and accuracy, and for an accuracy that the engine cannot reach.
     """
-    if isinstance(of, str) or not hasattr(of, "presets"):
-        of = engine_named(str(of))
+    if isinstance(engine, str) or not hasattr(engine, "presets"):
+        engine = engine_named(str(engine))
     if accuracy is not None:
-        _check_accuracy(of, settings, accuracy, keep_going)
-        return Request(of, None, float(accuracy))
+        _check_accuracy(engine, settings, accuracy, keep_going)
+        return Request(engine, None, float(accuracy))
     if not isinstance(settings, EngineSettings):
-        settings = preset_named(of.presets, settings or of.default)
-    return Request(of, replace(settings, stop_at_fault=False) if keep_going else settings)
+        settings = preset_named(engine.presets, settings or engine.default)
+    return Request(engine, replace(settings, stop_at_fault=False) if keep_going else settings)
 
 
 def _check_accuracy(
-    of: Engine, settings: EngineSettings | str | None, accuracy: float, keep_going: bool
+    engine: Engine, settings: EngineSettings | str | None, accuracy: float, keep_going: bool
 ) -> None:
     if settings is not None:
-        raise InputError("give settings or an accuracy, not both: an accuracy chooses its own")
+        raise InputError("give settings or an accuracy, not both: settings follow from an accuracy")
     if keep_going:
         raise InputError("a run with a fault reaches no accuracy: give --keep-going with a preset")
-    if of.least_accuracy is None:
-        raise InputError(f"{of.label.name} has no settings for an accuracy: give a preset")
-    if not of.least_accuracy <= accuracy < 1:
+    if engine.least_accuracy is None:
+        raise InputError(f"{engine.label.name} has no settings for an accuracy: give a preset")
+    if not engine.least_accuracy <= accuracy < 1:
         raise InputError(
-            f"an accuracy must be at least {of.least_accuracy:g}, where rounding ends it, and "
-            f"below 1, not {accuracy:g}"
+            f"accuracy must be at least {engine.least_accuracy:g}, the limit of rounding, and less "
+            f"than 1, not {accuracy:g}"
         )
 
 
 def run_request(scene: Scene, times: Times, request: Request) -> ContactMotion:
-    """Simulate the scene as `simulate` does, by a request."""
+    """Run a request as `simulate` does."""
     times = runnable(scene, times, request)
-    # The drives must reach to the last time that is asked for, which may be beyond the scene's own
-    # duration. The motion's scene is the user's again.
+    # The last time may be beyond the scene's duration, and drives must reach it.
     return as_of(scene, request.engine.run(scene.until(float(times[-1])), times, request))
 
 
 def runnable(scene: Scene, times: Times, request: Request) -> Array:
-    """Return the times of a run. Raises InputError where the engine cannot run the scene."""
+    """Return the times of a run. Raises InputError if the engine cannot run the scene."""
     if why := request.engine.cannot_express(scene):
         raise InputError(f"{request.engine.label.name} cannot run {scene.name}: {why}")
     if scene.controller and not getattr(request.engine, "closes_loops", False):
         raise InputError(
-            f"{request.engine.label.name} cannot run {scene.name}: it has no controllers; take "
+            f"{request.engine.label.name} cannot run {scene.name}: it has no controllers; choose "
             "mujoco or multibody"
         )
     return times_of(times, scene)
 
 
 def as_of(scene: Scene, motion: ContactMotion) -> ContactMotion:
-    """Return the motion as that of a user's scene, and warn of what can hardly be meant."""
+    """Return the motion with the user's scene, and warn if it is implausible."""
     for line in _doubts(motion):
         warn(f"{scene.name}: {line}")
     return replace(motion, scene=scene)
 
 
-_STILL = 10.0  # s, in which a ball that rolls at all rolls farther than its radius
-_SAMPLED = 100  # samples of a path at least, by which its length is known
-# Times torque_limit/kv, which is a motor's rate without load where the limit is its stall torque;
-# electronics may limit it to less, but seldom to a fifth.
+_STILL = 10.0  # s in which any ball that rolls covers its radius
+_SAMPLED = 100  # samples that determine a path's length
+# Times torque_limit/kv, the rate without load of a motor whose limit is its stall torque.
+# Electronics may limit the torque to less, but seldom to a fifth.
 _NO_LOAD = 5.0
 
 
 def _doubts(motion: ContactMotion) -> Iterator[str]:
-    """Yield why the motion can hardly be intended, a line each; wrong units are the usual cause."""
+    """Yield why the motion is implausible; wrong units are the usual cause."""
     scene, radius = motion.scene, motion.scene.ball.radius
-    # A run that faulted has ended early, or has said already that it is off.
+    # The fault of a run says already that the motion is wrong.
     if motion.report.faults or len(motion.times) < _SAMPLED:
         return
     if motion.times[-1] >= _STILL and motion.path_length < radius:
         yield (
             f"the ball rolls {motion.path_length:.2g} m in {motion.times[-1]:g} s, less than its "
-            f"radius of {radius:g} m; check the start, the rates [rad/s] and the masses [kg]"
+            f"radius of {radius:g} m: check the start, the rates [rad/s] and the masses [kg]"
         )
     for i, hinge in enumerate(scene.hinges):
         motor = hinge.motor
@@ -381,101 +359,7 @@ def _doubts(motion: ContactMotion) -> Iterator[str]:
             rate = np.abs(motion.hinge_rates[:, i]).max()
             if rate > _NO_LOAD * no_load:
                 yield (
-                    f"{hinge.name}'s motor turns at {rate:.3g} rad/s, but without load "
-                    f"at {no_load:.3g} = torque_limit/kv if it stalls at its limit; check rate "
+                    f"{hinge.name}'s motor turns at {rate:.3g} rad/s, and its rate without load is "
+                    f"torque_limit/kv = {no_load:.3g} rad/s if it stalls at its limit: check rate "
                     "(1 rpm is 0.105 rad/s), kv and torque_limit"
                 )
-
-
-_Equations = Literal["reduced", "multibody"]
-_EQUATIONS: dict[_Equations, str] = {
-    "reduced": "robotball.theory.reduced:integrate",
-    "multibody": "robotball.theory.multibody.integration:integrate",
-}
-
-
-def integrate(
-    scene: Scene | str | Path,
-    times: Times = None,
-    rtol: float = LEAST_RTOL,
-    max_steps: int | None = None,
-    *,
-    equations: _Equations | None = None,
-    progress: Progress | None = None,
-) -> ReferenceMotion:
-    """Integrate a scene's motion by the equations of ideal rolling.
-
-    The label of the motion names the equations. Every number of a returned motion is finite.
-
-    Parameters
-    ----------
-    scene : Scene, str or Path
-        The scene, a name of the catalog, or the path of a TOML, MJCF or URDF file.
-    times : float or (n,), s, optional
-        The duration, or sample times that increase from 0. The default is `scene.times`.
-    rtol : float, default 1e-15
-        The relative error allowed in one step, at least the default.
-    max_steps : int, optional
-        The largest number of steps. The default limit stands for some minutes of work.
-    equations : str, optional
-        "reduced" for the paper's (3.2) or (3.3), or "multibody" for the equations of any robot. The
-        default is "reduced" where these describe the scene, else "multibody".
-    progress : callable, optional
-        Called with the fraction of the motion that is known, from 0 to 1, if the integration takes
-        longer than a moment.
-
-    Returns
-    -------
-    ReferenceMotion
-        The motion, with an estimate of its own error.
-
-    Raises
-    ------
-    InputError
-        If times are unusable, the requested equations do not describe the scene, the ball lifts
-        off, the limit of steps is met, a step shrinks to nothing, a number overflows, or
-        `load_scene` raises it.
-
-    Warns
-    -----
-    SceneWarning
-        If `load_scene` warns.
-
-    Examples
-    --------
-    >>> import robotball as rb
-    >>> motion = rb.integrate("fig12", 0.5)
-    >>> motion.contact_point.shape
-    (26, 2)
-    >>> print(f"{motion.path_length:.3f} m")
-    1.857 m
-    """
-    scene = scene_of(scene)
-    times = times_of(times, scene)
-    check_size("rtol", rtol)
-    if not LEAST_RTOL <= rtol < 1:
-        raise InputError(f"rtol must be at least {LEAST_RTOL:g} and less than 1, not {rtol:g}")
-    if max_steps is not None:
-        check_count("max_steps", max_steps, 1, 2**62)
-    chosen = equations or ("multibody" if scene.not_reduced else "reduced")
-    if chosen not in [*_EQUATIONS]:
-        raise unknown("set of equations", chosen, _EQUATIONS)
-    # Overflow is found in the result, with the number that overflowed, rather than in a warning.
-    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        run = _loaded(_EQUATIONS[chosen])
-        motion: ReferenceMotion = run(scene, times, rtol, max_steps, progress)
-    _check_finite(motion)
-    return motion
-
-
-def _check_finite(motion: ReferenceMotion) -> None:
-    """Raise InputError, with the first number that overflowed, unless all are finite."""
-    for place, array in arrays_of(motion):
-        finite = np.isfinite(array).reshape(len(array), -1).all(axis=1)
-        if not finite.all():
-            t = motion.times[finite.argmin()]
-            raise InputError(
-                f"{motion.scene.name}: the {place[-1].replace('_', ' ')} exceeds "
-                f"{np.finfo(float).max:.2g}, the largest number that there is, at t = {t:g} s; "
-                "bring the bodies or the rates nearer to 1"
-            )

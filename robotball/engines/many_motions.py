@@ -1,4 +1,4 @@
-"""Many motions at once, by a contact engine: from many starts, or of many scenes."""
+"""Many motions with a contact engine: of many starts, or of many scenes."""
 
 import ctypes
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -7,7 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar, overload
 
-from robotball.engines.engine import DEFAULT, Engine, Request, as_of, request_of, runnable, scene_of
+from robotball.engines.engine import DEFAULT, Engine, Request, as_of, request_of, runnable
+from robotball.engines.equations import scene_of
 from robotball.errors import InputError
 from robotball.motion import ContactMotion, EngineSettings, Progress
 from robotball.processes import in_processes, pickled_jobs
@@ -19,21 +20,22 @@ _Result = TypeVar("_Result")
 
 @dataclass(frozen=True, eq=False)
 class FromStarts(Sequence[Scene]):
-    """A scene from many starts. Each is made when it is asked for, as making it takes 0.2 ms.
+    """A scene from many starts. Each scene is made on request, which takes 0.2 ms.
 
-    Raises InputError for a start that is no Start.
+    Raises InputError for a start that is not a Start.
     """
 
     scene: Scene
     starts: Sequence[Start]
 
     def __post_init__(self) -> None:
-        given: Any = self.starts
-        starts = [*given] if isinstance(given, Iterable) else [given]
-        for i, each in enumerate(starts):
-            if not isinstance(each, Start):
+        argument: Any = self.starts
+        starts = [*argument] if isinstance(argument, Iterable) else [argument]
+        for i, start in enumerate(starts):
+            if not isinstance(start, Start):
                 raise InputError(
-                    f"starts must be Start(attitude, momentum), one or more; number {i} is {each!r}"
+                    f"starts must be Start(attitude, momentum), one or more; number {i} is "
+                    f"{start!r}"
                 )
         object.__setattr__(self, "starts", starts)
 
@@ -51,10 +53,10 @@ class FromStarts(Sequence[Scene]):
 
 
 def of_each(work: Callable[[Scene], _Result], scenes: Sequence[Scene]) -> Iterator[_Result]:
-    """Yield what `work` returns of each scene, by processes; here where it cannot be pickled."""
+    """Yield work(scene) of each scene, in processes, or here if `work` cannot be pickled."""
     if isinstance(scenes, FromStarts):
         of_start = partial(_of_start, work, scenes.scene)
-        # Any Start can be pickled, and to try it with 1e5 of them takes seconds.
+        # Any Start can be pickled; to try 1e5 of them takes seconds.
         here = pickled_jobs(of_start, ()) is None
         return map(of_start, scenes.starts) if here else in_processes(of_start, scenes.starts)
     return in_processes(work, scenes, or_here=True)
@@ -74,29 +76,28 @@ def simulate_many(
     device: str | None = None,
     progress: Progress | None = None,
 ) -> Iterator[ContactMotion]:
-    """Simulate many starts of a scene, or many scenes, by a contact engine.
+    """Simulate many starts of a scene, or many scenes, with a contact engine.
 
-    Each motion is the one that `simulate` returns for its scene, to the last bit. An engine that
-    can works on all cores. Motions are made as the iterator advances, so memory does not grow with
-    their number. With `device` the engine steps all balls abreast, and the motions are equal to
-    rounding.
+    Each motion equals that of `simulate` to the last bit. Engines that can use all cores. Motions
+    are made as the iterator advances, so memory does not grow with their number. With `device` the
+    engine steps all balls together, and the motions are equal up to rounding.
 
     Parameters
     ----------
     scene : Scene, str, Path or sequence of these
-        The scene whose ball is started many times, its name or file, or several scenes. Several
-        scenes may differ in their drives and bodies too.
+        The scene whose ball is started many times, its name or file, or several scenes, which may
+        differ in their drives and bodies too.
     starts : sequence of Start, optional
-        The starts of a single scene. Several scenes have their own.
+        The starts of a single scene.
     times : float or (n,), s, optional
-        The duration, or sample times that increase from 0. The default is the times of the first
-        scene.
+        The duration, or sample times that increase from 0. The default is the times of the
+        first scene.
     settings : EngineSettings or str, optional
         The engine's settings, or the name of a preset. The default is the engine's default preset.
     engine : Engine or str, default "mujoco"
         The engine, or its name.
     device : str, optional
-        "cpu" or "cuda", in place of the device in the settings. Only some engines have a choice.
+        "cpu" or "cuda", in place of the device in the settings, for engines that have a choice.
     progress : callable, optional
         Called with the fraction of the runs that are done, from 0 to 1.
 
@@ -108,15 +109,15 @@ def simulate_many(
     Raises
     ------
     InputError
-        If `starts` is given with several scenes or missing with one, if one of them is no Start, if
-        the engine has no choice of a device, and wherever `simulate` raises it. What is wrong with
-        a start is found when its motion is made.
+        If `starts` is given with several scenes, missing with one, or not of type Start, if the
+        engine has no choice of a device, or if `simulate` raises it. An invalid start raises it
+        when its motion is made.
 
     Warns
     -----
     SceneWarning
-        If settings are predicted to fail, or if a motion can hardly be intended. Of scenes that
-        differ only in their start, only those with the least and the largest momentum are checked.
+        If settings are predicted to fail, or if a motion is implausible. If scenes differ only in
+        their start, those with the least and the largest momentum are checked.
 
     Examples
     --------
@@ -131,49 +132,47 @@ def simulate_many(
     """
     request = request_of(engine, settings)
     if device is not None:
-        own: Any = request.settings
-        if not hasattr(own, "device"):
+        chosen: Any = request.settings
+        if not hasattr(chosen, "device"):
             raise InputError(f"{request.engine.label.name} has no choice of a device: leave it out")
         _check_device(device)
-        request = replace(request, settings=replace(own, device=device))
+        request = replace(request, settings=replace(chosen, device=device))
     one = isinstance(scene, Scene | str | Path)
     if one != (starts is not None):
-        raise InputError("give starts with one scene, and none with several")
+        raise InputError("give starts with one scene only, not with several")
     scenes: Sequence[Scene]
     if isinstance(scene, Scene | str | Path):
         scenes = FromStarts(scene_of(scene), starts or ())
     else:
         scenes = scene if isinstance(scene, FromStarts) else [*map(scene_of, scene)]
     sampled: Array | None = None
-    for each in scenes[:1] if isinstance(scenes, FromStarts) else scenes:
-        sampled = runnable(each, times if sampled is None else sampled, request)
+    for checked in scenes[:1] if isinstance(scenes, FromStarts) else scenes:
+        sampled = runnable(checked, times if sampled is None else sampled, request)
     return iter(()) if sampled is None else _each(scenes, sampled, request, progress)
 
 
 def _check_device(device: str) -> None:
-    """Raise InputError for a device that is none, before an engine takes seconds to find it out."""
+    """Raise InputError for an unknown or missing device, before an engine takes seconds for it."""
     if device not in ("cpu", "cuda"):
-        raise InputError(f"there is no device {device!r}: give cpu or cuda")
+        raise InputError(f"unknown device {device!r}: give cpu or cuda")
     if device == "cuda":
         try:
             ctypes.CDLL("libcuda.so.1")
         except OSError:
-            raise InputError(
-                "there is no device 'cuda': give cpu, as no driver for CUDA is found"
-            ) from None
+            raise InputError("device 'cuda' needs a CUDA driver: give cpu") from None
 
 
 def _each(
     scenes: Sequence[Scene], times: Array, request: Request, progress: Progress | None
 ) -> Iterator[ContactMotion]:
     """Yield the motions of `simulate_many`."""
-    assert request.settings is not None  # as no accuracy is requested
+    assert request.settings is not None  # no accuracy is requested
     end = float(times[-1])
     whole: Sequence[Scene]
     if isinstance(scenes, FromStarts):
         whole = FromStarts(scenes.scene.until(end), scenes.starts)
     else:
-        whole = [each.until(end) for each in scenes]
+        whole = [scene.until(end) for scene in scenes]
     motions = request.engine.run_many(whole, times, request.settings) if whole else ()
     for i, motion in zip(range(len(scenes)), motions, strict=True):
         yield as_of(scenes[i], motion)
@@ -182,16 +181,16 @@ def _each(
 
 
 def differ_in_start(scenes: Sequence[Scene]) -> bool:
-    """Return whether scenes differ in nothing but how the ball and its hinges start."""
+    """Return whether scenes differ only in the start of the ball and its hinges."""
     if isinstance(scenes, FromStarts):
         return True
     first = scenes[0]
-    angles = [each.angle for each in first.ball.hinges]
-    rates = [each.rate for each in first.ball.hinges]
+    angles = [hinge.angle for hinge in first.ball.hinges]
+    rates = [hinge.rate for hinge in first.ball.hinges]
 
     def as_first(scene: Scene) -> Scene:
         if scene.ball is not first.ball and len(scene.hinges) == len(first.hinges):
             scene = scene.with_hinges(angle=angles, rate=rates)
         return scene.from_start(first.start)
 
-    return all(as_first(each) == first for each in scenes)
+    return all(as_first(scene) == first for scene in scenes)

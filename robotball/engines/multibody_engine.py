@@ -1,4 +1,4 @@
-"""The multibody equations as an engine, which can be compared with the reduced equations."""
+"""The multibody equations as an engine, to compare them with the reduced equations."""
 
 import time
 from collections.abc import Mapping
@@ -29,7 +29,7 @@ class _MultibodySettings(EngineSettings):
 
 
 class _Multibody(Engine):
-    """The engine, as `robotball.engines.engine` describes one."""
+    """The multibody equations as an `Engine`."""
 
     label: Label = LABEL
     closes_loops = True
@@ -39,9 +39,9 @@ class _Multibody(Engine):
     default = "best"
 
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
-        """Return the motion, which neither slips nor spins."""
+        """Return the scene's motion, which neither slips nor spins."""
         settings = as_own(request.settings, _MultibodySettings, LABEL)
-        # What is compiled or loaded on the way is set-up, and not of the run's time.
+        # Compiling and loading is set-up, which the time of the run excludes.
         integrate(scene, times[:2], settings.rtol)
         began = time.process_time()
         motion = integrate(scene, times, settings.rtol)

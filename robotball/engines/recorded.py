@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from robotball.engines.engine import scene_of
+from robotball.engines.equations import scene_of
 from robotball.errors import InputError, named, warn
 from robotball.files import as_path, readable
 from robotball.files.columns import read_table

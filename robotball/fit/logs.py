@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robotball.engines.engine import scene_of
+from robotball.engines.equations import scene_of
 from robotball.errors import LARGEST, InputError, named
 from robotball.files import as_path
 from robotball.files.columns import VALUES, Table, read_table

@@ -13,7 +13,7 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from robotball.engines.engine import integrate
+from robotball.engines.equations import integrate
 from robotball.errors import InputError, SceneWarning, named
 from robotball.files.numbers import Numbers
 from robotball.fit.logs import Log

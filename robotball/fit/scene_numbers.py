@@ -14,7 +14,7 @@ from typing import Any
 
 import msgspec
 
-from robotball.engines.engine import scene_of
+from robotball.engines.equations import scene_of
 from robotball.errors import unknown
 from robotball.files import MODEL_FILES, contents, readable
 from robotball.files.numbers import Number, Numbers

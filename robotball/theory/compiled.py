@@ -1,9 +1,9 @@
-"""Compile functions by numba, each for one signature, and keep the machine code on disk.
+"""Compile functions with numba, each for one signature, and cache the machine code on disk.
 
-numba's own cache reads and writes the files. It would run code that is stale, because it notices a
-change of a function's own file alone and of no other that is compiled into it, and code of anyone
-who may write its folder. Here the folder is the user's alone, and a function's part of it is named
-by a digest of all that the code is made from.
+numba's cache reads and writes the files. By itself it would run stale code, because it checks only
+the file of a function and not the files of its callees, and it would run code of anyone who can
+write its folder. Here the folder belongs to the user alone, and its subfolder for a function is
+named with a digest of everything that the code is made from.
 """
 
 import hashlib
@@ -27,19 +27,20 @@ from robotball.files.replacing import foreign_in, is_own
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-_one_at_a_time = threading.Lock()  # numba takes the folder from a setting of the whole process
+_NOT_CACHED = "compiled code cannot be cached and is compiled again in every process"
+_one_at_a_time = threading.Lock()  # numba's cache folder is a setting of the whole process
 
 
 def inlined(function: Function) -> Function:
-    """Make a function one that compiled functions may call; it is compiled into each of them."""
-    # Without wrappers, as neither Python nor C calls what is compiled of it.
+    """Let compiled functions call this function, which is compiled into each of them."""
+    # Without wrappers, because neither Python nor C calls the compiled code.
     return register_jitable(no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
 
 
 class Compiled:
-    """A function that is compiled for its one signature, or loaded, when it is first needed.
+    """A function that is compiled for its signature, or loaded, when it is first needed.
 
-    source, options: as `compiled_from` takes them.
+    source, options: as in `compiled_from`.
     """
 
     def __init__(self, function: Any, source: str, signature: str, options: dict[str, Any]) -> None:
@@ -52,7 +53,7 @@ class Compiled:
 
     @property
     def code(self) -> Any:
-        """What numba makes of the function: compiled, or loaded, once in a process."""
+        """numba's dispatcher, compiled or loaded once in a process."""
         with _one_at_a_time:
             if self._code is None:
                 self._code = self._compiled_or_loaded()
@@ -65,10 +66,10 @@ class Compiled:
         try:
             return self._compiled(folder)
         except OSError as error:
-            _warn_once(f"compiled code is not kept, and compiled anew every time: {error}")
+            _warn_once(f"{_NOT_CACHED}: {error}")
             folder = None
         except Exception:
-            # numba lets through whatever pickle raises for a file that is cut short or damaged.
+            # numba passes on any exception of pickle for a truncated or damaged file.
             if folder is None:
                 raise
             shutil.rmtree(folder, ignore_errors=True)
@@ -77,25 +78,25 @@ class Compiled:
     def _compiled(self, folder: Path | None) -> Any:
         before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder or "")
         try:
-            # Without the interpreter's lock; a division by zero is infinite, and no exception.
+            # Without the interpreter's lock; a division by zero gives infinity, not an exception.
             options = {"nogil": True, "error_model": "numpy", "cache": folder is not None}
             dispatcher = numba.njit(**options, **self._options)(self._function)
         finally:
             numba.config.CACHE_DIR = before
-        # Where numba cannot write it goes on to folders of its own, which are not checked.
+        # If numba cannot write there, it uses other folders, which are not checked.
         if folder is not None and folder not in Path(dispatcher.stats.cache_path).parents:
-            raise OSError(f"nothing can be written to {folder}")
+            raise OSError(f"cannot write to {folder}")
         dispatcher.compile(self._signature)
         dispatcher.disable_compile()
         return dispatcher
 
 
 def compiled_from(source: str, signature: str, **options: Any) -> Callable[[Function], Any]:
-    """Return a decorator that makes a function a `Compiled` one, kept on disk.
+    """Return a decorator that makes a function a `Compiled` one, cached on disk.
 
-    source: the text of everything that the function is compiled from, its own and that of all it
-    calls; options: more of numba.njit. With another source or other options it is compiled anew.
-    Where nothing can be kept, a warning says so, and the function is compiled in memory.
+    source: the text of everything that the function is compiled from, including its callees;
+    options: for numba.njit. Another source or other options cause a new compilation. If nothing can
+    be cached, there is a warning, and the function is compiled in memory.
     """
     return lambda function: Compiled(function, source, signature, options)
 
@@ -108,10 +109,10 @@ def text_of(*files: str | Path) -> str:
 def _folder_for(source: str, options: dict[str, Any]) -> Path | None:
     """Return the folder of one function: the same in every process that would compile the same."""
     home = cache_folder()
-    # The text of a set has its items in another order in every process.
+    # The order of a set's items differs between processes.
     plain = {name: sorted(o) if isinstance(o, set) else o for name, o in options.items()}
-    # numba's index has the processor too. But processes on two of them that share a home would each
-    # write the first file of an index, and one of them would then be loaded for the other.
+    # numba's index has the processor too. But two machines that share a home would each write the
+    # first file of an index, and one would then load the other's code.
     processor = numba.config.CPU_NAME or get_host_cpu_name(), numba.config.CPU_FEATURES
     made_from = repr((numba.__version__, processor, plain, source))
     digest = hashlib.sha256(made_from.encode()).hexdigest()[:32]
@@ -119,8 +120,8 @@ def _folder_for(source: str, options: dict[str, Any]) -> Path | None:
         return None
     if (home / digest).exists() and (foreign := foreign_in(home / digest)) is not None:
         _warn_once(
-            f"compiled code is not kept, and compiled anew every time: {foreign} belongs to "
-            f"another user, or others may write there; delete {home / digest}"
+            f"{_NOT_CACHED}: {foreign} belongs to another user, or others may write there: delete "
+            f"{home / digest}"
         )
         return None
     return home / digest
@@ -133,14 +134,14 @@ def _warn_once(line: str) -> None:
 
 @cache
 def _say_once(line: str) -> None:
-    with suppress(OSError):  # the file that takes it may be on a full disk
+    with suppress(OSError):  # standard error may be a file on a full disk
         print(line, file=sys.stderr, flush=True)
 
 
 def cache_folder() -> Path | None:
-    """Return where compiled code is kept: in the user's cache, or else a temporary folder.
+    """Return the folder for compiled code: in the user's cache, or else a temporary folder.
 
-    None, with a warning, where neither belongs to this user alone: what is loaded from it is run.
+    None, with a warning, if neither belongs to this user alone, because loaded code is run.
     """
     home = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
     for folder in (home / "robotball", Path(tempfile.gettempdir(), f"robotball-{os.getuid()}")):
@@ -152,7 +153,7 @@ def cache_folder() -> Path | None:
         except (OSError, RuntimeError):  # RuntimeError: the user has no home
             continue
     _warn_once(
-        "compiled code is not kept, and compiled anew every time: no folder for it belongs to this "
-        f"user alone; set XDG_CACHE_HOME (tried {home})"
+        f"{_NOT_CACHED}: no folder for it belongs to this user alone: set XDG_CACHE_HOME (tried "
+        f"{home})"
     )
     return None

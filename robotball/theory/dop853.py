@@ -1,10 +1,10 @@
 """Integrate differential equations: DOP853 with compensated summation.
 
 The method is DOP853 (Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, II.5),
-with scipy's coefficients and choice of steps, and with compensated summation of the state (Kahan):
-at the least tolerance a step errs by less than rounding does when steps are added up, and that
-rounding must not grow with their number. scipy's own steps would take the stages one by one from
-Python, longer than compiled equations take.
+with scipy's coefficients and step control, and with compensated (Kahan) summation of the state. At
+the least tolerance the error of a step is smaller than the rounding of its sum, which therefore
+must not accumulate. scipy's solver evaluates each stage from Python, which takes longer than
+compiled equations.
 """
 
 from collections.abc import Callable
@@ -22,14 +22,14 @@ Rate = Callable[[float, Array], Array]
 # Writes the slopes at s stages of a step after those before, each at
 # base + displacement + length·weights@slopes.
 Stages = Callable[[Array, float, Array, Array, Array, Array], Array]
-# Steps times the state's length between two calls of `progress`: a tenth of a second's of most
-# robots, and a step or two of one that has hundreds of hinges.
+# Steps times the length of the state between two calls of `progress`: a tenth of a second for most
+# robots, and a step or two with hundreds of hinges.
 _SHOWN = 2000
-LEAST_RTOL = 1e-15  # of one step, relative; a smaller one only makes more steps
+LEAST_RTOL = 1e-15  # relative error of one step; a smaller one only makes more steps
 
-# The relative error allowed of a single step's displacement, little beside that of the whole state.
+# Relative error allowed in the displacement of a step; it is small against that of the state.
 _OF_DISPLACEMENT = 100 * float(np.finfo(float).eps)
-STAGES = DOP853.n_stages  # of a step after its beginning; the last is at its end
+STAGES = DOP853.n_stages  # stages of a step after its begin; the last is at its end
 _WEIGHTS, _NODES = np.vstack([DOP853.A[1:], DOP853.B]), np.append(DOP853.C[1:], 1.0)
 _MORE = np.ascontiguousarray(DOP853.A_EXTRA)  # the weights of the interpolant's further stages
 _SAFETY, _LEAST, _MOST, _EXPONENT = 0.9, 0.2, 10.0, -1 / 8  # of the next step
@@ -38,7 +38,7 @@ _SAFETY, _LEAST, _MOST, _EXPONENT = 0.9, 0.2, 10.0, -1 / 8  # of the next step
 def one_by_one(
     rate: Rate, times: Array, step: float, weights: Array, base: Array, begin: Array, slopes: Array
 ) -> Array:
-    """Compute stages, as `Stages` has them, of a derivative that takes a time and a state."""
+    """Compute the stages, as in `Stages`, of a derivative that takes a time and a state."""
     displacement, first = begin, len(slopes) - len(times)
     for s, (t, row) in enumerate(zip(times.tolist(), weights, strict=True), start=first):
         displacement = begin + np.dot(slopes[:s].T, row[:s]) * step
@@ -48,13 +48,24 @@ def one_by_one(
 
 @dataclass
 class Compensated:
-    """A motion from a state (n,) at t to `end` [s], in steps whose error is held to a tolerance.
+    """Adaptive integration from a state (n,) at t to `end` [s].
 
-    stages: of its derivative. A step's error in each number is held to rtol times the sum of its
-    scale (n,) and its size; longest is the longest step, next_step the one that is tried next, by
-    the error of the last one: it may grow tenfold at each. DOP853 integrates the displacement from
-    a base. Before every step it is added to the base, and the next displacement begins at the part
-    that rounding cut off the sum. `t`, `state` and `derivative` (n,) are those that are reached.
+    DOP853 integrates the displacement from a base. Before every step the displacement is added to
+    the base, and the next one begins with the rounding error of the sum. `t`, `state` and
+    `derivative` (n,) are the current ones.
+
+    Attributes
+    ----------
+    stages : callable
+        The derivative at the stages of a step.
+    rtol : float
+        The error of a step in each number is held to rtol times the sum of its scale and size.
+    scale : (n,)
+        The units of the numbers.
+    longest : float, s
+        The longest step.
+    next_step : float, s
+        The length of the next trial, from the error of the last step. It grows at most tenfold.
     """
 
     stages: Stages
@@ -64,7 +75,7 @@ class Compensated:
     rtol: float
     scale: Array
     longest: float = np.inf
-    next_step: float = 100 * 1e-6  # as scipy's rule has the first of any displacement from zero
+    next_step: float = 100 * 1e-6  # scipy's rule for a displacement of zero
 
     def __post_init__(self) -> None:
         self._base = self.state = np.array(self.state, dtype=float)
@@ -75,9 +86,9 @@ class Compensated:
         self.stages(*first, self._base, self._displacement, self.derivative[None])
 
     def step(self) -> str | None:
-        """Take a step. Returns why it could not be taken, else None."""
+        """Take a step. Returns why this was impossible, else None."""
         t, slopes, base = self.t, self._slopes[: STAGES + 1], self.state
-        # The slope that is kept stays right: base and displacement still add up to the same state.
+        # The last slope stays valid, because base and displacement still sum to the same state.
         begin, slopes[0] = self._displacement + (self._base - base), self.derivative
         self._base, tolerance = base, self.rtol * (self.scale + np.abs(base))
         shortest, most = 10 * float(np.spacing(t)), _MOST
@@ -87,8 +98,8 @@ class Compensated:
             length = new - t
             end = self.stages(t + _NODES * length, length, _WEIGHTS, base, begin, slopes)
             allowed = tolerance + np.maximum(np.abs(begin), np.abs(end)) * _OF_DISPLACEMENT
-            sums = [np.dot(slopes.T, each) / allowed for each in (DOP853.E5, DOP853.E3)]
-            fifth, third = (np.sqrt(np.dot(each, each)) ** 2 for each in sums)
+            sums = [np.dot(slopes.T, weights) / allowed for weights in (DOP853.E5, DOP853.E3)]
+            fifth, third = (np.sqrt(np.dot(errors, errors)) ** 2 for errors in sums)
             error = float(length * fifth / (np.sqrt((fifth + 0.01 * third) * len(base)) or 1.0))
             factor = _SAFETY * error**_EXPONENT if error else _MOST
             if error < 1:
@@ -97,32 +108,32 @@ class Compensated:
                 self.next_step = length * min(most, factor)
                 return None
             length, most = length * max(_LEAST, factor), 1.0
-        return "the step that its error asks for is shorter than the spacing of numbers"
+        return "the step for its tolerance is shorter than the spacing of numbers"
 
     def within(self, times: Array) -> Array:
         """Return states (m, n) at times (m,) in the last step."""
         (began, length, begin), slopes = self._last, self._slopes
         change = self._displacement - begin
-        if len(times) == 1 and times[0] == self.t:  # what the interpolant is there
+        if len(times) == 1 and times[0] == self.t:  # the value of the interpolant
             return (self._base + (change + begin))[None]
         if not self._inside:
             self.stages(began + DOP853.C_EXTRA * length, length, _MORE, self._base, begin, slopes)
             more, curve = length * np.dot(DOP853.D, slopes), length * (self.derivative + slopes[0])
             self._inside = [*more[::-1], 2 * change - curve, length * slopes[0] - change, change]
         part, displacements = ((times - began) / length)[:, None], np.zeros((len(times), 1))
-        for i, each in enumerate(self._inside):
-            displacements = (displacements + each) * (1 - part if i % 2 else part)
+        for i, coefficient in enumerate(self._inside):
+            displacements = (displacements + coefficient) * (1 - part if i % 2 else part)
         return self._base + (displacements + begin)
 
 
 def take_step(
     solver: Compensated, taken: int, most: int, end: float, progress: Progress | None = None
 ) -> int:
-    """Take a step of a ball whose state begins with its quaternion. Returns the steps so far.
+    """Take a step of a ball whose state begins with its quaternion, and return the steps so far.
 
-    taken, most: the steps before this one, and those allowed up to `end` [s]; progress: called now
-    and then with the fraction of `end` that is reached. Raises InputError where the steps are used
-    up, or where one shrinks to nothing.
+    taken, most: the number of steps before, and allowed up to `end` [s]; progress: called sometimes
+    with the fraction of `end` that is reached. Raises InputError if no more steps are allowed, or
+    if a step becomes too short.
     """
     if taken >= most:
         speed = 2 * float(np.linalg.norm(solver.derivative[:4]))  # dq/dt = q∘ω/2

@@ -1,4 +1,4 @@
-"""The plane as it moves: where the ball is in space, where it leaves the plane, who refuses it."""
+"""The moving plane: the ball's path in space, lift-off, and refusals of a moving plane."""
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
@@ -8,20 +8,20 @@ from robotball.motion import Motion
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, uneven
 
-_SEEN = 20_001  # times over a scene at which its load is looked at
-_FINE = 1e-12  # s, to which the time of the least load is sought
+_LOAD_TIMES = 20_001  # times over a scene at which the load is computed
+_FINE = 1e-12  # s, the tolerance of the time of the least load
 
 
 def in_space(motion: Motion) -> Array:
-    """Return where the contact point is in space, where the plane moves under the ball.
+    """Return the contact points in space of a motion on a moving plane.
 
-    The plane is at the origin and at rest at time 0, so one that swings about a place starts at a
-    turning point: a sine that has the phase π/2 or -π/2.
+    The plane is at the origin and at rest at time 0. A plane that oscillates therefore starts at a
+    turning point: a sine with the phase π/2 or -π/2.
 
     Parameters
     ----------
     motion : Motion
-        The motion, whose contact points are seen from the plane.
+        The motion, whose contact points are relative to the plane.
 
     Returns
     -------
@@ -42,27 +42,27 @@ def in_space(motion: Motion) -> Array:
     place = np.zeros((len(motion.times), 3))
     place[:, :2] = motion.contact_point
     for axis, drive in enumerate(scene.plane_drives):
-        # A drive knows its first integral alone, the velocity.
+        # A drive has only its first integral, the velocity.
         of_plane = polynomials_of(drive.angle, edges)
         place[:, axis] += [of_plane.area(t) for t in motion.times.tolist()]
     return place
 
 
 def check_still(scene: Scene, what: str) -> None:
-    """Raise InputError where the plane moves, which `what` cannot hold."""
+    """Raise InputError if the plane moves, which `what` cannot express."""
     if scene.plane_moves:
-        raise InputError(f"{scene.name}: {what} cannot hold a plane that moves")
+        raise InputError(f"{scene.name}: {what} cannot have a moving plane")
 
 
 def check_pressed(scene: Scene) -> None:
-    """Raise InputError where a balanced ball lifts off the plane, which falls away under it."""
+    """Raise InputError if a balanced ball lifts off the moving plane."""
 
     def load(t: float) -> float:
         return float(-scene.gravity_at(t)[2])
 
-    # A ramp and samples are least at breakpoints, and beside the least load that is seen a sine,
-    # which dips alike in every period.
-    times = np.union1d(uneven(scene.duration, scene.duration / _SEEN), scene.breakpoints)
+    # The least load of ramps and samples is at a breakpoint. That of a sine, which is equal in
+    # every period, is next to the least of these times.
+    times = np.union1d(uneven(scene.duration, scene.duration / _LOAD_TIMES), scene.breakpoints)
     i = int(np.clip(scene.gravity_at(times)[:, 2].argmax(), 1, len(times) - 2))
     beside = (times[i - 1], times[i + 1])
     least = minimize_scalar(load, bounds=beside, method="bounded", options={"xatol": _FINE}).x
@@ -76,6 +76,6 @@ def check_pressed(scene: Scene) -> None:
 def lift_off(t: float) -> InputError:
     """Return the error of a ball that leaves the plane at t [s]."""
     return InputError(
-        f"the ball lifts off the plane at t = {t:.9g} s, where its rolling ends; shorten the "
-        "motion, or move the bodies and the plane more gently"
+        f"the ball lifts off the plane at t = {t:.9g} s and stops rolling: shorten the motion, or "
+        "move the bodies and the plane more gently"
     )

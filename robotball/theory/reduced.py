@@ -1,7 +1,7 @@
-"""Scene → Motion by the paper's reduced equations (3.2) and (3.3), integrated to round-off.
+"""Integrate the paper's reduced equations (3.2) and (3.3) to round-off.
 
-M is constant in space, so one rotation is integrated, with the contact point as its quadrature.
-Short motions take DOP853, long ones at steady rates the compiled steps of ensembles/.
+M is constant in space, so the state is a rotation, with the contact point as its quadrature. Short
+motions use DOP853, long ones at steady rates the compiled steps of ensembles/.
 """
 
 import math
@@ -21,13 +21,14 @@ from robotball.theory.dop853 import LEAST_RTOL, Compensated, Rate, one_by_one, t
 
 LABEL = Label("equations", version("robotball"), "#D55E00")  # vermillion of Okabe and Ito's set
 
-# In rad, by the bound on |ω|. A motion of this length takes seconds here; the compiled step takes a
-# hundredth of that, but its code has to be loaded first.
+# rad, from the bound on |ω|. A motion of this length takes seconds here; the compiled step takes a
+# hundredth of that, but its code must be loaded first.
 _LONG = 1e4
-# Steps that take one to three minutes: at usual rates a day by DOP853, a month by compiled steps.
+# One to three minutes of work: at usual rates a day of motion with DOP853, a month with compiled
+# steps.
 _MAX_STEPS, _MAX_COMPILED_STEPS = 1_000_000, 100_000_000
-_ASTRAY = 1e100  # a trial step to a quaternion this long has failed; its square would overflow
-_COARSER = 4.0  # times the tolerance, for the second motion by which the error is estimated
+_ASTRAY = 1e100  # length of a quaternion in a failed trial step; its square would overflow
+_COARSER = 4.0  # factor of the tolerance for the motion that estimates the error
 
 
 def integrate(
@@ -37,32 +38,32 @@ def integrate(
     max_steps: int | None = None,
     progress: Progress | None = None,
 ) -> ReferenceMotion:
-    """Integrate the ball's motion by (3.2) or (3.3), with an estimate of its error.
+    """Integrate the ball's motion with (3.2) or (3.3), with an estimate of its error.
 
-    M is constant in space, so the state is one unit quaternion q and the contact point:
-    dq/dt = q∘ω(S(q)M₀, S(q)e_z, t)/2. times: (n,) s, increasing from 0; rtol: the error allowed in
-    one step; max_steps: a limit for motions that turn too often; progress: called with the fraction
-    of the motion that is known. Raises InputError for a scene that these equations do not describe,
-    where the limit is met or a step shrinks to nothing.
+    The state is a unit quaternion q and the contact point: dq/dt = q∘ω(S(q)M₀, S(q)e_z, t)/2.
+    times: (n,) s, increasing from 0; rtol: the relative error allowed in one step; max_steps: the
+    largest number of steps; progress: called with the fraction of the motion that is known. Raises
+    InputError if these equations do not describe the scene, the limit is met, or a step becomes too
+    short.
     """
     scene.check_reduced()
-    ours = scene.until(float(times[-1]))
+    whole = scene.until(float(times[-1]))
     if scene.plane_moves:
         from robotball.theory.plane import check_pressed  # few scenes need it
 
-        check_pressed(ours)
-    size = np.array([math.hypot(*ours.start.momentum.tolist())])
-    fastest = check_speed(ours.parameters_at(0.0), size)[0]
-    long = ours.steady and fastest * times[-1] > _LONG
+        check_pressed(whole)
+    size = np.array([math.hypot(*whole.start.momentum.tolist())])
+    fastest = check_speed(whole.parameters_at(0.0), size)[0]
+    long = whole.steady and fastest * times[-1] > _LONG
     limit = (_MAX_COMPILED_STEPS if long else _MAX_STEPS) if max_steps is None else max_steps
 
     def states(coarser: float, progress: Progress | None = None) -> Array:
         if long:
-            return compiled_states(ours, times, coarser * max(rtol / 10, LEAST_RTOL), limit)
-        return _solve(ours, times, coarser * rtol, limit, progress)
+            return compiled_states(whole, times, coarser * max(rtol / 10, LEAST_RTOL), limit)
+        return _solve(whole, times, coarser * rtol, limit, progress)
 
     return extended(
-        motion_of(ours, times, states(1.0, progress)),
+        motion_of(whole, times, states(1.0, progress)),
         ReferenceMotion,
         scene=scene,
         again=lambda: states(_COARSER)[:, 4:],
@@ -70,10 +71,7 @@ def integrate(
 
 
 def motion_of(scene: Scene, times: Array, states: Array) -> Motion:
-    """Return the motion of states (n, 6) = (q, X, Y), q from principal axes to world.
-
-    q may have any length.
-    """
+    """Return the motion of states (n, 6) = (q, X, Y), q from principal axes to world."""
     parts = (_part(scene, times[piece], states[piece]) for piece in pieces(len(times)))
     return replace(joined(parts, len(times)), times=times)
 
@@ -111,7 +109,7 @@ def _right_hand_side(scene: Scene) -> Rate:
     parameters_at = (lambda _: scene.parameters) if scene.steady else scene.parameters_at
 
     def rate(t: float, state: Array) -> Array:
-        # Plain floats: on NumPy's arrays an orbit takes fifteen times as long.
+        # Plain floats: with NumPy arrays an orbit takes fifteen times as long.
         w, x, y, z, _X, _Y = state.tolist()
         if not math.hypot(w, x, y, z) < _ASTRAY:
             return np.full(6, np.nan)
@@ -129,11 +127,11 @@ def _right_hand_side(scene: Scene) -> Rate:
 def compiled_states(
     scene: Scene, times: Array, tolerance: float | None = None, max_steps: int | None = None
 ) -> Array:
-    """Return the states (n, 6) that `motion_of` takes, by the compiled step, for steady drives.
+    """Return the states (n, 6) for `motion_of` with the compiled step, for steady drives.
 
     tolerance: of one step, STEP_TOLERANCE if None. Raises InputError at the limit of steps.
     """
-    # numba is slow to import, and short motions do without it.
+    # numba is slow to import, and short motions do not need it.
     from robotball.theory.ensembles.orbits import STEP_TOLERANCE, kernel_start, orbit
 
     parameters, attitudes, momenta = kernel_start(scene)
@@ -144,9 +142,9 @@ def compiled_states(
 def _solve(
     scene: Scene, times: Array, rtol: float, max_steps: int, progress: Progress | None
 ) -> Array:
-    """Return states (n, 6) at the times, integrated anew from every breakpoint of the drives."""
-    # X and Y are only quadratures of q: with the radius as their scale they do not set the step
-    # where they pass zero.
+    """Return states (n, 6) at the times, with a restart at every breakpoint of the drives."""
+    # X and Y are quadratures of q. With the radius as scale they do not shorten steps when they
+    # pass zero.
     scale = np.array([1.0, 1.0, 1.0, 1.0, scene.ball.radius, scene.ball.radius])
     rate, states = _right_hand_side(scene), np.empty((len(times), 6))
     states[0] = (*multiply(scene.start.attitude, scene.principal_quaternion), 0.0, 0.0)

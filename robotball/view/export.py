@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robotball.engines.engine import integrate, scene_of
+from robotball.engines.equations import integrate, scene_of
 from robotball.engines.states import links_of
 from robotball.errors import InputError
 from robotball.files import as_path

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robotball.engines.engine import integrate
+from robotball.engines.equations import integrate
 from robotball.errors import InputError
 from robotball.motion import Motion
 from robotball.robot.drives import Constant

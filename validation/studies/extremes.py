@@ -24,10 +24,10 @@ from matplotlib.patches import Patch
 from rich.table import Table
 
 from robotball import Fault, FaultKind, InputError, Motion, Scene, Settings
-from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.limits import LAWS, PlannedRun, exceeded, limit_checks
+from robotball.engines.mujoco import LABEL, contact_limits, limits, robot_limits
+from robotball.engines.mujoco.limits import PlannedRun
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.run import run
+from robotball.engines.mujoco.run import exceeded, limit_checks, run
 from robotball.engines.mujoco.settings import Resolved
 from robotball.robot.looks import ACCENT, INK
 from robotball.rotations import Array
@@ -51,6 +51,7 @@ from .maps import draw_cells, draw_level
 
 ACCURATE = 1e-4  # largest error of an accurate run, relative; the recipe's coarsest keeps 1e-6
 WRONG = 0.1  # an error above it is no result at all
+LAWS = {law.__name__: law for law in (*limits.LAWS, *robot_limits.LAWS, *contact_limits.LAWS)}
 
 
 class Outcome(Enum):

@@ -27,7 +27,7 @@ from robotball import (
     scene_toml,
 )
 from robotball.engines import recorded as derivative
-from robotball.engines.engine import scene_of
+from robotball.engines.equations import scene_of
 from robotball.errors import LARGEST, check_positive
 from robotball.fit.sensing import ON_THE_PLANE
 from robotball.motion import attitude_error, gamma_error, momentum_error, path_error

@@ -1,8 +1,8 @@
-"""The ball as a contact model in MuJoCo: composed, checked, stepped, monitored and read."""
+"""The ball as a contact model in MuJoCo."""
 
 import mujoco
 
 from robotball.motion import Label
 
-# The library's own version: its package, mujoco-core, may be newer than that of the bindings.
+# The version of the library, whose package mujoco-core may be newer than the bindings.
 LABEL = Label("MuJoCo", mujoco.mj_versionString(), "#0072B2", "o")  # blue of Okabe and Ito's set

@@ -1,23 +1,21 @@
-"""Search for the cheapest settings that reach a requested path error, with an estimate of it.
+"""Choose settings that reach a requested path error, and check the error of a finished run.
 
-There are two families of settings: MuJoCo's RK4 at a timestep, and DOP853 at an rtol. Two cheap
-runs of RK4 measure the scene's own error, from which the cost model predicts the cost of each
-family. The estimate needs no reference. It is the difference of two runs of different steps by
-Richardson's rule, or the change of M, which should be none, times the ratio of path error to change
-of M that the two RK4 runs showed. `checked` finds by the first rule whether a run in settings is as
-good as they say.
+Settings come in two families: MuJoCo's RK4 at a timestep, and DOP853 at an rtol. Two cheap runs of
+RK4 measure the scene, and the cost model predicts from them which family is cheaper. No reference
+is needed. The error is estimated from two runs with different steps (Richardson's rule), or from
+the change of M, which is constant, times the ratio of path error to change of M in the RK4 runs.
+`checked` applies Richardson's rule to a run whose settings were given.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from robotball.engines.engine import as_own
-from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.cost_model import COST_MODEL
 from robotball.engines.mujoco.limits import PlannedRun
+from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import (
     ADAPTIVE,
     BY_ERROR,
@@ -32,6 +30,7 @@ from robotball.motion import (
     ContactMotion,
     Fault,
     FaultKind,
+    Progress,
     momentum_errors,
     path_error,
     path_errors,
@@ -42,79 +41,81 @@ from robotball.robot.scene import Scene
 from robotball.rotations import Array
 from robotball.theory.dop853 import LEAST_RTOL
 
-_Run = Callable[[Settings, Array], ContactMotion]
-
-# The monitor's tolerance for M and for slip: this multiple of the accuracy, and at most so much.
-# The path, not M, is what was requested.
+# The monitor's tolerance for M and slip, as a multiple of the accuracy, and its largest value. The
+# request is about the path, so M may be off by more.
 _MONITORED, _MOST_MONITORED = 100.0, 0.1
-_PHASE = 0.32  # rad at the scene's rate, in a step of the pilot run: RK4's order shows below it
-_STABLE = 1.5  # a step of the pilot run times a servo's rate; RK4 diverges at 2.785
-_SEEN = 1e-4  # of a drive: the error about it in a step of the pilot run
-_AIM = 0.9  # the part of the requested error at which steps are aimed by a measured error
-# The part at which the first rtol is aimed by the cost model alone. It is small because a tenth of
-# an rtol takes a third more steps, but a second run twice as many.
+_PHASE = 0.32  # rad turned at the scene's rate in a pilot step; RK4 shows its order below it
+_STABLE = 1.5  # pilot step times a servo's rate; RK4 diverges at 2.785
+_DRIVE_ERROR = 1e-4  # largest error, relative, of a drive that is sampled at the pilot's steps
+_AIM = 0.9  # part of the accuracy that a corrected step aims at
+# Part of the accuracy that the first rtol aims at. It is small because a second run doubles the
+# time, and a tenth of the rtol adds only a third.
 _CAUTIOUS = 0.03
-_APART = 0.01  # path lengths; no law of errors holds between runs that are farther apart
-_FINEST_RTOL, _COARSEST_RTOL = LEAST_RTOL, 1e-7  # with looser ones the contact may be lost
-LOOSER = 300.0  # rtol of the run that DOP853's first is compared with, if one is, over its own
-_SPARSE = 0.1  # s, between the samples of that run
-# Under a load that varies: the least power of the timestep in RK4's error; the smallest error that
-# its contact allows, whose time constant has to be two timesteps; and the rtol of the run that
-# DOP853's is compared with.
+_APART = 0.01  # path lengths; runs that differ by more follow no law of errors
+_FINEST_RTOL, _COARSEST_RTOL = LEAST_RTOL, 1e-7  # the contact may be lost with a coarser rtol
+LOOSER = 300.0  # rtol of the run that DOP853's first run is compared with, over its rtol
+_SPARSE = 0.1  # s between the samples of that run
+# For a varying load: the least order of RK4; the smallest error that its contact allows, whose time
+# constant is at least two timesteps; and the rtol of the run that DOP853's run is compared with.
 _VARYING_ORDER, _SOFT, _SOFTER_RTOL = 3.4, 1e-9, 1e-14
-RK4_EVALUATIONS, _DOP853_EVALUATIONS = 4, 13  # of the forces in a step, rejected steps included
-_CORRECTIONS = 2  # runs after the first that was aimed by the model
+RK4_EVALUATIONS, _DOP853_EVALUATIONS = 4, 13  # of the forces per step, rejected steps included
+_CORRECTIONS = 2  # runs after the first one
 
 
 class _Search:
     """The runs of one scene on the way to an accuracy."""
 
-    def __init__(self, scene: Scene, times: Array, accuracy: float, run: _Run) -> None:
-        self.scene, self.times, self.accuracy, self.run = scene, times, accuracy, run
-        self.seconds = 0.0
-        # A ball that hardly moves still has a duration.
+    def __init__(
+        self, scene: Scene, times: Array, accuracy: float, progress: Progress | None
+    ) -> None:
+        self.scene, self.times, self.accuracy, self.progress = scene, times, accuracy, progress
+        self.seconds, self.remaining = 0.0, 1.0
+        # A ball at rest has no rate, but a duration.
         plan = PlannedRun(self.scene, self.settings(timestep=1.0), float(self.times[-1]))
         rate = scene_rate(self.scene) if plan.reduced else plan.rotation_rate
         self.rate = max(rate, 1 / plan.duration)
         self.servo_rate = plan.servo_rate
 
     def made(self, settings: Settings, apart: float = 0.0) -> ContactMotion:
-        """Return a run at the times, or at those of them that are at least so far apart [s]."""
-        motion = self.run(settings, _thinned(self.times, apart))
+        """Return a run, sampled at the times that are at least so far apart [s]."""
+        # The number of runs is unknown, so each takes half of the remaining progress.
+        self.remaining = part = self.remaining / 2
+        progress = self.progress
+        share = progress and (lambda fraction: progress(1 - 2 * part + part * fraction))
+        motion = run(build(self.scene, settings), _thinned(self.times, apart), share)
         self.seconds += motion.report.seconds
         return motion
 
     def settings(self, **steps: float | str) -> Settings:
-        """Return the recipe in these steps, with the tolerances of a run to the accuracy."""
+        """Return the recipe with these steps, and with the tolerance for the accuracy."""
         tolerance = max(self.accuracy, min(_MONITORED * self.accuracy, _MOST_MONITORED))
         chosen = recipe(f"to {self.accuracy:g}", tolerance, **steps)
         return replace(chosen, accuracy=self.accuracy)
 
     def pilot(self, **steps: float | str) -> Settings:
-        """Return the settings of a run that only measures: its errors are no faults yet."""
+        """Return the settings of a run that measures the scene and does not stop at a fault."""
         return replace(self.settings(**steps), stop_at_fault=False)
 
     def reach(self) -> ContactMotion:
-        """Measure the scene by two runs of RK4, then take the family that is predicted cheaper."""
-        longest = PRESETS["fast"].timestep  # the longest that the recipe's contact allows
+        """Measure the scene with two runs of RK4, then use the cheaper family."""
+        longest = PRESETS["fast"].timestep  # the contact of the recipe allows no longer one
         assert longest is not None
         timestep = min(longest, _PHASE / self.rate / 2)
         if self.servo_rate > 0:
             timestep = min(timestep, _STABLE / self.servo_rate / 2)
         error_of = partial(self.scene.sampling_error, float(self.times[-1]))
-        timestep = seeing_step(error_of, timestep, _SEEN)
+        timestep = seeing_step(error_of, timestep, _DRIVE_ERROR)
         coarse = self.made(self.pilot(timestep=2 * timestep), apart=2 * timestep)
         fine = self.made(self.pilot(timestep=timestep))
         error = self.rk4_error(coarse, fine)
         if error <= self.accuracy:
-            # The pilot run is good enough as it is.
             settings = replace(fine.report.settings, stop_at_fault=True)
             return self.result(replace(fine, report=replace(fine.report, settings=settings)), error)
-        timestep = fine.report.timestep * self.finer(error, self.order)
+        timestep = fine.report.timestep * self.refinement(error, self.order)
         if self.scene.load_varies:
             quicker = 2 * self.adaptive_seconds(_FINEST_RTOL) < self.rk4_seconds(timestep)
-            beyond = self.accuracy < _SOFT
-            return self.by_contact() if quicker or beyond else self.by_timestep(timestep, fine)
+            unreachable = self.accuracy < _SOFT
+            return self.by_contact() if quicker or unreachable else self.by_timestep(timestep, fine)
         rtol = self.rtol(error, fine.report.timestep)
         if self.adaptive_seconds(rtol) < self.rk4_seconds(timestep):
             lost = _momentum_change(fine) if self.scene.keeps_momentum else 0.0
@@ -122,43 +123,42 @@ class _Search:
         return self.by_timestep(timestep, fine)
 
     def by_timestep(self, timestep: float, before: ContactMotion) -> ContactMotion:
-        """Run RK4 at a timestep, then at finer ones as long as the estimate is too large."""
+        """Run RK4, with smaller timesteps while the estimate exceeds the accuracy."""
         for _ in range(1 + _CORRECTIONS):
             motion = self.made(self.settings(timestep=timestep))
             error = self.rk4_error(before, motion)
             if error <= self.accuracy:
                 break
-            before, timestep = motion, motion.report.timestep * self.finer(error, self.order)
+            before, timestep = motion, motion.report.timestep * self.refinement(error, self.order)
         return self.result(motion, error)
 
-    def by_rtol(self, rtol: float, magnified: float) -> ContactMotion:
-        """Run DOP853 at an rtol, then at smaller ones as long as the estimate is too large.
+    def by_rtol(self, rtol: float, ratio: float) -> ContactMotion:
+        """Run DOP853, with smaller rtols while the estimate exceeds the accuracy.
 
-        magnified: the path error over the change of M, as RK4 showed it; infinite where it showed
-        none. By it the change of M in a single run is an estimate. Where there are two runs, their
-        difference is another one, and the larger counts.
+        ratio: path error over change of M in the runs of RK4; infinite if unknown. A single run is
+        estimated with it, two runs also by their difference, and the larger estimate counts.
         """
         before, looser = None, rtol
-        if not np.isfinite(magnified):
+        if not np.isfinite(ratio):
             looser = rtol * LOOSER
             before = self.made(self.pilot(integrator=ADAPTIVE, rtol=looser), apart=_SPARSE)
         for _ in range(1 + _CORRECTIONS):
             motion = self.made(self.settings(integrator=ADAPTIVE, rtol=rtol))
-            error = self.by_momentum(motion, magnified)
+            error = self.by_momentum(motion, ratio)
             if before is not None:
                 doubled = self.error(before, motion, looser / rtol, COST_MODEL.rtol_order)
                 error = max(error, doubled)
             if error <= self.accuracy or rtol <= _FINEST_RTOL:
                 break
             before, looser = motion, rtol
-            rtol = max(_FINEST_RTOL, rtol * self.finer(error, COST_MODEL.rtol_order))
+            rtol = max(_FINEST_RTOL, rtol * self.refinement(error, COST_MODEL.rtol_order))
         return self.result(motion, error)
 
     def by_contact(self) -> ContactMotion:
-        """Run DOP853 at its finest, under a varying load, where the contact's depth is the error.
+        """Run DOP853 at the finest rtol; under a varying load the contact's depth is the error.
 
-        A looser rtol would lift the ball off so shallow a contact. A run at a larger time constant,
-        whose contact is deeper, gives the error.
+        A coarser rtol would lift the ball off so shallow a contact. The error is estimated from a
+        second run with a larger time constant, whose contact is deeper.
         """
         finest = self.settings(integrator=ADAPTIVE, rtol=_FINEST_RTOL)
         softer = self.pilot(integrator=ADAPTIVE, rtol=_SOFTER_RTOL)
@@ -167,17 +167,17 @@ class _Search:
         deeper, depth = (Resolved(self.scene, s).equilibrium_depth for s in (softer, finest))
         return self.result(motion, self.error(before, motion, deeper / depth, 1.0))
 
-    def by_momentum(self, motion: ContactMotion, magnified: float) -> float:
-        """Return the path error of a whole run by the change of its M; 0 if no ratio is known."""
+    def by_momentum(self, motion: ContactMotion, ratio: float) -> float:
+        """Estimate the path error of a complete run from its change of M; 0 for no known ratio."""
         if len(motion.times) < len(self.times):
             return np.inf
-        return magnified * _momentum_change(motion) if np.isfinite(magnified) else 0.0
+        return ratio * _momentum_change(motion) if np.isfinite(ratio) else 0.0
 
     def rk4_error(self, coarse: ContactMotion, fine: ContactMotion) -> float:
-        """Return the fine run's path error, by that of coarser steps or by how steps see drives.
+        """Estimate the fine run's path error from a coarse run, and from the drives' sampling.
 
-        Both runs step to the same sample times, so their steps have a common multiple, and a drive
-        of that period would be the same constant in both.
+        Both runs step to the same sample times. A drive whose period is a common multiple of their
+        steps would be the same constant in both, so their difference does not show it.
         """
         step = fine.report.timestep
         error = self.error(coarse, fine, coarse.report.timestep / step, self.order)
@@ -186,9 +186,9 @@ class _Search:
     def error(
         self, coarse: ContactMotion, fine: ContactMotion, ratio: float, order: float
     ) -> float:
-        """Return the fine run's path error, by its difference from one of steps `ratio` as long.
+        """Estimate the fine run's path error from one whose steps are `ratio` times as long.
 
-        It is infinite where either broke off.
+        Infinite if either broke off.
         """
         if not len(coarse.times) or len(fine.times) < len(self.times):
             return np.inf
@@ -197,26 +197,26 @@ class _Search:
         difference = path_error(coarse, fine)
         return difference if difference > _APART else difference / (ratio**order - 1)
 
-    def finer(self, error: float, order: float) -> float:
-        """Return the factor for the steps of a run of this error to reach the accuracy."""
-        # A run that broke off has no error; half its steps are tried.
+    def refinement(self, error: float, order: float) -> float:
+        """Return the factor by which to shorten the steps of a run with this error."""
+        # A run that broke off has no error, so its steps are halved.
         return float((_AIM * self.accuracy / error) ** (1 / order)) if np.isfinite(error) else 0.5
 
     def rtol(self, error: float, timestep: float) -> float:
-        """Return DOP853's rtol for the accuracy, by RK4's error at a timestep [s]."""
+        """Return DOP853's rtol for the accuracy, given RK4's error at a timestep [s]."""
         stiffness = error / (self.rate * timestep) ** 4
         gain = COST_MODEL.gain * stiffness**COST_MODEL.power if np.isfinite(stiffness) else np.inf
         return float(np.clip(_CAUTIOUS * self.accuracy / gain, _FINEST_RTOL, _COARSEST_RTOL))
 
     def rk4_seconds(self, timestep: float) -> float:
-        """Return the predicted processor time [s] of RK4 at a timestep [s]."""
+        """Predict the processor time [s] of RK4 at a timestep [s]."""
         steps = step_count(self.times, self.scene.breakpoints, timestep)
         return steps * (COST_MODEL.step + RK4_EVALUATIONS * self.control)
 
     def adaptive_seconds(self, rtol: float) -> float:
-        """Return the predicted processor time [s] of DOP853 at an rtol."""
+        """Predict the processor time [s] of DOP853 at an rtol."""
         per_second = COST_MODEL.steps_per_second(self.rate, rtol)
-        # However small the error, a servo's own rate limits the steps.
+        # A servo's rate limits the steps, whatever their error.
         steps = float(self.times[-1]) * max(per_second, self.servo_rate / _STABLE)
         of_steps = steps * (COST_MODEL.adaptive_step + _DOP853_EVALUATIONS * self.control)
         return of_steps + len(self.times) * (COST_MODEL.sample + self.control)
@@ -228,58 +228,63 @@ class _Search:
 
     @property
     def control(self) -> float:
-        """The processor time [s] of the controls at each evaluation of the forces."""
+        """The processor time [s] of the controls per evaluation of the forces."""
         return 0.0 if self.scene.steady else COST_MODEL.control
 
     def result(self, motion: ContactMotion, error: float) -> ContactMotion:
-        """Return the motion with its estimate; warn where that is not what was requested."""
+        """Return the motion with its estimate. Warn if the accuracy is not reached."""
         estimate = error if np.isfinite(error) else None
         if not error <= self.accuracy:
-            how = "the run broke off" if estimate is None else f"estimated {error:.1e}"
+            reached = "the run broke off" if estimate is None else f"reached about {error:.1e}"
             warn(
-                f"{self.scene.name}: a path error of {self.accuracy:g} was requested, {how}; it "
-                "is not reached"
+                f"{self.scene.name}: path error {self.accuracy:g} not reached: {reached}. Request "
+                "a larger one, or a shorter run."
             )
         report = replace(motion.report, estimated_error=estimate, total_seconds=self.seconds)
         return replace(motion, report=report)
 
 
-def reach(scene: Scene, times: Array, accuracy: float, run: _Run) -> ContactMotion:
+def reach(
+    scene: Scene, times: Array, accuracy: float, progress: Progress | None = None
+) -> ContactMotion:
     """Return the scene's motion at times (n,) [s] to a path error, as cheaply as is predicted.
 
-    run: makes the motion at given settings and times. Warns where the accuracy is not reached.
+    Warns if the accuracy is not reached.
     """
-    return _Search(scene, times, accuracy, run).reach()
+    return _Search(scene, times, accuracy, progress).reach()
 
 
-# Other steps and softness, over a run's own, and the part of the tolerance that its error by them
-# must not pass. Longer steps find it within a factor of 3, of 14 where it is large, and half ones
-# within 5 %. As the ball could be lifted off a contact 16 times as hard, one of a quarter of the
-# softness finds 0.8 of what the depth does.
+# Factors of the timestep and of the contact's softness in the runs that check a run, and the part
+# of the tolerance that the estimated error must not exceed. Runs with longer steps estimate it
+# within a factor of 3, or of 14 where it is large, and runs with half steps within 5 %. A contact
+# 16 times as hard could lift the ball off; one 4 times as hard shows 0.8 of the depth's error.
 _OTHER_STEPS = ((2.0, 16.0, 0.1), (0.5, 0.25, 0.75))
 
 
-def checked(motion: ContactMotion, run: _Run) -> ContactMotion:
-    """Return a motion with a fault where runs in other steps show that it is off.
+def checked(motion: ContactMotion) -> ContactMotion:
+    """Return a motion, with a fault if runs with other steps show that it is inaccurate.
 
-    It is of a scene whose M may change, so that M shows no error. RK4 is off by the 4th power
-    of its steps, and the contact by its depth, which goes with its softness: a run in steps f times
-    as long, on a contact f⁴ times as soft, differs by |f⁴ - 1| times the error of path and M. Steps
-    of twice the length, which take half the time again, clear nearly every run; half steps decide
-    about the others. run: makes the motion at given settings and times.
+    Only runs of RK4 whose M may change are checked: elsewhere the change of M shows the error.
+    RK4's error goes with the 4th power of the timestep, and the contact's with its depth, which
+    goes with its softness. A run with f times the timestep and f⁴ times the softness therefore
+    differs by |f⁴ - 1| times the error of path and M. Runs with twice the timestep, which take half
+    the time again, clear most runs. Half the timestep decides about the others.
     """
-    report, scene = motion.report, motion.scene
-    settings = as_own(report.settings, Settings, LABEL)
+    report, scene, settings = motion.report, motion.scene, motion.report.settings
+    if scene.not_reduced is None or settings.accuracy or report.faults:
+        return motion
+    assert isinstance(settings, Settings)
     order = Resolved(scene, settings).integrator.order
-    if order != 4 or settings.accuracy or report.faults:
+    if order != 4:
         return motion
     time, seconds = 0.0, report.total_seconds
     for factor, softer, part in _OTHER_STEPS:
         step, at = factor * report.timestep, _thinned(motion.times, factor * report.timestep)
-        other = run(_in_steps(settings, step, softer), at)
+        changed = _in_steps(settings, step, softer)
+        other = run(build(scene, changed), at)
         measured = path_errors(other, motion) / motion.path_scale, momentum_errors(other, motion)
         ratio = other.report.timestep / report.timestep
-        with np.errstate(all="ignore"):  # of a single step, which cannot be any longer
+        with np.errstate(all="ignore"):  # the ratio is 1 if a single step spans the run
             error = np.maximum(*measured) / abs(ratio**order - 1)
         off = ~(error <= part * tolerated(settings.error_tolerance, other.times))
         seconds += other.report.seconds
@@ -291,20 +296,24 @@ def checked(motion: ContactMotion, run: _Run) -> ContactMotion:
 
 
 def _in_steps(settings: Settings, timestep: float, softer: float) -> Settings:
-    """Return settings with the timestep [s] and a contact that is deeper by a factor."""
+    """Return settings with another timestep [s] and a contact that is `softer` times as deep."""
     constant, ratio = settings.solref or (0.0, 0.0)
     longer = max(constant, 2 * timestep) if constant > 0 else constant
     deeper = (longer / constant) ** 2 if constant > 0 else 1.0
     return replace(
-        settings, timestep=timestep, softness=settings.softness * softer / deeper,
-        solref=settings.solref and (longer, ratio), stop_at_fault=False, max_steps=2**31 - 1,
-    )  # fmt: skip
+        settings,
+        timestep=timestep,
+        softness=settings.softness * softer / deeper,
+        solref=settings.solref and (longer, ratio),
+        stop_at_fault=False,
+        max_steps=2**31 - 1,
+    )
 
 
 def scene_rate(scene: Scene) -> float:
-    """Return the rate by which the scene's errors scale [1/s], the largest while its drives change.
+    """Return the rate that the scene's errors scale with [1/s], the largest while drives change.
 
-    It is the root of |AK|² + |Ω|² + |AM|² + |ω|², at the scene's start.
+    It is the root of |AK|² + |Ω|² + |AM|² + |ω|² at the start.
     """
     times = [0.0] if scene.steady else np.linspace(0.0, scene.duration, 50)
     omega = scene.principal_axes.T @ scene.angular_velocity_at(scene.start)
@@ -323,7 +332,7 @@ def _momentum_change(motion: ContactMotion) -> float:
 
 
 def _thinned(times: Array, apart: float) -> Array:
-    """Return some of the times, at least so far apart [s] but for the last one."""
+    """Return the times that are at least so far apart [s], and the last one."""
     kept = [float(times[0])]
     for t in times[1:-1].tolist():
         if t - kept[-1] >= apart * (1 - 1e-9):

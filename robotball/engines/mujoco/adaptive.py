@@ -1,7 +1,7 @@
-"""Integration of a model by DOP853, with MuJoCo's forward dynamics as the right-hand side.
+"""Integrate a model with DOP853 and MuJoCo's forward dynamics as the right-hand side.
 
-Over 10 s it reaches 5e-14 of the path in the time that RK4 needs for 7e-12: below 1e-9 it is the
-cheaper of the two.
+Over 10 s it reaches a path error of 5e-14 in the time that RK4 needs for 7e-12. Below 1e-9 it is
+the cheaper of the two.
 """
 
 import time
@@ -13,41 +13,40 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 
-from robotball.engines.mujoco.control import Control, put, read_row, right_hand_side
+from robotball.engines.mujoco.control import Control, Portion, put, read_row, right_hand_side
 from robotball.engines.mujoco.settings import Resolved
-from robotball.engines.mujoco.stepping import Portion
 from robotball.motion import Fault, FaultKind
 from robotball.rotations import Array
 from robotball.theory.dop853 import Compensated, one_by_one
 
 _LOOK = 64  # steps between two looks of the monitor; each takes 13 evaluations of the forces
-# A run ends if at the pace of its last 1000 steps the rest needs more than max_steps, and so many
-# at least. They take seconds; a robot that leaves its standstill slowly takes some 400 in all.
+# A run ends if at the pace of its last 1000 steps the remaining time needs more than max_steps, and
+# more than _ENDLESS. A robot that leaves its standstill slowly takes some 400 steps.
 _PACE, _ENDLESS = 1000, 1_000_000
-# Under a load that varies: the error of a step as a part of the contact's depth, and the longest
-# step times the contact's damping. DOP853 is stable up to 6.
+# For a varying load: the error of a step as a part of the contact's depth, and the longest step
+# times the contact's damping. DOP853 is stable up to 6.
 _OF_DEPTH, _DAMPED = 5e-3, 4.0
 
 
 def by_forward(control: Control, data: mujoco.MjData, times: Array) -> Iterator[Portion]:
-    """Run over sample `times` (n,) [s] in steps of the error that the settings allow.
+    """Run over sample `times` (n,) [s] with adaptive steps.
 
-    The integration begins anew at every breakpoint of the drives, where no polynomial holds across.
-    Rows are of the states at the sample times, and at the end of each step.
+    The integration restarts at every breakpoint of the drives, because a step's polynomial does not
+    hold across it. Rows have the states at the sample times and at the end of each step.
     """
     model = control.model
     inside = [t for t in model.scene.breakpoints if t < times[-1]]
     state = np.concatenate([data.qpos, data.qvel])
-    pending, left = times, model.settings.max_steps
-    since, taken = 0.0, 0  # where the pace was last looked at, and the steps from there
+    pending, remaining = times, model.settings.max_steps
+    since, taken = 0.0, 0  # the time [s] of the last look at the pace, and the steps since
     for span in pairwise((0.0, *inside, times[-1])):
         solver = _solver(control, data, state, span)
         while solver.t < solver.end:
-            portion, pending = _portion(control, data, solver, pending, left)
-            left, taken = left - portion.steps, taken + portion.steps
+            portion, pending = _portion(control, data, solver, pending, remaining)
+            remaining, taken = remaining - portion.steps, taken + portion.steps
             if taken >= _PACE and portion.failure is None:
                 passed, rest = solver.t - since, times[-1] - solver.t
-                if taken * rest / passed > max(left, _ENDLESS):
+                if taken * rest / passed > max(remaining, _ENDLESS):
                     failure = _endless(taken, passed, rest, model.settings.max_steps)
                     portion = replace(portion, failure=failure)
                 since, taken = solver.t, 0
@@ -61,18 +60,18 @@ def by_forward(control: Control, data: mujoco.MjData, times: Array) -> Iterator[
 
 
 def _endless(taken: int, passed: float, rest: float, most: int) -> Fault:
-    """Return the fault of a run whose last steps lasted `passed` s, and that has `rest` s left."""
+    """Return the fault of a run whose last steps covered `passed` s, with `rest` s remaining."""
     why = (
-        f"{taken} took {passed:.2g} s, and the rest needs {taken * rest / passed:.2g} like them; "
+        f"{taken} cover {passed:.2g} s, and the rest needs {taken * rest / passed:.2g} more; "
         f"max_steps = {most}: shorten the motion, or take a preset with a timestep"
     )
     return Fault(FaultKind.STEP_TOO_SHORT, np.nan, why, fatal=True)
 
 
 def _portion(
-    control: Control, data: mujoco.MjData, solver: Compensated, pending: Array, left: int
+    control: Control, data: mujoco.MjData, solver: Compensated, pending: Array, most: int
 ) -> tuple[Portion, Array]:
-    """Take the next steps of a smooth span, `left` at most; return the later sample times too."""
+    """Take the next steps of a smooth span, at most `most`; return the later sample times too."""
     began = time.thread_time()
     rows: list[Array] = []
     sampled: list[int] = []
@@ -86,7 +85,7 @@ def _portion(
         rows.append(read_row(data))
 
     while solver.t < solver.end and len(lengths) < _LOOK and failure is None and not stopped:
-        if len(lengths) == left:
+        if len(lengths) == most:
             limit = control.model.settings.max_steps
             failure = Fault(FaultKind.OUT_OF_STEPS, np.nan, limit=limit, fatal=True)
             break
@@ -96,7 +95,7 @@ def _portion(
             break
         lengths.append(solver.t - before)
         stopped = _stopped(control, data, solver)
-        # A sample at the end of a span but the last is the first of the next.
+        # A sample at the end of a span belongs to the next span, if there is one.
         inside = solver.t < solver.end or solver.end == pending[-1]
         done = int(np.searchsorted(pending, solver.t, "right" if inside else "left"))
         sampled_end = done > 0 and pending[done - 1] == solver.t
@@ -105,7 +104,7 @@ def _portion(
             for t, state in zip(pending.tolist(), solver.within(pending[:done]), strict=False):
                 read(t, state)
             pending = pending[done:]
-        # The monitor sees the end of every step; one on a sample time has its row already.
+        # The monitor reads the end of every step; a sample time has its row already.
         if solver.t < solver.end and not sampled_end:
             read(solver.t, solver.state)
     portion = Portion(
@@ -120,7 +119,7 @@ def _portion(
 
 
 def _stopped(control: Control, data: mujoco.MjData, solver: Compensated) -> bool:
-    """Return whether the plane has come to hold the shell, whose rolling is then zero in `data`."""
+    """Return whether the plane holds the shell from now on; its rolling is then zero in `data`."""
     if control.stops is None:
         return False
     put(data, solver.t, solver.state)
@@ -135,17 +134,17 @@ def _solver(
     assert settings.rtol is not None
     put(data, span[0], state)
     control.begin(data, span)
-    # Lengths are measured by the radius; angles and rates are of order one as they are.
+    # The unit of lengths is the radius; angles and rates are of order one.
     scale = np.ones_like(state)
     scale[:3] = scale[len(data.qpos) : len(data.qpos) + 3] = scene.ball.radius
     longest = settings.timestep or np.inf
     if settings.softness < 1 and scene.load_varies:
-        # Newton leaves a rounding that so hard a contact magnifies. If the height's error were held
-        # to rtol, a robot at rest would take steps without end. As it is held less, the steps have
-        # to be short enough to damp it.
-        chosen = Resolved(scene, settings)
-        stiffness, damping = chosen.normal_reference
-        give = _OF_DEPTH * chosen.equilibrium_depth / settings.rtol
+        # A hard contact magnifies the rounding of Newton's solution. With rtol as the tolerance of
+        # the height a robot at rest would take endless steps. With a larger tolerance, steps must
+        # be short enough to damp the error.
+        resolved = Resolved(scene, settings)
+        stiffness, damping = resolved.normal_reference
+        give = _OF_DEPTH * resolved.equilibrium_depth / settings.rtol
         for column, rate in ((2, 1.0), (len(data.qpos) + 2, stiffness**0.5)):
             scale[column] = max(scale[column], give * rate)
         longest = min(longest, _DAMPED / damping)

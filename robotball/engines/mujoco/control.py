@@ -1,74 +1,56 @@
-"""The control of a run: what is set at every evaluation of the forces, and how steps are taken.
+"""Control of a run: the values set at every evaluation of the forces, and how steps are taken.
 
-Controls are computed at every evaluation, so that RK4 keeps its order; held over a step they would
-cost it two. MuJoCo's callbacks only write controls and gravity: if a function of MuJoCo that is
-called inside one raises a warning, MuJoCo 4.0 never returns (docs/findings).
+Controls are computed at every evaluation, because controls held over a step would cost RK4 two
+orders. MuJoCo's callbacks only write controls and gravity: MuJoCo 4.0 never returns if a function
+that is called within a callback raises a warning (docs/findings).
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from robotball.engines.mujoco.model import Model, controls_at
+from robotball.motion import Fault
 from robotball.robot import formulas as eq
 from robotball.rotations import Array
 
 if TYPE_CHECKING:
-    from robotball.robot.loop import Loop, TrueReading
+    from robotball.robot.loop import Loop
 
 FREE_QPOS, FREE_QVEL = 7, 6  # coordinates and velocities of the free joint; hinges follow
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _QUATERNION = slice(3, 7)
 _NO_STAGE = int(mujoco.mjtStage.mjSTAGE_NONE)
-
-
-def read_row(data: mujoco.MjData) -> Array:
-    """Return the sensors of a state, which are up to date, followed by the warning counters."""
-    return np.concatenate([data.sensordata, data.warning.number])
-
-
-def state_of(data: mujoco.MjData) -> Array:
-    """Return all that a step depends on (n,)."""
-    state = np.empty(mujoco.mj_stateSize(data.model, STATE))
-    mujoco.mj_getState(data.model, data, state, STATE)
-    return state
-
-
-def senses(model: Model) -> Callable[[mujoco.MjData], "TrueReading"]:
-    """Return what reads a robot's sensors in a state, without its forces, which take longest."""
-    from robotball.robot.loop import TrueReading
-
-    compiled, columns, count = model.compiled, model.sensor_columns, len(model.scene.hinges)
-    places = [(each.index, columns[f"{each.name}_angle"].start, columns[f"{each.name}_rate"].start)
-              for each in model.hinges]  # fmt: skip
-
-    def sensed(data: mujoco.MjData) -> TrueReading:
-        mujoco.mj_kinematics(compiled, data)
-        mujoco.mj_comPos(compiled, data)
-        mujoco.mj_sensorPos(compiled, data)
-        mujoco.mj_comVel(compiled, data)
-        mujoco.mj_sensorVel(compiled, data)
-        # By numbers: to have one of an array, or its rotation matrix, takes as long as all sensors.
-        read = data.sensordata.tolist()
-        angles, rates = [0.0] * count, [0.0] * count
-        for i, angle, rate in places:
-            angles[i], rates[i] = read[angle], read[rate]
-        attitude, turning = read[columns["attitude"]], read[columns["angular_velocity"]]
-        gyro = eq.seen_from_frame(tuple(turning), eq.unit_space_axes(tuple(attitude)))
-        point = np.array(read[columns["centre"]][:2])
-        return TrueReading(np.array(gyro), np.array(attitude), angles, rates, point)
-
-    return sensed
-
+# s; the value of a drive at the end of a span is taken this long before it, because the other side
+# of a breakpoint begins there.
+_INSIDE = 1e-9
+# The parts of steps that a run may take: so many for each planned step, and so many more. A robot
+# that leans over slowly leaves its standstill in up to 11 578 parts of one step, and in 53 000 of
+# 10 500 steps.
+_PARTS, _MOST_PARTS = 60, 10_000
 
 Step = Callable[[mujoco.MjData, float], None]
 """Takes one step of a length [s]. Leaves the sensors of the state before the step."""
 Steps = Callable[[mujoco.MjData, float], Iterator[float]]
-"""Takes one step of a length [s], in parts where it has to. Yields the length of each part."""
+"""Takes one step of a length [s], in parts if necessary. Yields the length of each part."""
 Forward = Callable[[mujoco.MjData, bool], None]
 """Evaluates the forces at the state of MjData, with the sensors if the second argument is true."""
+
+
+def read_row(data: mujoco.MjData) -> Array:
+    """Return the sensor values of a state, which must be current, and the warning counters."""
+    return np.concatenate([data.sensordata, data.warning.number])
+
+
+def state_of(data: mujoco.MjData) -> Array:
+    """Return everything that a step depends on (n,)."""
+    state = np.empty(mujoco.mj_stateSize(data.model, STATE))
+    mujoco.mj_getState(data.model, data, state, STATE)
+    return state
 
 
 def mujoco_step(data: mujoco.MjData, length: float) -> None:
@@ -112,40 +94,97 @@ def right_hand_side(forward: Forward, data: mujoco.MjData) -> Callable[..., Arra
     return rate
 
 
-# s: a drive's value at the end of a span is taken this long before it, where a breakpoint's other
-# side begins.
-_INSIDE = 1e-9
+@dataclass(frozen=True)
+class Stretch:
+    """Consecutive spans of time that are stepped before the monitor reads them.
+
+    Attributes
+    ----------
+    ends : (m, 2), s
+        The begin and end of each span.
+    lengths : (m,), s
+        The length of the steps in each.
+    counts : (m,)
+        The number of steps in each.
+    samples : (k,)
+        The steps, counted over the stretch, that start at a sample time.
+    """
+
+    ends: Array
+    lengths: Array
+    counts: NDArray[np.int64]
+    samples: NDArray[np.int64]
+
+    def __iter__(self) -> Iterator[tuple[list[float], float, int]]:
+        ends, lengths, counts = self.ends.tolist(), self.lengths.tolist(), self.counts.tolist()
+        return zip(ends, lengths, counts, strict=True)
 
 
-# Steps that a run may take for each planned one, and besides. A robot that leans over slowly leaves
-# its standstill in up to 11 578 parts of one step, and in 53 000 of 10 500.
-_PARTS, _MOST_PARTS = 60, 10_000
+@dataclass(frozen=True)
+class Portion:
+    """A part of a run that the monitor reads at once.
+
+    Attributes
+    ----------
+    rows : (m, n)
+        Rows of `read_row`, in the order of time.
+    sampled : (k,)
+        The indices of the rows at the sample times.
+    steps : int
+        The number of steps taken.
+    longest : float, s
+        The longest of them.
+    seconds : float, s
+        Their processor time in this thread, which does not depend on how busy the machine is.
+    failure : Fault or None
+        Why the run cannot go on.
+    """
+
+    rows: Array
+    sampled: NDArray[np.int64]
+    steps: int
+    longest: float
+    seconds: float
+    failure: Fault | None = None
 
 
 class TooManyPartsError(Exception):
-    """The parts of a run's steps are so short that it would hardly go on; says why."""
+    """Raised if the parts of a run's steps become so short that the run would not end."""
 
 
 class Control:
-    """The control of a run: what is set at every evaluation of the forces, and how steps are taken.
+    """Control of a run.
 
-    span: the smooth span of time that the run is in [s], as `begin` sets it; loop: of the scene's
-    controller, whose commands so far are in the model's scene; steady: True if the controls of the
-    keyframe hold from here on; forward: evaluates the forces; step: takes one step; steps: of a run
-    whose steps have parts, else None; stops: stops a ball that is at rest, and returns whether it
-    did, where a run can stop; planned, taken: steps of the timestep so far, and steps taken for
-    them, with those of a search for a switch.
+    Attributes
+    ----------
+    model : Model
+        Its scene has the commands of the controller so far.
+    span : (float, float), s
+        The smooth span of time that the run is in.
+    loop : Loop or None
+        The loop of the scene's controller.
+    forward : callable
+        Evaluates the forces.
+    step : callable
+        Takes one step.
+    steps : callable or None
+        Takes one step in parts. None if steps have no parts.
+    stops : callable or None
+        Stops a ball that has come to rest, and returns whether it did. None if no ball can stop.
+    planned, taken : int
+        The number of timesteps so far, and of the steps taken for them, trial steps included.
     """
 
     def __init__(self, model: Model) -> None:
-        self.model, self.steady = model, model.scene.steady
+        self.model = model
         self.loop: Loop | None = None
         if model.scene.controller is not None:
-            from robotball.robot import loop  # which few scenes need
+            from robotball.engines.mujoco.closed_loop import sensor_reader
+            from robotball.robot import loop  # few scenes need it
 
             self.loop = loop.Loop(model.scene, model.scene.controller)
-            self.model, self.steady = model.of(self.loop.scene), self.loop.holds
-            self.sensed = senses(self.model)
+            self.model = model.of(self.loop.scene)
+            self.sensed = sensor_reader(self.model)
         self.span: Sequence[float] = (0.0, 0.0)
         self.forward: Forward = mujoco_forward
         self.step: Step = mujoco_step
@@ -154,23 +193,30 @@ class Control:
         self.stops: Callable[[mujoco.MjData], bool] | None = None
 
     @property
+    def steady(self) -> bool:
+        """True if the controls that are set now hold until the next span."""
+        return self.loop.holds if self.loop else self.model.scene.steady
+
+    @property
     def is_plain(self) -> bool:
         """True if a run is nothing but MuJoCo's steps."""
         return self.steady and self.steps is None and self.loop is None
 
-    def begin(self, data: mujoco.MjData, span: Sequence[float]) -> None:
-        """Begin a smooth span of time [s] from the state of `data`, with the controls of its begin.
+    def install(self) -> None:
+        """Let MuJoCo call `set` at every evaluation of the forces, unless controls are steady."""
+        # A call of Python takes 8 µs, and steady controls are in MjData already.
+        mujoco.set_mjcb_control(None if self.steady else self.set)
 
-        A span that is repeated has the commands of the first time.
+    def begin(self, data: mujoco.MjData, span: Sequence[float]) -> None:
+        """Begin a smooth span of time [s] from the state of `data`, with the controls of its start.
+
+        A repeated span has the same commands again.
         """
         self.span = span
         if self.loop is not None:
             self.loop.reach(span[0], lambda: self.sensed(data))
-            scene = self.model.scene
-            data.ctrl[:] = controls_at(scene, self.model.hinges, span[0])
-            if self.loop.holds and not self.steady:
-                self.steady = True
-                mujoco.set_mjcb_control(None)
+            data.ctrl[:] = controls_at(self.model.scene, self.model.hinges, span[0])
+            self.install()
 
     def whole(self, data: mujoco.MjData, length: float) -> Iterator[float]:
         """Take one step in one part."""

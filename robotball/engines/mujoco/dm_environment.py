@@ -1,7 +1,6 @@
-"""The ball as an environment of dm-control, in which an agent drives it along a path.
+"""The ball as a dm_control environment, in which an agent drives it along a path.
 
-In order: the environment, its physics, which is the model of a run stepped by MuJoCo, and its task.
-dm-control is imported here alone: with all that it asks for, pip cannot install it on Python 3.13.
+Only this file imports dm-control, because pip cannot install all its dependencies on Python 3.13.
 """
 
 from pathlib import Path
@@ -10,7 +9,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from robotball.engines.engine import as_own, integrate, request_of, scene_of
+from robotball.engines.engine import as_own, request_of
+from robotball.engines.equations import integrate, scene_of
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.settings import Prescribed, Settings
@@ -37,41 +37,41 @@ def dm_environment(
     control_timestep: float = SAMPLE_INTERVAL,
     largest_action: float | Array | None = None,
 ) -> Any:
-    """Make a scene an environment of dm-control, whose task is to follow a path.
+    """Return a dm_control environment of a scene, whose task is to follow a path.
 
     An episode begins at the scene's start and ends with the path. The reward is 1 on the path and
-    falls to 0.1 at the distance of a radius. The ball moves as in `simulate`, by the same model; an
-    action is held over its step, and a motor that meets its torque limit does so inside a step.
+    0.1 at the distance of a radius. The model is that of `simulate`. An action is held over its
+    step, and MuJoCo limits the torques within a step.
 
     Parameters
     ----------
     scene : Scene, str or Path
         The scene, a name of the catalog, or the path of a TOML, MJCF or URDF file.
     path : (n, 2), m, optional
-        Where the contact point is to be at the start and after each action, in world axes. The
-        default is the scene's own path by the equations, over its duration.
+        The desired contact points at the start and after each action, in world axes. The default is
+        the path of `integrate` over the scene's duration.
     settings : Settings or str, optional
         MuJoCo's settings, or the name of a preset. The default is "balanced".
     control_timestep : float, default 0.02, s
-        How long an action is held.
+        The duration of an action.
     largest_action : float or (k,), optional
-        The largest size of each action. The default is twice that of the scene's own commands, and
-        1 for an actuator that the scene does not command.
+        The largest size of each action. The default is twice the largest command of the scene, or 1
+        for an actuator without a command.
 
     Returns
     -------
     dm_control.rl.control.Environment
         The environment. An action has a number for each actuator, in the order of the MJCF: the
-        command of its motor, in the motor's unit, or the rate [rad/s] that a hinge of a given rate
-        has at the end of the step. An observation has the sensors of the MJCF by their names, and
-        "target", which points from the contact point to the path's next point, m.
+        command of a motor, in its unit, or the rate [rad/s] of a prescribed hinge at the end of the
+        step. An observation has the sensors of the MJCF, and "target", the vector from the contact
+        point to the next point of the path, m.
 
     Raises
     ------
     InputError
-        If dm-control is not installed, if the path, the timestep or the largest action is unusable,
-        if the settings or the plane's resistance to rolling need more than MuJoCo's own steps, or
-        if `load_scene` or `integrate` raises it.
+        If dm-control is not installed, if the path, the timestep or the largest action is invalid,
+        if the settings use DOP853, if the plane resists rolling, or if `load_scene` or `integrate`
+        raises it.
 
     Examples
     --------
@@ -91,13 +91,13 @@ def dm_environment(
     if Environment is None:
         raise InputError(
             "dm_environment needs dm-control: pip install dm-env, then pip install --no-deps "
-            "'dm-control==1.0.*', as labmaze, which it asks for, has no wheel for Python 3.13"
+            "'dm-control==1.0.*' (its dependency labmaze has no wheel for Python 3.13)"
         )
     chosen = as_own(request_of("mujoco", settings).settings, Settings, LABEL)
     if chosen.adaptive or scene.friction.rolling:
         raise InputError(
-            f"{scene.name}, {chosen.name}: an environment takes MuJoCo's own steps, without DOP853 "
-            "and without resistance to rolling; take another preset, or a scene without resistance"
+            f"{scene.name}, {chosen.name}: an environment takes MuJoCo's steps, without DOP853 or "
+            "resistance to rolling: take another preset, or a scene without resistance"
         )
     if path is None:
         times = np.arange(round(scene.duration / control_timestep) + 1, dtype=float)
@@ -109,12 +109,12 @@ def dm_environment(
     option = model.compiled.opt
     _, (option.timestep,), (count,) = spans(np.array([0, control_timestep]), (), option.timestep)
     task = _FollowPath(model, path, control_timestep, largest_action)
-    limit = (len(path) - 1.5) * control_timestep  # between two steps, where rounding adds none
+    limit = (len(path) - 1.5) * control_timestep  # between two steps, so rounding adds no step
     return Environment(_Physics(model), task, limit, n_sub_steps=int(count))
 
 
 class _Physics(Physics):  # type: ignore[misc]
-    """A model stepped by MuJoCo, whose sensors are those of its state."""
+    """A model whose sensors show its current state."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -125,20 +125,20 @@ class _Physics(Physics):  # type: ignore[misc]
         self.data = self.model.start_data()
 
     def after_reset(self) -> None:
-        # After a step the sensors are those of the state before it. The solver's first guess is put
-        # back, so that the next step is that of a run.
+        # After a step the sensors show the state before it. The solver's guess is restored, so that
+        # the next step equals that of a run.
         guess = self.data.qacc_warmstart.copy()
         mujoco.mj_forward(self.model.compiled, self.data)
         self.data.qacc_warmstart[:] = guess
 
     def step(self, n_sub_steps: int = 1) -> None:
         mujoco.mj_step(self.model.compiled, self.data, n_sub_steps)
-        # Of a control that is not finite or is larger, MuJoCo would make 0, with a warning.
+        # MuJoCo replaces a larger control by 0, with a warning.
         state = np.concatenate([self.data.qpos, self.data.qvel, self.data.ctrl])
         if not np.abs(state).max() < DIVERGED:
             raise PhysicsError(
-                f"at {self.time():g} s a coordinate, a rate or a control is over {DIVERGED:g} or "
-                "no number; take smaller actions"
+                f"at {self.time():g} s a coordinate, rate or control is NaN or exceeds "
+                f"{DIVERGED:g}: take smaller actions"
             )
         self.after_reset()
 
@@ -150,7 +150,7 @@ class _Physics(Physics):  # type: ignore[misc]
 
 
 class _FollowPath(Task):  # type: ignore[misc]
-    """Follow a path (n, 2), whose next point is to be reached by each action."""
+    """Follow a path (n, 2), one point per action."""
 
     def __init__(
         self, model: Model, path: Array, interval: float, largest: float | Array | None
@@ -158,7 +158,7 @@ class _FollowPath(Task):  # type: ignore[misc]
         hinges = [hinge for hinge in model.hinges if hinge.actuated]
         self.commands = [hinge.command for hinge in hinges] + list(model.scene.controls)
         if largest is None:
-            sizes = [np.abs(each.rate(model.scene.times)).max() for each in self.commands]
+            sizes = [np.abs(command.rate(model.scene.times)).max() for command in self.commands]
             largest = np.array([2.0 * size or 1.0 for size in sizes])
         if np.ndim(largest) and np.shape(largest) != (len(self.commands),):
             raise InputError(f"largest_action must be one number, or {len(self.commands)}")
@@ -171,11 +171,11 @@ class _FollowPath(Task):  # type: ignore[misc]
         return BoundedArray((len(self.largest),), float, -self.largest, self.largest, "command")
 
     def initialize_episode(self, physics: _Physics) -> None:
-        self.before = np.array([each.rate(0.0) for each in self.commands])
+        self.before = np.array([command.rate(0.0) for command in self.commands])
 
     def before_step(self, action: Array, physics: _Physics) -> None:
-        # The control of a prescribed rate is its slope. That of the actions, unlike one to the rate
-        # as it is, is nothing where an action is repeated, as in a run.
+        # The control of a prescribed rate is its acceleration. Computed from two actions it is
+        # exactly zero for a repeated action, as in a run.
         action = np.array(action, dtype=float)
         slope = (action - self.before) / self.interval
         physics.data.ctrl[:] = np.where(self.prescribed, slope, action)
@@ -183,9 +183,9 @@ class _FollowPath(Task):  # type: ignore[misc]
 
     def get_observation(self, physics: _Physics) -> dict[str, Array]:
         columns, sensors = self.model.sensor_columns, physics.data.sensordata
-        read = {name: sensors[which].copy() for name, which in columns.items()}
+        observation = {name: sensors[column].copy() for name, column in columns.items()}
         following = min(round(physics.time() / self.interval) + 1, len(self.path) - 1)
-        return read | {"target": self.path[following] - read["centre"][:2]}
+        return observation | {"target": self.path[following] - observation["centre"][:2]}
 
     def get_reward(self, physics: _Physics) -> float:
         reached = self.path[round(physics.time() / self.interval)]

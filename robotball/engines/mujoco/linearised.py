@@ -1,8 +1,7 @@
-"""A planned run linearised about its start, for numbers of `limits` that no formula gives.
+"""Numbers for the laws of `limits` that no formula gives, from trials at the start.
 
-They are the loads and eigenvalues of MuJoCo's own model, the rate at which the motors settle with
-the ball rolling under them, and, where rotations about the start say too little, the momentum that
-RK4 loses in a short run.
+They are the loads and eigenvalues of MuJoCo's model, the rate at which the motors settle while the
+ball rolls, and the momentum that RK4 loses in a short run.
 """
 
 from dataclasses import replace
@@ -21,18 +20,19 @@ from robotball.robot.loads import Loads
 from robotball.robot.scene import Friction, MovedHinge, Scene
 from robotball.rotations import Array
 
-# The central differences' half step, a velocity [m/s or rad/s] or an angle [rad]: rounding over it
-# and its own square are both far below the digits that a prediction needs.
+# Half step of central differences, a velocity [m/s or rad/s] or an angle [rad]. Both its square and
+# rounding divided by it are far below the digits of a prediction.
 _PUSH = 1e-6
+_MOST_STEPS = 500  # of the short run; the loss of a longer run is extrapolated in proportion
+_ANGLES = 8  # angles of the pendulums at which the motors' rates are evaluated, 45° apart
 
 
 def linearised_start(scene: Scene, settings: Settings) -> tuple[Loads, Array]:
-    """Return the loads of a model's start, and its eigenvalues about it.
+    """Return the loads of a model at the start, and its eigenvalues (2 nv - 3,) there [1/s].
 
-    The eigenvalues (2 nv - 3,) are complex [1/s]: a small deviation grows or dies out with the real
-    part, and turns with the imaginary one.
+    A small deviation grows or decays with the real part and oscillates with the imaginary part.
     """
-    # Unlimited friction, so that the loads show how much of it the motion needs.
+    # With unlimited friction the loads show how much friction the motion needs.
     upright = recipe("look", settings.error_tolerance, timestep=settings.timestep)
     model = build(replace(scene, friction=Friction()), replace(upright, drive=settings.drive))
     compiled, data = model.compiled, model.start_data()
@@ -41,7 +41,7 @@ def linearised_start(scene: Scene, settings: Settings) -> tuple[Loads, Array]:
         loads = readings_of(model, read_row(data)[None]).loads
         qpos, qvel, nv = data.qpos.copy(), data.qvel.copy(), compiled.nv
         columns = []
-        # The place on the plane changes nothing, and the height is the contact's.
+        # The position on the plane has no effect, and the contact determines the height.
         for of_angle, i in [(True, i) for i in range(3, nv)] + [(False, i) for i in range(nv)]:
             sides = []
             for push in (_PUSH, -_PUSH):
@@ -55,51 +55,47 @@ def linearised_start(scene: Scene, settings: Settings) -> tuple[Loads, Array]:
             columns.append((sides[0] - sides[1]) / (2 * _PUSH))
     if not np.isfinite(columns).all():
         raise InputError(
-            f"{scene.name}: at the start MuJoCo has no finite accelerations; bring "
-            "the bodies' places and masses nearer to those of the ball"
+            f"{scene.name}: MuJoCo's accelerations are not finite at the start: bring the "
+            "positions and masses of the bodies nearer to the ball's radius and mass"
         )
     turning = np.zeros((nv - 3, 2 * nv - 3))
     turning[:, nv:] = np.eye(nv - 3)
-    # A deviation of attitude is measured in axes that turn with the shell.
+    # The deviation of the attitude is in axes that turn with the shell.
     turning[:3, :3] = -np.cross(qvel[3:6], np.eye(3)).T  # -ω×
     return loads, np.linalg.eigvals(np.vstack([turning, np.array(columns).T]))
-
-
-_ANGLES = 8  # angles of the pendulums at which the motors' rates are evaluated, 45° apart
 
 
 def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
     """Return the largest |λ| [1/s] of the hinges' motors about the start, with the ball rolling.
 
-    H du/dt = -C u - K φ for the turning u of the shell and of the hinges that have a motor, where
-    C holds its damping or gain and K its stiffness, and those of the actuators; H is the part of
-    the robot's mass matrix that is left once the shell rolls, and once the other hinges keep their
-    rates. Where there are pendulums, the largest over eight angles that they pass. At least one
-    hinge has such a motor.
+    H du/dt = -C u - K φ for the rates u of the shell and of the hinges with such a motor. C has the
+    dampings or gains of motors and actuators, K their stiffnesses, and H is the robot's mass matrix
+    reduced to a rolling shell and constant rates of the other hinges. With pendulums it is the
+    largest over eight angles. At least one hinge has such a motor.
     """
-    own = [each for each in hinges if each.settles]
+    moved = [hinge for hinge in hinges if hinge.settles]
     gamma = scene.start.to_world[2]
-    # Rubber does not spin about the vertical, so the shell turns in the plane across γ alone.
+    # A rubber shell does not spin about the vertical, so it turns about axes across γ only.
     turns = np.linalg.svd(gamma[None])[2][1:] if scene.rolling == "rubber" else np.eye(3)
-    angles = np.stack([_angles(scene, each) for each in scene.hinges], axis=1)
+    angles = np.stack([_angles(scene, hinge) for hinge in scene.hinges], axis=1)
     still, upright = np.zeros_like(angles), np.tile(gamma, (_ANGLES, 1))
     stands = scene.robot.states(upright, angles, np.zeros_like(upright), still)
-    rows = [0, 1, 2, *(3 + each.index for each in own)]
-    free, n = len(turns), len(own)
+    rows = [0, 1, 2, *(3 + hinge.index for hinge in moved)]
+    free, n = len(turns), len(moved)
     onto = np.zeros((free + n, 3 + n))
     onto[:free, :3], onto[free:, 3:] = turns, np.eye(n)
-    laws = [each.law for each in own if each.law]
+    laws = [hinge.law for hinge in moved if hinge.law]
     stiffness, damping = map(np.diag, np.array([(law.per_angle, law.per_rate) for law in laws]).T)
     for actuator in scene.actuators:
         gears = dict(actuator.gears)
-        ratios = np.array([gears.get(each.name, 0.0) for each in own])
+        ratios = np.array([gears.get(hinge.name, 0.0) for hinge in moved])
         stiffness = stiffness + actuator.law.per_angle * np.outer(ratios, ratios)
         damping = damping + actuator.law.per_rate * np.outer(ratios, ratios)
     worst = 0.0
     for matrix in stands.matrix.transpose(2, 0, 1):
         H = onto @ matrix[np.ix_(rows, rows)] @ onto.T
         back = np.linalg.solve(H, np.eye(free + n)[:, free:])
-        # Of first order in (φ, u): springs act by the hinges' angles, dampers by their rates.
+        # First order in (φ, u): springs act on the angles of hinges, dampers on their rates.
         system = np.zeros((2 * n + free, 2 * n + free))
         system[:n, n + free :] = np.eye(n)
         system[n:, :n], system[n:, n + free :] = -back @ stiffness, -back @ damping
@@ -108,7 +104,7 @@ def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
 
 
 def _angles(scene: Scene, hinge: MovedHinge) -> Array:
-    """Return the hinge's angles (_ANGLES,) [rad]: as it is commanded, or else a whole turn."""
+    """Return angles (_ANGLES,) [rad] that the hinge passes: as commanded, else a whole turn."""
     if isinstance(dict(scene.ball.named_bodies)[hinge.name], Frame | Rotor):
         return np.full(_ANGLES, hinge.angle)
     times = np.linspace(0.0, scene.duration, _ANGLES - 1)
@@ -125,19 +121,16 @@ def _angles(scene: Scene, hinge: MovedHinge) -> Array:
     return hinge.angle + np.linspace(0.0, 2 * np.pi, _ANGLES, endpoint=False)
 
 
-_MOST_STEPS = 500  # of the short run; the loss of a longer run is extrapolated in proportion
-
-
 def momentum_loss(scene: Scene, timestep: float, duration: float) -> float:
-    """Estimate how much momentum RK4 loses over a duration [s], relative to the scene's scale.
+    """Estimate the relative loss of momentum with RK4 over a duration [s]; infinite if it diverges.
 
-    By steps of the recipe's model, which takes some 60 ms. Infinite where they diverge.
+    The estimate is from a short run of the recipe's model, which takes some 60 ms.
     """
     count = duration / timestep
     steps = float(min(np.ceil(count), _MOST_STEPS))
     model = build(replace(scene, friction=Friction()), recipe("look", 1.0, timestep=timestep))
     with controlled(model) as control, np.errstate(all="ignore"):
         portions = by_steps(control, model.start_data(), np.array([0.0, steps * timestep]))
-        M = np.concatenate([readings_of(model, each.rows).momentum for each in portions])
+        M = np.concatenate([readings_of(model, portion.rows).momentum for portion in portions])
         lost = float(np.linalg.norm(M - M[0], axis=1).max()) / scene.momentum_scale
     return lost * max(1.0, count / steps) if lost < np.inf else np.inf

@@ -1,8 +1,8 @@
-"""A model as files for others: its MJCF, dressed to be looked at, with a player where it needs one.
+"""Export a model: its MJCF with a visual appearance, and a player for changing controls.
 
-A run computes its controls at every evaluation of the forces. Without robotball they are held over
-each step at the step's mean, so that the hinges are at their rates at its end. The motion's error
-is then of second order, and the step is halved until it is small.
+A run computes its controls at every evaluation of the forces. The player holds their mean over each
+step, so the hinges have the right rates at its end. The error is then of second order, and the step
+is halved until the error is small.
 """
 
 from collections.abc import Mapping
@@ -28,11 +28,11 @@ from robotball.theory.plane import check_still
 from robotball.user_model.mended_file import in_comment
 
 _AGREES = 1e-6  # of the path: the largest error of held controls
-_HALVINGS = 5  # of the step at most, to 32 times as many rows of controls
+_HALVINGS = 5  # the largest number of halvings, for 32 times as many rows of controls
 _GAUSS, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # for the mean of a command over a step
 _SAMPLES = 200  # of the path of a play
-_WRAP, _COMMENT_LINE = 95, "\n     "  # of a comment: its lines' characters, and what parts them
-# The picture's lengths in radii of the ball, so that any ball fills it alike.
+_WRAP, _COMMENT_LINE = 95, "\n     "  # the width of a comment, and its line break
+# Lengths of the picture in radii of the ball, so that every ball fills it.
 _CAMERA, _EXTENT, _SUN, _TILE = "0 -5 2", 4.0, 12.0, 0.5
 
 _MODEL, _PLAYER, _CONTROLS = "mujoco.xml", "mujoco-play.py", "mujoco-controls.csv"
@@ -56,16 +56,16 @@ _SOFTNESS = (
 
 @dataclass(frozen=True)
 class Written:
-    """The MJCF of a scene, and the script that plays it if its controls change.
+    """The MJCF of a scene, and a script that plays it if its controls change.
 
     Attributes
     ----------
     xml : str
         The MJCF.
     needs : str, optional
-        Why the MJCF needs the player, in one line.
+        Why the MJCF needs the player, in one line. None if it does not.
     files : mapping of str to str
-        The text of each file by its name: the MJCF, and the player with its controls.
+        The text of each file by name: the MJCF, and the player with its controls.
     """
 
     xml: str
@@ -74,7 +74,7 @@ class Written:
 
 
 def write_model(scene: Scene, settings: Settings) -> Written:
-    """Return the model of a run, with shapes, lights and a camera for a viewer."""
+    """Return the model of a run with shapes, lights and a camera for a viewer."""
     scene.check_open("MJCF")
     check_still(scene, "MJCF")
     model = build(scene, settings)
@@ -83,16 +83,16 @@ def write_model(scene: Scene, settings: Settings) -> Written:
     if not scene.steady:
         step, off = _step_for(scene, settings)
         model = build(scene, replace(settings, timestep=step))
-    # MJCF has no word for the softness, nor for controls that change: a player sets both.
+    # MJCF cannot express the softness or changing controls: the player sets both.
     if not scene.steady or softness != 1:
         needs = _needs(model, off)
     wrapped = [part for line in _words(model, needs) for part in wrap(in_comment(line), _WRAP)]
     xml = f"<!-- {_COMMENT_LINE.join(wrapped)} -->\n{dress(model).xml}"
     if needs is None:
         return Written(xml, None, {_MODEL: xml})
-    rows = _held(model)
+    rows = _mean_controls(model)
     actuated = [hinge.name for hinge in model.hinges if hinge.actuated]
-    header = ["time", *actuated, *(each.name for each in scene.actuators)]
+    header = ["time", *actuated, *(actuator.name for actuator in scene.actuators)]
     times = np.arange(len(rows)) * model.compiled.opt.timestep
     lines = [",".join(map(repr, row)) for row in np.column_stack([times, rows]).tolist()]
     script = _SCRIPT.format(softness="" if softness == 1 else _SOFTNESS.format(softness=softness))
@@ -101,16 +101,16 @@ def write_model(scene: Scene, settings: Settings) -> Written:
 
 
 def _needs(model: Model, off: float | None) -> str:
-    """Say why the model needs its player; off: the path error of held controls, if they change."""
+    """Return why the model needs its player; off: the path error of held controls, if any."""
     why = []
     if off is not None:
         why.append(
-            "its controls change in time, and the keyframe has those of the start alone (held over "
-            f"each step, the path is off by about {off:.0e} of its length)"
+            "its controls change in time, and the keyframe has only the controls of the start "
+            f"(held over each step, they cause a path error of about {off:.0e})"
         )
     if model.settings.softness != 1:
-        why.append("its contact is harder than MJCF can say")
-    return f"it needs {_PLAYER} to move as it should: {' and '.join(why)}"
+        why.append("its contact is harder than MJCF can express")
+    return f"it needs {_PLAYER} to move correctly: {' and '.join(why)}"
 
 
 def _words(model: Model, needs: str | None) -> list[str]:
@@ -120,45 +120,43 @@ def _words(model: Model, needs: str | None) -> list[str]:
     lines = [
         f"{scene.name}, preset {settings.name}. robotball {version('robotball')}, "
         f"{LABEL.name} {LABEL.version}. SI units.",
-        f'Start: the keyframe "{START}". Reset to it; without it the ball stands at the origin, at '
-        "rest.",
-        f"Integrator: {integrator} at {option.timestep:g} s, as it is set here. "
+        f'Start: the keyframe "{START}". Reset to it; otherwise the ball is at rest at the origin.',
+        f"Integrator: {integrator} at {option.timestep:g} s. "
         "Integrators of first order lose or gain M.",
     ]
     if any(isinstance(hinge.actuation, Prescribed) for hinge in model.hinges):
         lines += [
-            "Armature: so huge that no load changes a hinge's rate. It acts on the hinge alone; "
-            "the ball has no momentum of it.",
+            "Armature: so large that no load changes a hinge's rate. It acts on the hinge alone "
+            "and adds no momentum to the ball.",
             "Motors: their gear is the armature, so a control is an acceleration [rad/s²].",
         ]
     if scene.friction.rolling:
         lines.append(
-            "Not in it: the resistance to rolling, which a run of robotball adds as a torque of "
+            "Not included: the resistance to rolling, which robotball adds as a torque of "
             f"{scene.friction.rolling:g} m times the normal force on the shell, against its "
             "horizontal angular velocity."
         )
     if settings.start_in_equilibrium:
-        lines.append("Margin: the depth at which the contact carries the ball at its own radius.")
+        lines.append("Margin: the depth at which the contact carries the ball at its radius.")
     lines.append(
-        "MJX has no PGS and no noslip, and so refuses a model with them; with Newton and noslip "
-        "taken out, it computes in 32 bits, which is seven digits, unless it is set to 64."
+        "MJX refuses PGS and noslip. With Newton and without noslip it computes in 32 bits, which "
+        "are seven digits, unless it is set to 64."
     )
     return lines if needs is None else [*lines, f"Player: {needs}."]
 
 
 def _step_for(scene: Scene, settings: Settings) -> tuple[float, float]:
-    """Return the step [s] at which held controls are good enough, and its expected path error.
+    """Return the step [s] for which held controls are accurate, and its expected path error.
 
-    The settings' own step is returned where none is, as for settings that are wrong for other
-    reasons.
+    If no step is, for example because the settings are inaccurate, return the step of the settings.
     """
     first = build(scene, settings).compiled.opt.timestep
     before, worst = _played(scene, settings, first, 1), 0.0
-    # A ball that hardly moves has no path to measure an error by.
+    # At least the radius, for a ball that hardly moves.
     scale = max(float(np.linalg.norm(np.diff(before, axis=0), axis=1).sum()), scene.ball.radius)
     for parts in (2**i for i in range(1, _HALVINGS + 1)):
         path = _played(scene, settings, first / parts, parts)
-        # Of second order: halving leaves a quarter of the error, a third of the difference.
+        # Second order: half the step has a quarter of the error, a third of the difference.
         off = float(np.linalg.norm(path - before, axis=1).max()) / scale / 3
         if off < _AGREES / 3:
             return first / parts, off
@@ -169,11 +167,10 @@ def _step_for(scene: Scene, settings: Settings) -> tuple[float, float]:
 def _played(scene: Scene, settings: Settings, step: float, parts: int) -> Array:
     """Return the contact points (_SAMPLES, 2) of a run with held controls [m].
 
-    parts: the number of its steps in one of the run that it is compared with, so that both are
-    sampled at the same times.
+    parts: the number of its steps per step of the run that it is compared with.
     """
     model = build(scene, replace(settings, timestep=step))
-    data, rows = model.start_data(), _held(model)
+    data, rows = model.start_data(), _mean_controls(model)
     kept = set((parts * np.linspace(0, len(rows) // parts, _SAMPLES).astype(int)).tolist())
     points = [data.qpos[:2].copy()]
     for i, row in enumerate(rows, start=1):
@@ -184,12 +181,12 @@ def _played(scene: Scene, settings: Settings, step: float, parts: int) -> Array:
     return np.array(points)
 
 
-def _held(model: Model) -> Array:
+def _mean_controls(model: Model) -> Array:
     """Return the mean controls of each step (steps, actuators) over the scene's duration."""
     step = model.compiled.opt.timestep
     edges = np.arange(round(model.scene.duration / step) + 1) * step
     columns = [
-        # The control is an acceleration, whose mean is exact by the rates at the edges.
+        # The control is an acceleration, and the rates at the edges give its exact mean.
         np.diff(hinge.command.rate(edges)) / np.diff(edges)
         if isinstance(hinge.actuation, Prescribed)
         else _mean(hinge.command, edges)
@@ -209,10 +206,7 @@ def _mean(drive: Drive, edges: Array) -> Array:
 
 
 def dress(model: Model) -> Model:
-    """Return the model with all that a picture needs: shapes, materials, lights and a camera.
-
-    Nothing is added that a step depends on, so it moves as the bare one does.
-    """
+    """Return the model with shapes, materials, lights and a camera. Its motion is the same."""
     ball = model.scene.ball
     root, unit = ElementTree.fromstring(model.xml), ball.radius
     floor = ElementTree.parse(PARTS / "floor.xml").getroot()
@@ -223,13 +217,13 @@ def dress(model: Model) -> Model:
     looks, stands = looks_of(ball), _stands(model.compiled)
     add_materials(assets, looks)
     for body in worldbody.iter("body"):
-        shapes = [each for each in looks[body.attrib["name"]] if each.material != BLUR]
-        if (sphere := body.find("geom")) is not None:  # the shell's, which the model has
+        shapes = [shape for shape in looks[body.attrib["name"]] if shape.material != BLUR]
+        if (sphere := body.find("geom")) is not None:  # the model has the shell's sphere
             sphere.set("material", "shell")
-            shapes = [each for each in shapes if each.material != "shell"]
+            shapes = [shape for shape in shapes if shape.material != "shell"]
         origin, turn = stands[body.attrib["name"]]
         shift = -rotation_matrix(turn) @ origin / unit
-        add_geoms(assets, body, [each.moved(turn, shift) for each in shapes], unit)
+        add_geoms(assets, body, [shape.moved(turn, shift) for shape in shapes], unit)
     ball_body, sun = _child(worldbody, "body"), _child(_child(floor, "worldbody"), "light")
     place = " ".join(f"{float(part) * unit:g}" for part in _CAMERA.split())
     SubElement(ball_body, "camera", name="track", mode="trackcom", pos=place, xyaxes="1 0 0 0 2 5")
@@ -243,13 +237,13 @@ def dress(model: Model) -> Model:
 
 
 def _child(element: Element, tag: str) -> Element:
-    found = element.find(tag)
-    assert found is not None
-    return found
+    child = element.find(tag)
+    assert child is not None
+    return child
 
 
 def _stands(model: mujoco.MjModel) -> dict[str, tuple[Array, Array]]:
-    """Return each body's place from the sphere's centre [m], and the quaternion into its axes.
+    """Return each body's position from the sphere's centre [m] and the quaternion into its axes.
 
     All hinges are at 0.
     """

@@ -1,7 +1,7 @@
-"""MJX and MuJoCo Warp as engines: MuJoCo's models stepped by JAX, or by Warp, on the processor.
+"""MJX and MuJoCo Warp as engines, which step MuJoCo's models with JAX or Warp.
 
-JAX steps in double precision, Warp in single. Neither reads sensors: the shell's state is taken
-from MuJoCo's coordinates.
+JAX steps in double precision, Warp in single. The shell's state is read from MuJoCo's coordinates,
+without sensors.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -22,15 +22,12 @@ from robotball.robot.motors import Servo
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, rotation_matrix
 
-_PASSES = 50  # of the loop at most in one call, whose controls are an array of fixed size
+_PASSES = 50  # the largest number of steps per call, whose controls have a fixed size
 
 
 @dataclass(frozen=True, kw_only=True)
 class _ModelSettings(adapter.StepSettings):
-    """Settings of a run of MuJoCo's model: MuJoCo's own, for the model and its options.
-
-    device: "cpu" or "cuda", where the balls are stepped.
-    """
+    """Settings of a run; `model` has those of MuJoCo, `device` is "cpu" or "cuda"."""
 
     model: Settings
     device: str = "cpu"
@@ -38,16 +35,13 @@ class _ModelSettings(adapter.StepSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class _MjxSettings(_ModelSettings):
-    """Settings of an MJX run.
-
-    line_search: the iterations of its line search at most; None leaves MuJoCo's.
-    """
+    """Settings of an MJX run; `line_search` is its largest number of iterations, or None."""
 
     line_search: int | None = None
 
 
 class _MjxWorld(adapter.World):
-    """Worlds abreast, one unless scenes are given; steps are the passes of a compiled loop."""
+    """One ball, or one for each of scenes, stepped in a compiled loop."""
 
     def __init__(
         self, scene: Scene, settings: _MjxSettings, step: float, scenes: Sequence[Scene] = ()
@@ -60,7 +54,7 @@ class _MjxWorld(adapter.World):
         self.built = build(scene, replace(settings.model, timestep=step))
         start, model = self.built.start_data(), self.built.compiled
         self.friction = model.pair_friction[0, 0]
-        # Nothing reads the sensors, and every stage of RK4 would be compiled with them.
+        # The sensors are not read, and would be compiled into every stage of RK4.
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
         if settings.line_search is not None:
             model.opt.ls_iterations = settings.line_search
@@ -72,7 +66,7 @@ class _MjxWorld(adapter.World):
             n, (qpos, qvel) = len(scenes), _coordinates(self.built, scenes)
             many = jax.tree.map(lambda x: jax.numpy.broadcast_to(x, (n, *x.shape)), self.data)
             self.data = jax.device_put(many.replace(qpos=qpos, qvel=qvel), device)
-        for _ in range(2):  # compiles; the data of the second have the types that a step gives
+        for _ in range(2):  # compiles for both the initial types and those after a step
             self._take(0.0, step, 0)
 
     def march(self, times: Array, timestep: float) -> Iterator[Callable[[], State]]:
@@ -81,12 +75,12 @@ class _MjxWorld(adapter.World):
                 self._take(begin + done * length, length, min(_PASSES, count - done))
                 self.calls += 1
             if sample is not None:
-                self.data.qpos.block_until_ready()  # or its work would count as our reading
+                self.data.qpos.block_until_ready()  # so that its work does not count as reading
                 yield self._state
 
     def _take(self, begin: float, step: float, count: int) -> None:
         """Take `count` steps from `begin` [s], with the controls at the middle of each."""
-        # Held over a step, the middle's control keeps order 2, which is all that MJX's RK4 has.
+        # A control held over a step at its middle value has order 2, which MJX's RK4 has too.
         middles = (begin + (np.arange(_PASSES) + 0.5) * step).tolist()
         controls = np.array([controls_at(self.scene, self.built.hinges, t) for t in middles])
         self.data = self.advance(self.model, self.data, controls, step, count)
@@ -95,17 +89,17 @@ class _MjxWorld(adapter.World):
         return shell_state(self.built, np.asarray(self.data.qpos), np.asarray(self.data.qvel))
 
     def force(self) -> Array:
-        # On the free shell nothing else acts by a constraint. mj_contactForce would need MJX's copy
-        # of the contact, which has no adhesion (docs/findings/mjx_contact_force.py).
+        # The contact is the only constraint on the free shell. mj_contactForce needs MJX's copy of
+        # the contact, which has no adhesion (docs/findings/mjx_contact_force.py).
         return np.asarray(self.data.qfrc_constraint, dtype=float)[:3]
 
     def python_seconds(self) -> float:
-        """Return the processor time [s] of the calls themselves, measured on empty ones."""
+        """Return the processor time [s] of the calls, measured on empty ones."""
         return adapter.seconds_per_call(lambda: self._take(0.0, self.longest, 0)) * self.calls
 
 
 def shell_state(model: Model, qpos: Array, qvel: Array) -> State:
-    """Return the state of MuJoCo's coordinates (…, nq) and (…, nv), with the shell as the root."""
+    """Return the state for MuJoCo's coordinates (…, nq) and (…, nv), with the shell as root."""
     places = [hinge.index for hinge in model.hinges]
     angles, rates = np.zeros((2, *qpos.shape[:-1], len(model.scene.drives)))
     angles[..., places], rates[..., places] = qpos[..., 7:], qvel[..., 6:]
@@ -126,12 +120,12 @@ def _coordinates(model: Model, scenes: Sequence[Scene]) -> tuple[Array, Array]:
 
 @cache
 def _advance(many: bool) -> Callable[..., Any]:
-    """Return the compiled loop: model, data, controls (_PASSES, nu), step [s], count → data."""
+    """Return the compiled loop, which takes model, data, controls, step [s] and count."""
     import jax
 
     from robotball.theory.compiled import cache_folder
 
-    # The loop takes 20 s to compile, and each run of a comparison has a process of its own.
+    # Compiling takes 20 s, and each run of a comparison is in another process.
     folder = cache_folder()
     for name, value in {
         "enable_x64": True, "compilation_cache_dir": folder and str(folder / "jax"),
@@ -155,8 +149,8 @@ def _advance(many: bool) -> Callable[..., Any]:
     return jax.jit(advance)
 
 
-# MJX has no noslip. A harder contact needs none; one that is too hard gives NaN, as a softness of
-# 1e-6 does and 1e-2 does not (docs/findings/mjx_nan.py).
+# MJX has no noslip. A harder contact does not need it, but a contact that is too hard gives NaN:
+# with a softness of 1e-6, not with 1e-2 (docs/findings/mjx_nan.py).
 _HARD = replace(
     PRESETS["balanced"], **CONSTANT | {"solver": "Newton", "softness": 1e-2},
     noslip_iterations=None, noslip_tolerance=None, ls_tolerance=None,
@@ -171,7 +165,7 @@ MJX = adapter.Adapter(
     label=Label(
         "MJX", f"{adapter.version_of('mujoco-mjx')} on {LABEL.name} {LABEL.version}", "#DDAA33", "<"
     ),
-    packages=("mujoco.mjx", "jax"),  # MJX is a part of MuJoCo's package, and needs JAX
+    packages=("mujoco.mjx", "jax"),
     extra="mjx",
     presets=adapter.by_name(
         _MjxSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE), _BEST
@@ -181,7 +175,7 @@ MJX = adapter.Adapter(
 
 
 class _WarpWorld(adapter.SteppedWorld):
-    """Worlds abreast, one unless scenes are given, on one of Warp's devices."""
+    """One ball, or one for each of scenes, on a device of Warp."""
 
     def __init__(
         self, scene: Scene, settings: _ModelSettings, step: float, scenes: Sequence[Scene] = ()
@@ -195,14 +189,14 @@ class _WarpWorld(adapter.SteppedWorld):
         self.warp, self.engine = warp, mujoco_warp
         self.built = build(scene, replace(settings.model, timestep=step))
         start, self.friction = self.built.start_data(), self.built.compiled.pair_friction[0, 0]
-        # Warp has no such flag, and resets nothing.
+        # Warp lacks this flag, and does not reset states.
         self.built.compiled.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         self.device = adapter.on_device(self, settings.device, warp.is_cuda_available())
         self.n = len(scenes) or 1
         with warp.ScopedDevice(self.device):
             self.model = mujoco_warp.put_model(self.built.compiled)
             self.data = mujoco_warp.put_data(self.built.compiled, start, self.n)
-            mujoco_warp.step(self.model, self.data)  # compiles; not of the run
+            mujoco_warp.step(self.model, self.data)  # compiles
             self.data = mujoco_warp.put_data(self.built.compiled, start, self.n)
             if scenes:
                 qpos, qvel = _coordinates(self.built, scenes)
@@ -214,7 +208,7 @@ class _WarpWorld(adapter.SteppedWorld):
         self.data.ctrl.assign(np.array([controls] * self.n, dtype=np.float32))
 
     def _control(self, hinge: ModelHinge, t: float) -> float:
-        """Return a hinge's control; a servo's also turns its own armature, or it would lag."""
+        """Return a hinge's control, which for a servo compensates the lag of its armature."""
         servo = hinge.actuation
         if not isinstance(servo, Servo):
             return hinge.control(t)
@@ -228,8 +222,8 @@ class _WarpWorld(adapter.SteppedWorld):
         self.warp.synchronize_device(self.device)
 
     def state(self) -> State:
-        qpos, qvel = (each.numpy().astype(float) for each in (self.data.qpos, self.data.qvel))
-        return shell_state(self.built, qpos, qvel)
+        qpos, qvel = self.data.qpos.numpy(), self.data.qvel.numpy()
+        return shell_state(self.built, qpos.astype(float), qvel.astype(float))
 
     def force(self) -> Array:
         data = mujoco.MjData(self.built.compiled)
@@ -237,9 +231,9 @@ class _WarpWorld(adapter.SteppedWorld):
         return force_in(self.built.compiled, data)
 
 
-# Single precision has no room for the recipe's impedance and armature: they break it. What armature
-# it bears gives way to the load, 1e4 kg m² by 3e-4 of the rates. A servo takes that back, at 33 /s:
-# commands stand still for a step, and a faster servo would follow the stairs.
+# The recipe's impedance and armature fail in single precision. With the largest armature that
+# works, 1e4 kg m², loads change the rates by 3e-4. A servo of 33 1/s corrects this; a faster one
+# would follow the steps of the held commands.
 _SINGLE = replace(
     PRESETS["balanced"], solver="Newton", solimp=(0.99, 0.99, 0.001, 0.5, 1.0),
     drive=Servo(gain=1e6, armature=3e4), warmstart=None, island=None,

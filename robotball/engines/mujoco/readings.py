@@ -1,7 +1,7 @@
-"""Readings of a model's sensors, rows of numbers, and the faults that MuJoCo alone can show.
+"""Readings from the sensors of a model, and the faults that only MuJoCo can have.
 
-All is computed for many rows at once, and by columns: at this size NumPy's own norm and cross
-product of rows take several times as long.
+All is computed for many rows at once and by columns: at this size NumPy's norm and cross product of
+rows take several times as long.
 """
 
 import mujoco
@@ -15,7 +15,7 @@ from robotball.robot.loads import Loads
 from robotball.robot.motors import Free
 from robotball.rotations import Array, Mask, rotation_matrix
 
-# Sensors of coordinates and velocities, whose size shows whether a state has diverged.
+# Sensors of coordinates and velocities, which show whether a state has diverged.
 _STATE_SENSORS = [
     mujoco.mjtSensor.mjSENS_FRAMEPOS,
     mujoco.mjtSensor.mjSENS_FRAMEQUAT,
@@ -25,31 +25,38 @@ _STATE_SENSORS = [
     mujoco.mjtSensor.mjSENS_JOINTVEL,
 ]
 _UP = np.array([0.0, 0.0, 1.0])
-_SATURATED = 1 - 1e-6  # of the friction cone; solutions on its surface end this near
-_LIFTING = 1e-2  # of the weight; a ball that presses less on the plane is about to lift off
+_SATURATED = 1 - 1e-6  # of the friction cone; the tolerance of solutions on its surface
+_LIFTING = 1e-2  # of the weight; a ball with a smaller normal force is about to lift off
+_AT_LIMIT = 1 - 1e-9  # of a servo's torque limit; the tolerance of rounding
+# The state itself shows a bad state (BADQPOS, …).
+_WARNINGS = {
+    int(warning): warning.name.removeprefix("mjWARN_")
+    for warning in mujoco.mjtWarning.__members__.values()
+    if warning != mujoco.mjtWarning.mjNWARNING and "BADQ" not in warning.name
+}
 
 
 def readings_of(model: Model, rows: Array) -> Readings:
-    """Return the readings of rows (m, nsensordata + 7), one a state of the model.
+    """Return the readings of rows (m, nsensordata + 7), one per state.
 
-    A row is MjData's sensordata followed by its warning counters.
+    A row is the sensordata followed by the warning counters.
     """
     scene, columns = model.scene, model.sensor_columns
     contact, sound = rows[:, columns["contact"]], _sound(model, rows)
     attitude = attitudes(rows[:, columns["attitude"]], sound)
     to_world = rotation_matrix(attitude)
     angles, rates, torques = _of_hinges(model, rows)
-    # A diverged state's numbers have no squares.
+    # Squares of a diverged state overflow.
     with np.errstate(all="ignore"):
         used = _friction_used(model, contact)
-        # A ball that is about to lift off has no cone left, so its contact is what is lost.
+        # A ball that is about to lift off saturates its vanishing cone: the fault is the contact.
         weight = scene.ball.mass * scene.gravity if scene.load_varies else 0.0
         lifting = (used > _SATURATED) & (contact[:, 1] < _LIFTING * weight)
         return Readings(
             time=rows[:, columns["time"]][:, 0],
             centre=rows[:, columns["centre"]],
             attitude=attitude,
-            # The sensor's axes are the world's.
+            # The sensor has world axes.
             angular_velocity=np.einsum(
                 "nji,nj->ni", to_world, rows[:, columns["angular_velocity"]]
             ),
@@ -66,7 +73,7 @@ def readings_of(model: Model, rows: Array) -> Readings:
 
 
 def _momentum(model: Model, rows: Array) -> Array:
-    """Return the paper's M (m, 3) in world axes, from MuJoCo's own momenta.
+    """Return the paper's M (m, 3) in world axes, from MuJoCo's momenta.
 
     L = G + r×mv about the contact point; M = γ×L (3.1) in the rubber model, L in the classical one.
     """
@@ -75,10 +82,12 @@ def _momentum(model: Model, rows: Array) -> Array:
     linear = scene.ball.mass * rows[:, columns["velocity"]]
     if scene.load_varies:
         arm = rows[:, columns["centre_of_mass"]] - centre * [1.0, 1.0, 0.0]
-    else:  # the centre of mass is the sphere's centre, and has no sensor of its own
+    else:  # the centre of mass is the sphere's centre and has no sensor
         arm = centre * _UP
-    L = rows[:, columns["angular_momentum"]] + _cross(arm, linear)
-    return _cross(_UP, L) if scene.rolling == "rubber" else L
+    L = eq.add(
+        tuple(rows[:, columns["angular_momentum"]].T), eq.cross(tuple(arm.T), tuple(linear.T))
+    )
+    return np.stack(eq.cross(tuple(_UP), L) if scene.rolling == "rubber" else L, axis=1)
 
 
 def _force_in_world(contact: Array) -> Array:
@@ -91,10 +100,10 @@ def _force_in_world(contact: Array) -> Array:
 def _friction_used(model: Model, contact: Array) -> Array:
     """Return the used part (m,) of the friction cone, 1 on its surface, 0 in flight.
 
-    A pyramidal cone bounds the sum of the components' sizes, an elliptic one their norm.
+    A pyramidal cone limits the sum of the components' sizes, an elliptic one their norm.
     """
     compiled = model.compiled
-    # MuJoCo raises smaller coefficients to this one.
+    # MuJoCo raises smaller coefficients to mjMINMU.
     slide, _, spin, roll, _ = np.maximum(compiled.pair_friction[0], mujoco.mjMINMU)
     normal, *tangential = contact[:, 1:4].T
     torques = contact[:, 4:7].T / np.array([[spin], [roll], [roll]])
@@ -107,11 +116,11 @@ def _friction_used(model: Model, contact: Array) -> Array:
 
 
 def _sound(model: Model, rows: Array) -> Mask:
-    """Return whether each row (m,) is finite, its coordinates and velocities below DIVERGED.
+    """Return whether each row (m,) is finite, with coordinates and velocities below DIVERGED.
 
-    Forces and momenta may be as large as a heavy ball makes them.
+    Forces and momenta of a heavy ball may be larger.
     """
-    # Two passes without a copy decide nearly every portion; a NaN fails both comparisons.
+    # These two passes make no copy and suffice for most portions; a NaN fails both comparisons.
     if len(rows) and rows.min() > -DIVERGED and rows.max() < DIVERGED:
         return np.ones(len(rows), bool)
     compiled = model.compiled
@@ -121,10 +130,11 @@ def _sound(model: Model, rows: Array) -> Mask:
 
 
 def _of_hinges(model: Model, rows: Array) -> Array:
-    """Return angles, rates and torques (3, m, h) of the scene's hinges; 0 of those that stand."""
+    """Return angles, rates and torques (3, m, h) of the scene's hinges; 0 for fixed ones."""
     columns, values = model.sensor_columns, np.zeros((3, len(rows), len(model.scene.hinges)))
     for hinge in model.hinges:
-        angle, rate = (rows[:, columns[f"{hinge.name}_{each}"].start] for each in ("angle", "rate"))
+        angle = rows[:, columns[f"{hinge.name}_angle"].start]
+        rate = rows[:, columns[f"{hinge.name}_rate"].start]
         torque = _torque(rows, columns.get(f"{hinge.name}_torque"))
         if isinstance(hinge.actuation, Free):
             torque = torque + hinge.actuation.torque(0.0, angle, rate)
@@ -135,29 +145,14 @@ def _of_hinges(model: Model, rows: Array) -> Array:
 def _torque(rows: Array, columns: slice | None) -> Array:
     """Return the torque (m,) of the parent on the child, along the hinge [N m].
 
-    It is the motor's, or what the joint of a prescribed rate carries, whose site has its z along
-    the hinge. A passive hinge has no sensor of its torque.
+    It is the torque of the motor, or the load of a prescribed joint, whose site has its z along the
+    hinge. A passive hinge has no sensor for its torque.
     """
     return np.zeros(len(rows)) if columns is None else rows[:, columns.stop - 1]
 
 
-def _cross(u: Array, v: Array) -> Array:
-    """Return u × v (m, 3) of rows (m, 3) or (3,)."""
-    return np.stack(eq.cross(tuple(u.T), tuple(v.T)), axis=-1)
-
-
-_AT_LIMIT = 1 - 1e-9  # of a servo's torque limit, beyond which only rounding lies
-
-# Without MuJoCo's warnings of a bad state (BADQPOS, …), which the state itself shows.
-_WARNINGS = {
-    int(warning): warning.name.removeprefix("mjWARN_")
-    for warning in mujoco.mjtWarning.__members__.values()
-    if warning != mujoco.mjtWarning.mjNWARNING and "BADQ" not in warning.name
-}
-
-
 def own_faults(model: Model, rows: Array, readings: Readings) -> list[Sign]:
-    """Return the faults of MuJoCo's own: its cone, its motors' limits, its warnings."""
+    """Return the faults of the friction cone, of torque limits, and of MuJoCo's warnings."""
     kind, warnings = FaultKind, rows[:, model.compiled.nsensordata :]
     saturated = (readings.friction_used > _SATURATED) & readings.touching
     torques = np.abs(readings.loads.motor_torques)
@@ -174,6 +169,6 @@ def own_faults(model: Model, rows: Array, readings: Readings) -> list[Sign]:
         *(
             (readings.sound & (warnings[:, i] > 0), Fault(kind.ENGINE_WARNED, np.nan, name))
             for i, name in _WARNINGS.items()
-            if warnings[-1:, i].any()  # they only grow
+            if warnings[-1:, i].any()  # counters only grow
         ),
     ]

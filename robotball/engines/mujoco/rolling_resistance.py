@@ -1,10 +1,10 @@
 """The plane's resistance to rolling: a torque against the shell's rolling, and its standstill.
 
-The torque is part of every evaluation of the forces, from which the steps here are built: it needs
-functions of MuJoCo that no callback may call. MuJoCo's own rolling friction (condim 6) is another
-law: it shares one cone with the friction that holds the ball, and acts against an acceleration, not
-the rolling. Near a standstill the torque's direction turns over ever faster, so that steps are
-taken in parts, and a shell that the plane can hold is stopped.
+The torque is computed at every evaluation of the forces. It needs functions of MuJoCo that a
+callback must not call, so the steps are built here from these evaluations. MuJoCo's rolling
+friction (condim 6) is another law: it shares a cone with the friction that holds the ball, and acts
+against an acceleration, not the rolling. Near a standstill the direction of the torque changes ever
+faster, so steps are taken in parts, and a shell that the plane can hold is stopped.
 """
 
 from collections.abc import Iterator
@@ -14,45 +14,37 @@ from math import hypot
 import mujoco
 import numpy as np
 
-from robotball.engines.mujoco.control import (
-    Control,
-    Steps,
-    mujoco_step,
-    put,
-    right_hand_side,
-)
+from robotball.engines.mujoco.control import Control, Steps, mujoco_step, put, right_hand_side
 from robotball.rotations import Array, rotation_matrix
 
-# rad/s: a shell that rolls no faster than _STANDING stands, if the plane can hold it; one that is
-# below _RESTING has nothing left to take away.
-_STANDING, _RESTING = 1e-8, 1e-13
-# Near a standstill a step is at most this part of the time to it, and this over the rate at which
-# the rolling's direction turns over; RK4 is stable up to 2.8.
-_APPROACH, _TURNED = 0.5, 2.0
-_SHORTEST = 1e-6  # of a step: a part so short is taken with the one before it
+_STANDING = 1e-8  # rad/s: a shell that rolls no faster stands, if the plane can hold it
+_RESTING = 1e-13  # rad/s: below this there is no rolling to remove
+_APPROACH = 0.5  # longest step near a standstill, as a part of the time to it
+_TURNED = 2.0  # longest step times the rate of the rolling's direction; RK4 is stable up to 2.8
+_SHORTEST = 1e-6  # of a step: a shorter part is joined to the one before it
 _VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
-# What diverges overflows on its way, and the monitor ends the run.
+# A diverging state overflows before the monitor ends the run.
 _overflowing = np.errstate(all="ignore")
 
 
 class Resistance:
-    """The resistance of the plane in a model, and the steps that have it.
+    """Steps of a model with the plane's resistance.
 
-    Both the shell's acceleration and the load are affine in the torque, so that two or three trials
-    determine it.
+    The shell's acceleration and the load are affine in the torque, so two or three trials determine
+    it.
     """
 
     def __init__(self, control: Control) -> None:
         model, scene = control.model, control.model.scene
         self.compiled = model.compiled
         self.arm = scene.friction.rolling  # m
-        self.weight = float(-scene.ball.mass * scene.gravity_world[2])  # N, of a ball that stands
+        self.weight = float(-scene.ball.mass * scene.gravity_world[2])  # N, of a ball at rest
         self.load_varies = scene.load_varies
         self.shell = model.compiled.body("shell").id
 
     @_overflowing
     def forward(self, data: mujoco.MjData, sensors: bool) -> None:
-        """Evaluate the forces, with the plane's torque among them."""
+        """Evaluate the forces, including the plane's torque."""
         trials = _Trials(self, data, sensors)
         trials.take(self._torque(trials), sensors)
 
@@ -69,29 +61,29 @@ class Resistance:
         mujoco.mj_normalizeQuat(self.compiled, data.qpos)
 
     def first_order(self, data: mujoco.MjData, length: float) -> None:
-        """Take one step with MuJoCo's integrator, under the torque of its begin."""
+        """Take one step with MuJoCo's integrator, under the torque at its begin."""
         guess = data.qacc_warmstart.copy()
         self.forward(data, False)
         data.qacc_warmstart = guess
         mujoco_step(data, length)
 
     def steps(self, take: Steps) -> Steps:
-        """Return steps in parts that are short enough near a standstill, each taken by `take`."""
+        """Return a function that steps in parts, short enough near a standstill, with `take`."""
 
         def parts(data: mujoco.MjData, length: float) -> Iterator[float]:
-            left = length
-            while left > 0:
+            remaining = length
+            while remaining > 0:
                 self.stop(data)
-                part = self._longest(data, left)
-                part = left if left - part < _SHORTEST * length else part
+                part = self._longest(data, remaining)
+                part = remaining if remaining - part < _SHORTEST * length else part
                 yield from take(data, part)
-                left -= part
+                remaining -= part
 
         return parts
 
     @_overflowing
     def stop(self, data: mujoco.MjData) -> bool:
-        """Stop a shell in `data` that the plane has come to hold; return whether it did."""
+        """Stop a shell that the plane holds from now on, and return whether it did."""
         rolling = self._rolling(data)
         if not _RESTING < hypot(*rolling) <= _STANDING:
             return False
@@ -104,9 +96,9 @@ class Resistance:
 
     @_overflowing
     def _longest(self, data: mujoco.MjData, length: float) -> float:
-        """Return a step's length [s], shorter where the shell comes to a standstill or leaves one.
+        """Return a step's length [s], shorter near a standstill.
 
-        Near it the rolling's direction turns at a rate of the resistance over the speed.
+        The direction of the rolling changes at a rate of the resistance over the speed.
         """
         trials = _Trials(self, data)
         speed = trials.speed
@@ -118,9 +110,9 @@ class Resistance:
         return 1 / max(1 / length, turning / _TURNED, slowing / _APPROACH)
 
     def _torque(self, trials: "_Trials") -> Array:
-        """Return the plane's torque (2,) [N m] against rolling, or what holds a standing shell.
+        """Return the plane's torque (2,) [N m] against rolling, or the holding torque at rest.
 
-        Below _STANDING the direction turns over to that of the holding torque, without a jump.
+        Below _STANDING it changes continuously to the direction of the holding torque.
         """
         along, speed = trials.rolling, trials.speed
         if speed <= _STANDING:
@@ -141,13 +133,10 @@ class Resistance:
         return float(self.arm * free / (1 - (braked - free) / self.weight))
 
     def _holding(self, trials: "_Trials") -> tuple[Array, bool]:
-        """Return the torque (2,) [N m] under which the shell's rolling does not change.
-
-        Returns also whether the plane can give it.
-        """
+        """Return the torque (2,) [N m] of constant rolling, and whether the plane can give it."""
         usual, free = self.arm * self.weight, trials.free
-        x, y = (trials.under(usual * each) - free for each in np.eye(2))
-        # Cramer's rule: a state that is about to diverge may have no solution, and then gets NaN.
+        x, y = (trials.under(usual * axis) - free for axis in np.eye(2))
+        # Cramer's rule gives NaN if a diverging state has no solution.
         across = np.array([y[0] * free[1] - y[1] * free[0], x[1] * free[0] - x[0] * free[1]])
         parts = across / (x[0] * y[1] - x[1] * y[0])
         load = float(free[2] + parts @ [x[2], y[2]])
@@ -163,7 +152,7 @@ class Resistance:
 
 
 class _Trials:
-    """Trials of torques at one state of `data`.
+    """Trials of torques at one state.
 
     rolling, speed: the shell's horizontal angular velocity (2,) and its size [rad/s].
     """
@@ -180,7 +169,7 @@ class _Trials:
 
     @cached_property
     def free(self) -> Array:
-        """What `under` returns without a torque."""
+        """The result of `under` without a torque."""
         return self.under(np.zeros(2))
 
     def under(self, torque: Array) -> Array:

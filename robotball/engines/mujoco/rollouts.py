@@ -1,9 +1,9 @@
-"""Many runs at once: by MuJoCo's own loop of steps in threads, or in processes.
+"""Many runs at once, in threads with `mujoco.rollout` or in processes.
 
-Where controls keep their values a run is nothing but steps. Each of some threads takes those of one
-start after another by `mujoco.rollout`, and reads their rows, which its core still has at hand. A
-drive that changes calls Python at every step, which threads would wait for, and scenes that differ
-in more than the start are built one by one: these go to processes. A motion is that of `run` to the
+A run with constant controls consists of steps only. Each thread steps one start after another with
+`mujoco.rollout`, and reads the rows while they are in its cache. Runs with changing drives call
+Python at every step and would block each other's threads, and scenes that differ in more than their
+start are built one by one; both are distributed to processes. A motion equals that of `run` to the
 last bit.
 """
 
@@ -23,34 +23,35 @@ import numpy as np
 from mujoco.rollout import rollout
 
 from robotball.engines.many_motions import FromStarts, differ_in_start, of_each
-from robotball.engines.mujoco.limits import check_length, precheck
+from robotball.engines.mujoco.accuracy import checked
+from robotball.engines.mujoco.control import Portion
 from robotball.engines.mujoco.model import Model, build, carrying_depth, start_state
-from robotball.engines.mujoco.run import held, observed, run
+from robotball.engines.mujoco.run import check_length, observed, precheck, run
 from robotball.engines.mujoco.settings import Resolved, Settings
-from robotball.engines.mujoco.stepping import Portion, controlled, stretches
+from robotball.engines.mujoco.stepping import controlled, stretches
 from robotball.errors import mujoco_silent
 from robotball.motion import ContactMotion, FaultKind
 from robotball.processes import allowed
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
 
-_BYTES = 4e7  # of the rows of all runs that have begun: fifty runs of 2000 steps
-_ABREAST = 64  # runs at most, as the first motion is read when so many have begun
-_LONG = 10  # steps of a group in the mean at least
+_BYTES = 4e7  # bytes of the rows of all started runs: fifty runs of 2000 steps
+_ABREAST = 64  # the largest number of started runs; the first motion is yielded after so many
+_LONG = 10  # the least mean number of steps of a group: the call takes as long as two steps
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
-# MuJoCo's loop stops a run that is warned of, without a word: its rows repeat the last one.
+# `mujoco.rollout` stops a run without notice if MuJoCo warns: its rows repeat the last one.
 _STOPPED = {FaultKind.DIVERGED, FaultKind.RESET, FaultKind.ENGINE_WARNED}
 
 
 def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Iterator[ContactMotion]:
-    """Yield the motions of scenes at times (n,) [s] from 0, in their order.
+    """Yield the motions of scenes at times (n,) [s] from 0, in order.
 
-    Runs the precheck on each scene. Of scenes that differ only in their start, only those with the
-    least and the largest momentum are checked. Raises InputError as `build` and `run` do.
+    Each scene is prechecked. If scenes differ only in their start, the least and the largest
+    momentum are. Raises InputError as `build` and `run` do.
     """
     alike = differ_in_start(scenes)
-    starts = scenes.starts if isinstance(scenes, FromStarts) else [each.start for each in scenes]
-    sizes = np.linalg.norm([each.momentum for each in starts], axis=1)
+    starts = scenes.starts if isinstance(scenes, FromStarts) else [s.start for s in scenes]
+    sizes = np.linalg.norm([start.momentum for start in starts], axis=1)
     by_size = np.argsort(sizes, kind="stable")
     for i in by_size[:: max(1, len(scenes) - 1)] if alike else range(len(scenes)):
         precheck(scenes[int(i)], settings, times)
@@ -61,14 +62,14 @@ def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Itera
         yield from of_each(alone, scenes)
         return
     if isinstance(scenes, FromStarts):
-        # The built scene knows by now all of the ball and its drives that no start changes.
+        # The scene of the model has cached the numbers of the ball and its drives.
         scenes = FromStarts(model.scene, scenes.starts)
     ahead = deque[tuple[Scene, Future[ContactMotion | None] | None]]()
 
     def motion() -> ContactMotion:
-        scene, ended = ahead.popleft()
-        read = ended and ended.result()
-        return held(read) if read else alone(scene)
+        scene, future = ahead.popleft()
+        result = future and future.result()
+        return checked(result) if result else alone(scene)
 
     threads = ThreadPoolExecutor(allowed())
     try:
@@ -84,11 +85,11 @@ def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Itera
 
 
 def _alone(settings: Settings, times: Array, scene: Scene) -> ContactMotion:
-    return held(run(build(scene, settings), times))
+    return checked(run(build(scene, settings), times))
 
 
 class _Started(NamedTuple):
-    """A run before its first step: its model, its state, and the margin of its contact [m]."""
+    """A run before its first step, with the margin of its contact [m]."""
 
     model: Model
     state: Array
@@ -96,12 +97,23 @@ class _Started(NamedTuple):
 
 
 class _Together:
-    """How runs of a model from several starts are stepped, each by one of several threads.
+    """Steps runs of a model from several starts, each in one of several threads.
 
-    size: how many have begun at once; groups: consecutive steps of one length [s], and their
-    number, with one more at the end, as sensors are those of the state before a step; shape: of the
-    rows of a run; steps_alone: whether a run is nothing but long groups of MuJoCo's steps; trial:
-    MjData in which starts are tried; idle: those in which no thread steps, each of its own MjModel.
+    Attributes
+    ----------
+    size : int
+        The number of started runs.
+    groups : list of (float, int)
+        The length [s] and number of consecutive equal steps. The last group has one more step,
+        because sensors show the state before a step.
+    shape : (int, int)
+        The shape of the rows of a run.
+    steps_alone : bool
+        True if a run consists of long groups of MuJoCo's steps.
+    trial : MjData
+        For trials of starts.
+    idle : SimpleQueue of MjData
+        The data that no thread uses, each with an MjModel.
     """
 
     def __init__(self, model: Model, times: Array) -> None:
@@ -110,11 +122,10 @@ class _Together:
         self.parts = [*stretches(times, model.scene.breakpoints, compiled.opt.timestep)]
         spans = [(length, count) for part in self.parts for _, length, count in part]
         grouped = groupby([*spans, (spans[-1][0], 1)], key=lambda span: span[0])
-        self.groups = [(length, sum(n for _, n in some)) for length, some in grouped]
+        self.groups = [(length, sum(n for _, n in group)) for length, group in grouped]
         columns = compiled.nsensordata + int(mujoco.mjtWarning.mjNWARNING)
         self.shape = sum(count for _, count in self.groups), columns
         self.size = min(int(_BYTES / (8 * math.prod(self.shape))), _ABREAST)
-        # To call for a group of steps takes as long as two of them.
         long = self.shape[0] >= _LONG * len(self.groups)
         with controlled(model) as control:
             self.steps_alone = not model.settings.adaptive and long and control.is_plain
@@ -123,17 +134,17 @@ class _Together:
             self.idle.put(mujoco.MjData(copy(compiled)))
 
     def started(self, scene: Scene) -> _Started | None:
-        """Return the run of a scene with another start; None where that turns other hinges.
+        """Return the run of a scene with another start; None if other hinges turn.
 
-        It begins as that of `build` does, in a hundredth of the time. Its model's text and MjModel
-        are not renewed.
+        It starts like a built model, in a hundredth of the time. The model keeps its text and
+        MjModel.
         """
         model, settings = self.model.of(scene), self.model.settings
-        if [each.index for each in model.hinges] != [each.index for each in self.model.hinges]:
+        if [h.index for h in model.hinges] != [h.index for h in self.model.hinges]:
             return None
         data, compiled = self.trial, model.compiled
         qpos, qvel = start_state(scene, settings.root, model.hinges)
-        mujoco.mj_normalizeQuat(compiled, qpos)  # as the compiler does
+        mujoco.mj_normalizeQuat(compiled, qpos)  # as in MuJoCo's compiler
         compiled.key_qpos[0], compiled.key_qvel[0] = qpos, qvel
         margin = float(compiled.pair_margin[0])
         if settings.start_in_equilibrium:
@@ -144,7 +155,7 @@ class _Together:
         return _Started(model, state, margin)
 
     def motion(self, started: _Started) -> ContactMotion | None:
-        """Return the motion of a run, before it is held; None where MuJoCo's loop stopped."""
+        """Return the motion of a run, before it is checked; None if the rollout stopped early."""
         motion = observed(started.model, self.times, self._portions(*self._rows(started)))
         stopped = _STOPPED & {fault.kind for fault in motion.report.faults}
         return None if stopped else motion
@@ -160,7 +171,7 @@ class _Together:
                 states, sensors = rollout(
                     compiled, data, state, control, nstep=count, initial_warmstart=guess
                 )
-                # The guess from which a solver starts is no part of the state.
+                # The state does not include the guess from which a solver starts.
                 state, guess = states[0, -1], data.qacc_warmstart.copy()
                 rows[begin : begin + count, : compiled.nsensordata] = sensors[0]
                 begin += count

@@ -1,42 +1,120 @@
-"""One run of a built model: stepped over its times, judged at every step, and recorded."""
+"""Check a planned run; run a built model: step it, monitor every step, record the motion."""
 
 from collections.abc import Iterable
 from dataclasses import replace
 
-from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.limits import check_length
-from robotball.engines.mujoco.model import Model, build
+import numpy as np
+
+from robotball.engines.mujoco import LABEL, limits
+from robotball.engines.mujoco.control import Portion
+from robotball.engines.mujoco.limits import LimitCheck, PlannedRun
+from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.readings import own_faults, readings_of
-from robotball.engines.mujoco.stepping import Portion, by_steps, controlled
-from robotball.engines.observe import Recording
+from robotball.engines.mujoco.settings import Settings
+from robotball.engines.mujoco.stepping import by_steps, controlled
+from robotball.engines.observe import Recording, step_count
+from robotball.errors import InputError, warn
 from robotball.motion import ContactMotion, Progress
+from robotball.robot.loads import Loads
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
 
 
-def run(
-    model: Model,
+def limit_checks(plan: PlannedRun) -> dict[str, LimitCheck]:
+    """Return the predictions of all laws that apply to a run, by the name of the law."""
+    laws = [*limits.LAWS]
+    if not plan.plain_robot:
+        from robotball.engines.mujoco import robot_limits
+
+        laws += robot_limits.LAWS
+    if not plan.plain_contact:
+        from robotball.engines.mujoco import contact_limits
+
+        laws += contact_limits.LAWS
+    # Extreme settings overflow here, and an infinite value exceeds its limit.
+    with np.errstate(all="ignore"):
+        checks = {law.__name__: law(plan) for law in laws}
+    return {name: check for name, check in checks.items() if check is not None}
+
+
+def exceeded(
+    scene: Scene, settings: Settings, times: Array, loads: Loads | None = None
+) -> dict[str, LimitCheck]:
+    """Return the limits that a run over times (n,) [s] is predicted to exceed, by name.
+
+    loads: of the whole motion, if known from a reference.
+    """
+    checks = limit_checks(PlannedRun(scene, settings, float(times[-1]), loads))
+    return {name: check for name, check in checks.items() if check.exceeded}
+
+
+def precheck(
+    scene: Scene,
+    settings: Settings,
     times: Array,
-    progress: Progress | None = None,
-    scene: Scene | None = None,
+    loads: Loads | None = None,
+    *,
+    strict: bool = False,
+) -> None:
+    """Warn of each limit that the run is predicted to exceed; raise InputError if strict."""
+    for check in exceeded(scene, settings, times, loads).values():
+        line = f"{scene.name}, {settings.name}: {check.warning}"
+        if strict:
+            raise InputError(line)
+        warn(line)
+
+
+def check_length(scene: Scene, settings: Settings, times: Array) -> None:
+    """Raise InputError for a run of more steps than the settings allow.
+
+    Adaptive steps are counted while they are taken; here only those that servos need at least.
+    """
+    plan = PlannedRun(scene, settings, float(times[-1]))
+    if settings.adaptive and settings.timestep is None:
+        from robotball.engines.mujoco.robot_limits import settling
+
+        least = settling(plan)
+        if least is not None and least.value > settings.max_steps:
+            raise InputError(
+                f"{scene.name} over {times[-1]:g} s: {least.warning}; "
+                f"max_steps = {settings.max_steps}"
+            )
+        return
+    steps = step_count(times, scene.breakpoints, plan.timestep)
+    if not steps <= settings.max_steps:  # a NaN is refused as well
+        size = f"{steps:.0f}" if steps < 1e15 else f"{steps:.2g}"
+        raise InputError(
+            f"{scene.name} over {times[-1]:g} s takes {size} steps of {plan.timestep:g} s, more "
+            f"than max_steps = {settings.max_steps}: shorten the run, lengthen the timestep, or "
+            "raise max_steps"
+        )
+
+
+def run(
+    model: Model, times: Array, progress: Progress | None = None, scene: Scene | None = None
 ) -> ContactMotion:
-    """Return the motion of a built model.
+    """Run a built model.
 
     Parameters
     ----------
     model : Model
-        As built for a scene and settings.
+        A model as `build` returns it.
     times : (n,), s
-        The sample times from 0, which are not checked.
-    progress : function, optional
-        Called with the simulated fraction.
+        The sample times, from 0. They are not checked.
+    progress : callable, optional
+        Called with the simulated fraction, from 0 to 1.
     scene : Scene, optional
-        One of the same ball, from whose start to run in place of the model's own.
+        A scene with the same ball, whose start replaces the model's start.
+
+    Returns
+    -------
+    ContactMotion
+        The motion, with its report.
 
     Raises
     ------
     InputError
-        For a run of more steps than the settings allow.
+        If the run needs more steps than the settings allow.
     """
     check_length(model.scene, model.settings, times)
     march = by_steps
@@ -44,23 +122,23 @@ def run(
         from robotball.engines.mujoco.adaptive import by_forward
 
         march = by_forward
-    assert model.compiled  # before the callbacks are set, which MuJoCo's compiler would call
+    assert model.compiled  # MuJoCo's compiler would call the callbacks that are set below
     with controlled(model) as control:
         data = model.start_data(scene)
         motion = observed(control.model, times, march(control, data, times), progress)
-        return replace(motion, scene=model.scene)  # without the commands of this run's loop
+        return replace(motion, scene=model.scene)  # the control's scene has the loop's commands
 
 
 def observed(
     model: Model, times: Array, portions: Iterable[Portion], progress: Progress | None = None
 ) -> ContactMotion:
-    """Return the motion of a run's portions at sample times (n,), up to where it breaks off."""
+    """Return the motion of a run's portions at sample times (n,), up to its first fatal fault."""
     recording = Recording(LABEL, model.scene, model.settings, times)
     steps, longest, seconds = 0, 0.0, 0.0
     for portion in portions:
         readings = readings_of(model, portion.rows)
-        own = own_faults(model, portion.rows, readings)
-        recording.add(readings, portion.sampled, own, portion.failure)
+        faults = own_faults(model, portion.rows, readings)
+        recording.add(readings, portion.sampled, faults, portion.failure)
         steps, seconds = steps + portion.steps, seconds + portion.seconds
         longest = max(longest, portion.longest)
         if recording.ended:
@@ -68,12 +146,3 @@ def observed(
         if progress is not None and len(readings.time):
             progress(float(readings.time[-1] / times[-1]))
     return recording.motion(longest, steps, seconds)
-
-
-def held(motion: ContactMotion) -> ContactMotion:
-    """Return the motion of a run, held against runs in other steps where its M is no witness."""
-    if motion.scene.not_reduced is None:
-        return motion
-    from robotball.engines.mujoco.accuracy import checked
-
-    return checked(motion, lambda other, at: run(build(motion.scene, other), at))

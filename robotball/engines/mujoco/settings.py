@@ -1,11 +1,10 @@
-"""Settings of a MuJoCo run: integrators, checks, two recipes with their presets, and a choice.
+"""Settings of a MuJoCo run: integrators, checks, presets, and the recipes for the contact.
 
-The contact carries the ball at a depth that depends on its load. Under a constant load the depth
-at the start is right for good, however soft the contact, and CONSTANT is the recipe. Under a
-varying load the centre moves, and the lever arm with it. A centre of mass off the sphere's centre
-also couples the normal force with friction, so that three iterations of PGS no longer solve them.
-VARYING is the recipe for that. `for_load` chooses between the two. Whatever a setting leaves open
-is MuJoCo's own default.
+The contact carries the ball at a depth that depends on its load. Under a constant load the depth at
+the start stays right, however soft the contact, and the recipe is CONSTANT. Under a varying load
+the centre moves, and the lever arm with it. A centre of mass off the sphere's centre also couples
+the normal force with friction, and three iterations of PGS no longer solve them; the recipe is
+VARYING. `for_load` chooses between the two. Open settings are MuJoCo's defaults.
 """
 
 from collections.abc import Mapping
@@ -33,17 +32,27 @@ _EXPLICIT_REAL = 2.0  # where |1 - z| = 1
 class _Integrator:
     """An integrator with its order and its limits of stability.
 
-    A limit is the largest stable value of a rate times the timestep, None where there is none.
-    Beyond it a step makes grow what should keep its size or die out; limits.py says what was
-    measured.
+    A limit is the largest stable value of a rate times the timestep, or None. limits.py has the
+    measurements.
 
-    order            of its error in the timestep, for a smooth motion
-    rotation_limit   of a rotation's rate
-    friction_limit   of the rate at which slip dies out
-    servo_limit      of a velocity servo's rate, its gain over the inertia
-    momentum_loss    (p, f): of |M|, a step at the rotation θ loses or gains the part f θᵖ
-    marker, size     in plots; a large mark holds the smaller ones of the same error
-    own              whether it is MuJoCo's own; scipy's drives MuJoCo's forward dynamics
+    Attributes
+    ----------
+    name : str
+        Its name in MJCF.
+    order : int
+        The order of its error in the timestep, for a smooth motion.
+    rotation_limit : float or None
+        The limit for the rate of a rotation.
+    friction_limit : float or None
+        The limit for the rate at which slip dies out.
+    servo_limit : float or None
+        The limit for a velocity servo's gain over its inertia.
+    momentum_loss : (int, float) or None
+        (p, f): a step with the rotation θ loses or gains the part f θᵖ of |M|.
+    marker, size : str and float
+        The marker in plots. Markers of different sizes show through each other.
+    own : bool
+        True for MuJoCo's integrators, False for scipy's, which drives MuJoCo's forward dynamics.
     """
 
     name: str
@@ -61,8 +70,8 @@ class _Integrator:
 # 1 - θ⁶/144 under RK4.
 _FIRST, _FOURTH = (2, 1 / 2), (6, 1 / 144)
 INTEGRATORS = {
-    each.name: each
-    for each in (
+    integrator.name: integrator
+    for integrator in (
         _Integrator("Euler", 1, None, _EXPLICIT_REAL, _EXPLICIT_REAL, _FIRST, "o", 11.0),
         _Integrator("implicit", 1, None, _EXPLICIT_REAL, None, _FIRST, "v"),
         _Integrator("implicitfast", 1, None, _EXPLICIT_REAL, None, _FIRST, "s"),
@@ -72,8 +81,8 @@ INTEGRATORS = {
     )
 }
 ADAPTIVE = "DOP853"
-OWN = tuple(each.name for each in INTEGRATORS.values() if each.own)
-FIRST_ORDER = tuple(each.name for each in INTEGRATORS.values() if each.order == 1)
+OWN = tuple(name for name, integrator in INTEGRATORS.items() if integrator.own)
+FIRST_ORDER = tuple(name for name, integrator in INTEGRATORS.items() if integrator.order == 1)
 MUJOCOS_DEFAULT = "Euler"
 
 
@@ -81,8 +90,8 @@ def _one_of(*names: str) -> Meta:
     return Meta(pattern=f"^({'|'.join(names)})$", description=f"one of {', '.join(names)}")
 
 
-# The types of the fields. msgspec checks their bounds, and an error message quotes their
-# descriptions. LARGEST bounds them so that no product of a few of them overflows.
+# Types of the fields. msgspec checks their bounds, and error messages quote their descriptions.
+# With LARGEST as bound no product of a few of them overflows.
 _Positive = Annotated[
     float,
     Meta(
@@ -121,22 +130,22 @@ _Impedance = Annotated[
 
 
 def _checked(name: str, value: Any, kind: Any) -> Any:
-    """Return a field's value as plain data. Raises InputError where its type does not allow it."""
+    """Return a field's value as plain data. Raises InputError if its type does not allow it."""
     if is_dataclass(value) and type(value) in get_args(kind):
-        return value  # it has checked itself
+        return value  # checked when it was made
     try:
         return msgspec.convert(_plain(value), kind)
-    # No schema holds the two kinds of drive, so whatever is neither of them ends as a TypeError.
+    # msgspec raises TypeError for a drive that is neither a Servo nor Prescribed.
     except (msgspec.ValidationError, TypeError):
         raise InputError(f"{name} must be {_allowed(kind)}, not {value!r}") from None
 
 
 def _plain(value: Any) -> Any:
-    """Convert NumPy's numbers to Python's, the only ones that msgspec accepts."""
+    """Convert NumPy numbers to Python numbers, which msgspec requires."""
     if isinstance(value, tuple | list | np.ndarray):
         return tuple(map(_plain, value))
     number = value.item() if isinstance(value, np.generic) else value
-    # A whole number is one in either type; msgspec turns it to the field's own.
+    # msgspec converts an int to a float field, but not 3.0 to an int field.
     whole = isinstance(number, float) and number.is_integer() and abs(number) < 2**31
     return int(number) if whole else number
 
@@ -147,7 +156,7 @@ def _allowed(kind: Any) -> str:
         return str(kind.__metadata__[0].description)
     if get_origin(kind) is Literal:
         return f"one of {', '.join(map(str, get_args(kind)))}"
-    members = [each for each in get_args(kind) if each is not NoneType]
+    members = [member for member in get_args(kind) if member is not NoneType]
     return " or ".join(map(_allowed, members)) or f"a {kind.__name__}"
 
 
@@ -155,20 +164,20 @@ def _is_reference(value: tuple[float, float]) -> bool:
     """Return whether both are positive (time constant, damping ratio) or neither is
     (-stiffness, -damping), the two formats of MuJoCo's solref.
     """
-    positive = all(1 / LARGEST <= each <= LARGEST for each in value)
-    return positive or all(-LARGEST <= each <= 0 for each in value)
+    positive = all(1 / LARGEST <= number <= LARGEST for number in value)
+    return positive or all(-LARGEST <= number <= 0 for number in value)
 
 
 _BY_LOAD: Any = "by load"
-MOST_STEPS = 10_000_000  # 1e5 s at 20 ms are half of it
+MOST_STEPS = 10_000_000  # 2e5 s at 20 ms
 
 
 @dataclass(frozen=True)
 class Prescribed:
-    """Hinges whose rates are kept by a reflected inertia [kg m²] so huge that no load changes them.
+    """Hinges whose reflected inertia [kg m²] is so large that no load changes their rates.
 
-    The armature acts on the hinge alone and adds no gyroscopic momentum, so the ball rolls as if it
-    were not there. A velocity servo of kv = 100 under RK4 costs 5e-3 of the path instead.
+    The armature acts on the hinge alone and adds no gyroscopic momentum, so the ball rolls as
+    without it. A velocity servo with kv = 100 under RK4 costs 5e-3 of the path instead.
     """
 
     armature: float
@@ -188,31 +197,31 @@ class Radii:
         object.__setattr__(self, "radii", _checked("radii", self.radii, _NotNegative))
 
 
-# The recipe's values for a constant load; VARYING has those for a varying one.
+# The recipe's values for a constant load.
 CONSTANT: dict[str, Any] = {
-    # The same motion as Newton's, which takes 1.9 times as long per evaluation of the forces.
+    # Newton gives the same motion and takes 1.9 times as long per evaluation of the forces.
     "solver": "PGS",
     "iterations": 3,
-    # At least twice every timestep, or MuJoCo would raise it without a warning and a sweep of the
+    # MuJoCo raises a smaller constant to two timesteps without a warning, and a sweep of the
     # timestep would change the contact. 0.04 s is twice the 20 ms of the preset "fast".
     "solref": (0.04, 1.0),
     "softness": 1.0,
-    # Beyond any demand: at g = 9.81 the motion needs 0.2 to 1.6 of sliding friction and up to 6 m
-    # of torsional friction. A saturated cone gives no warning.
+    # At g = 9.81 motions need a sliding friction of 0.2 to 1.6 and a torsional friction of up to
+    # 6 m. MuJoCo gives no warning of a saturated cone.
     "sliding_friction": 20.0,
     "torsional_friction": Radii(20.0),
-    # The path errs as the load over the armature: 5e-9 at 1e8, rounding from 1e12 on.
+    # The path error goes as the load over the armature: 5e-9 at 1e8, rounding from 1e12 on.
     "drive": Prescribed(armature=1e14),
 }
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings(EngineSettings):
-    """Hold the settings of a MuJoCo run.
+    """Settings of a MuJoCo run.
 
-    Fields are named as in MJCF where MJCF has them, and None leaves a choice at MuJoCo's own
-    default. The presets other than "naive" leave the values for the contact and the drive to a
-    recipe, which takes them from the scene's load. Every value that is given runs as it is.
+    Fields have the names of MJCF, and None keeps MuJoCo's default. The presets other than "naive"
+    leave the values for the contact and the drive to a recipe, which chooses them for the scene's
+    load. Given values are used unchanged.
 
     Attributes
     ----------
@@ -262,12 +271,12 @@ class Settings(EngineSettings):
     solreffriction : (float, float) or None
         The reference of the friction, in either format of `solref`.
     condim : {3, 4, 6} or None
-        The dimension of the contact. None is what the rolling model needs: 4 for rubber, 3 for
-        classical.
+        The dimension of the contact. None chooses the one for the rolling model: 4 for rubber, 3
+        for classical.
     sliding_friction : float
         The coefficient of sliding friction.
     torsional_friction : float, m, or Radii
-        The coefficient of torsional friction, as a length or in radii of the ball.
+        The coefficient of torsional friction, a length or a multiple of the ball's radius.
     rolling_friction : float, m
         The coefficient of rolling friction. It acts if `condim` is 6.
     root : {"shell", "frame"}
@@ -276,11 +285,11 @@ class Settings(EngineSettings):
         Whether the ball starts at the depth at which the contact carries its weight. Otherwise it
         starts just touching the plane.
     softness : float
-        A factor of the softness of the contact's constraint. MJCF has no word for it.
+        A factor of the softness of the contact's constraint. MJCF cannot express it.
     max_steps : int
         The largest number of steps of a run. A longer run is refused, or stopped if it is adaptive.
     drive : Servo or Prescribed
-        How a hinge with a given rate is kept at it.
+        How a hinge keeps its given rate.
 
     Raises
     ------
@@ -301,7 +310,6 @@ class Settings(EngineSettings):
     accuracy: _Positive | None = None
     timestep: _Positive | None = None  # s
     integrator: Annotated[str, _one_of(*INTEGRATORS)] | None = None
-    # The error allowed in one step, relative; DOP853's alone.
     rtol: _Tolerance | None = None
     solver: Annotated[str, _one_of("PGS", "CG", "Newton")] | None = None
     jacobian: Annotated[str, _one_of("dense", "sparse", "auto")] | None = None
@@ -317,20 +325,15 @@ class Settings(EngineSettings):
     solref: _Reference | None = None
     solimp: _Impedance | None = None
     solreffriction: _Reference | None = None
-    # The contact's dimension; None is what the rolling model needs: 4 for rubber, 3 for classical.
     condim: Literal[3, 4, 6] | None = None
-    sliding_friction: _NotNegative = 1.0  # MuJoCo's default
-    torsional_friction: _NotNegative | Radii = 0.005  # m, MuJoCo's default
-    rolling_friction: _NotNegative = 1e-4  # m, MuJoCo's default; in force where condim is 6
-    # The body with the free joint; the other one hangs on it by the frame's hinge.
+    # These three are MuJoCo's defaults.
+    sliding_friction: _NotNegative = 1.0
+    torsional_friction: _NotNegative | Radii = 0.005  # m
+    rolling_friction: _NotNegative = 1e-4  # m
     root: Literal["shell", "frame"] = "shell"
-    # Start at the depth at which the contact carries the weight, with the lever arm exactly a;
-    # False starts just touching.
     start_in_equilibrium: bool = False
-    # Times the softness of the contact's constraint; set once the model is compiled, for MJCF has
-    # no word for it.
     softness: _Positive = 1.0
-    max_steps: _AtLeastOne = MOST_STEPS  # a longer run is refused or, if adaptive, stopped
+    max_steps: _AtLeastOne = MOST_STEPS
     drive: Servo | Prescribed
 
     def __post_init__(self) -> None:
@@ -339,51 +342,51 @@ class Settings(EngineSettings):
             if name in CONSTANT and isinstance(value, str) and value == _BY_LOAD:
                 continue
             object.__setattr__(self, name, _checked(name, value, kind))
-            # No schema says that two numbers have the same sign.
+            # A msgspec schema cannot require that two numbers have the same sign.
             if _Reference in get_args(kind) and not (value is None or _is_reference(value)):
                 raise InputError(f"{name} must be {_allowed(kind)}, not {value!r}")
         if self.adaptive and self.rtol is None:
-            raise InputError(f"{ADAPTIVE} needs an rtol, the error allowed in one step, as 1e-13")
+            raise InputError(f"{ADAPTIVE} needs rtol, the error allowed in one step, such as 1e-13")
 
     @property
     def adaptive(self) -> bool:
-        """True if the steps are chosen by their error, not by the timestep alone."""
+        """True if the error of a step determines its length."""
         return self.integrator == ADAPTIVE
 
 
-# It shows how wrong a newcomer's model gets, so a run goes on after its first fault.
+# Shows how wrong a newcomer's model becomes, so a run goes on after its first fault.
 NAIVE = Settings(name="naive", error_tolerance=1e-2, stop_at_fault=False, drive=Servo(gain=1.0))
 
 
 def recipe(name: str, error_tolerance: float, **steps: Any) -> Settings:
-    """Return settings under which MuJoCo rolls as the equations do, to the error of its steps.
+    """Return settings with which MuJoCo follows the equations up to the error of its steps.
 
-    steps: the fields timestep, integrator and rtol; the integrator is RK4 if not given.
+    steps: the fields timestep, integrator and rtol. The default integrator is RK4.
     """
     return Settings(
         name=name,
         error_tolerance=error_tolerance,
-        # The others are of first order: Euler's path is off by 9e-3 at 1 ms, RK4's by 3e-12.
+        # The other integrators are of first order: at 1 ms Euler's path error is 9e-3, RK4's 3e-12.
         **{"integrator": "RK4", **steps},
-        # For so few rows a sparse one costs a tenth more per evaluation.
+        # With so few rows a sparse Jacobian costs a tenth more per evaluation.
         jacobian="dense",
-        # Any tolerance above 0 is measured by the armatures, and stops a solver before it begins.
+        # Any tolerance above 0 is scaled with the armatures and stops the solver at once.
         tolerance=0.0,
         ls_tolerance=0.01,
-        # The constraint's softness leaves a slip of 1.5e-3 of the path; one pass takes it away.
+        # The softness leaves a slip of 1.5e-3 of the path, which one iteration removes.
         noslip_iterations=1,
         noslip_tolerance=0.0,
-        # A pyramidal cone ignores solreffriction, and noslip treats its edges one by one.
+        # A pyramidal cone ignores solreffriction, and noslip treats its edges separately.
         cone="elliptic",
-        # So few iterations need no guess, and without one a state has one motion, however reached.
+        # So few iterations need no guess. Without one a motion depends on its state alone.
         warmstart="disable",
-        # One contact is one island; the search for others would take a twelfth of a step.
+        # One contact is one island; the search for islands would take a twelfth of a step.
         island="disable",
-        # As near to 1 as MuJoCo goes: the depth and the soft friction's slip go as (1 - d)/d.
+        # MuJoCo's largest: the depth and the slip of soft friction go as (1 - d)/d.
         solimp=(0.9999, 0.9999, 0.001, 0.5, 1.0),
-        # Slip decays at a fixed rate [1/s]; tied to 1/timestep it would cost an order.
+        # Slip decays at a fixed rate [1/s]; a rate proportional to 1/timestep costs an order.
         solreffriction=(-1.0, -0.5),
-        # A ball that just touches has no normal force at first: 1e-3 of the path.
+        # A ball that just touches has no normal force at first, which costs 1e-3 of the path.
         start_in_equilibrium=True,
         **dict.fromkeys(CONSTANT, _BY_LOAD),
     )
@@ -399,10 +402,10 @@ PRESETS: dict[str, Settings] = {
         recipe("adaptive", 1e-11, integrator=ADAPTIVE, rtol=LEAST_RTOL),
     )
 }
-"""Name the presets of MuJoCo, from the coarsest to the finest.
+"""Presets of MuJoCo by name, from the coarsest to the finest.
 
-"naive" is MuJoCo as a newcomer would set it. The other presets differ in their steps, and take the
-values of the contact from the scene's load.
+"naive" has the settings that a newcomer would write. The other presets differ in their steps, and
+choose the values of the contact for the scene's load.
 
 Examples
 --------
@@ -418,7 +421,7 @@ adaptive 1e-11 None
 
 
 def preset(name: str) -> Settings:
-    """Return the preset of MuJoCo of a name.
+    """Return a preset of MuJoCo by name.
 
     Parameters
     ----------
@@ -433,7 +436,7 @@ def preset(name: str) -> Settings:
     Raises
     ------
     InputError
-        If there is no such preset. The message has the near matches.
+        If the preset is unknown. The message lists near matches.
 
     Examples
     --------
@@ -445,9 +448,9 @@ def preset(name: str) -> Settings:
 
 
 def settings_from(plain: Mapping[str, Any]) -> Settings:
-    """Return the settings from plain data, as made by `Settings.plain` or read from JSON.
+    """Return settings from plain data, as `Settings.plain` returns it or JSON has it.
 
-    Raises InputError for an unknown key and where a value is missing or does not fit.
+    Raises InputError for an unknown key, and for a value that is missing or invalid.
     """
     values: dict[str, Any] = {
         key: tuple(value) if isinstance(value, list) else value for key, value in plain.items()
@@ -459,45 +462,43 @@ def settings_from(plain: Mapping[str, Any]) -> Settings:
             values["torsional_friction"] = Radii(**spin)
         return Settings(**values)
     except (TypeError, KeyError) as error:
-        raise InputError(f"these are no settings of a run: {error}") from None
+        raise InputError(f"invalid settings of a run: {error}") from None
 
 
-# docs/cost.md has the worth of each choice.
+# The recipe's values for a varying load; docs/cost.md has the effect of each.
 VARYING: dict[str, Any] = {
-    # An off-centre mass couples the normal row with friction: PGS is off by up to 1e-1 after three
-    # iterations, without a warning, and right after a hundred. Newton needs three, and ten cost a
-    # fifth more.
+    # An off-centre mass couples the normal row with friction: PGS has errors of up to 1e-1 after
+    # three iterations, without a warning, and converges in a hundred. Newton needs three, and ten
+    # cost a fifth more.
     "solver": "Newton",
     "iterations": 10,
-    # The noslip solver takes a contact for singular by the product of its inverse inertia and these
-    # coefficients: at 20 from about 1e6 kg on, which is so moved far out.
+    # The noslip solver takes a contact for singular if the product of its inverse inertia and these
+    # coefficients is small: with 20 from about 1e6 kg on, with 2000 far beyond.
     "sliding_friction": 2000.0,
     "torsional_friction": Radii(2000.0),
-    # A pendulum's weight acts on its hinge for good: a rate gives way by ∫τ dt over the armature.
+    # The weight of a pendulum acts on its hinge all the time, and changes its rate by ∫τ dt over
+    # the armature.
     "drive": Prescribed(armature=1e18),
 }
-# The contact's softness and time constant [s], in steps of one length and in steps chosen by their
-# error. The depth is the error, and goes as the softness and as the square of the constant. The
-# softness is bounded from below, because Newton is content with 1e-15 m/s², and that over the
-# softness is a force: at 1e-5 it can lift a ball at rest out of its contact. The constant is
-# bounded by two steps, or twice the 2 ms that the model has where MuJoCo makes no steps itself.
+# The contact's softness and time constant [s], for fixed and for adaptive steps. The depth is the
+# error, and goes as the softness and as the square of the constant. Newton stops at 1e-15 m/s²,
+# which over the softness is a force: with 1e-5 it can lift a ball at rest out of its contact. The
+# constant is at least two timesteps, or twice the 2 ms of a model that MuJoCo does not step.
 _BY_STEPS, BY_ERROR = (3e-4, 0.01), (1e-4, 0.004)
-# The contact of steps chosen by their error, on a plane that moves: 1 ms as stiffness and damping,
-# which MuJoCo does not bound by two steps. The depth follows the plane's motion, and a ball that
-# swings itself up magnifies that: the vertical of vibrated_ball is off by 5.3e-12 rad, and at 4 ms
-# by 8.6e-11.
+# The contact of adaptive steps on a moving plane: 1 ms as stiffness and damping, which MuJoCo does
+# not raise to two timesteps. The depth follows the plane's motion, and a ball that swings itself up
+# magnifies it: the vertical of vibrated_ball has an error of 5.3e-12 rad, and 8.6e-11 rad at 4 ms.
 _ON_MOVING_PLANE = (-1e6, -2e3)
 
 
 def for_load(settings: Settings, scene: Scene) -> Settings:
-    """Return the settings with each value that is _BY_LOAD taken from the recipe for the load.
+    """Return the settings with the recipe's value for each one that is _BY_LOAD.
 
-    The recipe is CONSTANT where the scene's normal force keeps its value, else VARYING with the
-    softness and the time constant for the kind of steps. Settings without _BY_LOAD are returned as
-    they are.
+    The recipe is CONSTANT if the scene's normal force is constant, else VARYING with the softness
+    and the time constant for the kind of steps.
     """
-    left = [name for name in CONSTANT if getattr(settings, name) == _BY_LOAD]
-    if not left:
+    pending = [name for name in CONSTANT if getattr(settings, name) == _BY_LOAD]
+    if not pending:
         return settings
     chosen = CONSTANT
     if scene.load_varies:
@@ -506,7 +507,7 @@ def for_load(settings: Settings, scene: Scene) -> Settings:
         constant = max(constant, 2 * (settings.timestep or 0.0))
         solref = _ON_MOVING_PLANE if by_error and scene.plane_moves else (constant, 1.0)
         chosen = VARYING | {"softness": softness, "solref": solref}
-    return replace(settings, **{name: chosen[name] for name in left})
+    return replace(settings, **{name: chosen[name] for name in pending})
 
 
 # MuJoCo's enumerations count their values from 0.
@@ -514,8 +515,8 @@ _VALUES = {"cone": ("pyramidal", "elliptic"), "solver": ("PGS", "CG", "Newton")}
 
 
 @cache
-def _mujocos_own() -> tuple[Any, Any]:
-    """Return MuJoCo's default option and contact pair, for what the settings leave open."""
+def _defaults() -> tuple[Any, Any]:
+    """Return MuJoCo's default option and contact pair."""
     return mujoco.MjModel.from_xml_string("<mujoco/>").opt, mujoco.MjSpec().default.pair
 
 
@@ -523,8 +524,8 @@ def _mujocos_own() -> tuple[Any, Any]:
 class Resolved:
     """A scene under settings, with the numbers of its model.
 
-    Open settings become those of the recipe for the scene's load. A number that the settings do not
-    have is MuJoCo's default.
+    The settings have the recipe's values for the scene's load. A number that they leave open is
+    MuJoCo's default.
     """
 
     scene: Scene
@@ -535,12 +536,12 @@ class Resolved:
 
     @property
     def integrator(self) -> _Integrator:
-        """The integrator, with its limits."""
+        """The integrator."""
         return INTEGRATORS[self.settings.integrator or MUJOCOS_DEFAULT]
 
     @property
     def timestep(self) -> float:
-        """The longest step [s]; infinite where the steps are chosen by their error alone."""
+        """The longest step [s]; infinite if adaptive steps have no limit."""
         if self.settings.timestep is None and self.settings.adaptive:
             return np.inf
         return float(self.option("timestep"))
@@ -548,13 +549,13 @@ class Resolved:
     @property
     def solref(self) -> tuple[float, float]:
         """The contact's solref."""
-        first, second = self.settings.solref or _mujocos_own()[1].solref
+        first, second = self.settings.solref or _defaults()[1].solref
         return float(first), float(second)
 
     @property
     def impedance(self) -> float:
-        """The impedance d of a contact deeper than its width, clipped as MuJoCo clips it."""
-        most = (self.settings.solimp or _mujocos_own()[1].solimp)[1]
+        """The impedance d of a contact deeper than its width, clipped as in MuJoCo."""
+        most = (self.settings.solimp or _defaults()[1].solimp)[1]
         return float(np.clip(most, mujoco.mjMINIMP, mujoco.mjMAXIMP))
 
     @property
@@ -567,18 +568,18 @@ class Resolved:
     @property
     def friction(self) -> tuple[float, float, float]:
         """The coefficients of sliding, torsional [m] and rolling [m] friction."""
-        own, settings = self.scene.friction, self.settings
-        slide = settings.sliding_friction if own.sliding is None else own.sliding
-        spin = settings.torsional_friction if own.torsional is None else own.torsional
+        scene, settings = self.scene.friction, self.settings
+        slide = settings.sliding_friction if scene.sliding is None else scene.sliding
+        spin = settings.torsional_friction if scene.torsional is None else scene.torsional
         if isinstance(spin, Radii):
             spin = spin.radii * self.scene.ball.radius
         return slide, spin, settings.rolling_friction
 
     def option(self, name: str) -> Any:
-        """Return a setting, or MuJoCo's default of the same name where it is open."""
+        """Return a setting, or MuJoCo's default if it is open."""
         if (value := getattr(self.settings, name)) is not None:
             return value
-        default = getattr(_mujocos_own()[0], name)
+        default = getattr(_defaults()[0], name)
         return _VALUES[name][default] if name in _VALUES else default
 
     @cached_property
@@ -588,11 +589,12 @@ class Resolved:
 
     @cached_property
     def friction_damping(self) -> float:
-        """The rate b [1/s] at which slip dies out; solref's where solreffriction is ignored."""
-        given = self.settings.solreffriction
-        # MuJoCo ignores it in a pyramidal cone, and where both numbers are 0.
-        heeded = given if given and any(given) and self.option("cone") == "elliptic" else None
-        return self._reference(heeded or self.solref)[1]
+        """The rate b [1/s] at which slip dies out."""
+        reference = self.settings.solreffriction
+        # MuJoCo uses solref in a pyramidal cone, and if both numbers of solreffriction are 0.
+        if not reference or not any(reference) or self.option("cone") != "elliptic":
+            reference = self.solref
+        return self._reference(reference)[1]
 
     def _reference(self, solref: tuple[float, float]) -> tuple[float, float]:
         """Return stiffness [1/s²] and damping [1/s] of a solref in either of its formats."""

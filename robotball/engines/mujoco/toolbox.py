@@ -1,9 +1,9 @@
-"""A robot's own model as its file says, in MuJoCo's toolbox for fits, `mujoco.sysid`.
+"""Fit a robot's model file, with the file's contact, in MuJoCo's toolbox `mujoco.sysid`.
 
-The rollouts and the least squares are the toolbox's. Its sensors come a step late, and its controls
-between two are interpolated; so readings are made of the states, whose times are right, and each
-step gets its own control. Which numbers are free, and what readings are held against, is
-`robotball.fit.fitting`'s, the same as by the equations: what differs is the file's contact alone.
+The toolbox does the rollouts and the least squares. Its sensors are a step late, and it
+interpolates controls; readings are therefore computed from the states, whose times are right, and
+each step has its own control. `robotball.fit.fitting` chooses the free numbers and the residuals,
+as for a fit with the equations.
 """
 
 import io
@@ -25,22 +25,22 @@ from robotball.robot.scene import Scene
 from robotball.rotations import Array
 from robotball.user_model.robot_numbers import RobotScene
 
-sysid: Any = import_module("mujoco.sysid")  # by its own types the rest of mujoco would have none
-_FARTHEST = 100.0  # of an unknown's size: the toolbox takes no limit that is infinite
-_ENOUGH = 1e-4  # of an unknown's size, from one trial to the next
+sysid: Any = import_module("mujoco.sysid")  # an import would hide mujoco's types from mypy
+_FARTHEST = 100.0  # bound, in sizes of an unknown: the toolbox needs finite bounds
+_ENOUGH = 1e-4  # change from one trial to the next, in sizes of an unknown
 
 
 def check_toolbox() -> None:
-    """Raise InputError where the toolbox is not installed: without its needs it is empty."""
+    """Raise InputError if the toolbox is not installed; without its dependencies it is empty."""
     if not hasattr(sysid, "optimize"):
         raise InputError(
-            "a fit of the file as it is needs mujoco.sysid: install robotball's extra `sysid`"
+            "a fit with the file's contact needs mujoco.sysid: install robotball's extra `sysid`"
         )
 
 
 @mujoco_silent()  # a state that diverges ends the motion
 def roll(scene: Scene, times: Array) -> Motion:
-    """Return the motion of a robot's own file at times (n,) [s], up to where it diverges."""
+    """Return the motion of a robot's model file at times (n,) [s], until it diverges."""
     assert isinstance(scene, RobotScene)
     assert scene.robot_file is not None
     robot = scene.robot_file
@@ -48,15 +48,15 @@ def roll(scene: Scene, times: Array) -> Motion:
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     data = robot.start_as(scene, scene.key)
     start = sysid.create_initial_state(model, data.qpos, data.qvel, data.act)
-    # One more than the steps, as the last is no step's, and one beyond the last time.
+    # One more than the steps, and one step beyond the last time.
     steps = model.opt.timestep * np.arange(int(times[-1] / model.opt.timestep) + 3)
     control = np.tile(data.ctrl, (len(steps), 1))
-    for each in scene.actuators:
-        if each.name in user.actuators:
-            drive = as_drive(each.command, max(scene.duration, float(steps[-1])))
-            control[:, user.actuators[each.name]] = drive.rate(steps)
-    given = sysid.TimeSeries(steps, control)
-    (run,) = sysid.sysid_rollout([model], [mujoco.MjData(model)], [given], [start])
+    for actuator in scene.actuators:
+        if actuator.name in user.actuators:
+            drive = as_drive(actuator.command, max(scene.duration, float(steps[-1])))
+            control[:, user.actuators[actuator.name]] = drive.rate(steps)
+    controls = sysid.TimeSeries(steps, control)
+    (run,) = sysid.sysid_rollout([model], [mujoco.MjData(model)], [controls], [start])
     states = np.vstack([start, run.state.data])
     sound = np.isfinite(states).all(axis=1)
     known = states[: len(states) if sound.all() else int(sound.argmin())]
@@ -72,12 +72,12 @@ def roll(scene: Scene, times: Array) -> Motion:
         mujoco.mj_forward(model, data)
         rows.append(row_of(robot, data))
         torques.append((data.qfrc_actuator + data.qfrc_passive)[robot.hinges[1]])
-    seen = readings_of(user, scene, table_of(user, data, rows))
+    readings = readings_of(user, scene, table_of(user, data, rows))
     unknown = Loads.unknown(len(times), 0)
     return Motion(
-        scene, LABEL, times, seen.centre[:, :2], seen.attitude, seen.momentum,
-        seen.angular_velocity, seen.hinge_angles, seen.hinge_rates,
-        Loads(seen.loads.contact_force, unknown.spin_torque, np.array(torques)),
+        scene, LABEL, times, readings.centre[:, :2], readings.attitude, readings.momentum,
+        readings.angular_velocity, readings.hinge_angles, readings.hinge_rates,
+        Loads(readings.loads.contact_force, unknown.spin_torque, np.array(torques)),
     )  # fmt: skip
 
 
@@ -90,15 +90,15 @@ def least_squares(
     max_nfev: int,
     **_: Any,
 ) -> SimpleNamespace:
-    """Minimize as scipy's function of this name does, by the toolbox."""
+    """Minimize like `scipy.optimize.least_squares`, with the toolbox."""
 
     def gaps(x: Array, _: Any) -> tuple[list[Array], list[Any], list[Any]]:
         return [residuals(x.ravel())[:, None]], [], []
 
-    limits = [np.clip(each, -_FARTHEST, _FARTHEST) for each in bounds]
+    limits = [np.clip(bound, -_FARTHEST, _FARTHEST) for bound in bounds]
     free = sysid.ParameterDict({"": sysid.Parameter("", x, *limits)})
-    _, found = sysid.optimize(
+    _, solution = sysid.optimize(
         free, gaps, verbose=False, output=io.StringIO(), max_iters=max_nfev, xtol=_ENOUGH,
         jacobian=lambda x, _: jacobian(x.ravel()),
     )  # fmt: skip
-    return SimpleNamespace(x=found.x)
+    return SimpleNamespace(x=solution.x)

@@ -1,9 +1,8 @@
-"""The compiled loop that finds where orbits cross a section, in lanes.
+"""The compiled loop that finds the crossings of orbits with a section, in lanes.
 
-A lane marches until the section function changes sign over a step; then it looks back from the
-step's end, by whole steps of Newton's kind, each kept inside the bracket, until the function is
-zero. A step over which the function turns back near zero is looked into as well, for two
-crossings may hide in it.
+A lane marches until the section function changes its sign over a step. Then it looks back from the
+end of the step, with Newton steps inside the bracket, until the function is zero. If the function
+turns back near zero within a step, this step is searched too, because it may have two crossings.
 """
 
 import math
@@ -16,20 +15,20 @@ from robotball.theory.ensembles import orbits
 from robotball.theory.ensembles.flatten import LANES
 from robotball.theory.ensembles.steppers import ALLOWED, REJECTED, TARGET, TIME, places
 
-_RESIDUAL = 1e-13  # of the section function, which is at most 1: some hundred roundings
-_ON_SECTION = 1e-12  # a start that near counts as on the section, not as before or behind it
-# How near to zero an estimated turning point is looked at: steps of a radian estimate it to 5e-3.
+_RESIDUAL = 1e-13  # of the section function, which is at most 1: about a hundred roundings
+_ON_SECTION = 1e-12  # a start with a smaller value is on the section
+# A turning point with a smaller estimate is searched; steps of a radian estimate it to 5e-3.
 _NEAR_PLANE = 0.03
-_BEHIND = -0.1  # cos(g - g₀) below that at both ends of a step is below zero all along
-_TINY = 1e-300  # a value with a sign and nothing else
-# Bisection alone ends in some 50 tries, the estimates usually in 4. At a turning point fewer do:
-# only a value of the other sign is looked for there.
+_BEHIND = -0.1  # if cos(g - g₀) is smaller at both ends of a step, it is negative within it
+_TINY = 1e-300  # a value that only has a sign
+# Bisection takes about 50 tries, the estimates usually 4. A turning point needs fewer, because only
+# a value of the other sign is searched.
 _ROOT_TRIES, _TURN_TRIES = 60, 3
-_STARTING, _MARCHING, _TO_ROOT, _AT_ROOT, _TO_TURN = 0, 1, 2, 3, 4  # what a lane is doing
-# Places on a lane's track at which the section function is known: where the orbit stands, the ends
+_STARTING, _MARCHING, _TO_ROOT, _AT_ROOT, _TO_TURN = 0, 1, 2, 3, 4  # modes of a lane
+# Points on a lane's track with known values of the section function: the current state, the ends
 # of the bracket, a turning point between two crossings, and the last try. Each is a time, a value
-# and a rate; times count from where the orbit stands, for a small residual needs all their digits.
-# Then the time of that, and which way the orbit faced there.
+# and a rate. Times count from the current state, because a small residual needs all their digits.
+# Then follow the time of the current state, and its side of the section.
 _HERE, _LOW, _HIGH, _TURN, _SEEN, _CLOCK, _FACED, TRACK = 0, 3, 6, 9, 12, 15, 16, 17
 
 
@@ -42,10 +41,10 @@ def _put(tracks: Any, lane: int, target: int, source: int) -> None:
 
 @inlined
 def _root_estimate(tracks: Any, lane: int) -> float:
-    """Return the time between _LOW and _HIGH, of opposite values, where the value may be zero.
+    """Return an estimate of the zero between _LOW and _HIGH, whose values have opposite signs.
 
-    It is that of the cubic in the value that has both times and rates, where this is monotonic,
-    and else the middle: Newton's method without a bracket diverges here.
+    It is from the cubic of time in the value with both times and rates if this is monotonic, else
+    the middle: Newton's method without a bracket diverges here.
     """
     low, high = tracks[lane, _LOW], tracks[lane, _HIGH]
     span, rise = high - low, tracks[lane, _HIGH + 1] - tracks[lane, _LOW + 1]
@@ -65,7 +64,7 @@ def _turning_part(tracks: Any, lane: int) -> float:
 
 @inlined
 def _may_hide_two(tracks: Any, lane: int) -> bool:
-    """Return whether the value, of one sign at _LOW and _HIGH, comes near zero between them."""
+    """Return whether a value with one sign at _LOW and _HIGH comes near zero between them."""
     low, low_rate = tracks[lane, _LOW + 1], tracks[lane, _LOW + 2]
     high, high_rate = tracks[lane, _HIGH + 1], tracks[lane, _HIGH + 2]
     if low * low_rate >= 0 or high * high_rate <= 0:
@@ -118,7 +117,7 @@ def _root_tried(tracks: Any, lane: int, tries: int) -> int:
 
 @inlined
 def _aim(w: Any, lane: int, mode: int, tracks: Any, tolerance: float) -> None:
-    """Set a lane's target. A look back into an accepted step is shorter and errs less than it."""
+    """Set a lane's target. A look back into an accepted step is shorter and more accurate."""
     if mode == _MARCHING:
         w[TARGET * LANES + lane], w[ALLOWED * LANES + lane] = np.inf, tolerance
         return
@@ -142,7 +141,7 @@ def cross(
 ) -> None:  # fmt: skip
     """Write the first m crossings of each of n orbits, after time 0.
 
-    queue, rows, lengths: as in `_march_lanes`; step_limit: of steps without a crossing; longest:
+    queue, rows, lengths: as in `march_lanes`; step_limit: of steps without a crossing; longest:
     how far to look [s]; direction: +1 or -1 for crossings of that direction only, 0 for both; w,
     counters: of `work`; tracks: (LANES, TRACK).
     Writes times (n, m), states (n, m, size), directions (n, m), found (n,) and status (n,).
@@ -152,7 +151,7 @@ def cross(
     orbit, mode, tries, steps, hidden = counters
     running = 0
     for lane in range(LANES):
-        # Idle lanes compute too, to no end: the step has no branch that could pass over them.
+        # Idle lanes compute too, because the step has no branches.
         orbits.load(w, LANES, lane, rows[0], lengths[0], tolerance)
         running += orbits.load_next(w, orbit, lane, queue, rows, lengths, tolerance)
         _aim(w, lane, _STARTING, tracks, tolerance)

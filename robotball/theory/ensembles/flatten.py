@@ -1,12 +1,12 @@
-"""Plain functions of arithmetic run on other numbers: dual numbers, and symbols on a tape.
+"""Dual numbers and symbols, on which plain arithmetic functions can be evaluated.
 
-Dual numbers carry a value with its derivative. Run on them, the functions of equations.py give
-directional derivatives exact to round-off, so no derivative is written out by hand.
+Dual numbers carry a value and its derivative. With them the functions of formulas.py give
+directional derivatives to round-off.
 
 Symbols trace a function into straight-line code. A loop over lanes becomes vector instructions only
-if its body is flat: no calls, no inner loops. A compiled right-hand side that is called from the
-loop stays scalar, four times slower. So the functions are run once on symbols that note every
-operation, and the notes are the body of the loop: the formulas still stand in one place only.
+if its body has no calls and no inner loops; with a call of a compiled right-hand side it stays
+scalar and is four times slower. The functions are therefore evaluated once on symbols that record
+every operation, and the record becomes the body of the loop.
 """
 
 from dataclasses import dataclass
@@ -52,7 +52,7 @@ class Dual:
 
     def __truediv__(self, other: Any) -> "Dual":
         other = _dual(other)
-        # One division in place of two: it takes a processor several times as long as a product.
+        # One division in place of two, because a division takes several times as long as a product.
         per_other = 1 / other.value
         ratio = self.value * per_other
         return Dual(ratio, (self.slope - ratio * other.slope) * per_other)
@@ -67,7 +67,7 @@ def _dual(x: Any) -> Dual:
 
 
 def along(v: Vector, direction: Vector) -> Vector:
-    """Return the vector v as one that moves in a direction."""
+    """Return the vector v with a direction as its derivative."""
     return (Dual(v[0], direction[0]), Dual(v[1], direction[1]), Dual(v[2], direction[2]))
 
 
@@ -76,17 +76,19 @@ def slopes(v: Vector) -> Vector:
     return (_dual(v[0]).slope, _dual(v[1]).slope, _dual(v[2]).slope)
 
 
-# Doubles in an AVX-512 register; on narrower machines they take several registers.
-LANES = 8
-# Doubles in an AVX register: where one orbit alone is waited for, the narrower step is done sooner.
-FEW = 4
+LANES = 8  # doubles in an AVX-512 register; other machines need several registers
+FEW = 4  # doubles in an AVX register; the narrower step is faster for a single orbit
 
 
 class Tape:
-    """The operations noted so far, each distinct one once: common parts are computed once.
+    """Recorded operations, each distinct one once.
 
-    notes: what is computed, the name of each result by its operation and operands, which are names
-    and numbers; results: what is written to each row of the workspace after that.
+    Attributes
+    ----------
+    notes : dict
+        Maps (operation, *operands) to the name of the result. Operands are names and numbers.
+    results : dict
+        Maps a row of the workspace to the name or number that is written to it at the end.
     """
 
     def __init__(self) -> None:
@@ -103,12 +105,12 @@ class Tape:
         return self.note("load", row)
 
     def write(self, row: int, value: "Symbol | float") -> None:
-        """Write a value to the lane's element of a row, after all is computed."""
+        """Write a value to the lane's element of a row at the end."""
         self.results[row] = str(value)
 
 
 class Symbol:
-    """A number yet unknown, on a tape. Sums with 0 and products with 0 and 1 are not noted."""
+    """An unknown number on a tape. Sums with 0 and products with 0 and 1 are not recorded."""
 
     __slots__ = ("name", "tape")
 
@@ -131,7 +133,7 @@ class Symbol:
         return -self if other == 0 else self.tape.note("fsub", other, self)
 
     def __neg__(self) -> "Symbol":
-        # As numba negates: LLVM would add up sums with fneg in another order.
+        # Negation as in numba: LLVM would reorder sums with fneg.
         return self.tape.note("fsub", -0.0, self)
 
     def __mul__(self, other: Any) -> Any:
@@ -142,17 +144,17 @@ class Symbol:
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> Any:
-        # Exact, and a product is the quicker.
+        # Exact, and a product is faster.
         return self * 0.5 if _is_number(other, 2) else self._note("fdiv", other)
 
     def __rtruediv__(self, other: float) -> "Symbol":
         return self.tape.note("fdiv", other, self)
 
     def sqrt(self) -> "Symbol":
-        """Return the square root, which equations.py does without but a unit vector needs."""
+        """Return the square root."""
         return self.tape.note("sqrt", self)
 
-    # Conditions, for `choose`; false where either side is not a number.
+    # Conditions for `choose`; false if either side is NaN.
 
     def __le__(self, other: "Symbol | float") -> "Symbol":
         return self.tape.note("<=", self, other)
@@ -167,36 +169,36 @@ class Symbol:
         return self.tape.note("and_", self, other)
 
     def choose(self, yes: "Symbol | float", no: "Symbol | float") -> "Symbol":
-        """Return `yes` where this condition holds, `no` elsewhere."""
+        """Return `yes` if this condition holds, else `no`."""
         return self.tape.note("select", self, yes, no)
 
     def _note(self, operation: str, other: Any, either_way: bool = False) -> Any:
         if not isinstance(other, Symbol | float | int):
-            # The other operand may be a dual number of symbols, which knows what to do.
+            # A dual number of symbols handles the operation.
             return NotImplemented
-        # Sorted, a + b and b + a are noted as one operation.
+        # Sorted, so that a + b and b + a are one operation.
         operands = [self, other]
         return self.tape.note(operation, *sorted(operands, key=str) if either_way else operands)
 
 
 def _is_number(operand: Any, value: float) -> bool:
-    """Return whether the operand is known already, and is `value`."""
+    """Return whether the operand is a number equal to `value`."""
     return isinstance(operand, float | int) and operand == value
 
 
 def least(a: "Symbol", b: "Symbol | float") -> "Symbol":
-    """Return the smaller of two numbers; b where a is not a number."""
+    """Return the smaller of two numbers, or b if a is NaN."""
     return (a <= b).choose(a, b)
 
 
 def _wide(_: Any) -> Any:
-    """Let the function that calls this have the widest vectors that the processor has."""
+    """Allow the calling function the widest vectors of the processor."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        # LLVM holds some processors to half of their vectors' width, a third slower here. numba's
-        # setting would be one of the whole process, while this attribute is of one function alone.
-        # llvmlite's list of attributes has none with a value, so it is added past the check of its
-        # name. A user who sets the features of the processor decides the width as well.
+        # LLVM uses half of the vector width on some processors, which is a third slower here.
+        # numba's setting would affect the whole process, this attribute only one function.
+        # llvmlite's check of names refuses attributes with a value, so it is added to the set. If
+        # the user sets the features of the processor, these determine the width.
         if numba.config.CPU_FEATURES is None:
             set.add(builder.function.attributes, _WIDEST)
         return context.get_dummy_value()
@@ -209,11 +211,11 @@ _wide_vectors: Any = intrinsic(_wide)
 
 
 _tapes: dict[str, Tape] = {}
-"""The tape of each lane function, by its name."""
+"""Maps the name of a lane function to its tape."""
 
 
 def _one_lane(_: Any, workspace: Any, lane: Any, lanes: Any, name: Any) -> Any:
-    """Run the tape of that name in one lane of a workspace; `lanes` and `name` are literals."""
+    """Run the named tape in one lane of a workspace; `lanes` and `name` are literals."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         workspace = context.make_array(signature.args[0])(context, builder, arguments[0]).data
@@ -228,18 +230,18 @@ def _one_lane(_: Any, workspace: Any, lane: Any, lanes: Any, name: Any) -> Any:
             known = values.get(operand)
             return context.get_constant(types.float64, float(operand)) if known is None else known
 
-        for (operation, *operands), found in tape.notes.items():
+        for (operation, *operands), result in tape.notes.items():
             if operation == "load":
-                values[found] = builder.load(at(int(operands[0])))
+                values[result] = builder.load(at(int(operands[0])))
                 continue
-            given = [value(each) for each in operands]
+            arguments_of = [value(operand) for operand in operands]
             if operation == "sqrt":
-                root = builder.module.declare_intrinsic("llvm.sqrt", [given[0].type])
-                values[found] = builder.call(root, given)
+                root = builder.module.declare_intrinsic("llvm.sqrt", [arguments_of[0].type])
+                values[result] = builder.call(root, arguments_of)
             elif operation in ("<=", ">=", "<"):
-                values[found] = builder.fcmp_ordered(operation, *given)
+                values[result] = builder.fcmp_ordered(operation, *arguments_of)
             else:
-                values[found] = getattr(builder, operation)(*given)
+                values[result] = getattr(builder, operation)(*arguments_of)
         for row, result in tape.results.items():
             builder.store(value(result), at(row))
         return context.get_dummy_value()
@@ -253,14 +255,14 @@ _run_in_one_lane: Any = intrinsic(prefer_literal=True)(_one_lane)
 def lane_function(name: str, tape: Tape, lanes: int) -> Any:
     """Return a function of a workspace (rows·lanes,), for numba, that runs a tape in every lane.
 
-    The name must be unique in the process: numba links compiled and loaded code by it. The
-    compiler can see that lanes are independent because the workspace is flat, with rows that stand
-    a known number of lanes apart. The operations are handed to LLVM one by one, because numba
-    would spend seconds on the types of thousands of names that are all floats.
+    The name must be unique in the process, because numba links compiled and loaded code with it.
+    The workspace is flat with a constant stride, so the compiler sees that lanes are independent.
+    The operations go directly to LLVM, because numba would need seconds to infer the types of
+    thousands of names.
     """
 
-    # The closure holds the tape's name and not the tape or an intrinsic of its own, because numba's
-    # cache compares the values that a closure holds, and an intrinsic differs in every process.
+    # The closure has the name of the tape, because numba's cache compares the values in a closure,
+    # and a tape or an intrinsic differs in every process.
     def in_every_lane(w: Any) -> None:
         _wide_vectors()
         for i in range(lanes):

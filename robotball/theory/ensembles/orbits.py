@@ -1,11 +1,10 @@
-"""Many motions at once, or one closely sampled, by compiled loops that drive the compiled step.
+"""Many motions at once, or one densely sampled, in compiled loops around the compiled step.
 
-Each lane has an orbit of its own, with its own step length and acceptance, and takes the next
-orbit of the queue when it is done; threads share a queue. A step has no memory: a state asked for
-within a step is found by a shorter step from the same start, so no interpolant is needed and every
-output has the full order.
+Each lane has an orbit with its step length and error control, and takes the next orbit of the queue
+when it is done. Threads share a queue. Outputs within a step are computed with a shorter step from
+the same start, so they have the full order and need no interpolant.
 
-All axes named "frame" here are the principal axes of the ball's inertia, as in Parameters.
+"Frame" axes here are the principal axes of the ball's inertia, in which `Parameters` are.
 """
 
 import math
@@ -60,20 +59,20 @@ def compiled(signature: str) -> Callable[[Function], Function]:
 
 
 def work(size: int, counters: int) -> tuple[Array, tuple[Array, ...]]:
-    """Return what a loop keeps of its lanes: the step's numbers, and so many integers of each.
+    """Return the workspace of the step, and `counters` integers for each lane.
 
-    Arrays that compiled code makes by itself would be a quarter of what is compiled.
+    Arrays made within compiled code would take a quarter of its compilation.
     """
     return np.zeros(places(size)[3] * LANES), tuple(np.zeros((counters, LANES), np.int64))
 
 
 def _take(_: Any, queue: Any) -> Any:
-    """Return the number that a queue (1,) holds, which then holds the next, atomically."""
+    """Return the number in a queue (1,) and increment it, atomically."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         array = context.make_array(signature.args[0])(context, builder, arguments[0])
         one = context.get_constant(types.int64, 1)
-        # Atomic, as threads share a queue without a lock; it orders no other memory.
+        # Threads share a queue without a lock; no other memory is ordered.
         return builder.atomic_rmw("add", array.data, one, "monotonic")
 
     return types.int64(queue), generate
@@ -84,7 +83,7 @@ take: Any = intrinsic(_take)
 
 @inlined
 def load(w: Any, lanes: int, lane: int, row: Any, length: float, tolerance: float) -> None:
-    """Put an orbit into one of so many lanes; row: the rows from BALL on, up to its slope's end."""
+    """Put an orbit into a lane; row: the rows from BALL on, up to the end of its slope."""
     w[LENGTH * lanes + lane] = length
     w[ALLOWED * lanes + lane] = tolerance
     w[TIME * lanes + lane] = 0.0
@@ -97,7 +96,7 @@ def load(w: Any, lanes: int, lane: int, row: Any, length: float, tolerance: floa
 def load_next(
     w: Any, orbit: Any, lane: int, queue: Any, rows: Any, lengths: Any, tolerance: float
 ) -> bool:
-    """Put the queue's next orbit into a lane. Returns False, with orbit -1, where none is left."""
+    """Put the queue's next orbit into a lane. Returns False, with orbit -1, if it is empty."""
     waiting = take(queue)
     if waiting >= len(rows):
         orbit[lane] = -1
@@ -118,22 +117,22 @@ def collapsed(w: Any, lanes: int, lane: int) -> bool:
     f"void({STEP}, i8[::1], f8[:, ::1], f8[::1], f8[::1], f8, i8, f8[::1], UniTuple(i8[::1], 3), "
     "f8[:, :, ::1], i8[::1])"
 )
-def _march_lanes(
+def march_lanes(
     step: Any, queue: Any, rows: Any, lengths: Any, times: Any, tolerance: float, step_limit: int,
     w: Any, counters: Any, states: Any, status: Any,
 ) -> None:  # fmt: skip
     """Write the states (n, m, size) of n orbits at m times, all after 0 and increasing.
 
-    queue: for `take`, of the orbits that are still to be done; rows: (n, k) as `load` takes them;
-    lengths: (n,) s, of each orbit's first step; w, counters: of `work`. Writes states and status
-    (n,) of those that it takes; the states of an orbit that is given up stay as they were.
+    queue: of the remaining orbits, for `take`; rows: (n, k) for `load`; lengths: (n,) s, the first
+    steps; w, counters: from `work`. Writes the states and status (n,) of the orbits that it takes.
+    The later states of an abandoned orbit are not written.
     """
     size = states.shape[2]
     _, new, flag, _ = places(size)
     orbit, sample, steps = counters
     running = 0
     for lane in range(LANES):
-        load(w, LANES, lane, rows[0], lengths[0], tolerance)  # idle lanes compute too, to no end
+        load(w, LANES, lane, rows[0], lengths[0], tolerance)  # idle lanes compute too
         if load_next(w, orbit, lane, queue, rows, lengths, tolerance):
             w[TARGET * LANES + lane] = times[0]
             running += 1
@@ -166,15 +165,15 @@ def _march_lanes(
 
 
 @compiled(f"Tuple((i8, f8))({STEP}, f8[::1], f8, f8[::1], f8, i8, f8[::1], f8[::1], f8[:, ::1])")
-def _follow(
+def follow(
     step: Any, row: Any, length: float, times: Any, tolerance: float, step_limit: int, w: Any,
     old: Any, states: Any,
 ) -> tuple[int, float]:  # fmt: skip
     """Write the states (m, size) of one orbit at m times, all after 0 and increasing.
 
-    step: of FEW lanes. Lane 0 marches; the others look for the outputs within the step that it took
-    before. w, old: for the numbers of the lanes, and of lane 0 before its step. Returns the status
-    and the time that was reached.
+    step: for FEW lanes. Lane 0 marches; the others compute the outputs within its last step. w,
+    old: workspaces for the lanes, and for lane 0 before its step. Returns the status and the time
+    reached.
     """
     size = states.shape[1]
     _, new, flag, _ = places(size)
@@ -184,14 +183,14 @@ def _follow(
     for _ in range(step_limit):
         helping = min(reached - sample, FEW - 1)
         for k in range(helping):
-            # Longer than the way to any target, so that these lanes only look.
+            # Longer than the time to any target, so that these lanes only look.
             w[LENGTH * FEW + 1 + k] = np.inf
             w[TARGET * FEW + 1 + k] = times[sample + k]
-        # With more outputs than lanes, lane 0 waits: it looks at where it stands.
+        # With more outputs than lanes, lane 0 waits: its target is its time.
         waits = sample + helping < reached
         w[TARGET * FEW] = w[TIME * FEW] if waits else np.inf
         before = w[TIME * FEW]
-        # Kept, as those that look for outputs start where lane 0 stands before its step.
+        # The lanes that look for outputs start from the state of lane 0 before its step.
         for j in range(len(old)):
             old[j] = w[(STATE + j) * FEW]
         step(w)
@@ -214,16 +213,14 @@ def _follow(
     return TOO_MANY_STEPS, w[TIME * FEW]
 
 
-# The error of one step in the unit quaternion: near the least that double precision can judge.
-STEP_TOLERANCE = 1e-14
-# The error of one step where the long run counts: an attractor forgives what a path does not.
-LONG_RUN_TOLERANCE = 1e-9
-_STEPS_PER_TURN = 600  # allowed, where an ordinary orbit takes 6 to 60
-_MOST_STEPS = 2**62  # what a counter holds
+STEP_TOLERANCE = 1e-14  # error of one step in the unit quaternion, near rounding
+LONG_RUN_TOLERANCE = 1e-9  # the same for attractors, which depend less on errors than paths
+_STEPS_PER_TURN = 600  # the largest number; most orbits take 6 to 60
+_MOST_STEPS = 2**62  # below the largest value of a counter
 
 Integers = NDArray[np.int64]
 Balls = Parameters | Sequence[Parameters]
-"""One ball, or several of one rolling model with equally many starts each, in their order."""
+"""One ball, or several of one rolling model with equally many starts each, in order."""
 
 
 @dataclass(frozen=True)
@@ -231,8 +228,8 @@ class _Orbits:
     """Motions of n starts at m times.
 
     attitudes (n, m, 4) quaternions, frame to world; contact_points (n, m, 2) m,
-    world, from (0, 0); status (n,): DONE, TOO_MANY_STEPS or COLLAPSED. What was given up is NaN
-    from there on.
+    world, from (0, 0); status (n,): DONE, TOO_MANY_STEPS or COLLAPSED. The later states of an
+    abandoned orbit are NaN.
     """
 
     attitudes: Array
@@ -251,7 +248,7 @@ def orbits(
 
     attitudes: (n, 4) unit quaternions, frame to world; momenta: (n, 3) kg m²/s, world, horizontal
     in the rubber model; times: (m,) s, increasing from 0; tolerance: the error of the quaternion
-    allowed in one step. Raises InputError on unusable starts or times.
+    allowed in one step. Raises InputError for invalid starts or times.
     """
     times = times_of(times)
     starts = Starts(parameters, attitudes, momenta)
@@ -273,10 +270,10 @@ def orbit(
     tolerance: float = STEP_TOLERANCE,
     max_steps: int | None = None,
 ) -> Array:
-    """Return the attitudes and contact points (m, 4 + 2) of one motion, for times close together.
+    """Return the attitudes and contact points (m, 4 + 2) of one motion, for dense times.
 
-    attitude (4,), momentum (3,), times (m,), tolerance: as for `orbits`. Raises InputError where
-    the motion would be given up, or needs more than max_steps.
+    attitude (4,), momentum (3,), times (m,), tolerance: as in `orbits`. Raises InputError if the
+    motion needs more than max_steps, or if a step becomes too short.
     """
     times = times_of(times)
     starts = Starts(parameters, attitude[None], momentum[None])
@@ -286,7 +283,7 @@ def orbit(
     limit = starts.step_limit(times[-1]) if max_steps is None else max_steps
     step, row = stepper(PATH, parameters.rolling, FEW), starts.rows_of(PATH, np.zeros((1, 2)))[0]
     _, new, _, total = places(PATH.size)
-    status, reached = _follow(
+    status, reached = follow(
         step, row, length, times[1:], tolerance, limit + len(times), np.zeros(total * FEW),
         np.zeros(new - STATE), states[1:],
     )  # fmt: skip
@@ -295,9 +292,9 @@ def orbit(
         raise too_many_steps(limit, reached, times[-1], speed)
     if status == COLLAPSED:
         raise InputError(
-            f"the orbit was given up: the step length fell to nothing at t = {reached:g} s"
+            f"the step became too short at t = {reached:g} s: allow a larger error in one step"
         )
-    # Piece by piece: the copies would else take several times the memory of a long motion.
+    # In pieces, because the copies would take several times the memory of a long motion.
     for piece in pieces(len(times)):
         states[piece, :4] = starts.to_world(states[None, piece, :4])[0]
         states[piece, 4:] = starts.turned_back(states[None, piece, 4:])[0]
@@ -311,20 +308,26 @@ def angular_velocity(parameters: Parameters, attitude: Array, momentum: Array) -
 
 
 def kernel_start(scene: Scene) -> tuple[Parameters, Array, Array]:
-    """Return a scene's Parameters, attitudes (1, 4) and momenta (1, 3), as `orbits` takes them.
-
-    The attitude is that of the principal axes, in which Parameters are.
-    """
+    """Return a scene's Parameters, attitudes (1, 4) of the principal axes and momenta (1, 3)."""
     attitude = multiply(scene.start.attitude, scene.principal_quaternion)
     return scene.parameters, attitude[None], scene.start.momentum[None]
 
 
 class Starts:
-    """Starts as the stepper takes them: turned about the vertical until M = -mα + cγ.
+    """Starts for the stepper, turned about the vertical so that M = -mα + cγ.
 
-    Of one ball, or of several of one rolling model with equally many starts each, in their order.
-    attitudes: (n, 4) so turned; rows: (n, k), the constants of each orbit; turns: (n,) rad;
-    size: (n,) |M| kg m²/s; fastest: (n,) rad/s, a bound on |ω|.
+    Attributes
+    ----------
+    attitudes : (n, 4)
+        The turned attitudes.
+    rows : (n, k)
+        The constants of each orbit.
+    turns : (n,), rad
+        The angles of the turns.
+    size : (n,), kg m²/s
+        |M|.
+    fastest : (n,), rad/s
+        A bound on |ω|.
     """
 
     def __init__(self, balls: Balls, attitudes: Array, momenta: Array) -> None:
@@ -337,7 +340,7 @@ class Starts:
         sizes = np.split(self.size, len(several))
         self.fastest = np.concatenate([*map(check_speed, several, sizes)])
         across = np.hypot(momenta[:, 0], momenta[:, 1])
-        # M = -mα + cγ has its horizontal part against α; a vertical M has none to turn.
+        # The horizontal part of M = -mα + cγ is opposite to α; a vertical M needs no turn.
         self.turns = np.where(across > 0, np.arctan2(-momenta[:, 1], -momenta[:, 0]), 0.0)
         unit = attitudes / np.linalg.norm(attitudes, axis=1, keepdims=True)
         self.attitudes = _turned_starts(-self.turns, unit)
@@ -347,7 +350,7 @@ class Starts:
         self.rows = np.concatenate([numbers, level, no_section], axis=1)
 
     def rows_of(self, system: System, rest: Array) -> Array:
-        """Return constants, states and slopes (n, k), side by side, as `load` takes them.
+        """Return constants, states and slopes (n, k) in columns, for `load`.
 
         rest: (n, size - 4), the numbers of the first state after the quaternion.
         """
@@ -366,28 +369,28 @@ class Starts:
         rest: as in `rows_of`.
         """
         n = len(self.rows)
-        # An orbit that is given up writes no more, and its states stay NaN from there on.
+        # The later states of an abandoned orbit stay NaN.
         states, status = np.full((n, len(times), system.size), np.nan), np.zeros(n, np.int64)
         step = stepper(system, self.rolling)
         rows = self.rows_of(system, rest)
         lengths = self.first_lengths(times[-1], tolerance)
-        # An output takes a step of its own, which looks and does not move.
+        # An output takes an additional step, which only looks.
         stops, limit = np.ascontiguousarray(times), self.step_limit(times[-1]) + len(times)
 
         def march(queue: Queue) -> None:
-            own = work(system.size, 3)
-            _march_lanes(step, queue, rows, lengths, stops, tolerance, limit, *own, states, status)
+            space = work(system.size, 3)
+            march_lanes(step, queue, rows, lengths, stops, tolerance, limit, *space, states, status)
 
         in_threads(march, math.ceil(n / LANES))
         return states, status
 
     def first_lengths(self, duration: float, tolerance: float) -> Array:
-        """Return a first step (n,) for each orbit, rather short; it grows by itself [s]."""
-        # A radian by the bound on |ω|, for a tolerance of 1, at the pair's lower order, 8.
+        """Return a rather short first step (n,) for each orbit [s]; steps grow."""
+        # A radian at the bound on |ω| for a tolerance of 1, with the pair's lower order, 8.
         return np.minimum(duration, tolerance**0.125 / np.maximum(self.fastest, 1e-300))
 
     def step_limit(self, duration: float) -> int:
-        """Return more steps than any orbit needs, so that none can hang the others."""
+        """Return more steps than any orbit needs, so that no orbit blocks the others."""
         turns = float(self.fastest.max()) * duration / (2 * np.pi)
         return int(min(1000 + _STEPS_PER_TURN * turns, _MOST_STEPS))
 
@@ -426,7 +429,7 @@ def _check_starts(balls: Sequence[Parameters], attitudes: Array, momenta: Array)
         )
     if len(attitudes) == 0 or not (np.isfinite(attitudes).all() and np.isfinite(momenta).all()):
         raise InputError("starts must be at least one, and finite")
-    # Nearer to one is rounding, and is scaled away.
+    # A smaller deviation is rounding and is removed.
     if np.abs(np.linalg.norm(attitudes, axis=1) - 1).max() > 1e-9:
         raise InputError("attitudes must be unit quaternions")
     if not balls or len(attitudes) % len(balls) or len({ball.rolling for ball in balls}) > 1:
@@ -436,4 +439,4 @@ def _check_starts(balls: Sequence[Parameters], attitudes: Array, momenta: Array)
         )
     vertical = np.abs(momenta[:, 2])
     if balls[0].rolling == "rubber" and (vertical > 1e-9 * np.linalg.norm(momenta, axis=1)).any():
-        raise InputError("momenta must be horizontal in the rubber model, by (3.1)")
+        raise InputError("momenta must be horizontal in the rubber model, see (3.1)")

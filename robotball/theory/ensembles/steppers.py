@@ -1,17 +1,16 @@
-"""The compiled steps: systems of equations, and a Runge-Kutta step of LANES orbits at a time.
+"""Systems of equations, and their compiled Runge-Kutta step for LANES orbits at a time.
 
-The systems are in plain arithmetic like equations.py, in the axes of section 3.3, in which
-M = -mα + cγ, and in unit quaternions: M is constant in space, so an attitude is all there is to
-integrate.
+The systems are plain arithmetic on unit quaternions in the axes of section 3.3, in which
+M = -mα + cγ. M is constant in space, so only an attitude is integrated.
 
 The pair of explicit methods of orders 9 and 8, with 16 stages, is the most efficient 9(8) of
 J. H. Verner, "Numerically optimal Runge-Kutta pairs with interpolants", Numerical Algorithms 53
-(2010) 383-396, with the numbers that he gave it in 2024. On these equations it asks for 10 to 27 %
-less time than scipy's DOP853 at the same error.
+(2010) 383-396, with his coefficients of 2024. On these equations it takes 10 to 27 % less time than
+scipy's DOP853 at the same error.
 
-A step is a plain function of the state and its length, here run on symbols (flatten.py) and
-compiled once a rolling model; a ball is data. Only unit vectors are judged for their error, so
-no tolerance has a unit.
+A step is a plain function of the state and its length, which is traced with symbols (flatten.py)
+and compiled once for each rolling model. The ball is data. Only the errors of unit vectors are
+controlled, so tolerances have no unit.
 """
 
 from collections.abc import Callable, Sequence
@@ -40,8 +39,8 @@ class Level:
         return eq.subtract(eq.scale(self.c, gamma), eq.scale(self.m, alpha))
 
 
-_Seen = tuple[Scalar, Scalar, Scalar]
-"""A section function's value, its rate [1/s], and what is above 0 on the section's own side."""
+_SectionValue = tuple[Scalar, Scalar, Scalar]
+"""A section function's value, its rate [1/s], and a number that is positive on the section."""
 
 
 @dataclass(frozen=True)
@@ -49,10 +48,10 @@ class System:
     """Equations to step: their right-hand side, and the unit vectors in their state.
 
     rate: (state, parameters, level) -> d(state)/dt. units: the dimensions of the unit vectors
-    that the state starts with; the error is judged on these alone, and they are brought back to
-    length one at every step. The rest are quadratures of them. loose: the factor on the tolerance
-    for the error of each unit vector. section: (state, parameters, level, numbers of the section)
-    -> the section function's `_Seen`, if there is a section.
+    that the state starts with; only their error is controlled, and they are normalised at every
+    step. The other numbers are quadratures of them. loose: the factor of the tolerance for each
+    unit vector. section: (state, parameters, level, numbers of the section) -> `_SectionValue`, if
+    there is a section.
     """
 
     name: str
@@ -60,11 +59,11 @@ class System:
     units: tuple[int, ...]
     rate: Callable[[State, Parameters, Level], State]
     loose: tuple[float, ...] = (1.0,)
-    section: Callable[[State, Parameters, Level, State], _Seen] | None = None
+    section: Callable[[State, Parameters, Level, State], _SectionValue] | None = None
 
     @property
     def allowed(self) -> list[float]:
-        """The factors on the tolerance, one for each number whose error is judged."""
+        """The factors of the tolerance, one for each number whose error is controlled."""
         return [times for n, times in zip(self.units, self.loose, strict=True) for _ in range(n)]
 
 
@@ -76,7 +75,7 @@ def _path_rate(state: State, parameters: Parameters, level: Level) -> State:
 
 
 def _attitude_rate(state: State, parameters: Parameters, level: Level) -> State:
-    """Return d/dt of q alone."""
+    """Return d/dt of q."""
     q, _, _, _, omega = _turning(state, parameters, level)
     return eq.attitude_rate(q, omega)
 
@@ -84,8 +83,8 @@ def _attitude_rate(state: State, parameters: Parameters, level: Level) -> State:
 def _deviation_rate(state: State, parameters: Parameters, level: Level) -> State:
     """Return d/dt of (q, ξ, ln growth, ln volume): a neighbouring orbit's direction and distance.
 
-    A small turn ξ of the start, in frame axes, obeys dξ/dt = Dω·ξ - ω×ξ; its direction, of length
-    one, and the logarithm of its length are kept apart.
+    A small turn ξ of the start, in frame axes, obeys dξ/dt = Dω·ξ - ω×ξ. The state has its
+    direction as a unit vector, and the logarithm of its length.
     """
     q, alpha, _, gamma, omega = _turning(state, parameters, level)
     xi: Vector = (state[4], state[5], state[6])
@@ -107,7 +106,9 @@ def _turning(
     return (w, x, y, z), alpha, beta, gamma, omega
 
 
-def _section_function(state: State, parameters: Parameters, level: Level, section: State) -> _Seen:
+def _section_function(
+    state: State, parameters: Parameters, level: Level, section: State
+) -> _SectionValue:
     """Return sin(g - g₀), its rate and cos(g - g₀), all times √(1 - L²/f), of a state with q first.
 
     section: (cos g₀, sin g₀, m/√f, c/√f). With γ₀ = (m/√f)γ + (c/√f)α of (5.5) the definition of
@@ -122,7 +123,7 @@ def _section_function(state: State, parameters: Parameters, level: Level, sectio
     return ahead[2], eq.cross(ahead, omega)[2], facing
 
 
-def _arc_function(state: State, parameters: Parameters, level: Level, arc: State) -> _Seen:
+def _arc_function(state: State, parameters: Parameters, level: Level, arc: State) -> _SectionValue:
     """Return (γ, n), its rate and (γ, e), of a state with q first.
 
     arc: n and e, unit vectors: half of the great circle across n, the half around e.
@@ -133,9 +134,9 @@ def _arc_function(state: State, parameters: Parameters, level: Level, arc: State
     return eq.dot(normal, gamma), eq.dot(normal, eq.cross(gamma, omega)), eq.dot(middle, gamma)
 
 
-# The tolerance on a neighbour's direction is looser by this factor: only the mean of its growth
-# counts. Its error is some 10 times the attitude's, and judged alike it would set the step, with a
-# seventh more steps for the same exponents.
+# The factor of the tolerance for a neighbour's direction, of which only the mean growth is used.
+# Its error is about 10 times as large as the error of the attitude. With the same tolerance it
+# would determine the step, with a seventh more steps for the same exponents.
 _DIRECTION = 100.0
 
 PATH = System("path", 6, (4,), _path_rate)
@@ -144,19 +145,19 @@ ARC = System("arc", 4, (4,), _attitude_rate, section=_arc_function)
 DEVIATION = System("deviation", 9, (4, 3), _deviation_rate, loose=(1.0, _DIRECTION))
 
 
-# Rows of a workspace: the length of step to try, the error allowed, the time, where to stop; the
-# ball, the level set, the section; and from STATE on the state, its slope, the new state, the flag
-# and what is seen of a section, which differ in size from system to system.
+# Rows of a workspace: the length of the next trial, the tolerance, the time, the target; the ball,
+# the level set, the section; and from STATE on the state, its slope, the new state, the flag and
+# the section value, whose sizes depend on the system.
 LENGTH, ALLOWED, TIME, TARGET, BALL, LEVEL, SECTION, STATE = 0, 1, 2, 3, 4, 15, 17, 23
 REJECTED, MARCHED, LOOKED = 0.0, 1.0, 2.0
-# Sums in any order cost up to a tenth less and round no worse; what is not a number stays so.
+# Free order of sums saves up to a tenth of the time at the same rounding; NaN is preserved.
 _FREEDOM = {"contract", "reassoc", "nsz"}
 _SEEN = 3  # numbers of a section
 
 
 @inlined
 def places(size: int) -> tuple[int, int, int, int]:
-    """Return where slope, new state and flag begin for a state of so many numbers; and the rows."""
+    """Return the first rows of slope, new state and flag, and the number of rows, for a size."""
     slope, new, flag = STATE + size, STATE + 2 * size, STATE + 3 * size
     return slope, new, flag, flag + 1 + _SEEN
 
@@ -205,7 +206,7 @@ STAGES: tuple[tuple[float, ...], ...] = (
         -66.57711839637832, 1.0989155531654418, 0, 0,
     ),
 )
-# The weights of the slopes in the step of order 9, and in that of order 8.
+# The weights of the slopes in the steps of orders 9 and 8.
 NINTH: tuple[float, ...] = (
     0.015006690149797247, 0, 0, 0, 0, 0, 0, -1.0551809927463813, 0.2384947263782183,
     0.12881517742829915, 0.22766231110462157, 1.2295325874375174, 0.04624976662810384,
@@ -220,18 +221,18 @@ EIGHTH: tuple[float, ...] = (
 _ERROR = tuple(ninth - eighth for ninth, eighth in zip(NINTH, EIGHTH, strict=True))
 
 
-# Control of the length: the usual limits of change, and a safety at which some 2 % of the steps are
-# rejected. At 0.9 it is 23 %, and the same error costs a third more time.
+# Step control: limits of change, and a safety with which about 2 % of the steps are rejected. With
+# 0.9 it is 23 %, and the same error costs a third more time.
 _SAFETY, _LEAST_CHANGE, _MOST_CHANGE = 0.75, 0.2, 6.0
 
 
 def runge_kutta(
     rate: Callable[[State], State], state: State, slope: State, h: Scalar, allowed: Sequence[float]
 ) -> tuple[list[Scalar], Scalar]:
-    """Return the state after one step of length h by Verner's pair, and 1/error² of the step.
+    """Return the state after one step of length h with Verner's pair, and 1/error² of the step.
 
-    slope: of the state, which the step before ended with; allowed: the parts in which the errors
-    of the first numbers of the state are measured, which alone are judged.
+    slope: of the state, from the end of the last step; allowed: the tolerances of the first numbers
+    of the state; the errors of the others are not controlled.
     """
 
     def combination(row: Sequence[float], i: int) -> Scalar:
@@ -244,17 +245,16 @@ def runge_kutta(
     for row in STAGES:
         known.append(rate(moved(row)))
     errors = [combination(_ERROR, i) * (1 / part) for i, part in enumerate(allowed)]
-    # The tiny term stands for no error at all, where nothing moves.
+    # The tiny term avoids a division by zero if nothing moves.
     return moved(NINTH), 1 / (h * h * sum(e * e for e in errors) + 1e-200)
 
 
 def _traced(system: System, rolling: Rolling) -> Tape:
     """Return the tape of a system's step, over the rows of a workspace.
 
-    A lane whose target is nearer than its length only looks: it leaves the state there in the
-    rows of the new state, and stands still. Otherwise it marches: time, state and slope move, if
-    the error is within the tolerance. After the new state come the flag, and what the system sees
-    of the section in the new state.
+    A lane whose target is nearer than its length only looks: it writes the state there to the rows
+    of the new state. Otherwise it marches: time, state and slope advance if the error is within the
+    tolerance. After the new state follow the flag and the section value of the new state.
     """
     tape = Tape()
     SLOPE, NEW, FLAG, _ = places(system.size)
@@ -317,9 +317,9 @@ def row_of(parameters: Parameters) -> list[float]:
 
 @cache
 def stepper(system: System, rolling: Rolling, lanes: int = LANES) -> Any:
-    """Return the compiled step (workspace) -> None of a system, kept from process to process."""
+    """Return the compiled step (workspace) -> None of a system, which is cached on disk."""
     tape = _traced(system, rolling)
     function = lane_function(f"{system.name}_{rolling}_{lanes}", tape, lanes)
     made_from = f"{lanes} {vars(tape)} {text_of(flatten.__file__)}"
-    # The loops take the compiled function itself, by its address.
+    # The loops take the compiled function as an argument.
     return compiled_from(made_from, "void(f8[::1])", fastmath=_FREEDOM)(function).code

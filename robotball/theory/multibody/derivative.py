@@ -1,13 +1,13 @@
-"""The derivative of a robot's state, by the formulas of robotball.robot.mechanics, compiled.
+"""The compiled derivative of a robot's state, from the formulas of robotball.robot.mechanics.
 
 A state is (q, X, Y, M, loss, angles, h, work): the frame's attitude, the contact point, the
-momentum M in space axes, the work lost to rolling resistance, and of every hinge its angle, its
-momentum (used where its rate is not given) and the work of its motors. A motor moves one hinge, or
-several by gears. Where the plane moves, its work on the ball follows. The derivative is computed
-with readings of the state, the forces and rates that it takes: see `Readings`.
+momentum M in space axes, the work lost to rolling resistance, and for every hinge its angle, its
+momentum (if its rate is not prescribed) and the work of its motors. The work of a moving plane on
+the ball follows. A motor moves one hinge, or several with gears. The derivative also gives forces
+and rates, which are `Readings` of the state.
 
-To call compiled code takes longer than one derivative, so `differentiate` has all stages of a step,
-of one robot or of several.
+A call of compiled code takes longer than one derivative, so `differentiate` computes all stages of
+a step, of one robot or of several.
 """
 
 from functools import cache
@@ -43,20 +43,20 @@ from robotball.robot.motors import SLOW
 from robotball.rotations import Array, Mask
 from robotball.theory.compiled import compiled_from, inlined, text_of
 
-# Places in a state; from HINGES on the angles, the momenta and the work, h numbers each.
+# Indices in a state; from HINGES on the angles, the momenta and the work, h numbers each.
 POINT, MOMENTUM, LOSS, HINGES = 4, 6, 9, 10
-# Places in the readings; from PER_HINGE on the hinges' rates and torques, h each, and the motors'
-# torques without limits.
+# Indices in the readings; from PER_HINGE on the rates and torques of hinges, h each, and the
+# torques of motors without limits.
 _FORCE, _PLANE_TORQUE, _OMEGA, _ROLLING, PER_HINGE = 0, 3, 6, 9, 12
-# Places in a motor's row: the numbers of its law.
+# Indices in the row of a motor's law.
 _PER_COMMAND, _PER_ANGLE, _PER_RATE, _AT_REST, LIMIT, _FRICTION, MOTOR = 0, 1, 2, 3, 4, 5, 6
-# rad/s: a shell that rolls no faster stands. The direction of the resistance, which would jump at
-# rest, is smoothed below it.
+# rad/s: a shell that rolls no faster stands. Below it the direction of the resistance, which jumps
+# at rest, is smoothed.
 STANDING = 1e-8
 _Axes = tuple[Vector, Vector, Vector]
 
 
-# The formulas call each other by name, and numba compiles only calls of functions that it knows.
+# The formulas call each other, and numba compiles only calls of registered functions.
 for _module in (eq, mechanics):
     for _function in vars(_module).values():
         if isinstance(_function, FunctionType):
@@ -64,12 +64,13 @@ for _module in (eq, mechanics):
 
 
 class Machine(NamedTuple):
-    """The numbers of a scene that stay while it moves; of n robots, those of each are in a row.
+    """The parameters of a scene; with n robots each has a row.
 
-    bodies, radius, carrier: of its `Robot`; motors (m, MOTOR), the numbers of their laws; gears
-    (m, h); resistance m, of the plane to rolling. The same of all robots: carrier; given (6 + h,):
-    whether a rate is given, and whether the shell may turn about each axis of space, which goes
-    with the modes; spin_free: whether it may not turn about the vertical.
+    bodies, radius, carrier: of its `Robot`; motors (m, MOTOR): the laws of the motors; gears
+    (m, h); resistance m: the plane's resistance to rolling. All robots share carrier, given and
+    spin_free. given (6 + h,): whether a rate is prescribed, and whether the shell may turn about
+    each axis of space, which depends on the modes; spin_free: whether it may not turn about the
+    vertical.
     """
 
     bodies: Array
@@ -83,7 +84,7 @@ class Machine(NamedTuple):
 
 
 class Inputs(NamedTuple):
-    """What is given at the stages of a step (s, ...); of n robots, those of each are in a row.
+    """Inputs at the stages of a step (s, ...); with n robots each has a row.
 
     rates, accelerations (s, h): of the hinges; commands (s, m): of the motors; gravity (s, 3) m/s²
     and plane (s, 3) m/s, the plane's velocity: world axes.
@@ -97,11 +98,10 @@ class Inputs(NamedTuple):
 
 
 class Modes(NamedTuple):
-    """The modes of a robot; while they stay, the derivative is a smooth function of the state.
+    """The modes of a robot, in which the derivative is a smooth function of the state.
 
-    motors (m,): -1, 0 or 1, the side of its limit on which a motor is; standing: whether the
-    plane's resistance to rolling holds the shell; toward (3,), world: the direction in which it
-    will roll.
+    motors (m,): -1 or 1 at a torque limit, else 0; standing: whether the plane's resistance to
+    rolling holds the shell; toward (3,), world: the direction in which it will roll.
     """
 
     motors: NDArray[np.int64]
@@ -110,10 +110,10 @@ class Modes(NamedTuple):
 
 
 class Work(NamedTuple):
-    """What the derivative writes on its way: compiled code that makes no array compiles faster.
+    """Workspace of the derivative: code without new arrays compiles faster.
 
-    state (size,); placed, columns, moving: as `mechanics` names them; matrix (6 + h, 6 + h): 𝓜 with
-    its border, as `eliminate` leaves it; rows (5, 6 + h).
+    state (size,); placed, columns, moving: as in `mechanics`; matrix (6 + h, 6 + h): 𝓜 with its
+    border, eliminated; rows (5, 6 + h).
     """
 
     state: Array
@@ -125,7 +125,7 @@ class Work(NamedTuple):
 
 
 def work_of(size: int, hinges: int) -> Work:
-    """Return room for what the derivative of a state (size,) writes on its way."""
+    """Return the workspace for a state (size,)."""
     b, k = 1 + hinges, 6 + hinges
     shapes = (size,), (b, PLACED), (b, 3 + hinges, COLUMN), (b, MOVING), (k, k), (5, k)
     return Work(*map(np.zeros, shapes))
@@ -133,13 +133,13 @@ def work_of(size: int, hinges: int) -> Work:
 
 @inlined
 def _pose(state: Any, machine: Machine, standing: bool, work: Work) -> _Axes:
-    """Place the bodies and eliminate 𝓜. Returns the axes of space, seen from the carrier."""
+    """Place the bodies and eliminate 𝓜. Returns the axes of space in carrier axes."""
     count, given = len(machine.bodies) - 1, machine.given
     axes = eq.space_axes((state[0], state[1], state[2], state[3]))
     place(machine.bodies, machine.carrier, state[HINGES : HINGES + count], work.placed)
     partial_velocities(machine.bodies, work.placed, machine.radius, axes[2], work.columns)
     mass_matrix(machine.bodies, work.placed, work.columns, work.matrix)
-    # A shell that stands turns about neither horizontal axis, a rubber one not about the vertical.
+    # A standing shell does not turn about the horizontal axes, a rubber one not about the vertical.
     given[3 + count] = given[4 + count] = not standing
     given[5 + count] = not machine.spin_free
     constrain(work.matrix, axes)
@@ -151,7 +151,7 @@ def _pose(state: Any, machine: Machine, standing: bool, work: Work) -> _Axes:
 def _motors_act(
     machine: Machine, commands: Any, sides: Any, state: Any, u: Any, torques: Any, unlimited: Any
 ) -> None:
-    """Write the torques (h,) of the motors on the hinges, and those (m,) without limits."""
+    """Write the torques (h,) on the hinges, and the torques (m,) of motors without limits."""
     count = len(torques)
     torques[:] = 0.0
     for i in range(len(unlimited)):
@@ -180,8 +180,8 @@ def _across(v: Vector, gamma: Vector) -> Vector:
 
 @inlined
 def _along(toward: Any, axes: _Axes, rolling: Vector) -> Vector:
-    """Return the direction of the rolling, which the plane's resistance is against."""
-    # Below STANDING it goes over, without a jump, into the one in which the shell will roll.
+    """Return the direction of the rolling, which the plane's resistance opposes."""
+    # Below STANDING it changes continuously into the direction in which the shell will roll.
     speed = np.sqrt(eq.dot(rolling, rolling))
     ahead = eq.seen_from_frame(vector(toward, 0), axes)
     along = eq.add(rolling, eq.scale(max(STANDING - speed, 0.0), ahead))
@@ -207,7 +207,7 @@ def _write_rates(
     )
     put(rate, MOMENTUM, (eq.dot(alpha, M_rate), eq.dot(beta, M_rate), eq.dot(gamma, M_rate)))
     if machine.spin_free:
-        # M = γ×L is horizontal, and rounding must not add up to anything else.
+        # M = γ×L is horizontal; without this its rounding would accumulate.
         rate[MOMENTUM + 2] = 0.0
     rate[LOSS] = -eq.dot(by_plane, shell)
     for j in range(count):
@@ -263,7 +263,7 @@ def _differentiate(
         for i in range(6 + count):
             u_rate[i] += torque * by_torque[i]
         force, resisting = eq.add(force, eq.scale(torque, by_unit)), eq.scale(-torque, along)
-    # The last unknowns are the plane's torques about the axes of space, but for their sign.
+    # The last unknowns are the negative torques of the plane about the axes of space.
     level = eq.add(eq.scale(u_rate[3 + count], axes[0]), eq.scale(u_rate[4 + count], axes[1]))
     level = eq.subtract(resisting, level)
     for j in range(count):
@@ -297,7 +297,7 @@ _SIGNATURE = types.void(
 
 
 @compiled_from(text_of(eq.__file__, mechanics.__file__, __file__), _SIGNATURE)
-def _differentiate_stages(
+def differentiate_stages(
     machines: Machine, modes: Modes, inputs: Inputs, length: float, weights: Any, base: Any,
     begin: Any, slopes: Any, ends: Any, readings: Any, work: Work,
 ) -> None:  # fmt: skip
@@ -307,7 +307,7 @@ def _differentiate_stages(
             machines.bodies[k], machines.radius[k], machines.carrier, machines.motors[k],
             machines.gears[k], machines.given, machines.spin_free, machines.resistance[k],
         )  # fmt: skip
-        own = Inputs(
+        robot_inputs = Inputs(
             inputs.rates[k], inputs.accelerations[k], inputs.commands[k], inputs.gravity[k],
             inputs.plane[k],
         )  # fmt: skip
@@ -320,20 +320,20 @@ def _differentiate_stages(
                     change += weights[s, j] * slopes[j, at]
                 ends[at] = begin[at] + length * change
                 work.state[i] = base[at] + ends[at]
-            _differentiate(work.state, machine, modes, own, s, work, rate, readings[k])
+            _differentiate(work.state, machine, modes, robot_inputs, s, work, rate, readings[k])
 
 
 @cache
 def differentiate() -> Any:
     """Return the compiled function for the derivatives at the stages of a step, of n robots.
 
-    It takes machines, modes and inputs; length, weights, base, begin and slopes as `dop853.Stages`
-    has them, for the states of all robots, one after another; where it writes the last displacement
-    and the readings (n, ...) there; and room for its work.
+    It takes machines, modes and inputs; length, weights, base, begin and slopes as in
+    `dop853.Stages`, for the concatenated states of all robots; arrays for the last displacement and
+    for its readings (n, ...); and a workspace.
     """
-    # By the entry of its only signature: to look at the types of its records again and again would
-    # take longer than the derivative of a ball.
-    return next(iter(_differentiate_stages.code.overloads.values())).entry_point
+    # The entry of its only signature: numba's dispatch on the types of its records takes longer
+    # than the derivative of a ball.
+    return next(iter(differentiate_stages.code.overloads.values())).entry_point
 
 
 class Readings(NamedTuple):
@@ -345,7 +345,7 @@ class Readings(NamedTuple):
     rolling       (..., 3)  rad/s, the horizontal part of the shell's angular velocity
     rates         (..., h)  rad/s, of the hinges
     torques       (..., h)  N m, of the motors on the hinges
-    unlimited     (..., m)  N m, the motors' torques as they would be without limits
+    unlimited     (..., m)  N m, of the motors without limits
     """
 
     force: Array
@@ -363,8 +363,8 @@ class Readings(NamedTuple):
 
 
 def readings_of(numbers: Array, count: int) -> Readings:
-    """Return the readings of `count` hinges in an array (..., PER_HINGE + 2h + m), as views."""
-    # In slices: np.split takes longer than the derivative.
+    """Return readings of `count` hinges as views of an array (..., PER_HINGE + 2h + m)."""
+    # Slices, because np.split takes longer than the derivative.
     torques, unlimited = PER_HINGE + count, PER_HINGE + 2 * count
     starts = (_FORCE, _PLANE_TORQUE, _OMEGA, _ROLLING)
     force, plane_torque, omega, rolling = [numbers[..., i : i + 3] for i in starts]

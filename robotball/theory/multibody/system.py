@@ -1,4 +1,4 @@
-"""Robots whose states are differentiated together: their starts, drives and modes."""
+"""The derivative of one or several robots, with their starts, drives and modes."""
 
 from collections.abc import Iterable
 from functools import cached_property
@@ -28,10 +28,10 @@ from robotball.theory.multibody.derivative import (
 
 
 class System:
-    """The derivative of a scene's state in given modes, up to the time `end` of a smooth piece.
+    """The derivative of a scene's state in its modes, within a smooth piece.
 
-    Of several scenes, which differ by numbers alone, a state has the numbers of all, in the modes
-    of the first. Its readings, and so its margins, are those of the first.
+    Several scenes may differ only in their parameters. Their states are concatenated. The modes,
+    readings and margins are those of the first scene.
     """
 
     def __init__(self, *scenes: Scene) -> None:
@@ -39,59 +39,58 @@ class System:
         hinges, robot = first.hinges, first.robot
         self.scene, self.count = first, len(hinges)
         given = np.array([False] * 3 + [hinge.motor is None for hinge in hinges] + [True] * 3)
-        motors = np.stack([_laws_of(each) for each in scenes])
+        motors = np.stack([_laws_of(scene) for scene in scenes])
         self.size = HINGES + 3 * self.count + first.plane_moves
         self.readings_size = PER_HINGE + 2 * self.count + motors.shape[1]
         self.limits = motors[0, :, LIMIT]
         self.limited = np.flatnonzero(np.isfinite(self.limits)).tolist()
         self.ranges = [
-            (HINGES + i, each.range) for i, each in enumerate(first.ball.tree[1:]) if each.range
+            (HINGES + i, link.range) for i, link in enumerate(first.ball.tree[1:]) if link.range
         ]
         self.modes = Modes(np.zeros(motors.shape[1], dtype=np.int64))
-        # The plane's coefficient of resistance to rolling [m].
-        self.resistance = float(first.friction.rolling)
+        self.resistance = float(first.friction.rolling)  # m
         self.machine = Machine(
-            np.stack([each.robot.bodies for each in scenes]),
-            np.array([float(each.robot.radius) for each in scenes]),
+            np.stack([scene.robot.bodies for scene in scenes]),
+            np.array([float(scene.robot.radius) for scene in scenes]),
             robot.carrier,
             motors,
-            np.stack([_gears_of(each) for each in scenes]),
+            np.stack([_gears_of(scene) for scene in scenes]),
             given,
             first.rolling == "rubber",
-            np.array([float(each.friction.rolling) for each in scenes]),
+            np.array([float(scene.friction.rolling) for scene in scenes]),
         )
         widths = self.count, self.count, motors.shape[1], 3, 3
         self._inputs = Inputs(*(np.zeros((len(scenes), STAGES, width)) for width in widths))
-        for k, each in enumerate(scenes):
-            self._inputs.gravity[k] = each.gravity_at(0.0)
+        for k, scene in enumerate(scenes):
+            self._inputs.gravity[k] = scene.gravity_at(0.0)
         self._work = work_of(self.size, self.count)
         self._commands = [
-            [*(hinge.command for hinge in each.hinges if hinge.motor is not None), *each.controls]
-            for each in scenes
+            [*(hinge.command for hinge in scene.hinges if hinge.motor is not None), *scene.controls]
+            for scene in scenes
         ]
         self.holds = any(isinstance(command, HeldCommand) for command in self._commands[0])
-        # The planes that move differently, each by a scene and the robots on it.
+        # The planes that move differently: a scene of each, and the robots on it.
         self._planes: dict[Any, tuple[Scene, list[int]]] = {}
-        for k, each in enumerate(scenes if first.plane_moves else ()):
-            plane = *each.gravity_world.tolist(), *each.plane_drives
-            self._planes.setdefault(plane, (each, []))[1].append(k)
+        for k, scene in enumerate(scenes if first.plane_moves else ()):
+            plane = *scene.gravity_world.tolist(), *scene.plane_drives
+            self._planes.setdefault(plane, (scene, []))[1].append(k)
         self._rates = [
             (i, hinge.command, k)
-            for k, each in enumerate(scenes)
-            for i, hinge in enumerate(each.hinges)
+            for k, scene in enumerate(scenes)
+            for i, hinge in enumerate(scene.hinges)
             if hinge.motor is None
         ]
         self.begin(0.0, np.inf)
 
     def begin(self, t: float, end: float) -> None:
-        """Begin a smooth piece from t to `end` [s], in which each command is one drive."""
-        # A drive's rate may jump at the end, and the piece's last state is before the jump.
+        """Begin a smooth piece from t to `end` [s], within which no command changes its drive."""
+        # A drive's rate may jump at the end; the last state of the piece is before the jump.
         self.end = float(np.nextafter(end, t))
         self._known: tuple[float, bytes, Modes] | None = None
         commands = [
             (i, command.at(t) if isinstance(command, HeldCommand) else command, k)
-            for k, each in enumerate(self._commands)
-            for i, command in enumerate(each)
+            for k, robot in enumerate(self._commands)
+            for i, command in enumerate(robot)
         ]
         for i, drive, k in commands:
             self._inputs.commands[k, :, i] = drive.rate(t)
@@ -103,11 +102,11 @@ class System:
     @cached_property
     def scale(self) -> Array:
         """The units in which the errors of a state's numbers are measured."""
-        return np.concatenate([_scale_of(each) for each in self.scenes])
+        return np.concatenate([_scale_of(scene) for scene in self.scenes])
 
     def start(self) -> Array:
         """Return the state at the start of the scene."""
-        return np.concatenate([self._start_of(each) for each in self.scenes])
+        return np.concatenate([self._start_of(scene) for scene in self.scenes])
 
     def _start_of(self, scene: Scene) -> Array:
         state, start = np.zeros(self.size), scene.start
@@ -130,7 +129,7 @@ class System:
 
     def numbers(self, t: float, state: Array) -> Array:
         """Return the numbers of the readings at time t [s], a row for each scene."""
-        # Margins are read where a step ends, and there it has read them.
+        # Margins are computed at the end of a step, which has just been evaluated.
         known = self._known
         if not known or known[:2] != (t, state.tobytes()) or known[2] is not self.modes:
             self.rate(t, state)
@@ -139,7 +138,7 @@ class System:
     def stages(
         self, times: Array, length: float, weights: Array, base: Array, begin: Array, slopes: Array
     ) -> Array:
-        """Write the derivatives at the stages of a step, as `dop853.Stages` has them."""
+        """Write the derivatives at the stages of a step, as in `dop853.Stages`."""
         self._drive(times)
         ends, self._numbers = np.empty_like(base), np.empty((len(self.scenes), self.readings_size))
         differentiate()(
@@ -150,8 +149,8 @@ class System:
         return ends
 
     def _drive(self, times: Array) -> None:
-        """Set the drives and the plane as they are at the stages' times (s,) [s]."""
-        # A piece's last state has the acceleration of this piece, not that of the next one.
+        """Set the drives and the plane at the times of the stages (s,) [s]."""
+        # The last state of a piece has the acceleration of this piece, not of the next.
         inputs, within, stages = self._inputs, np.minimum(times, self.end), slice(len(times))
         for i, drive, robots in self._changing_rates:
             rates, accelerations = drive.rate(times), drive.acceleration(within)
@@ -164,39 +163,39 @@ class System:
                 inputs.commands[k, stages, i] = commands
         for scene, robots in self._planes.values():
             inputs.gravity[robots, stages] = scene.gravity_at(times)
-            velocity = np.array([each.angle(times) for each in scene.plane_drives])
+            velocity = np.array([drive.angle(times) for drive in scene.plane_drives])
             inputs.plane[robots, stages] = velocity.T
 
 
 def _changing(
     drives: Iterable[tuple[int, Drive, int]], t: float, end: float
 ) -> list[tuple[int, Drive, list[int]]]:
-    """Return drives that change from t to `end` [s], each once, with its place and its robots."""
-    found: dict[tuple[int, Drive], list[int]] = {}
+    """Return the drives that change from t to `end` [s], each with its index and its robots."""
+    changing: dict[tuple[int, Drive], list[int]] = {}
     for i, drive, robot in drives:
         past = isinstance(drive, Ramp) and (t >= drive.end or end <= drive.start)
         if not (past or isinstance(drive, Constant)):
-            found.setdefault((i, drive), []).append(robot)
-    return [(i, drive, each) for (i, drive), each in found.items()]
+            changing.setdefault((i, drive), []).append(robot)
+    return [(i, drive, robots) for (i, drive), robots in changing.items()]
 
 
 def _laws_of(scene: Scene) -> Array:
-    """Return the laws (m, MOTOR) of a scene's motors, those of hinges first."""
+    """Return the laws (m, MOTOR) of a scene's motors, first of hinges, then of actuators."""
     laws = [hinge.motor.law for hinge in scene.hinges if hinge.motor is not None]
-    return np.array([*laws, *(each.law for each in scene.actuators)]).reshape(-1, MOTOR)
+    return np.array([*laws, *(a.law for a in scene.actuators)]).reshape(-1, MOTOR)
 
 
 def _gears_of(scene: Scene) -> Array:
-    """Return how much each motor (m, h) turns by a hinge's angle."""
+    """Return the gear ratios (m, h) of each motor to each hinge."""
     names = [hinge.name for hinge in scene.hinges]
-    own = [{hinge.name: 1.0} for hinge in scene.hinges if hinge.motor is not None]
-    gears = [*own, *(dict(each.gears) for each in scene.actuators)]
-    rows = [[each.get(name, 0.0) for name in names] for each in gears]
+    direct = [{hinge.name: 1.0} for hinge in scene.hinges if hinge.motor is not None]
+    gears = [*direct, *(dict(actuator.gears) for actuator in scene.actuators)]
+    rows = [[ratios.get(name, 0.0) for name in names] for ratios in gears]
     return np.array(rows).reshape(len(rows), len(names))
 
 
 def _scale_of(scene: Scene) -> Array:
-    # Fixed ones: a ball at rest has no momentum or energy of its own to measure errors by.
+    # Constant units, because the momentum and energy of a ball at rest are zero.
     energy, unit = scene.ball.mass * scene.gravity * scene.ball.radius, np.ones(len(scene.hinges))
     momentum = scene.momentum_scale
     of_ball = [*np.ones(4), *[scene.ball.radius] * 2, *[momentum] * 3, energy]

@@ -46,11 +46,11 @@ def test_a_request_takes_settings_or_an_accuracy() -> None:
     assert request_of(accuracy=1e-6).name == "to 1e-06"
     assert request_of(settings="fast", keep_going=True).settings != rb.preset("fast")
     for refused, pattern in (
-        ({"settings": OFF.presets["as it comes"]}, "MuJoCo runs by Settings, not by EngineSett"),
+        ({"settings": OFF.presets["as it comes"]}, "MuJoCo needs Settings, not EngineSett"),
         ({"settings": "fast", "accuracy": 1e-6}, "give settings or an accuracy, not both"),
-        ({"accuracy": 1e-15}, "an accuracy must be at least .*, where rounding ends it"),
-        ({"accuracy": 1.0}, "an accuracy must be at least .* and below 1, not 1"),
-        ({"accuracy": np.nan}, "an accuracy must be at least .* and below 1, not nan"),
+        ({"accuracy": 1e-15}, "accuracy must be at least 1e-11, .* less than 1, not 1e-15"),
+        ({"accuracy": 1.0}, "accuracy must be at least .* less than 1, not 1"),
+        ({"accuracy": np.nan}, "accuracy must be at least .* less than 1, not nan"),
     ):
         with pytest.raises(rb.InputError, match=pattern):
             rb.simulate(FIG12, **refused)
@@ -78,7 +78,7 @@ DOUBTS: dict[str, tuple[rb.Scene, Array, str | None]] = {
     "no such motor": (
         with_gain(10.0),
         TIMES,
-        "frame motor 4.…~rad/s 0.3~=~torque_limit/kv",
+        "frame motor 4.…~rad/s torque_limit/kv~=~0.3",
     ),
     "a shorter run": (SLOWED, rb.sample_times(9.0), None),
     "a path of few samples": (SLOWED, np.linspace(0.0, 10.0, 50), None),

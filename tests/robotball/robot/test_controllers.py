@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -16,7 +17,7 @@ from robotball.motion import path_error
 from robotball.processes import at_most
 from robotball.robot.activations import Activation
 from robotball.robot.loop import Loop, TrueReading
-from robotball.theory.multibody.integration import March
+from robotball.theory.multibody.march import March
 from robotball.theory.multibody.system import System
 from tests.messages import naming
 from tests.off_engine import OFF
@@ -305,6 +306,22 @@ def test_a_call_costs_mujoco_no_step_and_no_callback() -> None:
         assert not control.steady  # the scene's own ramp
         control.begin(control.model.start_data(), (0.0, 0.005))
         assert control.steady
+
+
+def test_a_run_sets_its_callback_for_each_span_and_restores_the_users() -> None:
+    """While the scene's own ramp acts MuJoCo calls `set`, with constant commands nothing."""
+    scene = PENDULUM.with_controller(rb.Controller(timed, 0.01))
+    model = build(scene, rb.preset("balanced"))
+    users = lambda model, data: None  # noqa: E731
+    mujoco.set_mjcb_control(users)
+    try:
+        with controlled(model) as control:
+            assert mujoco.get_mjcb_control() == control.set
+            control.begin(control.model.start_data(), (0.0, 0.005))
+            assert mujoco.get_mjcb_control() is None
+        assert mujoco.get_mjcb_control() is users
+    finally:
+        mujoco.set_mjcb_control(None)
 
 
 def test_a_call_costs_the_equations_no_search_for_a_step() -> None:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engines.mujoco.limits import PlannedRun, limit_checks
+from robotball.engines.mujoco.limits import PlannedRun
+from robotball.engines.mujoco.run import limit_checks
 from robotball.errors import SceneWarning
 from tests.random_drives import random_drives
 

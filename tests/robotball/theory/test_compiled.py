@@ -122,7 +122,7 @@ def test_code_is_kept_in_no_folder_that_was_not_checked(
 ) -> None:
     """Where its folder cannot be written, numba would go on to the one of the source file."""
     monkeypatch.setattr(caching.UserProvidedCacheLocator, "from_function", lambda *_: None)
-    with pytest.warns(SceneWarning, match=naming("compiled written")):
+    with pytest.warns(SceneWarning, match=naming("compiled cached")):
         assert compiled()[0] == 6.0
 
 
@@ -174,3 +174,13 @@ def test_a_folder_of_another_user_is_not_used(home: Path, monkeypatch: pytest.Mo
     (Path(tempfile.gettempdir()) / f"robotball-{stranger}").mkdir(mode=0o700)
     with pytest.warns(SceneWarning, match=naming("user")):
         assert kept.cache_folder() is None
+
+
+def test_every_loop_and_system_is_compiled_ahead() -> None:
+    """The list of `ahead` has everything in the package that is compiled."""
+    modules = [module for name, module in sys.modules.items() if name.startswith("robotball.")]
+    values = [value for module in modules for value in vars(module).values()]
+    loops = {id(value) for value in values if isinstance(value, kept.Compiled)}
+    systems = {id(value) for value in values if isinstance(value, steppers.System)}
+    assert {id(loop) for loop in ahead._LOOPS} == loops
+    assert {id(system) for system, _ in ahead._STEPS} == systems

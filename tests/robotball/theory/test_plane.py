@@ -15,7 +15,7 @@ from robotball.motion import path_error
 from robotball.rotations import Array, rotation_matrix
 from robotball.theory.dop853 import LEAST_RTOL
 from robotball.theory.multibody.derivative import HINGES, readings_of
-from robotball.theory.multibody.integration import March
+from robotball.theory.multibody.march import March
 from robotball.theory.multibody.system import System
 from tests.messages import unnamed
 from tests.motions import pair_of

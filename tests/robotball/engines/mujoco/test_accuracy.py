@@ -11,7 +11,7 @@ import pytest
 
 import robotball as rb
 from robotball.engines.engine import as_own
-from robotball.engines.mujoco import LABEL
+from robotball.engines.mujoco import LABEL, accuracy
 from robotball.engines.mujoco.accuracy import reach, scene_rate
 from robotball.engines.mujoco.mujoco_engine import LEAST_ACCURACY
 from robotball.motion import ContactMotion
@@ -93,19 +93,19 @@ def test_any_sample_times_will_do() -> None:
 theory_of_fig12 = cache(lambda: rb.integrate(FIG12))
 
 
-def faked(
-    error: Callable[[float], float], lost: float = 0.0
-) -> tuple[list[float], Callable[..., ContactMotion]]:
-    """A run whose path is off by a function of its timestep or rtol, and the sizes it was run at.
+def fake_runs(
+    monkeypatch: pytest.MonkeyPatch, error: Callable[[float], float], lost: float = 0.0
+) -> list[float]:
+    """Replace runs by motions whose path error is a function of the timestep or rtol.
 
-    The error grows in time, to that part of the path's length at the end; M changes by `lost` of
-    it.
+    The path error grows in time, to that part of the path's length at the end; M changes by `lost`
+    of it. Returns the timesteps and rtols of the runs so far.
     """
     theory = theory_of_fig12()
     sound = rb.simulate(FIG12, np.array([0.0, 0.02]), settings="fast").report
     sizes: list[float] = []
 
-    def run(settings: rb.Settings, times: Array) -> ContactMotion:
+    def run(settings: rb.Settings, times: Array, _: object) -> ContactMotion:
         size = settings.rtol or settings.timestep
         assert size is not None
         sizes.append(size)
@@ -116,20 +116,24 @@ def faked(
         momentum = theory.momentum[:1] + lost * off[:, None]
         return as_contact(theory, report, times=times, contact_point=path, momentum=momentum)
 
-    return sizes, run
+    monkeypatch.setattr(accuracy, "build", lambda _, settings: settings)
+    monkeypatch.setattr(accuracy, "run", run)
+    return sizes
 
 
-def test_the_estimate_and_the_next_step_are_those_of_two_steps() -> None:
+def test_the_estimate_and_the_next_step_are_those_of_two_steps(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """An error of 1e-6 (h / 20 ms)⁴ is seen as 15/12.9 of itself, the order taken as 3.8.
 
     For 1e-8 that asks for 20 ms (0.9e-8 / 1.16e-6)^(1/3.8) = 5.57 ms.
     """
-    sizes, run = faked(lambda h: 1e-6 * (h / 0.02) ** 4)
-    motion = reach(FIG12, FIG12.times, 2e-6, run)
+    sizes = fake_runs(monkeypatch, lambda h: 1e-6 * (h / 0.02) ** 4)
+    motion = reach(FIG12, FIG12.times, 2e-6)
     assert sizes == pytest.approx([0.04, 0.02])
     assert motion.report.total_seconds == 2.0
     assert motion.report.estimated_error == pytest.approx(1e-6 * 15 / (2**3.8 - 1), rel=1e-3)
-    motion = reach(FIG12, FIG12.times, 1e-8, run)
+    motion = reach(FIG12, FIG12.times, 1e-8)
     assert sizes[2:] == pytest.approx([0.04, 0.02, 5.57e-3], rel=2e-3)
     assert as_own(motion.report.settings, rb.Settings, LABEL).timestep == sizes[-1]
 
@@ -138,16 +142,18 @@ FIRST = 2.295e-13  # the rtol that the cost model asks of fig12 for 1e-10
 
 
 @pytest.mark.parametrize(("lost", "seen"), [(0.0, 1.0), (0.01, 1.163)])
-def test_an_rtol_is_corrected(lost: float, seen: float) -> None:
+def test_an_rtol_is_corrected(monkeypatch: pytest.MonkeyPatch, lost: float, seen: float) -> None:
     """Where its first run has 3 times the error asked for, the second has 0.9 times it.
 
     DOP853's error goes as rtol^0.85, so a run at 300 rtol tells it exactly. Where M changes with
     the path, its change tells it in a single run, in the ratio that RK4's estimate showed.
     """
-    sizes, run = faked(
-        lambda h: 1e-6 * (h / 0.02) ** 4 if h > 1e-3 else 3e-10 * (h / FIRST) ** 0.85, lost
+    sizes = fake_runs(
+        monkeypatch,
+        lambda h: 1e-6 * (h / 0.02) ** 4 if h > 1e-3 else 3e-10 * (h / FIRST) ** 0.85,
+        lost,
     )
-    motion = reach(FIG12, FIG12.times, 1e-10, run)
+    motion = reach(FIG12, FIG12.times, 1e-10)
     looser = [] if lost else [300 * FIRST]
     second = FIRST * (0.3 / seen) ** (1 / 0.85)
     assert sizes[2:] == pytest.approx([*looser, FIRST, second], rel=5e-3)
@@ -158,17 +164,17 @@ def test_an_rtol_is_corrected(lost: float, seen: float) -> None:
     ("target", "floor", "signs", "estimate"),
     [(1e-8, 1e-5, [1, -1], 1.09e-7), (1e-10, 1e-5, [1, -1], 2.33e-7), (1e-3, 0.02, [0, 1], 0.02)],
 )
-def test_an_error_that_does_not_fall_is_told(
-    target: float, floor: float, signs: list[int], estimate: float
+def test_an_error_that_does_not_fall_is_reported(
+    monkeypatch: pytest.MonkeyPatch, target: float, floor: float, signs: list[int], estimate: float
 ) -> None:
     """A floor of errors that differ from run to run: two corrections, then a warning.
 
     Where two runs differ by over a hundredth of the path, the difference is the estimate.
     """
     sign = cycle(signs)
-    sizes, run = faked(lambda h: floor * next(sign))
-    with pytest.warns(rb.SceneWarning, match=naming(f"path {target:g} estimated")):
-        motion = reach(FIG12, FIG12.times, target, run)
+    sizes = fake_runs(monkeypatch, lambda h: floor * next(sign))
+    with pytest.warns(rb.SceneWarning, match=naming(f"path {target:g} not reached")):
+        motion = reach(FIG12, FIG12.times, target)
     assert len(sizes) <= 6
     assert motion.report.estimated_error == pytest.approx(estimate, rel=0.05)
 

@@ -92,9 +92,9 @@ def test_a_steady_scene_s_file_needs_no_player(name: str) -> None:
     files = files_of(scene)
     assert (files.needs, files.files) == (None, {"mujoco.xml": files.xml})
     comment = files.xml.partition("-->")[0]
-    for words in ('the keyframe "start"', "Armature: so huge that", "Integrator: RK4", "MJX"):
+    for words in ('the keyframe "start"', "Armature: so large that", "Integrator: RK4", "MJX"):
         assert words in comment
     assert mujoco.MjModel.from_xml_string(files.xml).camera("track").name == "track"
-    missing = "resistance to rolling, which a run of robotball adds"
+    missing = "resistance to rolling, which robotball adds"
     assert missing not in comment
     assert missing in files_of(replace(scene, friction=Friction(rolling=0.01))).xml

@@ -104,7 +104,7 @@ def test_adaptive_steps_too_short_for_the_rest_end_the_run(monkeypatch: pytest.M
     (fault,) = rb.simulate(FIG12, rb.sample_times(40.0), settings=settings).report.faults
     assert (fault.kind, fault.fatal) == (rb.FaultKind.STEP_TOO_SHORT, True)
     assert fault.time < 4.0  # measured 3.2
-    for fact in ("128 took", "max_steps = 600", "shorten the motion", "timestep"):
+    for fact in ("128 cover", "max_steps = 600", "shorten the motion", "timestep"):
         assert fact in fault.text
 
 

@@ -134,7 +134,7 @@ def test_the_compiled_stepper_loads_from_its_cache() -> None:
     code = (
         "from robotball.theory.ensembles import orbits, steppers\n"
         "step = steppers.stepper(steppers.PATH, 'rubber', orbits.FEW)\n"
-        "compiled = [step, orbits._march_lanes.code, orbits._follow.code]\n"
+        "compiled = [step, orbits.march_lanes.code, orbits.follow.code]\n"
         "print(sum(each.stats.cache_misses.total() for each in compiled))"
     )
     # Not this process is the first: what it has may be in the cache of another test.

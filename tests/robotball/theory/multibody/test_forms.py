@@ -11,7 +11,7 @@ from robotball.robot.motors import Free
 from robotball.rotations import multiply
 from robotball.theory.dop853 import LEAST_RTOL
 from robotball.theory.multibody.derivative import HINGES, MOMENTUM, POINT, readings_of
-from robotball.theory.multibody.integration import March
+from robotball.theory.multibody.march import March
 from robotball.theory.multibody.system import System
 from tests.random_robots import random_scene, random_tree
 from tests.robotball.theory.multibody.second_form import SecondForm

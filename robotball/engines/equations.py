@@ -1,0 +1,115 @@
+"""Integrate a scene with the equations of ideal rolling."""
+
+from importlib import import_module
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from robotball.errors import InputError, check_count, check_size, unknown
+from robotball.motion import Progress, ReferenceMotion, arrays_of
+from robotball.robot.scene import Scene, Times, times_of
+from robotball.theory.dop853 import LEAST_RTOL
+
+_Equations = Literal["reduced", "multibody"]
+# Modules by name: an import would load both.
+_EQUATIONS: dict[_Equations, str] = {
+    "reduced": "robotball.theory.reduced",
+    "multibody": "robotball.theory.multibody.integration",
+}
+
+
+def scene_of(scene: Scene | str | Path) -> Scene:
+    """Return a scene, loaded with `load_scene` from a name or path."""
+    if isinstance(scene, Scene):
+        return scene
+    from robotball.scene_files.scene_file import load_scene
+
+    return load_scene(scene)
+
+
+def integrate(
+    scene: Scene | str | Path,
+    times: Times = None,
+    rtol: float = LEAST_RTOL,
+    max_steps: int | None = None,
+    *,
+    equations: _Equations | None = None,
+    progress: Progress | None = None,
+) -> ReferenceMotion:
+    """Integrate a scene's motion with the equations of ideal rolling.
+
+    The label of the motion names the equations. Every number of a returned motion is finite.
+
+    Parameters
+    ----------
+    scene : Scene, str or Path
+        The scene, a name of the catalog, or the path of a TOML, MJCF or URDF file.
+    times : float or (n,), s, optional
+        The duration, or sample times that increase from 0. The default is `scene.times`.
+    rtol : float, default 1e-15
+        The relative error allowed in one step, at least the default.
+    max_steps : int, optional
+        The largest number of steps. The default corresponds to some minutes of work.
+    equations : str, optional
+        "reduced" for the paper's (3.2) or (3.3), or "multibody" for the equations of any robot. The
+        default is "reduced" if these describe the scene, else "multibody".
+    progress : callable, optional
+        Called with the fraction of the motion that is known, from 0 to 1, if the integration takes
+        longer than a moment.
+
+    Returns
+    -------
+    ReferenceMotion
+        The motion, with an estimate of its own error.
+
+    Raises
+    ------
+    InputError
+        If times are unusable, the requested equations do not describe the scene, the ball lifts
+        off, the limit of steps is met, a step becomes too short, a number overflows, or
+        `load_scene` raises it.
+
+    Warns
+    -----
+    SceneWarning
+        If `load_scene` warns.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> motion = rb.integrate("fig12", 0.5)
+    >>> motion.contact_point.shape
+    (26, 2)
+    >>> print(f"{motion.path_length:.3f} m")
+    1.857 m
+    """
+    scene = scene_of(scene)
+    times = times_of(times, scene)
+    check_size("rtol", rtol)
+    if not LEAST_RTOL <= rtol < 1:
+        raise InputError(f"rtol must be at least {LEAST_RTOL:g} and less than 1, not {rtol:g}")
+    if max_steps is not None:
+        check_count("max_steps", max_steps, 1, 2**62)
+    chosen = equations or ("multibody" if scene.not_reduced else "reduced")
+    if chosen not in [*_EQUATIONS]:
+        raise unknown("set of equations", chosen, _EQUATIONS)
+    run = import_module(_EQUATIONS[chosen]).integrate
+    # Overflow is reported with the number that overflowed, not as NumPy's warning.
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        motion: ReferenceMotion = run(scene, times, rtol, max_steps, progress)
+    _check_finite(motion)
+    return motion
+
+
+def _check_finite(motion: ReferenceMotion) -> None:
+    """Raise InputError with the first number that overflowed, if there is one."""
+    for place, array in arrays_of(motion):
+        finite = np.isfinite(array).reshape(len(array), -1).all(axis=1)
+        if not finite.all():
+            t = motion.times[finite.argmin()]
+            raise InputError(
+                f"{motion.scene.name}: the {place[-1].replace('_', ' ')} exceeds "
+                f"{np.finfo(float).max:.2g}, the largest number, at t = {t:g} s: bring the bodies "
+                "or the rates nearer to 1"
+            )

@@ -1,0 +1,194 @@
+"""Integration of a system from event to event.
+
+A motion is smooth between its breakpoints and its events, and DOP853 steps along each smooth piece.
+A step over an event is discarded. Shorter steps that end at the event replace it, and the next
+piece begins in the modes that follow.
+"""
+
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+from scipy.optimize import brentq
+
+from robotball.motion import Progress
+from robotball.robot.loop import Loop, TrueReading
+from robotball.rotations import Array
+from robotball.theory.dop853 import Compensated, take_step
+from robotball.theory.multibody.derivative import HINGES, MOMENTUM, POINT
+from robotball.theory.multibody.modes import begin_modes, hold_at_rest, margins_of, switch_modes
+from robotball.theory.multibody.system import System
+
+_LEEWAY = 1.08  # times the step that scipy proposes, which is 0.9 of the one that the error allows
+_LOOKS = 4  # times within a step at which margins are evaluated, for an event that ends within it
+# If all margins are larger at both ends of a step, no event is searched in it. This saves most
+# steps the evaluations.
+_FAR = 0.5
+_ROOT = 1e-15  # s, and relative: the tolerance of an event's time
+
+
+@dataclass
+class March:
+    """Integrate a system up to a time.
+
+    Attributes
+    ----------
+    system : System
+        The robots, with their modes now.
+    rtol : float
+        The relative error allowed in one step.
+    end : float, s
+        The time of the motion's end.
+    max_steps : int
+        The largest number of steps.
+    progress : callable or None
+        Called with the fraction of the motion that is known.
+    loop : Loop or None
+        The loop of the scene's controller.
+    natural : float or None, s
+        The longest step that the error asked for in the last piece.
+    steps : int
+        The number of steps so far.
+    switches : list of float, s
+        The times of the events so far.
+    stopped : (float, int) or None
+        The time [s] and the margin of the event that ended the motion.
+    """
+
+    system: System
+    rtol: float
+    end: float
+    max_steps: int
+    progress: Progress | None = None
+    loop: Loop | None = None
+    natural: float | None = None
+    steps: int = 0
+    switches: list[float] = field(default_factory=list)
+    stopped: tuple[float, int] | None = None
+
+    def run(self, times: Array) -> tuple[Array, Array]:
+        """Return states (n, size) at times (n,), increasing from 0, and the numbers of readings.
+
+        There are fewer if a joint's range ends the motion. Raises InputError if the ball lifts off,
+        the limit of steps is met, or a step becomes too short.
+        """
+        system = self.system
+        samples = _Samples(system, times)
+        state, t = system.start(), 0.0
+        for end in (*(t for t in system.scene.breakpoints if t < times[-1]), float(times[-1])):
+            if self.loop is not None:
+                self.loop.reach(t, partial(self._sensed, t, state))
+            system.begin(t, end)
+            state = begin_modes(system, t, state)
+            if not samples.done:
+                samples.add(0.0, state[None])
+            while t < end and not self.stopped:
+                t, state = self._piece(t, end, state, samples)
+            if self.stopped:
+                break
+        return samples.states[: samples.done], samples.readings[: samples.done]
+
+    def _sensed(self, t: float, state: Array) -> TrueReading:
+        """Return the sensor values of a state at t [s]."""
+        readings, count = self.system.readings(t, state), self.system.count
+        attitude, point = state[:4] / np.linalg.norm(state[:4]), state[POINT:MOMENTUM].copy()
+        angles, rates = state[HINGES : HINGES + count].tolist(), readings.rates.tolist()
+        return TrueReading(readings.omega, attitude, angles, rates, point)
+
+    def _piece(
+        self, t: float, end: float, state: Array, samples: "_Samples"
+    ) -> tuple[float, Array]:
+        """Integrate to the next event or to `end` [s]. Returns the time and the state there."""
+        system = self.system
+        solver = self._solver(t, end, state)
+        margins, longest = margins_of(system, t, state), 0.0
+        while solver.t < end:
+            before = (solver.t, solver.state)
+            self.steps = take_step(solver, self.steps, self.max_steps, self.end, self.progress)
+            event, margins = self._event(solver, before[0], margins)
+            samples.add(solver.t if event is None else event[0], solver)
+            if event is not None:
+                t, margin = event
+                if 0 < margin <= len(system.ranges):
+                    self.stopped = event
+                    return t, state
+                self.switches.append(t)
+                # Steps end at the event: the interpolant is of order 7 only, and its error would
+                # stay in the rest of the motion.
+                return t, switch_modes(system, t, self._at(before, t), margin)
+            longest = max(longest, solver.next_step)
+            # No margin changes its sign when a shell comes to rest, so every step is checked.
+            if system.resistance and not system.modes.standing:
+                readings = system.readings(solver.t, solver.state)
+                state = hold_at_rest(system, solver.t, solver.state, readings)
+                if system.modes.standing:
+                    return solver.t, state
+        self.natural = longest
+        return solver.t, solver.state
+
+    def _event(
+        self, solver: Compensated, before: float, margins: Array
+    ) -> tuple[tuple[float, int] | None, Array]:
+        """Return the time and margin of the last step's first event, and the margins after it."""
+        system = self.system
+        after = margins_of(system, solver.t, solver.state)
+        if min(margins.min(), after.min()) > _FAR:
+            return None, after
+        looks = np.linspace(before, solver.t, _LOOKS + 2)
+
+        def margin(t: float, index: int) -> float:
+            state = solver.within(np.array([t]))[0]
+            return float(margins_of(system, t, state)[index])
+
+        inside = zip(looks[1:-1], solver.within(looks[1:-1]), strict=True)
+        rows = [margins, *(margins_of(system, t, state) for t, state in inside), after]
+        events: list[tuple[float, int]] = []
+        for index in range(len(after)):
+            for i in range(1, len(looks)):
+                if rows[i][index] >= 0:
+                    continue
+                begin, end = float(looks[i - 1]), float(looks[i])
+                # The margin of a mode that has just begun is 0 up to rounding, with either sign.
+                if margin(begin, index) > 0:
+                    begin = brentq(margin, begin, end, args=(index,), xtol=_ROOT, rtol=4 * _ROOT)
+                events.append((begin, index))
+                break
+        return (min(events) if events else None), after
+
+    def _solver(self, begin: float, end: float, state: Array) -> Compensated:
+        system = self.system
+        solver = Compensated(system.stages, begin, end, state, self.rtol, system.scale)
+        if system.holds and self.natural is not None:
+            # As many equal steps as the last piece would have taken. To search the length of the
+            # first step after each of many commands would take as long as the motion.
+            count = float(np.ceil((end - begin) / (_LEEWAY * self.natural)))
+            solver.next_step = (end - begin) / count
+        return solver
+
+    def _at(self, before: tuple[float, Array], t: float) -> Array:
+        """Return the state at t in the last step, from steps that end there."""
+        if t <= before[0]:
+            return before[1]
+        solver = self._solver(before[0], t, before[1])
+        while solver.t < t:
+            self.steps = take_step(solver, self.steps, self.max_steps, self.end, self.progress)
+        return solver.state
+
+
+class _Samples:
+    """States and readings at the sample times, filled as the integration proceeds."""
+
+    def __init__(self, system: System, times: Array) -> None:
+        self.system, self.times, self.done = system, times, 0
+        self.states = np.empty((len(times), len(system.scenes) * system.size))
+        self.readings = np.empty((len(times), len(system.scenes) * system.readings_size))
+
+    def add(self, reached: float, solver: Compensated | Array) -> None:
+        """Add the samples up to `reached` [s], from the solver's last step or from one state."""
+        new = slice(self.done, int(self.times.searchsorted(reached, side="right")))
+        if new.start < new.stop:
+            times = self.times[new]
+            self.states[new] = solver.within(times) if isinstance(solver, Compensated) else solver
+            for i, t in enumerate(times.tolist(), start=new.start):
+                self.readings[i] = self.system.numbers(t, self.states[i]).ravel()
+            self.done = new.stop

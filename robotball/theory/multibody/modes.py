@@ -1,0 +1,135 @@
+"""Modes of a robot and the events that end them.
+
+While the modes stay, the derivative is a smooth function of the state. An event is the zero of a
+margin, which is positive while the modes stay and about 1 far from an event: the ball lifts off, a
+joint reaches an end of its range, a motor reaches or leaves its torque limit, or the plane's
+resistance to rolling no longer holds the shell.
+"""
+
+import numpy as np
+
+from robotball.rotations import Array, rotation_matrix
+from robotball.theory.multibody.derivative import (
+    HINGES,
+    MOMENTUM,
+    STANDING,
+    Modes,
+    Readings,
+    readings_of,
+)
+from robotball.theory.multibody.system import System
+from robotball.theory.plane import lift_off
+
+# The index of this margin; its event ends the rolling. The ranges of joints follow, which end the
+# motion, then the limited motors, then a standing shell.
+_LIFT_OFF = 0
+_NUDGE = 1e-6  # s, over which a shell that begins to roll shows its direction
+_NUDGES = 30  # iterations for this direction
+
+
+def margins_of(system: System, t: float, state: Array) -> Array:
+    """Return the margins of all events at time t [s]."""
+    readings = system.readings(t, state)
+    scene, modes = system.scene, system.modes
+    weight = scene.ball.mass * scene.gravity
+    margins = [readings.normal / weight]
+    for i, (_, low, high) in system.ranges:
+        margins.append(1 - abs(2 * state[i] - low - high) / (high - low))
+    for j in system.limited:
+        part = readings.unlimited[j] / system.limits[j]
+        margins.append(1 - abs(part) if modes.motors[j] == 0 else modes.motors[j] * part - 1)
+    if modes.standing:
+        margins.append(1 - _holding_torque(readings) / (system.resistance * readings.normal))
+    return np.array(margins)
+
+
+def begin_modes(system: System, t: float, state: Array) -> Array:
+    """Set the modes of a smooth piece that begins at t [s], and return the state in them."""
+    # The motors come first, because the load on the plane depends on their torques.
+    if system.limited:
+        modes, unlimited = system.modes, system.readings(t, state).unlimited
+        sides = np.where(np.abs(unlimited) > system.limits, np.sign(unlimited), 0.0)
+        if (sides != modes.motors).any():
+            system.modes = modes._replace(motors=sides.astype(np.int64))
+    readings = system.readings(t, state)
+    if not readings.normal > 0:
+        raise lift_off(t)
+    return hold_at_rest(system, t, state, readings)
+
+
+def switch_modes(system: System, t: float, state: Array, event: int) -> Array:
+    """Set the modes that follow an event at t [s], and return the state in them."""
+    readings, modes = system.readings(t, state), system.modes
+    if event == _LIFT_OFF:
+        raise lift_off(t)
+    event -= 1 + len(system.ranges)
+    if event >= len(system.limited):
+        return _let_go(system, t, state)
+    j = system.limited[event]
+    motors = modes.motors.copy()
+    motors[j] = int(np.sign(readings.unlimited[j])) if modes.motors[j] == 0 else 0
+    system.modes = modes._replace(motors=motors)
+    return state
+
+
+def hold_at_rest(system: System, t: float, state: Array, readings: Readings) -> Array:
+    """Set whether the plane holds a shell that has come to rest, and return the state."""
+    modes = system.modes
+    if not system.resistance or modes.standing:
+        return state
+    if np.linalg.norm(readings.rolling) > STANDING:
+        system.modes = Modes(modes.motors)
+        return state
+    system.modes = Modes(modes.motors, standing=True)
+    at_rest = system.readings(t, state)
+    if _holding_torque(at_rest) <= system.resistance * at_rest.normal:
+        return _with_momentum(system, t, state)  # drops the residual rolling velocity
+    # The shell has just begun to roll, and is still slower than STANDING.
+    if np.any(modes.toward):
+        system.modes = modes
+        return state
+    return _let_go(system, t, state)
+
+
+def _let_go(system: System, t: float, state: Array) -> Array:
+    """Set the mode of a standing shell that begins to roll, and return the state.
+
+    Resistance acts against the direction d in which the shell will roll, and d depends on the
+    resistance. The iteration looks for a d that is parallel to the acceleration with resistance
+    against d. It is damped with the acceleration without resistance, or it would overshoot. If the
+    load grows, d stays the direction opposite to the holding torque.
+    """
+    readings = system.readings(t, state)
+    state = _with_momentum(system, t, state)
+    system.modes = Modes(system.modes.motors)
+
+    def rolling_ahead() -> Array:
+        return system.readings(t, state + _NUDGE * system.rate(t, state)).rolling
+
+    free = rolling_ahead()
+    toward = -readings.plane_torque * [1.0, 1.0, 0.0] / _holding_torque(readings)
+    system.modes = system.modes._replace(toward=toward)
+    for _ in range(_NUDGES):
+        to = float(np.linalg.norm(free)) * system.modes.toward + rolling_ahead()
+        if np.any(to):
+            system.modes = system.modes._replace(toward=to / np.linalg.norm(to))
+    return state
+
+
+def _holding_torque(readings: Readings) -> float:
+    """Return the horizontal torque [N m] with which the plane holds a standing shell."""
+    return float(np.linalg.norm(readings.plane_torque[:2]))
+
+
+def _with_momentum(system: System, t: float, state: Array) -> Array:
+    """Return the state with M recomputed from the velocities."""
+    state = state.copy()
+    rows, numbers = state.reshape(-1, system.size), system.numbers(t, state)
+    for scene, row, values in zip(system.scenes, rows, numbers, strict=True):
+        readings = readings_of(values, system.count)
+        to_world, angles = rotation_matrix(row[:4]), row[HINGES : HINGES + system.count]
+        one = scene.robot.states(
+            to_world[None, 2], angles[None], readings.omega[None], readings.rates[None]
+        )
+        row[MOMENTUM : MOMENTUM + 3] = to_world @ one.momentum(scene.rolling)[0]
+    return state

@@ -1,4 +1,4 @@
-"""The table of the engine study: of each engine what is run, and what of its runs is ours."""
+"""The table of the engine study: the runs of each engine, and robotball's part in them."""
 
 import tomllib
 from collections.abc import Mapping
@@ -10,16 +10,21 @@ from typing import Any
 from robotball import Engine, engine_named
 
 Ladder = tuple[str, tuple[float, ...]]
-"""A field of an engine's settings and the values that it takes in turn."""
+"""A field of an engine's settings and the values to run."""
 
 
 @dataclass(frozen=True)
 class EngineRow:
-    """What the study runs of an engine.
+    """The runs of an engine in the study.
 
-    ladders   by preset, the values of a field at which its error is held against its cost
-    ours      by preset, the parts of its runs that are robotball's and not the engine's
-    source    the page or example of its own documentation that its preset as it comes follows
+    Attributes
+    ----------
+    ladders : mapping of str to Ladder
+        For each preset, the field that is varied and its values.
+    ours : mapping of str to str
+        For each preset, the parts of a run that robotball provides instead of the engine.
+    source : str
+        The page or example of the engine's documentation that its default preset follows.
     """
 
     ladders: Mapping[str, Ladder]
@@ -28,27 +33,27 @@ class EngineRow:
 
 
 def row_of(name: str) -> EngineRow:
-    """Return the row of an engine. One without a row runs each of its presets as it is."""
+    """Return the row of an engine, by default one run per preset."""
     return _rows().get(name) or EngineRow(_as_they_are(engine_named(name)))
 
 
 def _as_they_are(engine: Engine) -> dict[str, Ladder]:
-    """Return of each preset one value: of its timestep or its rtol, else of what all have."""
-    found: dict[str, Ladder] = {}
+    """Return a ladder of one value per preset: its timestep, its rtol, or its error tolerance."""
+    ladders: dict[str, Ladder] = {}
     for name, preset in engine.presets.items():
         has = [key for key in ("timestep", "rtol") if isinstance(getattr(preset, key, None), float)]
         key = (*has, "error_tolerance")[0]
-        found[name] = (key, (getattr(preset, key),))
-    return found
+        ladders[name] = (key, (getattr(preset, key),))
+    return ladders
 
 
 @cache
 def _rows() -> dict[str, EngineRow]:
     text = Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
-    return {name: _row(**given) for name, given in tomllib.loads(text).items()}
+    return {name: _row(**row) for name, row in tomllib.loads(text).items()}
 
 
 def _row(ladders: Any, **others: Any) -> EngineRow:
-    """Return a row of its table, whose ladders are {preset: {field: values}}."""
-    taken = {preset: (key, tuple(row[key])) for preset, row in ladders.items() for key in row}
-    return EngineRow(taken, **others)
+    """Return a row of the TOML file, where ladders are {preset: {field: values}}."""
+    pairs = {preset: (key, tuple(row[key])) for preset, row in ladders.items() for key in row}
+    return EngineRow(pairs, **others)

@@ -1,4 +1,4 @@
-"""The command `robotball basins`: how many random starts reach each attractor of a scene."""
+"""Basins of attraction: the share of random starts that reach each attractor of a scene."""
 
 from dataclasses import dataclass
 

@@ -1,7 +1,6 @@
 """Write results to files, which are never incomplete, and show the progress of long work.
 
-Records include the versions of packages. Progress goes to standard error, as a bar or as a line from
-time to time.
+Records include the versions of packages. Progress goes to standard error.
 """
 
 import csv
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
 _DPI = 120
 _CHARACTERS = 10  # per inch, in letters of 12 points
 _WIDEST = 10_000  # characters, wider than any table
-_FORMULA = ("=", "+", "-", "@", "\t", "\r")  # a cell that begins so is a formula in a spreadsheet
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")  # first characters of formulas in a spreadsheet
 _LINE_EVERY = 30.0  # s between lines of progress outside a terminal
 
 

@@ -92,8 +92,10 @@ def lag_of(file: Trajectory, reference: Motion) -> Lag:
 def _least(error: Callable[[float], float], tried: Array, xatol: float) -> float:
     """Minimize an error near the best of equally spaced values (n,)."""
     best, step = float(min(tried, key=error)), float(tried[1] - tried[0])
-    bounds, options = (best - step, best + step), {"xatol": xatol}
-    return float(minimize_scalar(error, bounds=bounds, method="bounded", options=options).x)
+    bounds = best - step, best + step
+    return float(
+        minimize_scalar(error, bounds=bounds, method="bounded", options={"xatol": xatol}).x
+    )
 
 
 def _error_at(file: Trajectory, reference: Motion) -> Callable[[Array], float]:

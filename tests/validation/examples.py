@@ -1,4 +1,4 @@
-"""The example that a command's `--help` prints, as what to run."""
+"""The example in the `--help` of a command."""
 
 import re
 
@@ -6,7 +6,7 @@ from validation.cli import class_of
 
 
 def example(name: str) -> str:
-    """Return the words behind `robotball` in it."""
+    """Return the arguments of the example, without `robotball`."""
     found = re.findall(r"^ *Example: robotball (.*)$", class_of(name).__doc__ or "", re.MULTILINE)
     (arguments,) = found
     return str(arguments)

@@ -40,8 +40,8 @@ from robotball.robot.looks import INK
 from validation.agreement import Agreement
 from validation.output import panels, progress_bar, writable_folder, write_picture, write_text
 from validation.studies import engine_study
-from validation.studies.engine_rows import row_of
 from validation.studies.engine_runs import fixed_work
+from validation.studies.engine_study import row_of
 from validation.study import Column, Row, markdown, scene_cell, show, table_of
 from validation.sweeps import Cell, Result, rows_of, sweep
 

@@ -23,8 +23,7 @@ def starts_of(scene: rb.Scene, count: int) -> list[rb.Start]:
     return [random_starts.random_start(scene, each) for each in randoms]
 
 
-# Compiled steps of both models; single integrations with a changing drive, and with the equations of
-# general robots.
+# Compiled steps of both models; single integrations with a changing drive, and of general robots.
 @pytest.mark.parametrize(
     "name", ["fig12", "classical_regular", "wobbling_drive", "offset_routh_sphere"]
 )

@@ -35,7 +35,6 @@ from robotball.theory.reduced import LABEL as EQUATIONS
 
 from ..options import PRESET, Controls, Names, Once, OnceOptions, SceneName, listed
 from ..output import Show, panels, progress_bar, scientific
-from ..plots import note
 from ..results import controlled
 from ..study import Column, Row, Study, table_of
 from .ablation import without
@@ -59,7 +58,6 @@ _LIMITS = (LEAST_RTOL, 1e-13, 1e-11, 1e-9)
 _ANY = 1.0  # an rtol that accepts every step
 _STEPS_ALLOWED, _LEAST_ALLOWED = 600, 64  # DOP853's limit of steps: per second, and added
 _INCHES = (11.0, 6.6)
-_NEAR_SLOPES = 2.5  # in ln(step) and ln(error); slopes nearer than this share a label
 
 
 @dataclass(frozen=True)
@@ -348,7 +346,6 @@ def _convergence_picture(study: Runs) -> Figure:
 
 
 def _draw_orders(axes: Axes, study: Runs, against: str) -> None:
-    labelled: list[Array] = []
     for name, rows in study.by_name.items():
         order, _ = study.order(name, against)
         drawn = [(p["step"] * 1e3, e) for p in rows if p["step"] and (e := p[f"{against}_error"])]
@@ -356,15 +353,11 @@ def _draw_orders(axes: Axes, study: Runs, against: str) -> None:
         label = f"{line}: {_order_text(order)}" if order else f"{name}: no order"
         points = np.array(drawn).reshape(-1, 2).T
         axes.plot(*points, linestyle="", markerfacecolor="none", label=label, **_mark(name))
-        if order is None or name == ADAPTIVE:
-            continue
-        ends = np.array([order.shortest, order.longest])
-        axes.plot(ends * 1e3, order.error_at(ends), "--", color=_mark(name)["color"], linewidth=1)
-        place = np.array([order.ln_step, order.ln_error])
-        if not any(np.abs(place - other).max() < _NEAR_SLOPES for other in labelled):
-            labelled.append(place)
-            middle = (np.exp(order.ln_step) * 1e3, np.exp(order.ln_error))
-            note(axes, f"slope {order.order:.2f}", middle, (10, -12), fontsize=9)
+        if order is not None and name != ADAPTIVE:
+            ends = np.array([order.shortest, order.longest])
+            axes.plot(
+                ends * 1e3, order.error_at(ends), "--", color=_mark(name)["color"], linewidth=1
+            )
 
 
 def _mark(name: str) -> dict[str, Any]:

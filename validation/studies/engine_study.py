@@ -2,8 +2,10 @@
 
 import statistics
 import sys
-from collections.abc import Sequence
+import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import cache
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
@@ -14,7 +16,7 @@ from matplotlib.figure import Figure
 from rich.markup import escape
 from tyro.conf import arg
 
-from robotball import InputError, Scene, engine_named, engine_names, load_scene
+from robotball import Engine, InputError, Scene, engine_named, engine_names, load_scene
 from robotball.engines.engine import DEFAULT
 from robotball.engines.environments import ENVIRONMENTS, call, python_name, said_of, versions_in
 from robotball.robot.looks import INK
@@ -46,7 +48,6 @@ from ..study import (
 )
 from ..sweeps import Cell, Result, rows_of
 from . import engine_runs
-from .engine_rows import row_of
 from .engine_runs import Contestant, python_of
 from .orders import fit_order
 
@@ -55,6 +56,56 @@ _ROUNDS = 3  # rounds of timing
 _SAID = 1e-6  # the title of the picture has the cost at this error
 _IDEAL = ":"  # line style of runs in which the engine computes its dynamics alone
 _LEAST = 1e-15  # relative error; smaller errors are rounding
+
+
+Ladder = tuple[str, tuple[float, ...]]
+"""A field of an engine's settings and the values to run."""
+
+
+@dataclass(frozen=True)
+class EngineRow:
+    """The runs of an engine in the study.
+
+    Attributes
+    ----------
+    ladders : mapping of str to Ladder
+        For each preset, the field that is varied and its values.
+    ours : mapping of str to str
+        For each preset, the parts of a run that robotball provides instead of the engine.
+    source : str
+        The page or example of the engine's documentation that its default preset follows.
+    """
+
+    ladders: Mapping[str, Ladder]
+    ours: Mapping[str, str] = field(default_factory=dict)
+    source: str = ""
+
+
+def row_of(name: str) -> EngineRow:
+    """Return the row of an engine, by default one run per preset."""
+    return _rows().get(name) or EngineRow(_as_they_are(engine_named(name)))
+
+
+def _as_they_are(engine: Engine) -> dict[str, Ladder]:
+    """Return a ladder of one value per preset: its timestep, its rtol, or its error tolerance."""
+    ladders: dict[str, Ladder] = {}
+    for name, preset in engine.presets.items():
+        has = [key for key in ("timestep", "rtol") if isinstance(getattr(preset, key, None), float)]
+        key = (*has, "error_tolerance")[0]
+        ladders[name] = (key, (getattr(preset, key),))
+    return ladders
+
+
+@cache
+def _rows() -> dict[str, EngineRow]:
+    text = Path(__file__).with_name("engine_rows.toml").read_text(encoding="utf-8")
+    return {name: _row(**row) for name, row in tomllib.loads(text).items()}
+
+
+def _row(ladders: Any, **others: Any) -> EngineRow:
+    """Return a row of the TOML file, where ladders are {preset: {field: values}}."""
+    pairs = {preset: (key, tuple(row[key])) for preset, row in ladders.items() for key in row}
+    return EngineRow(pairs, **others)
 
 
 def cells_of(

@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from itertools import compress, cycle, groupby
+from itertools import compress, cycle
 from typing import Annotated, Any
 
 import numpy as np
@@ -52,11 +52,10 @@ _STABILITY = ("rotation", "friction_damping", "contact_spring", "servo_gain")
 _WIDE, _PANEL, _LINE = 7.6, 3.0, 0.19  # inches: picture width, panel height, line of a legend
 _TICKS = 4  # ticks of an axis at most
 _ACROSS, _FEW = 3, 4  # panels in a row at most; up to _FEW panels stand in rows of two
-_LETTER = 0.03  # width of a letter over the width of a panel
 
 
 class Outcome(Enum):
-    """The outcome of a cell: its word, grey and hatch on the map, and its sentence."""
+    """The outcome of a cell: its word in tables, its grey and hatch, and its sentence."""
 
     ACCURATE = ("accurate", 1.0, "", f"accurate: error at most {ACCURATE:g}")
     DEGRADED = ("degraded", 0.9, "", f"degraded: error at most {WRONG:g}")
@@ -355,9 +354,6 @@ _LIMIT_LINES = [
     for dashes in ("-", (0, (5, 2)), (0, (1.2, 1.2)), (0, (5, 1.5, 1, 1.5)))
     for colour in (ACCENT, LABEL.colour, INK)
 ]
-_WORD: dict[str, Any] = {
-    "size": 8, "color": INK, "ha": "center", "va": "center", "path_effects": halo(2.5), "zorder": 5,
-}  # fmt: skip
 _MARKS = {
     "wrong, no warning and no fault": ("o", 10, "none"),
     "wrong, no warning but a fault": (".", 7, INK),
@@ -438,7 +434,6 @@ def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> 
         grid = np.reshape([nearness.get(name, np.nan) for nearness in numbers], shape)
         # Contours need finite values; far from the limit only the side matters.
         _draw_limit(axes, np.log10(np.clip(grid, 1e-6, 1e6)), *style)
-    _name_regions(axes, np.array(outcomes).reshape(shape))
     axes.set(xlim=(-0.5, len(xs) - 0.5), ylim=(-0.5, len(ys) - 0.5))
     for axis, values in ((axes.xaxis, xs), (axes.yaxis, ys)):
         axis.set_ticks(*round_ticks(values), size=8.5)
@@ -459,18 +454,6 @@ def _mark(meaning: str, x: float = np.nan, y: float = np.nan) -> Line2D:
     marker, size, fill = _MARKS[meaning]
     style: dict[str, Any] = {"marker": marker, "ms": size, "mfc": fill, "color": INK, "ls": ""}
     return Line2D([x], [y], label=meaning, path_effects=halo(1.5), **style)
-
-
-def _name_regions(axes: Axes, outcomes: Array) -> None:
-    """Write the word of each outcome (y, x) into the longest row of its cells if it fits."""
-    longest: dict[Outcome, tuple[int, int, float]] = {}
-    for j, row in enumerate(outcomes):
-        for kind, cells in groupby(range(len(row)), row.__getitem__):
-            run = [*cells]
-            longest[kind] = max(longest.get(kind, (0, 0, 0.0)), (len(run), -j, sum(run) / len(run)))
-    for kind, (size, j, i) in longest.items():
-        if size > _LETTER * len(kind.word) * outcomes.shape[1]:
-            axes.text(i, -j, kind.word, **_WORD)
 
 
 def _draw_limit(axes: Axes, nearness: Array, colour: str, dashes: Any) -> None:

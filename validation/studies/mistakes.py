@@ -324,14 +324,13 @@ def mistaken_scenes(scene: Scene) -> Iterator[_MistakenScene]:
     """Yield the scenes to try: other conventions, units and axes, and left-out physics."""
     names = [hinge.name for hinge in scene.hinges]
     moving = [i for i, hinge in enumerate(scene.hinges) if _has_rate(scene, i)]
-    groups = [([i], f"the {names[i]}'s rate", "has", "is") for i in moving]
+    groups = {f"the {names[i]}'s rate": [i] for i in moving}
     if len(moving) > 1:
-        groups.append((moving, "all rates", "have", "are"))
-    for hinges, rates, has, _ in groups:
-        yield f"{rates} {has} the other sign", _with_rates(scene, hinges, -1.0)
-    for hinges, rates, _, are in groups:
-        yield f"{rates} {are} zero", _with_rates(scene, hinges, 0.0)
-        yield f"{rates} {are} taken in degrees", _with_rates(scene, hinges, RATES["deg/s"])
+        groups["the rates of all hinges"] = moving
+    factors = {"with the other sign": -1.0, "left out (zero)": 0.0, "in degrees": RATES["deg/s"]}
+    for mistake, factor in factors.items():
+        for rates, hinges in groups.items():
+            yield f"{rates} {mistake}", _with_rates(scene, hinges, factor)
     other: Rolling = "classical" if scene.rolling == "rubber" else "rubber"
     flat = replace(scene.start, momentum=scene.start.momentum * [1.0, 1.0, 0.0])
     level = replace(scene, rolling=other, start=flat)

@@ -4,7 +4,7 @@ import pytest
 
 from robotball import engine_named
 from robotball.engines.engine import OURS
-from validation.studies.engine_rows import row_of
+from validation.studies.engine_study import row_of
 
 
 @pytest.mark.parametrize("name", OURS)

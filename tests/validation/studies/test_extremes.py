@@ -6,9 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 import robotball as rb
 from bench.random_runs import extreme, ordinary
@@ -20,7 +18,6 @@ from validation.studies.extreme_maps import MAPS, QUICK, Cut, base, cell_run, ce
 from validation.studies.extremes import (
     Outcome,
     _map_picture,
-    _name_regions,
     classify,
     measure_cell,
     measured_limits,
@@ -171,18 +168,6 @@ def test_every_random_run_can_be_made() -> None:
         for run in (extreme(0, number), ordinary(0, number)):
             assert run.scene.not_reduced is None
             assert len(run.times) == 101
-
-
-def test_a_region_has_its_word_where_it_has_room() -> None:
-    """The word stands in the middle of the longest row; a single cell has no word."""
-    axes = Figure().subplots()
-    row, other = (
-        [Outcome.DIVERGED] * 5 + [Outcome.UNFINISHED],
-        [Outcome.DIVERGED] * 2 + [Outcome.SLIPPED] * 4,
-    )
-    _name_regions(axes, np.array([other, row]))
-    found = {text.get_text(): text.get_position() for text in axes.texts}
-    assert found == {"diverged": (2.0, 1.0), "slipped": (3.5, 0.0)}
 
 
 def test_a_map_draws_integrators_with_equal_cells_once_and_counts_accurate_runs() -> None:

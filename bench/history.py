@@ -42,7 +42,7 @@ from validation.output import panels, progress_bar, writable_folder, write_pictu
 from validation.studies import engine_study
 from validation.studies.engine_runs import fixed_work
 from validation.studies.engine_study import row_of
-from validation.study import Column, Row, markdown, scene_cell, show, table_of
+from validation.study import Column, Row, scene_cell, show, table_of
 from validation.sweeps import Cell, Result, rows_of, sweep
 
 _HOME = ENVIRONMENTS.with_name("history")  # of all environments
@@ -57,6 +57,14 @@ _FREE_BODY = """<mujoco><option timestep="1e-3" gravity="0 0 0" integrator="impl
 # Each number, its name, and the word by which a changelog's entry is about it: its integrator.
 _NUMBERS = {"as_it_comes": "as it comes", "recipe": "recipe", "free_body": "free body"}
 _WORDS = {"as_it_comes": "Euler", "recipe": "RK4", "free_body": "implicitfast"}
+
+
+def markdown(columns: Sequence[Column], rows: Sequence[Row]) -> list[str]:
+    """Return the lines of a Markdown table."""
+    cells = [[column.header for column in columns]]
+    cells += [["---:"[: 4 - column.words] for column in columns]]
+    cells += [[column.text(row).replace("|", "\\|") for column in columns] for row in rows]
+    return [f"| {' | '.join(row)} |" for row in cells]
 
 
 def last_patches(versions: Sequence[str]) -> list[str]:

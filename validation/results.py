@@ -79,10 +79,10 @@ def controller_of(text: str) -> Controller:
     file, _, name = text.rpartition(":")
     if not file.endswith(".py") or not name:
         raise InputError(f"--controller takes FILE.py:NAME, not {text!r}")
-    found = call_users(f"{file} cannot be run", runpy.run_path, file).get(name)
-    if not isinstance(found, Controller):
+    controller = call_users(f"{file} cannot be run", runpy.run_path, file).get(name)
+    if not isinstance(controller, Controller):
         raise InputError(f"{file} has no rb.Controller with the name {name!r}")
-    values = {field.name: getattr(found, field.name) for field in fields(found)}
+    values = {field.name: getattr(controller, field.name) for field in fields(controller)}
     return _FromFile(**values, text=text)
 
 

@@ -190,14 +190,6 @@ def table_of(
     return table
 
 
-def markdown(columns: Sequence[Column], rows: Sequence[Row]) -> list[str]:
-    """Return the lines of a Markdown table."""
-    cells = [[column.header for column in columns]]
-    cells += [["---:"[: 4 - column.words] for column in columns]]
-    cells += [[column.text(row).replace("|", "\\|") for column in columns] for row in rows]
-    return [f"| {' | '.join(row)} |" for row in cells]
-
-
 def present(study: Study, picture: Path, json: Path | None, csv: Path | None) -> list[Path]:
     """Write the files of a study, print its tables, and return the paths of the files."""
     # Write first, because printing may fail.

@@ -217,7 +217,7 @@ _NOTE = (
     "energy: lost to slip, and gained (+) or lost in total, over the kinetic energy. CPU: "
     "processor time of a simulated second, without set-up and readings; relative: to {} with its "
     "default settings; spread: of the rounds; Python: Python's share at the steps. ours: parts of "
-    "the run that robotball provides. *: on the Pareto front, no run is cheaper and more accurate."
+    "the run that robotball provides. * on the Pareto front: no run is cheaper and more accurate."
 )
 
 

@@ -276,10 +276,10 @@ def _nearness(result: Result) -> dict[str, float]:
     return {name: np.inf if value is None else value for name, value in numbers.items()}
 
 
-def summary(found: Mapping[str, Sequence[Result]]) -> list[dict[str, Any]]:
+def summary(maps: Mapping[str, Sequence[Result]]) -> list[dict[str, Any]]:
     """Return a record for each map and integrator: outcomes, missed runs, and limits."""
     groups: dict[tuple[str, str], list[Result]] = {}
-    for name, results in found.items():
+    for name, results in maps.items():
         for result in results:
             groups.setdefault((name, result.cell["integrator"]), []).append(result)
     return [

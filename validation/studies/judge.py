@@ -311,7 +311,7 @@ def judge(
     sources = [files] if isinstance(files, Path | str | Trajectory) else list(files)
     if timesteps and len(timesteps) != len(sources):
         raise InputError(
-            f"{len(sources)} files need {len(sources)} timesteps, not {len(timesteps)}"
+            f"each file needs one timestep: {len(sources)} in all, not {len(timesteps)}"
         )
     trajectories = [
         source if isinstance(source, Trajectory) else read_trajectory(Path(source))

@@ -47,9 +47,9 @@ from validation.output import (
     write_text,
 )
 from validation.studies import engine_study
-from validation.studies.engine_rows import row_of
 from validation.studies.engine_runs import fixed_work
-from validation.study import Column, Row, markdown, scene_cell, show, table_of
+from validation.studies.engine_study import row_of
+from validation.study import Column, Row, scene_cell, show, table_of
 from validation.sweeps import Cell, Result, rows_of, sweep
 
 _HOME = ENVIRONMENTS.with_name("history")  # the folder of environments
@@ -64,6 +64,14 @@ _FREE_BODY = """<mujoco><option timestep="1e-3" gravity="0 0 0" integrator="impl
 # The measured numbers: their labels, and the word that marks changelog entries about them.
 _NUMBERS = {"as_it_comes": "as it comes", "recipe": "recipe", "free_body": "free body"}
 _WORDS = {"as_it_comes": "Euler", "recipe": "RK4", "free_body": "implicitfast"}
+
+
+def markdown(columns: Sequence[Column], rows: Sequence[Row]) -> list[str]:
+    """Return the lines of a Markdown table."""
+    cells = [[column.header for column in columns]]
+    cells += [["---:"[: 4 - column.words] for column in columns]]
+    cells += [[column.text(row).replace("|", "\\|") for column in columns] for row in rows]
+    return [f"| {' | '.join(row)} |" for row in cells]
 
 
 def last_patches(versions: Sequence[str]) -> list[str]:

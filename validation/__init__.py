@@ -2,5 +2,5 @@
 
 import lazy_loader
 
-# What is named in __init__.pyi is loaded when it is first used.
+# Load the names of __init__.pyi at their first use.
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

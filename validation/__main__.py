@@ -1,8 +1,8 @@
-"""The `robotball` command as a process: streams, signals, exit status.
+"""The `robotball` command as a process: streams, signals and exit status.
 
-`python -m validation` is the same. A character that a stream cannot show, and a reader that goes
-away, end no command. Ctrl-C, SIGTERM and a closed terminal (SIGHUP) end it soon, wherever it is,
-and leave no unfinished file. The processes of a command import this module, so it imports little.
+`python -m validation` is the same command. It continues if a stream cannot show a character, or if
+the reader of its output leaves. Ctrl-C, SIGTERM and a closed terminal (SIGHUP) end it soon, without
+unfinished files. Worker processes import this module, so it imports little.
 """
 
 import io
@@ -19,15 +19,15 @@ from typing import Any
 from robotball.errors import InputError
 from robotball.files.replacing import remove_unfinished
 
-_DEFECT = 3  # the exit status where robotball itself is wrong
+_DEFECT = 3  # exit status after an error of robotball itself
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-_SIGNALLED = 128  # and the signal's number: what shells give, so 130 after Ctrl-C
-_GRACE = 2.0  # s that Python has to end the command; compiled code may not let it
+_SIGNALLED = 128  # plus the number of the signal: the exit status in shells, 130 after Ctrl-C
+_GRACE = 2.0  # s that Python has to end the command; compiled code may prevent it
 
 
 def main() -> None:
-    """Run the command, and exit with its status; with 3 where robotball itself is wrong."""
-    # Whatever a child imports, as MuJoCo's packages start Pythons too, is not from this folder.
+    """Run the command and exit with its status, or with 3 after an error of robotball itself."""
+    # Python processes of MuJoCo's packages must not import modules from the current folder.
     os.environ["PYTHONSAFEPATH"] = "1"
     sys.unraisablehook = _show_unraisable
     _open_closed()
@@ -44,20 +44,19 @@ def main() -> None:
 
 
 def _open_closed() -> None:
-    """Open each standard stream that is closed to nowhere, lest another file take its number."""
+    """Open closed standard streams to /dev/null, so that no other file gets their numbers."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
-            number = os.open(os.devnull, os.O_RDWR)  # the lowest that is free
+            number = os.open(os.devnull, os.O_RDWR)  # the lowest free number
             os.set_inheritable(number, True)
             stream = os.fdopen(number, mode)
             setattr(sys, name, stream)
-            setattr(sys, f"__{name}__", stream)  # which keeps it open where another takes its place
+            setattr(sys, f"__{name}__", stream)  # keeps it open if it is replaced
 
 
 def _make_lasting() -> None:
     for name in ("stdout", "stderr"):
-        # The stream's own text layer is replaced, as its error of a closed pipe would come at exit,
-        # where nobody can catch it.
+        # The standard text layer would report a closed pipe at exit, where it cannot be caught.
         former = getattr(sys, name)
         lines = former.line_buffering
         lasting = _Lasting(former.buffer, former.encoding, "replace", line_buffering=lines)
@@ -65,9 +64,9 @@ def _make_lasting() -> None:
 
 
 class _Lasting(io.TextIOWrapper):
-    """A stream that goes on, to nowhere, when its reader has left.
+    """A stream that discards its output after its reader has left.
 
-    Raises InputError where it cannot be written for another reason, as on a full disk.
+    Raises InputError if it cannot be written for another reason, such as a full disk.
     """
 
     def write(self, text: str) -> int:
@@ -84,7 +83,7 @@ class _Lasting(io.TextIOWrapper):
         try:
             yield
         except OSError as error:
-            # What the stream still holds, and all that is to come, goes to nowhere.
+            # Discard the buffered and all later output.
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, self.fileno())
             os.close(nowhere)
@@ -93,28 +92,27 @@ class _Lasting(io.TextIOWrapper):
 
 
 class _Interrupted(KeyboardInterrupt):
-    """The exception by which a signal ends a block.
+    """The exception that a signal raises.
 
-    Python remembers a KeyboardInterrupt itself that has passed an `exec` of text, as a dataclass is
-    made by, and dies of the signal at last, however it was met.
+    After a KeyboardInterrupt itself in an `exec` of text, such as in the definition of a dataclass,
+    Python would exit by the signal even if the exception is caught.
     """
 
 
 def _show_unraisable(error: "sys.UnraisableHookArgs") -> None:
-    # A signal may arrive in a callback of Python's import system, which drops the interrupt. The
-    # waiting thread then ends the process, so a traceback would only alarm the user.
+    # A callback of Python's import system drops exceptions. After a signal there, the waiting
+    # thread ends the process, so no traceback is needed.
     if not issubclass(error.exc_type, _Interrupted):
         sys.__unraisablehook__(error)
 
 
 @contextmanager
 def _ended_by_signals() -> Iterator[list[int]]:
-    """End the block at a signal by an interrupt, and the process if that takes too long.
+    """End the block with an exception at a signal, or end the process if that takes too long.
 
-    Python acts on a signal between two of its own steps. While compiled code runs there are none,
-    but the signal's number arrives in a pipe, at whose other end a thread waits. Whatever the
-    block makes of the interrupt, as a library may that was being imported, it leaves by SystemExit.
-    Gives the numbers of the signals that came.
+    Python handles a signal between two bytecodes, not during compiled code. But the number of the
+    signal arrives in a pipe immediately, and a thread reads it. The block ends with SystemExit even
+    if a library catches the exception. Yields the numbers of the signals received.
     """
     came: list[int] = []
     left = threading.Event()
@@ -129,16 +127,16 @@ def _ended_by_signals() -> Iterator[list[int]]:
     threading.Thread(target=_end_at_last, args=(read, left), daemon=True).start()
     try:
         signal.set_wakeup_fd(write, warn_on_full_buffer=False)
-        for each in _SIGNALS:  # inside the block, as one may come at once
-            if signal.getsignal(each) != signal.SIG_IGN:  # as nohup leaves it
-                former[each] = signal.signal(each, interrupt)
+        for ending in _SIGNALS:  # inside `try`, because a signal may arrive immediately
+            if signal.getsignal(ending) != signal.SIG_IGN:  # nohup ignores SIGHUP
+                former[ending] = signal.signal(ending, interrupt)
         yield came
     except BaseException:
         if not came:
             raise
     finally:
         left.set()
-        # Before the pipe is closed, lest a late signal write to another file of that number.
+        # After closing the pipe, a late signal would write to another file with its number.
         signal.set_wakeup_fd(-1)
         os.close(write)
         for number, handler in former.items():
@@ -148,7 +146,7 @@ def _ended_by_signals() -> Iterator[list[int]]:
 
 
 def _end_at_last(read: int, left: threading.Event) -> None:
-    """Wait for a signal's number; end the process where the block is not left soon after it."""
+    """Wait for a signal, and end the process if the block does not end soon."""
     while numbers := os.read(read, 1):
         if numbers[0] in _SIGNALS and not left.wait(_GRACE):
             remove_unfinished()

@@ -1,4 +1,4 @@
-"""Compare a contact engine's motion of a scene with the reference's."""
+"""Compare a contact engine's motion of a scene with the reference motion."""
 
 import math
 from collections.abc import Callable
@@ -29,24 +29,25 @@ from robotball.rotations import Array
 if TYPE_CHECKING:
     from .sensitivity import Sensitivity
 
-_LIMITED = 3.0  # times the reference's own error: a smaller path error may be the reference's
+_LIMITED = (
+    3.0  # a path error below this multiple of the reference error may be the reference's error
+)
 
 
 @dataclass(frozen=True, repr=False)
 class Agreement(Value):
-    """Hold a contact engine's motion beside the reference's, and measure their difference.
+    """Compare a contact engine's motion with the reference motion.
 
-    The errors of a motion that broke off are NaN, so that it is within no tolerance; `verdict` says
-    why it did. Up to its fault, `path_errors` and `momentum_errors` have the errors over time.
+    The errors of a motion that broke off are None, and `faults` has the reason.
 
     Attributes
     ----------
     theory : Motion
-        The motion by the equations.
+        The reference motion from the equations.
     motion : ContactMotion
-        The motion by the contact engine.
+        The motion of the contact engine.
     engine : Engine or None
-        The engine of the motion. None if the motion cannot be run again, as one from a file.
+        The engine of the motion. None if the motion cannot be run again.
 
     Examples
     --------
@@ -62,13 +63,12 @@ class Agreement(Value):
     engine: Engine | None = None
 
     def __repr__(self) -> str:
-        # Here, as a library's user who prints no agreement need not load the terminal's tables.
-        from .output import scientific
+        from .output import scientific  # it loads rich
 
-        errors = f"path error {scientific(self.path_error)}, "
-        errors += f"momentum error {scientific(self.momentum_error)}"
-        by = f"{self.motion.engine.name}, {self.settings.name}"
-        return f"<Agreement of {self.scene.name} by {by}: {self.verdict}; {errors}>"
+        path, momentum = scientific(self.path_error), scientific(self.momentum_error)
+        run = f"{self.scene.name} by {self.motion.engine.name}, {self.settings.name}"
+        errors = f"path error {path}, momentum error {momentum}"
+        return f"<Agreement of {run}: {self.verdict}; {errors}>"
 
     def _repr_html_(self) -> str:
         from robotball.view.notebook import cell
@@ -93,8 +93,8 @@ class Agreement(Value):
 
     @property
     def end(self) -> float:
-        """The time [s] of the engine's last sample; 0 where it broke off before its first one."""
-        # A slice, as a run that broke off in its first step has no sample.
+        """The time [s] of the engine's last sample; 0 without a sample."""
+        # The slice is empty if the run broke off in its first step.
         return float(self.motion.times[-1:].sum())
 
     @property
@@ -103,12 +103,12 @@ class Agreement(Value):
 
     @cached_property
     def path_errors(self) -> Array:
-        """The distance (n,) [m] between the two contact points, as far as the motion goes."""
+        """The distance (n,) [m] between the two contact points at the motion's times."""
         return path_errors(self.motion, self.theory)
 
     @cached_property
     def momentum_errors(self) -> Array:
-        """The relative error (n,) of M, as far as the motion goes."""
+        """The relative error (n,) of M at the motion's times."""
         return momentum_errors(self.motion, self.theory)
 
     @property
@@ -138,28 +138,27 @@ class Agreement(Value):
 
     @property
     def realtime_factor(self) -> float:
-        """Simulated seconds per second of stepping the engine, set-up excluded."""
-        # Set-up is left out: it is the same for a second and for an hour.
+        """Simulated seconds per second of stepping the engine, without the set-up."""
         return self.end / self.report.seconds
 
     @property
     def tolerance(self) -> float:
-        """The largest relative error with which a motion by these settings agrees."""
+        """The largest relative error of a motion that agrees."""
         accuracy = self.settings.accuracy
         return self.settings.error_tolerance if accuracy is None else accuracy
 
     @property
     def agrees(self) -> bool:
-        """Whether there is no fault, and path and momentum are both within the tolerance.
+        """Whether path and momentum are within the tolerance, without a fault.
 
-        The path alone is not enough, as errors of two kinds can cancel in it, unless an accuracy of
-        the path was requested. A reference that ended early says nothing of the time after.
+        The path alone is not enough because errors can cancel in it, unless an accuracy of the path
+        was requested. If the reference ended early, the motion does not agree.
         """
         return self._near and self.ended is None
 
     @property
     def ended(self) -> str | None:
-        """Which joint's range ended the reference early, and when."""
+        """The joint whose range ended the reference early, and the time."""
         return self.theory.ended if isinstance(self.theory, ReferenceMotion) else None
 
     @property
@@ -171,15 +170,16 @@ class Agreement(Value):
 
     @property
     def keeps_momentum(self) -> bool:
-        """Whether the error of M is at every time what `tolerated` allows by then."""
-        # By the one law that the monitor has, so that a run cannot agree with a fault in it, nor be
-        # off without one.
+        """Whether the error of M is within the bound of `tolerated` at every time.
+
+        The monitor uses the same bound.
+        """
         allowed = tolerated(self.settings.error_tolerance, self.motion.times)
         return bool((self.momentum_errors <= allowed).all())
 
     @property
     def reference_error(self) -> float | None:
-        """The reference's own path error, as it estimates it; None if it does not."""
+        """The estimated path error of the reference; None if it has no estimate."""
         theory = self.theory
         return theory.reference_error if isinstance(theory, ReferenceMotion) else None
 
@@ -191,24 +191,23 @@ class Agreement(Value):
 
     @cached_property
     def sensitivity(self) -> "Sensitivity | None":
-        """The motion's sensitivity to small errors, where the path alone is off; else None.
+        """The motion's sensitivity to small errors, if only the path is off and it is known.
 
-        It is None too where it is not known. A few short runs are needed to find it.
+        Short runs of the same engine measure it.
         """
-        # Short runs by the same engine are needed, so a motion from a file has none.
         if self.engine is None or self.faults or self._near or not self.finished:
             return None
         if self.scene.keeps_momentum and not self.keeps_momentum:
-            return None  # M is constant however sensitive the motion is: the engine lost it
+            return None  # M is constant even in sensitive motions, so the engine lost it
         from .sensitivity import sensitivity
 
         return sensitivity(self.engine, self.motion, self.theory)
 
     @cached_property
     def loop_growth(self) -> float | None:
-        """How a closed loop makes a small turn of the start grow; None without a controller.
+        """The growth of a small rotation of the start in a closed loop; None without a controller.
 
-        The path error, over the path's length, for a turn of 1 rad, were it small.
+        It is the path error over the path's length, per radian.
         """
         if self.scene.controller is None:
             return None
@@ -218,18 +217,18 @@ class Agreement(Value):
 
     @property
     def sensitive(self) -> bool:
-        """Whether the motion's own sensitivity explains why the motions do not agree."""
+        """Whether the sensitivity of the motion explains the disagreement."""
         return self.sensitivity is not None and self.sensitivity.explains
 
     @property
     def verdict(self) -> str:
-        """Whether it agrees, or why not, in one line."""
+        """One line: the motion agrees, or the reason why not."""
         if self.faults:
             return "; ".join(str(fault) for fault in self.faults)
         if self.sensitive:
             return str(self.sensitivity)
         if self._near and self.ended:
-            return f"no verdict after it ends: {self.ended}"
+            return f"no verdict after the end of the reference: {self.ended}"
         if self.agrees:
             return "agrees, limited by the reference" if self.limited_by_reference else "agrees"
         return f"off by more than {self.tolerance:g}"
@@ -246,9 +245,9 @@ def compare(
     strict: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Agreement:
-    """Run a scene by a contact engine and by the equations, and compare the two motions.
+    """Run a scene with a contact engine, integrate the equations, and compare both motions.
 
-    The friction of the engine is checked against what the whole motion needs.
+    The friction of the engine is checked against the need of the whole motion.
 
     Parameters
     ----------
@@ -264,9 +263,9 @@ def compare(
         The path error to reach, relative to the path's length. It chooses the settings, so give
         either `accuracy` or `settings`.
     theory : Motion, optional
-        The motion by the equations at these times, if it is known.
+        The reference motion at these times, if it is known.
     strict : bool, default False
-        Whether settings that are predicted to fail raise InputError instead of a warning.
+        Whether to raise InputError instead of a warning if the settings are predicted to fail.
     progress : callable, optional
         Called with the simulated fraction, from 0 to 1.
 
@@ -301,8 +300,7 @@ def compare(
 
 
 def compare_with(theory: Motion, request: Request) -> Agreement:
-    """Compare as `compare` does, by a request, where the reference motion is known already."""
-    # The equations know the loads of the whole motion; the precheck would else have those of the
-    # start.
+    """Compare the run of a request with a known reference motion."""
+    # Without these loads, the precheck would know only the loads at the start.
     motion = run_request(theory.scene, theory.times, replace(request, loads=theory.loads))
     return Agreement(theory, motion, request.engine)

@@ -1,4 +1,4 @@
-"""Run many comparisons or a film, with progress shown."""
+"""Run many comparisons, and write films, with progress."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -20,29 +20,40 @@ if TYPE_CHECKING:
 
 
 def compare_all(scenes: Sequence[Scene], comparing: "Comparing") -> list["_Compared"]:
-    """Return what is kept of every scene, in their order; many scenes on all cores."""
-    each = len(comparing.requests)
-    with progress_bar(len(scenes) * each) as show:
-        # A few scenes are done before as many processes have started.
+    """Compare scenes, in parallel if there are many, and return their records in order."""
+    runs = len(comparing.requests)
+    with progress_bar(len(scenes) * runs) as show:
+        # Starting processes takes longer than comparing a few scenes.
         if len(scenes) < MANY or allowed() == 1:
-            return [comparing(scene, shifted(show, i * each)) for i, scene in enumerate(scenes)]
-        found = []
+            return [comparing(scene, shifted(show, i * runs)) for i, scene in enumerate(scenes)]
+        results = []
         for scene, compared in zip(scenes, in_processes(comparing, scenes), strict=True):
-            found.append(compared)
-            show(len(found) * each, scene.name)
-        return found
+            results.append(compared)
+            show(len(results) * runs, scene.name)
+        return results
 
 
 def shifted(show: Show, begin: int) -> Show:
-    """Return what shows the progress of a part of the work, before which `begin` was done."""
-    return lambda done, what: show(begin + done, what)
+    """Return a function that shows the progress of a part of the work that begins at `begin`."""
+    return lambda done, work: show(begin + done, work)
 
 
 @dataclass(frozen=True)
 class Comparing:
-    """Scene → _Compared, with pictures in the folder `out`.
+    """Compare a scene and draw its pictures; can be pickled.
 
-    requests: each makes one, in whatever process it is; the others: as for `agreements_of`.
+    Attributes
+    ----------
+    requests : sequence of callables
+        Each returns a request; called in the process that runs it.
+    times : (n,), s, or None
+        The sample times.
+    strict : bool
+        As in `simulate`.
+    out : Path
+        The folder for pictures.
+    plots : bool
+        Whether to draw pictures.
     """
 
     requests: Sequence[Callable[[], Request]]
@@ -56,19 +67,15 @@ class Comparing:
         try:
             agreements = agreements_of(scene, requests, self.times, strict=self.strict, show=show)
         except InputError as error:
-            # One scene that cannot be run must not take the results of the others with it.
+            # The results of the other scenes must not be lost.
             return _Compared([], refused=str(error))
         pictures = draw(agreements, self.out) if self.plots else ()
-        return _Compared([record(each) for each in agreements], pictures)
+        return _Compared([record(agreement) for agreement in agreements], pictures)
 
 
 @dataclass(frozen=True)
 class _Compared:
-    """The records and pictures of a scene's agreements.
-
-    records: as results.record has them; pictures: their files; refused: why there is nothing, if
-    the scene cannot be run.
-    """
+    """Records and picture files of a scene, or the reason why it was refused."""
 
     records: list[Record]
     pictures: Sequence[Path] = ()
@@ -83,9 +90,9 @@ def agreements_of(
     strict: bool = False,
     show: Show = lambda *_: None,
 ) -> list[Agreement]:
-    """Run a scene by every request, and integrate the equations once.
+    """Run a scene with every request, and integrate the equations once.
 
-    strict: as in simulate; show: called with the number of requests done.
+    `strict` is as in `simulate`; `show` is called with the number of requests done.
     """
     show(0, f"{scene.name}: equations")
     theory = integrate(
@@ -117,13 +124,13 @@ def film(path: Path, motions: Sequence[Motion], how: "Film | None" = None) -> No
 
 
 def motions_of(agreements: Sequence[Agreement], kind: str) -> list[Motion]:
-    """Return the motions of a scene's agreements, and the equations' as the last.
+    """Return the engine's motions of a scene, and the reference motion as the last.
 
-    Raises InputError where a run broke in its first step, so that there is nothing to see.
+    Raises InputError if a run broke off in its first step. The last motion is the ghost of a film,
+    and on top in a picture.
     """
-    for each in agreements:
-        if len(each.motion.times) < 2:
-            why = f"its motion ended at t = {each.end:g} s: {each.verdict}"
-            raise InputError(f"{each.scene.name} has no {kind}, as {why}")
-    # The equations' last: a film's ghost, and the ball that a picture draws on top.
-    return [*(each.motion for each in agreements), agreements[0].theory]
+    for run in agreements:
+        if len(run.motion.times) < 2:
+            ended = f"its motion ended at t = {run.end:g} s: {run.verdict}"
+            raise InputError(f"{run.scene.name}: no {kind}, because {ended}")
+    return [*(run.motion for run in agreements), agreements[0].theory]

@@ -1,7 +1,6 @@
-"""Write results into files that are whole or not there, and show the progress of long work.
+"""Write results to files, which are never incomplete, and show the progress of long work.
 
-Records name the versions that they depend on. Progress goes to standard error: a bar, or a line now
-and then.
+Records include the versions of packages. Progress goes to standard error.
 """
 
 import csv
@@ -32,13 +31,14 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 _DPI = 120
-_CHARACTERS = 10  # of 12 points, in an inch
-_WIDEST = 10_000  # characters, more than a table has
-_FORMULA = ("=", "+", "-", "@", "\t", "\r")  # beginnings of one, for a spreadsheet
+_CHARACTERS = 10  # per inch, in letters of 12 points
+_WIDEST = 10_000  # characters, wider than any table
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")  # first characters of formulas in a spreadsheet
+_LINE_EVERY = 30.0  # s between lines of progress outside a terminal
 
 
 def program() -> str:
-    """Return the words that start this program in a reader's terminal, in the same folder."""
+    """Return the command that starts this program in the same folder."""
     started = Path(sys.argv[0])
     if started.stem == "__main__":
         return f"python -m {__package__}"
@@ -46,38 +46,38 @@ def program() -> str:
 
 
 def write_record(path: Path | None, record: Mapping[str, Any]) -> None:
-    """Write a record with the versions that it depends on as JSON, if a path is given."""
+    """Write a record with the versions of packages as JSON, if a path is given."""
     if path is not None:
         text = json_text({**record, "versions": versions()}, indent=1)
         write_text(writable_file(path), text + "\n")
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file in UTF-8, wherever it is written."""
+    """Write a text file in UTF-8 on any system."""
     with replacing(path) as temporary:
-        # Bytes of a file's name that are no text, or half a character of a JSON file, are `?`.
+        # File names and JSON strings may contain bytes that cannot be encoded.
         temporary.write_text(text, encoding="utf-8", errors="replace")
 
 
 def in_picture(text: str) -> str:
-    """Return a user's text for a picture, in which its dollars are no formula."""
+    """Escape dollars in a user's text, which Matplotlib would read as a formula."""
     return text.replace("$", r"\$")
 
 
 def together(text: str) -> str:
-    """Return a text of which no line is broken beside a relation or before a number's unit."""
+    """Prevent line breaks next to relation signs and between numbers and units."""
     return re.sub(r" (?=[=<≈] )|(?<=[=<≈]) |(?<=\d) (?=%|(?:s|ms|m|rad|kg)\b)", "\u00a0", text)
 
 
 def halo(width: float = 3.0) -> "list[AbstractPathEffect]":
-    """Return a white rim, in points, that sets lines and letters off from their background."""
+    """Return a path effect that gives lines and letters a white rim [points]."""
     from matplotlib.patheffects import withStroke
 
     return [withStroke(linewidth=width, foreground="white")]
 
 
 def title(figure: "Figure", text: str) -> None:
-    """Put a user's title above a figure; a wider one is small, and in two lines at most."""
+    """Put a user's title above a figure; a wide title is small and has at most two lines."""
     wide, lines = figure.get_size_inches()[0], [text]
     if small := len(text) > _CHARACTERS * wide:
         lines = wrap(text, int(4 / 3 * _CHARACTERS * wide), max_lines=2, placeholder=" …")
@@ -87,24 +87,24 @@ def title(figure: "Figure", text: str) -> None:
 def panels(
     heading: str, size: tuple[float, float], rows: int = 1, columns: int = 1, **more: Any
 ) -> "tuple[Figure, Any]":
-    """Return a figure with a user's title, and its panels as `subplots` has them, each with a grid.
+    """Return a figure with a user's title, and its axes with grids, like `subplots` does.
 
-    size: inches; more: for `subplots`.
+    `size` is in inches; `more` are options of `subplots`.
     """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=size, layout="constrained")
     title(figure, heading)
     axes = figure.subplots(rows, columns, **more)
-    for each in figure.axes:
-        each.grid(alpha=0.3)
+    for panel in figure.axes:
+        panel.grid(alpha=0.3)
     return figure, axes
 
 
 def write_picture(path: Path, figure: "Figure") -> Path:
     """Write a picture as PNG, and return its path.
 
-    A logarithmic axis on which nothing is positive is made linear. Errors of a ball at rest are 0.
+    A logarithmic axis without positive values becomes linear: a ball at rest has errors of 0.
     """
     for axes in figure.axes:
         for axis, least in ((axes.xaxis, axes.dataLim.minposx), (axes.yaxis, axes.dataLim.minposy)):
@@ -118,9 +118,9 @@ def write_picture(path: Path, figure: "Figure") -> Path:
 def write_rows(
     path: Path, rows: Sequence[Mapping[str, Any]], columns: Sequence[str] | None = None
 ) -> None:
-    """Write rows as CSV, with these columns, or those of the first row; None is empty.
+    """Write rows as CSV, by default with the columns of the first row; None is empty.
 
-    A text that a spreadsheet would take for a formula has an apostrophe before it.
+    An apostrophe is put before texts that a spreadsheet would read as a formula.
     """
     text = io.StringIO()
     columns = list(rows[0] if rows else ()) if columns is None else columns
@@ -135,7 +135,7 @@ def _cell(value: Any) -> Any:
 
 
 def known(value: float | None) -> float | None:
-    """Return a number for a record; None, as JSON has no other, where it is not finite."""
+    """Return a finite number as it is, and None for other values, which JSON does not have."""
     return float(value) if value is not None and math.isfinite(value) else None
 
 
@@ -150,9 +150,9 @@ def plain_table(
     rows: Iterable[Sequence[str]] = (),
     **style: Any,
 ) -> "Table":
-    """Return a table; columns begin at the right but for those whose place is `left`.
+    """Return a table with right-aligned columns, except for the columns with an index in `left`.
 
-    style: of `rich.table.Table`, a padding of 0 and no edge as far as it says nothing else.
+    `style` has options of `rich.table.Table`; the default is no padding and no edge.
     """
     from rich import box
     from rich.table import Table
@@ -166,12 +166,11 @@ def plain_table(
 
 
 def print_whole(table: "Table", console: Console) -> None:
-    """Print a table and cut no number of it.
+    """Print a table without cutting numbers.
 
-    In a terminal words are folded where that makes it fit. Else it is as wide as it is: a narrower
-    terminal breaks its lines.
+    In a terminal, long texts are folded if that makes the table fit. Otherwise it keeps its width.
     """
-    # Rich measures a table against the console's width, and would cut cells to it.
+    # Rich would cut cells to the width of the console.
     terminal, console.width = console.width, _WIDEST
     if console.is_terminal and console.measure(table).minimum <= terminal:
         console.width = terminal
@@ -187,28 +186,28 @@ def as_text(write: Callable[[Console], None]) -> str:
 
 
 def writable_folder(path: Path) -> Path:
-    """Return `path`, in which files can be written; raises InputError where they can't.
+    """Check that files can be written in a folder, and return its path.
 
-    It is tried by making the folder; one that was not there is taken away again, so that nothing
-    stays of a command that is refused later.
+    The folder is created and removed again, so that a command that is refused later leaves no
+    folder behind. Raises InputError if the folder cannot be written.
     """
     if path == STANDARD_OUTPUT:
-        raise InputError("`-` is standard output, and the output folder must be a folder")
+        raise InputError("the output folder cannot be `-`, which is standard output: give a folder")
     try:
-        # Whether a folder can be made shows only when it is made: permissions are not all.
-        made = [folder for folder in (path, *path.parents) if not folder.exists()]
+        # Permissions alone do not show whether a folder can be created.
+        created = [folder for folder in (path, *path.parents) if not folder.exists()]
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{path} cannot be made: {error.strerror or error}") from None
     if not os.access(path, os.W_OK | os.X_OK):
         raise InputError(f"{path} cannot be written: no permission")
-    for folder in made:
+    for folder in created:
         folder.rmdir()
     return path
 
 
 def writable_file(path: Path) -> Path:
-    """Return `path` if `replacing` can write it; raises InputError where it cannot."""
+    """Check that a file can be written, and return its path. Raises InputError if not."""
     with refused(path):
         if path.is_dir():
             raise InputError(f"{path} cannot be written: it is a folder")
@@ -222,18 +221,17 @@ def writable_file(path: Path) -> Path:
 
 
 Show = Callable[[float, str], None]
-"""Called with the work done and with words on what is being done now."""
-_LINE_EVERY = 30.0  # s between lines of progress, where there is no terminal for a bar
+"""Called with the work done and with a description of the current work."""
 
 
 @contextmanager
 def progress_bar(total: float) -> Iterator[Show]:
-    """Show the progress of work of this size on standard error by a bar.
+    """Show the progress of work of this size on standard error.
 
-    Where that is no terminal, as in a log file, it is a line now and then.
+    A terminal has a bar. Other streams, such as a log file, have a line from time to time.
     """
     console = Console(stderr=True)
-    if not console.file.isatty():  # Jupyter sets FORCE_COLOR, by which rich takes a pipe for one
+    if not console.file.isatty():  # `is_terminal` would believe the FORCE_COLOR of Jupyter
         yield _lines_now_and_then(console, total)
         return
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())
@@ -247,7 +245,6 @@ def _lines_now_and_then(console: Console, total: float) -> Show:
 
     def show(done: float, what: str) -> None:
         nonlocal last
-        # In a log file every line stays, so there are few.
         if time.monotonic() - last >= _LINE_EVERY:
             last = time.monotonic()
             line = f"{done / total:.0%}: {what}"

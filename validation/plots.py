@@ -1,8 +1,7 @@
-"""Draw the pictures of a scene's agreements: paths and their distance, and the error of M.
+"""Draw the pictures of a scene's agreements: paths, their distance, and the error of M.
 
-To import matplotlib takes longer than to compare a short motion. So other processes draw, which
-import it while this one works; a process that has it already draws by itself. A Sheet holds what
-the pictures show in plain numbers, which can be sent to another process.
+Importing Matplotlib takes longer than comparing a short motion. So other processes import it and
+draw, unless this process has imported it. A Sheet has the numbers of a picture and can be pickled.
 """
 
 import sys
@@ -27,34 +26,36 @@ if TYPE_CHECKING:
 
     from .agreement import Agreement
 
-# The type of robotball.rotations, whose import would bring scipy to a process that only draws.
+# Importing this type from robotball.rotations would load SciPy into processes that only draw.
 _Array = NDArray[np.float64]
 
-
-_MATPLOTLIB = "matplotlib.backends.backend_agg"  # with all of it that a PNG needs
-MANY = 4  # scenes, worth more than one process to compare them, each of which draws its own
+_MATPLOTLIB = "matplotlib.backends.backend_agg"  # loads all parts that a PNG needs
+MANY = 4  # scenes from which on they are compared, and drawn, in several processes
+_MOST = 50_000  # points of a line, a dozen for each column of pixels
+# A relative error below the rounding of 1 has no meaning, and 0 has no logarithm.
+LEAST = 1e-17
+# Inches: the width of a picture, the left and right ends of its panels, the height of an error
+# panel, and the space above, for a row of names, and below each panel.
+_WIDTH, _LEFT, _RIGHT, _HIGH, _ABOVE, _ROW, _BELOW = 8.0, 1.1, 7.6, 2.7, 0.8, 0.21, 0.75
 
 
 def prepare_drawing(scenes: int) -> None:
-    """Have matplotlib imported elsewhere, for a `draw` of so many scenes that is some time away."""
+    """Start importing Matplotlib in other processes, for a later `draw`."""
     if scenes < MANY and _MATPLOTLIB not in sys.modules:
-        with suppress(OSError):  # then `draw` does without
+        with suppress(OSError):  # then this process draws
             prepare(__name__, _MATPLOTLIB)
 
 
 def draw(agreements: Sequence["Agreement"], out: Path) -> list[Path]:
-    """Write two pictures of one scene's agreements by one engine, and return their paths.
-
-    They are PNGs in the folder `out`.
-    """
+    """Write two PNGs of a scene's agreements with an engine, and return their paths."""
     from .results import file_stem
 
     name, sheet = file_stem(agreements), sheet_of(agreements)
     drawings = [(kind, sheet, out / f"{name}-{kind}.png") for kind in PICTURES]
     if _MATPLOTLIB not in sys.modules:
-        with suppress(OSError):  # no process is to be had, or one was killed
+        with suppress(OSError):  # no process could start, or one was killed
             return list(in_processes(_write, drawings))
-    return [_write(each) for each in drawings]
+    return [_write(drawing) for drawing in drawings]
 
 
 def _write(drawing: tuple[str, "Sheet", Path]) -> Path:
@@ -62,15 +63,10 @@ def _write(drawing: tuple[str, "Sheet", Path]) -> Path:
     return write_picture(path, PICTURES[kind](sheet))
 
 
-_MOST = 50_000  # points of a line: a dozen for each column of pixels
-# Below the rounding of 1 an error says nothing, and a zero has no place on a logarithmic axis.
-LEAST = 1e-17
-
-
 def in_view(own: _Array, every: _Array, reach: float) -> tuple[float, float]:
-    """Return the ends of an axis: all of `own` (n,), and of `every` (m,) what is within reach.
+    """Return the ends of an axis that shows all of `own` (n,), and `every` (m,) within reach.
 
-    A run that breaks leaves the picture: its last samples may be any number.
+    The last samples of a broken run may have any value and leave the picture.
     """
     own, every = own[np.isfinite(own)], every[np.isfinite(every)]
     low, high = (float(own.min()), float(own.max())) if len(own) else (0.0, 0.0)
@@ -80,11 +76,11 @@ def in_view(own: _Array, every: _Array, reach: float) -> tuple[float, float]:
 def framed(agreements: Sequence["Agreement"]) -> _Array:
     """Return the ends (2, 2) of the axes X and Y [m] of a picture of the paths, to one scale.
 
-    It is 0.2 to 0.7 times as high as wide: no tower, no strip, and never rounding alone.
+    The picture is 0.2 to 0.7 times as high as wide, and wider than rounding errors.
     """
     own, radius = agreements[0].theory.contact_point, agreements[0].scene.ball.radius
-    every = np.concatenate([own, *(each.motion.contact_point for each in agreements)])
-    # As far as the equations' path is long, so that a run off by that much is still seen.
+    every = np.concatenate([own, *(run.motion.contact_point for run in agreements)])
+    # Show runs that are off by up to the extent of the reference path.
     reach = max(float(np.ptp(own, axis=0).max()), radius)
     ends = np.array([in_view(own[:, i], every[:, i], reach) for i in (0, 1)])
     across, up = 1.1 * np.ptp(ends, axis=1)
@@ -95,10 +91,19 @@ def framed(agreements: Sequence["Agreement"]) -> _Array:
 
 @dataclass(frozen=True)
 class _Line:
-    """A motion in a picture, by its contact_point (n, 2) m, and by its errors.
+    """A motion in a picture.
 
-    errors: of the path [m] and of the momentum, relative, each as times (n,) s and values (n,)
-    without the zero that they start from; finished: whether it is as long as it should be.
+    Attributes
+    ----------
+    look : Look
+        The style.
+    contact_point : (n, 2), m
+        The path.
+    errors : sequence of pairs of (n,)
+        Times [s] and values of the path error [m] and of the relative momentum error, without the
+        start, where they are 0.
+    finished : bool
+        Whether the run reached the end.
     """
 
     look: "Look"
@@ -109,10 +114,20 @@ class _Line:
 
 @dataclass(frozen=True)
 class Sheet:
-    """The lines, names and scales of a scene's pictures.
+    """The contents of a scene's pictures.
 
-    lines: the equations' first; momentum: M in words where it is constant; the scales: units of
-    errors; frame (2, 2): ends of X and Y [m].
+    Attributes
+    ----------
+    title : str
+        The title.
+    lines : sequence of _Line
+        The motions, the reference first.
+    momentum : str
+        A text with M if it is constant, otherwise "".
+    momentum_scale, path_scale : float
+        The units of the errors [kg m²/s, m].
+    frame : (2, 2), m
+        The ends of the axes X and Y.
     """
 
     title: str
@@ -124,13 +139,13 @@ class Sheet:
 
 
 def sheet_of(agreements: Sequence["Agreement"]) -> Sheet:
-    """Return the sheet of one scene's agreements by one engine."""
+    """Return the sheet of a scene's agreements with an engine."""
     from robotball.view.lines import line_looks
 
     theory = agreements[0].theory
     scene = theory.scene
-    own, *looks = line_looks([theory, *(each.motion for each in agreements)])
-    vector = ", ".join(f"{each:.3g}" for each in theory.momentum[0].round(12) + 0.0)
+    own, *looks = line_looks([theory, *(run.motion for run in agreements)])
+    vector = ", ".join(f"{component:.3g}" for component in theory.momentum[0].round(12) + 0.0)
     return Sheet(
         title=f"{scene.name}: {scene.title}",
         lines=[_Line(own, _thinned(theory.contact_point)), *map(_line, looks, agreements)],
@@ -154,22 +169,17 @@ def _thinned(values: _Array) -> _Array:
 
 
 def extremes(values: _Array) -> NDArray[np.int64]:
-    """Return the indices of values (n,): of all, or of the extremes of each bin of many."""
+    """Return the indices of values (n,) to draw: all, or the extremes of bins if there are many."""
     if len(values) <= _MOST:
         return np.arange(len(values))
     bins = np.array_split(np.arange(len(values)), _MOST // 2)
-    # Both extremes of each bin, as a thinned line would lose a short peak.
+    # Thinning would lose short peaks.
     ends = [sorted((b[values[b].argmin()], b[values[b].argmax()])) for b in bins]
     return np.array(ends).ravel()
 
 
-# Inches: the width of a picture, the left and right end of its panels, the height of those of
-# errors, and what is left free above, for a row of names, and below each panel.
-_WIDTH, _LEFT, _RIGHT, _HIGH, _ABOVE, _ROW, _BELOW = 8.0, 1.1, 7.6, 2.7, 0.8, 0.21, 0.75
-
-
 def path_picture(sheet: Sheet) -> "Figure":
-    """Draw the contact points' paths of both motions, and their distance over time below."""
+    """Draw the paths of the contact points, and their distance over time below."""
     across, up = np.ptp(sheet.frame, axis=1)
     figure, (paths, errors) = _panels(sheet, (_RIGHT - _LEFT) * up / across, _HIGH)
     for i, line in enumerate(sheet.lines):
@@ -186,7 +196,7 @@ def path_picture(sheet: Sheet) -> "Figure":
 
 
 def momentum_picture(sheet: Sheet) -> "Figure":
-    """Draw the error of M. M itself is constant and named, or `motion.plot` draws it."""
+    """Draw the error of M over time."""
     figure, (errors,) = _panels(sheet, _HIGH)
     _draw_errors(figure, sheet, 1)
     scale = f"error of M, over\n{sheet.momentum_scale:.3g} kg m²/s"
@@ -198,12 +208,12 @@ PICTURES = {"path": path_picture, "momentum": momentum_picture}
 
 
 def _panels(sheet: Sheet, *heights: float) -> "tuple[Figure, list[Axes]]":
-    """Return a figure of panels so many inches high, the last of them of errors over time."""
+    """Return a figure of panels with heights in inches; the last shows errors over time."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import NullLocator
 
-    # Margins are given: a layout that matplotlib finds takes as long as the rest of a picture.
-    rows = (len(sheet.lines) + 4) // 3  # of three names each: of the lines, and two more
+    # Fixed margins: an automatic layout takes as long as the rest of the picture.
+    rows = (len(sheet.lines) + 4) // 3  # three names each: the lines, and two more
     above = _ABOVE + _ROW * rows
     high = above + sum(heights) + _BELOW * len(heights)
     across = {"left": _LEFT / _WIDTH, "right": _RIGHT / _WIDTH, "height_ratios": heights}
@@ -211,24 +221,24 @@ def _panels(sheet: Sheet, *heights: float) -> "tuple[Figure, list[Axes]]":
     figure = Figure(figsize=(_WIDTH, high))
     title(figure, sheet.title)
     panels = [*figure.subplots(len(heights), squeeze=False, gridspec_kw=across | along)[:, 0]]
-    for each in panels:
-        each.grid(alpha=0.3)
-        each.margins(x=0.01)
+    for panel in panels:
+        panel.grid(alpha=0.3)
+        panel.margins(x=0.01)
     panels[-1].set_yscale("log")
     panels[-1].yaxis.set_minor_locator(NullLocator())
-    panels[-1].yaxis.set_major_formatter(lambda value, _: f"{value:.0e}")  # as in the table
+    panels[-1].yaxis.set_major_formatter(lambda value, _: f"{value:.0e}")
     return figure, panels
 
 
 def _draw(axes: "Axes", line: _Line, place: int, x: _Array, y: _Array) -> None:
-    """Draw a line, with a cross where its run breaks off; that of the equations is wide.
+    """Draw a line, with a cross at the end of a broken run.
 
-    place: among the lines of the picture, by which no line's markers hide another's on one path.
+    The `place` of the line in the picture shifts its markers, so that equal paths stay visible.
     """
     look, every = line.look, 1 + len(x) // 8
     first = place % 6 * every // 6
     style: dict[str, Any] = {"linewidth": 1.5, "linestyle": (0, look.dash) if look.dash else "-"}
-    if not line.errors:
+    if not line.errors:  # the reference
         style = {"linewidth": 5, "alpha": 0.6}
     style |= {"marker": look.marker, "markevery": (first, every), "label": in_picture(look.label)}
     axes.plot(x, y, color=look.colour, **style)
@@ -237,12 +247,12 @@ def _draw(axes: "Axes", line: _Line, place: int, x: _Array, y: _Array) -> None:
 
 
 def _draw_errors(figure: "Figure", sheet: Sheet, kind: int, scale: float = 1.0) -> None:
-    """Draw errors of a kind in the last panel, down to rounding; name the lines above them all."""
+    """Draw one kind of errors in the last panel, down to rounding, and the legend at the top."""
     least, axes = LEAST * scale, figure.axes[-1]
-    found = [line.errors[kind] for line in sheet.lines[1:]]
-    low = any((values < least).any() for _, values in found)
-    axes.set_xlabel("time [s]" + f"; an error below {least:.0e} is drawn there" * low)
-    for i, (line, (times, values)) in enumerate(zip(sheet.lines[1:], found, strict=True)):
+    errors = [line.errors[kind] for line in sheet.lines[1:]]
+    low = any((values < least).any() for _, values in errors)
+    axes.set_xlabel("time [s]" + f"; errors below {least:.0e} are drawn there" * low)
+    for i, (line, (times, values)) in enumerate(zip(sheet.lines[1:], errors, strict=True)):
         _draw(axes, line, i + 1, times, np.maximum(values, least))
     named = figure.axes[0].get_legend_handles_labels()
     place = (0.5, 1 - 0.5 / figure.get_figheight())
@@ -252,11 +262,11 @@ def _draw_errors(figure: "Figure", sheet: Sheet, kind: int, scale: float = 1.0) 
 def note(
     axes: "Axes", text: str, at: tuple[float, float], by: tuple[float, float], **style: Any
 ) -> None:
-    """Write a text beside a point of the axes, so many points right of it and above."""
+    """Write a text near a point of the axes, at an offset to the right and up [points]."""
     axes.annotate(text, at, xytext=by, textcoords="offset points", **style)
 
 
 def beside(axes: "Axes", text: str, height: float, place: float = 4, **style: Any) -> None:
-    """Write a label `place` points right of the axes, at the height of what it names."""
+    """Write a label at a height, `place` points to the right of the axes."""
     right: Any = ("axes fraction", "data")
     note(axes, text, (1.0, height), (place, 0), xycoords=right, va="center", **style)

@@ -1,4 +1,4 @@
-"""The picture of `dynamics equilibria`: the motion from rest, (4.1), on the sphere of γ."""
+"""The phase portrait of the motion from rest, (4.1), on the sphere of γ."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -15,9 +15,9 @@ from robotball.rotations import Array
 
 from .output import halo
 
-_DURATION = 400.0  # s, over which a manifold is followed
-_LENGTH = 5.0  # rad, of a manifold that is drawn; later it winds round a focus
-# Filled symbols are stable, open symbols are not.
+_DURATION = 400.0  # s, length of a manifold in time
+_LENGTH = 5.0  # rad, length of a manifold that is drawn; beyond it may wind around a focus
+# Symbols of stable points are filled.
 _MARKERS = {
     "saddle": ("X", "white"),
     "stable focus": ("o", INK),
@@ -38,9 +38,9 @@ def portrait(
     circle: FixedCircle | None,
     cycles: Sequence[Cycle],
 ) -> Figure:
-    """Draw fixed points, their manifolds and limit cycles on the sphere and on its involute."""
+    """Draw fixed points, their manifolds and limit cycles on the sphere, also unrolled."""
     figure = Figure(figsize=(13.0, 5.8), layout="constrained")
-    counts = f"{len(points)} fixed points, limit cycles: {len(cycles) or 'none'}"
+    counts = f"{len(points)} fixed points, limit cycles: {len(cycles)}"
     figure.suptitle(f"{title}: {counts}", color=INK)
     views: Any = {"sphere": {"projection": "3d"}}
     axes: dict[str, Any] = figure.subplot_mosaic(
@@ -50,16 +50,16 @@ def portrait(
 
     def draw(gamma: Array, **style: Any) -> None:
         label = style.pop("label", None)
-        if label in chart.get_legend_handles_labels()[1]:  # each has one line in the legend
+        if label in chart.get_legend_handles_labels()[1]:  # only one entry in the legend
             label = None
         sphere.plot(*gamma.T, **style)
         chart.plot(*involute(gamma).T, label=label, **style)
 
     _draw_field(sphere, chart, parameters)
-    for each in separatrices(parameters, points, _DURATION):
-        length = np.cumsum(np.linalg.norm(np.diff(each.path, axis=0), axis=1))
-        word, dashes = ("stable", "--") if each.stable else ("unstable", "-")
-        path = each.path[: int(np.searchsorted(length, _LENGTH)) + 2]
+    for manifold in separatrices(parameters, points, _DURATION):
+        length = np.cumsum(np.linalg.norm(np.diff(manifold.path, axis=0), axis=1))
+        word, dashes = ("stable", "--") if manifold.stable else ("unstable", "-")
+        path = manifold.path[: int(np.searchsorted(length, _LENGTH)) + 2]
         draw(path, color=INK, lw=0.9, ls=dashes, label=f"{word} manifolds of the saddles")
     for quarter in range(4 if circle else 0):
         assert circle is not None
@@ -69,8 +69,8 @@ def portrait(
     for cycle in cycles:
         curve = curve_of(parameters, cycle.gamma, cycle.period)
         word, dashes = ("stable", "-") if abs(cycle.multipliers[0]) < 1 else ("unstable", "--")
-        for each_curve in (curve, -curve):  # γ → -γ is a symmetry
-            draw(each_curve, color="#3344DD", lw=3.2, ls=dashes, label=f"{word} limit cycle")
+        for gamma in (curve, -curve):  # γ → -γ is a symmetry
+            draw(gamma, color="#3344DD", lw=3.2, ls=dashes, label=f"{word} limit cycle")
     for point in sorted(points, key=lambda point: point.kind):
         marker, colour = _MARKERS[point.kind]
         style = {"marker": marker, "color": colour, "mec": INK, "ms": 8, "ls": "", "zorder": 6}
@@ -82,14 +82,14 @@ def portrait(
     sphere.set_axis_off()
     sphere.set_title("vertical γ on the Poisson sphere")
     chart.set(xlim=(0.0, 2 * np.pi), ylim=(-1.2, 1.2), title="the same sphere unrolled")
-    chart.set(xlabel="φ = π/4 + arctan(γ₁/γ₂) [rad], once round", ylabel="γ₃")
+    chart.set(xlabel="φ = π/4 + arctan(γ₁/γ₂) [rad], full circle", ylabel="γ₃")
     handles, labels = chart.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     return figure
 
 
 def _draw_field(sphere: Any, chart: Any, parameters: Parameters) -> None:
-    """Draw a grid on the sphere, and the lines of (4.1) on its involute."""
+    """Draw a grid on the sphere, and streamlines of (4.1) on the unrolled sphere."""
     phi, height = np.meshgrid(np.linspace(0.0, 2 * np.pi, 80), np.linspace(-0.99, 0.99, 40))
     across, turn = np.sqrt(1 - height**2), phi - np.pi / 4
     gamma = across * np.sin(turn), across * np.cos(turn), height

@@ -1,4 +1,4 @@
-"""Many random starts of a scene by a contact engine and by the equations: how the errors spread."""
+"""Errors of a contact engine's runs from many random starts of a scene."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,15 +28,14 @@ from .sweeps import Cell, sweep
 
 ERRORS = ("path_error", "gamma_error", "momentum_error")
 PERCENTILES = {"p5": 5, "p50": 50, "p95": 95, "worst": 100}
-_ABREAST = 256  # starts that the compiled steps take at once
-_CELL = 64  # starts that a process of a cluster takes
+_ABREAST = 256  # starts integrated at once with the compiled step
+_CELL = 64  # starts per cell on a cluster
 
 
 def random_start(scene: Scene, random: np.random.Generator) -> Start:
-    """Return the scene's start with any attitude, and M times a factor of 0.3 to 1.5."""
+    """Return the start with a random attitude, and with M times a random factor of 0.3 to 1.5."""
     attitude = Rotation.random(random_state=random).as_quat(scalar_first=True)
-    # Its direction stays: with any attitude all directions in the frame come up, and a rubber
-    # ball's M has to be horizontal.
+    # The direction of M in the world stays, because a rubber ball's M is horizontal.
     momentum = scene.start.momentum * random.uniform(0.3, 1.5)
     return replace(scene.start, attitude=attitude, momentum=momentum)
 
@@ -48,9 +47,9 @@ class ManyRuns:
     Attributes
     ----------
     rows : tuple of n mappings
-        For each start, in their order, the `path_error`, `gamma_error` and `momentum_error` as an
-        Agreement has them, None if the run broke off. `fault` is the kind of the first fault, or
-        None. `agrees` is the verdict. `seconds` is the time of stepping the engine.
+        For each start in order, `path_error`, `gamma_error` and `momentum_error` as in Agreement,
+        None if the run broke off. `fault` is the kind of the first fault, or None. `agrees` is the
+        verdict. `seconds` is the time of stepping the engine.
 
     Examples
     --------
@@ -66,23 +65,22 @@ class ManyRuns:
     rows: tuple[Row, ...]
 
     def __repr__(self) -> str:
-        found = self.summary("path_error")
-        counts = f"{found['runs']} runs, {found['faulty']} faulty"
-        return f"<ManyRuns: {counts}; path error up to {scientific(found['worst'])}>"
+        summary = self.summary("path_error")
+        counts = f"{summary['runs']} runs, {summary['faulty']} faulty"
+        return f"<ManyRuns: {counts}; path error up to {scientific(summary['worst'])}>"
 
     def summary(self, error: str) -> Row:
-        """Summarize the percentiles of one error over the runs that have it. None if no run has it.
+        """Return percentiles of one error, and the numbers of runs and of faulty runs.
 
-        The summary has also the number of runs, the number of runs with a fault, and the runs per
-        second of stepping.
+        Percentiles ignore runs that broke off; they are None if all runs did. `runs_per_second`
+        counts the time of stepping.
         """
-        # A run that broke off has no error, and is counted as faulty instead of being a percentile.
-        values = [each[error] for each in self.rows if each[error] is not None] or [np.nan]
-        found = zip(PERCENTILES, np.percentile(values, [*PERCENTILES.values()]), strict=True)
-        faulty = sum(each["fault"] is not None for each in self.rows)
-        rate = len(self.rows) / sum(each["seconds"] for each in self.rows)
+        values = [row[error] for row in self.rows if row[error] is not None] or [np.nan]
+        levels = zip(PERCENTILES, np.percentile(values, [*PERCENTILES.values()]), strict=True)
+        faulty = sum(row["fault"] is not None for row in self.rows)
+        rate = len(self.rows) / sum(row["seconds"] for row in self.rows)
         counts = {"runs": len(self.rows), "faulty": faulty, "runs_per_second": rate}
-        return counts | {name: known(value) for name, value in found}
+        return counts | {name: known(value) for name, value in levels}
 
 
 def compare_many(
@@ -95,10 +93,10 @@ def compare_many(
     device: str | None = None,
     progress: Progress | None = None,
 ) -> ManyRuns:
-    """Compare a contact engine's runs of a scene from many starts with the equations' motions.
+    """Compare a contact engine's runs of a scene from many starts with the equations.
 
-    The references of a balanced ball are integrated by compiled steps, many at once. Other
-    references are integrated in processes. No motion is kept.
+    References of a balanced ball are integrated many at once, with a compiled step. Other
+    references are integrated in processes. Motions are not kept.
 
     Parameters
     ----------
@@ -125,8 +123,8 @@ def compare_many(
     Raises
     ------
     InputError
-        If there is no start, if one is no Start, and wherever `simulate_many` or `integrate` raises
-        it.
+        If `starts` is empty or has another type, or if `simulate_many` or `integrate`
+        raises it.
 
     Warns
     -----
@@ -160,34 +158,33 @@ def _start_row(agreement: Agreement) -> Row:
 
 
 def _references(scenes: Sequence[Scene], times: Array) -> Iterator[Motion]:
-    """Yield the equations' motions of scenes that differ in their start, at times (n,) [s]."""
-    # The first stands for all, as they differ in their start only.
-    if not all(each.steady and each.not_reduced is None for each in scenes[:1]):
+    """Yield the reference motions of scenes that differ only in their start."""
+    if not (scenes[0].steady and scenes[0].not_reduced is None):
         yield from of_each(partial(_reference, times), scenes)
         return
     from robotball.theory.ensembles.orbits import kernel_start, orbits
 
-    # So many at once, so that memory does not grow with the number of starts.
+    # Batches limit the memory.
     for i in range(0, len(scenes), _ABREAST):
-        some = scenes[i : i + _ABREAST]
-        _, attitudes, momenta = map(list, zip(*map(kernel_start, some), strict=True))
+        batch = scenes[i : i + _ABREAST]
+        _, attitudes, momenta = map(list, zip(*map(kernel_start, batch), strict=True))
         parameters = scenes[0].parameters
-        found = orbits(parameters, np.concatenate(attitudes), np.concatenate(momenta), times)
-        if gave_up := np.count_nonzero(found.status):
-            raise InputError(f"the equations' motions from {gave_up} starts need too many steps")
-        for scene, *states in zip(some, found.attitudes, found.contact_points, strict=True):
+        motions = orbits(parameters, np.concatenate(attitudes), np.concatenate(momenta), times)
+        if failed := np.count_nonzero(motions.status):
+            raise InputError(f"the equations need too many steps for {failed} of the starts")
+        for scene, *states in zip(batch, motions.attitudes, motions.contact_points, strict=True):
             yield motion_of(scene, times, np.concatenate(states, axis=1))
 
 
 def _reference(times: Array, scene: Scene) -> Motion:
-    return extended(integrate(scene, times), Motion)  # without what cannot be pickled
+    return extended(integrate(scene, times), Motion)  # a ReferenceMotion cannot be pickled
 
 
 def of_cell(cell: Cell, progress: Progress | None = None) -> Mapping[str, Any]:
-    """Return the rows of a cell of `many_runs`."""
+    """Run a cell of `many_runs` and return its rows."""
     scene = controlled(cell["scene"], cell.get("control", ()), cell.get("controller"))
     first = cell["first"]
-    # A seed for each start by its own number: the same starts, however they are shared among cells.
+    # Seeding each start by its number makes the starts independent of the cells.
     seeds = ([cell["seed"], i] for i in range(first, first + cell["count"]))
     starts = [random_start(scene, np.random.default_rng(each)) for each in seeds]
     options = Run(**{name: cell[name] for name in ("engine", "keep_going", "environments")})
@@ -200,18 +197,26 @@ def of_cell(cell: Cell, progress: Progress | None = None) -> Mapping[str, Any]:
 
 
 def many_runs(whole: Cell, count: int, cluster: str | None, out: Path) -> ManyRuns:
-    """Compare from `count` random starts, here or on the dask cluster at an address.
+    """Compare runs from `count` random starts, on this machine or on a dask cluster.
 
-    whole: a cell of `of_cell` without `first` and `count`, which are its part of the starts; out:
-    the folder for the journal of a cluster's cells, with which they go on after a break.
+    Parameters
+    ----------
+    whole : mapping
+        A cell of `of_cell` without `first` and `count`.
+    count : int
+        The number of starts.
+    cluster : str or None
+        The address of a dask scheduler.
+    out : Path
+        The folder for the journal of a cluster, with which an interrupted run continues.
     """
-    # Here the engine itself has a start on every core, and one call takes them all.
+    # On this machine, `simulate_many` uses all cores itself.
     size = _CELL if cluster else count
     cells = [{**whole, "first": i, "count": min(size, count - i)} for i in range(0, count, size)]
     with progress_bar(len(cells)) as show:
         if not cluster:
             return ManyRuns(of_cell(cells[0], lambda part: show(part, whole["scene"]))["rows"])
         results = sweep(of_cell, cells, out / "starts.jsonl", cluster=cluster, show=show)
-    if failures := [each.failure for each in results if each.failure]:
+    if failures := [result.failure for result in results if result.failure]:
         raise InputError(failures[0])
-    return ManyRuns(tuple(row for each in results for row in (each.record or {})["rows"]))
+    return ManyRuns(tuple(row for result in results for row in (result.record or {})["rows"]))

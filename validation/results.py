@@ -1,7 +1,7 @@
-"""Name the files of results, and write agreements as JSON, CSV, Markdown and a terminal's table.
+"""Load scenes with controls, name result files, and write agreements as JSON, CSV or tables.
 
-No two files of different runs share a name. It has the scene, the engine, the preset, and every
-option that is not at its default.
+The file name of a result has the scene, the engine, the preset, and all options that differ from
+their defaults, so that different runs have different files.
 """
 
 import re
@@ -49,19 +49,41 @@ from .output import (
 )
 from .sensitivity import Sensitivity
 
-ALL = "all"  # of an engine's presets
+ALL = "all"  # name for all presets of an engine
+_TABLE_COLUMNS = (
+    "scene",
+    "rolling",
+    "engine",
+    "preset",
+    "timestep",
+    "path_error",
+    "gamma_error",
+    "momentum_error",
+    "realtime_factor",
+    "agrees",
+    "verdict",
+)
+_SYMBOLS = "γ: the vertical seen from the frame; M: momentum"
+_NAIVE = "; naive: the engine's default settings"
+OWN_FILE = (
+    "Here the contact has robotball's settings. `robotball check {0}` runs the file with its own "
+    "settings, and `robotball video {0} --as-is` films that."
+)
+Record = dict[str, Any]
 
 
 def controls_of(texts: Sequence[str]) -> dict[str, Rate]:
-    """Return the controls of texts `NAME=VALUE` or `NAME=FILE`, a table of two columns.
+    """Parse controls `NAME=VALUE` or `NAME=FILE`, where the file is a table of two columns.
 
-    Raises InputError for a text of another form, and for a name that is given twice.
+    Raises InputError if a text is malformed or a name is repeated.
     """
     controls: dict[str, Rate] = {}
     for text in texts:
         name, _, value = text.partition("=")
         if not name or not value or name in controls:
-            raise InputError(f"--control takes NAME=VALUE or NAME=FILE, once a name, not {text!r}")
+            raise InputError(
+                f"--control takes NAME=VALUE or NAME=FILE, once for each name, not {text!r}"
+            )
         try:
             controls[name] = float(value)
         except ValueError:
@@ -70,23 +92,24 @@ def controls_of(texts: Sequence[str]) -> dict[str, Rate]:
 
 
 def controller_of(text: str) -> Controller:
-    """Return the controller of a text `FILE.py:NAME`, whose file is run.
+    """Run a file and return its controller, given as `FILE.py:NAME`.
 
-    It can be sent to another process, which runs the file again. Raises InputError where the file
-    cannot be run, or has no controller of that name.
+    The controller can be pickled; the other process runs the file again. Raises InputError if the
+    file cannot be run or has no such controller.
     """
     file, _, name = text.rpartition(":")
     if not file.endswith(".py") or not name:
         raise InputError(f"--controller takes FILE.py:NAME, not {text!r}")
-    found = call_users(f"{file} cannot be run", runpy.run_path, file).get(name)
-    if not isinstance(found, Controller):
-        raise InputError(f"{file} has no rb.Controller that is called {name!r}")
-    return _FromFile(**{each.name: getattr(found, each.name) for each in fields(found)}, text=text)
+    controller = call_users(f"{file} cannot be run", runpy.run_path, file).get(name)
+    if not isinstance(controller, Controller):
+        raise InputError(f"{file} has no rb.Controller with the name {name!r}")
+    values = {field.name: getattr(controller, field.name) for field in fields(controller)}
+    return _FromFile(**values, text=text)
 
 
 @dataclass(frozen=True)
 class _FromFile(Controller):
-    """A controller of a text that `controller_of` takes."""
+    """A controller that is pickled as the argument of `controller_of`."""
 
     text: str = ""
 
@@ -95,62 +118,60 @@ class _FromFile(Controller):
 
 
 def controlled(name: str, texts: Sequence[str], controller: str | None = None) -> Scene:
-    """Return a scene with the controls of `controls_of`, after which it is named as well.
+    """Load a scene with the controls of `controls_of` and a controller of `controller_of`.
 
-    controller: as `controller_of` takes it.
+    They are appended to the name of the scene.
     """
     scene = load_scene(name, controls_of(texts))
-    words = [re.sub("=.*/", "=", text) for text in texts]  # without the folders of tables
+    parts = [re.sub("=.*/", "=", text) for text in texts]  # without the folders of tables
     if controller is not None:
         scene = replace(scene, controller=controller_of(controller))
-        words.append(re.sub(".*/", "", controller))
-    return replace(scene, name=file_name(scene.name, None, words)) if words else scene
+        parts.append(re.sub(".*/", "", controller))
+    return replace(scene, name=file_name(scene.name, None, parts)) if parts else scene
 
 
 def scenes_of(
     names: Sequence[str], controls: Sequence[str] = (), controller: str | None = None
 ) -> dict[str, Scene]:
-    """Return the scenes of catalog names and paths, by these; each once, and none named alike.
+    """Load distinct scenes, given by catalog name or path, with distinct names.
 
-    controls, controller: as `controlled` takes them. Scenes of files with the same name in two
-    folders are named after the folder as well. Raises InputError where one cannot be loaded.
+    Files with the same name in different folders are named after the folder too, because their
+    results would overwrite each other. Raises InputError if a scene cannot be loaded.
     """
-    # A path by its absolute form, as two texts may name one file.
+    # Two texts may name the same file.
     distinct = {name if name in catalog() else Path(name).absolute(): name for name in names}
     scenes = [controlled(name, controls, controller) for name in distinct.values()]
     often = Counter(scene.name for scene in scenes)
     named: dict[str, Scene] = {}
     taken: set[str] = set()
-    for (path, given), scene in zip(distinct.items(), scenes, strict=True):
+    for (path, text), scene in zip(distinct.items(), scenes, strict=True):
         name = scene.name
-        # Their files would overwrite each other; the catalog's scene keeps its name.
         if often[name] > 1 and isinstance(path, Path):
             name = f"{path.parent.name}-{name}"
-        others = (f"{name}-{number}" for number in count(2))
-        free = next(each for each in chain((name,), others) if each not in taken)
+        numbered = (f"{name}-{number}" for number in count(2))
+        free = next(name for name in chain((name,), numbered) if name not in taken)
         taken.add(free)
-        named[given] = replace(scene, name=free)
+        named[text] = replace(scene, name=free)
     return named
 
 
 def file_stem(agreements: Sequence[Agreement]) -> str:
-    """Return the file name of one scene's agreements by one engine: scene, engine and settings.
+    """Return the file name for the agreements of a scene and an engine.
 
-    All of the engine's presets are `all`. Simulated time is named where it is not the scene's own.
+    It has scene, engine, settings, and the duration if it differs from the scene's duration.
     """
-    first, names = agreements[0], [each.settings.name for each in agreements]
+    first, names = agreements[0], [agreement.settings.name for agreement in agreements]
     if first.engine is not None and len(names) > 1 and names == list(first.engine.presets):
         names = [ALL]
-    # Another duration is another run, whose files are not the same.
     end = float(first.theory.times[-1])
     time = [] if end == first.scene.duration else [f"{end:g}s"]
     return file_name(first.scene.name, first.motion.engine, [*names, *time])
 
 
 def file_name(scene: str, engine: Label | None, words: Sequence[str]) -> str:
-    """Return a file's name: the scene, the engine if there is one, and the other words."""
-    by = [] if engine is None else [engine.name.lower()]
-    plain = [re.sub(r" - |[^\w.+-]+", "-", word).strip("-") for word in (*by, *words)]
+    """Return a file name of the scene, the engine if given, and the other words."""
+    parts = words if engine is None else [engine.name.lower(), *words]
+    plain = [re.sub(r" - |[^\w.+-]+", "-", part).strip("-") for part in parts]
     return "-".join([scene.replace(" ", "-").replace("/", "-"), *plain])
 
 
@@ -172,21 +193,8 @@ def _option_words(name: str, value: Any) -> list[str]:
     return [*value] if isinstance(value, tuple) else [str(value)]
 
 
-_TABLE_COLUMNS = (
-    "scene", "rolling", "engine", "preset", "timestep", "path_error", "gamma_error",
-    "momentum_error", "realtime_factor", "agrees", "verdict",
-)  # fmt: skip
-Record = dict[str, Any]
-_SYMBOLS = "γ: the vertical seen from the frame; M: momentum"
-_NAIVE = "; naive: an engine as it comes"
-OWN_FILE = (
-    "The engine has the contact of robotball's settings here. How the file rolls by its own is "
-    "said by robotball check {0}, and filmed by robotball video {0} --as-is."
-)
-
-
 def record(agreement: Agreement) -> Record:
-    """Return a comparison as plain data; numbers of a run that broke off are None."""
+    """Return an agreement as plain data; errors are None if the run broke off."""
     report, sensitivity = agreement.report, agreement.sensitivity
     engine = agreement.motion.engine
     return {
@@ -214,28 +222,27 @@ def record(agreement: Agreement) -> Record:
         "tolerance": agreement.tolerance,
         "ended": agreement.ended,
         "faults": [
-            {"kind": each.kind.name, "time": each.time, "cause": each.text, "fatal": each.fatal}
-            for each in agreement.faults
+            {"kind": fault.kind.name, "time": fault.time, "cause": fault.text, "fatal": fault.fatal}
+            for fault in agreement.faults
         ],
         "verdict": agreement.verdict,
-        # What the motion makes of small errors; None unless that explains something.
-        "sensitivity": None if sensitivity is None else _json_settings(sensitivity),
+        "sensitivity": None if sensitivity is None else _plain(sensitivity),
         "loop_growth": agreement.loop_growth,
-        "seed": None,  # nothing in a comparison is random
-        # An engine may run in an environment of its own, and the equations run here.
+        "seed": None,  # a comparison is not random
+        # The engine may run in another environment than the equations.
         "versions": {**report.versions, engine.name: engine.version},
         "reference_versions": versions(),
     }
 
 
-def _json_settings(sensitivity: Sensitivity) -> dict[str, Any]:
-    """Return its numbers, None for those that are not finite, and whether it explains the error."""
+def _plain(sensitivity: Sensitivity) -> dict[str, Any]:
+    """Return a sensitivity as plain data."""
     plain = {name: known(value) for name, value in asdict(sensitivity).items()}
     return {**plain, "explains": sensitivity.explains}
 
 
 def needs(motion: Motion) -> dict[str, Any]:
-    """Return the largest loads of a motion: friction (torsional in m), torques N m, powers W."""
+    """Return the largest friction (torsional in m), torques [N m] and powers [W] of a motion."""
     loads = motion.loads
     return {
         "sliding_friction": float(loads.sliding_friction.max()),
@@ -246,44 +253,44 @@ def needs(motion: Motion) -> dict[str, Any]:
 
 
 def write_json(path: Path, records: Sequence[Record]) -> None:
-    """Write a list of records, one an agreement."""
+    """Write the records of agreements as JSON."""
     write_text(path, json_text(records, indent=2) + "\n")
 
 
 def write_csv(path: Path, records: Sequence[Record]) -> None:
-    """Write the table of the agreements, a row each."""
+    """Write the table of agreements as CSV."""
     write_rows(path, records, _TABLE_COLUMNS)
 
 
 def write_markdown(path: Path, records: Sequence[Record]) -> None:
-    """Write the table of the agreements as the README shows it."""
+    """Write the table of agreements as Markdown."""
     lines = [
         "| scene | preset | step | path error | γ error | momentum error | × real time | verdict |",
         "|---|---|---:|---:|---:|---:|---:|---|",
     ]
-    for each in records:
-        step, *numbers = _row_numbers(each)
-        cells = (each["scene"], each["preset"], f"{step} ms", *numbers, each["verdict"])
+    for row in records:
+        step, *numbers = _row_numbers(row)
+        cells = (row["scene"], row["preset"], f"{step} ms", *numbers, row["verdict"])
         lines.append(f"| {' | '.join(cells)} |")
     write_text(path, "\n".join(lines) + "\n")
 
 
 def show(records: Sequence[Record], console: Console) -> None:
-    """Print one row an agreement's record, and below the table what went wrong where it did."""
-    # Eighty columns hold it.
+    """Print the table of agreements, and below it the verdicts of those that disagree."""
+    # The table fits into 80 columns.
     numbers = ("step\n\\[ms]", "path\nerror", "γ error\n\\[rad]", "M error", "× real\ntime")
     headings = ("scene", "rolling", "preset", *numbers, "verdict")
     table, below = plain_table(headings, left=(0, 1, 2, 8)), []
-    for each in records:
-        style = "" if each["agrees"] else "yellow"
-        names = (escape(each["scene"]), each["rolling"], escape(each["preset"]))
-        table.add_row(*names, *_row_numbers(each), _word(each), style=style)
-        if each["verdict"] != "agrees":
-            below.append((f"{each['scene']}, {each['preset']}: {each['verdict']}", style))
-        if each["loop_growth"] is not None:
-            below.append((f"{each['scene']}: {growth_of(each['loop_growth'])}", "dim"))
+    for row in records:
+        style = "" if row["agrees"] else "yellow"
+        names = (escape(row["scene"]), row["rolling"], escape(row["preset"]))
+        table.add_row(*names, *_row_numbers(row), _word(row), style=style)
+        if row["verdict"] != "agrees":
+            below.append((f"{row['scene']}, {row['preset']}: {row['verdict']}", style))
+        if row["loop_growth"] is not None:
+            below.append((f"{row['scene']}: {growth_of(row['loop_growth'])}", "dim"))
     print_whole(table, console)
-    within = {each["preset"]: f"{each['tolerance']:g} ({each['preset']})" for each in records}
+    within = {row["preset"]: f"{row['tolerance']:g} ({row['preset']})" for row in records}
     console.print(_SYMBOLS + _NAIVE * ("naive" in within), style="dim", highlight=False)
     for line, style in ((f"tolerance: {', '.join(within.values())}", "dim"), *below):
         console.print(escape(line), style=style, soft_wrap=not console.is_terminal)
@@ -349,12 +356,12 @@ def assert_agrees(
 
 
 def growth_of(growth: float) -> str:
-    """Return in words what a closed loop makes of a small turn of the start."""
-    return f"a start that is turned by a small δ rad makes a path error of {growth:.3g} δ"
+    """Describe the growth of a small rotation of the start in a closed loop."""
+    return f"rotating the start by a small angle δ [rad] gives a path error of {growth:.3g} δ"
 
 
 def _row_numbers(record: Record) -> list[str]:
-    """Return the timestep [ms], the three errors and the speed as both tables show them."""
+    """Return the timestep [ms], the three errors and the speed as texts."""
     errors = (record[name] for name in ("path_error", "gamma_error", "momentum_error"))
     step, speed = f"{record['timestep'] * 1e3:.3g}", f"{record['realtime_factor']:.0f}"
     return [step, *map(scientific, errors), speed]

@@ -1,7 +1,7 @@
-"""One frame for studies: the rows of a study make its tables, its CSV file and its record.
+"""Common parts of studies: cells, rows, tables, files and pictures.
 
-A module of `validation.studies` measures and returns a `Study`. Its command hands the study to
-`present`, which writes the files, prints the tables and is the one place that does.
+A module of `validation.studies` measures and returns a `Study`. Its command passes the study to
+`present`, which writes the files and prints the tables.
 """
 
 import hashlib
@@ -29,30 +29,28 @@ from .results import controlled, file_name
 from .sweeps import Cell
 
 CANCELLED = 100.0
-"""Times that M may be less accurate than the path: sound runs reach 20, and where it is more, the
-path's errors cancelled."""
+"""Largest ratio of the momentum error to the path error. Sound runs reach 20; with a larger ratio,
+path errors have cancelled."""
 Row = Mapping[str, Any]
-"""Plain data of one run; what has no number is None or left out."""
+"""Plain data of one run; missing numbers are None or left out."""
 
 
 def scene_cell(scene: str, duration: float, control: Sequence[str] = ()) -> dict[str, Any]:
     """Return the part of a sweep's cell that describes its scene, a catalog name or a path.
 
-    The ball and the values of its controls are in it by a digest, so that no result outlives a
-    change of their files. control: as `controlled` takes it, and a key only where there is some.
+    A digest of the loaded scene makes results invalid if its files change, except for comments.
+    Give `control` as for `controlled`.
     """
-    # Of the scene as it was read, not of the file: a comment in it changes no motion.
     loaded = controlled(scene, control)
-    # A scene file cannot hold a robot of a file of its own.
-    general = loaded.ball.general
-    text = pickle.dumps(loaded) if general else scene_toml(loaded).encode()
+    # A scene file cannot describe a robot from an MJCF or URDF file.
+    text = pickle.dumps(loaded) if loaded.ball.general else scene_toml(loaded).encode()
     digest = hashlib.sha256(text).hexdigest()[:12]
     cell = {"scene": scene, "digest": digest, "duration": duration}
     return {**cell, "control": [*control]} if control else cell
 
 
 def reference(cell: Cell, interval: float) -> tuple[Scene, Motion]:
-    """Return a cell's scene and its motion by the equations, sampled every `interval` s; cached."""
+    """Return a cell's scene and its reference motion, sampled every `interval` s; cached."""
     return _reference(cell["scene"], (*cell.get("control", ()),), cell["duration"], interval)
 
 
@@ -65,10 +63,10 @@ def _reference(
 
 
 def compiled_motion(scene: Scene, times: Array) -> Motion:
-    """Integrate a steady scene over times (n,) [s] from 0 by the compiled step.
+    """Integrate a steady scene over times (n,) [s] from 0 with the compiled step.
 
-    The error is that of `integrate`, which would be too slow: some scenes turn a million times.
-    Raises InputError where the motion is given up.
+    It is as accurate as `integrate` and faster, for scenes that turn a million times. Raises
+    InputError if the motion needs too many steps.
     """
     return motion_of(scene, times, compiled_states(scene, times))
 
@@ -77,10 +75,20 @@ def compiled_motion(scene: Scene, times: Array) -> Motion:
 class Column:
     """A column of a table in the terminal.
 
-    cell: the key of a text or a number in the rows, or a function that gives the text for a row;
-    words: whether the column holds words, which begin at its left. A number is shown times `scale`
-    in the format `form`, one that rounds to zero without a sign; one that a row has not as
-    `missing`.
+    Attributes
+    ----------
+    header, unit : str
+        The header and the unit.
+    cell : str or callable
+        The key of a text or number in the rows, or a function that returns the text for a row.
+    words : bool
+        Whether the column is aligned left.
+    form : str
+        The format of numbers. A number that rounds to zero has no sign.
+    scale : float
+        The factor of numbers.
+    missing : str
+        The text for a missing number.
     """
 
     header: str
@@ -100,16 +108,13 @@ class Column:
             return self.missing
         if isinstance(value, str):
             return value
-        # Python has no z, which takes the sign from -0.0, for integers.
+        # The format option z, which removes the sign of -0.0, does not exist for integers.
         form = self.form if self.form == "d" else f"z{self.form}"
         return f"{value * self.scale:{form}}"
 
 
 def pareto_front(errors: Sequence[float], costs: Sequence[float]) -> list[int]:
-    """Return the indices that no other beats by being as good and cheaper, or as cheap and better.
-
-    The cheapest first.
-    """
+    """Return the indices of the points that no other point dominates, the cheapest first."""
     front: list[int] = []
     for i in sorted(range(len(errors)), key=lambda i: (costs[i], errors[i])):
         if not front or errors[i] < errors[front[-1]]:
@@ -118,7 +123,7 @@ def pareto_front(errors: Sequence[float], costs: Sequence[float]) -> list[int]:
 
 
 def cost_axes(heading: str, xlabel: str) -> tuple[Figure, Axes]:
-    """Return a figure of errors across against their cost upwards, both by their logarithms."""
+    """Return a figure with logarithmic axes: errors across, costs upwards."""
     figure, axes = panels(heading, (10.0, 7.2))
     axes.set(xscale="log", yscale="log", xlabel=xlabel)
     axes.set_ylabel("processor time of a simulated second [s]")
@@ -129,13 +134,22 @@ def cost_axes(heading: str, xlabel: str) -> tuple[Figure, Axes]:
 class Study:
     """The outcome of a study.
 
-    scene    name of the scene
-    engine   label of the engine under test, None where several are compared
-    words    the next words of the files' names, before those of the options
-    rows     the CSV file, a dict a line
-    record   the JSON file, without versions; None where there is none
-    shown    tables and lines of rich markup, in the order of printing
-    picture  None where there is nothing to draw
+    Attributes
+    ----------
+    scene : str
+        The name of the scene.
+    engine : Label or None
+        The engine under test. None if several engines are compared.
+    words : sequence of str
+        The parts of the file names after scene and engine.
+    rows : sequence of mappings
+        The rows of the CSV file.
+    record : mapping or None
+        The JSON file without versions.
+    shown : sequence of tables and str
+        Tables and lines of rich markup to print.
+    picture : Figure or None
+        The picture.
     """
 
     scene: str
@@ -147,7 +161,7 @@ class Study:
     picture: Figure | None = None
 
     def stem(self, *words: str) -> str:
-        """Return the files' name, without its end; words: those of the options."""
+        """Return the file name without extension; `words` are parts for the options."""
         return file_name(self.scene, self.engine, [*self.words, *words])
 
 
@@ -159,8 +173,7 @@ def table_of(
 ) -> Table:
     """Return the table of the rows for the terminal.
 
-    doubtful: whether a row is no result, and yellow; section: the key whose changes are marked by
-    an empty line.
+    Doubtful rows are yellow. An empty line separates rows with different values of `section`.
     """
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
     for column in columns:
@@ -177,23 +190,16 @@ def table_of(
     return table
 
 
-def markdown(columns: Sequence[Column], rows: Sequence[Row]) -> list[str]:
-    """Return the lines of the table of the rows in Markdown."""
-    cells = [[each.header for each in columns], ["---:"[: 4 - each.words] for each in columns]]
-    cells += [[column.text(row).replace("|", "\\|") for column in columns] for row in rows]
-    return [f"| {' | '.join(each)} |" for each in cells]
-
-
 def present(study: Study, picture: Path, json: Path | None, csv: Path | None) -> list[Path]:
-    """Write a study's files as `write` does, print its tables, and return the files' paths."""
-    # Files before tables: what a terminal cannot show is written all the same.
+    """Write the files of a study, print its tables, and return the paths of the files."""
+    # Write first, because printing may fail.
     written = write(study, picture, json, csv)
     show(study.shown)
     return written
 
 
 def write(study: Study, picture: Path, json: Path | None, csv: Path | None) -> list[Path]:
-    """Write a study's files and return their paths. No data is written where its path is None."""
+    """Write the files of a study whose paths are given, and return their paths."""
     written = []
     if study.picture is not None:
         written.append(write_picture(picture, study.picture))
@@ -207,10 +213,10 @@ def write(study: Study, picture: Path, json: Path | None, csv: Path | None) -> l
 
 
 def show(parts: Iterable[Table | str]) -> None:
-    """Print tables, each as wide as it is, and lines of rich markup."""
+    """Print tables without cutting them, and lines of rich markup."""
     console = Console()
     for part in parts:
         if isinstance(part, Table):
             print_whole(part, console)
         else:
-            console.print(part, soft_wrap=not console.is_terminal)  # a log has whole lines
+            console.print(part, soft_wrap=not console.is_terminal)

@@ -1,9 +1,8 @@
-"""Run many cells, on this machine's cores or on a dask cluster, and lose no result.
+"""Run many cells on this machine's cores or on a dask cluster, without losing results.
 
-A cell is plain data. Each result is a line of JSON in the sweep's journal, on disk as soon as it is
-known, so a sweep that was killed goes on where it ended. Cells run in the processes of
-`robotball.processes`, which may be killed at any time, and are where a cell outlasts its limit,
-even in compiled code.
+A cell is plain data. Each result is written to the sweep's journal immediately, as a line of JSON,
+so a killed sweep can be continued. Cells run in the processes of `robotball.processes`, which can
+be killed at any time, even in compiled code, if a cell exceeds its time limit.
 """
 
 import fcntl
@@ -37,18 +36,18 @@ from robotball.processes import Answer, EndedError, Worker, cores, pool
 from .output import Show, writable_file
 
 Cell = Mapping[str, Any]
-"""Plain data, as JSON has it, that says everything about one run: it is the run's identity."""
+"""Plain JSON data that describes a run completely, and identifies it."""
 Work = Callable[[Cell], Mapping[str, Any]]
-"""A module's function of a cell; its record is plain data, with None for what has no number."""
-_OUTLASTED = "took longer than"  # begins the failure of a cell that was ended at its limit of time
+"""A module's function of a cell. Its record is plain data, with None for missing numbers."""
+_OUTLASTED = "took longer than"  # begins the failure of a cell that exceeded its time limit
 _ELSEWHERE = "give another folder with --out"
 
 
 @dataclass(frozen=True)
 class Result:
-    """The outcome of a cell: a record, or the reason why there is none.
+    """The outcome of a cell: a record, or a failure in one line.
 
-    cell, record: as JSON gives them back, so a tuple is a list; failure: one line.
+    Cell and record are read from JSON, so they contain lists instead of tuples.
     """
 
     cell: dict[str, Any]
@@ -57,7 +56,7 @@ class Result:
 
     @property
     def outlasted(self) -> bool:
-        """Whether the cell was ended at its limit of time."""
+        """Whether the cell exceeded its time limit."""
         return self.failure is not None and self.failure.startswith(_OUTLASTED)
 
 
@@ -73,23 +72,34 @@ def sweep(
 ) -> list[Result]:
     """Return the results of `work` on every cell, in the order of `cells`.
 
-    work: a module's function; file: keeps every result from the moment it is known. A sweep that
-    was killed and is started again with the same file does only what is missing, and cells of
-    other sweeps of the same work may be there too. Failures are kept like records: to try one
-    again, delete its line; to do all again, as after a change of the work, delete the file.
+    A cell that raises, ends its process or exceeds the limit fails alone. A cell whose process died
+    is run again alone, because something else may have killed the process.
 
-    workers: processes on this machine, as many as it has cores for us if None; cluster: the tcp://
-    address of a dask scheduler to run on instead, whose workers need the same packages but not
-    this file; limit: s after which a cell is given up, whatever it does, not counting a time in
-    which the machine sleeps; show: called with the number of cells done and with how many failed
-    and the time left.
+    Parameters
+    ----------
+    work : callable
+        A module's function.
+    cells : sequence of mappings
+        Distinct plain data.
+    file : Path
+        The journal. If it exists, only the missing cells are run. It may also have results of other
+        sweeps of the same work. Failures are kept: delete a line to run its cell again, or the file
+        to run all, for example after a change of the work.
+    workers : int, optional
+        The number of processes on this machine. The default is the number of available cores.
+    cluster : str, optional
+        The tcp:// address of a dask scheduler to use instead. Its workers need the same packages.
+    limit : float, s, optional
+        The time limit of a cell, without the time in which the machine sleeps.
+    show : callable
+        Called with the number of cells done, and with the number of failures and the time left.
 
-    A cell that raises, ends its process or outlasts the limit fails alone. One whose process died
-    is run again before that is its failure, as something else may have killed it.
-
-    Raises InputError on cells that are not distinct plain data, on a file of another work or of
-    other versions or that cannot be read or written, and where no process starts, or the cluster
-    does not answer or loses its workers.
+    Raises
+    ------
+    InputError
+        If cells are not distinct plain data, if the journal is from another work or other versions
+        or cannot be read or written, if no process starts, or if the cluster does not answer or
+        loses its workers.
     """
     distinct = _distinct(cells)
     if limit is not None:
@@ -99,9 +109,9 @@ def sweep(
     count = cores() if workers is None else check_count("workers", workers, 1)
     with _journal(file, work) as kept:
         missing = [cell for key, cell in distinct.items() if key not in kept.results]
-        # Of the asked cells alone: other sweeps of the same work may have results in the file.
-        there = [kept.results[key] for key in distinct if key in kept.results]
-        report = _reporter(show, there, len(cells))
+        # The file may have results of other sweeps, which do not count.
+        before = [kept.results[key] for key in distinct if key in kept.results]
+        report = _reporter(show, before, len(cells))
         if missing:
             with (
                 _local_cores(work, limit, min(count, len(missing)))
@@ -114,23 +124,23 @@ def sweep(
 
 
 def _distinct(cells: Sequence[Cell]) -> dict[str, Cell]:
-    """Return the cells by their identities."""
+    """Return the cells by identity."""
     distinct: dict[str, Cell] = {}
     for cell in cells:
         try:
             key = _identity(cell)
         except (ValueError, TypeError) as error:
-            raise InputError(f"a cell must be plain data, as JSON has it: {error}") from None
+            raise InputError(f"a cell must be plain JSON data: {error}") from None
         if key in distinct:
-            raise InputError(f"cells must be distinct, and {key} is there twice")
+            raise InputError(f"cells must be distinct, but {key} occurs twice")
         distinct[key] = cell
     return distinct
 
 
 def _reporter(show: Show, before: Sequence[Result], total: int) -> Callable[[Result | None], None]:
-    """Return what shows a sweep's progress when it is called with one more result.
+    """Return the function that counts a result and shows the progress of the sweep.
 
-    The results there before say nothing about the speed.
+    Results from `before` are ignored for the speed.
     """
     done, failed = len(before), sum(result.failure is not None for result in before)
     start = time.monotonic()
@@ -139,30 +149,29 @@ def _reporter(show: Show, before: Sequence[Result], total: int) -> Callable[[Res
         nonlocal done, failed
         if result is not None:
             done, failed = done + 1, failed + (result.failure is not None)
-        words = [f"{done} of {total} cells"]
+        progress = f"{done} of {total} cells"
         if failed:
-            words.append(f"{failed} failed")
-        # Before the first result of this run nothing is known of the speed.
-        if len(before) < done < total:
-            each = (time.monotonic() - start) / (done - len(before))
-            words.append(f"{duration(each * (total - done))} left")
-        show(done, ", ".join(words))
+            progress += f", {failed} failed"
+        if len(before) < done < total:  # the speed is known
+            per_cell = (time.monotonic() - start) / (done - len(before))
+            progress += f", {duration(per_cell * (total - done))} left"
+        show(done, progress)
 
     report(None)
     return report
 
 
 def duration(seconds: float) -> str:
-    """Return a time to come, as precisely as it can be known."""
+    """Format an estimated time, rounded to its accuracy."""
     if seconds < 90:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 def rows_of(results: Sequence[Result]) -> list[dict[str, Any]]:
-    """Return a row for each cell: its columns, those of all records, and the failure.
+    """Return a row for each cell with the values of cell and record, and the failure.
 
-    Lists and mappings are JSON. Of a name that cell and record share, the cell's value stands.
+    Lists and mappings become JSON. If cell and record have the same key, the cell's value is used.
     """
     rows = [{**(result.record or {}), **result.cell} for result in results]
     cells = (name for result in results for name in result.cell)
@@ -178,38 +187,37 @@ def _as_cell(value: Any) -> Any:
 
 
 def _identity(cell: Cell) -> str:
-    """Return the same text for equal cells. Raises ValueError or TypeError for no plain data."""
-    # Keys sorted, as two equal cells may be written in another order; NaN is refused, as it equals
-    # nothing.
+    """Return a text that is the same for equal cells; raises unless the cell is plain data."""
+    # NaN is refused because it equals nothing.
     return json.dumps(cell, sort_keys=True, allow_nan=False)
 
 
 def _reason(error: BaseException) -> str:
-    """Return an exception in one line."""
-    words = " ".join(str(error).split())
-    return f"{type(error).__name__}: {words}" if words else type(error).__name__
+    """Format an exception in one line."""
+    message = " ".join(str(error).split())
+    return f"{type(error).__name__}: {message}" if message else type(error).__name__
 
 
 def _to_line(cell: Cell, record: Mapping[str, Any] | None, failure: str | None) -> str:
-    """Return a result as a line of JSON."""
+    """Format a result as a line of JSON."""
     return json_text({"cell": cell, "record": record, "failure": failure})
 
 
 def _from_line(line: str | bytes) -> Result:
-    """Return the result of a line. Raises as msgspec does where it is none."""
+    """Read a result from a line of JSON. Raises like msgspec if the line is invalid."""
     return msgspec.json.decode(line, type=Result)
 
 
 @dataclass(frozen=True)
 class _Journal:
-    """An open file of results; `results`: what it holds, by the identity of the cell."""
+    """An open journal, and its results by the identity of the cell."""
 
     path: Path
     file: BinaryIO
     results: dict[str, Result]
 
     def add(self, line: str) -> Result:
-        """Return the result of a line, which is on disk by then; InputError if it cannot be."""
+        """Write a line to disk and return its result. Raises InputError if it cannot be written."""
         with _refusals(self.path):
             _write(self.file, line)
         result = _from_line(line)
@@ -219,16 +227,18 @@ class _Journal:
 
 @contextmanager
 def _journal(path: Path, work: Work) -> Iterator[_Journal]:
-    """Open the journal at `path` of the cells that `work` has done, new or to be continued.
+    """Open a new or existing journal of a work.
 
-    Raises InputError where the file cannot be read or written, is no journal, is of another work or
-    made by other versions, or is being written by another sweep.
+    Raises InputError if the file cannot be read or written, is not a journal, is from another work
+    or other versions, or is being written by another sweep.
     """
     with _refusals(path):
         writable_file(path).parent.mkdir(parents=True, exist_ok=True)
         if no_regular_file(path):
-            raise InputError(f"{path} is no regular file, as a sweep's record is: {_ELSEWHERE}")
-        # Without a buffer, which a kill would take along.
+            raise InputError(
+                f"{path} is not a regular file, so results cannot be kept: {_ELSEWHERE}"
+            )
+        # A buffer would be lost if the process is killed.
         file = path.open("ab+", buffering=0)
     with file:
         with _refusals(path):
@@ -238,7 +248,7 @@ def _journal(path: Path, work: Work) -> Iterator[_Journal]:
 
 @contextmanager
 def _refusals(path: Path) -> Iterator[None]:
-    """Raise InputError for what the system refuses in the block."""
+    """Raise InputError for errors of the operating system."""
     try:
         yield
     except BlockingIOError:
@@ -250,15 +260,15 @@ def _refusals(path: Path) -> Iterator[None]:
 
 
 def _continued(file: BinaryIO, path: Path, work: Work) -> dict[str, Result]:
-    """Return the results in the file, which is locked and left with a header and whole lines."""
-    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # until it is closed or we are killed
+    """Lock the file, check or write its header, remove a partial last line; return its results."""
+    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # until the file is closed
     header = {"work": f"{work.__module__}.{work.__qualname__}", "versions": versions()}
     file.seek(0)
     text = file.read()
-    # Of a line that a killed sweep was writing there is only a part, without its end.
+    # The last line of a killed sweep may be incomplete.
     whole = text[: text.rfind(b"\n") + 1]
     first, *lines = whole.splitlines() or [b""]
-    # A sweep that was killed at once may have written a part of its own header.
+    # A sweep that was killed early may have written a part of the header.
     if text and not f"{json.dumps(header)}\n".encode().startswith(text):
         _check_header(first, header, path)
     file.truncate(len(whole))
@@ -266,7 +276,7 @@ def _continued(file: BinaryIO, path: Path, work: Work) -> dict[str, Result]:
         _write(file, json.dumps(header))
     results = {}
     for number, line in enumerate(lines, start=2):
-        with readable(f"line {number} of {path} is no result: delete that line"):
+        with readable(f"line {number} of {path} is not a valid result: delete that line"):
             result = _from_line(line)
             results[_identity(result.cell)] = result
     return results
@@ -274,41 +284,50 @@ def _continued(file: BinaryIO, path: Path, work: Work) -> dict[str, Result]:
 
 def _write(file: BinaryIO, line: str) -> None:
     rest = f"{line}\n".encode()
-    while rest:  # a disk that fills up takes a part
+    while rest:  # a full disk may accept a part only
         rest = rest[file.write(rest) :]
-    # A result counts as done from here, so a machine that fails must not lose it.
+    # The result must survive a failure of the machine.
     os.fsync(file.fileno())
 
 
 def _check_header(line: bytes, ours: dict[str, Any], path: Path) -> None:
-    with readable(f"{path} is not the record of a sweep: move it, or {_ELSEWHERE}"):
+    with readable(f"{path} is not the journal of a sweep: move it, or {_ELSEWHERE}"):
         theirs = json.loads(line)
         work, made_by = theirs["work"], dict(theirs["versions"])
     if work != ours["work"]:
         raise InputError(
-            f"{path} is the record of {work}, not of {ours['work']}: move it, or {_ELSEWHERE}"
+            f"{path} is the journal of {work}, not of {ours['work']}: move it, or {_ELSEWHERE}"
         )
     for part, version in ours["versions"].items():
         if made_by.get(part) != version:
             raise InputError(
-                f"{path} was made with {part} {made_by.get(part)}, and this is {version}: results "
+                f"{path} was made with {part} {made_by.get(part)}, but this is {version}: results "
                 f"of both would be mixed; delete it, or {_ELSEWHERE}"
             )
 
 
-_CHECK = 5.0  # s that a place may give no results before it is checked
+_CHECK = 5.0  # s without results after which a place is checked
 _ANSWER = 4.0  # s that a scheduler may take to answer
-_ABSENCE = 30.0  # s without dask workers: more than a nanny needs to start one again
-_WINDOW = 1000  # cells handed to a scheduler at once: more than its threads, few enough to be quick
+_ABSENCE = 30.0  # s without dask workers, longer than a nanny takes to restart one
+_WINDOW = 1000  # cells submitted to a scheduler at once, more than it has threads
 
 
 @dataclass(frozen=True)
 class _Place:
     """A place where cells run.
 
-    name: for the user; limit: s for a cell; window: how many cells to have handed in at once, which
-    keep every process busy; submit: gives a cell to `Worker.answer` of a process of `_result_line`;
-    check: raises InputError where no answer can come.
+    Attributes
+    ----------
+    name : str
+        The name in messages.
+    limit : float, s, or None
+        The time limit of a cell.
+    window : int
+        The number of cells to submit at once, enough to keep all processes busy.
+    submit : callable
+        Submits a cell to a process that runs `_result_line`.
+    check : callable
+        Raises InputError if results can no longer arrive.
     """
 
     name: str
@@ -318,18 +337,18 @@ class _Place:
     check: Callable[[], None] = lambda: None
 
     def lines(self, cells: Sequence[Cell]) -> Iterator[str]:
-        """Yield the cells' results, each as soon as it is known.
+        """Yield the results of the cells as soon as they are known.
 
-        What ended a process may be the memory that all took together, so its cell is run again
-        when the others are done, with no other beside it. Raises InputError where none can run.
+        A process may die because all cells together need too much memory. So its cell is run again
+        alone when the others are done. Raises InputError if cells cannot be run.
         """
-        again = []
+        died_cells = []
         for cell, line, died in self._outcomes(cells):
             if died:
-                again.append(cell)
+                died_cells.append(cell)
             else:
                 yield line
-        for cell in again:
+        for cell in died_cells:
             for _, line, _ in self._outcomes([cell]):
                 yield line
 
@@ -353,56 +372,57 @@ class _Place:
             if ended.status is None:
                 return _to_line(cell, None, f"{_OUTLASTED} {self.limit:g} s"), False
             return _to_line(cell, None, _death(ended.status)), True
-        except CancelledError:  # by dask, whose scheduler does not answer
-            raise InputError(f"{self.name} has gone: start it, and this again to go on") from None
+        except CancelledError:  # dask's scheduler does not answer
+            raise InputError(
+                f"{self.name} does not answer: restart it, then repeat the command to continue"
+            ) from None
         except ChildProcessError as error:
             raise InputError(f"no cells can run on {self.name}: {_reason(error)}") from None
-        # A dask worker that leaves while its answer is fetched loses it, and one that is killed
-        # leaves none, which dask reports by errors of many types.
+        # dask reports workers that left or were killed with many types of exceptions.
         except Exception as error:
             return _to_line(cell, None, _reason(error)), True
 
 
 def _death(status: int) -> str:
     if status < 0:
-        return f"its process was ended by signal {-status}, {signal.strsignal(-status)}"
-    return f"ended its process with status {status}"
+        return f"its process was killed by signal {-status}, {signal.strsignal(-status)}"
+    return f"its process exited with status {status}"
 
 
 def _result_line(work: Work, cell: Cell) -> str:
-    """Return the result as a line; whatever the work raises is its failure."""
+    """Run a cell and return its result as a line; an exception becomes its failure."""
     try:
         record = work(cell)
         if not isinstance(record, Mapping):
             raise TypeError(f"a record must be a mapping, not {type(record).__name__}")
         return _to_line(cell, record, None)
-    # A cell may also exit, by a library's own wish; only Ctrl-C must end the sweep.
+    # Libraries may call sys.exit; only Ctrl-C must end the sweep.
     except (Exception, SystemExit) as error:
         return _to_line(cell, None, _reason(error))
 
 
 @contextmanager
 def _local_cores(work: Work, limit: float | None, count: int) -> Iterator[_Place]:
-    """Give so many processes of this machine, which end with the block, whatever they do."""
+    """Provide `count` processes of this machine, which end with the block."""
     with pool(partial(_result_line, work), count) as submit:
         yield _Place("the local cores", limit, 2 * count, lambda cell: submit(cell, limit))
 
 
 @contextmanager
 def _cluster(work: Work, limit: float | None, address: str) -> Iterator[_Place]:
-    """Give the workers of the scheduler at `address`, with a process of ours for each thread.
+    """Provide the workers of the scheduler at `address`, with one process per thread.
 
-    A cell that outlasts its limit or ends its process is so no loss of the dask worker. Raises
-    InputError where dask is not installed, none answers, or the workers have other versions than we
-    have; its check raises it where all workers have gone.
+    The processes protect the dask workers from cells that exceed the limit or end their process.
+    Raises InputError if dask is not installed, if no scheduler answers, or if the workers have
+    other versions; the check of the place raises it if all workers have left.
     """
     try:
-        distributed = import_module("distributed")  # whose calls have no types
+        distributed = import_module("distributed")  # it has no type hints
     except ImportError:
         raise InputError(
             "a cluster needs dask: pip install '.[cluster]' in a checkout of robotball"
         ) from None
-    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # we say it in a line
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # our message has one line
     try:
         client = distributed.Client(address, timeout=_ANSWER, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
@@ -416,12 +436,12 @@ def _cluster(work: Work, limit: float | None, address: str) -> Iterator[_Place]:
             client.wait_for_workers(1, timeout=_ABSENCE)
         except OSError:  # as a TimeoutError is
             raise InputError(
-                f"all workers of {address} have gone: start some, and this again to go on"
+                f"all workers of {address} have left: start workers, then repeat the command"
             ) from None
 
     with client:
         _check_workers(client, address, work)
-        # dask takes a call that it has seen for done; a cell that died is to be run again.
+        # Otherwise dask would not run a cell twice if its process died.
         executor = client.get_executor(pure=False)
         submit = partial(executor.submit, _answer, work, limit=limit)
         yield _Place(address, limit, _WINDOW, submit, check)
@@ -432,27 +452,27 @@ def _check_workers(client: Any, address: str, work: Work) -> None:
         workers = client.run(_versions_beside, work)
     except Exception as error:
         raise InputError(
-            f"the workers at {address} do not run robotball: {_reason(error)}; install it there"
+            f"the workers at {address} cannot run robotball: {_reason(error)}; install it there"
         ) from None
     if not workers:
-        raise InputError(f"{address} has no workers: start some with `dask worker {address}`")
+        raise InputError(f"{address} has no workers: start them with `dask worker {address}`")
     for worker, theirs in workers.items():
         for part, ours in versions().items():
             if theirs[part] != ours:
                 raise InputError(
-                    f"worker {worker} has {part} {theirs[part]}, and this is {ours}: install the "
-                    "same there"
+                    f"worker {worker} has {part} {theirs[part]}, but {ours} is running here: "
+                    "install the same version there"
                 )
 
 
 def _versions_beside(_: Work) -> dict[str, str]:
-    """Return the versions of a dask worker, which must have loaded the work to be asked."""
+    """Return the versions of a dask worker; passing the work checks that it can be imported."""
     return versions()
 
 
 def _answer(work: Work, cell: Cell, limit: float | None) -> Answer:
-    """Return the answer of a process of this thread of a dask worker."""
-    # A nanny makes its worker a daemon, which may start none lest they outlive it: ours do not.
+    """Run a cell in the process of this thread of a dask worker."""
+    # Daemons must not start processes, and dask workers are daemons. Our processes end with them.
     multiprocessing.current_process().daemon = False
     return _worker_of(work, threading.get_ident()).answer(cell, limit)
 

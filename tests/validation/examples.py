@@ -1,4 +1,4 @@
-"""The commands, and the example that the help of each prints, as what to run."""
+"""The example in the `--help` of a command."""
 
 import re
 

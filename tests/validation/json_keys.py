@@ -1,4 +1,4 @@
-"""The keys of a command's JSON, as docs/json.md lists them, held to what the command writes."""
+"""The keys of a command's JSON, compared with docs/json.md."""
 
 import re
 from collections.abc import Iterable, Iterator
@@ -11,9 +11,9 @@ ROW = re.compile(r"^\| (`.*?`) \| .*? ?\| ?(.*) \|$", re.MULTILINE)
 
 
 def misfits(section: str, record: Any) -> set[str]:
-    """Return the keys of a record that its table lacks, and those of the table that it lacks.
+    """Return the keys that a record has in excess or lacks, compared with its table.
 
-    Nothing lies below null and an empty list. A key whose meaning says `if` or `where` may lack.
+    Null and empty lists have no keys. Keys with `if` or `where` in their meaning are optional.
     """
     table = PAGE.partition(f"\n## {section}\n")[2].partition("\n## ")[0]
     rows = [(key, said) for keys, said in ROW.findall(table) for key in re.findall("`(.+?)`", keys)]
@@ -33,12 +33,12 @@ def misfits(section: str, record: Any) -> set[str]:
 
 
 def _above(key: str) -> Iterator[str]:
-    """Yield the keys of the objects and lists that a key lies in."""
+    """Yield the keys of the objects and lists that contain a key."""
     return (key[: cut.start()] for cut in re.finditer(r"\.|\[", key))
 
 
 def _matching(key: str, paths: Iterable[str]) -> set[str]:
-    """Return the paths that a listed key stands for."""
+    """Return the paths that match a listed key."""
     return {path for path in paths if re.fullmatch(_pattern(key), path)}
 
 
@@ -48,7 +48,7 @@ def _pattern(key: str) -> str:
 
 
 def _paths(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the path of each value that is no object and no list of objects."""
+    """Yield the paths of the values that are neither objects nor lists of objects."""
     if isinstance(value, dict) and value:
         for key, each in value.items():
             yield from _paths(each, f"{path}.{key}".removeprefix("."))

@@ -1,4 +1,4 @@
-"""The measures of agreement measure what they say, and a faulty run never agrees."""
+"""Measures of agreement are right, and a faulty run never agrees."""
 
 from dataclasses import replace
 from typing import Any
@@ -26,15 +26,14 @@ SOUND = rb.simulate(SCENE, settings="balanced").report
 
 
 def agreement_with(**changes: Any) -> Agreement:
-    """The equations' motion against itself with some fields changed."""
+    """Compare the equations' motion with itself after changing some fields."""
     return Agreement(THEORY, as_contact(THEORY, **{"report": SOUND, **changes}))
 
 
 def test_a_motion_agrees_with_itself_exactly() -> None:
-    """No difference is no error; M of the equations is constant to rounding.
+    """All errors are 0, and M is constant to rounding.
 
-    A turn of 1e-6 rad about X is an error of its angle: 2.3e-16 off, as a cross product loses
-    nothing when small.
+    A rotation of 1e-6 rad about X is an attitude error of 1e-6 rad, to 2.3e-16.
     """
     agreement = agreement_with()
     assert (agreement.path_error, agreement.attitude_error, agreement.gamma_error) == (0, 0, 0)
@@ -56,7 +55,7 @@ def test_a_record_has_the_versions_where_the_engine_ran_and_where_the_equations_
 
 
 def test_a_ball_that_stays_in_place_has_a_path_error() -> None:
-    """With no path to measure by, errors are in radii."""
+    """Without a path, errors are relative to the radius."""
     still = replace(THEORY, contact_point=np.zeros((501, 2)))
     off = as_contact(still, SOUND, contact_point=np.array([[0.0, 0.0]] * 500 + [[0.0, 3e-6]]))
     assert Agreement(still, off).path_error == pytest.approx(3e-6 / SCENE.ball.radius)
@@ -64,7 +63,7 @@ def test_a_ball_that_stays_in_place_has_a_path_error() -> None:
 
 @pytest.mark.parametrize("name", ["spin_up_from_rest", "fig06"])
 def test_the_verdict_does_not_depend_on_the_unit_of_mass(name: str) -> None:
-    """Grams for kilograms change no error, for a ball with M = 0 as well."""
+    """Errors are the same in grams and kilograms, even if M = 0."""
     scene, times = rb.load_scene(name), np.linspace(0.0, 1.0, 51)
     of_kilograms, of_grams = (
         compare(scaled(scene, mass=mass, length=1.0), times, settings="accurate")
@@ -72,15 +71,12 @@ def test_the_verdict_does_not_depend_on_the_unit_of_mass(name: str) -> None:
     )
     assert of_kilograms.agrees
     assert of_grams.agrees
-    # The ratio is 1 within 0.03 of the error, which is rounding where drives change.
+    # The ratio is 1 within 0.03 of the error; with changing drives the error is rounding.
     assert of_grams.momentum_error == pytest.approx(of_kilograms.momentum_error, rel=0.2)
 
 
 def test_agreement_needs_the_momentum_as_well_as_the_path() -> None:
-    """Errors can cancel in the path; an error of M alone is no agreement.
-
-    Unless an accuracy of the path was requested.
-    """
+    """Errors can cancel in the path, so M counts, unless a path accuracy was requested."""
     momentum = THEORY.momentum * np.linspace(1, 1 + 1e-5, 501)[:, None]
     agreement = agreement_with(momentum=momentum)
     assert agreement.path_error == 0
@@ -93,8 +89,8 @@ def test_agreement_needs_the_momentum_as_well_as_the_path() -> None:
     assert unnamed("off 1e-09", strict.verdict) == []
 
 
-def test_an_agreement_as_good_as_the_reference_says_so() -> None:
-    """A path error below three times the reference's own tells no more of the engine."""
+def test_an_agreement_limited_by_the_reference_says_so() -> None:
+    """A path error below three times the reference error may be the reference's error."""
     theory = rb.integrate(SCENE, rtol=1e-9)
     own = theory.reference_error
     assert 6e-10 < own < 3e-9  # measured 1.2e-9
@@ -106,11 +102,11 @@ def test_an_agreement_as_good_as_the_reference_says_so() -> None:
         assert agreement.reference_error == own
         assert agreement.verdict == verdict
         assert agreement.agrees
-    assert Agreement(motion, motion).reference_error is None  # of a reference that has none
+    assert Agreement(motion, motion).reference_error is None  # this reference has no estimate
 
 
-def test_a_fault_forbids_agreement_whatever_the_numbers() -> None:
-    """A run with a fault is no result, and its verdict says the time and the cause."""
+def test_a_faulty_run_never_agrees() -> None:
+    """The verdict of a faulty run has the time and the cause."""
     faulty = replace(SOUND, faults=(rb.Fault(rb.FaultKind.CONTACT_LOST, 1.25),))
     agreement = agreement_with(report=faulty)
     assert agreement.path_error == 0
@@ -131,16 +127,16 @@ def test_a_fault_forbids_agreement_whatever_the_numbers() -> None:
     assert "path error -" in repr(broken_off)
 
 
-def test_times_are_refused_by_an_engine_as_by_the_equations() -> None:
-    """In the same words."""
+def test_engine_and_equations_refuse_times_alike() -> None:
+    """Both messages are the same."""
     with pytest.raises(rb.InputError, match=naming("times 0 1")):
         rb.simulate(SCENE, np.array([1.0, 2.0]))
     with pytest.raises(rb.InputError, match=naming("slip")):
         compare(SCENE, settings=replace(rb.preset("fast"), sliding_friction=0.1), strict=True)
 
 
-def test_a_slow_drift_of_momentum_is_held_to_the_time_it_has() -> None:
-    """As a run's monitor holds it: to 1e-3 for ten seconds, and so to 0.6 % in a minute."""
+def test_the_bound_of_a_drift_of_momentum_grows_with_time() -> None:
+    """The monitor and the agreement allow 1e-3 in ten seconds, and 0.6 % in a minute."""
     theory = rb.integrate(SCENE.until(60.0), np.arange(601) / 10)
     report = replace(SOUND, settings=replace(SOUND.settings, error_tolerance=1e-3))
     for drift, kept in ((5.9e-3, True), (6.1e-3, False)):
@@ -149,8 +145,8 @@ def test_a_slow_drift_of_momentum_is_held_to_the_time_it_has() -> None:
         assert Agreement(theory, motion).keeps_momentum == kept
 
 
-def test_an_agreement_is_a_line_and_a_picture_and_equals_another_of_its_values() -> None:
-    """The line has the scene, engine, settings and verdict; the picture has both paths."""
+def test_an_agreement_has_a_line_and_a_picture_and_compares_by_value() -> None:
+    """The line has scene, engine, settings and verdict; the picture has both paths."""
     times = rb.sample_times(1.0)
     agreement = compare("fig12", times, settings="fast")
     assert repr(agreement).startswith("<Agreement of fig12 by MuJoCo, fast: agrees; path error ")

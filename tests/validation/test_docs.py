@@ -1,6 +1,6 @@
-"""README and docs show what the program gives: numbers, commands, names, links.
+"""README and docs agree with the program: numbers, commands, names, links.
 
-docs/numbers.json is written by `make gallery`, together with the pictures and tables.
+`make gallery` writes docs/numbers.json, pictures and tables.
 """
 
 import json
@@ -74,13 +74,13 @@ SAID = {
 
 
 @pytest.mark.parametrize("page", SAID)
-def test_a_study_s_number_is_the_one_that_is_printed(page: str) -> None:
-    """To the last digit."""
+def test_printed_numbers_are_the_numbers_of_the_studies(page: str) -> None:
+    """Numbers agree to the last digit."""
     assert [words for words in SAID[page] if words not in PAGES[page]] == []
 
 
 def test_the_page_has_the_law_of_each_limit() -> None:
-    """As its function says it."""
+    """The sentences are the docstrings of the limits."""
     assert f"\n\n{law_list()}\n\n" in DOCS["extremes.md"]
 
 
@@ -99,7 +99,7 @@ def test_the_studies_are_those_of_today() -> None:
 
 
 def test_each_misprint_has_a_test_of_its_number() -> None:
-    """Except E20, a letter, and E30, the number of a section. E23 and E26 are not misprints."""
+    """Exceptions: E20, a letter, and E30, a section number. E23 and E26 are not misprints."""
     numbers = {f"E{i}" for i in range(1, 31)} - {"E23", "E26"}
     assert {*MISPRINTED} == numbers
     assert PROVED.keys() == numbers - {"E20", "E30"}
@@ -108,16 +108,16 @@ def test_each_misprint_has_a_test_of_its_number() -> None:
         assert re.search(rf'\ndef {name}\([^"]*"""[^"]*\b{number}\b', text), name
 
 
-# What a number is off by at most, relative: it chatters, is near to rounding, or is rounding.
+# Largest relative differences: naive chatters, and the others are near rounding.
 LEEWAY = {"naive": 0.35, "accurate": 0.35, "adaptive": 2.0}
 
 
 def test_the_docs_have_the_demos_table(
     robotball: Robotball, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Two scenes at all presets, to the digits shown; the film is another test's.
+    """Two scenes with all presets agree to the digits shown. The film is replaced.
 
-    What is predicted of naive stands behind the table, and the last line says what was found.
+    The prediction for naive comes after the table, and the last line has the result.
     """
     monkeypatch.setattr("validation.comparing.film", lambda path, *_: path.write_bytes(b"film"))
     status, said, warned = robotball("demo", "--out", "demo")
@@ -139,8 +139,8 @@ def test_the_docs_have_the_demos_table(
         assert theirs[0] == ours[0]
         near = LEEWAY.get(ours[0].split()[-1], 0.05)
         assert [*map(float, ours[1:5])] == pytest.approx([*map(float, theirs[1:5])], rel=near), ours
-        # With *adaptive* both are rounding, of which three times is the limit: classical_regular's
-        # error is 2.0 to 5.3 times the reference's own with OpenBLAS's kernels.
+        # With *adaptive* both errors are rounding; the limit is three times that. The error of
+        # classical_regular is 2.0 to 5.3 times the reference error with the kernels of OpenBLAS.
         ends = [
             re.sub(r"[\d.]+ s|, limited by the reference", "", each[5]) for each in (theirs, ours)
         ]
@@ -148,14 +148,14 @@ def test_the_docs_have_the_demos_table(
     (slipped,) = re.findall(r"slipped .*? at t = ([\d.]+) s", shown[0][5])
     assert float(slipped) < 0.1
     assert float(shown[0][2]) > 0.5  # "more than half of its path"
-    # "right to 4e-14": 1.6e-14 and 2.0e-14 on two processors; classical_regular's is 3.5e-14.
+    # "right to 4e-14": 1.6e-14 and 2.0e-14 on two processors, 3.5e-14 for classical_regular.
     (right,) = re.findall(r"the path is right to (\S+)\.", README)
     assert 0.5 * float(right) < max(float(shown[4][2]), float(shown[9][2])) < float(right)
 
 
 @cache
 def worst_theories() -> list[rb.Motion]:
-    """The motions that the presets are farthest off."""
+    """Return the motions with the largest errors of the presets."""
     scenes = ball_of_points(14), random_robot(np.random.default_rng(74))
     return [rb.integrate(scene, rb.sample_times(10.0)) for scene in scenes]
 
@@ -169,9 +169,9 @@ def worst_theories() -> list[rb.Motion]:
     ],
 )
 def test_the_settings_page_has_the_presets_worst_errors(name: str) -> None:
-    """Ball 14 and robot 74 have them: 3.7e-6 and 6.3e-3 with *fast*, RK4's; within a factor of 3.
+    """Ball 14 and robot 74 have the largest errors, 3.7e-6 and 6.3e-3 with *fast*, from RK4.
 
-    That is room for the last bits, which a sensitive robot magnifies.
+    A factor of 3 allows for last bits, which a sensitive robot magnifies.
     """
     (tolerance,) = re.findall(rf"`--preset {name}`.*?right to ([\de-]+)", DOCS["settings.md"])
     assert float(tolerance) == rb.PRESETS[name].error_tolerance
@@ -184,8 +184,8 @@ def test_the_settings_page_has_the_presets_worst_errors(name: str) -> None:
 
 # Commands and Python ---------------------------------------------------------------------------
 
-# After four spaces, in a code span, or in a scene file's first line; a comment is cut off. One with
-# a word in capitals or in brackets stands for others: the examples of `--help` are those.
+# Commands follow four spaces, or are in a code span or in the first line of a scene file. Commands
+# with words in capitals or brackets are templates.
 COMMAND = r"(?:^ {4}|`)(?:\.venv/bin/)?robotball ([^`\n#>|]+)"
 ALONE = {
     "demo",
@@ -229,7 +229,7 @@ def test_printed_python_runs(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """As it is, in a folder with the examples and a file to judge; it prints what is shown."""
+    """It runs in a folder with the examples and a trajectory, and prints the output shown."""
     monkeypatch.chdir(tmp_path)
     Path("examples").symlink_to(PROJECT / "examples")
     Path("my_robot.toml").symlink_to(PROJECT / "examples" / "my_robot.toml")
@@ -238,8 +238,8 @@ def test_printed_python_runs(
     assert output in ("", capsys.readouterr().out)
 
 
-def test_the_data_sheet_s_robot_does_what_its_page_says() -> None:
-    """Path, error, needs and speed, to the digits shown; and what a jump of the supply needs."""
+def test_the_robot_of_the_data_sheet_has_the_printed_numbers() -> None:
+    """Path, error, loads and speed agree to the digits shown, also after a jump of the supply."""
     page, text = PAGES["datasheet.md"], DOCS["datasheet.md"].split("```")[1].removeprefix("toml")
     jump = re.sub("(?m)^supply = .*$", "supply = -1.0", text)
     scene, jumping = (read_scene(Path("my_robot.toml"), each) for each in (text, jump))
@@ -256,8 +256,8 @@ def test_the_data_sheet_s_robot_does_what_its_page_says() -> None:
     assert f"must give {turned.loads.sliding_friction.max():.2f}. Make" in page
 
 
-def test_a_key_that_docs_json_lacks_or_has_in_excess_is_named() -> None:
-    """Of a record and of the objects in its lists; nothing lies below null."""
+def test_missing_and_extra_keys_of_docs_json_are_named() -> None:
+    """Keys of a record and of the objects in its lists count; null has no keys."""
     record = {"file": "a.xml", "changes": [{"change": "", "without": None, "word": ""}]}
     absent = {"agrees", "rolling", "duration", "accuracy", "path_error", "since", "causes", "lines"}
     absent |= {"other_rolling.NAME", "mended_error", "changes[].words"}
@@ -268,8 +268,8 @@ def test_a_key_that_docs_json_lacks_or_has_in_excess_is_named() -> None:
 # The README -----------------------------------------------------------------------------------
 
 
-def test_the_readme_is_one_screen_and_its_links_lead_somewhere() -> None:
-    """It names the paper, and tells two commands and where to go on."""
+def test_the_readme_fits_one_screen_and_its_links_exist() -> None:
+    """It names the paper, two commands, and further pages."""
     assert len(README.splitlines()) <= 60
     assert "10.1134/S1560354719050071" in README
     assert {"make demo", "make test"} <= set(re.findall("make demo|make test", README))

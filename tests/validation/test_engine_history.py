@@ -40,8 +40,8 @@ Version 3.1.1 (Mar 18, 2024)
 """
 
 
-def test_versions_are_called_by_the_beginnings_of_their_names() -> None:
-    """Last patches are those of each minor version; 3.1 is no 3.10."""
+def test_versions_are_selected_by_the_beginning_of_their_name() -> None:
+    """By default the last patch of each minor version is used; 3.1 does not match 3.10."""
     assert last_patches(VERSIONS) == ["2.3.1.post1", "3.1.2", "3.9.1", "3.10.0"]
     assert [places_of(VERSIONS, each) for each in ("3.1", "3.9", "2.3.0")] == [[2], [3, 4], [0]]
     with pytest.raises(rb.InputError, match=naming("'3.99'")):
@@ -61,7 +61,7 @@ def test_versions_are_called_by_the_beginnings_of_their_names() -> None:
 def test_a_number_changes_by_a_factor_or_its_sign(
     before: float, after: float, changed: bool
 ) -> None:
-    """In either direction, and never by rounding."""
+    """The factor works in both directions, and rounding does not count."""
     assert differ(before, after) == differ(after, before) == changed
 
 
@@ -71,7 +71,7 @@ def test_a_number_changes_by_a_factor_or_its_sign(
         ([1.0, *[2.5] * 40], [(0, 1)], 8),
         ([*[1.0] * 40, 2.5], [(39, 40)], 8),
         ([1.0, 1.0, -1.0, -1.0, -1.0], [(1, 2)], 5),
-        ([1.0, None, None, 9.0], [(0, 3)], 4),  # what cannot be installed has no number
+        ([1.0, None, None, 9.0], [(0, 3)], 4),  # a version that cannot be installed has no number
         ([1.0, None, 1.0, None, 9.0, 9.0], [(2, 4)], 6),
         ([1.0, 9.0], [(0, 1)], 2),
         ([1.0, *[9.0] * 9, *[99.0] * 9], [(0, 1), (9, 10)], 13),
@@ -83,9 +83,9 @@ def test_a_number_changes_by_a_factor_or_its_sign(
 def test_bisection_names_each_version_that_changed_a_number(
     numbers: Sequence[float | None], pairs: list[tuple[int, int]], most: int
 ) -> None:
-    """In about as many measurements a change as the logarithm of the number of versions.
+    """The number of measurements per change is about the logarithm of the number of versions.
 
-    What changed and changed back within a part is not seen.
+    Two opposite changes within a part are missed.
     """
     measured = set()
 
@@ -102,8 +102,8 @@ def result(version: str, recipe: float | None, cost: float = 1.0) -> Result:
     return Result({"version": version}, record, None)
 
 
-def test_a_row_says_what_changed_and_why_there_is_no_number() -> None:
-    """A version that cannot be installed is a row with the reason, and hides no change."""
+def test_a_row_has_the_changes_or_the_reason_for_missing_numbers() -> None:
+    """A version that cannot be installed has a row with the reason, and hides no change."""
     missing = Result({"version": "2"}, None, "InputError: no wheel")
     rows = version_rows([result("1", 1e-5, cost=0.5), missing, result("3", 1e-9)])
     assert [row["changed"] for row in rows] == ["", "", "recipe"]
@@ -113,8 +113,8 @@ def test_a_row_says_what_changed_and_why_there_is_no_number() -> None:
     assert (number, before["version"], after["version"]) == ("recipe", "1", "3")
 
 
-def test_the_changelogs_sentence_is_that_versions() -> None:
-    """The first entry with the word, its first sentence, without markup; else nothing."""
+def test_the_sentence_of_the_changelog_belongs_to_the_version() -> None:
+    """It is the first sentence of the first entry with the word, without markup, or empty."""
     line = "Replaced it by derivatives in fast."
     assert changelog_line(CHANGELOG, "3.11.0", "fast") == line
     assert changelog_line(CHANGELOG, "3.1.1", "fast") == "fast is new."
@@ -123,7 +123,7 @@ def test_the_changelogs_sentence_is_that_versions() -> None:
 
 
 def test_an_attribute_that_a_version_lacks_is_left_out_and_named() -> None:
-    """The rest of the model stays; another fault of it is an error."""
+    """The other attributes stay; other faults of the model are errors."""
     model, left_out = compiled('<mujoco><option timestep="0.5" age="3" size="2"/></mujoco>')
     assert (model.opt.timestep, sorted(left_out)) == (0.5, ["age", "size"])
     with pytest.raises(ValueError, match="age"):
@@ -131,10 +131,10 @@ def test_an_attribute_that_a_version_lacks_is_left_out_and_named() -> None:
 
 
 @pytest.mark.parametrize(("names", "changes"), [(("3.10", "2.3"), 1), (("3.9", "3.10"), 0)])
-def test_each_change_is_found_among_all_releases_between(
+def test_each_change_is_found_among_the_releases_between(
     names: tuple[str, str], changes: int
 ) -> None:
-    """Between the last patches of the two named versions, in either order."""
+    """The search covers all releases between the two named versions, in either order."""
     numbers = {each: 1e-9 if each in ("3.9.1", "3.10.0") else 7e-6 for each in VERSIONS}
     some = searched(VERSIONS, *names)
 
@@ -149,13 +149,13 @@ def test_each_change_is_found_among_all_releases_between(
 
 
 def test_versions_are_chosen_by_their_first_and_last_names() -> None:
-    """From the first patch of one to the last patch of another; without --every last patches."""
+    """They range from the first patch of one to the last patch of another version."""
     assert chosen(VERSIONS, "2.3", "3.9", every=True) == VERSIONS[:5]
     assert chosen(VERSIONS, "3.9", "", every=False) == ["3.9.1", "3.10.0"]
 
 
 def test_the_version_here_is_measured() -> None:
-    """One second of fig12 and the free body with this MuJoCo, without pip."""
+    """One second of fig12 and the free body run with the installed MuJoCo, without pip."""
     cell = cell_of("mujoco", mujoco.__version__, 1.0, None)
     (row,) = version_rows([Result({**cell}, measure_version(cell), None)])
     assert row["as_it_comes"] == pytest.approx(0.387, abs=0.05)
@@ -168,7 +168,7 @@ def test_the_version_here_is_measured() -> None:
     ("engine", "facts"), [("mujco", "'mujco' mujoco"), ("multibody", "multibody")]
 )
 def test_an_engine_without_released_versions_is_refused(engine: str, facts: str) -> None:
-    """A mistyped one, and one that comes with robotball."""
+    """Examples: an unknown engine, and an engine that comes with robotball."""
     with pytest.raises(rb.InputError, match=naming(facts)):
         package_of(engine)
 
@@ -183,6 +183,6 @@ TALK = """
 """
 
 
-def test_releases_are_all_that_have_a_wheel() -> None:
-    """Of any Python, the oldest first; no sdist, no candidate, and of the package alone."""
+def test_releases_are_the_versions_with_a_wheel() -> None:
+    """Wheels for any Python count, the oldest first, without candidates and other packages."""
     assert releases(TALK, "engine-x") == ["2.3.1.post1", "3.9.0", "3.10.0"]

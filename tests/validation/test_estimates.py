@@ -1,4 +1,4 @@
-"""The study of what `--accuracy` says of its error: what counts as a miss, and a quick form."""
+"""The study of the errors that `--accuracy` estimates: misses, and a quick form."""
 
 from dataclasses import replace
 from itertools import product
@@ -18,7 +18,7 @@ def changed(**values: object) -> Result:
 
 
 def test_a_miss_is_an_error_without_a_warning() -> None:
-    """Not one that was warned of, nor a run with a fault or without an end; and it is listed."""
+    """Warned, faulty and unfinished runs are not misses. Misses are listed."""
     miss = changed(actual=1.3e-7)
     others = [
         HONEST,
@@ -34,10 +34,10 @@ def test_a_miss_is_an_error_without_a_warning() -> None:
     assert listed.startswith("missed: ball 3, 1e-07 requested, 6.0e-08 estimated, 1.3e-07 actual")
 
 
-def test_two_balls_are_as_good_as_they_say() -> None:
-    """At 1e-5 actual over estimated is 0.85 to 0.88, for what RK4's next order adds.
+def test_two_balls_have_their_estimated_errors() -> None:
+    """At 1e-5 the ratio of the error to its estimate is 0.85 to 0.88, from RK4's next order.
 
-    Of twelve balls every accuracy meets every number of rotors.
+    Twelve balls cover every accuracy and number of rotors.
     """
     met = {(cell["ball"] % 4, cell["accuracy"]) for cell in cells(12)}
     assert met == {*product(range(4), ACCURACIES)}

@@ -1,4 +1,4 @@
-"""The command as a process: its streams, its signals and its exit status; no half file is left."""
+"""The command as a process: streams, signals, exit status, and no incomplete files."""
 
 import json
 import os
@@ -52,7 +52,7 @@ PIPES: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "
 
 @pytest.fixture(autouse=True)
 def interruptible() -> Iterator[None]:
-    """Restore SIGINT and SIGHUP, which a shell's background job and nohup make children ignore."""
+    """Restore SIGINT and SIGHUP, which children of background jobs and nohup ignore."""
     interrupt = signal.signal(signal.SIGINT, signal.default_int_handler)
     hang_up = signal.signal(signal.SIGHUP, signal.SIG_DFL)
     yield
@@ -61,12 +61,12 @@ def interruptible() -> Iterator[None]:
 
 
 def start(folder: Path, *arguments: str) -> "subprocess.Popen[str]":
-    """A script or a module as a process in a folder."""
+    """Start a script or a module as a process in a folder."""
     return subprocess.Popen([sys.executable, *arguments], cwd=folder, **PIPES)
 
 
 def ended(process: "subprocess.Popen[str]", number: int) -> tuple[int, str]:
-    """Exit status and standard error of a process after a signal to it."""
+    """Send a signal to a process, and return its exit status and standard error."""
     process.send_signal(number)
     _, err = process.communicate(timeout=60)
     return process.returncode, err
@@ -75,7 +75,7 @@ def ended(process: "subprocess.Popen[str]", number: int) -> tuple[int, str]:
 def run(
     folder: Path, arguments: str, streams: str = "", **environment: str
 ) -> "subprocess.CompletedProcess[str]":
-    """The end of a module with arguments; streams: redirections, as a shell writes them."""
+    """Run a module with arguments and redirections of a shell, and return the result."""
     command = f'exec "$@" {streams}'
     words = ["bash", "-c", command, "bash", sys.executable, "-m", *arguments.split()]
     return subprocess.run(words, cwd=folder, env={**os.environ, **environment}, **PIPES)
@@ -96,10 +96,12 @@ def run(
         ("in_a_library_that_makes_another_error_of_it", signal.SIGINT),
     ],
 )
-def test_a_signal_ends_the_work_wherever_it_is(where: str, number: int, tmp_path: Path) -> None:
-    """Status 128 and the signal's number, no traceback, and no file."""
+def test_a_signal_ends_the_work_at_any_point(where: str, number: int, tmp_path: Path) -> None:
+    """The status is 128 plus the number of the signal, without traceback and without files."""
     (tmp_path / "work.py").write_text(WORK)
-    process = start(tmp_path, "work.py", where)  # a script, as Python keeps bytecode of a module
+    process = start(
+        tmp_path, "work.py", where
+    )  # a script, because Python caches the bytecode of modules
     assert process.stdout is not None
     assert process.stdout.readline() == "at work\n"
     assert ended(process, number) == (128 + number, "")
@@ -124,17 +126,15 @@ def test_a_film_that_is_interrupted_leaves_nothing(tmp_path: Path) -> None:
 
 
 def listens(pid: int) -> bool:
-    """Whether a process catches SIGTERM, which Python by itself does not."""
+    """Return whether a process catches SIGTERM, which Python does not by default."""
     caught = re.search(r"^SigCgt:\s*(\w+)", Path(f"/proc/{pid}/status").read_text(), re.M)
     return caught is not None and bool(int(caught[1], 16) >> (signal.SIGTERM - 1) & 1)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seconds", [0.0, 0.4])
-def test_a_command_that_is_interrupted_while_it_is_loaded_says_so(
-    tmp_path: Path, seconds: float
-) -> None:
-    """Whatever part of it that is: for a second after it has begun to listen it imports."""
+def test_a_command_can_be_interrupted_during_its_imports(tmp_path: Path, seconds: float) -> None:
+    """The signal may come at any time in the first second, during imports."""
     process = start(tmp_path, "-m", "validation", "compare", "fig12", "--duration", "1000")
     while not listens(process.pid):
         assert process.poll() is None
@@ -145,7 +145,7 @@ def test_a_command_that_is_interrupted_while_it_is_loaded_says_so(
 
 
 def test_an_interrupt_that_python_drops_prints_no_traceback() -> None:
-    """As in a callback of the import system; the process ends all the same."""
+    """A callback of the import system drops it, and the process still ends."""
     code = """
 import os, signal, weakref
 from validation import __main__, cli
@@ -174,22 +174,22 @@ FULL = "robotball: the output cannot be written: No space left on device\n"
 @pytest.mark.parametrize(
     ("streams", "arguments", "status", "error"),
     [
-        # A reader who leaves, as `| head` does.
+        # A reader that leaves, like `| head`.
         ("> >(true)", "validation scenes", 0, ""),
         ("> >(true)", "validation export fig12", 0, ""),
-        # Streams that are closed: no file takes their numbers. `python -m robotball` is the same.
+        # Closed streams. `python -m robotball` is the same command.
         (">&-", "robotball scenes", 0, ""),
         ("<&- >&- 2>&-", COMPARE, 0, ""),
         ("2>&-", "validation roll", 2, ""),
         (">/dev/full", "validation scenes", 2, FULL),
     ],
 )
-def test_a_stream_that_takes_nothing_is_as_one_to_nowhere(
+def test_a_closed_stream_discards_output(
     tmp_path: Path, streams: str, arguments: str, status: int, error: str
 ) -> None:
-    """The command's own status; a message goes to no other stream, and into no file.
+    """The status is the command's own, and no message goes to another stream or file.
 
-    But a full disk is said, with status 2.
+    A full disk gives a message and the status 2.
     """
     if "full" in streams and not Path("/dev/full").exists():
         pytest.skip("no such device")
@@ -202,8 +202,8 @@ def test_a_stream_that_takes_nothing_is_as_one_to_nowhere(
 ASCII = {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0", "PYTHONIOENCODING": ""}
 
 
-def test_a_locale_without_greek_letters_shows_something_else(tmp_path: Path) -> None:
-    """Printed words have `?` for ²; files are the same everywhere, in UTF-8, the catalog's too."""
+def test_a_locale_without_greek_letters_shows_question_marks(tmp_path: Path) -> None:
+    """Printed texts have `?` for ²; files are in UTF-8 everywhere."""
     scene = replace(rb.load_scene("fig12"), title="γ")
     (tmp_path / "greek.toml").write_bytes(rb.scene_toml(scene).encode())
     done = run(tmp_path, "validation design greek.toml", **ASCII)
@@ -220,12 +220,12 @@ def test_a_locale_without_greek_letters_shows_something_else(tmp_path: Path) -> 
         ("validation video fig12", "egl", "MUJOCO_GL=osmesa PYOPENGL_PLATFORM=egl"),
     ],
 )
-def test_an_opengl_that_cannot_be_loaded_is_one_line(
+def test_a_missing_opengl_library_is_reported_in_one_line(
     tmp_path: Path, arguments: str, platform: str, facts: str
 ) -> None:
-    """MuJoCo's import ends in an AttributeError of PyOpenGL's where OSMesa's library is missing.
+    """Without the OSMesa library, importing MuJoCo raises PyOpenGL's AttributeError.
 
-    Where two are named MuJoCo takes neither, and only what draws ends so.
+    If two backends are named, MuJoCo uses neither, and only commands that draw fail.
     """
     (tmp_path / "OpenGL").mkdir()
     (tmp_path / "OpenGL" / "__init__.py").write_text("raise AttributeError('glGetError')")
@@ -237,8 +237,8 @@ def test_an_opengl_that_cannot_be_loaded_is_one_line(
     assert unnamed(facts, done.stderr) == []
 
 
-def test_an_error_of_the_program_itself_is_no_disagreement() -> None:
-    """Its status is 3, with the traceback that its author needs."""
+def test_an_internal_error_has_its_own_status() -> None:
+    """The status is 3, with a traceback."""
     broken = "import validation.cli as cli, validation.__main__ as process\n"
     broken += "cli.parse = lambda _: 1 / 0; process.main()"
     done = subprocess.run([sys.executable, "-c", broken], **PIPES)

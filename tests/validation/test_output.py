@@ -1,4 +1,4 @@
-"""Output: names of files, tables, CSV and pictures, which show what their axes say."""
+"""Output: file names, tables, CSV and pictures."""
 
 import csv
 import json
@@ -43,9 +43,9 @@ TIMES = rb.sample_times(0.1)
 
 
 def test_a_comparison_is_named_after_scene_engine_and_preset() -> None:
-    """The default preset too; a duration where it is not the scene's own; all presets as `all`.
+    """The name has the duration if it is not the scene's, and `all` for all presets.
 
-    Whatever the settings are called, the name is a file's; the scene's part is its file's.
+    Any names of settings and scenes give valid file names.
     """
     short = replace(rb.load_scene("fig12"), duration=0.1)
     agreements = [compare(short, TIMES, settings=name) for name in rb.PRESETS]
@@ -59,8 +59,10 @@ def test_a_comparison_is_named_after_scene_engine_and_preset() -> None:
     assert file_name("x$[1] y", engine, words) == name
 
 
-def test_scenes_of_one_name_are_told_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """By their folders; the same scene twice is one."""
+def test_scenes_with_the_same_name_get_different_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Their folders distinguish them; a repeated scene is used once."""
     monkeypatch.chdir(tmp_path)
     for folder in ("a", "b", "far/b"):
         Path(folder).mkdir(parents=True)
@@ -80,7 +82,7 @@ def test_scenes_of_one_name_are_told_apart(tmp_path: Path, monkeypatch: pytest.M
         ("engines fig12 --only mujoco", "only", "mujoco"),
     ],
 )
-def test_an_option_that_is_not_at_its_default_is_in_the_name(
+def test_options_that_differ_from_the_default_are_in_the_name(
     command: str, names: str, words: str
 ) -> None:
     """A word each, in the order of `--help`; one at its default has none."""
@@ -96,12 +98,12 @@ ROWS: list[Row] = [{"name": "a[b]", "error": 1.2e-3}, {"name": "c", "error": Non
 COLUMNS = (Column("name", itemgetter("name"), words=True), Column("error", "error", "m"))
 
 
-def test_a_study_s_files_and_table_hold_its_rows(
+def test_the_files_and_tables_of_a_study_have_its_rows(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Numbers in two digits, a dash for none, brackets as they are; the paths as written.
+    """Numbers have two digits, missing ones a dash, and brackets are kept.
 
-    A section of a table ends where its key changes, and at the last row.
+    A section of a table ends with the last row of a key.
     """
     table = table_of(COLUMNS, ROWS)
     study = Study("x y", LABEL, ["study"], ROWS, {"runs": ROWS}, ["[bold]note[/]", table], Figure())
@@ -117,7 +119,7 @@ def test_a_study_s_files_and_table_hold_its_rows(
     assert rows.read_text() == "name,error\na[b],0.0012\nc,\nd,\n"
     assert json.loads(data.read_text())["runs"] == ROWS
     assert picture.read_bytes()[:4] == b"\x89PNG"
-    # No picture, nothing to write, and no rows, as where no engine is there to run.
+    # No picture, no data and no rows.
     empty = tmp_path / "empty.csv"
     assert present(Study("x", None, ["study"], []), tmp_path / "a.png", None, empty) == [empty]
     assert empty.read_text().strip() == ""
@@ -133,20 +135,20 @@ def test_a_study_s_files_and_table_hold_its_rows(
     ],
 )  # fmt: skip
 def test_a_number_that_rounds_to_zero_has_no_sign(form: str, value: float, text: str) -> None:
-    """In any format; any other keeps its own."""
+    """It holds in any format; other numbers keep their sign."""
     assert Column("x", "x", form=form).text({"x": value}) == text
 
 
-def test_a_name_in_a_table_is_no_formula(tmp_path: Path) -> None:
-    """An apostrophe before it has a spreadsheet take it for text; numbers stay as they are."""
+def test_a_name_in_a_table_is_not_a_formula(tmp_path: Path) -> None:
+    """An apostrophe makes a spreadsheet read it as text; numbers are unchanged."""
     names = ["=1+2", "+1", "-1", "@a", "\ta", "a=1"]
     write_rows(tmp_path / "a.csv", [{"scene": name, "error": -1.5} for name in names])
     _, *rows = csv.reader((tmp_path / "a.csv").open(newline=""))
     assert rows == [[name if name == "a=1" else f"'{name}", "-1.5"] for name in names]
 
 
-def test_an_old_file_stays_whole_when_writing_fails(tmp_path: Path) -> None:
-    """A disk that fills up leaves the file that was there, and no fragment beside it."""
+def test_an_old_file_is_kept_if_writing_fails(tmp_path: Path) -> None:
+    """A full disk leaves the old file, and no fragment."""
     old = tmp_path / "a.json"
     write_text(old, "old")
     full = pytest.raises(rb.InputError, match=naming("a.json No~space~left"))
@@ -156,12 +158,12 @@ def test_an_old_file_stays_whole_when_writing_fails(tmp_path: Path) -> None:
     assert [path.read_text() for path in tmp_path.iterdir()] == ["old"]
 
 
-def test_long_work_leaves_a_line_now_and_then_in_a_log(
+def test_long_work_writes_a_line_from_time_to_time_to_a_log(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Where standard error is no terminal, the first line comes after the interval, not before.
+    """Outside a terminal, the first line comes after the interval.
 
-    Not even in Jupyter, which forces colours.
+    Jupyter forces colours, but is not a terminal.
     """
     monkeypatch.setenv("FORCE_COLOR", "1")
     clock = iter((0.0, 29.0, 31.0, 31.0, 45.0))
@@ -177,9 +179,9 @@ def test_long_work_leaves_a_line_now_and_then_in_a_log(
 
 @pytest.mark.parametrize("name", ["fig06", "fig05d", "chaplygin_ball", "routh_sphere"])
 def test_pictures_show_what_their_axes_say(name: str) -> None:
-    """A metre along X is one along Y; an error's axis ends at rounding; a constant M is in words.
+    """X and Y have equal scales, errors end at rounding, and a constant M is a text.
 
-    No picture warns: of a path that is a circle, of M = 0 as in fig06, nor of an equal limit.
+    No picture warns about circles, M = 0 as in fig06, or equal limits.
     """
     agreement = compare(name, rb.sample_times(0.5), settings="fast")
     sheet = sheet_of([agreement])
@@ -213,10 +215,10 @@ def test_a_straight_paths_errors_end_at_rounding_and_its_panel_is_flat() -> None
     lines = [own, replace(run, errors=tiny)]
     paths, errors = path_picture(replace(sheet, lines=lines, frame=framed([agreement]))).axes
     floor = 1e-17 * sheet.path_scale
-    assert errors.get_ylim()[0] > floor / 100  # measured a tenth: a decade around a constant
+    assert errors.get_ylim()[0] > floor / 100  # measured 0.1: a decade around a constant
     assert unnamed(f"time~[s] {floor:.0e}", errors.get_xlabel()) == []
     box = paths.get_position()
-    assert box.height < errors.get_position().height / 1.5  # measured 1.3 inches beside 2.7
+    assert box.height < errors.get_position().height / 1.5  # measured 1.3 and 2.7 inches
 
 
 def test_runs_are_told_apart_without_colour_and_a_cross_is_where_one_breaks_off() -> None:
@@ -227,7 +229,7 @@ def test_runs_are_told_apart_without_colour_and_a_cross_is_where_one_breaks_off(
     for part in ("colour", "dash", "marker"):
         assert len({getattr(each, part) for each in (own, *looks)}) >= len(looks)
     assert looks[0].colour == LABEL.colour
-    # Whatever else is in a picture, and in whichever order, a preset has its look.
+    # A preset has the same look in every picture.
     assert [line_looks([each])[0] for each in motions] == [own, *looks]
     assert line_looks(motions[::-1]) == [own, *looks][::-1]
     assert len({each.colour for each in line_looks([motions[1], *motions])}) == len(motions) + 1
@@ -242,7 +244,7 @@ def test_runs_are_told_apart_without_colour_and_a_cross_is_where_one_breaks_off(
 
 
 def test_an_engine_and_its_presets_have_one_look_each() -> None:
-    """No two engines share a marker, and no two presets of one a colour, a dash or a marker."""
+    """Engines differ in their markers; presets differ in colour, dash and marker."""
     engines = [engine_named(name) for name in engine_names()]
     assert len({each.label.marker for each in engines}) == len(engines)
     for engine in engines:
@@ -257,14 +259,14 @@ def test_an_engine_and_its_presets_have_one_look_each() -> None:
 
 
 def test_a_run_that_flies_away_leaves_the_view() -> None:
-    """Numbers that are not finite, and those beyond the reach, widen no axis."""
+    """Infinite values and values beyond the reach do not widen the axes."""
     own = np.array([0.0, 2.0])
     assert in_view(own, np.array([0.0, 2.0, 3.0, -1e9, np.nan, np.inf]), 4.0) == (-4.0, 3.0)
     assert in_view(np.array([np.nan]), np.array([np.nan]), 1.0) == (0.0, 0.0)
 
 
 def test_the_extremes_of_a_long_line_are_drawn() -> None:
-    """The least and the largest of each bin, in the order of time; all of a short line."""
+    """The extremes of each bin are drawn in order, and all points of a short line."""
     values = np.random.default_rng(1).normal(size=200_001)
     shown = extremes(values)
     assert len(shown) == 50_000
@@ -275,9 +277,9 @@ def test_the_extremes_of_a_long_line_are_drawn() -> None:
 
 @pytest.mark.parametrize("length", [20, 90, 150, 400])
 def test_a_long_title_stays_within_its_picture(length: int) -> None:
-    """By smaller letters, then by a second line; never past the edges, nor into the axes below.
+    """Its letters become smaller, then it has two lines; it does not overlap the axes.
 
-    Its dollars are text, not a formula.
+    Dollars are text.
     """
     words = ("$5 a robot of $6 rolls " * 20)[:length]
     figure = path_picture(
@@ -302,13 +304,13 @@ def test_a_long_title_stays_within_its_picture(length: int) -> None:
     ],
 )
 def test_a_failure_maps_ticks_are_round(values: Sequence[float], labels: list[str]) -> None:
-    """Powers of ten where the cells go over some, four at most."""
+    """Ticks are at most four powers of ten if the values span some."""
     places, shown = round_ticks(list(values))
     assert shown == labels
     assert all(-0.5 <= place <= len(values) - 0.5 for place in places)
 
 
-# Files that are no plain files ------------------------------------------------------------------
+# Special files ------------------------------------------------------------------
 
 
 def write(path: Path, text: str) -> None:
@@ -316,8 +318,8 @@ def write(path: Path, text: str) -> None:
         temporary.write_text(text)
 
 
-def test_a_pipe_is_written_into_and_stays_one(tmp_path: Path) -> None:
-    """Its reader gets all of the text; the same holds for a device."""
+def test_a_pipe_is_written_to_and_kept(tmp_path: Path) -> None:
+    """Its reader gets the whole text; the same holds for a device."""
     fifo, read = tmp_path / "fifo", list[str]()
     os.mkfifo(fifo)
     reader = threading.Thread(target=lambda: read.append(fifo.read_text()), daemon=True)
@@ -330,8 +332,8 @@ def test_a_pipe_is_written_into_and_stays_one(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("there", [True, False])
-def test_a_link_stays_and_what_it_names_is_replaced(tmp_path: Path, there: bool) -> None:
-    """Whether or not the file is there already; no fragment stays in either folder."""
+def test_a_link_is_kept_and_its_target_is_replaced(tmp_path: Path, there: bool) -> None:
+    """It holds for existing and new targets, without fragments in either folder."""
     (tmp_path / "far").mkdir()
     target, link = tmp_path / "far" / "real.json", tmp_path / "link.json"
     link.symlink_to("far/real.json")

@@ -1,4 +1,4 @@
-"""The picture of `robotball dynamics equilibria`, on the sphere and unrolled."""
+"""The phase portrait on the sphere and unrolled."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Many random starts: the errors are those of runs one by one, however they are shared out."""
+"""Many random starts have the errors of single comparisons, on one machine or a cluster."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -23,13 +23,12 @@ def starts_of(scene: rb.Scene, count: int) -> list[rb.Start]:
     return [random_starts.random_start(scene, each) for each in randoms]
 
 
-# Compiled steps in lanes; the same of the classical model; one by one, a drive that changes and the
-# equations of any robot.
+# Compiled steps of both models; single integrations with a changing drive, and of general robots.
 @pytest.mark.parametrize(
     "name", ["fig12", "classical_regular", "wobbling_drive", "offset_routh_sphere"]
 )
-def test_errors_are_those_of_comparisons_one_by_one(name: str) -> None:
-    """To 3e-8 of themselves: measured 5e-9, as the references have other steps."""
+def test_errors_equal_the_errors_of_single_comparisons(name: str) -> None:
+    """They agree to 3e-8; measured 5e-9, because the references have other steps."""
     scene = rb.load_scene(name)
     starts = starts_of(scene, 3)
     with at_most(1):  # or what goes to processes would take seconds
@@ -42,7 +41,7 @@ def test_errors_are_those_of_comparisons_one_by_one(name: str) -> None:
 
 
 def test_a_broken_run_is_counted_and_has_no_error() -> None:
-    """Too little friction ends a run; percentiles are of the runs that have errors, if any."""
+    """Weak friction ends a run. Percentiles use the runs with errors."""
     scene, slippery = rb.load_scene("fig12"), replace(rb.preset("fast"), sliding_friction=0.05)
     found = compare_many(scene, starts_of(scene, 3), TIMES, settings=slippery)
     none = found.summary("path_error")
@@ -61,8 +60,8 @@ def whole() -> dict[str, Any]:
     return scene_cell("fig12", 0.5) | more | {"seed": 3, "device": None}
 
 
-def test_a_cell_knows_the_values_of_its_controls(tmp_path: Path) -> None:
-    """So that a journal has no results of another table under the same name."""
+def test_a_cell_depends_on_the_values_of_its_controls(tmp_path: Path) -> None:
+    """So a journal cannot mix results of two tables with the same name."""
     robot, table = tmp_path / "mybot.xml", tmp_path / "fly.csv"
     robot.write_text(PLATE)
     cells = []
@@ -80,15 +79,15 @@ def without_seconds(rows: Any) -> list[dict[str, Any]]:
 
 
 def test_cells_are_parts_of_the_whole() -> None:
-    """A start depends on its number alone, so that a cluster's cells have the same runs."""
+    """A start depends on its number alone, so cells on a cluster have the same runs."""
     alone = random_starts.of_cell(whole() | {"first": 0, "count": 5})["rows"]
     parts = [whole() | {"first": i, "count": count} for i, count in ((0, 2), (2, 3))]
     rows = [row for each in parts for row in random_starts.of_cell(each)["rows"]]
     assert without_seconds(rows) == without_seconds(alone)
 
 
-def test_a_cells_engine_is_looked_for_in_its_environments(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As `compare --environments` has it for a single run."""
+def test_a_cell_finds_its_engine_in_the_environments(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It works like `compare --environments` for a single run."""
     looked: list[Path] = []
     monkeypatch.setattr("robotball.engines.adapter.find_spec", lambda _: None)
     monkeypatch.setattr("robotball.engines.adapter.interpreter_of", looked.append)
@@ -100,9 +99,9 @@ def test_a_cells_engine_is_looked_for_in_its_environments(monkeypatch: pytest.Mo
 
 @pytest.mark.slow
 def test_a_cluster_gives_the_same_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In cells of two starts; a cell that fails is refused with its reason.
+    """Cells have two starts; a failed cell is refused with its reason.
 
-    A process of this machine takes the cells, as a sweep gives the same on a cluster.
+    A process of this machine replaces the cluster.
     """
     addresses: list[str] = []
 

@@ -1,4 +1,4 @@
-"""What a user writes on the command line becomes a scene's own numbers."""
+"""Controls on the command line change the scene."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ __all__ = ["trusted"]  # a fixture
 
 @pytest.mark.usefixtures("trusted")
 def test_controls_are_given_as_numbers_and_tables(tmp_path: Path) -> None:
-    """On the command line, each once; the samples' end is the scene's."""
+    """Each control is given once; the scene ends with the table."""
     file = written(tmp_path, "fly.csv", "t,value\n0,0\n1,20\n5,30\n")
     controls = controls_of(["drive=.5", f"fly={file}"])
     assert controls == {"drive": 0.5, "fly": rb.Samples(times=(0, 1, 5), values=(0, 20, 30))}

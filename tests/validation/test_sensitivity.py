@@ -1,4 +1,4 @@
-"""Chaos is told apart from error: by the engine's defects and by what the motion makes of them."""
+"""Chaos is distinguished from errors of the engine by the defects and their growth."""
 
 import json
 from dataclasses import replace
@@ -14,7 +14,7 @@ from validation import Agreement, compare
 from validation.results import record
 from validation.sensitivity import Sensitivity, _transfer, chaotic, sensitivity
 
-# Its tolerance is so wide that nothing stops it.
+# A wide tolerance, so that no fault stops the run.
 EULER = replace(rb.preset("balanced"), name="Euler", integrator="Euler", error_tolerance=2.0)
 
 
@@ -36,11 +36,10 @@ def measured(name: str, settings: rb.Settings | str, seconds: float) -> Sensitiv
 
 
 def test_a_chaotic_motion_is_called_sensitive() -> None:
-    """The engine keeps its tolerance stretch by stretch, and the motion carries it away.
+    """The engine keeps its tolerance in each stretch, and the motion magnifies the errors.
 
-    It does not agree for that. The exponent is that of half of one motion; over long times it is
-    0.34/s. In the JSON all of it is an object. But M is constant however chaotic the motion: an
-    error of it beyond the tolerance is the engine's.
+    The motion still does not agree. The exponent is measured over half of the motion; over long
+    times it is 0.34/s. M is constant even in chaos, so an error of M is an error of the engine.
     """
     agreement = agreement_of(*CHAOTIC)
     assert not agreement.agrees
@@ -66,27 +65,27 @@ def test_a_chaotic_motion_is_called_sensitive() -> None:
     [
         ("fig14", "balanced", 40.0, pytest.approx(1.10, abs=0.03)),
         ("fig12", EULER, 10.0, pytest.approx(1.04, abs=0.03)),
-        # Off balance, with free hinges.
+        # An unbalanced robot with free hinges.
         ("W5", "fast", 20.0, pytest.approx(1.27, rel=0.5)),
     ],
 )
-def test_defects_and_growth_make_the_error(
+def test_defects_and_growth_explain_the_error(
     name: str, settings: rb.Settings | str, seconds: float, ratio: object
 ) -> None:
-    """Carried on by the equations, the defects add up to the error that was measured.
+    """The defects, propagated with the equations, add up to the measured error.
 
-    To first order, in chaotic and regular motions, of a good integrator and of a bad one.
+    It holds to first order, in chaotic and regular motions and with two integrators.
     """
     found, agreement = measured(name, settings, seconds), agreement_of(name, settings, seconds)
     assert found.measured / found.expected == ratio
     assert found.measured == agreement.path_error
-    assert agreement.sensitivity is None  # as they agree
+    assert agreement.sensitivity is None  # they agree
     assert found.doubling < 10 or name == "fig14"
 
 
 @pytest.mark.parametrize(("name", "seconds"), [("fig12", 10.0), ("classical_chaotic", 20.0)])
 def test_a_bad_integrator_is_not_excused_by_chaos(name: str, seconds: float) -> None:
-    """Euler at 5 ms misses 0.7 % and 9.5 % of the path in single stretches: an error, not chaos."""
+    """Euler at 5 ms has errors of 0.7 % and 9.5 % in single stretches."""
     tolerance = rb.preset("balanced").error_tolerance
     found = replace(measured(name, EULER, seconds), tolerance=tolerance)
     assert found.defect > 1000 * tolerance
@@ -114,17 +113,17 @@ SENSITIVE = Sensitivity(
         ({"measured": 0.21}, False),
     ],
 )
-def test_an_error_that_growth_does_not_make_stays_the_engines(
+def test_an_error_beyond_the_growth_is_the_engines(
     changes: dict[str, float], explains: bool
 ) -> None:
-    """Defects beyond the tolerance, a regular motion, and 20 times the expected error."""
+    """Cases: large defects, a regular motion, and 20 times the expected error."""
     assert replace(SENSITIVE, **changes).explains is explains
 
 
-def test_chaos_is_known_by_the_growth_of_a_turn() -> None:
-    """Twice the time makes 74 times of it in a chaotic motion and 1.4 in a regular one.
+def test_chaos_shows_in_the_growth_of_a_rotation() -> None:
+    """In twice the time it grows by 74 in a chaotic motion and by 1.4 in a regular one.
 
-    Where drives change no engine can start anew.
+    It is unknown if drives change in time.
     """
     assert chaotic(rb.load_scene("classical_chaotic"), 20.0)
     assert not chaotic(rb.load_scene("fig12"), 10.0)
@@ -135,9 +134,9 @@ def test_chaos_is_known_by_the_growth_of_a_turn() -> None:
 
 @pytest.mark.parametrize("size", [1e-9, 1.0])
 def test_an_error_about_the_vertical_turns_the_motion(size: float) -> None:
-    """A turn about γ stays one, M turns with it, and the path's end lies beside by turn times way.
+    """The rotation about γ stays, M rotates, and the end of the path moves sideways.
 
-    Measured 8.1e-7 of the turn: the second order of the 1e-6 rad that every error is scaled to.
+    Measured 8.1e-7 of the rotation: the second order of the 1e-6 rad to which errors are scaled.
     """
     right = rb.integrate(rb.load_scene("fig12"), np.array([0.0, 1.0, 2.0]))
     up, scale = np.array([0.0, 0.0, 1.0]), right.scene.momentum_scale

@@ -1,7 +1,7 @@
-"""Sweeps: nothing done is lost, nothing is done twice, and one failure is one failure.
+"""Sweeps lose no result, repeat no cell, and survive the failure of a cell.
 
-That holds whatever ends, hangs or stops their processes, on this machine and on a dask cluster. The
-file of a sweep has whole lines, of one work and one set of versions, by one sweep at a time.
+They survive processes that end, hang or stop, locally and on a dask cluster. A journal has whole
+lines of one work and one set of versions, and one sweep writes it at a time.
 """
 
 import fcntl
@@ -27,17 +27,17 @@ from tests.validation.work import WORKERS, cells_of, failures, lines_of, runs, s
 from validation.output import write_rows
 from validation.sweeps import Result, duration, rows_of, sweep
 
-linux = pytest.mark.skipif(sys.platform != "linux", reason="rests on Linux' signals and /proc")
+linux = pytest.mark.skipif(sys.platform != "linux", reason="needs the signals and /proc of Linux")
 
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
-    """The file of a sweep."""
+    """Return the path of a journal."""
     return tmp_path / "sweep.jsonl"
 
 
 def table(path: Path, results: list[Result]) -> bytes:
-    """The CSV file of a sweep."""
+    """Write results as CSV and return the text."""
     write_rows(path, rows_of(results))
     return path.read_bytes()
 
@@ -51,10 +51,10 @@ TROUBLES = ("raises", "ends", "nan", "list", "spins", "hangs")
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_cell_that_fails_is_recorded_and_stops_nothing(tmp_path: Path, workers: int) -> None:
-    """Whatever a cell does, its reason is one line, and the innocent beside it have records.
+    """A failure has its reason in one line, and the other cells have records.
 
-    Every result is shown, those that were there before at once. Failures are kept, and the file
-    may hold more than is asked for.
+    Progress counts the results in the journal first. Failures are kept in the journal, which may
+    have results of other cells.
     """
     cells = cells_of(tmp_path, 10, dict(enumerate(TROUBLES, start=2)))
     file = tmp_path / "deep" / "sweep.jsonl"
@@ -76,7 +76,7 @@ def test_a_cell_that_fails_is_recorded_and_stops_nothing(tmp_path: Path, workers
     assert {result.cell["x"] for result in results if result.outlasted} == {6, 7}
     squares = [result.record and result.record["square"] for result in results]
     assert squares == [0, 1, *[None] * 6, 64, 81]
-    assert results[4].record == {"square": None}  # of NaN
+    assert results[4].record == {"square": None}  # it was NaN
     assert [done for done, _ in shown] == [*range(2, 11)]
     assert unnamed("2 10", shown[0][1]) == []
     assert unnamed("10 5 failed", shown[-1][1]) == []
@@ -86,7 +86,9 @@ def test_a_cell_that_fails_is_recorded_and_stops_nothing(tmp_path: Path, workers
     assert shown[-1][0] == 5
     assert unnamed("5 3 failed", shown[-1][1]) == []
     assert runs(tmp_path) == ran
-    assert all(ran[x] == 1 for x in range(10) if x != 3)  # whose process died: run once more
+    assert all(
+        ran[x] == 1 for x in range(10) if x != 3
+    )  # x = 3 killed its process and was run twice
 
 
 @pytest.mark.parametrize(
@@ -103,15 +105,15 @@ def test_a_cell_that_fails_is_recorded_and_stops_nothing(tmp_path: Path, workers
 def test_unusable_input_is_refused(
     file: Path, numbers: tuple[Any, ...], options: dict[str, Any], facts: str
 ) -> None:
-    """One line that says what is wrong."""
+    """The message names the wrong value."""
     with pytest.raises(InputError, match=naming(facts)):
         sweep(square, [{"x": x} for x in numbers], file, **options)
 
 
-def test_a_table_has_a_row_a_cell(tmp_path: Path) -> None:
-    """Cells' columns, then records', failure last; what has no number is empty.
+def test_a_table_has_a_row_for_each_cell(tmp_path: Path) -> None:
+    """Columns of cells come first, then columns of records, then the failure.
 
-    A time left is shown in seconds, minutes or hours.
+    The remaining time is in seconds, minutes or hours.
     """
     shown = [duration(s) for s in (4.4, 89, 90, 720, 5399, 5400, 9000)]
     assert shown == ["4 s", "89 s", "2 min", "12 min", "90 min", "1.5 h", "2.5 h"]
@@ -132,9 +134,12 @@ def test_a_table_has_a_row_a_cell(tmp_path: Path) -> None:
 
 DEEP = "[" * 100_000 + "]" * 100_000
 DAMAGED = (
-    "{}", DEEP, '{"cell": 5, "record": null, "failure": null}',
-    '{"cell": {}, "record": "x", "failure": null}', '{"cell": {}, "record": {}, "failure": 1}',
-)  # fmt: skip
+    "{}",
+    DEEP,
+    '{"cell": 5, "record": null, "failure": null}',
+    '{"cell": {}, "record": "x", "failure": null}',
+    '{"cell": {}, "record": {}, "failure": 1}',
+)
 HEADER = '{"work": "tests.validation.work.square", "versions": {"python": "2.7"}}\n'
 
 
@@ -143,21 +148,18 @@ HEADER = '{"work": "tests.validation.work.square", "versions": {"python": "2.7"}
     [
         ('{"work": "a.b", "versions": {}}\n', "a.b tests.validation.work.square"),
         (HEADER, "python~2.7"),
-        ("a,b\n1,2", "record sweep --out"),
-        ("somebody's only line", "record sweep"),
-        (
-            '{"work": ' + DEEP + "}\n",
-            "record sweep",
-        ),
+        ("a,b\n1,2", "journal sweep --out"),
+        ("somebody's only line", "journal sweep"),
+        ('{"work": ' + DEEP + "}\n", "journal sweep"),
         *((line, "line~2") for line in DAMAGED),
     ],
 )
 def test_a_file_of_something_else_is_refused_and_left_alone(
     file: Path, text: str, facts: str
 ) -> None:
-    """Another work's, another version's, no sweep's at all, or one with a line that is no result.
+    """Cases: another work, other versions, not a journal, and an invalid line.
 
-    A whole line that cannot be read is not a kill's doing, and is not dropped in silence.
+    A killed sweep leaves incomplete lines only, so an invalid whole line is not dropped.
     """
     if text in DAMAGED:
         sweep(square, [], file)
@@ -169,7 +171,7 @@ def test_a_file_of_something_else_is_refused_and_left_alone(
 
 
 def test_a_file_that_another_sweep_writes_and_a_device_are_refused(file: Path) -> None:
-    """Two sweeps never write one file, and a device would never end."""
+    """Two sweeps must not write the same file, and a device has no end."""
 
     def meanwhile(done: float, what: str) -> None:
         with pytest.raises(InputError, match=naming("another sweep")):
@@ -183,12 +185,12 @@ def test_a_file_that_another_sweep_writes_and_a_device_are_refused(file: Path) -
 
 
 def test_a_disk_that_fills_up_ends_the_sweep_in_one_line(tmp_path: Path, file: Path) -> None:
-    """All that was written is whole, and when there is room again the rest is added."""
+    """Written lines are complete, and the sweep can be continued later."""
     cells = cells_of(tmp_path, 3)
     sweep(square, cells[:2], file, workers=WORKERS)
     written = lines_of(file)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    room = len(written[0]) // 2  # for a part of the next line
+    room = len(written[0]) // 2  # room for a part of the next line
     resource.setrlimit(resource.RLIMIT_FSIZE, (file.stat().st_size + room, hard))
     try:
         with pytest.raises(InputError, match=naming("sweep.jsonl File~too~large")):
@@ -211,26 +213,24 @@ def sweeping(file: Path, cells: list[dict[str, Any]], limit: float | None) -> No
 
 
 def started(file: Path, cells: list[dict[str, Any]], limit: float | None = None) -> Any:
-    """A sweep in a process, by the server that starts a sweep's own."""
-    sweep(dict, [{}], file.with_name("first.jsonl"))  # the server is there then
+    """Start a sweep in a process, with the fork server that sweeps use."""
+    sweep(dict, [{}], file.with_name("first.jsonl"))  # starts the server
     process = FORKSERVER.Process(target=sweeping, args=(file, cells, limit))
     process.start()
     return process
 
 
 def within(seconds: float, done: Callable[[], bool]) -> bool:
-    """Whether that is so before the seconds are over."""
+    """Wait for a condition for some seconds, and return whether it was met."""
     end = time.monotonic() + seconds
-    while not (there := done()) and time.monotonic() < end:
+    while not (met := done()) and time.monotonic() < end:
         time.sleep(0.001)
-    return there
+    return met
 
 
 @pytest.mark.slow
-def test_a_killed_sweep_goes_on_and_ends_with_the_identical_table(
-    tmp_path: Path, file: Path
-) -> None:
-    """SIGKILL at any moment costs the cells that were running, and no result is made twice."""
+def test_a_killed_sweep_continues_and_gives_the_same_table(tmp_path: Path, file: Path) -> None:
+    """SIGKILL loses only the running cells, and no result is computed twice."""
     cells, moments = cells_of(tmp_path, 40, seconds=0.02), random.Random(4)
     before: dict[int, int] = {}
     for enough in (1, 20):
@@ -248,16 +248,16 @@ def test_a_killed_sweep_goes_on_and_ends_with_the_identical_table(
     killed = table(tmp_path / "killed.csv", sweep(square, cells, file, workers=WORKERS))
     ran = runs(tmp_path)
     assert all(ran[x] == times for x, times in before.items())
-    # A death costs at most what was handed in: two cells a worker.
+    # A killed sweep loses at most the submitted cells, two per worker.
     assert 40 <= ran.total() <= 40 + 2 * 2 * WORKERS
     whole = sweep(square, cells, tmp_path / "whole.jsonl", workers=WORKERS)
     assert killed == table(tmp_path / "whole.csv", whole)
 
 
 def test_killed_workers_cost_nothing(tmp_path: Path, file: Path) -> None:
-    """SIGKILL of any process that runs cells, four times: no failure.
+    """Four processes are killed while they run cells, and no cell fails.
 
-    All fall before the lost cells are run again: a second loss is a cell's failure.
+    All kills come before the lost cells are repeated: a cell fails if it is lost twice.
     """
     cells, moments = cells_of(tmp_path, 24, seconds=0.01), random.Random(8)
 
@@ -271,13 +271,13 @@ def test_killed_workers_cost_nothing(tmp_path: Path, file: Path) -> None:
     results = sweep(square, cells, file, workers=WORKERS, show=kill)
     squares = [result.record and result.record["square"] for result in results]
     assert squares == [x**2 for x in range(24)]
-    # Between two cells a death costs nothing, but another process has taken the dead one's place.
+    # A process that is killed between two cells loses no cell, but is replaced.
     assert 24 <= runs(tmp_path).total() <= 24 + 4
     assert len(set((tmp_path / "pids").read_text().split())) > WORKERS
 
 
-def test_ctrl_c_ends_what_runs_and_leaves_the_file_whole(tmp_path: Path, file: Path) -> None:
-    """No process is left, though one would run its cell for a minute; the rest is done later."""
+def test_ctrl_c_ends_the_processes_and_leaves_a_whole_journal(tmp_path: Path, file: Path) -> None:
+    """One process would run its cell for a minute. The sweep can be continued later."""
     cells = cells_of(tmp_path, 6)
     slow = [{**cells[0], "seconds": 60.0}, *cells[1:]]
 
@@ -296,7 +296,7 @@ def test_ctrl_c_ends_what_runs_and_leaves_the_file_whole(tmp_path: Path, file: P
 
 @linux
 def test_a_killed_sweep_leaves_no_process(tmp_path: Path, file: Path) -> None:
-    """Not even one in compiled code that keeps the interpreter's lock."""
+    """Even a process in compiled code that holds the interpreter lock ends."""
 
     def is_free() -> bool:
         with (tmp_path / "held").open("w") as opened, suppress(BlockingIOError):
@@ -313,8 +313,8 @@ def test_a_killed_sweep_leaves_no_process(tmp_path: Path, file: Path) -> None:
 
 
 @linux
-def test_a_time_in_which_all_is_stopped_does_not_count(tmp_path: Path, file: Path) -> None:
-    """Stopped for longer than its limit, as when the machine sleeps, a cell has its record."""
+def test_time_in_which_the_machine_sleeps_does_not_count(tmp_path: Path, file: Path) -> None:
+    """A cell that is stopped for longer than its limit still has its record."""
     started(file, cells_of(tmp_path, 1, trouble="pauses"), 1.0).join(60)
     (line,) = lines_of(file)
     assert json.loads(line)["failure"] is None
@@ -322,7 +322,7 @@ def test_a_time_in_which_all_is_stopped_does_not_count(tmp_path: Path, file: Pat
 
 @linux
 def test_a_process_has_one_thread(tmp_path: Path, file: Path) -> None:
-    """BLAS has no threads of its own, which would take the other cells' cores."""
+    """Threads of BLAS would take the cores of the other cells."""
     (result,) = sweep(square, cells_of(tmp_path, 1, trouble="threads"), file)
     assert result.record == {"sum": 400.0**3, "threads": 1}
 
@@ -330,7 +330,7 @@ def test_a_process_has_one_thread(tmp_path: Path, file: Path) -> None:
 def test_a_work_that_no_process_can_load_is_refused(
     tmp_path: Path, file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It is not the cells' failure: none is written."""
+    """No failure is written, because the cells are not to blame."""
     module = types.ModuleType("nowhere")
     exec("def work(cell): return {}", module.__dict__)
     monkeypatch.setitem(sys.modules, "nowhere", module)
@@ -347,7 +347,7 @@ NOWHERE = "tcp://127.0.0.1:1"
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
-    """Two workers under a nanny each, as `dask worker` starts them."""
+    """Start two workers with a nanny each, like `dask worker` does."""
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
@@ -357,7 +357,7 @@ def cluster() -> Iterator[Any]:
 
 @pytest.mark.slow
 def test_a_cluster_gives_the_same_results(tmp_path: Path, file: Path, cluster: Any) -> None:
-    """Records and failures by dask are those by the local cores, resumed ones too."""
+    """Records and failures equal the results of local cores, also if continued."""
     cells = cells_of(tmp_path, 8, {2: "raises", 5: "ends", 7: "hangs"})
     local = sweep(square, cells, tmp_path / "local.jsonl", workers=WORKERS, limit=1.5)
     assert failures(local).keys() == {2, 5, 7}
@@ -366,10 +366,10 @@ def test_a_cluster_gives_the_same_results(tmp_path: Path, file: Path, cluster: A
 
 
 @pytest.mark.slow
-def test_a_cluster_whose_workers_have_gone_is_not_waited_for(
+def test_a_sweep_ends_if_all_workers_of_the_cluster_leave(
     tmp_path: Path, file: Path, cluster: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One line, and what was done is kept."""
+    """The message has one line, and finished results are kept."""
     monkeypatch.setattr("validation.sweeps._CHECK", 0.2)
     monkeypatch.setattr("validation.sweeps._ABSENCE", 0.5)
     address = cluster.scheduler_address
@@ -379,7 +379,7 @@ def test_a_cluster_whose_workers_have_gone_is_not_waited_for(
             cluster.scale(0)
 
     cells = cells_of(tmp_path, 50, seconds=0.5)
-    with pytest.raises(InputError, match=naming(f"workers {address} gone")):
+    with pytest.raises(InputError, match=naming(f"workers {address} left")):
         sweep(square, cells, file, cluster=address, show=leave)
     assert len(lines_of(file)) >= 3
     with pytest.raises(InputError, match=naming(f"{address} workers dask~worker")):
@@ -389,7 +389,7 @@ def test_a_cluster_whose_workers_have_gone_is_not_waited_for(
 def test_a_cluster_that_does_not_answer_is_refused(
     tmp_path: Path, file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In one line; where dask is not installed it says how to install the extra."""
+    """Without dask, the message has the command that installs the extra."""
     with monkeypatch.context() as without:
         without.setitem(sys.modules, "distributed", None)
         with pytest.raises(InputError, match=r"pip install '\.\[cluster\]'"):

@@ -1,4 +1,4 @@
-"""Work for the tests of sweeps: a cell's own square, after the trouble that it asks for."""
+"""Work for the tests of sweeps: a square, after the trouble that a cell asks for."""
 
 import ctypes
 import fcntl
@@ -20,7 +20,7 @@ WORKERS = 2
 
 
 def square(cell: Cell) -> Mapping[str, Any]:
-    """The record of cell {x, ran, trouble, seconds}; `ran` gets a line."""
+    """Return the record of a cell {x, ran, trouble, seconds}, and log the run in `ran`."""
     ran = Path(cell["ran"])
     with ran.open("a") as lines:
         lines.write(f"{cell['x']}\n")
@@ -34,7 +34,7 @@ def square(cell: Cell) -> Mapping[str, Any]:
         case "spins":
             while True:
                 pass
-        case "hangs":  # in compiled code, with the interpreter's lock kept
+        case "hangs":  # in compiled code that holds the interpreter lock
             held = ran.with_name("held").open("w")
             fcntl.flock(held, fcntl.LOCK_EX)
             ran.with_name("hangs").touch()
@@ -53,7 +53,7 @@ def square(cell: Cell) -> Mapping[str, Any]:
 
 
 def pause(seconds: float) -> None:
-    """Stops this process and the one that sweeps, as Ctrl-Z does, and lets them go on later."""
+    """Stop this process and the sweeping process, like Ctrl-Z, and continue them later."""
     sweeping = multiprocessing.parent_process()
     assert sweeping is not None
     assert sweeping.pid is not None
@@ -66,13 +66,13 @@ def pause(seconds: float) -> None:
 def cells_of(
     folder: Path, count: int, troubles: Mapping[int, str] | None = None, **more: Any
 ) -> list[dict[str, Any]]:
-    """Cells for `square`, which writes down what it runs in this folder; troubles: by their x."""
-    ran, of_each = str(folder / "ran"), troubles or {}
-    return [{"x": x, "ran": ran, "trouble": of_each.get(x), **more} for x in range(count)]
+    """Return cells for `square`, with a trouble for some x and a log in this folder."""
+    ran, by_x = str(folder / "ran"), troubles or {}
+    return [{"x": x, "ran": ran, "trouble": by_x.get(x), **more} for x in range(count)]
 
 
 def runs(folder: Path) -> Counter[int]:
-    """How often each cell was run."""
+    """Count the runs of each cell."""
     ran = folder / "ran"
     return Counter(map(int, ran.read_text().split()) if ran.exists() else [])
 

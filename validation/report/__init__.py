@@ -1,4 +1,4 @@
-"""Reports: self-contained HTML pages of words, tables, numbers, plots and a view."""
+"""Self-contained HTML pages with texts, tables, plots and 3-D views."""
 
 from base64 import b64encode
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,46 +12,46 @@ from ..output import together
 from .chart import Line, chart, legend
 
 _HERE = Path(__file__).parent
-_ROWS = 21  # of the table beside a plot
-VERDICTS = ("verdict bad", "verdict good")  # kinds of a paragraph
+_ROWS = 21  # rows of the table of a plot
+VERDICTS = ("verdict bad", "verdict good")  # CSS classes of paragraphs
 _HINT = "Point at the plot, or use the arrow keys, for values."
 _NUMBER = set("0123456789.e+- ")
-_MANY = 9  # columns, which on paper are in small letters
+_MANY = 9  # columns; a table with more has small letters on paper
 
 
 def page(title: str, body: Iterable[str], head: str = "") -> str:
-    """Return a whole HTML page, self-contained."""
+    """Return a self-contained HTML page."""
     style, script = ((_HERE / f"page.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
-    inside = "\n".join(body)
+    content = "\n".join(body)
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f'<link rel="icon" href="data:,">\n<title>{text(title)}</title>\n{head}\n'
-        f"<style>{style}</style>\n</head>\n<body>\n<main>\n{inside}\n</main>\n"
+        f"<style>{style}</style>\n</head>\n<body>\n<main>\n{content}\n</main>\n"
         f"<script>{script}</script>\n"
         "</body>\n</html>\n"
     )
 
 
 def text(words: object) -> str:
-    """Return words as HTML, on one line that is broken beside no relation or unit."""
+    """Escape words for HTML, without line breaks next to relation signs or units."""
     return escape(together(" ".join(str(words).split())))
 
 
 def paragraph(words: str, kind: str = "") -> str:
-    """Return a paragraph of plain words."""
+    """Return a paragraph of plain text."""
     return f'<p class="{kind}">{text(words)}</p>' if kind else f"<p>{text(words)}</p>"
 
 
 def picture(path: Path) -> str:
-    """Return a figure of a PNG, which is named after its file."""
+    """Return a figure with an embedded PNG and its file name."""
     name, image = text(path.stem), embedded(contents(path), "image/png")
     return f'<figure><img alt="{name}" src="{image}"><figcaption>{name}</figcaption></figure>'
 
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[object]], kind: str = "") -> str:
-    """Return a table that scrolls by itself where it is wider than the page."""
-    head = "".join(f'<th scope="col">{text(each)}</th>' for each in headings)
+    """Return a table. It scrolls if it is wider than the page."""
+    head = "".join(f'<th scope="col">{text(heading)}</th>' for heading in headings)
     body = "".join(f"<tr>{''.join(map(_data, row))}</tr>" for row in rows)
     kind += " many" if len(headings) > _MANY else ""
     return (
@@ -61,13 +61,13 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[object]], kind: str =
 
 
 def _data(cell: object) -> str:
-    """Return a cell; on paper the lines of words are broken, and a number stays whole."""
+    """Return a cell; on paper, numbers are not wrapped."""
     words = text(cell)
     return f'<td class="number">{words}</td>' if set(words) <= _NUMBER else f"<td>{words}</td>"
 
 
 def folded(summary: str, inside: str, short: bool = False) -> str:
-    """Return a part that a reader may unfold; a short one is unfolded on paper."""
+    """Return a part that the reader can unfold; a short part is unfolded on paper."""
     kind = ' class="short"' if short else ""
     return f"<details{kind}><summary>{text(summary)}</summary>{inside}</details>"
 
@@ -78,23 +78,23 @@ def plain(values: Mapping[str, Any]) -> str:
 
 
 def plot(
-    caption: str, lines: Sequence[Line], x_label: str, y_label: str, note: str = "", **how: Any
+    caption: str, lines: Sequence[Line], x_label: str, y_label: str, note: str = "", **options: Any
 ) -> str:
-    """Return a plot with its names above, and below it values under the pointer and in a table.
+    """Return a plot with a legend, the values under the pointer, and a table of values.
 
-    how: as `chart` takes it.
+    `options` are options of `chart`.
     """
-    drawn = chart(lines, x_label, y_label, **how)
-    words = paragraph(note, "faint") if note else ""
+    drawn = chart(lines, x_label, y_label, **options)
+    remark = paragraph(note, "faint") if note else ""
     return (
         f"<figure><figcaption>{text(caption)}</figcaption><div>{legend(lines)}</div>{drawn}"
-        f'<div class="told" aria-live="polite">{_HINT}</div>{words}'
+        f'<div class="told" aria-live="polite">{_HINT}</div>{remark}'
         f"{folded('Values', _values(lines, x_label, y_label))}</figure>"
     )
 
 
 def _values(lines: Sequence[Line], x_label: str, y_label: str) -> str:
-    """Return a table of each line at a few places."""
+    """Return a table with some values of each line."""
     first, path = lines[0], lines[0].times is not None
     columns = [(x_label, first.x, ".4g") if first.times is None else ("t [s]", first.times, ".4g")]
     for line in lines:
@@ -109,5 +109,5 @@ def _values(lines: Sequence[Line], x_label: str, y_label: str) -> str:
 
 
 def embedded(data: bytes, kind: str) -> str:
-    """Return a file's bytes as an address that needs no network."""
+    """Return a data URL of a file."""
     return f"data:{kind};base64,{b64encode(data).decode('ascii')}"

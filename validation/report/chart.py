@@ -1,7 +1,7 @@
-"""Line charts as SVG for a self-contained page, with the values that its script reads out.
+"""Line charts as SVG, with data for the script that shows values under the pointer.
 
-Text and axes take the page's colour, so a chart suits a dark page. Lines differ by their dashes
-and names as well as by their colours.
+Text and axes have the colour of the page, so a chart also works on a dark page. Lines differ in
+their dashes, names and colours.
 """
 
 import math
@@ -17,20 +17,29 @@ from robotball.view.lines import Look
 
 from ..plots import LEAST, in_view
 
-_POINTS = 400  # of a line at most, since a screen shows no more
-_WIDTH, _HEIGHT = 560, 330  # px of the picture
-# px around the axes; above them, where it never meets a number, stands the name of the upright one.
-_LEFT, _RIGHT, _TOP, _BOTTOM = 66, 16, 38, 46
-_DIGITS = 5  # of a value shown under the pointer
+_POINTS = 400  # points of a line; a screen shows no more
+_WIDTH, _HEIGHT = 560, 330  # px, size of the picture
+_LEFT, _RIGHT, _TOP, _BOTTOM = 66, 16, 38, 46  # px around the axes; the y label is at the top
+_DIGITS = 5  # digits of a value under the pointer
 _CROSS = "m-5-5 10 10m0-10-10 10"
 
 
 @dataclass(frozen=True)
 class Line:
-    """A named line through x and y (n,).
+    """A line of a chart.
 
-    times   (n,) shown for the point under the pointer, where x is not the time [s]
-    broken  whether it ends too soon, at a cross
+    Attributes
+    ----------
+    look : Look
+        The style and name.
+    x, y : (n,)
+        The points.
+    times : (n,), s, or None
+        The times of the points, if x is not the time.
+    width : float
+        The width of the line.
+    broken : bool
+        Whether the line ends too early, with a cross.
     """
 
     look: Look
@@ -50,12 +59,22 @@ def chart(
     reach: float = math.inf,
     frame: Array | None = None,
 ) -> str:
-    """Return an <svg> with axes, round ticks, lines and their names.
+    """Return an <svg> with axes, ticks and lines.
 
-    log: the y axis is logarithmic; reach: how far beyond the first line the others are seen;
-    frame (2, 2): the ends of axes to one scale, by which the picture is as high as they need, with
-    a dot at the start. The attribute `data-lines` holds the values that the page's script shows
-    under the pointer.
+    The attribute `data-lines` has the values that the page's script shows under the pointer.
+
+    Parameters
+    ----------
+    lines : sequence of Line
+        The lines, the reference first.
+    x_label, y_label : str
+        The labels of the axes.
+    log : bool
+        Whether the y axis is logarithmic.
+    reach : float
+        How far the y axis extends beyond the first line to show the other lines.
+    frame : (2, 2), optional
+        The ends of axes with equal scales; a dot marks the start.
     """
     thin = [_fewer_points(line) for line in lines]
     xs, ys = [line.x for line in thin], [line.y for line in thin]
@@ -86,7 +105,7 @@ def chart(
     parts.append(_svg_text(_LEFT + width / 2, low + 40, x_label))
     parts.append(_svg_text(2, 18, y_label, "start"))
     data = [_data(line, px(line.x), py(line.y)) for line in thin]
-    # A picture in the picture cuts off what leaves the axes.
+    # The nested <svg> clips the lines.
     parts.append(f'<svg {inside} viewBox="{_LEFT} {_TOP} {width} {height}">')
     parts += [_polyline(line, px(line.x), py(line.y)) for line in thin]
     if frame is not None:
@@ -101,7 +120,7 @@ def chart(
 
 
 def legend(lines: Sequence[Line]) -> str:
-    """Return HTML of the lines' names, each beside a piece of its line."""
+    """Return a legend as HTML."""
     return "".join(
         '<span class="key"><svg width="34" height="10" aria-hidden="true">'
         f'<line x1="1" y1="5" x2="33" y2="5" {_stroke(line)}/></svg> '
@@ -111,7 +130,7 @@ def legend(lines: Sequence[Line]) -> str:
 
 
 def ticks(low: float, high: float, most: int = 7) -> list[float]:
-    """Return at most `most` round numbers from low to high, in steps of 1, 2 or 5 times 10^n."""
+    """Return at most `most` multiples of 1, 2 or 5 times 10^n between low and high."""
     raw = (high - low) / most
     power = 10.0 ** math.floor(math.log10(raw))
     step = next(n * power for n in (1, 2, 5, 10) if n * power >= raw * (1 - 1e-9))
@@ -129,7 +148,7 @@ def _fewer_points(line: Line) -> Line:
 
 
 def _range(values: Sequence[Array], reach: float) -> tuple[float, float]:
-    """Return the ends of an axis, a little beyond the finite values and never equal."""
+    """Return distinct ends of an axis, slightly beyond the finite values."""
     low, high = in_view(values[0], np.concatenate(values), reach)
     least = 1e-6 * max(abs(low), abs(high)) or 1.0
     if high - low < least:
@@ -139,7 +158,7 @@ def _range(values: Sequence[Array], reach: float) -> tuple[float, float]:
 
 
 def _log_range(values: Sequence[Array]) -> tuple[float, float]:
-    """Return the exponents of the decades around the values, the lowest at rounding."""
+    """Return the exponents of the decades that contain the values above rounding."""
     every = np.concatenate(values)
     positive = every[np.isfinite(every) & (every > LEAST)]
     if not len(positive):
@@ -162,7 +181,7 @@ def _stroke(line: Line) -> str:
 
 
 def _polyline(line: Line, x: Array, y: Array) -> str:
-    """Return a line, with a cross where it is broken."""
+    """Return a line, with a cross at the end if it is broken."""
     places = [(a, b) for a, b in zip(x, y, strict=True) if math.isfinite(a + b)]
     points = " ".join(f"{a:.1f},{b:.1f}" for a, b in places)
     drawn = f'<polyline points="{points}" {_stroke(line)} stroke-linejoin="round"/>'
@@ -173,7 +192,7 @@ def _polyline(line: Line, x: Array, y: Array) -> str:
 
 
 def _data(line: Line, x: Array, y: Array) -> dict[str, object]:
-    """Return a line as the page's script reads it: pixels, and the values there."""
+    """Return the data of a line for the page's script: pixels and values."""
     return {
         "name": line.look.label,
         "colour": line.look.colour,
@@ -185,5 +204,4 @@ def _data(line: Line, x: Array, y: Array) -> dict[str, object]:
 
 
 def _svg_numbers(values: Array, form: str = f".{_DIGITS}g") -> list[float | None]:
-    # JSON has no NaN.
     return [float(f"{x:{form}}") if math.isfinite(x) else None for x in values.tolist()]

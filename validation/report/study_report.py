@@ -1,4 +1,4 @@
-"""Report a study's JSON file: its tables, its versions, and the pictures beside it."""
+"""Report the JSON file of a study: tables, versions, and pictures."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -11,40 +11,39 @@ from robotball.files import contents, readable
 
 from . import folded, page, paragraph, picture, plain, table, text
 
-_LONGEST = 60  # rows of a table; the file has the others
+_LONGEST = 60  # rows of a table
 _WIDEST = 60  # characters of a cell
 
 
 def study_report(source: Path) -> str:
-    """Return the page of a JSON file that a study wrote, with its picture `x.png`, or all `x….png`.
+    """Return the page of a study's JSON file, with its picture `x.png`, or all pictures `x….png`.
 
-    Raises InputError for a file that cannot be read, or that no study wrote.
+    Raises InputError if the file cannot be read or is not from a study.
     """
     data = contents(source)
-    with readable(f"{source} is no JSON"):
+    with readable(f"{source} is not valid JSON"):
         record = json.loads(data)
     parts = record if isinstance(record, list) else [record]
-    # Every record that a study writes names its versions, and hardly any other JSON does.
+    # Records of studies have versions, which other JSON files rarely have.
     if not parts or not all(
         isinstance(part, dict) and isinstance(part.get("versions"), dict) for part in parts
     ):
-        raise InputError(f"{source} is no record of a study: it names no versions")
+        raise InputError(f"{source} is not the record of a study: it has no versions")
     body = [f"<h1>{text(source.stem)}</h1>", paragraph(f"A study's record, {source.name}.")]
-    own = source.with_suffix(".png")
-    # One picture of its own name, or one for each map.
-    beside = source.parent.glob(f"{escape(source.stem)}*.png")
-    pictures = map(picture, [own] if own.exists() else sorted(beside))
+    single = source.with_suffix(".png")
+    several = source.parent.glob(f"{escape(source.stem)}*.png")  # one for each map
+    pictures = map(picture, [single] if single.exists() else sorted(several))
     body += [*pictures, *(_tables("runs", parts) if record is parts else _sections(record))]
     body.append(folded("Versions", plain(parts[0]["versions"]), short=True))
     return page(f"robotball: {source.stem}", body)
 
 
 def _sections(record: Mapping[str, Any]) -> list[str]:
-    """Return a record's plain values as one table, and each list of records as another."""
+    """Return a table of a record's plain values, and a table for each list of records."""
     single = {name: _cell(value) for name, value in record.items() if _is_plain(value)}
     body = [plain(single)] if single else []
     for name, value in record.items():
-        if isinstance(value, list) and value and all(isinstance(each, dict) for each in value):
+        if isinstance(value, list) and value and all(isinstance(row, dict) for row in value):
             body += _tables(name, value)
     return body
 
@@ -52,7 +51,7 @@ def _sections(record: Mapping[str, Any]) -> list[str]:
 def _tables(name: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     columns = [key for key, value in rows[0].items() if _is_plain(value)]
     cells = [[_cell(row.get(key)) for key in columns] for row in rows[:_LONGEST]]
-    first = f", of which the first {_LONGEST} are shown" if len(rows) > _LONGEST else ""
+    first = f"; the first {_LONGEST} are shown" if len(rows) > _LONGEST else ""
     return [
         f"<h2>{text(name.replace('_', ' '))}</h2>",
         paragraph(f"{len(rows)} rows{first}.", "faint"),
@@ -69,5 +68,5 @@ def _cell(value: object) -> str:
         return "-"
     if isinstance(value, float):
         return f"{value:.4g}"
-    words = str(value)
-    return words if len(words) <= _WIDEST else f"{words[: _WIDEST - 1]}…"
+    content = str(value)
+    return content if len(content) <= _WIDEST else f"{content[: _WIDEST - 1]}…"

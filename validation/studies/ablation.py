@@ -1,9 +1,8 @@
-"""The error budget: from the naive model to the recipe choice by choice, and back.
+"""Ablation: the effect of each choice of settings, from the naive model to the recipe and back.
 
-Errors hide one another. While the model is built up, an error is that of the worst choice not yet
-made, and a variant can even look worse than the one before: two errors had cancelled, or a smaller
-one was drowned before. The worth of a choice by itself shows where all else is right and it alone
-is undone.
+Errors hide one another. While the model is built up, the worst choice not yet made dominates the
+error, and a variant can look worse than the variant before it because two errors had cancelled. The
+effect of a single choice shows if it alone is undone in the recipe.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -35,22 +34,26 @@ from ..results import record
 from ..study import Column, Row, Study, table_of
 from .timing import Cost, measure_costs, simulated_second
 
-_TIMED = 2.0  # s of the motion over which cost is measured; it hardly changes along the way
-_ROUNDS = 5  # of timing, all variants in turn
+_TIMED = 2.0  # s of the motion over which the cost is measured
+_ROUNDS = 5  # rounds of timing
+_BUILT_UP, _UNDONE = "built up", "undone"  # directions
+_SEPARATOR = "; "  # between faults
+_INCHES = (11.0, 6.2)
+_ERROR_AT, _COST_AT = 6, 58  # points; positions of the numbers to the right of a panel
 
 
 @dataclass(frozen=True)
 class _Choice:
-    """A modelling choice: the fields of Settings that make it, and its description."""
+    """A modelling choice: its fields of Settings and its description."""
 
     name: str
     fields: tuple[str, ...]
     words: str
 
 
-# Choices without which nothing rolls come first, so that the smaller errors behind them are seen.
+# The choices with the largest effect come first because they hide the smaller ones.
 CHOICES = (
-    # The solver's tolerances are relative to inertia; beside a huge one it would stop at once.
+    # The solver's tolerances are relative to the inertia: a huge inertia would stop it at once.
     _Choice("drive", ("drive", "tolerance", "ls_tolerance"), "huge inertias, not servos"),
     _Choice("friction", ("sliding_friction", "torsional_friction"), "more than the motion needs"),
     _Choice("cone", ("cone",), "elliptic, not a pyramid"),
@@ -58,29 +61,29 @@ CHOICES = (
     _Choice("integrator", ("integrator",), "RK4, not Euler"),
     _Choice("start", ("start_in_equilibrium",), "at the depth that carries the weight"),
     _Choice("softness", ("solref", "solimp", "solreffriction", "softness"), "a stiff contact"),
-    _Choice("noslip", ("noslip_iterations", "noslip_tolerance"), "slip is solved for"),
+    _Choice("noslip", ("noslip_iterations", "noslip_tolerance"), "the noslip solver removes slip"),
     _Choice(
         "solver",
         ("solver", "jacobian", "iterations", "warmstart", "island"),
         "PGS and few iterations",
     ),
-    _Choice("timestep", ("timestep",), "shorter than the engine's own"),
+    _Choice("timestep", ("timestep",), "shorter than the engine's default"),
 )
-# A newcomer hangs the shell on the body that it is built around. At both ends a faulty run goes
-# on, so that there is an error to report, and slip is a fault from the same size on.
+# The naive model makes the frame the root body. Both ends continue after a fault, so that they have
+# an error to report, and both report slip above the same tolerance.
 BOTTOM = replace(NAIVE, root="frame", stop_at_fault=False)
 TOP = replace(preset("accurate"), error_tolerance=NAIVE.error_tolerance, stop_at_fault=False)
 
 
 def _adopt(settings: Settings, choice: _Choice, of: Settings) -> Settings:
-    """Return `settings` with the choice as it is made in `of`."""
+    """Return `settings` with the choice as in the settings `of`."""
     return replace(settings, **{name: getattr(of, name) for name in choice.fields})
 
 
 def without(settings: Settings, names: Iterable[str]) -> Settings:
-    """Return `settings` with the named choices undone, and a name that says so.
+    """Return `settings` with the named choices undone and appended to its name.
 
-    Raises InputError for a name that no choice has.
+    Raises InputError for an unknown choice.
     """
     known = {choice.name: choice for choice in CHOICES}
     for name in names:
@@ -91,7 +94,7 @@ def without(settings: Settings, names: Iterable[str]) -> Settings:
 
 
 def built_up() -> tuple[Settings, ...]:
-    """Return the naive model, then settings that each make one choice more, named after it."""
+    """Return the naive model, then settings that each add one choice and have its name."""
     variants = [BOTTOM]
     for choice in CHOICES:
         variants.append(replace(_adopt(variants[-1], choice, TOP), name=choice.name))
@@ -99,25 +102,20 @@ def built_up() -> tuple[Settings, ...]:
 
 
 def each_undone() -> tuple[Settings, ...]:
-    """Return the recipe, then the recipe with each choice alone undone, named after it."""
-    return TOP, *(replace(_adopt(TOP, each, BOTTOM), name=each.name) for each in CHOICES)
+    """Return the recipe, then settings that each undo one choice and have its name."""
+    return TOP, *(replace(_adopt(TOP, choice, BOTTOM), name=choice.name) for choice in CHOICES)
 
 
-_BUILT_UP, _UNDONE = "built up", "undone"  # directions
 _SIGNS = {_BUILT_UP: "+ ", _UNDONE: "- "}
-_WORDS = {
-    _BUILT_UP: "From naive to the recipe, a choice a row: errors still to come hide its worth.",
-    _UNDONE: "The recipe without one choice: what this choice is worth by itself.",
+_HEADINGS = {
+    _BUILT_UP: "From naive to the recipe, one more choice per row: later choices hide its effect.",
+    _UNDONE: "The recipe without one choice: the effect of this choice alone.",
 }
-_SEPARATOR = "; "  # between faults
 _NOTE = (
-    "slip: sliding velocity, root mean square, over the rolling speed.\n"
-    "CPU: processor time of a simulated second. × naive: that over naive's, the\n"
-    "median of rounds, and how far another round is from it at most.\n"
-    "A run with a fault did not roll, however small its errors."
+    "slip: root mean square of the sliding velocity over the rolling speed. CPU: processor time\n"
+    "of a simulated second. × naive: relative to naive, median of rounds ± largest deviation.\n"
+    "A run with a fault did not roll correctly, however small its errors are."
 )
-_INCHES = (11.0, 6.2)
-_ERROR_AT, _COST_AT = 6, 58  # points right of a panel, where its numbers stand
 _SMALL: dict[str, Any] = {"fontsize": 9, "annotation_clip": False}
 _DOT: dict[str, Any] = {"marker": "o", "color": LABEL.colour, "ls": "", "ms": 9}
 _FAULTY: dict[str, Any] = {**_DOT, "mfc": "w", "mew": 2}
@@ -133,18 +131,20 @@ def ablation_study(scene: Scene, times: Array, quick: bool) -> Study:
 def _measure_ablation(scene: Scene, times: Array, rounds: int, show: Show) -> Study:
     # Once for all variants, as the equations do not know them.
     theory = integrate(scene, times)
-    directions = [(_BUILT_UP, each) for each in built_up()]
-    directions += [(_UNDONE, each) for each in each_undone()]
-    if not scene.ball.has_frame:  # on which the shell could hang
-        kept = ((way, each) for way, each in directions if each.name != "root")
-        directions = [(way, replace(each, root="shell")) for way, each in kept]
+    directions = [(_BUILT_UP, settings) for settings in built_up()]
+    directions += [(_UNDONE, settings) for settings in each_undone()]
+    if not scene.ball.has_frame:  # then the shell is the only possible root
+        directions = [
+            (direction, replace(settings, root="shell"))
+            for direction, settings in directions
+            if settings.name != "root"
+        ]
     models = [build(scene, settings) for _, settings in directions]
     agreements = []
     total = len(models) * (rounds + 2)
     for i, model in enumerate(models):
         show(i / total, f"{scene.name}: {model.settings.name}")
-        # Errors over the whole time, costs over a part: timing takes rounds, and cost hardly
-        # changes.
+        # The error needs the whole time. The cost hardly changes in time, so it needs a part.
         agreements.append(Agreement(theory, run(model, theory.times), MUJOCO))
     timed = theory.times[: max(2, int(np.searchsorted(theory.times, _TIMED)))]
     costs = measure_costs(
@@ -156,22 +156,16 @@ def _measure_ablation(scene: Scene, times: Array, rounds: int, show: Show) -> St
         _part_row(direction, agreement, cost, costs[0])
         for (direction, _), agreement, cost in zip(directions, agreements, costs, strict=True)
     ]
-    variants = [{**record(each), **row} for each, row in zip(agreements, rows, strict=True)]
-    heading = f"{scene.name}: {scene.title}"
-    return Study(
-        scene.name, LABEL, ["ablation"], rows,
-        record={
-            "scene": scene.name,
-            "choices": [asdict(choice) for choice in CHOICES],
-            "variants": variants,
-        },
-        shown=(f"[bold]{escape(heading)}[/]", *_shown(rows)),
-        picture=_ablation_picture(scene.name, rows),
-    )  # fmt: skip
+    variants = [{**record(run), **row} for run, row in zip(agreements, rows, strict=True)]
+    choices = [asdict(choice) for choice in CHOICES]
+    data = {"scene": scene.name, "choices": choices, "variants": variants}
+    shown = (f"[bold]{escape(f'{scene.name}: {scene.title}')}[/]", *_shown(rows))
+    picture = _ablation_picture(scene.name, rows)
+    return Study(scene.name, LABEL, ["ablation"], rows, data, shown, picture)
 
 
 def _part_row(direction: str, agreement: Agreement, cost: Cost, naive: Cost) -> dict[str, Any]:
-    """Return the numbers of a variant; those of a run that broke off are None."""
+    """Return the numbers of a variant; errors are None if the run broke off."""
     theory, ratio = agreement.theory, cost.over(naive)
     speed = theory.path_scale / float(theory.times[-1])
     return {
@@ -188,19 +182,19 @@ def _part_row(direction: str, agreement: Agreement, cost: Cost, naive: Cost) -> 
     }
 
 
-def _of(rows: Sequence[Row], direction: str) -> list[Row]:
+def _in(rows: Sequence[Row], direction: str) -> list[Row]:
     return [row for row in rows if row["direction"] == direction]
 
 
 def _shown(rows: Sequence[Row]) -> Iterator[Table | str]:
-    for direction, words in _WORDS.items():
-        yield words
-        yield table_of(_COLUMNS, _of(rows, direction), lambda row: row["faults"])
+    for direction, heading in _HEADINGS.items():
+        yield heading
+        yield table_of(_COLUMNS, _in(rows, direction), lambda row: row["faults"])
     yield _NOTE
 
 
 def _name(row: Row) -> str:
-    """Return the choice and its sign; the ends, naive model and recipe, have none."""
+    """Return the choice and its sign; the naive model and the recipe have no sign."""
     ends = BOTTOM.name, TOP.name
     return row["choice"] if row["choice"] in ends else f"{_SIGNS[row['direction']]}{row['choice']}"
 
@@ -211,7 +205,7 @@ def _times_naive(row: Row) -> str:
 
 
 def _first_fault(row: Row) -> str:
-    """Return the first fault of a variant, and how many more there are."""
+    """Return the first fault of a variant and the number of further faults."""
     first, *others = row["faults"].split(_SEPARATOR)
     return f"{first} (+{len(others)})" if others else first
 
@@ -228,12 +222,13 @@ _COLUMNS = (
 
 
 def _ablation_picture(name: str, rows: Sequence[Row]) -> Figure:
-    """Draw path error (dots) and momentum error (diamonds) of every variant, its cost beside."""
-    first, best = _of(rows, _BUILT_UP)[0]["path_error"], _of(rows, _UNDONE)[0]["path_error"]
-    words = f"the recipe takes the path error from {scientific(first)} to {scientific(best)}"
-    figure, (left, right) = panels(f"{name}: {words}", _INCHES, 1, 2, sharex=True)
-    _panel(left, _of(rows, _BUILT_UP))
-    _panel(right, _of(rows, _UNDONE))
+    """Draw path error (dots), momentum error (diamonds) and cost of every variant."""
+    up, undone = _in(rows, _BUILT_UP), _in(rows, _UNDONE)
+    first, best = up[0]["path_error"], undone[0]["path_error"]
+    finding = f"the recipe reduces the path error from {scientific(first)} to {scientific(best)}"
+    figure, (left, right) = panels(f"{name}: {finding}", _INCHES, 1, 2, sharex=True)
+    _panel(left, up)
+    _panel(right, undone)
     if best is not None:
         for axes in (left, right):
             axes.axvline(best, color=INK, linestyle=":")
@@ -241,7 +236,7 @@ def _ablation_picture(name: str, rows: Sequence[Row]) -> Figure:
     right.set_title("the recipe with one choice undone", loc="left", fontsize=10.5)
     drawn = [row[error] for row in rows for error in ("path_error", "momentum_error") if row[error]]
     if drawn:
-        left.set_xlim(min(drawn) / 20, max(drawn) * 20)  # with room beyond all
+        left.set_xlim(min(drawn) / 20, max(drawn) * 20)
     handles: list[Artist] = [
         Line2D([], [], **_DOT, label="path error"),
         Line2D([], [], **_FAULTY, label="path error, faulty run"),
@@ -255,7 +250,7 @@ def _ablation_picture(name: str, rows: Sequence[Row]) -> Figure:
 def _panel(axes: Axes, rows: Sequence[Row]) -> None:
     axes.set_yticks(range(len(rows)), [_name(row).replace("- ", "− ") for row in rows])
     axes.set(xscale="log", xlabel="path error and momentum error, relative")
-    # The first variant stands at the top, as in the table.
+    # The first variant is at the top, like in the table.
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_axisbelow(True)
     for i, row in enumerate(rows):

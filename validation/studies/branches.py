@@ -1,4 +1,4 @@
-"""Bifurcation diagrams: branches of a ball's motions in one number."""
+"""Bifurcation diagrams: branches of a ball's motions as one number changes."""
 
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -48,14 +48,14 @@ _MARKERS = {FOLD: "^", BRANCH: "s", HOPF: "o", DOUBLING: "D", DRIFT: "P", _NO_BO
 _LINES: Any = {"c": INK, "lw": 1.6, "ls": "--"}, {"c": INK, "lw": 2.2}  # unstable, stable
 _PLACE = ("value", "gamma1", "gamma2", "gamma3")
 _SENSES = ("supercritical", "subcritical")
-_ROUNDING = 1e-9  # 1/s, of l₁
-_LONGEST = 300.0  # s, of a period
-_SEARCHED, _STARTS = 100.0, 16  # s, the longest period searched for; random starts where M ≠ 0
-_INSIDE = 3  # values within the range at which cycles are searched for, some seconds each
-_ZERO = 1e-9  # of the range: a number nearer to 0 is 0
-_WRITE_EVERY = 5.0  # s between writings of what has been found
-_OF_THE_REST = 0.02  # of the search at a place, which each point of a branch is taken for
-_REPEATED = 8  # points of a branch that the engine repeats, half a second each, beside special ones
+_ROUNDING = 1e-9  # 1/s; a smaller l₁ is rounding
+_LONGEST = 300.0  # s, longest period
+_SEARCHED, _STARTS = 100.0, 16  # s, longest period of the search; random starts if M ≠ 0
+_INSIDE = 3  # values inside the range at which cycles are searched for, a few seconds each
+_ZERO = 1e-9  # fraction of the range; a smaller number is 0
+_WRITE_EVERY = 5.0  # s between writes of partial results
+_OF_THE_REST = 0.02  # fraction of the remaining progress that each point of a branch takes
+_REPEATED = 8  # ordinary points of a branch that the engine repeats, half a second each
 
 
 # Writes what has been found so far, and returns the picture's path.
@@ -63,7 +63,7 @@ _Save = Callable[[Study], Path]
 
 
 def _row_of(family: motions.Range, branch: int, point: Point) -> dict[str, Any]:
-    """Return a point of a branch as plain data: SI units, principal axes; of cycles exponents/s."""
+    """Return a point of a branch as plain data in SI units and principal axes."""
     u, s = point.x[:-1], float(point.x[-1])
     ball, size, *_ = family.at(s)
     gamma, *mu = motions.vectors_of(u)
@@ -73,7 +73,7 @@ def _row_of(family: motions.Range, branch: int, point: Point) -> dict[str, Any]:
     vectors = {"gamma": gamma, "M": M, "real": exponents.real, "imaginary": exponents.imag}
     return {
         "branch": branch,
-        # Three unknowns are a γ of the motion from rest, whose points the paper names.
+        # Points with three unknowns (γ of the motion from rest) have names in the paper.
         "name": name_of(ball, gamma) if len(u) == 3 else str(branch),
         "value": family.value(s),
         "kind": point.kind,
@@ -84,64 +84,71 @@ def _row_of(family: motions.Range, branch: int, point: Point) -> dict[str, Any]:
 
 
 def _special(family: motions.Range, number: int, branch: Branch) -> Iterator[Row]:
-    """Yield a branch's special points, and where its period grows without bound, with words."""
+    """Yield the special points of a branch with explanations, and the ends of unbounded period."""
     for point in branch.special():
-        row, what = _row_of(family, number, point), ""
+        row, explanation = _row_of(family, number, point), ""
         if point.kind == DRIFT:
-            what = "motions that drift are born"
+            explanation = "drifting motions begin"
         elif point.kind == HOPF and row["period"]:
-            what = "a torus is born"
+            explanation = "a torus begins"
         elif point.kind == HOPF and isinstance(family, motions.Family):
-            value, born = motions.born_cycles(family, point, _SEARCHED)
-            sense = "degenerate" if abs(value) < _ROUNDING else _SENSES[value > 0]
-            what = f"{sense}, l₁ = {value:.3g} 1/s"
-            for first in born.points[1 : 2 if abs(value) > _ROUNDING else 1]:
-                what += f", {'' if first.is_stable else 'un'}stable cycles "
-                what += "above" if first.x[-1] > point.x[-1] else "below"
-                if value < 0 and not first.is_stable:
-                    what += ": another exponent is positive"
-        yield {**row, "what": what}
+            explanation = _hopf(family, point)
+        yield {**row, "what": explanation}
     for end, points in zip(branch.ends, (branch.points[::-1], branch.points), strict=True):
         if end.startswith(motions.ENDLESS) and len(points) > 1:
             s, power = motions.growth(points)
             law = f"distance^-{power:.3f}: saddle-node" if power else "logarithm: homoclinic"
             row = _row_of(family, number, points[-1])
-            law += f"; extrapolated from {row['period']:.4g} s at {row['value']:.7g}"
-            law += "" if 0 <= s <= 1 else ", to outside the range"
-            yield {**row, "kind": _NO_BOUND, "value": family.value(s), "what": law}
+            source = f"extrapolated from {row['period']:.4g} s at {row['value']:.7g}"
+            outside = "" if 0 <= s <= 1 else ", to outside the range"
+            explanation = f"{law}; {source}{outside}"
+            yield {**row, "kind": _NO_BOUND, "value": family.value(s), "what": explanation}
+
+
+def _hopf(family: motions.Family, point: Point) -> str:
+    """Return the sense of a Hopf bifurcation, and the stability and side of its cycles."""
+    value, born = motions.born_cycles(family, point, _SEARCHED)
+    if abs(value) < _ROUNDING:
+        return f"degenerate, l₁ = {value:.3g} 1/s"
+    explanation = f"{_SENSES[value > 0]}, l₁ = {value:.3g} 1/s"
+    for first in born.points[1:2]:
+        side = "above" if first.x[-1] > point.x[-1] else "below"
+        explanation += f", {'' if first.is_stable else 'un'}stable cycles {side}"
+        if value < 0 and not first.is_stable:
+            explanation += ": another exponent is positive"
+    return explanation
 
 
 def _branch_picture(
     scene: Scene, label: tuple[str, str], rows: Sequence[Row], special: Sequence[Row]
 ) -> Figure:
-    """Draw the branches over the number: of cycles the period, else the γᵢ that varies most.
+    """Draw the branches over the number: the period of cycles, or the γᵢ that varies most.
 
-    special: points with their kind; any other than ours is what an engine says of motions repeated.
+    `special` has the special points, and the points that an engine repeated with its error as kind.
     """
-    branches = [[*of] for _, of in groupby(rows, lambda row: row["branch"])]
-    # Branches of points move along some axis more than along others; a cycle has no one γ, but
-    # one of what is driven has it at the start of a period.
+    branches = [[*points] for _, points in groupby(rows, lambda row: row["branch"])]
+    # A driven cycle has a γ at the start of its period; other cycles have no single γ.
     key = max(
         ("gamma3", "gamma2", "gamma1"),
-        key=lambda each: sum(np.ptp([row[each] for row in some]) for some in branches),
+        key=lambda name: sum(np.ptp([row[name] for row in points]) for points in branches),
     )
     along = "γ" + "₁₂₃"[int(key[-1]) - 1]
     if rows[0]["period"] is not None and scene.steady:
         key, along = "period", "period [s]"
-    found = "; ".join(
-        f"{kind} at {', '.join(map('{:g}'.format, sorted(some)))}"
+    kinds = "; ".join(
+        f"{kind} at {', '.join(map('{:g}'.format, sorted(values)))}"
         for kind in _MARKERS
-        if (some := {float(f"{row['value']:.4g}") for row in special if row["kind"] == kind})
+        if (values := {float(f"{row['value']:.4g}") for row in special if row["kind"] == kind})
     )
-    heading = f"{scene.name}, over {label[0]}: {found or 'no special point'}"
+    heading = f"{scene.name}, over {label[0]}: {kinds or 'no special point'}"
     figure, axes = panels(heading, (9.0, 6.0))
     axes.set(xlabel="{} [{}]".format(*label), ylabel=along)
     axes.set_yscale("log" if key == "period" else "linear")
     for stable, word in (True, "stable"), (False, "unstable"):
         if any(row["stable"] == stable for row in rows):
             axes.plot([], [], label=word, **_LINES[stable])
-    for each in branches:
-        _draw_branch(axes, each, key, named=len(branches) > 1)
+    for points in branches:
+        _draw_branch(axes, points, key, named=len(branches) > 1)
     for kind in dict.fromkeys(row["kind"] for row in special):
         places = [(row["value"], row[key]) for row in special if row["kind"] == kind]
         face, edge = (ACCENT, INK) if kind in _MARKERS else ("none", LABEL.colour)
@@ -152,20 +159,20 @@ def _branch_picture(
 
 
 def _draw_branch(axes: Axes, rows: Sequence[Row], key: str, named: bool) -> None:
-    """Draw one branch, solid where it is stable, with the names of its parts if it is named."""
+    """Draw one branch, solid if stable and else dashed, and its names if it is named."""
     x, y = (np.array([row[name] for row in rows]) for name in ("value", key))
-    # Between special points a branch is stable or not; next to one, rounding may say otherwise.
+    # Stability changes only at special points. Next to them rounding may suggest otherwise.
     for i, k in pairwise([0, *(i for i, row in enumerate(rows) if row["kind"]), len(rows) - 1]):
         inside = [row["stable"] for row in rows[i : k + 1] if not row["kind"]]
         style = _LINES[2 * sum(inside) >= len(inside)] | {"marker": "." * (len(rows) == 1)}
         axes.plot(x[i : k + 1], y[i : k + 1], **style)
     places = (3 * len(rows) // 4, len(rows) // 4) if named else ()
     for i in {rows[i]["name"]: i for i in places}.values():
-        # Above what is above zero, else below, on the side from which the line turns away.
+        # Write above positive values and below negative ones, on the side away from the line.
         before, after, up = max(i - 1, 0), min(i + 1, len(rows) - 1), y[i] >= 0
         left = ((x[after] - x[before]) * (y[after] - y[before]) > 0) == up
-        note(axes, rows[i]["name"], (x[i], y[i]), (-4 if left else 4, 5 if up else -13), color=INK,
-             ha="right" if left else "left", path_effects=halo())  # fmt: skip
+        style = {"color": INK, "ha": "right" if left else "left", "path_effects": halo()}
+        note(axes, rows[i]["name"], (x[i], y[i]), (-4 if left else 4, 5 if up else -13), **style)
 
 
 def follow_branches(
@@ -245,66 +252,67 @@ def _branches(
 
 
 class _Findings(Watch):
-    """The branches that are found, written while the search goes on, and how far that is."""
+    """Collect branches, write them during the search, and show its progress."""
 
     def __init__(self, of: str, scene: Scene, family: motions.Range, bar: Show, save: _Save):
         self.of, self.scene, self.family, self.bar, self.save = of, scene, family, bar, save
         self.branches: list[Branch] = []
-        self.growing: list[Branch] = []  # the one that is being followed
+        self.growing: list[Branch] = []  # the branch being followed
         self.special: dict[tuple[Any, ...], Row] = {}
         self.repeated: list[Row] = []
-        self.engine = ""  # that repeats
-        self.lost_at: dict[str, list[str]] = {}  # by the reason without its numbers
-        self.place, self.done, self.goal = "", 0.0, 1.0  # of the search, with and without the place
+        self.engine = ""  # engine that repeats motions
+        self.lost_at: dict[str, list[str]] = {}  # reasons, grouped without their numbers
+        # Progress: the current place, and the fractions done before and after it.
+        self.place, self.done, self.goal = "", 0.0, 1.0
         self.due = time.monotonic() + _WRITE_EVERY
 
     def at(self, s: float) -> str:
-        """Return the number at s in words."""
+        """Return the number at s as text."""
         return f"{self.family.label[0]} = {self.family.value(s):.4g}"
 
     def seeks(self, s: float, place: int, places: int) -> None:
-        """Say where solutions are sought next."""
+        """Show the value at which solutions are searched for next."""
         self.place = f"{self.scene.name}, place {place} of {places}"
         self.done, self.goal = (place - 1) / places, place / places
         self.bar(self.done, f"{self.place}: search at {self.at(s)}")
 
     def grows(self, branch: Branch) -> None:
-        """Say how far a branch goes, and write it now and then."""
+        """Show the progress of a branch, and write it from time to time."""
         self.growing, x = [branch], branch.points[0].x
-        words = f"branch {len(self.branches) + 1}, {len(branch.points)} points, to {self.at(x[-1])}"
-        if len(x) % 3 == 2:  # (u, s) of a cycle, whose u ends with ln T
-            words += f", period {np.exp(x[-2]):.4g} s"
-        # Nobody knows how many points there are.
+        # A cycle has (u, s), and its u ends with ln T.
+        period = f", period {np.exp(x[-2]):.4g} s" if len(x) % 3 == 2 else ""
+        size = f"branch {len(self.branches) + 1}, {len(branch.points)} points"
+        # The number of points is unknown in advance.
         self.done += _OF_THE_REST * (self.goal - self.done)
-        self.bar(self.done, f"{self.place}: {words}")
+        self.bar(self.done, f"{self.place}: {size}, to {self.at(x[-1])}{period}")
         if time.monotonic() > self.due:
             self.write()
             self.due = time.monotonic() + _WRITE_EVERY
 
     def lost(self, s: float, reason: str) -> None:
-        """Note what is given up."""
+        """Record a motion that was given up."""
         alike = self.lost_at.setdefault("".join(filter(str.isalpha, reason)), [])
         alike.append(f"first at {self.at(s)}: {reason.partition(';')[0]}")
 
     def losses(self) -> list[str]:
-        """Return in words how often, where first and why something was given up."""
-        return [f"{len(some)} × given up, {some[0]}" for some in self.lost_at.values()]
+        """Return for each reason the number of motions given up and the first of them."""
+        return [f"{len(events)} × given up, {events[0]}" for events in self.lost_at.values()]
 
     def ends(self, branch: Branch) -> None:
-        """Note a branch that is followed no further."""
+        """Record a finished branch."""
         self.branches.append(branch)
         self.growing = []
         self._note(branch, len(self.branches))
 
     def _note(self, branch: Branch, number: int) -> None:
-        # A branch point is on two branches at least.
+        # A branch point lies on several branches and is recorded once.
         self.special.update(
             ((row["kind"], *(round(row[key], 5) for key in _PLACE)), row)
             for row in _special(self.family, number, branch)
         )
 
     def repeat(self, settings: Settings) -> None:
-        """Repeat some motions of each branch, and those at its special points, by the engine."""
+        """Repeat some motions of each branch, and its special points, with the engine."""
         assert isinstance(self.family, Driven)
         self.engine = f"{LABEL.name}, {settings.name}"
 
@@ -322,7 +330,7 @@ class _Findings(Watch):
                     self.repeated.append(_row_of(self.family, number, point) | {"apart": apart})
 
     def write(self) -> tuple[Study, Path] | None:
-        """Write what has been found, if anything has; return it and the picture's path."""
+        """Write the branches, and return the study and the path of its picture; None if empty."""
         branches = [*self.branches, *self.growing]
         for branch in self.growing:
             self._note(branch, len(branches))
@@ -332,11 +340,13 @@ class _Findings(Watch):
         return study, self.save(study)
 
     def _study(self, branches: Sequence[Branch]) -> Study:
-        """Return branches with their tables and their picture."""
+        """Return the study of branches with its tables and its picture."""
         scene, family, special = self.scene, self.family, [*self.special.values()]
         of, over, (symbol, unit) = self.of, family.name, family.label
         rows = [
-            _row_of(family, n, point) for n, each in enumerate(branches, 1) for point in each.points
+            _row_of(family, n, point)
+            for n, branch in enumerate(branches, 1)
+            for point in branch.points
         ]
         columns = (
             Column("", "kind", words=True),
@@ -347,44 +357,49 @@ class _Findings(Watch):
         )
 
         def place(point: Point) -> float:
-            # A curve comes to its number within the tolerance: 1e-13 of the range is a zero.
+            # Branches end within a tolerance, so 1e-13 of the range is zero.
             value = family.value(float(point.x[-1]))
             return value if abs(value) > _ZERO * abs(family.high - family.low) else 0.0
 
         ends = [
-            {"branch": n, "points": len(each.points), "end": why, "at": place(point)}
-            for n, each in enumerate(branches, 1)
-            for why, point in zip(each.ends, (each.points[0], each.points[-1]), strict=True)
+            {"branch": n, "points": len(branch.points), "end": reason, "at": place(point)}
+            for n, branch in enumerate(branches, 1)
+            for reason, point in zip(
+                branch.ends, (branch.points[0], branch.points[-1]), strict=True
+            )
         ]
         reasons = (
-            Column("branch", "branch", form="d"), Column("points", "points", form="d"),
-            Column(symbol, "at", unit, form=".7g"), Column("where it ends", "end", words=True),
-        )  # fmt: skip
-        told = f"branches: {len(branches)}, points: {len(rows)}; γ in principal axes"
+            Column("branch", "branch", form="d"),
+            Column("points", "points", form="d"),
+            Column(symbol, "at", unit, form=".7g"),
+            Column("end of the branch", "end", words=True),
+        )
+        counts = f"branches: {len(branches)}, points: {len(rows)}; γ in principal axes"
         record = {"scene": scene.name, "of": of, "over": over, "special": special}
-        record |= {"ends": [each.ends for each in branches], "repeated": self.repeated}
+        record |= {"ends": [branch.ends for branch in branches], "repeated": self.repeated}
         shown: list[Table | str] = [table_of(columns, special)] if special else []
-        shown += [table_of(reasons, ends, section="branch"), told, *map(escape, self.losses())]
+        shown += [table_of(reasons, ends, section="branch"), counts, *map(escape, self.losses())]
         marked = special
         if errors := [row["apart"] for row in self.repeated]:
-            words = f"{self.engine}: {len(errors)} motions,"
-            off = f"after a period off by {min(errors):.0e} to {max(errors):.0e}"
-            shown.append(f"{words} {off}")
-            marked = [*special, *({**row, "kind": f"{words}\n{off}"} for row in self.repeated)]
+            engine = f"{self.engine}: {len(errors)} motions,"
+            off = f"off by {min(errors):.0e} to {max(errors):.0e} after a period"
+            shown.append(f"{engine} {off}")
+            marked = [*special, *({**row, "kind": f"{engine}\n{off}"} for row in self.repeated)]
         picture = _branch_picture(scene, family.label, rows, marked)
         return Study(scene.name, None, ("branches", of, over), rows, record, shown, picture)
 
 
 def _cycles(scene: Scene, family: motions.Family, watch: Watch) -> Iterator[tuple[Cycle, float]]:
-    """Return cycles at the family's places: all from rest, else those that starts reach."""
+    """Yield cycles at values of the family: all from rest, or the cycles that starts reach."""
 
-    def found(ball: Parameters, size: float, c: float) -> Sequence[Cycle]:
+    def cycles(ball: Parameters, size: float, c: float) -> Sequence[Cycle]:
         if not size:
             return limit_cycles(ball, _SEARCHED)
         attitudes, _ = level_starts(scene, _STARTS, 0)
         M = size * np.array([np.sqrt(1 - c * c), 0.0, c])
-        # With M ≠ 0 the level of the integrals has three dimensions, too many to search
-        # everywhere; random starts find the cycles that attract.
+        # With M ≠ 0 the level of the integrals has three dimensions, too many to search. Random
+        # starts find attracting cycles.
         return basins(ball, attitudes, np.tile(M, (_STARTS, 1))).cycles
 
-    return ((each, s) for some, s in motions.sought(family, _INSIDE, found, watch) for each in some)
+    places = motions.sought(family, _INSIDE, cycles, watch)
+    return ((cycle, s) for group, s in places for cycle in group)

@@ -1,14 +1,14 @@
 """Charts of the largest exponent over two numbers of a ball, and diagrams of the section over one.
 
-Each point is a motion from the scene's own start, by the equations, after a transient. By λ₁ over
-the later half of its duration it is chaotic; regular, on a cycle or a torus, where λ₁ is the
-motion's own 0; or on a straight line, near which all exponents are negative. The half before says
-how sure that is: chaos may last for thousands of seconds and end. Between points that are not of
-one kind more are put in. A dozen of them, from the least λ₁ to the largest, can be repeated by the
-engine, with bodies designed for each.
+Each point of a chart is a motion of the equations from the scene's start after a transient. λ₁
+over the second half of its duration classifies the motion: chaotic; regular, on a cycle or a torus,
+with λ₁ = 0; or ending on a straight line, with negative exponents only. The first half shows
+transient chaos, which may last thousands of seconds. Between points of different kinds the grid is
+refined. An engine can repeat a dozen points, from the least λ₁ to the largest, with bodies designed
+for each.
 
-A diagram has the crossings of g = 0 with g growing, section 5.2. Its motions begin at the scene's
-own start, or each where the one before ended, so that an attractor is followed past others.
+A diagram shows the crossings of g = 0 with growing g (section 5.2). Its motions begin at the
+scene's start, or each at the end of the previous motion, to follow an attractor past others.
 """
 
 import math
@@ -50,31 +50,31 @@ from .contact_sections import moving_scene
 from .contact_tangent import growth, rolled
 from .maps import draw_level
 
-# Of a neighbour over half of a motion, its logarithm: below 5 on a torus, in chaos beyond 100 over
-# 2000 s; between 10 and 40 are less than one motion in a hundred.
+# Logarithm of a neighbour's growth over half of a motion. Measured: below 5 on a torus, above 100
+# in chaos over 2000 s, and between 10 and 40 in fewer than 1 % of the motions.
 _GROWTH = 20.0
 _CHAOTIC, _TRANSIENT = "chaotic", "transient chaos"
-_CHUNK = 128  # motions of a cell, some seconds of a core
-_LIMIT = 600.0  # s of a cell
+_CHUNK = 128  # motions per cell, a few seconds of a core
+_LIMIT = 600.0  # s, time limit of a cell
 _DOZEN = 12  # points that the engine repeats
-_REJOINED = 10.0  # s after which two neighbours by the engine are brought together again
-_SKIPPED, _FOLLOWED = 3000, 300  # crossings on the way to those of a diagram; with --follow
-_KEPT = 100  # crossings of each motion of a diagram
-_SAME_CROSSING = 1e-3  # of L/√f and of a radian: crossings as near as that are one
-_QUICK = 10  # times fewer points and shorter motions in the quick form
+_REJOINED = 10.0  # s after which neighbouring motions of the engine are rescaled
+_SKIPPED, _FOLLOWED = 3000, 300  # crossings before the diagram's, normally and with --follow
+_KEPT = 100  # crossings of each motion in a diagram
+_SAME_CROSSING = 1e-3  # in L/√f and in rad; closer crossings are the same
+_QUICK = 10  # divides the number of points and the duration in the quick form
 _SAID = (
-    "motions: {points}, {minutes:.2g} minutes of processor time. Of the chart {chaotic:.1%} is "
+    "motions: {points}, {minutes:.2g} minutes of processor time. {chaotic:.1%} of the chart is "
     "chaotic, {straight:.1%} ends on straight lines."
 )
 _SPREAD = " Half of the chaotic λ₁ have a standard error below {median_error:.1g} 1/s"
-_PAPERS = {"fig12": "Fig. 11a", "fig14": "Fig. 11b"}  # the attractors of these scenes
+_PAPERS = {"fig12": "Fig. 11a", "fig14": "Fig. 11b"}  # figures of the paper
 
 _Axes = Mapping[str, Array]
-"""The values (n,) of what is varied, by its name."""
+"""The values (n,) of each varied number, by name."""
 
 
 def axes_of(text: str, count: int) -> dict[str, Array]:
-    """Return so many values by each name of a text NAME=FROM:TO,…; InputError for another text."""
+    """Parse NAME=FROM:TO,… into `count` values per name. Raises InputError if malformed."""
     axes = {}
     for part in text.split(","):
         # Either order of the two numbers: --follow goes along them.
@@ -88,62 +88,58 @@ def axes_of(text: str, count: int) -> dict[str, Array]:
 
 
 def measure(cell: Cell) -> dict[str, Any]:
-    """Return in `rows` how the motions of a cell go on: λ₁ and its error [1/s], kind and word.
+    """Measure the motions of a cell: λ₁ and its error [1/s], and the kind of motion.
 
-    Of those over one number also the last crossings (L/√f, l [rad]). seconds: of processor time.
+    For diagrams also the last crossings (L/√f, l [rad]). `seconds` is processor time.
     """
     begin, n = time.process_time(), len(cell["points"])
     balls, attitudes, momenta = _motions(cell)
-    # Before the exponents, for with --follow they begin where the crossings ended.
+    # With --follow the exponents begin at the end of the crossings.
     crossed = _crossings(balls, attitudes, momenta, cell) if "follow" in cell else [[]] * n
-    found = exponents_of(balls, attitudes, momenta, cell["duration"], cell["transient"])
+    halves = exponents_of(balls, attitudes, momenta, cell["duration"], cell["transient"]).halves
     spent = (time.process_time() - begin) / n
-    # A growth over half of the motion, as its logarithm decides, whatever the duration.
-    growths = (found.halves * cell["duration"] / 2).tolist()
+    growths = (halves * cell["duration"] / 2).tolist()
     rows = [
-        _later("largest", halves)
-        | {"motion": word_of(growth, some), "crossings": some, "seconds": spent}
-        for halves, growth, some in zip(found.halves, growths, crossed, strict=True)
+        _later("largest", pair)
+        | {"motion": word_of(growth, points), "crossings": points, "seconds": spent}
+        for pair, growth, points in zip(halves, growths, crossed, strict=True)
     ]
     return {"rows": rows}
 
 
 def _motions(cell: Cell) -> tuple[list[Parameters], Array, Array]:
-    """Return balls, attitudes (n, 4) and momenta (n, 3) at a cell's points."""
+    """Return balls, attitudes (n, 4) and momenta (n, 3) at the points of a cell."""
     ball, (attitude,), (momentum,) = kernel_start(load_scene(cell["scene"]))
     changes = [dict(zip(cell["over"], point, strict=True)) for point in cell["points"]]
-    balls, momenta = zip(*(varied(ball, momentum, each) for each in changes), strict=True)
+    balls, momenta = zip(*(varied(ball, momentum, numbers) for numbers in changes), strict=True)
     return [*balls], np.tile(attitude, (len(balls), 1)), np.array(momenta)
 
 
 def _crossings(
     balls: Sequence[Parameters], attitudes: Array, momenta: Array, cell: Cell
 ) -> list[list[list[float]]]:
-    """Return the last crossings of each motion, and leave where it ended in `attitudes`."""
+    """Return the last crossings of each motion, and set `attitudes` to the ends of the motions."""
     crossed, n, skipped = [], len(balls), cell["skipped"]
-    # One after the other where each begins at the end of the one before.
+    options: Any = {"direction": 1, "tolerance": LONG_RUN_TOLERANCE}
     for part in [slice(i, i + 1) for i in range(n)] if cell["follow"] else [slice(n)]:
-        found = sections_of(
-            balls[part], attitudes[part], momenta[part], skipped + _KEPT, direction=1,
-            tolerance=LONG_RUN_TOLERANCE,
-        )  # fmt: skip
-        ratios = found.L / np.linalg.norm(momenta[part], axis=1, keepdims=True)
-        for m, *points in zip(found.found, ratios, found.l, strict=True):
+        run = sections_of(balls[part], attitudes[part], momenta[part], skipped + _KEPT, **options)
+        ratios = run.L / np.linalg.norm(momenta[part], axis=1, keepdims=True)
+        for m, *points in zip(run.found, ratios, run.l, strict=True):
             crossed.append(np.stack(points, axis=1)[skipped:m].tolist())
-        # What crosses no more goes on from where it began.
-        on = found.status == DONE
-        attitudes[part][on] = found.attitudes[on, -1]
+        # A motion that stops crossing continues from its start.
+        done = run.status == DONE
+        attitudes[part][done] = run.attitudes[done, -1]
         attitudes[part.stop :] = attitudes[part.stop - 1]
     return crossed
 
 
 def measure_contact(cell: Cell) -> dict[str, Any]:
-    """Return in `rows` λ₁ of a cell's only motion by the engine, and by the equations alongside."""
+    """Measure λ₁ of a cell's single motion with the engine, and with the equations alongside."""
     scene, ((ball,), _, (momentum,)) = load_scene(cell["scene"]), _motions(cell)
-    # MuJoCo needs bodies, and a point of the chart is only A, Ω and K.
+    # A point of the chart has A, Ω and K; MuJoCo needs bodies with these numbers.
     designed = redesign(scene, None, Limits(), ball)[1]
     designed = replace(designed, start=replace(scene.start, momentum=momentum))
-    # A designed ball has its own principal axes, in which the equations have to start.
+    # The equations start in the principal axes of the designed ball.
     ball, attitudes, momenta = kernel_start(designed)
     skipped, kept = (round(cell[name] / _REJOINED) for name in ("transient", "duration"))
     model = build(designed, settings_of(cell["preset"]))
@@ -154,7 +150,7 @@ def measure_contact(cell: Cell) -> dict[str, Any]:
 
 
 def _later(name: str, halves: Array) -> dict[str, Any]:
-    """Return the later of two halves (2,) by a name, and its standard error if both are alike."""
+    """Return the second of two halves (2,) under a name, and its standard error."""
     apart = abs(halves[1] - halves[0])
     return {name: float(halves[1]), f"{name}_error": float(apart / math.sqrt(2))}
 
@@ -162,10 +158,18 @@ def _later(name: str, halves: Array) -> dict[str, Any]:
 def refined(
     shape: tuple[int, ...], levels: int, least: float, measured: Callable[[Integers], Array]
 ) -> Array:
-    """Return λ₁ on a grid of one or two dimensions; where not measured, that of the nearest place.
+    """Return λ₁ on a grid of one or two dimensions, filled from the nearest measured places.
 
-    levels: how often a box of the first grid is divided if its corners differ by more than rounding
-    in kind, which changes at ±`least`; measured: gives λ₁ (n,) at places (n, k), NaN where none is.
+    Parameters
+    ----------
+    shape : tuple of int
+        The size of the finest grid.
+    levels : int
+        How often a box is divided if its corners differ in kind.
+    least : float, 1/s
+        The kind changes at ±`least`.
+    measured : callable
+        Returns λ₁ (n,) at places (n, k), NaN if there is no motion.
     """
     step, last = 2**levels, tuple(range(-len(shape), 0))
     largest, asked, due = np.full(shape, np.nan), np.zeros(shape, bool), np.zeros(shape, bool)
@@ -176,7 +180,7 @@ def refined(
         grid = largest[tuple(slice(None, None, step) for _ in shape)]
         kinds = np.sign(grid) * (np.abs(grid) > least)
         corners = np.lib.stride_tricks.sliding_window_view(kinds, (2,) * len(shape))
-        # A corner without a number makes no border.
+        # A comparison with NaN is false, so a missing corner adds no border.
         for box in step * np.argwhere(np.ptp(corners, axis=last) > 0) if half else ():
             due[tuple(slice(i, i + step + 1, half) for i in box)] = True
         due, step = due & ~asked, half
@@ -185,9 +189,9 @@ def refined(
 
 
 def word_of(growths: Sequence[float], crossings: Sequence[Sequence[float]]) -> str:
-    """Return how a motion goes on, by the logarithms (2,) of a neighbour's growth in two halves.
+    """Return the kind of a motion from the logarithmic growth of a neighbour in its two halves.
 
-    crossings: (n, 2), L/√f and l [rad], where they are known.
+    `crossings` (n, 2) has L/√f and l [rad], or is empty.
     """
     early, late = growths
     if abs(late) > _GROWTH:
@@ -197,7 +201,7 @@ def word_of(growths: Sequence[float], crossings: Sequence[Sequence[float]]) -> s
     if not crossings:
         return "regular"
     L, l = np.array(crossings).T
-    # l = 0 and 2π are one point of the section.
+    # l = 0 and 2π are the same point.
     points = np.stack([L, np.cos(l), np.sin(l)])
     gaps = (np.abs(points[:, n:] - points[:, :-n]).max() for n in range(1, len(l) // 2 + 1))
     periods = [n for n, gap in enumerate(gaps, start=1) if gap < _SAME_CROSSING]
@@ -205,23 +209,23 @@ def word_of(growths: Sequence[float], crossings: Sequence[Sequence[float]]) -> s
 
 
 def _dozen(rows: Sequence[Row]) -> list[Row]:
-    """Return some of the rows, from the least λ₁ to the largest in even steps."""
+    """Return a dozen rows, equally spaced in λ₁."""
     left = sorted(rows, key=lambda row: row["largest"])
-    # Even in λ₁, not in rank: most points of a chart are regular, and a dozen of them says little.
+    # Equal spacing in rank would select regular points mostly.
     steps = np.linspace(left[0]["largest"], left[-1]["largest"], min(_DOZEN, len(left)))
     return [left.pop(np.argmin([abs(row["largest"] - at) for row in left])) for at in steps]
 
 
 def _columns(axes: _Axes) -> list[Column]:
-    """Return the columns of what the engine repeated."""
+    """Return the columns of the table of repeated points."""
     columns = [Column(NUMBERS[name][0], name, NUMBERS[name][1], form=".4g") for name in axes]
-    for by, key in ((EQUATIONS.name, "largest"), (LABEL.name, "contact")):
-        columns += [Column(f"λ₁, {by}", key, "1/s", form=".4f"), Column("±", f"{key}_error")]
+    for source, key in ((EQUATIONS.name, "largest"), (LABEL.name, "contact")):
+        columns += [Column(f"λ₁, {source}", key, "1/s", form=".4f"), Column("±", f"{key}_error")]
     return [*columns, Column("equations alongside", "alongside", "1/s", form=".4f")]
 
 
 def _blank(scene: Scene, axes: _Axes, part: float) -> tuple[Figure, list[str], dict[str, float]]:
-    """Return a figure with its title only, the labels of its axes, and the scene's own numbers."""
+    """Return a figure with a title, the labels of its axes, and the numbers of the scene."""
     figure = Figure(figsize=(9.0, 7.4), layout="constrained")
     over = " and ".join(NUMBERS[name][0] for name in axes)
     title(figure, f"{scene.name}: {part:.0%} is chaotic over {over}")
@@ -232,13 +236,13 @@ def _blank(scene: Scene, axes: _Axes, part: float) -> tuple[Figure, list[str], d
 def _draw_chart(
     scene: Scene, axes: _Axes, largest: Array, least: float, repeated: Sequence[Row]
 ) -> Figure:
-    """Draw λ₁ (across, up) in colours, with the borders of chaos and what the engine repeated."""
+    """Draw λ₁ (across, up) in colours, with the borders of chaos and the repeated points."""
     known = np.isfinite(largest)
     figure, (across, up), own = _blank(scene, axes, (largest[known] > least).mean())
     panel, (x, y) = figure.subplots(), axes
-    # Colour is for chaos alone: what is regular is pale, so that it does not fill the picture.
+    # Only chaos has colour; regular motion is pale.
     colours = colormaps["viridis_r"].with_extremes(under="#E9ECEF")
-    # A chart without any chaos has a scale of colours all the same.
+    # Without chaos the colour scale still needs a positive range.
     most = max(2 * least, float(np.nanmax(largest)))
     image = panel.pcolormesh(*axes.values(), largest.T, cmap=colours, vmin=least, vmax=most)
     figure.colorbar(image, extend="min", label="λ₁ [1/s]; pale: no chaos")
@@ -247,20 +251,24 @@ def _draw_chart(
     panel.contourf(*axes.values(), resting, levels=[0.5, 1.5], colors="none", hatches=["///"])
     marks: dict[str, Row] = {_PAPERS.get(scene.name, scene.name): own}
     marks |= {f"{i}": row for i, row in enumerate(repeated, start=1)}
-    for i, (words, row) in enumerate(marks.items()):
+    for i, (label, row) in enumerate(marks.items()):
         place = row[x], row[y]
         panel.plot(*place, "s" if i else "*", color=ACCENT, mec="white", ms=5 if i else 15)
-        by = (5, -12 if place[1] > axes[y].mean() else 4)  # within the picture
-        note(panel, words, place, by, fontsize=9, path_effects=halo(), annotation_clip=True)
+        offset = (5, -12 if place[1] > axes[y].mean() else 4)  # keep the label inside the picture
+        note(panel, label, place, offset, fontsize=9, path_effects=halo(), annotation_clip=True)
     panel.set(xlabel=across, ylabel=up)
-    words = "lines: borders of chaos" + "; hatched: ends on straight lines" * bool(resting.any())
-    words += "; white: no start" * (not known.all()) + f"; numbers: also by {LABEL.name}" * (i > 0)
-    panel.set_title(words, fontsize=9)
+    legend = {
+        "lines: borders of chaos": True,
+        "hatched: ends on straight lines": resting.any(),
+        "white: no start": not known.all(),
+        f"numbers: repeated with {LABEL.name}": len(repeated) > 0,
+    }
+    panel.set_title("; ".join(text for text, shown in legend.items() if shown), fontsize=9)
     return figure
 
 
 def _draw_diagram(scene: Scene, axes: _Axes, rows: Sequence[Row], part: float) -> Figure:
-    """Draw the crossings' L/√f and l over what is varied, and λ₁ below."""
+    """Draw L/√f and l of the crossings over the varied number, and λ₁ below."""
     figure, (across,), own = _blank(scene, axes, part)
     (name,) = axes
     dots = np.array([(row[name], *at) for row in rows for at in row["crossings"]]).reshape(-1, 3)

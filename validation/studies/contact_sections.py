@@ -1,10 +1,10 @@
-"""Poincaré sections of the contact model beside those of the equations.
+"""Poincaré sections of the equations and of the contact model, and starts for long motions.
 
-Long-run motion needs a scene that is suited to it, and starts on the scene's level of M² and
-(M, γ), which every motion keeps.
+M² and (M, γ) are constant, so all starts lie on the level of the scene's start.
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -34,28 +34,43 @@ from ..study import Study
 
 
 def sound_run(model: Model, start: Start, times: Array) -> Motion:
-    """Return the motion over times (n,) [s]. Raises InputError where it has a fault."""
+    """Return the motion over times (n,) [s]. Raises InputError if the run has a fault."""
     motion = run(model, times, scene=replace(model.scene, start=start))
     if motion.report.faults:
-        raise InputError(f"{LABEL.name}'s run is no result: {motion.report.faults[0]}")
+        raise InputError(f"{LABEL.name}: the run is faulty: {motion.report.faults[0]}")
     return motion
 
 
 def by_contact(settings: Settings, scene: Scene, times: Array) -> Motion:
-    """Return a scene's motion as `sound_run` does, from its own start."""
+    """Return the motion of a scene from its own start, like `sound_run`."""
     return sound_run(build(scene, settings), scene.start, times)
 
 
 def each_step(model: Model, duration: float) -> Array:
-    """Return the times (n,) of a model's steps [s]."""
+    """Return the times (n,) of the steps of a model [s]."""
     return sample_times(duration, model.compiled.opt.timestep)
 
 
 def level_starts(scene: Scene, count: int, seed: int, g: float = 0.0) -> tuple[Array, Array]:
-    """Return starts on the scene's level of M: attitudes (n, 4) and world momenta (n, 3).
+    """Return starts on the scene's level of M² and (M, γ), as `sections` takes them.
 
-    Attitudes are of the principal axes. The scene's own start for a count of 1, else random points
-    of its section g = `g`.
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    count : int
+        The number of starts; 1 for the scene's own start, otherwise random ones with g = `g`.
+    seed : int
+        The seed of the random starts.
+    g : float, rad
+        The section.
+
+    Returns
+    -------
+    attitudes : (n, 4)
+        Attitudes of the principal axes.
+    momenta : (n, 3), kg m²/s, world
+        The momenta.
     """
     check_count("starts", count, 1)
     check_seed(seed)
@@ -65,9 +80,10 @@ def level_starts(scene: Scene, count: int, seed: int, g: float = 0.0) -> tuple[A
         return attitude[None], M[None]
     if not M.any():
         raise InputError(
-            f"{scene.name} starts from rest, and random starts have its M²: give it one"
+            f"{scene.name} starts from rest, so random starts with its M² do not move: "
+            "give it a momentum, or use --starts 1"
         )
-    # The rubber model's M is horizontal by (3.1).
+    # A rubber ball's M is horizontal (3.1).
     c = float(M[2]) if scene.rolling == "classical" else 0.0
     return random_starts(float(M @ M), count, seed, g, c)
 
@@ -75,50 +91,50 @@ def level_starts(scene: Scene, count: int, seed: int, g: float = 0.0) -> tuple[A
 def random_starts(
     f: float, count: int, seed: int, g: float = 0.0, c: float = 0.0
 ) -> tuple[Array, Array]:
-    """Return starts evenly over the annulus of the section g = `g`."""
+    """Return random starts, uniform over the annulus of the section g = `g`."""
     random = np.random.default_rng(seed)
     L = random.uniform(-1.0, 1.0, count) * np.sqrt(f)
     return section_starts(L, random.uniform(-np.pi, np.pi, count), f, g, c)
 
 
 def steady_scene(name: str, purpose: str) -> Scene:
-    """Load a scene whose rates are constant. Raises InputError for any other."""
+    """Load a scene with constant rates. Raises InputError for other scenes."""
     scene = load_scene(name)
     if not scene.steady:
         raise InputError(
-            f"{scene.name}: its drives change in time, and {purpose} needs constant rates; "
+            f"{scene.name}: {purpose} needs constant rates, but its drives change in time; "
             f"'robotball compare {name}' shows its motion"
         )
     return scene
 
 
 def moving_scene(name: str, purpose: str) -> Scene:
-    """Load a steady scene with a momentum. Raises InputError for a start from rest, M = 0."""
+    """Load a steady scene with a momentum. Raises InputError if M = 0 at the start."""
     scene = steady_scene(name, purpose)
     if not np.any(scene.start.momentum):
         raise InputError(
-            f"{scene.name} starts from rest, and {purpose} needs a momentum M other than zero; "
-            f"'robotball dynamics equilibria {name}' shows the motion from rest"
+            f"{scene.name} starts from rest, but {purpose} needs a nonzero momentum M; "
+            f"'robotball equilibria {name}' shows the motion from rest"
         )
     return scene
 
 
 def attracted_scene(name: str, purpose: str) -> Scene:
-    """Load a moving scene that has attractors.
+    """Load a moving scene with attractors.
 
-    Raises InputError where Ω = 0, and phase volume is kept.
+    Raises InputError if Ω = 0, because then phase volume is constant.
     """
     scene = moving_scene(name, purpose)
     if not np.any(scene.parameters.Omega):
         raise InputError(
-            f"{scene.name}: its frame does not turn (Ω = 0), so phase volume is kept and there "
-            f"are no attractors; 'robotball dynamics section {name}' shows its motion"
+            f"{scene.name}: its frame does not turn (Ω = 0), so phase volume is constant and "
+            f"there is no attractor; 'robotball section {name}' shows its motion"
         )
     return scene
 
 
 def _may_come_to_rest(scene: Scene) -> bool:
-    """Return whether a straight-line motion with the scene's M² attracts: motions may end there."""
+    """Return whether motions may end on an attracting straight-line motion."""
     ball, f = scene.parameters, float(scene.start.momentum @ scene.start.momentum)
     if ball.rolling != "rubber" or not np.any(ball.Omega):
         return False
@@ -126,7 +142,7 @@ def _may_come_to_rest(scene: Scene) -> bool:
 
 
 def _at_phase(period: float, attitudes: Array, momenta: Array, skip: int) -> Crossings:
-    """Return points once a period [s], after the first `skip`: (n, m, 4) and (n, m, 3), joined."""
+    """Return the points at the ends of periods [s] after the first `skip`, of all motions."""
     attitudes, momenta = attitudes[:, skip:], momenta[:, skip:]
     axes = rotation_matrix(attitudes).reshape(-1, 3, 3)
     M = np.einsum("nij,ni->nj", axes, momenta.reshape(-1, 3))
@@ -135,25 +151,25 @@ def _at_phase(period: float, attitudes: Array, momenta: Array, skip: int) -> Cro
 
 
 def _draw_section(scene: Scene, theory: Crossings, engine: Crossings | None, where: str) -> Figure:
-    """Draw the section's points on the annulus; filled where g grows, paler where it falls."""
+    """Draw the points of the section on the annulus, paler if g falls."""
     figure, axes = panels(f"{scene.title}: section {where}", (8.0, 6.0))
-    # Dots shrink with their number, lest they fill what is a curve.
+    # Many points need small dots, so that a curve is not filled.
     size = 1.2 if len(theory.l) >= 5000 else 3.0 if engine is None else 7.0
     drawn = [(EQUATIONS.name, theory, EQUATIONS.colour, "o", size)]
     if engine is not None:
         drawn.append((LABEL.name, engine, LABEL.colour, "+", 5.0))
     sides = [(1, 1.0, ", g grows"), (-1, 0.4, ", g falls")]
-    if not where.startswith("g"):  # a phase grows always
+    if not where.startswith("g"):  # a phase always grows
         sides = [(1, 1.0, "")]
     for name, points, colour, mark, size in drawn:
-        for direction, alpha, words in sides:
-            some = points[points.directions == direction]
-            axes.plot(some.l % (2 * np.pi), some.L, mark, color=colour,
-                      alpha=alpha, markersize=size, markeredgewidth=0 if mark == "o" else 0.8,
-                      label=f"{name}{words}")  # fmt: skip
+        style: Any = {"color": colour, "ms": size, "mew": 0 if mark == "o" else 0.8}
+        for direction, alpha, side in sides:
+            half = points[points.directions == direction]
+            label = f"{name}{side}"
+            axes.plot(half.l % (2 * np.pi), half.L, mark, alpha=alpha, label=label, **style)
     size = max(float(np.linalg.norm(scene.start.momentum)), float(np.abs(theory.L).max()))
-    axes.set(xlabel="l [rad], from 0 to 2π", ylabel="L [kg m²/s]",
-             xlim=(0, 2 * np.pi), ylim=(-1.05 * size, 1.05 * size))  # fmt: skip
+    axes.set(xlabel="l [rad], from 0 to 2π", ylabel="L [kg m²/s]")
+    axes.set(xlim=(0, 2 * np.pi), ylim=(-1.05 * size, 1.05 * size))
     axes.legend(loc="best", markerscale=2 if engine is None else 1)
     return figure
 

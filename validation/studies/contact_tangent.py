@@ -1,16 +1,15 @@
-"""The tangent of the contact engine's map: all Lyapunov exponents, limit cycles.
+"""Lyapunov exponents of the contact engine's map from its tangent.
 
-The map: from a state on the constraints, an attitude and M, a ball rolls for a stretch and is read
-back. γ and M in frame axes, the paper's six numbers, are what a turn about the vertical leaves of
-that. A deviation is a small turn in frame axes [rad] and a change of M, world, over |M|: six
-numbers, of which a rubber ball, whose M is horizontal by (3.1), has five. The tangent is taken by
-central differences. Composed with QR along a motion it gives the exponents (Benettin, Galgani,
-Giorgilli and Strelcyn, Meccanica 15, 1980; Geist, Parlitz and Lauterborn, Progress of Theoretical
-Physics 83, 1990), and round a closed motion the multipliers. The equations have the same map, and
-their tangent is taken alike.
+The map takes a state on the constraints (an attitude and M), rolls the ball for a stretch of time,
+and reads the state back. A deviation is a small rotation in frame axes [rad] and a change of M in
+the world over |M|: six numbers, five for a rubber ball, whose M is horizontal (3.1). The tangent is
+computed with central differences. QR decompositions along a motion give the exponents (Benettin,
+Galgani, Giorgilli and Strelcyn, Meccanica 15, 1980; Geist, Parlitz and Lauterborn, Progress of
+Theoretical Physics 83, 1990), and around a closed motion the multipliers. The equations have the
+same map with the same tangent.
 
-Along the motion, about the vertical (in place of γ², which is 1 of every attitude), and with M²
-and (M, γ), which are constant, deviations do not grow: of the six exponents four are 0.
+Four of the six exponents are 0: deviations along the motion and about the vertical do not grow, and
+M² and (M, γ) are constant.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -34,10 +33,7 @@ from robotball.engines.mujoco.model import Model, build
 from robotball.processes import allowed, in_processes
 from robotball.robot.formulas import Parameters
 from robotball.rotations import Array, multiply
-from robotball.theory.ensembles.orbits import (
-    LONG_RUN_TOLERANCE,
-    orbits,
-)
+from robotball.theory.ensembles.orbits import LONG_RUN_TOLERANCE, orbits
 
 from ..output import known, progress_bar
 from ..study import Column, Study, table_of
@@ -49,32 +45,43 @@ from .contact_sections import (
 
 
 def rolled(model: Model, duration: float, attitudes: Array, momenta: Array) -> tuple[Array, Array]:
-    """Return attitudes (m, 4) and M (m, 3) after MuJoCo rolled the ball for a duration [s].
+    """Roll the ball with MuJoCo for a duration [s], and return attitudes (m, 4) and M (m, 3).
 
-    attitudes, of the principal axes, and momenta, world: of the starts. InputError on a fault.
+    `attitudes` of the principal axes and `momenta` in the world are the starts. Raises InputError
+    if a run has a fault.
     """
     ends, times = [], np.array([0.0, duration])
     for q, M in zip(attitudes, momenta, strict=True):
         motion = sound_run(model, own_start(model.scene, q, M), times)
         ends.append((motion.attitude[-1], motion.momentum[-1]))
-    last, M = (np.array(each) for each in zip(*ends, strict=True))
+    last, M = map(np.array, zip(*ends, strict=True))
     return multiply(last, model.scene.principal_quaternion), M
 
 
 def integrated(
     parameters: Parameters, duration: float, attitudes: Array, momenta: Array
 ) -> tuple[Array, Array]:
-    """Return the same by the equations."""
+    """Integrate the equations for a duration [s], like `rolled`."""
     times = np.array([0.0, duration])
     return orbits(parameters, attitudes, momenta, times).attitudes[:, -1], momenta
 
 
 @dataclass(frozen=True)
 class _Growth:
-    """How deviations from n motions grow in s stretches, k of them kept apart by QR.
+    """Growth of k orthogonal deviations from n motions over s stretches.
 
-    stretch s; momenta (n, 3) kg m²/s, world; logarithms (n, s, k): of the growth, the fastest
-    first; attitudes (n, s, 4) at the beginnings, along (n, s, 6, k): the deviations there.
+    Attributes
+    ----------
+    stretch : float, s
+        The length of a stretch.
+    momenta : (n, 3), kg m²/s, world
+        The momenta.
+    logarithms : (n, s, k)
+        The logarithms of the growth, the fastest first.
+    attitudes : (n, s, 4)
+        The attitudes at the beginnings of the stretches.
+    along : (n, s, 6, k)
+        The deviations at the beginnings of the stretches.
     """
 
     stretch: float
@@ -85,27 +92,25 @@ class _Growth:
 
     @property
     def spectra(self) -> Array:
-        """Return the six exponents (n, 6) of each motion, in the order of their means [1/s].
+        """The six exponents (n, 6) of each motion, sorted by their means [1/s].
 
-        Exponents that were not computed are 0. For a rubber ball that is the one of (M, γ) = 0
-        (3.1).
+        Exponents that were not computed are 0, such as the exponent of (M, γ) of a rubber ball.
         """
-        found = self.logarithms.mean(axis=1) / self.stretch
-        six = np.pad(found, ((0, 0), (0, 6 - found.shape[1])))
+        computed = self.logarithms.mean(axis=1) / self.stretch
+        six = np.pad(computed, ((0, 0), (0, 6 - computed.shape[1])))
         return six[:, np.argsort(-six.mean(axis=0))]
 
     def ends(self, last: int = 5) -> Exponents:
-        """Return the first exponent, and the sum of those from `last` on."""
-        # In two halves, whose difference says how sure the mean is.
+        """Return the first exponent in two halves of the time, and the divergence."""
         parts = np.array_split(self.logarithms[:, :, 0] / self.stretch, 2, axis=1)
         halves = np.stack([part.mean(axis=1) for part in parts], axis=1)
         divergence = halves.mean(axis=1) + self.spectra[:, last:].sum(axis=1)
         return Exponents(halves, divergence, self.logarithms.shape[1] * self.stretch)
 
     def by_equations(self, parameters: Parameters) -> tuple[Array, float]:
-        """Return `logarithms` and the mean divergence [1/s] by the equations.
+        """Return `logarithms` and the mean divergence [1/s] of the equations.
 
-        Of the same deviations from the same states, stretch by stretch.
+        Every stretch begins with the same states and deviations.
         """
         states = self.attitudes.reshape(-1, 4), self.momenta.repeat(self.along.shape[1], axis=0)
         along = self.along.reshape(-1, *self.along.shape[2:])
@@ -117,29 +122,34 @@ class _Growth:
 
 
 def growth(
-    flow: Flow, stretch: float, skipped: int, count: int, k: int, starts: tuple[Array, Array],
-    scale: float | None = None
-) -> _Growth:  # fmt: skip
-    """Follow k deviations of n motions over `count` stretches [s] after some that are skipped.
+    flow: Flow,
+    stretch: float,
+    skipped: int,
+    count: int,
+    k: int,
+    starts: tuple[Array, Array],
+    scale: float | None = None,
+) -> _Growth:
+    """Follow k deviations of n motions over `count` stretches [s] after `skipped` ones.
 
-    starts: attitudes (n, 4) and momenta (n, 3), as `rolled` takes them. After every stretch a
-    motion is put back on the constraints, with the M that it started from: a contact model slips
-    and spins a little, and its M drifts to levels that are not of interest. With a scale
-    [kg m²/s] of changes of M, which then is no constant, it goes on with the M that it has.
+    The starts are attitudes (n, 4) and momenta (n, 3), as for `rolled`. After every stretch a
+    motion returns to the constraints and to the M of its start, because slip and spin of a contact
+    model let M drift to other levels. If M is not constant, give the `scale` [kg m²/s] of its
+    changes; the motion then continues with its current M.
     """
     attitudes, momenta = starts
-    # Changes of M first: begun with turns, which keep M, the others would fall in behind too late.
+    # Begin with changes of M. Rotations leave M constant, so the last deviations would align late.
     first = np.eye(6)[:, k - 1 :: -1]
     first[:3, -1] = ANY_TURN
-    along, found = np.tile(first, (len(attitudes), 1, 1)), []
+    along, stretches = np.tile(first, (len(attitudes), 1, 1)), []
     for _ in range(skipped + count):
         began = attitudes, along
         (attitudes, ends), images = tangent(flow, attitudes, momenta, along, scale)
         momenta = momenta if scale is None else ends
         along, R = np.linalg.qr(images)
-        found.append((_logarithms(R), *began))
-    late = zip(*found[skipped:], strict=True)
-    return _Growth(stretch, starts[1], *(np.stack(each, axis=1) for each in late))
+        stretches.append((_logarithms(R), *began))
+    columns = zip(*stretches[skipped:], strict=True)
+    return _Growth(stretch, starts[1], *(np.stack(column, axis=1) for column in columns))
 
 
 def _logarithms(R: Array) -> Array:
@@ -156,9 +166,9 @@ def growths(
     progress: Callable[[float], object] = lambda part: None,
     deviations: int | None = None,
 ) -> _Growth:
-    """Return a scene's `growth` by a flow, on all cores, of some deviations, or of all there are.
+    """Return the `growth` of a scene's deviations under a flow, by default of all, on all cores.
 
-    Raises InputError where the flow does, as `rolled` does on a fault.
+    Raises InputError if the flow does.
     """
     k = deviations or (5 if scene.rolling == "rubber" else 6)
     scale = None if scene.keeps_momentum else scene.momentum_scale
@@ -171,9 +181,9 @@ def growths(
 
 
 _Mean = tuple[str, float, float | None]
-"""A row: a name, a mean and its standard error, if that is known."""
-_STRETCH = 10.0  # s: the fastest deviations grow by e^3.4, the slowest shrink no more than that
-_BATCH = 16  # starts a core followed at once, between two moves of the progress bar
+"""A row: a name, a mean, and its standard error if known."""
+_STRETCH = 10.0  # s, in which deviations grow or shrink by at most e^3.4
+_BATCH = 16  # starts per core between two updates of the progress bar
 
 
 def exponents_study(

@@ -1,14 +1,13 @@
-"""Orders of convergence: one contact model under every integrator, against two references.
+"""Orders of convergence of all integrators on one contact model, against two references.
 
-Against the limit that the contact model itself tends to as steps shrink, an error is of the
-integrator alone. Against the reduced equations it is that and the model's own: once steps are
-short enough, what is left is the distance between the two limits. A contact model that rolls
-truly has none, and the two errors agree down to rounding.
+The first reference is the limit of the contact model itself for short steps: an error against it is
+an error of the integrator. The second is the reduced equations: an error against them includes the
+error of the model. With short steps only the distance between the references remains. A contact
+model that rolls without slipping has no such distance, and both errors agree down to rounding.
 
-A run changes nothing but integrator and step. MuJoCo guards soft contacts in silence (refsafe): it
-raises solref's time constant to two steps. Steps that long are left out, as the contact would no
-longer be the one under study. Steps end on the sample times: MuJoCo's are fractions of the sample
-interval.
+Runs differ in the integrator and the step alone. MuJoCo silently raises the time constant in
+solref to two steps (refsafe). Such long steps are left out because they would change the contact.
+All steps end on the sample times, so MuJoCo's steps are fractions of the sample interval.
 """
 
 from collections.abc import Callable
@@ -34,32 +33,32 @@ from robotball.theory.dop853 import LEAST_RTOL
 from robotball.theory.reduced import LABEL as EQUATIONS
 
 from ..output import Show, panels, progress_bar, scientific
-from ..plots import note
 from ..study import Column, Row, Study, table_of
 from .orders import Order, fit_order, stalled_at
 
 FIXED = f"{ADAPTIVE} fixed"
-# The order that theory claims for a smooth motion.
+# The order in theory, for a smooth motion.
 ORDERS = {name: INTEGRATORS[name].order for name in OWN} | {FIXED: INTEGRATORS[ADAPTIVE].order}
 
-# The heading of a column, the title of a panel, and the words for the line in it.
+# For each reference: the heading of its column, the title of its panel, the label of its line.
 _REFERENCES = {
-    "own": ("own limit", "against the contact model's own limit", "the limit is known to this"),
-    "equations": ("equations", "against the reduced equations", "the limit is this far off"),
+    "own": ("own limit", "against the contact model's own limit", "uncertainty of the limit"),
+    "equations": ("equations", "against the reduced equations", "distance to the limit"),
 }
 
-_HALVINGS = 8  # of the sample interval, for MuJoCo's shortest step
-_LONGEST_STEP, _SHORTEST_STEP = 0.24, 0.005  # s, steps of DOP853, in ratios of √2
-_TOLERANCES = tuple(10.0**-n for n in range(4, 15))  # of DOP853 with steps of its own
-# Its tolerances for the limit, of which the first counts that comes to its end.
+_HALVINGS = 8  # halvings of the sample interval down to MuJoCo's shortest step
+_LONGEST_STEP, _SHORTEST_STEP = 0.24, 0.005  # s, fixed steps of DOP853, in ratios of √2
+_TOLERANCES = tuple(10.0**-n for n in range(4, 15))  # rtol of DOP853 with adaptive steps
+# rtol of DOP853 for the limit; the first run that reaches the end counts.
 _LIMITS = (LEAST_RTOL, 1e-13, 1e-11, 1e-9)
-_ANY = 1.0  # a tolerance that lets every step pass
-_STEPS_ALLOWED, _LEAST_ALLOWED = 600, 64  # steps a second, and besides, before DOP853 is given up
+_ANY = 1.0  # an rtol that accepts every step
+_STEPS_ALLOWED, _LEAST_ALLOWED = 600, 64  # DOP853's limit of steps: per second, and added
+_INCHES = (11.0, 6.6)
 
 
 @dataclass(frozen=True)
 class _Method:
-    """An integrator at a step [s], or at a tolerance with the steps that it takes to keep it."""
+    """An integrator with a fixed step [s], or with adaptive steps for a tolerance."""
 
     integrator: str
     step: float | None = None
@@ -67,7 +66,7 @@ class _Method:
 
     @property
     def name(self) -> str:
-        """Return the integrator's name, by which runs at many steps belong together."""
+        """The name that all runs of a line share."""
         if self.integrator != ADAPTIVE:
             return self.integrator
         return ADAPTIVE if self.step is None else FIXED
@@ -81,13 +80,20 @@ class _Method:
 class Runs:
     """All runs of one contact model.
 
-    rows   a row each, those of one integrator together, the longest step first. step: s, the mean
-           of a run that chooses its own. Errors are of the path, over its length, None where it did
-           not come to its end: own_error against the contact model's own limit, equations_error
-           against the reduced equations; richardson: what the run at the next longer step says of
-           own_error, without either reference
-    limit  the limit that the model tends to: the run it is taken from, how well it is known, and
-           how far it is from the equations, both over the path's length
+    Attributes
+    ----------
+    scene, settings : Scene, Settings
+        The scene and the settings of the contact model.
+    duration : float, s
+        The simulated time.
+    limit : dict
+        The limit of the model for short steps: the run `by` which it is computed, its uncertainty
+        `known_to`, and `model_error`, its distance to the equations; both over the path's length.
+    rows : list of dict
+        The runs of each integrator, the longest step first: `step` [s], the mean if adaptive;
+        `own_error` against the limit and `equations_error` against the equations, over the path's
+        length, None if the run broke off; `richardson`, the estimate of `own_error` from this run
+        and the run with the next longer step.
     """
 
     scene: Scene
@@ -98,17 +104,16 @@ class Runs:
 
     @cached_property
     def by_name(self) -> dict[str, list[dict[str, Any]]]:
-        """Return the rows of each integrator."""
+        """The rows of each integrator."""
         names = dict.fromkeys(row["integrator"] for row in self.rows)
         return {name: [row for row in self.rows if row["integrator"] == name] for name in names}
 
     def order(self, name: str, against: str) -> tuple[Order | None, float | None]:
-        """Return the power of the step, or of DOP853's tolerance, with which its errors fall.
+        """Return the order and the error at which an integrator's errors stall, or None.
 
-        Besides, the error at which they stop falling; each is None where there is none.
+        The order is the power of the step, or of the tolerance if steps are adaptive.
         """
         rows = self.by_name[name]
-        # A run that chooses its steps has an order in its tolerance only.
         sizes = [row["rtol"] or row["step"] for row in rows]
         errors = [row[f"{against}_error"] for row in rows]
         known_to = self.limit["known_to"] if against == "own" else 0.0
@@ -127,14 +132,26 @@ def measure_convergence(
 ) -> Runs:
     """Run every integrator at many steps on the contact model of `settings`.
 
-    times: (n,) s, equally spaced from 0, the scene's own if None; halvings: of the sample interval,
-    down to MuJoCo's shortest step; show: called with the part done and the next run.
-    Raises InputError where the contact model breaks off however short the steps.
+    Parameters
+    ----------
+    scene, settings : Scene, Settings
+        The scene and the contact model.
+    times : (n,), s, optional
+        Equally spaced sample times from 0. The default is `scene.times`.
+    halvings : int
+        Halvings of the sample interval down to MuJoCo's shortest step.
+    show : callable
+        Called with the fraction done and the next run.
+
+    Raises
+    ------
+    InputError
+        If the contact model breaks off at any step.
     """
     theory = integrate(scene, times)
     interval = float(theory.times[1])
     finest = _Method("RK4", interval / 2**halvings)
-    # A run at long steps may slip or leave the plane: that is a large error, and no reason to stop.
+    # A run with long steps may slip or leave the plane. Its error counts, so it continues.
     contact = replace(settings, stop_at_fault=False, max_steps=MOST_STEPS)
     model = build(scene, replace(contact, integrator="RK4", timestep=finest.step, rtol=None))
     methods = _methods(model, interval, halvings)
@@ -154,52 +171,52 @@ def measure_convergence(
 
 
 def _methods(model: Model, interval: float, halvings: int) -> list[_Method]:
-    """Return all integrators at all steps and tolerances, the longest step of each first."""
+    """Return all integrators at all steps and tolerances, the longest step first."""
     timeconst = float(model.compiled.pair_solref[0, 0])
-    # A stiffness and damping given directly (negative solref) is left as it is.
+    # refsafe does not change a direct stiffness and damping (negative solref).
     guarded = timeconst / 2 if timeconst > 0 else np.inf
     steps = [interval / 2**n for n in range(halvings)]
-    # refsafe would raise the time constant of longer ones, and the contact would be another.
+    # With longer steps, refsafe would change the contact.
     allowed = [step for step in steps if step <= guarded * (1 + 1e-9)]
     count = int(np.log2(_LONGEST_STEP / _SHORTEST_STEP) * 2) + 1
     return [
         *(_Method(name, step) for name in OWN for step in allowed),
-        # DOP853's error falls by 2⁸ at half the step, so that halves alone would leave too few
-        # points between its longest step and rounding.
+        # Halving the step divides DOP853's error by 2⁸. Finer ratios give enough points above
+        # rounding.
         *(_Method(ADAPTIVE, _LONGEST_STEP / 2 ** (n / 2), _ANY) for n in range(count)),
         *(_Method(ADAPTIVE, None, rtol) for rtol in _TOLERANCES),
     ]
 
 
 def _whole_run(model: Model, method: _Method, times: Array) -> ContactMotion | None:
-    """Return the run of a method; None if it broke off or would not end."""
-    with np.errstate(all="ignore"):  # a run that diverges says so itself
+    """Return the run of a method; None if it broke off or took too many steps."""
+    with np.errstate(all="ignore"):  # the report of a diverging run has the fault
         motion = run(_stepped(model, method, float(times[-1])), times)
     return motion if len(motion.times) == len(times) else None
 
 
 def _stepped(model: Model, method: _Method, duration: float) -> Model:
-    """Compile the model's MJCF afresh, under another integrator."""
+    """Return the model with another integrator and step."""
     settings = replace(
         model.settings, integrator=method.integrator, timestep=method.step, rtol=method.rtol
     )
     if settings.adaptive:
-        # Where rounding keeps it from its tolerance, DOP853 would take ever smaller steps.
+        # DOP853 would take ever shorter steps if rounding prevents the tolerance.
         patience = _LEAST_ALLOWED + int(_STEPS_ALLOWED * duration)
         return replace(model, settings=replace(settings, max_steps=patience))
     assert method.step is not None
     same = replace(model, settings=settings)
     member = f"mjINT_{method.integrator.upper()}"
-    # In the compiled model, not by `build`, so that nothing else can change with the step.
+    # Change the compiled model: `build` could change more than the step.
     same.compiled.opt.integrator = getattr(mujoco.mjtIntegrator, member)
     same.compiled.opt.timestep = method.step
     return same
 
 
 def _limit(run_of: _RunOf, theory: Motion, finest: _Method) -> tuple[Motion, dict[str, Any]]:
-    """Return the limit of short steps, by DOP853 where the motion is smooth enough, or RK4."""
+    """Return the limit of short steps, computed with DOP853, or with RK4 if that fails."""
     assert finest.step is not None
-    # What ten times the tolerance, or twice the step, changes is more than what is still wrong.
+    # The change from a tenfold tolerance, or a doubled step, bounds the error of the limit.
     candidates = [
         *((_Method(ADAPTIVE, None, rtol), _Method(ADAPTIVE, None, 10 * rtol)) for rtol in _LIMITS),
         (finest, replace(finest, step=2 * finest.step)),
@@ -218,37 +235,34 @@ def _limit(run_of: _RunOf, theory: Motion, finest: _Method) -> tuple[Motion, dic
 def _order_row(
     run_of: _RunOf, best: Motion, theory: Motion, before: _Method | None, method: _Method
 ) -> dict[str, Any]:
-    """Compare the run of a method with both references, and with the one before it."""
-    found, step, rtol = run_of(method), method.step, method.rtol if method.step is None else None
-    own = equations = estimate = None
-    if found is not None:
-        step = _step_of(method, found)
-        own, equations = path_error(found, best), path_error(found, theory)
-        alike = before is not None and before.name == method.name and method.name in ORDERS
-        if before is not None and alike and (longer := run_of(before)) is not None:
-            fall = (_step_of(before, longer) / step) ** ORDERS[method.name]
-            # By Richardson: e(h) - e(h/r) = e(h/r) (rᵖ - 1) where e goes as hᵖ.
-            estimate = path_error(longer, found) / (fall - 1)
-    return {
-        "integrator": method.name, "step": step, "rtol": rtol,
-        "own_error": own, "richardson": estimate, "equations_error": equations,
-    }  # fmt: skip
+    """Compare the run of a method with both references, and with the run before it."""
+    row: dict[str, Any] = {"integrator": method.name, "step": method.step}
+    row["rtol"] = method.rtol if method.step is None else None
+    row |= dict.fromkeys(("own_error", "richardson", "equations_error"))
+    if (motion := run_of(method)) is None:
+        return row
+    row["step"] = step = _step_of(method, motion)
+    row["own_error"], row["equations_error"] = path_error(motion, best), path_error(motion, theory)
+    same = before is not None and before.name == method.name and method.name in ORDERS
+    if before is not None and same and (longer := run_of(before)) is not None:
+        # If e ~ hᵖ, then e(h) - e(h/r) = e(h/r) (rᵖ - 1).
+        factor = (_step_of(before, longer) / step) ** ORDERS[method.name]
+        row["richardson"] = path_error(longer, motion) / (factor - 1)
+    return row
 
 
 def _step_of(method: _Method, motion: ContactMotion) -> float:
-    """Return the step of a run [s], the mean if it chose its steps."""
+    """Return the step of a run [s], the mean if adaptive."""
     return method.step or float(motion.times[-1]) / motion.report.steps
 
 
 _NOTE = (
-    "Errors are of the path, over its length. own limit: what the contact model\n"
-    "tends to as steps shrink. Richardson: an estimate of that error from a run and\n"
-    "the one at the next longer step. equations: that error and the model's own.\n"
-    "points: runs that an order comes from. stalls: the error that no shorter step reduces.\n"
-    "DOP853 alone chooses its steps: the order is its power of rtol."
+    "Errors are path errors over the path's length. own limit: against the contact model with\n"
+    "ever shorter steps. Richardson: estimate of that error from this run and the run at the next\n"
+    "longer step. equations: against the equations, including the error of the model. points:\n"
+    "runs of the fitted line. stalls: the error at which shorter steps stop helping. For DOP853\n"
+    "with adaptive steps the order is a power of rtol."
 )
-_INCHES = (11.0, 6.6)
-_NEAR_SLOPES = 2.5  # in ln(step) and ln(error): slopes as near as that get one label
 
 
 def convergence_study(scene: Scene, settings: Settings, times: Array, quick: bool) -> Study:
@@ -259,19 +273,17 @@ def convergence_study(scene: Scene, settings: Settings, times: Array, quick: boo
 
 
 def _convergence_study(study: Runs) -> Study:
-    """Return every run, the orders, and the distance of the two references."""
+    """Return the study with all runs, the orders, and the distance of the two references."""
     limit, name = study.limit, escape(f"{study.scene.name}, {study.settings.name}")
-    return Study(
-        study.scene.name, LABEL, [study.settings.name, "convergence"], study.rows, _record(study),
-        shown=(
-            table_of(_RUNS, study.rows, section="integrator"),
-            table_of(_ORDER_COLUMNS, [_orders(study, each) for each in study.by_name]),
-            _NOTE,
-            f"{name}: the own limit is {limit['model_error']:.1e} of the path away from the "
-            f"equations; {limit['by']} computes it, right to {limit['known_to']:.1e}.",
-        ),
-        picture=_convergence_picture(study),
-    )  # fmt: skip
+    shown = (
+        table_of(_RUNS, study.rows, section="integrator"),
+        table_of(_ORDER_COLUMNS, [_orders(study, integrator) for integrator in study.by_name]),
+        _NOTE,
+        f"{name}: the own limit is {limit['model_error']:.1e} of the path away from the equations; "
+        f"computed with {limit['by']}, accurate to {limit['known_to']:.1e}.",
+    )
+    stem, picture = [study.settings.name, "convergence"], _convergence_picture(study)
+    return Study(study.scene.name, LABEL, stem, study.rows, _record(study), shown, picture)
 
 
 _RUNS = (
@@ -285,7 +297,7 @@ _RUNS = (
 
 
 def _orders(study: Runs, name: str) -> Row:
-    """Return the texts of an integrator's orders, against each reference."""
+    """Return a row with an integrator's order and stall against each reference."""
     row = {"integrator": name, "claim": f"{ORDERS[name]}" if name in ORDERS else "rtol"}
     for against in _REFERENCES:
         order, stall = study.order(name, against)
@@ -307,71 +319,61 @@ _ORDER_COLUMNS = (
 
 
 def _order_text(order: Order | None) -> str:
-    """Return the order with its standard error; a dash where there is none."""
+    """Return the order with its standard error, or a dash."""
     return "-" if order is None else f"{order.order:.2f} ± {order.stderr:.2f}"
 
 
 def _convergence_picture(study: Runs) -> Figure:
-    """Draw path error over step, the fitted slopes and their lower ends, for each reference."""
-    falls: dict[int, list[float]] = {}
+    """Draw path error over step and the fitted lines, in a panel for each reference."""
+    slopes: dict[int, list[float]] = {}
     for name in study.by_name:
         order, _ = study.order(name, "own")
         if order is not None and name in ORDERS:
-            falls.setdefault(ORDERS[name], []).append(order.order)
-    found = [f"{2 ** np.mean(some):.0f} at order {claim}" for claim, some in falls.items()]
-    words = f"half the step divides errors by {', '.join(found)}" if found else "no order is known"
-    heading = f"{study.scene.name}, {study.settings.name}: {words}"
+            slopes.setdefault(ORDERS[name], []).append(order.order)
+    factors = [f"{2 ** np.mean(fits):.0f} at order {claim}" for claim, fits in slopes.items()]
+    finding = f"half the step divides errors by {', '.join(factors)}" if factors else "no order"
+    heading = f"{study.scene.name}, {study.settings.name}: {finding}"
     figure, both = panels(heading, _INCHES, 1, 2, sharex=True, sharey=True)
     levels = (study.limit["known_to"], study.limit["model_error"])
-    for axes, level, (against, (_, heading, words)) in zip(
+    legend: Any = {"title": "order: fitted (dashed) ± standard error", "fontsize": 9, "ncols": 2}
+    for axes, level, (against, (_, title, label)) in zip(
         both, levels, _REFERENCES.items(), strict=True
     ):
         _draw_orders(axes, study, against)
-        axes.axhline(level, color=EQUATIONS.colour, linestyle=":", linewidth=2, label=words)
-        axes.set_title(heading, loc="left", fontsize=11)
+        axes.axhline(level, color=EQUATIONS.colour, linestyle=":", linewidth=2, label=label)
+        axes.set_title(title, loc="left", fontsize=11)
         axes.set(xscale="log", yscale="log", xlabel="step, or its mean [ms]")
-        axes.legend(
-            loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, fontsize=9, frameon=False,
-            title="order: fitted (dashed) ± standard error",
-        )  # fmt: skip
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), frameon=False, **legend)
     both[0].set_ylabel("largest path error over path length")
     return figure
 
 
 def _draw_orders(axes: Axes, study: Runs, against: str) -> None:
-    labelled: list[Array] = []
     for name, rows in study.by_name.items():
         order, _ = study.order(name, against)
-        # By the mean step of a run that chooses them, so that all stand over one scale.
         drawn = [(p["step"] * 1e3, e) for p in rows if p["step"] and (e := p[f"{against}_error"])]
-        words = f"{name}, of rtol" if name == ADAPTIVE else name
-        label = f"{words}: {_order_text(order)}" if order else f"{name}: no order"
-        axes.plot(
-            *np.array(drawn).reshape(-1, 2).T,
-            linestyle="", markerfacecolor="none", label=label, **_mark(name),
-        )  # fmt: skip
-        if order is None or name == ADAPTIVE:
-            continue
-        ends = np.array([order.shortest, order.longest])
-        axes.plot(ends * 1e3, order.error_at(ends), "--", color=_mark(name)["color"], linewidth=1)
-        place = np.array([order.ln_step, order.ln_error])
-        if not any(np.abs(place - other).max() < _NEAR_SLOPES for other in labelled):
-            labelled.append(place)
-            middle = (np.exp(order.ln_step) * 1e3, np.exp(order.ln_error))
-            note(axes, f"slope {order.order:.2f}", middle, (10, -12), fontsize=9)
+        line = f"{name} over rtol" if name == ADAPTIVE else name
+        label = f"{line}: {_order_text(order)}" if order else f"{name}: no order"
+        points = np.array(drawn).reshape(-1, 2).T
+        axes.plot(*points, linestyle="", markerfacecolor="none", label=label, **_mark(name))
+        if order is not None and name != ADAPTIVE:
+            ends = np.array([order.shortest, order.longest])
+            axes.plot(
+                ends * 1e3, order.error_at(ends), "--", color=_mark(name)["color"], linewidth=1
+            )
 
 
 def _mark(name: str) -> dict[str, Any]:
-    """Return the mark of an integrator's runs."""
-    of = INTEGRATORS.get(name, INTEGRATORS[ADAPTIVE])
+    """Return the style of an integrator's marks."""
+    integrator = INTEGRATORS.get(name, INTEGRATORS[ADAPTIVE])
     if name == ADAPTIVE:
         return {"marker": "*", "markersize": 9, "color": INK}
-    colour = LABEL.colour if of.own else INK
-    return {"marker": of.marker, "markersize": of.size, "color": colour}
+    colour = LABEL.colour if integrator.own else INK
+    return {"marker": integrator.marker, "markersize": integrator.size, "color": colour}
 
 
 def _record(study: Runs) -> dict[str, Any]:
-    """Return the study as plain data; an order or a stall that there is not is None."""
+    """Return the study as plain data; missing orders and stalls are None."""
 
     def plain(order: Order | None, stall: float | None) -> dict[str, Any]:
         return {"order": order and asdict(order), "stalled_at": stall}

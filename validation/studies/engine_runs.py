@@ -1,10 +1,12 @@
-"""One run of one engine as a cell: its errors, its contact's quality, its cost and versions.
+"""One run of one engine: errors, quality of the contact, cost and versions.
 
-ContactBench (arXiv 2304.06372) holds engines to three laws. Of Coulomb's law `cone_violation` is
-the residual, of the principle of maximum dissipation `slip_work` is what slip costs; in place of
-Signorini's condition, which a rolling ball meets with equality, the force itself is compared.
+ContactBench (arXiv 2304.06372) tests engines against three laws. `cone_violation` is the residual
+of Coulomb's law, and `slip_work` the energy lost to slip under the principle of maximum
+dissipation. A rolling ball meets Signorini's condition with equality, so the normal force itself is
+compared.
 """
 
+import contextlib
 import hashlib
 import platform
 import statistics
@@ -30,15 +32,25 @@ from ..agreement import Agreement
 from ..output import known
 from ..sensitivity import total_defect
 
-OLDER = "mujoco-3.17"  # before RK4 was of order 4 on free joints
+OLDER = "mujoco-3.17"  # the last release whose RK4 has not order 4 on free joints
+_ENOUGH = 1.0  # s of processor time; a longer run is timed once
+LOOSEST = 0.3  # error tolerance of runs whose preset has no tolerance for their value
+_FIXED_WORK = bytes(1 << 23)  # the time of hashing these bytes measures the machine's current speed
+_UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
 class Contestant:
-    """An engine as one environment has it.
+    """An engine in an environment.
 
-    name: the environment's; engine: its key; requirements: what pip installs there, none where
-    our own environment has the engine.
+    Attributes
+    ----------
+    name : str
+        The name of the environment.
+    engine : str
+        The name of the engine.
+    requirements : tuple of str
+        The packages to install. Empty if robotball's environment has the engine.
     """
 
     name: str
@@ -47,66 +59,58 @@ class Contestant:
 
 
 def contestants() -> dict[str, Contestant]:
-    """Return all contestants by name: the engines, and one of them in an older version."""
-    found = []
+    """Return all contestants by name: the engines, and an older version of MuJoCo."""
+    known = {}
     for name in engine_names():
-        try:
+        with contextlib.suppress(InputError):  # an engine that cannot be loaded
             engine = engine_named(name)
-        except InputError:
-            continue
-        requirements = engine.requirements if isinstance(engine, Adapter) else ()
-        found.append(Contestant(name, name, requirements))
-    found.append(Contestant(OLDER, DEFAULT, (OLDER.replace("-", "==") + ".*",)))
-    return {each.name: each for each in found}
+            requirements = engine.requirements if isinstance(engine, Adapter) else ()
+            known[name] = Contestant(name, name, requirements)
+    older = Contestant(OLDER, DEFAULT, (OLDER.replace("-", "==") + ".*",))
+    return {**known, OLDER: older}
 
 
 def python_of(contestant: Contestant, folder: Path) -> Path | None:
-    """Return the interpreter of a contestant: its environment's, or ours where it needs none.
+    """Return the interpreter of a contestant's environment, or this one if it has the engine.
 
-    None where there is neither.
+    None if the engine is not installed.
     """
-    if own := interpreter_of(folder / contestant.name):
-        return own
+    if python := interpreter_of(folder / contestant.name):
+        return python
     engine = engine_named(contestant.engine)
-    ours = contestant.name == contestant.engine  # another has a version of its own
-    there = ours and (not isinstance(engine, Adapter) or engine.installed)
-    return Path(sys.executable) if there else None
+    here = contestant.name == contestant.engine  # otherwise it needs another version
+    installed = here and (not isinstance(engine, Adapter) or engine.installed)
+    return Path(sys.executable) if installed else None
 
 
 def check_installed(contestants: Iterable[Contestant], folder: Path) -> None:
-    """Raise InputError for a contestant that has neither an environment nor ours."""
-    for each in contestants:
-        if python_of(each, folder) is None:
-            raise not_installed(engine_named(each.engine).label.name, each.name)
+    """Raise InputError for a contestant that is not installed."""
+    for contestant in contestants:
+        if python_of(contestant, folder) is None:
+            raise not_installed(engine_named(contestant.engine).label.name, contestant.name)
 
 
 def install(contestant: Contestant, folder: Path, python: str = "") -> Path:
-    """Make a contestant's environment anew, and return its folder.
+    """Create a contestant's environment and return its folder.
 
-    python: a version or a path; empty for the newest that the engine's newest release supports.
-    Raises InputError as `make` does, and for what our own environment has.
+    `python` is a version or a path, by default the newest that the engine supports. Raises
+    InputError as `make` does, and if the engine needs no installation.
     """
     if not contestant.requirements:
-        raise InputError(f"{contestant.name} is here already: there is nothing to install")
-    by = python_named(python) if python else None
-    return make(folder / contestant.name, contestant.requirements, by)
-
-
-_ENOUGH = 1.0  # s of processor time after which a run is not timed again
-LOOSEST = 0.3  # that a run is held to at another value than the preset's own, which has no other
-_FIXED_WORK = bytes(1 << 23)  # the time of its digest is the speed of the machine at that moment
-_UP = np.array([0.0, 0.0, 1.0])
+        raise InputError(f"{contestant.name} is already installed with robotball")
+    interpreter = python_named(python) if python else None
+    return make(folder / contestant.name, contestant.requirements, interpreter)
 
 
 def run(cell: Mapping[str, Any]) -> dict[str, Any]:
-    """Run a cell and return its record: errors, other readings, cost and versions."""
+    """Run a cell and return its record: errors, readings, cost and versions."""
     scene = load_scene(cell["scene"])
     theory = integrate(scene, sample_times(cell["duration"]))
     engine = engine_named(cell["engine"])
     preset = engine.presets[cell["preset"]]
     settings = settings_of(preset, cell["field"], cell["value"])
     request = Request(engine, settings, loads=theory.loads)
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         before = fixed_work()
         motions = [run_request(scene, theory.times, request)]
@@ -118,7 +122,7 @@ def run(cell: Mapping[str, Any]) -> dict[str, Any]:
             defect = total_defect(engine.prepare(scene, settings), theory)
     motion, report = motions[0], motions[0].report
     agreement = Agreement(theory, motion)
-    spent = [each.report.seconds for each in motions]
+    spent = [timed.report.seconds for timed in motions]
     return {
         "label": engine.label.name,
         "colour": engine.label.colour,
@@ -139,14 +143,14 @@ def run(cell: Mapping[str, Any]) -> dict[str, Any]:
         "python_seconds": known(report.python_seconds),
         "fixed_work": speed,
         "faults": [str(fault) for fault in report.faults],
-        "warnings": sorted({str(each.message) for each in said}),
+        "warnings": sorted({str(warning.message) for warning in caught}),
         "settings": settings.plain(),
         "python": platform.python_version(),
     }
 
 
 def settings_of(preset: EngineSettings, field: str, value: float) -> EngineSettings:
-    """Return the preset with another value of a field, for a run that goes on after a fault."""
+    """Return the preset with another value of a field, and without a stop at faults."""
     changes: dict[str, Any] = {field: value, "stop_at_fault": False}
     if getattr(preset, field) != value:
         changes["error_tolerance"] = LOOSEST
@@ -154,27 +158,28 @@ def settings_of(preset: EngineSettings, field: str, value: float) -> EngineSetti
 
 
 def fixed_work() -> float:
-    """Measure the processor time of a piece of work in which no package takes part [s]."""
+    """Measure the processor time of fixed work that depends on no package [s]."""
     began = time.process_time()
     hashlib.sha256(_FIXED_WORK).digest()
     return measured_time(time.process_time() - began)
 
 
 def contact_quality(motion: ContactMotion, theory: Motion) -> dict[str, float | None]:
-    """Return the residuals of a motion against the equations' at the same times, or their first.
+    """Return the residuals of a motion against the equations' motion at its times.
 
-    normal_force_error  the largest error of the normal force, over the weight
-    cone_violation      how far friction is beyond its cone at most, over the cone
-    slip_work           what friction takes by slip, over the kinetic energy at the start
-    energy_error        the kinetic energy gained, or lost, over the reference's: the largest part
-
-    None where it is not known: forces of engines that give none, energies of balls that are not
-    balanced.
+    Returns
+    -------
+    dict
+        `normal_force_error`, the largest error of the normal force over the weight;
+        `cone_violation`, the largest friction beyond the cone, over the cone; `slip_work`, the
+        energy lost to slip over the kinetic energy at the start; `energy_error`, the largest
+        relative error of the kinetic energy. None without contact forces, or, for the energies, of
+        a ball that is not balanced.
     """
     n, ball = slice(len(motion.times)), theory.scene.ball
     off = motion.loads.normal_force - theory.loads.normal_force[n]
-    # The first sample is of the start, before any step.
-    found = {
+    # The first sample precedes the first step.
+    residuals = {
         "normal_force_error": np.abs(off[1:]).max(initial=0.0) / (ball.mass * theory.scene.gravity),
         "cone_violation": (motion.report.friction_used[1:] - 1.0).max(initial=0.0),
         "slip_work": np.nan,
@@ -184,18 +189,18 @@ def contact_quality(motion: ContactMotion, theory: Motion) -> dict[str, float | 
         energy, slip = kinetic_energy(motion, motion.report.depth)
         right, _ = kinetic_energy(theory, 0.0 * theory.times)
         power = -(motion.loads.contact_force * slip).sum(axis=1)
-        if right.min() > 0:  # a ball at rest has no energy that an error could be relative to
-            found["slip_work"] = trapezoid(power[1:], motion.times[1:]) / right[0]
+        if right.min() > 0:  # the energy of a ball at rest cannot be a unit
+            residuals["slip_work"] = trapezoid(power[1:], motion.times[1:]) / right[0]
             error = energy / right[n] - 1.0
-            found["energy_error"] = error[np.abs(error).argmax()]
-    return {name: known(value) for name, value in found.items()}
+            residuals["energy_error"] = error[np.abs(error).argmax()]
+    return {name: known(value) for name, value in residuals.items()}
 
 
 def kinetic_energy(motion: Motion, depth: Array) -> tuple[Array, Array]:
-    """Return the kinetic energy (n,) [J] of a balanced ball and its velocity of slip (n, 3) [m/s].
+    """Return the kinetic energy (n,) [J] and the slip velocity (n, 3) [m/s] of a balanced ball.
 
-    depth: (n,) m, of the plane in the shell. The centre's velocity v is that of M, which has r×mv
-    in it: so it is known though the contact point's path is only sampled.
+    depth (n,) [m] is the depth of the contact. The centre's velocity v follows from M, which
+    contains r×mv, so the sampled path need not be differentiated.
     """
     ball, R = motion.scene.ball, rotation_matrix(motion.attitude)
     omega, rates = motion.angular_velocity, motion.hinge_rates
@@ -205,8 +210,8 @@ def kinetic_energy(motion: Motion, depth: Array) -> tuple[Array, Array]:
     carried = L - np.einsum("nij,nj->ni", R, omega @ ball.inertia + k)
     v = np.cross(carried, _UP) / (ball.mass * arm)
     shell = np.einsum("nij,nj->ni", R, omega - rates[:, :1] * ball.shell.axis)
-    # A hinge's column of gyrostatic inertia is along its axis, and as long as its inertia.
-    own = rates**2 @ np.linalg.norm(ball.gyrostatic_inertia, axis=0)
+    # The norm of a column of the gyrostatic inertia is the inertia of that hinge.
+    spinning = rates**2 @ np.linalg.norm(ball.gyrostatic_inertia, axis=0)
     turning = (omega * (omega @ ball.inertia + 2 * k)).sum(axis=1)
-    energy = (ball.mass * (v * v).sum(axis=1) + turning + own) / 2
+    energy = (ball.mass * (v * v).sum(axis=1) + turning + spinning) / 2
     return energy, v - arm * np.cross(shell, _UP)

@@ -1,9 +1,11 @@
-"""All engines on a scene: error against processor time, orders, the Pareto front."""
+"""All engines on a scene: error against processor time, orders, and the Pareto front."""
 
 import statistics
 import sys
-from collections.abc import Sequence
-from dataclasses import asdict
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cache
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
@@ -13,7 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.markup import escape
 
-from robotball import InputError, Scene, engine_named, engine_names, load_scene
+from robotball import Engine, InputError, Scene, engine_named, engine_names, load_scene
 from robotball.engines.engine import DEFAULT
 from robotball.engines.environments import call, python_name, said_of, versions_in
 from robotball.robot.looks import INK
@@ -34,101 +36,149 @@ from ..study import (
 )
 from ..sweeps import Cell, Result, rows_of
 from . import engine_runs
-from .engine_rows import row_of
 from .engine_runs import Contestant, python_of
 from .orders import fit_order
 
-_LIMIT = 300.0  # s that a run may take, compilation included
-_ROUNDS = 3  # of timing
+_LIMIT = 300.0  # s, time limit of a run with its compilation
+_ROUNDS = 3  # rounds of timing
+_SAID = 1e-6  # the title of the picture has the cost at this error
+_IDEAL = ":"  # line style of runs in which the engine computes its dynamics alone
+_LEAST = 1e-15  # relative error; smaller errors are rounding
+
+
+Ladder = tuple[str, tuple[float, ...]]
+"""A field of an engine's settings and the values to run."""
+
+
+@dataclass(frozen=True)
+class EngineRow:
+    """The runs of an engine in the study.
+
+    Attributes
+    ----------
+    ladders : mapping of str to Ladder
+        For each preset, the field that is varied and its values.
+    ours : mapping of str to str
+        For each preset, the parts of a run that robotball provides instead of the engine.
+    source : str
+        The page or example of the engine's documentation that its default preset follows.
+    """
+
+    ladders: Mapping[str, Ladder]
+    ours: Mapping[str, str] = field(default_factory=dict)
+    source: str = ""
+
+
+def row_of(name: str) -> EngineRow:
+    """Return the row of an engine, by default one run per preset."""
+    return _rows().get(name) or EngineRow(_as_they_are(engine_named(name)))
+
+
+def _as_they_are(engine: Engine) -> dict[str, Ladder]:
+    """Return a ladder of one value per preset: its timestep, its rtol, or its error tolerance."""
+    ladders: dict[str, Ladder] = {}
+    for name, preset in engine.presets.items():
+        has = [key for key in ("timestep", "rtol") if isinstance(getattr(preset, key, None), float)]
+        key = (*has, "error_tolerance")[0]
+        ladders[name] = (key, (getattr(preset, key),))
+    return ladders
+
+
+@cache
+def _rows() -> dict[str, EngineRow]:
+    text = Path(__file__).with_name("engine_rows.toml").read_text(encoding="utf-8")
+    return {name: _row(**row) for name, row in tomllib.loads(text).items()}
+
+
+def _row(ladders: Any, **others: Any) -> EngineRow:
+    """Return a row of the TOML file, where ladders are {preset: {field: values}}."""
+    pairs = {preset: (key, tuple(row[key])) for preset, row in ladders.items() for key in row}
+    return EngineRow(pairs, **others)
 
 
 def cells_of(
     scene: str, contestants: Sequence[Contestant], folder: Path, duration: float, rounds: int
 ) -> list[Cell]:
-    """Return a run for every value of every ladder of every engine that is there."""
+    """Return a cell for each value of each ladder of each installed engine."""
     stretches = chaotic(load_scene(scene))
     shared = {**scene_cell(scene, duration), "rounds": rounds, "stretches": stretches}
-    return [
-        {**shared, "contestant": each.name, "engine": each.engine, "preset": preset,
-         "field": field, "value": value, "interpreter": str(python)}
-        for each in contestants
-        if (python := python_of(each, folder)) is not None
-        for preset, (field, values) in row_of(each.engine).ladders.items()
-        for value in values
-    ]  # fmt: skip
+    cells: list[Cell] = []
+    for contestant in contestants:
+        if (python := python_of(contestant, folder)) is None:
+            continue
+        engine = {"contestant": contestant.name, "engine": contestant.engine}
+        for preset, (name, values) in row_of(contestant.engine).ladders.items():
+            run = {**shared, **engine, "preset": preset, "field": name}
+            cells += [{**run, "value": value, "interpreter": str(python)} for value in values]
+    return cells
 
 
 def measure(cell: Cell) -> dict[str, Any]:
-    """Run a cell in a process of its own; raises where that ends without a record."""
+    """Run a cell in a process of its environment. Raises if it ends without a record."""
     return call(cell["interpreter"], engine_runs.run, dict(cell))
 
 
 def study_of(scene: Scene, results: Sequence[Result]) -> dict[str, Any]:
     """Return the study of a scene's results, as plain data.
 
-    errors  a description of them: of the path, or in a chaotic scene the total defects of stretches
-    runs    a row each, that of its cell and its record and besides
-              error     as `errors` says
-              cost      processor time of a simulated second [s], at the speed of the study's median
-                        process; python_share: Python's part of it
-              relative_cost  over that of the default engine by its default settings, if run
-              order     of the preset's errors, where they lie on a line
-              newcomer  whether the preset is the engine as it comes, by its `source`
-              ours      the parts that are robotball's
-              usable    whether the error says how well it rolls
-              on_the_pareto_front  whether no usable run is both cheaper and better
-    orders  the lines, with their contestants and presets
-    failed  a row with its contestant, preset, value and fault, for each run without an answer
+    Returns
+    -------
+    dict
+        `errors` describes the errors: path errors, or the total defects of a chaotic scene.
+        `runs` has a row for each run with its cell, its record, and these keys: `error`; `cost`,
+        the processor time of a simulated second [s] at the median speed of the machine;
+        `python_share`, Python's fraction of it; `relative_cost`, relative to the default engine
+        with its default settings; `order` of the preset's errors; `newcomer`, whether the preset is
+        the engine's default; `ours`, robotball's parts of the run; `usable`, whether the error is
+        meaningful; `on_the_pareto_front`. `orders` has the fitted lines, and `failed` the runs
+        without a result.
     """
-    speed = statistics.median([each.record["fixed_work"] for each in results if each.record] or [1])
+    speed = statistics.median([run.record["fixed_work"] for run in results if run.record] or [1])
     by_defects = any(result.cell["stretches"] for result in results)
     runs: list[dict[str, Any]] = []
     orders, failed = [], []
-    for cell, record, failure in ((each.cell, each.record, each.failure) for each in results):
+    for result in results:
+        cell, record, failure = result.cell, result.record, result.failure
         place = {name: cell[name] for name in ("contestant", "preset", "field", "value")}
-        if record is None:
+        if record is not None:
+            error, faults = record["defect" if by_defects else "path_error"], record["faults"]
+            if error is None or record["momentum_error"] is None:
+                failure = "; ".join(faults) or f"broke off at {record['reached']:g} s"
+        if record is None or failure:
             failed.append({**place, "title": _title(place), "fault": failure})
             continue
-        error, faults = record["defect" if by_defects else "path_error"], record["faults"]
-        if error is None or record["momentum_error"] is None:
-            fault = "; ".join(faults) or f"broke off at {record['reached']:g} s"
-            failed.append({**place, "title": _title(place), "fault": fault})
-            continue
         engine, row = engine_named(cell["engine"]), row_of(cell["engine"])
-        python = record["python_seconds"]
-        of, seconds = {**record, **place, "error": error}, record["seconds"]
-        runs.append({
-            **of, "title": _title(of), "fault": "".join(faults[:1]), "usable": _usable(of),
-            "newcomer": cell["preset"] == engine.as_it_comes,
-            "cost": seconds / cell["duration"] * speed / record["fixed_work"],
-            "python_share": min(1.0, python / seconds) if python is not None and seconds else None,
-            "ours": row.ours.get(cell["preset"], ""), "source": row.source,
-        })  # fmt: skip
+        python, seconds = record["python_seconds"], record["seconds"]
+        run = {**record, **place, "error": error, "fault": "".join(faults[:1])}
+        run |= {"title": _title(run), "usable": _usable(run)}
+        run["newcomer"] = cell["preset"] == engine.as_it_comes
+        run["cost"] = seconds / cell["duration"] * speed / record["fixed_work"]
+        known = python is not None and seconds
+        run["python_share"] = min(1.0, python / seconds) if known else None
+        run |= {"ours": row.ours.get(cell["preset"], ""), "source": row.source, "order": None}
+        runs.append(run)
     default = engine_named(DEFAULT)
-    published = getattr(
-        default.presets[default.default], row_of(DEFAULT).ladders[default.default][0]
-    )
-    own = (DEFAULT, default.default, published)
-    unit = next((run["cost"] for run in runs if (*_key(run), run["value"]) == own), None)
+    field = row_of(DEFAULT).ladders[default.default][0]
+    baseline = (DEFAULT, default.default, getattr(default.presets[default.default], field))
+    unit = next((run["cost"] for run in runs if (*_key(run), run["value"]) == baseline), None)
     usable = [run for run in runs if run["usable"]]
-    front = pareto_front(*([run[name] for run in usable] for name in ("error", "cost")))
-    best = [usable[i] for i in front]
+    front = {*pareto_front(*([run[name] for run in usable] for name in ("error", "cost")))}
     for run in runs:
-        run |= {"relative_cost": run["cost"] / unit if unit else None, "order": None}
-        run["on_the_pareto_front"] = any(run is each for each in best)
-    for (contestant, preset), some in groupby(runs, _key):
-        mine = [run for run in some if run["field"] == "timestep"]
-        steps, errors = ([run[name] for run in mine] for name in ("longest_step", "error"))
+        run["relative_cost"] = run["cost"] / unit if unit else None
+        run["on_the_pareto_front"] = False
+    for i, run in enumerate(usable):
+        run["on_the_pareto_front"] = i in front
+    for (contestant, preset), group in groupby(runs, _key):
+        stepped = [run for run in group if run["field"] == "timestep"]
+        steps, errors = ([run[name] for run in stepped] for name in ("longest_step", "error"))
         if order := fit_order(steps, errors):
             orders.append({"contestant": contestant, "preset": preset, **asdict(order)})
-            for run in mine:
+            for run in stepped:
                 run["order"] = order.order
-    what = "chaotic, so errors are the sum of defects over short stretches"
-    return {
-        "scene": scene.name, "rolling": scene.rolling,
-        "errors": what if by_defects else "path errors",
-        "runs": runs, "orders": orders, "failed": failed,
-    }  # fmt: skip
+    defects = "chaotic: errors are the sum of defects over short stretches"
+    study = {"scene": scene.name, "rolling": scene.rolling}
+    study["errors"] = defects if by_defects else "path errors"
+    return {**study, "runs": runs, "orders": orders, "failed": failed}
 
 
 def _key(run: Row) -> tuple[str, str]:
@@ -136,35 +186,31 @@ def _key(run: Row) -> tuple[str, str]:
 
 
 def _title(run: Row) -> str:
-    """Return an engine with its version, the preset, and the step or rtol that it has."""
+    """Return the engine with its version, the preset, and its step or rtol."""
     engine = f"{run['label']} {run['version']}" if "label" in run else run["contestant"]
-    value = run["value"] or 0.0  # a release that cannot be run has none
-    said = {"timestep": f", {value * 1e3:g} ms", "rtol": f", {value:g}"}
-    return f"{engine}, {run['preset']}{said.get(run['field'], '')}"
+    value = run["value"] or 0.0  # a release that cannot be installed has no value
+    values = {"timestep": f", {value * 1e3:g} ms", "rtol": f", {value:g}"}
+    return f"{engine}, {run['preset']}{values.get(run['field'], '')}"
 
 
 def _usable(run: Row) -> bool:
-    """Return whether the error says how well it rolls."""
-    honest = run["momentum_error"] < CANCELLED * max(run["error"], _LEAST)
-    return (
-        run["error"] < engine_runs.LOOSEST and honest and "diverged" not in " ".join(run["faults"])
-    )
+    """Return whether the error is meaningful: the run is not diverged, and no errors cancelled."""
+    consistent = run["momentum_error"] < CANCELLED * max(run["error"], _LEAST)
+    diverged = "diverged" in " ".join(run["faults"])
+    return run["error"] < engine_runs.LOOSEST and consistent and not diverged
 
 
-_SAID = 1e-6  # error of which the picture's title says what it costs
-_IDEAL = ":"  # where the engine gives its dynamics alone
-_LEAST = 1e-15  # below it errors cannot be distinguished
 _NOTE = (
-    "N error, over the weight; cone: friction beyond it; slip work, over the kinetic energy; "
-    "energy gained (+) or lost. CPU: processor time of a simulated second, without set-up and "
-    "reading; relative to that of {} by default; spread of its rounds; Python: its part that "
-    "Python takes at every step. ours: the parts that robotball brings. * on the Pareto front: "
-    "nothing is both cheaper and better."
+    "N error: of the normal force, over the weight; cone: friction beyond its cone; slip work and "
+    "energy: lost to slip, and gained (+) or lost in total, over the kinetic energy. CPU: "
+    "processor time of a simulated second, without set-up and readings; relative: to {} with its "
+    "default settings; spread: of the rounds; Python: Python's share at the steps. ours: parts of "
+    "the run that robotball provides. * on the Pareto front: no run is cheaper and more accurate."
 )
 
 
 def _engines_study(scene: Scene, results: Sequence[Result], words: Sequence[str]) -> Study:
-    """Return every run, those that gave none, and the front; words: of the files' names."""
+    """Return the study with all runs and failures; `words` are parts of the file names."""
     study = study_of(scene, results)
     name, errors = f"{scene.name} ({scene.rolling})", study["errors"]
     rows = [*study["runs"], *study["failed"]]
@@ -191,37 +237,35 @@ COLUMNS = (
 
 
 def _engines_picture(name: str, errors: str, runs: Sequence[Row]) -> Figure:
-    """Draw engines' errors against their costs; of one in two versions the second is pale."""
+    """Draw engines' costs against their errors; the second version of an engine is pale."""
     order = dict.fromkeys(run["contestant"] for run in sorted(runs, key=itemgetter("error")))
     within = [run for run in runs if run["usable"] and run["error"] <= _SAID]
     within.sort(key=itemgetter("cost"), reverse=True)
-    costs = {run["label"]: run["cost"] for run in within}  # the least of each
+    costs = {run["label"]: run["cost"] for run in within}  # the lowest cost of each engine
     cheapest = sorted(costs.items(), key=itemgetter(1))[:2]
-    words = ", ".join(f"{cost * 1e3:.2g} ms by {label}" for label, cost in cheapest) or "no engine"
-    heading = f"{name}: a second right to {_SAID:g} takes {words}"
+    times = ", ".join(f"{cost * 1e3:.2g} ms with {label}" for label, cost in cheapest)
+    finding = f"takes {times} per simulated second" if times else "is reached by no engine"
+    heading = f"{name}: an error of {_SAID:g} {finding}"
     figure, axes = cost_axes(heading, f"{errors}, relative to the path's length")
     drawn = set[str]()
-    for each in order:
-        first = next(run for run in runs if run["contestant"] == each)
-        label, colour = in_picture(f"{first['label']} {first['version']}"), first["colour"]
-        mark, pale = first["marker"], 0.4 if first["label"] in drawn else 1.0
-        drawn.add(first["label"])
-        axes.plot([], [], f"{mark}-", color=colour, linewidth=1, alpha=pale, label=label)
-        for _, some in groupby([run for run in runs if run["contestant"] == each], _key):
-            mine = [*some]
-            style = _IDEAL if {"all", "constraints"} & {*mine[0]["ours"].split(", ")} else "-"
-            axes.plot(
-                [min(max(run["error"], _LEAST), 10.0) for run in mine],
-                [run["cost"] for run in mine], f"{mark}{style}", color=colour, markersize=6,
-                mfc="none" if mine[0]["newcomer"] else colour, linewidth=1, alpha=pale, zorder=2,
-            )  # fmt: skip
-    best = sorted(
-        (max(run["error"], _LEAST), run["cost"]) for run in runs if run["on_the_pareto_front"]
-    )
-    front = np.reshape(best, (-1, 2)).T
+    for contestant in order:
+        own_runs = [run for run in runs if run["contestant"] == contestant]
+        engine, mark, colour = (own_runs[0][key] for key in ("label", "marker", "colour"))
+        label = in_picture(f"{engine} {own_runs[0]['version']}")
+        style: Any = {"color": colour, "linewidth": 1, "alpha": 0.4 if engine in drawn else 1.0}
+        drawn.add(engine)
+        axes.plot([], [], f"{mark}-", label=label, **style)
+        for _, group in groupby(own_runs, _key):
+            line = [*group]
+            dashes = _IDEAL if {"all", "constraints"} & {*line[0]["ours"].split(", ")} else "-"
+            points = [(min(max(run["error"], _LEAST), 10.0), run["cost"]) for run in line]
+            fill = "none" if line[0]["newcomer"] else colour
+            axes.plot(*zip(*points, strict=True), mark + dashes, ms=6, mfc=fill, zorder=2, **style)
+    best = [(max(run["error"], _LEAST), run["cost"]) for run in runs if run["on_the_pareto_front"]]
+    front = np.reshape(sorted(best), (-1, 2)).T
     axes.plot(*front, color=INK, linewidth=1.8, zorder=1, label="Pareto front")
-    axes.plot([], [], "o", color=INK, mfc="none", label="as it comes")
-    axes.plot([], [], _IDEAL, color=INK, linewidth=1, label="rolling constraints of ours")
+    axes.plot([], [], "o", color=INK, mfc="none", label="default settings of the engine")
+    axes.plot([], [], _IDEAL, color=INK, linewidth=1, label="robotball's rolling constraints")
     figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     return figure
 
@@ -265,37 +309,37 @@ def run_engines(
 
 
 def _missed(chosen: Sequence[Contestant], environments: Path) -> list[Result]:
-    """Return a cell without a record for each newer release, as seen at an installation."""
+    """Return a failed result for each newer release that could not be installed."""
     cell = {"preset": "any", "field": "", "value": None, "stretches": False}
     return [
-        Result({**cell, "contestant": each}, None, f"no wheel for {python_name(home)}")
-        for home in (environments / each.name for each in chosen)
-        for each in said_of(home)[1:]
+        Result({**cell, "contestant": release}, None, f"no wheel for {python_name(home)}")
+        for home in (environments / contestant.name for contestant in chosen)
+        for release in said_of(home)[1:]
     ]
 
 
 def _list(chosen: Sequence[Contestant], environments: Path) -> list[Row]:
-    """Print the engines and where they run, and return them."""
+    """Print the engines and where they run, and return their rows."""
     rows: list[Row] = []
-    for each in chosen:
-        engine, python = engine_named(each.engine), python_of(each, environments)
-        there = versions_in(environments / each.name, (*each.requirements, DEFAULT))
-        version = engine.label.version if python == Path(sys.executable) else there or "-"
-        rows.append({
-            "engine": each.name, "name": engine.label.name, "version": version,
-            "presets": ", ".join(engine.presets),
-            "by": python_name(python.parents[1]) if python else "-",
-            "runs in": str(python.parents[1]) if python else "nowhere: not installed",
-        })  # fmt: skip
+    for contestant in chosen:
+        engine, python = engine_named(contestant.engine), python_of(contestant, environments)
+        folder = environments / contestant.name
+        installed = versions_in(folder, (*contestant.requirements, DEFAULT)) or "-"
+        here = python == Path(sys.executable)
+        row = {"engine": contestant.name, "name": engine.label.name}
+        row["version"] = engine.label.version if here else installed
+        row |= {"presets": ", ".join(engine.presets), "by": "-", "runs in": "not installed"}
+        if python:
+            row |= {"by": python_name(python.parents[1]), "runs in": str(python.parents[1])}
+        rows.append(row)
     rows += [
-        {"version": each.cell["contestant"], "runs in": f"nowhere: {each.failure}"}
-        for each in _missed(chosen, environments)
+        {"version": missed.cell["contestant"], "runs in": f"not installed: {missed.failure}"}
+        for missed in _missed(chosen, environments)
     ]
-    others = {each.engine for each in chosen}
-    for key in (each for each in engine_names() if each not in others):
+    for name in engine_names():
         try:
-            engine_named(key)
+            engine_named(name)
         except InputError as error:
-            rows.append({"engine": key, "presets": str(error)})
+            rows.append({"engine": name, "presets": str(error)})
     show([table_of([Column(name, name, words=True) for name in rows[0]], rows)])
     return rows

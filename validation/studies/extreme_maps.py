@@ -1,7 +1,7 @@
-"""The maps of `robotball study extremes` as data: two axes each, and what they change in a run.
+"""Definitions of the failure maps: two axes each, and how their values change a run.
 
-A cell runs a catalog ball with one or two things changed and the rest held, over any number of
-decades. What comes of a cell is in `extremes.py`.
+A cell runs a catalog ball with one or two quantities changed over many decades and the others
+fixed. `extremes.py` evaluates the cells.
 """
 
 from collections.abc import Callable
@@ -20,47 +20,62 @@ from .maps import grid_cells
 
 _SCENES = {"rubber": "fig12", "classical": "classical_regular"}
 TIMESTEP = 2e-3  # s, MuJoCo's default, on maps that do not vary it
-_RTOL = 1e-8  # of the adaptive integrator's steps, where it is not varied
-ERROR_TOLERANCE = 1e-2  # the error that a cell is held to
-_ADAPTIVE_STEPS = 2000  # at most; of the cells that end well none takes 1800
-_COUNT = 8  # values of an axis, if no other number is given
+_RTOL = 1e-8  # relative tolerance of adaptive steps, on maps that do not vary it
+ERROR_TOLERANCE = 1e-2  # relative error tolerance of a cell
+_ADAPTIVE_STEPS = 2000  # limit of adaptive steps; sound cells take fewer than 1800
+_COUNT = 8  # default number of values on an axis
 _QUICK_INTEGRATORS = ("Euler", "RK4", ADAPTIVE)
-_QUICK_COUNT = 3  # values of an axis
-_QUICK_DURATION = 10.0  # s, at most
+_QUICK_COUNT = 3  # values on an axis of the quick form
+_QUICK_DURATION = 10.0  # s, longest duration of the quick form
 
 
 @dataclass(frozen=True)
 class _Axis:
-    """A quantity, with its unit in the label, and its values."""
+    """Label, with the unit, and values of an axis."""
 
     label: str
     values: tuple[float, ...]
 
 
 def _decades(low: float, high: float, count: int = _COUNT) -> tuple[float, ...]:
-    """Return values evenly spaced in their logarithm, to three digits."""
+    """Return logarithmically spaced values, rounded to three digits."""
     return tuple(float(f"{v:.3g}") for v in np.geomspace(low, high, count))
 
 
 _TIMESTEPS = _Axis("timestep [s]", _decades(2e-4, 0.2))
 _LONG_TIMESTEPS = _Axis("timestep [s]", (0.02, 0.05, 0.1, 0.2))
-# The adaptive integrator has no timestep: its rtol varies instead.
+# The adaptive integrator has no timestep: vary its rtol instead.
 _ADAPTIVE_AXES = {
     _TIMESTEPS: _Axis("rtol of a step", _decades(1e-13, 0.1)),
-    # A day's motion takes it minutes, whatever its rtol.
+    # Simulating a day takes minutes at any rtol.
     _LONG_TIMESTEPS: _Axis("rtol of a step", (1e-6,)),
 }
 
 
 @dataclass(frozen=True)
 class Map:
-    """A failure map: the values of x and y, and what each pair of them changes.
+    """A failure map.
 
-    ball       the scene at (x, y), from the base scene
-    options    the options of MuJoCo at (x, y), beside the integrator and its steps
-    ample      whether friction is raised to three times the motion's demand where it is less
-    lasting    whether y is the duration [s]; else a cell lasts a few turns of the ball
-    limit      s that a cell may take
+    Attributes
+    ----------
+    name, title : str
+        The name and the title.
+    held : str
+        The quantities that stay fixed.
+    x, y : _Axis
+        The axes.
+    ball : callable
+        Returns the scene at (x, y), given the base scene.
+    options : callable
+        Returns MuJoCo's options at (x, y), without the integrator and its steps.
+    ample : bool
+        Whether friction is raised to three times the motion's demand.
+    lasting : bool
+        Whether y is the duration [s]. Otherwise a cell lasts a few turns of the ball.
+    rollings : tuple of str
+        The rolling models.
+    limit : float, s
+        The time limit of a cell.
     """
 
     name: str
@@ -76,14 +91,14 @@ class Map:
     limit: float = 60.0
 
     def x_of(self, integrator: str) -> _Axis:
-        """Return the first axis as an integrator has it."""
+        """Return the first axis for an integrator: rtol replaces the timestep if it is adaptive."""
         return _ADAPTIVE_AXES.get(self.x, self.x) if integrator == ADAPTIVE else self.x
 
 
 def cell_run(
     chosen: Map, rolling: str, integrator: str, x: float, y: float
 ) -> tuple[Scene, Settings]:
-    """Return what a cell runs. Raises InputError where there is no such ball."""
+    """Return the scene and settings of a cell. Raises InputError if the ball is impossible."""
     scene = base(rolling)
     settings = _settings(integrator, x if chosen.x in _ADAPTIVE_AXES else None)
     return chosen.ball(scene, x, y), replace(settings, **chosen.options(scene, x, y))
@@ -91,12 +106,12 @@ def cell_run(
 
 @cache
 def base(rolling: str) -> Scene:
-    """Return the scene that the maps of a rolling model start from."""
+    """Return the base scene of a rolling model."""
     return load_scene(_SCENES[rolling])
 
 
 def _settings(integrator: str, step: float | None) -> Settings:
-    """Return the recipe with an integrator and its timestep [s], or rtol if it is adaptive."""
+    """Return the recipe for an integrator and a timestep [s], or an rtol if it is adaptive."""
     if integrator == ADAPTIVE:
         chosen = recipe(integrator, ERROR_TOLERANCE, integrator=ADAPTIVE, rtol=step or _RTOL)
         chosen = replace(chosen, max_steps=_ADAPTIVE_STEPS)
@@ -104,21 +119,21 @@ def _settings(integrator: str, step: float | None) -> Settings:
         timestep = step or TIMESTEP
         chosen = recipe(integrator, ERROR_TOLERANCE, integrator=integrator, timestep=timestep)
         constant, ratio = CONSTANT["solref"]
-        # MuJoCo (refsafe) would raise the time constant to two steps in silence.
+        # MuJoCo (refsafe) would silently raise the time constant to two steps.
         chosen = replace(chosen, solref=(max(constant, 2 * timestep), ratio))
-    # A run is followed to its end, so that its outcome is seen.
+    # The outcome shows only if the run continues after a fault.
     return replace(chosen, stop_at_fault=False)
 
 
 def _with_momentum(scene: Scene, size: float) -> Scene:
     K = momentum_of(scene)
-    # The ball keeps its A: the map varies how much turns inside, and not how it is shared.
+    # Keep A: vary the momentum K alone, not the inertia.
     return gyrostat(scene, K=K / np.linalg.norm(K) * size)
 
 
 MAPS: dict[str, Map] = {
-    each.name: each
-    for each in (
+    chosen.name: chosen
+    for chosen in (
         Map(
             "momentum",
             "timestep × momentum |K|",
@@ -166,7 +181,7 @@ MAPS: dict[str, Map] = {
             _Axis("coefficient of sliding friction", _decades(1e-3, 1e6, 10)),
             _Axis("gravity [m/s²]", _decades(1e-3, 1e3, 7)),
             lambda scene, _, gravity: replace(scene, gravity=gravity),
-            # So much that spin is never the cause: one kind of friction a map.
+            # Enough torsional friction that spin is never the cause.
             lambda _, sliding, __: {"sliding_friction": sliding, "torsional_friction": 1e6},
             ample=False,
         ),
@@ -197,7 +212,7 @@ MAPS: dict[str, Map] = {
             "the ball and its start; damping ratio 1, in solref's direct form",
             _Axis("time constant of the contact [s]", _decades(1e-5, 10, 9)),
             _Axis("solreffriction's damping b [1/s]", _decades(1e-3, 1e6, 10)),
-            # MuJoCo does not soften the direct form of a contact to fit the timestep.
+            # In this direct form MuJoCo does not soften the contact to fit the timestep.
             options=lambda _, constant, rate: {
                 "solref": (-1 / constant**2, -2 / constant), "solreffriction": (-1.0, -rate),
             },
@@ -228,18 +243,18 @@ MAPS: dict[str, Map] = {
 
 @dataclass(frozen=True)
 class Cut:
-    """How much of the maps to run: all integrators and values, or a few."""
+    """The part of the maps to run: integrators, and the number of values on an axis."""
 
     integrators: tuple[str, ...] = tuple(INTEGRATORS)
     count: int | None = None
 
     def values(self, axis: _Axis) -> tuple[float, ...]:
-        """Return those of the axis that are in the cut, its ends among them."""
+        """Return the selected values of an axis, including both ends."""
         values = axis.values
         if self.count is None or self.count >= len(values):
             return values
         if "duration" in axis.label:
-            # A day's motion would be most of the quick form's time.
+            # A simulated day would dominate the time of the quick form.
             values = tuple(v for v in values if v <= _QUICK_DURATION)
         kept = np.linspace(0, len(values) - 1, self.count).round().astype(int)
         return tuple(values[i] for i in np.unique(kept))
@@ -249,7 +264,7 @@ WHOLE, QUICK = Cut(), Cut(_QUICK_INTEGRATORS, _QUICK_COUNT)
 
 
 def cells_of(chosen: Map, cut: Cut = WHOLE) -> list[Cell]:
-    """Return the cells of a map; those of one ball follow each other."""
+    """Return the cells of a map, ordered by rolling model and integrator."""
     cells: list[Cell] = []
     for rolling in chosen.rollings:
         for integrator in cut.integrators:

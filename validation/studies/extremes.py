@@ -1,9 +1,8 @@
-"""Where the contact model breaks: each cell of the maps is run and held against the equations.
+"""Failure maps of the contact model: run each cell and compare it with the equations.
 
-The cells together show which outcomes there are, what was missed and where the limits lie. The
-picture of a map has a panel for each rolling model and integrator, or for several of which all
-cells are alike; a cell shows its outcome by a grey and a hatch, so that it needs no colour, and a
-region has its word where there is room. The maps themselves are data, in `extreme_maps.py`.
+The results count the outcomes and the missed failures, and locate the limits. The picture of a map
+has one panel per rolling model and integrator; integrators with equal cells share a panel. Greys
+and hatches show the outcomes, so no colour is needed. `extreme_maps.py` defines the maps.
 """
 
 import logging
@@ -13,7 +12,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from enum import Enum
-from itertools import compress, cycle, groupby
+from itertools import compress, cycle
 from typing import Any
 
 import numpy as np
@@ -49,13 +48,23 @@ from .extreme_maps import (
 )
 from .maps import draw_cells, draw_level
 
-ACCURATE = 1e-4  # largest error of an accurate run, relative; the recipe's coarsest keeps 1e-6
-WRONG = 0.1  # an error above it is no result at all
+ACCURATE = 1e-4  # largest relative error of an accurate run; the recipe's coarsest step has 1e-6
+WRONG = 0.1  # relative error above which a run is wrong
+_DURATION = 3.0  # s, a few turns of the ball, if the map does not vary the duration
+_TURNING = 200.0  # rad; a fast ball shows its error within this angle
+_LEAST_STEPS = 50  # steps, enough for an instability to grow
+_MOST_SAMPLES = 100  # times at which the two motions are compared
+_AMPLE = 3.0  # friction over the motion's demand
+# Limits of stability. Beyond them the state grows at every step until it overflows.
+_STABILITY = ("rotation", "friction_damping", "contact_spring", "servo_gain")
+_WIDE, _PANEL, _LINE = 7.6, 3.0, 0.19  # inches: picture width, panel height, line of a legend
+_TICKS = 4  # ticks of an axis at most
+_ACROSS, _FEW = 3, 4  # panels in a row at most; up to _FEW panels stand in rows of two
 LAWS = {law.__name__: law for law in (*limits.LAWS, *robot_limits.LAWS, *contact_limits.LAWS)}
 
 
 class Outcome(Enum):
-    """The outcome of a cell: its word on the map, its grey and hatch there, and its sentence."""
+    """The outcome of a cell: its word in tables, its grey and hatch, and its sentence."""
 
     ACCURATE = ("accurate", 1.0, "", f"accurate: error at most {ACCURATE:g}")
     DEGRADED = ("degraded", 0.9, "", f"degraded: error at most {WRONG:g}")
@@ -66,7 +75,7 @@ class Outcome(Enum):
     DIVERGED = ("diverged", 0.55, "", "diverged and reported")
     REFUSED = ("refused", 1.0, "xxxx", "refused before the run, with one line")
     UNFINISHED = ("out of time", 1.0, "\\\\\\\\", "stopped at its limit of steps or time")
-    FAILED = ("failed", 0.15, "xxxx", "ended in an error that nobody had foreseen")
+    FAILED = ("failed", 0.15, "xxxx", "ended in an unexpected error")
 
     def __init__(self, word: str, grey: float, hatch: str, sentence: str) -> None:
         self.word = word
@@ -74,7 +83,7 @@ class Outcome(Enum):
         self.sentence = sentence
 
 
-# Any other kind of fault leaves no state.
+# All other kinds of fault leave no valid state.
 _OF_KIND = {
     FaultKind.OUT_OF_STEPS: Outcome.UNFINISHED,
     FaultKind.CONTACT_LOST: Outcome.LOST_CONTACT,
@@ -85,22 +94,21 @@ _OF_KIND = {
     FaultKind.MOMENTUM_OFF: Outcome.WRONG,
     FaultKind.OFF: Outcome.WRONG,
 }
-# What these cost is in the error, and may be little.
+# These outcomes may cost little accuracy, so the error decides.
 _BY_ERROR = (Outcome.OFF_RATE, Outcome.WRONG)
 
 
 def _largest_error(record: Mapping[str, Any]) -> float | None:
-    """Return the larger of path error and momentum error; None where the run has none."""
-    errors = [record.get(name) for name in ("path_error", "momentum_error")]
-    known = [error for error in errors if error is not None]
-    return max(known) if len(known) == len(errors) else None
+    """Return the larger of path error and momentum error; None if one of them is missing."""
+    path, momentum = record.get("path_error"), record.get("momentum_error")
+    return None if path is None or momentum is None else max(path, momentum)
 
 
 def classify(faults: Sequence[Fault], error: float | None) -> Outcome:
-    """Return the outcome of a run with these faults, the earliest first, and this error.
+    """Return the outcome of a run from its faults, the earliest first, and its error.
 
-    The error is None where the run broke off. One that goes on is called by its first fault, from
-    which the others follow: a ball that slips may well lose its contact later.
+    The error is None if the run broke off. Otherwise the first fault names the outcome because the
+    later faults follow from it: a ball that slips may lose contact later.
     """
     kinds = [_OF_KIND.get(fault.kind, Outcome.DIVERGED) for fault in faults]
     if Outcome.DIVERGED in kinds or (error is None and Outcome.UNFINISHED not in kinds):
@@ -109,7 +117,7 @@ def classify(faults: Sequence[Fault], error: float | None) -> Outcome:
         return Outcome.UNFINISHED
     grave = [kind for kind in kinds if kind not in _BY_ERROR]
     if error > WRONG:
-        # Silently wrong is what has no other name: a run that slipped or lost a rate says so.
+        # A run is silently wrong only if no other fault explains the error.
         first = [kind for kind in kinds if kind is not Outcome.WRONG]
         return first[0] if first else Outcome.WRONG
     if grave:
@@ -117,22 +125,16 @@ def classify(faults: Sequence[Fault], error: float | None) -> Outcome:
     return Outcome.ACCURATE if error <= ACCURATE else Outcome.DEGRADED
 
 
-_DURATION = 3.0  # s, on maps that do not vary it: a few turns of the ball
-_TURNING = 200.0  # rad: no cell that turns fast needs more to show its error
-_LEAST_STEPS = 50  # at least, for an instability to grow in
-_MOST_SAMPLES = 100  # at most, at which the two motions are compared
-_AMPLE = 3.0  # times the motion's demand
-
-
 def measure_cell(cell: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the record of a cell {map, rolling, integrator, x, y}; no input makes it raise.
+    """Run a cell {map, rolling, integrator, x, y} and return its record; never raises.
 
-    outcome: an Outcome's name; path_error, momentum_error: relative, gamma_error: rad, None where
-    the run broke off; faults: of the run; foretold: the limits that the precheck finds exceeded;
-    nearness: how much of each limit is used, None without end; seconds: CPU time.
+    Keys of the record: `outcome`, the name of an Outcome; `path_error` and `momentum_error`,
+    relative, and `gamma_error` [rad], None if the run broke off; `faults` of the run; `foretold`,
+    the limits that the precheck finds exceeded; `nearness`, the value of each limited quantity over
+    its limit, None if infinite; `seconds` of processor time.
     """
     began = time.process_time()
-    # In a process of its own nothing else keeps MuJoCo and NumPy quiet about what is recorded.
+    # The record has the faults, so the worker process need not log MuJoCo's warnings.
     logging.getLogger("absl").setLevel(logging.ERROR)
     chosen, place = MAPS[cell["map"]], (cell[key] for key in ("rolling", "integrator", "x", "y"))
     with warnings.catch_warnings(action="ignore"), np.errstate(all="ignore"):
@@ -147,11 +149,11 @@ def measure_cell(cell: Mapping[str, Any]) -> dict[str, Any]:
 
 def _measured(scene: Scene, settings: Settings, times: Array, ample: bool) -> dict[str, Any]:
     theory = compiled_motion(scene, times)
-    if ample:  # on a map that does not vary friction, slip would hide what its axes do
+    if ample:  # otherwise slip would hide the effect of the map's axes
         settings = _ample(settings, theory)
     motion = run(build(scene, settings), times)
     agreement = Agreement(theory, motion)
-    # By the loads of the whole motion, so that a law is judged and not the loads it was given.
+    # Use the loads of the whole motion, so that the limits are tested and not their inputs.
     plan = PlannedRun(scene, settings, float(times[-1]), theory.loads)
     names = ("path_error", "momentum_error", "gamma_error")
     errors = {name: known(getattr(agreement, name)) for name in names}
@@ -159,7 +161,7 @@ def _measured(scene: Scene, settings: Settings, times: Array, ample: bool) -> di
         "outcome": classify(motion.report.faults, _largest_error(errors)).name,
         **errors,
         "faults": [str(fault) for fault in motion.report.faults],
-        # What a user reads before the run, who does not know the motion yet.
+        # The user's precheck, which does not know the motion yet.
         "foretold": [*exceeded(scene, settings, times)],
         "nearness": {name: known(check.nearness) for name, check in limit_checks(plan).items()},
         "steps": motion.report.steps,
@@ -167,17 +169,16 @@ def _measured(scene: Scene, settings: Settings, times: Array, ample: bool) -> di
 
 
 def _speed_scale(scene: Scene) -> float:
-    """Estimate how fast the ball turns: A(|M| + |K|) + |Ω| [rad/s]."""
+    """Estimate the ball's angular velocity: A(|M| + |K|) + |Ω| [rad/s]."""
     numbers = scene.parameters
     size = np.linalg.norm(scene.start.momentum) + np.linalg.norm(numbers.K)
     return float(max(numbers.A) * size + np.linalg.norm(numbers.Omega))
 
 
 def _sample_times(scene: Scene, settings: Settings, duration: float | None) -> Array:
-    """Return the times (n,) of a cell, whole timesteps apart [s].
+    """Return the sample times (n,) of a cell, at multiples of its timestep [s].
 
-    They cover a few turns of the ball, unless the cell has a duration, and enough steps of a fixed
-    length.
+    Without a duration they cover a few turns of the ball and at least _LEAST_STEPS fixed steps.
     """
     step = settings.timestep or TIMESTEP
     if duration is None:
@@ -191,7 +192,7 @@ def _sample_times(scene: Scene, settings: Settings, duration: float | None) -> A
 
 
 def _ample(settings: Settings, theory: Motion) -> Settings:
-    """Return the settings with friction _AMPLE times the motion's demand, where it is less."""
+    """Raise the friction to at least _AMPLE times the motion's demand."""
     chosen, loads = Resolved(theory.scene, settings), theory.loads
     slide, spin, _ = chosen.friction
     return replace(
@@ -201,12 +202,8 @@ def _ample(settings: Settings, theory: Motion) -> Settings:
     )
 
 
-# Beyond these a step makes the state grow, and a run soon has none.
-_STABILITY = ("rotation", "friction_damping", "contact_spring", "servo_gain")
-
-
 def _outcome_of(result: Result) -> Outcome:
-    """Return the outcome of a cell, also of one that the sweep had to give up."""
+    """Return the outcome of a cell, including cells without a record."""
     if result.record is not None:
         return Outcome[result.record["outcome"]]
     return Outcome.UNFINISHED if result.outlasted else Outcome.FAILED
@@ -223,18 +220,17 @@ def _noticed(result: Result) -> bool:
 
 
 def _error_of(result: Result) -> float | None:
-    """Return the larger of path error and momentum error; None where there is none."""
     return _largest_error(result.record or {})
 
 
 def missed(result: Result) -> bool:
-    """Return whether a run is wrong, and neither the precheck nor the monitor said so."""
+    """Return whether a run is wrong without a warning from the precheck or a fault."""
     error = _error_of(result)
     return error is not None and error > WRONG and not (_foretold(result) or _noticed(result))
 
 
 def _is_wrong(error: float | None) -> bool:
-    """Return whether a run is off by more than a tenth, or has no error, as it broke off."""
+    """Return whether the error is above WRONG, or None because the run broke off."""
     return error is None or error > WRONG
 
 
@@ -243,26 +239,26 @@ def _is_accurate(error: float | None) -> bool:
 
 
 def measured_limits(results: Sequence[Result]) -> Iterator[dict[str, Any]]:
-    """Yield the limits that some of the cells are beyond, predicted and as those cells show them.
+    """Yield each limit that some cells exceed: where it is predicted, and where runs break.
 
-    kept: the farthest that a run went without breaking; broken: the nearest at which one broke and
-    no other limit was nearer, None where there is none; both in parts of the predicted limit, which
-    is right where both are 1. cells: how many are beyond it.
+    A row has the limit's `name`; `kept`, the largest value of an unbroken run; `broken`, the
+    smallest value of a broken run for which no other limit was nearer, or None; and `cells`, the
+    number of cells beyond it. Values are relative to the predicted limit: 1 if it is exact.
 
-    What breaks beyond a limit of stability is the state: the run diverges or the ball jumps off.
-    Beyond any other it is the tolerance that the run was held to.
+    A run beyond a limit of stability is broken if it diverges or loses contact, and beyond other
+    limits if its error exceeds the tolerance.
     """
-    known = [(each, _nearness(each)) for each in results if each.record]
+    known = [(result, _nearness(result)) for result in results if result.record]
     for name in dict.fromkeys(name for _, nearness in known for name in nearness):
-        mine = [(each, nearness) for each, nearness in known if name in nearness]
-        beyond = sum(nearness[name] > 1 for _, nearness in mine)
+        limited = [(result, nearness) for result, nearness in known if name in nearness]
+        beyond = sum(nearness[name] > 1 for _, nearness in limited)
         if not beyond:
             continue
         stability = name in _STABILITY
         broke = _blew_up if stability else _broke
         kept, broken = [0.0], []
-        for each, nearness in mine:
-            if not broke(each):
+        for result, nearness in limited:
+            if not broke(result):
                 kept.append(nearness[name])
             elif nearness[name] == _nearest(nearness, stability):
                 broken.append(nearness[name])
@@ -284,61 +280,59 @@ def _broke(result: Result) -> bool:
 
 
 def _nearness(result: Result) -> dict[str, float]:
-    """Return how much of each limit is used; of a refused cell none."""
+    """Return each limited quantity over its limit; empty for a refused cell."""
     numbers = (result.record or {}).get("nearness", {})
     return {name: np.inf if value is None else value for name, value in numbers.items()}
 
 
-def summary(found: Mapping[str, Sequence[Result]]) -> list[dict[str, Any]]:
+def summary(maps: Mapping[str, Sequence[Result]]) -> list[dict[str, Any]]:
     """Return a record for each map and integrator: outcomes, missed runs, and limits."""
-    records = []
-    for name, results in found.items():
-        for integrator in dict.fromkeys(each.cell["integrator"] for each in results):
-            mine = [each for each in results if each.cell["integrator"] == integrator]
-            counts = Counter(map(_outcome_of, mine))
-            records.append(
-                {
-                    "map": name,
-                    "integrator": integrator,
-                    "cells": len(mine),
-                    "outcomes": {kind.name: counts[kind] for kind in Outcome},
-                    "missed": sum(map(missed, mine)),
-                    "limits": list(measured_limits(mine)),
-                }
-            )
-    return records
+    groups: dict[tuple[str, str], list[Result]] = {}
+    for name, results in maps.items():
+        for result in results:
+            groups.setdefault((name, result.cell["integrator"]), []).append(result)
+    return [
+        {
+            "map": name,
+            "integrator": integrator,
+            "cells": len(results),
+            "outcomes": {kind.name: [*map(_outcome_of, results)].count(kind) for kind in Outcome},
+            "missed": sum(map(missed, results)),
+            "limits": list(measured_limits(results)),
+        }
+        for (name, integrator), results in groups.items()
+    ]
 
 
 def totals(results: Sequence[Result]) -> dict[str, int]:
-    """Count the wrong runs, by who reported them, and the accurate ones that raised an alarm.
+    """Count the wrong runs, by who reported them, and the accurate runs that raised an alarm.
 
-    wrong: off by more than a tenth, or broken off, if by a limit of steps; reported_by_engine:
-    those of them that ended in a state which is no number; alarms: accurate, but warned of or
-    noticed.
+    A run is wrong if its error is above WRONG or if it broke off. The engine reports a run that
+    ended in a state that is not a number.
     """
-    ran = [(each, _error_of(each)) for each in results if _outcome_of(each) is not Outcome.REFUSED]
-    wrong = [each for each, error in ran if _is_wrong(error)]
-    accurate = [each for each, error in ran if _is_accurate(error)]
+    ran = [result for result in results if _outcome_of(result) is not Outcome.REFUSED]
+    wrong = [result for result in ran if _is_wrong(_error_of(result))]
+    accurate = [result for result in ran if _is_accurate(_error_of(result))]
     return {
         "runs": len(results),
         "wrong": len(wrong),
-        "reported_by_engine": sum(_outcome_of(each) is Outcome.DIVERGED for each in wrong),
+        "reported_by_engine": sum(_outcome_of(result) is Outcome.DIVERGED for result in wrong),
         "foretold": sum(map(_foretold, wrong)),
         "noticed": sum(map(_noticed, wrong)),
-        "missed": sum(not (_foretold(each) or _noticed(each)) for each in wrong),
+        "missed": sum(not (_foretold(result) or _noticed(result)) for result in wrong),
         "accurate": len(accurate),
-        "alarms": sum(_foretold(each) or _noticed(each) for each in accurate),
+        "alarms": sum(_foretold(result) or _noticed(result) for result in accurate),
     }
 
 
 def _shown(records: Sequence[Row]) -> Iterator[Table | str]:
-    """Yield how many cells have which outcome, then the limits as predicted and as measured."""
+    """Yield the table of outcomes and the table of limits, predicted and measured."""
     yield table_of(_OUTCOME_COLUMNS, records)
     yield from (f"  {kind.word[:3]}  {kind.sentence}" for kind in Outcome)
-    yield "  missed: wrong, with neither a warning before the run nor a fault in it\n"
-    limits = [{**each, **limit} for each in records for limit in each["limits"]]
+    yield "  missed: wrong without a warning before the run or a fault during it\n"
+    limits = [{**record, **limit} for record in records for limit in record["limits"]]
     yield table_of(_LIMIT_COLUMNS, limits)
-    yield "kept up to, broken from: in parts of the predicted limit; beyond: cells past it"
+    yield "kept up to, broken from: relative to the predicted limit; beyond: cells past the limit"
 
 
 def _count(kind: Outcome) -> Column:
@@ -364,106 +358,98 @@ _LIMIT_COLUMNS = (
 )
 
 
-_WIDE, _PANEL, _LINE = 7.6, 3.0, 0.19  # inches: the picture; a panel's height; a legend's line
-_TICKS = 4  # at most, on an axis
-_ACROSS, _FEW = 3, 4  # panels side by side at most, and two of as few: letters are to be read
 _LIMIT_LINES = [
     (colour, dashes)
     for dashes in ("-", (0, (5, 2)), (0, (1.2, 1.2)), (0, (5, 1.5, 1, 1.5)))
     for colour in (ACCENT, LABEL.colour, INK)
 ]
-_LETTER = 0.03  # of a panel's width
-_WORD: dict[str, Any] = {
-    "size": 8, "color": INK, "ha": "center", "va": "center", "path_effects": halo(2.5), "zorder": 5,
-}  # fmt: skip
 _MARKS = {
-    "wrong, neither warned of nor noticed": ("o", 10, "none"),
-    "wrong, noticed only during the run": (".", 7, INK),
-    "accurate, yet warned of or reported": ("+", 6, INK),
+    "wrong, no warning and no fault": ("o", 10, "none"),
+    "wrong, no warning but a fault": (".", 7, INK),
+    "accurate, but with a warning or a fault": ("+", 6, INK),
 }
 
 
 def _map_picture(name: str, results: Sequence[Result]) -> Figure:
-    """Draw the panels of a map, rolling models below each other, and equal panels once."""
-    of = MAPS[name]
+    """Draw the panels of a map, one row or more per rolling model, and equal panels once."""
+    chosen = MAPS[name]
     runs: dict[tuple[str, str], list[Result]] = {}
-    for each in results:
-        runs.setdefault((each.cell["rolling"], each.cell["integrator"]), []).append(each)
+    for result in results:
+        runs.setdefault((result.cell["rolling"], result.cell["integrator"]), []).append(result)
     exceeded = _exceeded(runs.values())
-    # A map may have more limits than there are lines, which then begin again.
+    # A map with more limits than line styles repeats the styles.
     styles = dict(zip(exceeded, cycle(_LIMIT_LINES), strict=False))
     panels: dict[str, dict[Any, list[list[Result]]]] = {}
-    for (rolling, _), some in runs.items():
-        panels.setdefault(rolling, {}).setdefault(_seen(some, exceeded), []).append(some)
+    for (rolling, _), cells in runs.items():
+        panels.setdefault(rolling, {}).setdefault(_shown_cells(cells, exceeded), []).append(cells)
     most = max(map(len, panels.values()))
     across = min(most, _ACROSS if most > _FEW else 2)
-    # Each rolling model begins a row.
-    places = [
-        place for alike in panels.values()
-        for place in [*alike.values(), *[[]] * (-len(alike) % across)]
-    ]  # fmt: skip
+    # Each rolling model begins a row, which empty panels complete.
+    places: list[list[list[Result]]] = []
+    for equal in panels.values():
+        places += [*equal.values(), *[[]] * (-len(equal) % across)]
     rows = len(places) // across
     height = _PANEL * rows + _LINE * (len(exceeded) + len(Outcome))
     figure = Figure(figsize=(_WIDE, height), layout="constrained")
-    for i, (axes, alike) in enumerate(
-        zip(figure.subplots(rows, across, squeeze=False).flat, places, strict=True)
-    ):
-        if not alike:
+    grid = figure.subplots(rows, across, squeeze=False).flat
+    for i, (axes, equal_runs) in enumerate(zip(grid, places, strict=True)):
+        if not equal_runs:
             axes.set_axis_off()
             continue
-        _panel(axes, alike[0], styles)
-        cells = [some[0].cell for some in alike]
-        names = ", ".join(cell["integrator"] for cell in cells)
-        axes.set_title(f"{names}: {cells[0]['rolling']}", size=9.5)
-        axes.set_xlabel(of.x_of(cells[0]["integrator"]).label, size=9)
+        _panel(axes, equal_runs[0], styles)
+        names = ", ".join(cells[0].cell["integrator"] for cells in equal_runs)
+        first = equal_runs[0][0].cell
+        axes.set_title(f"{names}: {first['rolling']}", size=9.5)
+        axes.set_xlabel(chosen.x_of(first["integrator"]).label, size=9)
         if i % across == 0:
-            axes.set_ylabel(of.y.label, size=9)
+            axes.set_ylabel(chosen.y.label, size=9)
         else:
             axes.set_yticklabels([])
-    _legends(figure, of, styles, results)
+    _legends(figure, chosen, styles, results)
     return figure
 
 
-def _seen(results: Sequence[Result], exceeded: Sequence[str]) -> Any:
-    """Return all that a panel shows of its cells: outcomes, marks and the sides of the limits."""
-    sides = [tuple(_nearness(each).get(name, np.nan) > 1 for name in exceeded) for each in results]
-    places = [(each.cell["x"], each.cell["y"]) for each in results]
+def _shown_cells(results: Sequence[Result], exceeded: Sequence[str]) -> Any:
+    """Return everything a panel shows of its cells: outcomes, marks and exceeded limits."""
+    sides = [tuple(_nearness(cell).get(name, np.nan) > 1 for name in exceeded) for cell in results]
+    places = [(result.cell["x"], result.cell["y"]) for result in results]
     return tuple(zip(places, map(_outcome_of, results), map(_marks, results), sides, strict=True))
 
 
 def _exceeded(panels: Iterable[Sequence[Result]]) -> list[str]:
-    """Return the limits with cells on both sides in some panel, so that a line can be drawn."""
+    """Return the limits with cells on both sides in some panel, which get a line."""
     numbers = [list(map(_nearness, panel)) for panel in panels]
 
     def drawn(name: str) -> bool:
-        return any(len({of[name] > 1 for of in panel if name in of}) == 2 for panel in numbers)
+        return any(
+            len({cell[name] > 1 for cell in panel if name in cell}) == 2 for panel in numbers
+        )
 
     return list(filter(drawn, LAWS))
 
 
 def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> None:
-    xs, ys = (sorted({each.cell[key] for each in results}) for key in ("x", "y"))
+    xs, ys = (sorted({result.cell[key] for result in results}) for key in ("x", "y"))
     # Cells come row by row, in the order of the axes.
     shape, outcomes = (len(ys), len(xs)), [*map(_outcome_of, results)]
-    # Even steps for values that are decades apart, so that each cell is seen.
-    draw_cells(axes, range(len(xs)), range(len(ys)), [each.look for each in outcomes])
-    for (j, i), each in zip(np.ndindex(shape), results, strict=True):
-        for words in _marks(each):
-            axes.add_line(_mark(words, i, j))
+    # Cells have equal sizes, although their values may be decades apart.
+    draw_cells(axes, range(len(xs)), range(len(ys)), [outcome.look for outcome in outcomes])
+    for (j, i), result in zip(np.ndindex(shape), results, strict=True):
+        for meaning in _marks(result):
+            axes.add_line(_mark(meaning, i, j))
     numbers = [*map(_nearness, results)]
     for name, style in styles.items():
-        # Where a law does not apply, and where a cell has no result, there is no line.
-        grid = np.reshape([each.get(name, np.nan) for each in numbers], shape)
-        # No contour passes beside an infinite value; far off only the side counts.
+        # NaN, for cells without this limit or without a result, leaves a gap in the line.
+        grid = np.reshape([nearness.get(name, np.nan) for nearness in numbers], shape)
+        # Contours need finite values; far from the limit only the side matters.
         _draw_limit(axes, np.log10(np.clip(grid, 1e-6, 1e6)), *style)
-    _name_regions(axes, np.array(outcomes).reshape(shape))
     axes.set(xlim=(-0.5, len(xs) - 0.5), ylim=(-0.5, len(ys) - 0.5))
     for axis, values in ((axes.xaxis, xs), (axes.yaxis, ys)):
         axis.set_ticks(*round_ticks(values), size=8.5)
 
 
 def _marks(result: Result) -> tuple[str, ...]:
-    """Return the words of the marks on a cell."""
+    """Return the meanings of the marks on a cell."""
     error, warned, noticed = _error_of(result), _foretold(result), _noticed(result)
     shown = (
         missed(result),
@@ -473,30 +459,18 @@ def _marks(result: Result) -> tuple[str, ...]:
     return tuple(compress(_MARKS, shown))
 
 
-def _mark(words: str, x: float = np.nan, y: float = np.nan) -> Line2D:
-    marker, size, fill = _MARKS[words]
+def _mark(meaning: str, x: float = np.nan, y: float = np.nan) -> Line2D:
+    marker, size, fill = _MARKS[meaning]
     style: dict[str, Any] = {"marker": marker, "ms": size, "mfc": fill, "color": INK, "ls": ""}
-    return Line2D([x], [y], label=words, path_effects=halo(1.5), **style)
-
-
-def _name_regions(axes: Axes, outcomes: Array) -> None:
-    """Write the word of each outcome (y, x) into the longest row of its cells, if it has room."""
-    longest: dict[Outcome, tuple[int, int, float]] = {}
-    for j, row in enumerate(outcomes):
-        for kind, cells in groupby(range(len(row)), row.__getitem__):
-            run = [*cells]
-            longest[kind] = max(longest.get(kind, (0, 0, 0.0)), (len(run), -j, sum(run) / len(run)))
-    for kind, (size, j, i) in longest.items():
-        if size > _LETTER * len(kind.word) * outcomes.shape[1]:
-            axes.text(i, -j, kind.word, **_WORD)
+    return Line2D([x], [y], label=meaning, path_effects=halo(1.5), **style)
 
 
 def _draw_limit(axes: Axes, nearness: Array, colour: str, dashes: Any) -> None:
     inside = nearness[np.isfinite(nearness)]
     if not len(inside) or not inside.min() < 0 < inside.max():
         return
-    # Half a cell on, to the borders, by the slope between the last two cells, if that makes no line
-    # which no two cells show.
+    # Extrapolate linearly by half a cell to the borders, unless that would add a line between
+    # cells on the same side of the limit.
     edge = np.pad(nearness, 1, mode="edge")
     onward = (np.pad(nearness, 1, mode="reflect", reflect_type="odd") + edge) / 2
     grid = np.ma.masked_invalid(np.where(onward * edge > 0, onward, edge))
@@ -505,12 +479,11 @@ def _draw_limit(axes: Axes, nearness: Array, colour: str, dashes: Any) -> None:
 
 
 def round_ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
-    """Return places among the cells of these values, and labels, at powers of ten: _TICKS at most.
+    """Return positions along a row of cells and labels: powers of ten, or values of some cells.
 
-    A power need be no cell's own value. Where fewer than two lie in the range, some cells' values.
+    Values of cells are used if fewer than two powers lie in their range. At most _TICKS ticks.
     """
-    least = values[0]
-    if least > 0:
+    if values[0] > 0:
         logs = np.log10(values)
         decades = np.arange(np.ceil(logs[0] - 1e-9), np.floor(logs[-1] + 1e-9) + 1)
         decades = decades[:: max(1, -(-len(decades) // _TICKS))]
@@ -522,43 +495,44 @@ def round_ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
 
 
 def _finding(results: Sequence[Result]) -> str:
-    """Return who is accurate in how many of a map's runs, and how many wrong ones are missed."""
+    """Return the share of accurate runs of each integrator, and the number of missed failures."""
     runs, good = Counter[str](), Counter[str]()
-    for each in results:
-        runs[each.cell["integrator"]] += 1
-        good[each.cell["integrator"]] += _outcome_of(each) is Outcome.ACCURATE
+    for result in results:
+        runs[result.cell["integrator"]] += 1
+        good[result.cell["integrator"]] += _outcome_of(result) is Outcome.ACCURATE
     parts = [f"{name} {n / runs[name]:.0%}" for name, n in good.most_common() if n]
-    parts += ["others none" if parts else "none"] * (len(parts) < len(runs))
-    unseen = sum(map(missed, results)) or "none"
+    parts += ["others 0%" if parts else "0%"] * (len(parts) < len(runs))
+    unseen = sum(map(missed, results))
     return f"Accurate runs: {', '.join(parts)}; wrong without a warning or a fault: {unseen}"
 
 
 def _sentence(limit: Row) -> str:
-    """Return the law, and what was measured of it."""
+    """Return the law of a limit and its measured position."""
     law = (LAWS[limit["name"]].__doc__ or "").partition("\n")[0].rstrip(".")
-    words = f"{law}: runs hold to {limit['kept']:.2g} times it"
-    return words if limit["broken"] is None else f"{words}, break from {limit['broken']:.2g}"
+    sentence = f"{law}: runs hold to {limit['kept']:.2g} times it"
+    return sentence + ("" if limit["broken"] is None else f", break from {limit['broken']:.2g}")
 
 
-def _legends(figure: Figure, of: Map, styles: Mapping[str, Any], results: Sequence[Result]) -> None:
-    """Write the title and the meaning of the lines above, that of cells and dots below."""
-    measured = {each["name"]: each for each in measured_limits(results)}
+def _legends(
+    figure: Figure, chosen: Map, styles: Mapping[str, Any], results: Sequence[Result]
+) -> None:
+    """Draw the title and the legend of the lines above, and the legend of the cells below."""
+    measured = {limit["name"]: limit for limit in measured_limits(results)}
     limits = [
         Line2D([], [], color=colour, linestyle=dashes, label=_sentence(measured[name]))
         for name, (colour, dashes) in styles.items()
     ]
-    found = [*map(_outcome_of, results)]
-    outcomes = [Patch(label=each.sentence, **each.look) for each in Outcome if each in found]
-    heading = f"{_finding(results)}\n{of.title}\nheld: {of.held}"
+    present = {*map(_outcome_of, results)}
+    outcomes = [Patch(label=kind.sentence, **kind.look) for kind in Outcome if kind in present]
+    heading = f"{_finding(results)}\n{chosen.title}\nheld: {chosen.held}"
     if limits:
-        heading += f"\nlines: limits predicted for an error of {ERROR_TOLERANCE:g}, and as measured"
-    shared: dict[str, Any] = {"frameon": False, "fontsize": 8}
-    # Its title is the picture's: a legend outside the panels would lie on a title of the figure.
-    figure.legend(
-        handles=limits, loc="outside upper left", title=heading, alignment="left", **shared,
-    )  # fmt: skip
-    meaning = [*outcomes, *map(_mark, _MARKS)]
-    figure.legend(handles=meaning, loc="outside lower left", ncols=2, **shared)
+        heading += f"\nlines: limits predicted for an error of {ERROR_TOLERANCE:g}, and measured"
+    style: Any = {"frameon": False, "fontsize": 8}
+    # The legend carries the title, since a title of the figure would overlap this legend.
+    upper: Any = {"loc": "outside upper left", "title": heading, "alignment": "left"}
+    figure.legend(handles=limits, **upper, **style)
+    handles = [*outcomes, *map(_mark, _MARKS)]
+    figure.legend(handles=handles, loc="outside lower left", ncols=2, **style)
 
 
 def map_extremes(names: Sequence[str], sweep: Sweep) -> int:

@@ -1,13 +1,13 @@
-"""A trajectory held against the equations.
+"""Compare trajectory files with the equations, and find mistakes in their conventions.
 
-The errors of a file are those of `Agreement`, with slip and spin where its rates are known. The
-search in `judge_search.py` finds mistakes that explain them; the file is then judged without these.
+The errors of a file are computed as in `Agreement`, with slip and spin if its rates are known.
+`judge_search.py` finds the mistakes that explain these errors. The file is then judged again with
+the mistakes undone.
 """
 
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -49,80 +49,85 @@ from .orders import LEAST, fit_order
 _ENOUGH = 0.1  # of the scene's duration; a file that covers less says too little to agree
 _ROWS = 20_000  # that are judged, at most, where the frame turns little between them
 _TURN = 0.1  # rad
-_LONGEST = 100  # times the scene's duration; a longer file is in another unit
+_LONGEST = 100  # scene durations; the times of a longer file are in another unit
+_EXACT = 1e-9  # radii; a smaller error of height is rounding and is not reported
+_ERRORS = ("path_error", "attitude_error", "gamma_error", "momentum_error", "height_error")
 
 
 @dataclass(frozen=True)
-class _Beside:
-    """A trajectory's motion beside the reference's, and the measures of their difference."""
+class Comparison:
+    """Compare a recorded motion with the equations' motion.
+
+    Attributes
+    ----------
+    motion : RecordedMotion
+        The motion from the file.
+    theory : Motion
+        The motion by the equations.
+    path_error : float
+        The largest contact-point error, over the path's length or the radius.
+    attitude_error : float, rad
+        The largest angle between the two attitudes.
+    gamma_error : float, rad
+        The largest angle between the two verticals, seen from the frame.
+    momentum_error : float or None
+        The relative error of M. None if the file has neither M nor the rates to compute it.
+    momentum_known_to : float
+        The part of `momentum_error` that numerical rates may have made.
+    level : float, m
+        The height at which z should stay: the radius, or 0 if z is the height of the contact point.
+    height_error : float or None
+        The largest error of z, over the radius. None if the file has no z.
+    slip : (float, float) or None
+        The largest slip [m/s] and its error from numerical rates. None if unknown.
+    spin : (float, float) or None
+        The largest spin in either direction [rad/s] and its error. None if unknown.
+    hinge_rates : dict of str to (float, float)
+        For each hinge with a known rate, its relative RMS error, and the factor by which the
+        reference's rate fits the file's rate in least squares.
+    """
 
     motion: RecordedMotion
     theory: Motion
+    path_error: float
+    attitude_error: float
+    gamma_error: float
+    momentum_error: float | None
+    momentum_known_to: float
+    level: float
+    height_error: float | None
+    slip: tuple[float, float] | None
+    spin: tuple[float, float] | None
+    hinge_rates: dict[str, tuple[float, float]]
 
-    @cached_property
-    def path_error(self) -> float:
-        """Return the largest contact-point error over the path's length or the radius."""
-        return path_error(self.motion, self.theory)
 
-    @cached_property
-    def attitude_error(self) -> float:
-        """Return the largest angle between the two attitudes [rad]."""
-        return attitude_error(self.motion, self.theory)
+def _compare(motion: RecordedMotion, theory: Motion) -> Comparison:
+    radius = theory.scene.ball.radius
+    level = 0.0 if np.abs(motion.height).max() < ON_THE_PLANE * radius else radius
+    return Comparison(
+        motion,
+        theory,
+        path_error=path_error(motion, theory),
+        attitude_error=attitude_error(motion, theory),
+        gamma_error=gamma_error(motion, theory),
+        momentum_error=known(momentum_error(motion, theory)),
+        momentum_known_to=float(motion.momentum_error.max() / theory.scene.momentum_scale),
+        level=level,
+        height_error=known(float(np.abs(motion.height - level).max()) / radius),
+        slip=_largest(motion.slip, motion.slip_error),
+        spin=_largest(np.abs(motion.spin), motion.spin_error),
+        hinge_rates=dict(_hinge_rates(motion, theory)),
+    )
 
-    @cached_property
-    def gamma_error(self) -> float:
-        """Return the largest angle between the two verticals, seen from the frame [rad]."""
-        return gamma_error(self.motion, self.theory)
 
-    @cached_property
-    def momentum_error(self) -> float | None:
-        """Return the error of M, relative; None where M is not known.
-
-        M is from the file's attitude and ω, or the file's own.
-        """
-        return known(momentum_error(self.motion, self.theory))
-
-    @property
-    def level(self) -> float:
-        """Return where the file's z should stay [m]: 0 where it is the contact point's."""
-        radius = self.theory.scene.ball.radius
-        return 0.0 if np.abs(self.motion.height).max() < ON_THE_PLANE * radius else radius
-
-    @property
-    def height_error(self) -> float | None:
-        """Return the largest error of z, over the radius; None where the file has none."""
-        apart = np.abs(self.motion.height - self.level).max()
-        return known(float(apart) / self.theory.scene.ball.radius)
-
-    @property
-    def momentum_known_to(self) -> float:
-        """Return how much of the momentum error numerical rates may have made."""
-        return float(self.motion.momentum_error.max() / self.theory.scene.momentum_scale)
-
-    @property
-    def slip(self) -> tuple[float, float] | None:
-        """Return the largest slip [m/s], and its error by numerical rates; None if not known."""
-        return _largest(self.motion.slip, self.motion.slip_error)
-
-    @property
-    def spin(self) -> tuple[float, float] | None:
-        """Return the largest spin, either way round [rad/s], and its error; None if not known."""
-        return _largest(np.abs(self.motion.spin), self.motion.spin_error)
-
-    @cached_property
-    def hinge_rates(self) -> dict[str, tuple[float, float]]:
-        """Return for each hinge whose rate is known (relative RMS error, factor).
-
-        factor · reference fits the file in least squares.
-        """
-        found = {}
-        ours, theirs = self.motion.hinge_rates, self.theory.hinge_rates[-len(self.motion.times) :]
-        fastest = float(np.linalg.norm(self.theory.angular_velocity, axis=1).max()) or 1.0
-        for hinge, a, b in zip(self.motion.scene.hinges, ours.T, theirs.T, strict=True):
-            if np.isfinite(a).all():
-                size = float(b @ b) or len(b) * fastest**2
-                found[hinge.name] = float(np.sqrt((a - b) @ (a - b) / size)), float(a @ b / size)
-        return found
+def _hinge_rates(motion: Motion, theory: Motion) -> Iterator[tuple[str, tuple[float, float]]]:
+    """Yield the name, relative RMS error and factor of each hinge with a known rate."""
+    expected = theory.hinge_rates[-len(motion.times) :]
+    fastest = float(np.linalg.norm(theory.angular_velocity, axis=1).max()) or 1.0
+    for hinge, a, b in zip(motion.scene.hinges, motion.hinge_rates.T, expected.T, strict=True):
+        if np.isfinite(a).all():
+            size = float(b @ b) or len(b) * fastest**2
+            yield hinge.name, (float(np.sqrt((a - b) @ (a - b) / size)), float(a @ b / size))
 
 
 def _largest(values: Array, errors: Array) -> tuple[float, float] | None:
@@ -132,71 +137,88 @@ def _largest(values: Array, errors: Array) -> tuple[float, float] | None:
 
 @dataclass(frozen=True)
 class FileJudgement:
-    """A trajectory as it stands, what is wrong with it, and how it is without these mistakes.
+    """Judge a trajectory as written, and with its mistakes undone.
 
-    corrected: beside the motion of the scene that was simulated, where that is another one; None
-    where no mistake was found. lag: of what is left.
+    Attributes
+    ----------
+    trajectory : Trajectory
+        The trajectory as written.
+    plain : Comparison
+        Its comparison with the equations.
+    search : Search
+        The search for mistakes.
+    corrected : Comparison or None
+        The comparison with the mistakes undone, and with the scene that was simulated instead. None
+        if no mistake was found.
+    lag : Lag
+        The shift in time of the corrected trajectory.
+    timestep : float, s
+        The engine's timestep.
+    tolerance : float
+        The largest error that agrees.
     """
 
     trajectory: Trajectory
-    plain: _Beside
+    plain: Comparison
     search: Search
-    corrected: _Beside | None
+    corrected: Comparison | None
     lag: Lag
     timestep: float
     tolerance: float
 
     @property
     def name(self) -> str:
+        """The name of the file."""
         return self.trajectory.name
 
     @property
     def other_scene(self) -> str | None:
-        """Return the scene's name in the file's header, where that is another scene."""
+        """The name of the scene in the file's header, if it differs from the scene judged by."""
         header = self.trajectory.header or {}
-        given = header.get("scene_toml")
-        with contextlib.suppress(InputError):  # of a rate by a function, which no header can hold
-            if given and given.strip() != scene_toml(self.plain.theory.scene).strip():
+        written = header.get("scene_toml", "").strip()
+        with contextlib.suppress(InputError):  # a rate given by a function cannot be written
+            if written and written != scene_toml(self.plain.theory.scene).strip():
                 return header.get("scene", "?")
         return None
 
     @property
     def mistakes(self) -> tuple[Mistake, ...]:
+        """The mistakes that explain the errors, the largest first."""
         return self.search.mistakes
 
     @property
-    def best(self) -> _Beside:
-        """Return the trajectory without its mistakes."""
+    def best(self) -> Comparison:
+        """The comparison without the mistakes."""
         return self.corrected or self.plain
 
     @property
     def covers(self) -> float:
-        """Return the time from the file's first row to its last [s]."""
+        """The time from the file's first row to its last [s]."""
         return float(self.trajectory.times[-1] - self.trajectory.times[0])
 
     @property
     def too_short(self) -> bool:
+        """Whether the file covers too little of the scene to agree."""
         return self.covers < _ENOUGH * (1 - 1e-9) * self.plain.theory.scene.duration
 
     @property
     def within(self) -> bool:
-        """Return whether all that is known is within the tolerance, and no mistake was found."""
-        of_momentum = (self.plain.momentum_error or 0.0) - self.plain.momentum_known_to
-        of_hinges = (error for error, _ in self.plain.hinge_rates.values())
-        errors = (
-            self.plain.path_error, self.plain.attitude_error, self.plain.height_error or 0.0,
-            of_momentum, *of_hinges,
-        )  # fmt: skip
+        """Whether all known errors are within the tolerance and no mistake was found."""
+        plain = self.plain
+        errors = [plain.path_error, plain.attitude_error, plain.height_error or 0.0]
+        errors += [(plain.momentum_error or 0.0) - plain.momentum_known_to]
+        errors += [error for error, _ in plain.hinge_rates.values()]
         return not self.mistakes and max(errors) <= self.tolerance
 
     @property
     def agrees(self) -> bool:
+        """Whether the file agrees with the equations."""
         return self.within and not self.too_short
 
 
 @dataclass(frozen=True)
 class Order:
-    """The order of a measure over several files; None where the errors lie on no straight line."""
+    """Order of convergence of an error over several files; None if the errors fit no power law."""
 
     measure: str
     order: float | None
@@ -233,7 +255,8 @@ class Judgement:
 
     @property
     def agrees(self) -> bool:
-        return all(each.agrees for each in self.files)
+        """Whether all files agree."""
+        return all(file.agrees for file in self.files)
 
 
 def judge(
@@ -244,7 +267,7 @@ def judge(
     tolerance: float = TOLERANCE,
     progress: Callable[[float], None] | None = None,
 ) -> Judgement:
-    """Find what is wrong with trajectories of a scene.
+    """Find mistakes in trajectories of a scene.
 
     Parameters
     ----------
@@ -289,24 +312,25 @@ def judge(
     trajectories = [
         each if isinstance(each, Trajectory) else read_trajectory(each) for each in given
     ]
-    for each in trajectories:
-        if (end := float(each.times[-1])) > _LONGEST * scene.duration:
+    for trajectory in trajectories:
+        if (end := float(trajectory.times[-1])) > _LONGEST * scene.duration:
             raise InputError(
-                f"{each.name}: t goes to {end:g} s, and {scene.name} lasts {scene.duration:g} s; "
-                "if t is in another unit, call the column t [ms], t [us] or t [ns]"
+                f"{trajectory.name}: t goes to {end:g} s, but {scene.name} lasts "
+                f"{scene.duration:g} s; if t is in another unit, call the column t [ms], t [us] "
+                "or t [ns]"
             )
-    steps = timesteps or [_timestep_of(each) for each in trajectories]
+    steps = timesteps or map(_timestep_of, trajectories)
     judged = []
-    for i, (trajectory, timestep) in enumerate(zip(trajectories, steps, strict=True), start=1):
+    for trajectory, timestep in zip(trajectories, steps, strict=True):
         judged.append(_judged(scene, _thinned(trajectory), timestep, tolerance))
         if progress is not None:
-            progress(i / len(trajectories))
-    judged.sort(key=lambda each: -each.timestep)
+            progress(len(judged) / len(trajectories))
+    judged.sort(key=lambda file: -file.timestep)
     return Judgement(scene, tuple(judged), tuple(_orders(judged)))
 
 
 def _thinned(trajectory: Trajectory) -> Trajectory:
-    """Return some of the rows of a long trajectory, the first and the last among them."""
+    """Return a long trajectory with fewer rows, including the first and the last."""
     count, rows = len(trajectory.times), _ROWS
     while rows < count:
         at = np.linspace(0, count - 1, rows).round().astype(int)
@@ -318,10 +342,9 @@ def _thinned(trajectory: Trajectory) -> Trajectory:
 
 
 def _timestep_of(trajectory: Trajectory) -> float:
-    """Return the engine's step of the file's header, or else the interval of its samples [s]."""
-    given = (trajectory.header or {}).get("timestep", "")
+    """Return the engine's step in the file's header, or the median interval of the rows [s]."""
     with contextlib.suppress(ValueError):
-        if 0 < (step := float(given)) <= LARGEST:
+        if 0 < (step := float((trajectory.header or {}).get("timestep", ""))) <= LARGEST:
             return step
     return float(np.median(np.diff(trajectory.times)))
 
@@ -329,136 +352,121 @@ def _timestep_of(trajectory: Trajectory) -> float:
 def _judged(
     scene: Scene, trajectory: Trajectory, timestep: float, tolerance: float
 ) -> FileJudgement:
-    plain = _Beside(recorded(scene, trajectory), reference_of(scene, trajectory.times))
-    found = Search(trajectory, plain.theory)
+    plain = _compare(recorded(scene, trajectory), reference_of(scene, trajectory.times))
+    search = Search(trajectory, plain.theory)
     corrected = None
-    if found.mistakes:
-        corrected = _Beside(recorded(found.scene, found.corrected), found.theory)
-    lag = lag_of(rows_of(found.corrected, found.at), (corrected or plain).theory)
-    return FileJudgement(trajectory, plain, found, corrected, lag, timestep, tolerance)
+    if search.mistakes:
+        corrected = _compare(recorded(search.scene, search.corrected), search.theory)
+    lag = lag_of(rows_of(search.corrected, search.at), (corrected or plain).theory)
+    return FileJudgement(trajectory, plain, search, corrected, lag, timestep, tolerance)
 
 
 def _orders(judged: Sequence[FileJudgement]) -> Iterator[Order]:
-    """Yield those of path and attitude, where the files have at least two different steps."""
-    steps = [each.timestep for each in judged]
+    """Yield the orders of path and attitude, if the files have at least two different steps."""
+    steps = [file.timestep for file in judged]
     if len(set(steps)) < 2:
         return
     for measure in ("path_error", "attitude_error"):
-        name, errors = measure.replace("_", " "), [getattr(each.best, measure) for each in judged]
+        name, errors = measure.replace("_", " "), [getattr(file.best, measure) for file in judged]
         if len(set(steps)) < LEAST and all(errors):
-            fall = np.log(errors[0] / errors[-1]) / np.log(steps[0] / steps[-1])
-            yield Order(name, float(fall))
+            slope = np.log(errors[0] / errors[-1]) / np.log(steps[0] / steps[-1])
+            yield Order(name, float(slope))
         else:
-            found = fit_order(steps, errors)
-            yield Order(name, *((found.order, found.stderr) if found else (None, None)))
-
-
-_EXACT = 1e-9  # of the radius
+            fit = fit_order(steps, errors)
+            yield Order(name, *((fit.order, fit.stderr) if fit else (None, None)))
 
 
 def _show(judgement: Judgement, console: Console) -> None:
-    """Print each file's errors and what is wrong with it; then the orders."""
-    for each in judgement.files:
-        console.print(escape(f"{each.name} as a motion of {judgement.scene.name}"), style="bold")
-        for line in lines(each):
+    """Print each file's errors and mistakes, then the orders."""
+    for file in judgement.files:
+        console.print(escape(f"{file.name} as a motion of {judgement.scene.name}"), style="bold")
+        for line in lines(file):
             console.print(escape(f"  {line}"), soft_wrap=True)
-        print_whole(_table(each), console)
+        print_whole(_table(file), console)
     for order in judgement.orders:
-        if order.order is None:
-            what = "the errors fall along no straight line in ln(step)"
-        else:
-            how = "by two files" if order.stderr is None else f"± {order.stderr:.2g}"
-            what = f"order {order.order:.2f} ({how})"
-        console.print(f"convergence of the {order.measure}: {what}")
+        result = "the errors follow no power of the step"
+        if order.order is not None:
+            spread = "from two files" if order.stderr is None else f"± {order.stderr:.2g}"
+            result = f"order {order.order:.2f} ({spread})"
+        console.print(f"convergence of the {order.measure}: {result}")
     if len(judgement.files) > 1 and not judgement.orders:
         step = judgement.files[0].timestep
-        console.print(f"convergence: all files seem to have the step {step:g} s; give --timestep")
+        console.print(
+            f"no order of convergence: all files have the step {step:g} s; use --timestep"
+        )
 
 
 def lines(judged: FileJudgement) -> list[str]:
-    """Return what there is to report of a file, a line each."""
+    """Return the report on a file, one line per fact."""
     plain, best = judged.plain, judged.best
-    found = [
-        *judged.trajectory.notes,
-        f"path error {plain.path_error:.1e}, attitude error {plain.attitude_error:.1e} rad, "
-        f"momentum error {_momentum(plain)}",
-        *_contact(plain),
-    ]
-    hinges = [hinge.name for hinge in plain.motion.scene.hinges]
-    for name in (each for each in hinges if each not in plain.hinge_rates):
-        more = " and slip and spin" if name == "frame" else ""
-        found.append(
-            f"the {name} has a motor, and the file says nothing of it: the momentum{more} need "
-            f"the column {name}_rate or {name}_angle"
-        )
-    for name, (error, factor) in plain.hinge_rates.items():
-        if error > judged.tolerance:
-            found.append(
-                f"the {name}'s rate is off by {error:.1e} of it, and about {factor:.3g} times what "
-                "it should be"
+    report = [*judged.trajectory.notes, _errors(plain), *_contact(plain)]
+    for name in (hinge.name for hinge in plain.motion.scene.hinges):
+        if name not in plain.hinge_rates:
+            unknown = "momentum, slip and spin" if name == "frame" else "momentum"
+            report.append(
+                f"the {name} has a motor, but the file has no column {name}_rate or "
+                f"{name}_angle: {unknown} unknown"
             )
-    if judged.other_scene:
-        found.append(f"the file's header has another scene than this one: {judged.other_scene}")
-    found += _height(judged)
-    for mistake in judged.mistakes:
-        as_well = f", or {' or '.join(mistake.as_well)}" if mistake.as_well else ""
-        rest = "" if mistake.sure else f", which leaves {mistake.left:.0%} of the error"
-        found.append(f"{'WRONG' if mistake.sure else 'PERHAPS'}: {mistake.name}{as_well}{rest}")
-    if judged.corrected is not None:
-        found.append(
-            f"without that: path error {best.path_error:.1e}, attitude error "
-            f"{best.attitude_error:.1e} rad, momentum error {_momentum(best)}"
-        )
-        found += [f"without that: {line}" for line in _contact(best)]
-    if judged.lag.explains:
-        way = "late" if judged.lag.shift > 0 else "early"
-        found.append(
-            f"LAG: it is {abs(judged.lag.shift):.4g} s {way}, which explains "
-            f"{1 - judged.lag.after / judged.lag.before:.0%} of the error that is left"
-        )
-    found.append(_verdict(judged))
-    return found
-
-
-def _momentum(beside: _Beside) -> str:
-    to = beside.momentum_known_to
-    if beside.momentum_error is None:
-        return "not known"
-    return f"{beside.momentum_error:.1e}" + (f" (known to {to:.0e})" if to else "")
-
-
-def _contact(beside: _Beside) -> list[str]:
-    if beside.slip is None or beside.spin is None:
-        return []
-    (slip, slip_error), (spin, spin_error) = beside.slip, beside.spin
-    radius = beside.motion.rolling_radius
-    scene = beside.theory.scene
-    sure = f" (known to {spin_error:.0e})" if spin_error else ""
-    allowed = ", which it may" if scene.rolling == "classical" else ""
-    parts = [
-        f"slip up to {slip:.1e} m/s (known to {slip_error:.0e})",
-        f"spin up to {spin:.1e} rad/s{sure}{allowed}",
+    report += [
+        f"the {name}'s rate has a relative error of {error:.1e}: about {factor:.3g} times the "
+        "expected rate"
+        for name, (error, factor) in plain.hinge_rates.items()
+        if error > judged.tolerance
     ]
-    if np.isfinite(radius):
-        parts.append(
-            f"rolls like a ball of radius {radius:.6g} m (the scene's: {scene.ball.radius:g})"
+    if judged.other_scene:
+        report.append(f"the file's header names another scene: {judged.other_scene}")
+    report += _height(judged)
+    for mistake in judged.mistakes:
+        names = " or ".join((mistake.name, *mistake.as_well))
+        left = "" if mistake.sure else f", which leaves {mistake.left:.0%} of the error"
+        report.append(f"{'WRONG' if mistake.sure else 'PERHAPS'}: {names}{left}")
+    if judged.corrected is not None:
+        report += [f"without that: {line}" for line in (_errors(best), *_contact(best))]
+    if judged.lag.explains:
+        late = "late" if judged.lag.shift > 0 else "early"
+        report.append(
+            f"LAG: the file is {abs(judged.lag.shift):.4g} s {late}, which explains "
+            f"{1 - judged.lag.after / judged.lag.before:.0%} of the remaining error"
         )
-    return ["; ".join(parts)]
+    return [*report, _verdict(judged)]
+
+
+def _errors(comparison: Comparison) -> str:
+    error, known_to = comparison.momentum_error, comparison.momentum_known_to
+    momentum = "unknown" if error is None else f"{error:.1e}"
+    if error is not None and known_to:
+        momentum += f" (known to {known_to:.0e})"
+    return (
+        f"path error {comparison.path_error:.1e}, attitude error "
+        f"{comparison.attitude_error:.1e} rad, momentum error {momentum}"
+    )
+
+
+def _contact(comparison: Comparison) -> list[str]:
+    if comparison.slip is None or comparison.spin is None:
+        return []
+    (slip, slip_error), (spin, spin_error) = comparison.slip, comparison.spin
+    scene, radius = comparison.theory.scene, comparison.motion.rolling_radius
+    line = f"slip up to {slip:.1e} m/s (known to {slip_error:.0e}); spin up to {spin:.1e} rad/s"
+    if spin_error:
+        line += f" (known to {spin_error:.0e})"
+    if scene.rolling == "classical":
+        line += ", which this rolling model allows"
+    if np.isfinite(radius):
+        line += f"; rolls like a ball of radius {radius:.6g} m (the scene's: {scene.ball.radius:g})"
+    return [line]
 
 
 def _height(judged: FileJudgement) -> list[str]:
-    best, error = judged.best, judged.best.height_error
+    level, error = judged.best.level, judged.best.height_error
     if error is None:
         return []
     if error > judged.tolerance:
-        z, what = best.motion.height, "contact point" if best.level == 0 else "sphere's centre"
-        of = " to ".join(dict.fromkeys(f"{each:.4g} m" for each in (z.min(), z.max())))
-        return [
-            f"z is {of}, where the {what} is at {best.level:g} m: off by up to {error:.1e} of the "
-            "radius"
-        ]
-    if best.level == 0:
-        return ["z is the contact point's, and says nothing of the contact"]
+        z, point = judged.best.motion.height, "sphere's centre" if level else "contact point"
+        ends = " to ".join(dict.fromkeys(f"{end:.4g} m" for end in (z.min(), z.max())))
+        return [f"z is {ends}, but the {point} is at {level:g} m: off by {error:.1e} of the radius"]
+    if level == 0:
+        return ["z is the height of the contact point: it does not show the depth of the contact"]
     return [] if error < _EXACT else [f"z is off by up to {error:.0e} of the radius"]
 
 
@@ -466,20 +474,20 @@ def _verdict(judged: FileJudgement) -> str:
     duration = judged.plain.theory.scene.duration
     part = f"over {judged.covers:.4g} s of the scene's {duration:g} s"
     if judged.mistakes:
-        sure = all(each.sure for each in judged.mistakes)
-        return f"verdict: a convention is {'' if sure else 'perhaps '}wrong, or the scene, {part}"
-    limit = f"{judged.tolerance:g}"
+        perhaps = "" if all(mistake.sure for mistake in judged.mistakes) else "perhaps "
+        return f"verdict: {perhaps}a wrong convention or scene, {part}"
     height = "" if judged.plain.height_error is None else ", height"
-    bound = f"within {limit} in path{height} and momentum, and {limit} rad in attitude,"
+    limit = f"{judged.tolerance:g}"
+    bound = f"within {limit} in path{height} and momentum, and {limit} rad in attitude, {part}"
     if judged.within and judged.too_short:
-        return f"verdict: too short to judge, with less than {_ENOUGH:.0%}; {bound} {part}"
-    return f"verdict: {'agrees' if judged.within else 'off; it is not'} {bound} {part}"
+        return f"verdict: too short to judge, under {_ENOUGH:.0%} of the scene; {bound}"
+    return f"verdict: agrees {bound}" if judged.within else f"verdict: off; not {bound}"
 
 
 def _table(judged: FileJudgement) -> Table:
-    table = plain_table(("if", "path", "attitude [rad]", "ω"))
-    rows = [("all is as it should be", judged.search.plain, "bold")]
-    rows += [(each.name, each.after, "yellow") for each in judged.mistakes]
+    table = plain_table(("without", "path", "attitude [rad]", "ω"))
+    rows = [("any change", judged.search.plain, "bold")]
+    rows += [(mistake.name, mistake.after, "yellow") for mistake in judged.mistakes]
     for name, errors, style in rows:
         cells = map(scientific, (errors.path, errors.attitude, errors.rate))
         table.add_row(escape(name), *cells, style=style)
@@ -487,44 +495,39 @@ def _table(judged: FileJudgement) -> Table:
 
 
 def _record(judgement: Judgement) -> dict[str, Any]:
-    """Return the judgement as plain data; numbers that are not known are None."""
+    """Return the judgement as plain data; unknown numbers are None."""
     return {
         "scene": judgement.scene.name,
         "rolling": judgement.scene.rolling,
         "agrees": judgement.agrees,
-        "files": [_file(each) for each in judgement.files],
-        "orders": [asdict(each) for each in judgement.orders],
+        "files": [_file(file) for file in judgement.files],
+        "orders": [asdict(order) for order in judgement.orders],
     }
 
 
 def _file(judged: FileJudgement) -> dict[str, Any]:
-    own = ("timestep", "tolerance", "agrees", "covers", "too_short", "other_scene")
+    names = ("timestep", "tolerance", "agrees", "covers", "too_short", "other_scene")
     return {
         "file": judged.name,
         "engine": judged.plain.motion.engine.name,
         "samples": len(judged.trajectory.times),
         "duration": float(judged.trajectory.times[-1]),
-        **{name: getattr(judged, name) for name in own},
+        **{name: getattr(judged, name) for name in names},
         **_measures(judged.plain),
-        "mistakes": [asdict(each) for each in judged.mistakes],
+        "mistakes": [asdict(mistake) for mistake in judged.mistakes],
         "without_mistakes": None if judged.corrected is None else _measures(judged.corrected),
         "lag": asdict(judged.lag) | {"explains": judged.lag.explains},
         "notes": list(judged.trajectory.notes),
     }
 
 
-_ERRORS = ("path_error", "attitude_error", "gamma_error", "momentum_error", "height_error")
-
-
-def _measures(beside: _Beside) -> dict[str, Any]:
-    slip, spin = beside.slip or (None, None), beside.spin or (None, None)
+def _measures(comparison: Comparison) -> dict[str, Any]:
+    slip, spin = comparison.slip or (None, None), comparison.spin or (None, None)
     numbers: dict[str, float | None] = {
-        **{name: getattr(beside, name) for name in _ERRORS},
-        **{f"{name}_rate_error": error for name, (error, _) in beside.hinge_rates.items()},
-        "momentum_known_to": beside.momentum_known_to,
-        **dict(zip(("slip", "slip_known_to"), slip, strict=True)),
-        **dict(zip(("spin", "spin_known_to"), spin, strict=True)),
-        "rolling_radius": beside.motion.rolling_radius,
+        **{name: getattr(comparison, name) for name in (*_ERRORS, "momentum_known_to")},
+        **{f"{name}_rate_error": error for name, (error, _) in comparison.hinge_rates.items()},
+        **dict(zip(("slip", "slip_known_to", "spin", "spin_known_to"), slip + spin, strict=True)),
+        "rolling_radius": comparison.motion.rolling_radius,
     }
     return {name: known(value) for name, value in numbers.items()}
 

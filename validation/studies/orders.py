@@ -1,9 +1,9 @@
-"""The order of convergence of errors that fall with the step.
+"""Order of convergence of errors that fall with the step.
 
-An order is a straight line through logarithms, where there is one. Errors fall as a power of the
-step in the middle only: above, the steps are too long for the leading term to rule; below, the
-error stops falling, at rounding or at an error of another kind that no step makes smaller. Both
-ends are left out, and the lower one is reported.
+The order is the slope of a straight line through ln(error) over ln(step). Errors follow a power law
+only over a range of steps: with longer steps the leading term does not dominate; with shorter steps
+the error stalls at rounding or at an error that does not depend on the step. Both ends are left
+out, and the stall is reported.
 """
 
 from collections.abc import Sequence
@@ -13,18 +13,26 @@ import numpy as np
 
 from robotball.rotations import Array
 
-LEAST = 3  # points that make an order
-_STALLED = 0.5  # a fall with less than this power of the step is none
-_SOUND = 5.0  # times the error at which they stall, from where on errors are taken for the line
-_STRAIGHT = 0.04  # distance from a line that passes for one, in ln(step), root mean square
+LEAST = 3  # points of a line
+_STALLED = 0.5  # errors stall if they fall with less than this power of the step
+_SOUND = 5.0  # the line uses errors above this multiple of the stalled error
+_STRAIGHT = 0.04  # largest root mean square distance of the points from a line, in ln(step)
 
 
 @dataclass(frozen=True)
 class Order:
-    """error ~ stepᵒʳᵈᵉʳ, over the steps from `shortest` to `longest`.
+    """Power law error ~ stepᵒʳᵈᵉʳ.
 
-    stderr: the standard error of the order; ln_step, ln_error: the line's middle; points: how many
-    it comes from.
+    Attributes
+    ----------
+    order, stderr : float
+        The order and its standard error.
+    ln_step, ln_error : float
+        The middle of the line.
+    shortest, longest : float
+        The range of the steps.
+    points : int
+        The number of points of the line.
     """
 
     order: float
@@ -43,27 +51,33 @@ class Order:
 def fit_order(
     steps: Sequence[float], errors: Sequence[float | None], floor: float = 0.0
 ) -> Order | None:
-    """Fit the order over the longest straight part of the errors; None where there is none.
+    """Fit the order over the longest straight part of the errors. None without such a part.
 
-    steps: (n,) > 0 in any order and unit; errors: (n,), None where a run broke off; floor: what the
-    errors are known to, at least. Among parts of one length the one at shorter steps is taken.
+    Parameters
+    ----------
+    steps : (n,)
+        Positive steps in any order and unit.
+    errors : (n,)
+        The errors; None for a run that broke off.
+    floor : float
+        The uncertainty of the errors; smaller errors are ignored.
     """
     h, e = _sound(steps, errors)
-    # Near the error at which they stall the fall is already slower than its power.
+    # Near the stall the errors fall more slowly than the power law.
     clear = e > max(floor, _SOUND * (stalled_at(steps, errors) or 0.0))
     x, y = np.log(h[clear]), np.log(e[clear])
     # The longest straight part, not the straightest: any two points are straight.
     for length in range(len(x), LEAST - 1, -1):
-        # Among parts of one length the shortest steps come first, where the leading term rules.
+        # Try parts with short steps first, because there the leading term dominates.
         for begin in range(len(x) - length, -1, -1):
             part = slice(begin, begin + length)
-            if (found := _fitted_line(x[part], y[part])) is not None:
-                return found
+            if (line := _fitted_line(x[part], y[part])) is not None:
+                return line
     return None
 
 
 def stalled_at(steps: Sequence[float], errors: Sequence[float | None]) -> float | None:
-    """Return the least error where errors fall no more with the step; None if all fall."""
+    """Return the smallest error at which the errors stop falling; None if they never stop."""
     h, e = _sound(steps, errors)
     for i in range(len(h) - 1):
         if np.all(e[i + 1 :] > e[i] * (h[i + 1 :] / h[i]) ** _STALLED):
@@ -72,7 +86,7 @@ def stalled_at(steps: Sequence[float], errors: Sequence[float | None]) -> float 
 
 
 def _sound(steps: Sequence[float], errors: Sequence[float | None]) -> tuple[Array, Array]:
-    """Return steps, the longest first, and errors of the runs that ended and were off."""
+    """Return steps, the longest first, and errors, of complete runs with a nonzero error."""
     pairs = sorted(
         ((h, e) for h, e in zip(steps, errors, strict=True) if e and np.isfinite(e)), reverse=True
     )
@@ -81,13 +95,12 @@ def _sound(steps: Sequence[float], errors: Sequence[float | None]) -> tuple[Arra
 
 
 def _fitted_line(x: Array, y: Array) -> Order | None:
-    """Return the least-squares line, if the points are near it and it rises."""
-    if x[0] == x[-1]:  # one step alone has no order
+    """Return the least-squares line if it rises and the points are near it."""
+    if x[0] == x[-1]:  # a single step has no slope
         return None
     (slope, height), covariance = np.polyfit(x, y, 1, cov=True)
     off = np.sqrt(np.mean((y - slope * x - height) ** 2))
-    # The distance is that in ln(error) over the slope, so that a bound in ln(step) holds for any
-    # order.
+    # Dividing by the slope converts the distance to ln(step), so one bound serves all orders.
     if slope < _STALLED or off > _STRAIGHT * slope:
         return None
     stderr = float(np.sqrt(covariance[0, 0]))

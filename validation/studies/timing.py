@@ -1,7 +1,7 @@
-"""The cost of work as a ratio to a bare loop of mj_step, taken in turn with it in one run.
+"""Cost of work relative to a bare loop of mj_step, measured alternately in one process.
 
-A machine's speed wanders, and other work shares its caches: seconds are one machine's at one time.
-The ratio of two neighbours in time is what lasts; seconds are derived from it.
+Seconds depend on the machine, its current speed, and other work on it. The ratio of two successive
+measurements is reproducible, and seconds are derived from this ratio.
 """
 
 import statistics
@@ -18,19 +18,23 @@ from robotball.engines.mujoco.run import run
 from robotball.motion import measured_time
 from robotball.rotations import Array
 
-_MINIMAL = PRESETS["accurate"]  # the model of the bare loop, on fig12
-_STEPS = 250  # of it, at every turn
+_MINIMAL = PRESETS["accurate"]  # settings of the bare loop, on fig12
+_STEPS = 250  # steps of the bare loop per measurement
 
 _Work = Callable[[], float]
-"""Does a piece of work, set-up excluded, and returns its processor time [s]."""
+"""Do a piece of work and return its processor time [s], without the set-up."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """The cost of a piece of work, over rounds.
+    """Cost of a piece of work.
 
-    ratios    of its processor time to the bare loop's of one simulated second, one a round
-    baseline  s, processor time of the bare loop for one simulated second, the rounds' median
+    Attributes
+    ----------
+    ratios : tuple of float
+        For each round, the processor time over the bare loop's time of a simulated second.
+    baseline : float, s
+        The median processor time of a simulated second of the bare loop.
     """
 
     ratios: tuple[float, ...]
@@ -38,27 +42,27 @@ class Cost:
 
     @property
     def ratio(self) -> float:
-        """Return the rounds' median."""
+        """The median ratio."""
         return statistics.median(self.ratios)
 
     @property
     def spread(self) -> tuple[float, float]:
-        """Return the least and the largest of the rounds' ratios."""
+        """The smallest and the largest ratio."""
         return min(self.ratios), max(self.ratios)
 
     @property
     def seconds(self) -> float:
-        """Return the processor time [s] at the baseline's median speed."""
+        """The processor time [s] at the median speed of the machine."""
         return self.ratio * self.baseline
 
     def over(self, other: "Cost") -> "Cost":
-        """Return the cost relative to another's of the same rounds, which becomes the baseline."""
+        """Return the cost relative to another cost of the same rounds, the new baseline."""
         ratios = zip(self.ratios, other.ratios, strict=True)
-        return Cost(tuple(ours / theirs for ours, theirs in ratios), other.seconds)
+        return Cost(tuple(own / unit for own, unit in ratios), other.seconds)
 
 
 def bare_loop() -> float:
-    """Return the processor time [s] of one simulated second of mj_step alone, unmonitored."""
+    """Measure the processor time [s] of a simulated second of mj_step without a monitor."""
     compiled = _baseline_model().compiled
     return one_step(compiled) / compiled.opt.timestep
 
@@ -69,10 +73,10 @@ def _baseline_model() -> Model:
 
 
 def one_step(compiled: mujoco.MjModel, steps: int = _STEPS) -> float:
-    """Return the processor time of one mj_step [s], the mean of `steps` from the model's start."""
+    """Measure the mean processor time of an mj_step [s] over the first `steps` of a model."""
     data = mujoco.MjData(compiled)
     mujoco.mj_resetDataKeyframe(compiled, data, 0)
-    # The thread's own time, as other threads of the process must not count.
+    # Thread time excludes the other threads of the process.
     began = time.thread_time()
     for _ in range(steps):
         mujoco.mj_step(compiled, data)
@@ -80,14 +84,14 @@ def one_step(compiled: mujoco.MjModel, steps: int = _STEPS) -> float:
 
 
 def simulated_second(model: Model, times: Array) -> _Work:
-    """Return the work of a simulated second of a run over `times` (n,) [s]: stepping, reading."""
+    """Return the work of a simulated second of a run over `times` (n,) [s], with its readings."""
 
     def work() -> float:
         motion = run(model, times)
-        done = motion.report
-        # A run that breaks off has stepped on to where it was looked at next.
+        report = motion.report
+        # A run that breaks off has continued up to the next sample time.
         broken = len(motion.times) < len(times)
-        return done.seconds / (done.steps * done.timestep if broken else float(times[-1]))
+        return report.seconds / (report.steps * report.timestep if broken else float(times[-1]))
 
     return work
 
@@ -95,9 +99,9 @@ def simulated_second(model: Model, times: Array) -> _Work:
 def measure_costs(
     works: Sequence[_Work], rounds: int = 5, show: Callable[[int], object] = lambda done: None
 ) -> list[Cost]:
-    """Measure every work, all in turn, each between two bare loops; one round more warms up.
+    """Measure all works in each round, each between two bare loops, after a warm-up round.
 
-    show: called with the number of works done, of (rounds + 1) times as many.
+    `show` is called with the number of works done, out of (rounds + 1) * len(works).
     """
     ratios: list[list[float]] = [[] for _ in works]
     loops: list[float] = []
@@ -105,13 +109,11 @@ def measure_costs(
     for turn in range(rounds + 1):
         for i, work in enumerate(works):
             seconds, after = work(), bare_loop()
-            # The first round brings code and data into the caches.
-            if turn:
+            if turn:  # the first round fills the caches
                 loops.append(after)
-                # By the mean of the loops on both sides, so that a machine that slows down evenly
-                # cancels.
+                # The mean of the loops before and after cancels a linear drift of the speed.
                 ratios[i].append(2 * seconds / (before + after))
             before = after
             show(turn * len(works) + i + 1)
     baseline = statistics.median(loops)
-    return [Cost(tuple(each), baseline) for each in ratios]
+    return [Cost(tuple(rounds_of_work), baseline) for rounds_of_work in ratios]

@@ -468,7 +468,7 @@ def test_a_mistake_is_named_beside_the_plain_errors(robotball: Robotball, tmp_pa
     before, after = (mistake[each]["attitude"] for each in ("before", "after"))
     assert before == judged["attitude_error"] == approx(3.1, abs=0.1)
     assert after == judged["without_mistakes"]["attitude_error"] < 1e-7
-    for line, name in zip(out.splitlines()[-2:], ("all is as it", mistake["name"]), strict=True):
+    for line, name in zip(out.splitlines()[-2:], ("any change", mistake["name"]), strict=True):
         assert line.startswith(name)
 
 

@@ -1,4 +1,4 @@
-"""Names that would end a script or begin an element are text in every page."""
+"""Names with markup are text in every page."""
 
 import json
 from pathlib import Path
@@ -11,7 +11,7 @@ from tests.pages import Page
 from validation import compare
 from validation.report.scene_report import report
 
-# A body, its joint and an actuator with names that hold markup.
+# A body, a joint and an actuator with markup in their names.
 HOSTILE = """<mujoco model="&lt;/script&gt;&lt;img src=x onerror=alert(1)&gt;">
 <option timestep=".005" integrator="RK4" cone="elliptic"/><worldbody>
 <geom name="floor" type="plane" size="5 5 .1"/>
@@ -27,21 +27,21 @@ MARKUP = "<!--<script>"
 
 
 def bodies_in(page: str) -> list[str]:
-    """The names of the bodies that the views of a page have, as its scripts read them.
+    """Return the names of the bodies in the views of a page, like its scripts read them.
 
-    Nothing in the page is an element or attribute by a name of the file.
+    Check that no element or attribute has a name of the file.
     """
     parsed = Page(page)
     assert not {"onerror", "onload"} & parsed.found
     data = [each for each in parsed.scripts if each.startswith("{")]
-    # After `<!--<script>` a browser takes `</script>` for text; Python's parser may not.
+    # After `<!--<script>` browsers read `</script>` as text, unlike some parsers of Python.
     assert not any("<" in each for each in data)
     return [body["name"] for each in data for body in json.loads(each)["bodies"]]
 
 
 @pytest.fixture
 def robot(tmp_path: Path) -> Path:
-    """The hostile robot's file."""
+    """Write the file of the hostile robot."""
     path = tmp_path / "robot.xml"
     path.write_text(HOSTILE)
     return path
@@ -61,7 +61,7 @@ def test_the_page_of_a_check_has_hostile_names_as_text(robotball: Robotball, rob
 
 
 def test_a_report_has_hostile_names_as_text(robot: Path) -> None:
-    """The plots' names and values as well, which are in attributes."""
+    """It includes names and values of plots in attributes."""
     scene = rb.load_scene(robot).until(0.1)
     page = report([compare(scene, settings="fast")], f"robotball report {MARKUP}")
     assert MARKUP in bodies_in(page)[1]

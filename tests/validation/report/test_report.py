@@ -1,4 +1,4 @@
-"""The report: one file, numbers in words, charts that show their values, in a browser too."""
+"""Reports: self-contained pages with numbers, texts and charts, also in a browser."""
 
 import json
 import re
@@ -37,12 +37,10 @@ def page(agreements: list[Agreement]) -> str:
     return report(agreements, COMMAND)
 
 
-def test_a_report_has_what_was_run_and_how_to_repeat_it(
-    page: str, agreements: list[Agreement]
-) -> None:
-    """The settings' values, the versions, the scene's file and the command.
+def test_a_report_has_settings_versions_and_command(page: str, agreements: list[Agreement]) -> None:
+    """It has the settings, the versions, the scene file and the command.
 
-    It asks for nothing outside itself, and is equal to the byte however fast the run was.
+    It loads nothing else, and does not depend on the speed of the run.
     """
     for words in (COMMAND, "fig12", "mujoco", rb.scene_toml(agreements[0].scene).splitlines()[1]):
         assert words in page.replace("&quot;", '"')
@@ -63,12 +61,12 @@ def test_a_report_has_what_was_run_and_how_to_repeat_it(
     assert report(slower, COMMAND) == page
 
 
-def test_a_sentence_has_the_error_and_its_bound_or_where_the_run_ended(
+def test_a_sentence_has_the_error_and_its_bound_or_the_end_of_the_run(
     agreements: list[Agreement],
 ) -> None:
-    """A sound run, a faulty one, and one that broke off, whose plots go as far as it went.
+    """Cases: a sound run, a faulty one, and a run that broke off.
 
-    A user's title is text and no markup.
+    Markup in a title is text.
     """
     naive, fast = agreements
     error = fast.path_error
@@ -104,7 +102,7 @@ def in_browser(test: Callable[..., None]) -> Callable[..., None]:
 
 @pytest.fixture(scope="module")
 def browser(page: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    """The page, with a long name in its heading. It makes no error and asks for nothing else."""
+    """Open the page, with a long name in its heading, and check its console and requests."""
     heading, folder = "<h1>Rolling balls: fig12", tmp_path_factory.mktemp("page")
     assert heading in page
     named = page.replace(heading, f"{heading}_steered_along_a_circle_and_back")
@@ -117,7 +115,7 @@ def browser(page: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bro
 
 @in_browser
 def test_a_pointer_and_a_key_show_a_charts_values(browser: Browser) -> None:
-    """Those of another time after the key; none when the pointer leaves."""
+    """The key moves to another time, and the values disappear when the pointer leaves."""
     first, second, after = browser.run(
         """(() => {
         const chart = document.querySelectorAll('svg.chart')[1];
@@ -139,7 +137,7 @@ def test_a_pointer_and_a_key_show_a_charts_values(browser: Browser) -> None:
 
 @in_browser
 def test_a_choice_shows_the_other_run(browser: Browser) -> None:
-    """One view at a time, whose balls are apart by what that run's are."""
+    """One view is shown at a time, with the distance of the balls of its run."""
     apart = browser.run(
         """[0, 1].map(each => {
             const select = document.querySelector('.views select');
@@ -162,7 +160,7 @@ COLOUR = "getComputedStyle(document.body).{}"
     ("width", "dark", "background"), [(360, False, "255, 255, 255"), (1280, True, "22, 25, 29")]
 )
 def test_a_page_fits_its_screen(browser: Browser, width: int, dark: bool, background: str) -> None:
-    """Nothing is wider than a telephone's or a desk's, and it is light or dark as they are."""
+    """Nothing is wider than the screen of a phone or desktop, in light and dark mode."""
     browser.size(width, 800, dark)
     assert browser.run("document.documentElement.scrollWidth") == width
     assert browser.run(COLOUR.format("backgroundColor")) == f"rgb({background})"
@@ -170,7 +168,7 @@ def test_a_page_fits_its_screen(browser: Browser, width: int, dark: bool, backgr
 
 @in_browser
 def test_a_page_is_printed_dark_on_white(browser: Browser) -> None:
-    """Of a dark screen too, on a few sheets; no closed fold or control, no number in two parts."""
+    """On a few sheets, without folded parts and controls, and without broken numbers."""
     browser.size(1280, 800, dark=True, media="print")
     assert browser.run(COLOUR.format("color")) == "rgb(34, 38, 43)"
     shown = "each => each.getClientRects().length"
@@ -188,9 +186,9 @@ def test_a_page_is_printed_dark_on_white(browser: Browser) -> None:
 
 
 def test_a_studys_record_is_tables_and_pictures(robotball: Robotball, tmp_path: Path) -> None:
-    """Its plain values, its lists, and the PNGs beside it.
+    """It has plain values, lists, and the PNGs of the study.
 
-    JSON may hold half a character, which UTF-8 cannot: it is shown as another.
+    Half a character in JSON, which UTF-8 does not have, is replaced.
     """
     runs = [{"name": "a <b>", "error": 1.23456e-7, "deep": [1]}]
     record = {
@@ -208,8 +206,8 @@ def test_a_studys_record_is_tables_and_pictures(robotball: Robotball, tmp_path: 
     assert "deep" not in made
 
 
-def test_a_scene_that_rolls_by_motors_has_their_loads(page: str) -> None:
-    """Torque, rate and power of each driven hinge, the largest by the equations, in its unit."""
+def test_a_report_of_a_motorized_scene_has_the_loads(page: str) -> None:
+    """Each driven hinge has torque, rate and power with units."""
     for words in (
         "Torque of frame: at most",
         "Rate of frame: at most 2\u00a0rad/s<",
@@ -229,14 +227,14 @@ def test_a_scene_that_rolls_by_motors_has_their_loads(page: str) -> None:
 def test_a_command_to_repeat_is_on_the_readers_path(
     started: str, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As it was found on the path, or as it lies beside the working folder."""
+    """It is the command on the path, or a path relative to the working folder."""
     monkeypatch.setattr("sys.argv", [started.format(here=Path.cwd())])
     monkeypatch.setattr("validation.output.which", lambda _: "/x/bin/robotball")
     assert program() == words
 
 
-def test_a_records_name_is_no_pattern(tmp_path: Path) -> None:
-    """`**` in it is no error, and `a*.json` does not get the pictures of `ab.json`."""
+def test_the_name_of_a_record_is_not_a_pattern(tmp_path: Path) -> None:
+    """`**` in a name is not an error, and `a*.json` does not match the pictures of `ab.json`."""
     for name in ("a*", "a**"):
         (tmp_path / f"{name}.json").write_text('{"versions": {}}')
         (tmp_path / "ab.png").write_bytes(b"\x89PNG")
@@ -268,14 +266,14 @@ def test_the_command_writes_a_page_of_several_scenes(robotball: Robotball, tmp_p
     ],
 )
 def test_ticks_are_round(low: float, high: float, expected: list[float]) -> None:
-    """Steps of 1, 2 or 5 times a power of ten, at most seven of them."""
+    """At most seven ticks in steps of 1, 2 or 5 times a power of ten."""
     assert ticks(low, high) == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("log", [False, True])
 @pytest.mark.parametrize("y", [[0.0] * 5, [7.0] * 5, [0.0, 1e-3, float("nan"), 1e-9, 1.0]])
-def test_a_chart_stands_a_line_that_goes_nowhere(y: list[float], log: bool) -> None:
-    """A constant, a zero on a logarithmic axis, a hole: as of M(0) = 0."""
+def test_a_chart_can_draw_degenerate_lines(y: list[float], log: bool) -> None:
+    """Cases: a constant, zeros on a logarithmic axis, and a gap, for example with M(0) = 0."""
     line = Line(Look("a & b", "#000000"), np.linspace(0.0, 1.0, 5), np.array(y))
     svg = chart([line], "t < 1", "y", log=log)
     assert "t < 1" in [each.text for each in ElementTree.fromstring(svg).iter("text")]
@@ -284,7 +282,7 @@ def test_a_chart_stands_a_line_that_goes_nowhere(y: list[float], log: bool) -> N
 
 
 def test_a_flat_path_makes_a_low_picture_to_one_scale() -> None:
-    """The pixels of a metre are the same on both axes; a legend has the dashes of its line."""
+    """Pixels per metre are equal on both axes; the legend has the dashes of the line."""
     x = np.linspace(0.0, 30.0, 900)
     line = Line(Look("a", "#000000", (2, 3)), x, np.sin(x), width=1.0)
     assert 'stroke-dasharray="2 3"' in legend([line])
@@ -299,5 +297,5 @@ def test_a_flat_path_makes_a_low_picture_to_one_scale() -> None:
 
 
 def test_a_study_is_read_from_a_plain_file_of_a_limited_length(tmp_path: Path) -> None:
-    """As every file of a user is."""
+    """The limits for files of users apply."""
     check_length(study_report, tmp_path / "study.json")

@@ -1,4 +1,4 @@
-"""The ablation: every variant is one choice, and every choice is worth what it is said to be."""
+"""The ablation: each variant changes one choice, and each choice has its measured effect."""
 
 import json
 from dataclasses import fields, replace
@@ -27,9 +27,9 @@ from validation.studies.timing import Cost
 pytestmark = pytest.mark.filterwarnings("ignore::robotball.SceneWarning")
 FIG12, NAMES = rb.load_scene("fig12"), [choice.name for choice in CHOICES]
 
-# The recipe with one choice undone on fig12 over 10 s, as path error and drift of M; the recipe
-# has 2.5e-12 and 7.2e-12. Where friction is too weak the ball leaves the plane, and rounding tells
-# how much of M is lost: 2e-4 or 5e-5.
+# Path error and error of M of the recipe with one choice undone, on fig12 over 10 s. The recipe has
+# 2.5e-12 and 7.2e-12. With weak friction the ball leaves the plane, and the lost M depends on
+# rounding: 2e-4 or 5e-5.
 WORTH = {
     "drive": (3.8e-1, 8.6e-12),
     "friction": (4.2e-1, None),
@@ -39,42 +39,42 @@ WORTH = {
     "start": (8.6e-4, 6.2e-5),
     "softness": (2.9e-10, 8.0e-10),
     "noslip": (3.9e-5, 7.2e-12),
-    "solver": (2.5e-12, 7.2e-12),  # of the speed alone
+    "solver": (2.5e-12, 7.2e-12),  # it affects the speed alone
     "timestep": (4.4e-11, 1.0e-10),
 }
 
 
 def differing(one: Settings, other: Settings) -> set[str]:
-    """The fields of the model in which settings differ."""
+    """Return the fields of the model in which settings differ."""
     names = {field.name for field in fields(Settings)}
     names -= {"name", "error_tolerance", "stop_at_fault"}
     return {name for name in names if getattr(one, name) != getattr(other, name)}
 
 
 def test_each_variant_is_its_choice_alone() -> None:
-    """From the naive preset with the frame as root up to `accurate`, and down choice by choice."""
+    """They lead from naive, with the frame as root, to `accurate`; then undo one choice each."""
     up, (top, *undone) = built_up(), each_undone()
     assert up[0].root == "frame"
     assert differing(up[0], NAIVE) == {"root"}
     assert differing(up[-1], rb.preset("accurate")) == differing(top, up[-1]) == set()
-    assert [each.name for each in up] == ["naive", *NAMES]
-    assert [each.name for each in undone] == NAMES
+    assert [settings.name for settings in up] == ["naive", *NAMES]
+    assert [settings.name for settings in undone] == NAMES
     for below, above, down, choice in zip(up, up[1:], undone, CHOICES, strict=False):
         assert differing(below, above) == differing(top, down) == set(choice.fields)
         assert differing(down, BOTTOM) == differing(TOP, BOTTOM) - set(choice.fields)
 
 
-# The others are run by `make test-studies`.
+# `make test-studies` runs the others.
 QUICK = ("drive", "friction", "cone", "integrator", "noslip")
 
 
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=() if n in QUICK else pytest.mark.study) for n in WORTH]
 )
-def test_every_choice_is_worth_its_error(name: str) -> None:
-    """Undone alone it makes the path's error as large as measured, and M's, which is blind to some.
+def test_undoing_a_choice_has_its_measured_effect(name: str) -> None:
+    """Path error and error of M are as measured.
 
-    With the frame as root, or servos on the hinges, M is kept and the path is wrong.
+    With the frame as root, or with servos on the hinges, M is constant but the path is wrong.
     """
     agreement, (path, drift) = compare(FIG12, settings=without(TOP, [name])), WORTH[name]
     assert agreement.path_error == pytest.approx(path, rel=0.2)
@@ -85,7 +85,7 @@ def test_every_choice_is_worth_its_error(name: str) -> None:
 
 
 def test_errors_hide_one_another() -> None:
-    """The integrator is worth nothing while the ball slips, and nearly everything at the top."""
+    """The integrator has no effect while the ball slips, and a large effect in the recipe."""
     slipping = built_up()[NAMES.index("friction") + 1]
     euler, rk4 = (
         compare(FIG12, rb.sample_times(2.0), settings=replace(slipping, integrator=each)).path_error
@@ -95,8 +95,8 @@ def test_errors_hide_one_another() -> None:
     assert WORTH["integrator"][0] > 1e9 * WORTH["solver"][0]
 
 
-def test_undoing_a_choice_by_a_wrong_name_says_which_there_are() -> None:
-    """A name that no choice has is refused with the names that there are."""
+def test_an_unknown_choice_is_refused_with_the_known_ones() -> None:
+    """The message has the unknown name and the known names."""
     with pytest.raises(rb.InputError, match=naming("'slip' noslip")):
         without(TOP, ["noslip", "slip"])
     assert without(TOP, ["noslip", "start"]).name == "accurate - noslip - start"
@@ -110,12 +110,12 @@ def test_the_command_writes_table_picture_and_records(robotball: Robotball, tmp_
     assert all(f"{sign} {name}" in printed for name in NAMES for sign in "+-")
     record = json.loads((tmp_path / "a.json").read_text())
     variants = record["variants"]
-    assert [each["choice"] for each in variants] == ["naive", *NAMES, "accurate", *NAMES]
-    assert [each["direction"] for each in variants] == ["built up"] * 11 + ["undone"] * 11
+    assert [run["choice"] for run in variants] == ["naive", *NAMES, "accurate", *NAMES]
+    assert [run["direction"] for run in variants] == ["built up"] * 11 + ["undone"] * 11
     assert (variants[0]["settings"]["root"], variants[0]["times_naive"]) == ("frame", 1.0)
     assert all(v["times_naive_least"] <= v["times_naive_most"] for v in variants)
-    # The frame as root slips by a good part of the rolling speed; the recipe by RK4's error.
-    slips = {each["choice"]: each["slip"] for each in variants[11:]}
+    # With the frame as root slip is a large part of the rolling speed; the recipe has RK4's error.
+    slips = {run["choice"]: run["slip"] for run in variants[11:]}
     assert slips["root"] == pytest.approx(0.15, rel=0.2)
     assert slips["accurate"] < 3e-12  # measured 7.9e-13
     assert "mujoco" in record["versions"]
@@ -123,7 +123,7 @@ def test_the_command_writes_table_picture_and_records(robotball: Robotball, tmp_
 
 
 def test_the_slip_of_a_ball_that_spins_on_the_spot_is_relative_to_its_radius() -> None:
-    """Its path has no length."""
+    """The path of such a ball has no length."""
     scene = rb.load_scene("fig12").with_hinges(command=(0.0, 0.0))
     still = scene.from_start(rb.Start(scene.start.attitude, np.zeros(3)))
     cost = Cost((1.0,), 1.0)

@@ -1,4 +1,4 @@
-"""Pictures of branches, and what is written while they are followed."""
+"""Pictures of branches, and partial results during the search."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,7 +17,7 @@ from validation.study import Study
 
 
 def test_a_branch_of_one_point_is_drawn() -> None:
-    """As a dot at its place: Newton's method may converge no further on either side of a start."""
+    """It is a dot. Newton's method may fail to converge on both sides of a start."""
     row = {"branch": 1, "name": "1", "value": 3.0, "kind": "", "stable": False, "period": 30.0}
     row |= {f"gamma{i}": 0.0 for i in (1, 2, 3)}
     (axes,) = _branch_picture(rb.load_scene("fig12"), ("c", "kg m²/s"), [row], []).axes
@@ -26,7 +26,7 @@ def test_a_branch_of_one_point_is_drawn() -> None:
 
 
 def test_a_branch_changes_its_dashes_at_special_points_alone() -> None:
-    """A point beside one, whose exponents are rounding, does not; the title has the places."""
+    """Rounding in the exponents next to them has no effect. The title has the positions."""
     kinds, stable = ["", "", DRIFT, "", "", ""], [False, False, False, False, True, True]
     rows: list[Any] = [
         {"branch": 1, "name": "1", "value": float(i), "kind": kind, "stable": is_so, "period": None}
@@ -38,16 +38,16 @@ def test_a_branch_changes_its_dashes_at_special_points_alone() -> None:
         (line.get_linestyle(), np.array(line.get_data()[0]).tolist())
         for line in figure.axes[0].lines
     ]
-    assert [each for each in drawn if len(each[1]) > 1] == [("--", [0, 1, 2]), ("-", [2, 3, 4, 5])]
+    assert [line for line in drawn if len(line[1]) > 1] == [("--", [0, 1, 2]), ("-", [2, 3, 4, 5])]
     assert figure.get_suptitle() == "fig12, over c: drift point at 2"
 
 
 def test_a_result_is_written_as_a_branch_grows(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """With an end of its own, so that a run that is stopped leaves all that it had found.
+    """A stopped run leaves all its points, and the unfinished branch is marked.
 
-    Its percentage never falls, and is what the places and the branches of one are.
+    The fraction done never falls.
     """
     seen: list[tuple[int, bool]] = []
     done: list[float] = []
@@ -83,11 +83,11 @@ def test_a_result_is_written_as_a_branch_grows(
 def test_an_engine_repeats_motions_of_a_driven_branch(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One beside the branch is not back after its period; what is given up is counted, with why."""
+    """A motion beside the branch does not return after its period. Lost motions are counted."""
 
     def planted(family: Any, watch: Watch) -> Iterator[Branch]:
         assert family.longest == 2.5
-        tilt = 0.1932456646  # rad, where the swing with the table turns back at 0.78 Hz
+        tilt = 0.1932456646  # rad, amplitude of the swing with the table at 0.78 Hz
         points = []
         for kind, angle in (("", tilt), (FOLD, tilt + 0.01)):
             sine, cosine = np.sin(angle), np.cos(angle)
@@ -114,10 +114,10 @@ def test_an_engine_repeats_motions_of_a_driven_branch(
     assert "MuJoCo, balanced: 2 motions" in printed
 
 
-def test_a_branch_that_ends_at_zero_is_said_to(
+def test_a_branch_that_ends_at_zero_is_printed_with_zero(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Its curve comes there to rounding; a number that is only small is printed as it is."""
+    """Rounding is printed as 0, and a small number as it is."""
 
     def planted(family: Any, watch: Watch) -> Iterator[Branch]:
         for off in (1e-14, 1e-5):

@@ -1,4 +1,4 @@
-"""Charts of the largest exponent, diagrams of the section, and the same points by MuJoCo."""
+"""Charts of the largest exponent, diagrams of the section, and the same points with MuJoCo."""
 
 import csv
 import json
@@ -27,21 +27,23 @@ from validation.studies import charts
 from validation.studies.charts import chart_study, measure, measure_contact, refined, word_of
 from validation.sweeps import Result
 
-TIMES = (4.0, 7.0)  # s, over which λ₁ is compared
+TIMES = (4.0, 7.0)  # s, the interval of λ₁
 
 
 def cell(scene: str, over: dict[str, Any], **more: Any) -> dict[str, Any]:
-    """A cell of the points on the grid of these values, whose later half is that of TIMES."""
+    """Return a cell with a grid of points; TIMES is the second half of its motions."""
     points = np.stack(np.meshgrid(*over.values()), axis=-1).reshape(-1, len(over)).tolist()
     times = {"duration": 6.0, "transient": 1.0}
     return {"scene": scene, "over": [*over], "points": points} | times | more
 
 
-def growths(scene: str, some: dict[str, Any]) -> Array:
-    """λ₁ (n,) over TIMES by SciPy's DOP853, from neighbours 1e-5 rad to both sides [1/s]."""
+def growths(scene: str, cell: dict[str, Any]) -> Array:
+    """Return λ₁ (n,) over TIMES from SciPy's DOP853 and neighbours at ±1e-5 rad [1/s]."""
     first, (attitude,), (momentum,) = kernel_start(rb.load_scene(scene))
-    pairs = [varied(first, momentum, dict(zip(some["over"], each, strict=True)))
-             for each in some["points"]]  # fmt: skip
+    pairs = [
+        varied(first, momentum, dict(zip(cell["over"], point, strict=True)))
+        for point in cell["points"]
+    ]
     numbers = np.array([row_of(ball) for ball, _ in pairs * 2]).T
     balls, momenta = ball_of(first.rolling, [*numbers]), np.array([M for _, M in pairs * 2])
 
@@ -51,7 +53,7 @@ def growths(scene: str, some: dict[str, Any]) -> Array:
         omega = balls.angular_velocity(M, gamma)
         return np.concatenate([*eq.cross(gamma, omega), *eq.cross(M, omega)])
 
-    # The turn at the start is that of `exponents`.
+    # `exponents` begins with the same rotation.
     turns = np.repeat([[1e-5], [-1e-5]], len(pairs), axis=0) * [0.6, 0.48, 0.64]
     axes = rotation_matrix(
         multiply(attitude, Rotation.from_rotvec(turns).as_quat(scalar_first=True))
@@ -59,8 +61,8 @@ def growths(scene: str, some: dict[str, Any]) -> Array:
     start = np.concatenate([axes[:, 2], np.einsum("nij,ni->nj", axes, momenta)], axis=1).T
     times: Any = {"t_eval": TIMES, "rtol": 1e-11, "atol": 1e-12}
     found = solve_ivp(rate, (0.0, TIMES[1]), start.ravel(), "DOP853", **times).y
-    ahead, behind = found.reshape(6, 2, -1, 2).transpose(1, 2, 3, 0)  # a pair, a time, a number
-    # What is at rest in space turns in the frame: δγ = γ×ξ, δM = M×ξ.
+    ahead, behind = found.reshape(6, 2, -1, 2).transpose(1, 2, 3, 0)  # (pair, time, number)
+    # Vectors at rest in space rotate in the frame: δγ = γ×ξ, δM = M×ξ.
     vectors = np.split((ahead + behind)[..., None, :] / 2, 2, axis=-1)
     turned = [np.cross(v, np.eye(3)).swapaxes(-1, -2) for v in vectors]
     matrix = np.concatenate(turned, axis=-2)
@@ -76,20 +78,20 @@ def growths(scene: str, some: dict[str, Any]) -> Array:
         ("classical_chaotic", {"f": np.linspace(10, 40, 4), "c": np.linspace(-2, 3, 4)}),
     ],
 )
-def test_a_chart_s_numbers_are_those_of_neighbours_by_another_integrator(
+def test_the_exponents_of_a_chart_agree_with_another_integrator(
     scene: str, over: dict[str, Array]
 ) -> None:
-    """λ₁ over 3 s at 4 x 4 points, of as many balls abreast; with the places changed it is not."""
+    """λ₁ over 3 s at 4 x 4 points; in reversed order it differs."""
     some = cell(scene, over)
     expected, found = growths(scene, some), [row["largest"] for row in measure(some)["rows"]]
-    # Measured 3.1e-7 (classical): the neighbours' distance, grown, is not quite small.
+    # Measured 3.1e-7 (classical): the distance of the neighbours is finite.
     assert found == pytest.approx(expected, abs=3e-6)
     assert np.abs(found - expected[::-1]).max() > 0.1
 
 
 @pytest.mark.parametrize("scene", ["fig14", "classical_chaotic"])
 def test_twice_as_fast_a_motion_has_twice_the_exponent(scene: str) -> None:
-    """K, Ω and M doubled, times halved: so only ratios of them count. To the last bit but a few."""
+    """K, Ω and M are doubled and times halved. Results agree to a few of the last bits."""
     ball, attitudes, momenta = kernel_start(rb.load_scene(scene))
     fast = replace(ball, K=eq.scale(2, ball.K), Omega=eq.scale(2, ball.Omega))
     slow = exponents_of(ball, attitudes, momenta, 40.0, 10.0)
@@ -98,10 +100,10 @@ def test_twice_as_fast_a_motion_has_twice_the_exponent(scene: str) -> None:
 
 
 @pytest.mark.parametrize(("scene", "axis"), [("fig14", 1), ("classical_chaotic", 0)])
-def test_starts_that_are_one_start_turned_over_move_alike(scene: str, axis: int) -> None:
-    """(γ, M) as (-γ, -M), rubber, and as (-γ, M), classical, where c is -c; with K₂ as -K₂ not.
+def test_symmetric_starts_have_equal_exponents(scene: str, axis: int) -> None:
+    """(γ, M) and (-γ, -M), rubber, or (-γ, M), classical, with c and -c. K₂ and -K₂ differ.
 
-    Three balls abreast; M is along the world's X, about which or across which the start turns.
+    M is along the world's X, about which or across which the start is turned over.
     """
     ball, (attitude,), (momentum,) = kernel_start(rb.load_scene(scene))
     other = replace(ball, K=(ball.K[0], -ball.K[1], ball.K[2]))
@@ -116,7 +118,7 @@ def test_starts_that_are_one_start_turned_over_move_alike(scene: str, axis: int)
 
 @pytest.mark.parametrize("dimensions", [1, 2])
 def test_refining_only_adds_points_and_finds_the_whole_border(dimensions: int) -> None:
-    """Of a disc, chaotic inside: each place of the finest grid has its kind, by fewer points."""
+    """Every place of the finest grid has its kind, from fewer points; the border is a circle."""
     asked: list[tuple[int, ...]] = []
     size = 8 * 2**2 + 1
 
@@ -132,34 +134,36 @@ def test_refining_only_adds_points_and_finds_the_whole_border(dimensions: int) -
     assert np.array_equal(np.abs(grid) > 0.2, np.abs(everywhere) > 0.2)
 
 
-def test_a_followed_motion_begins_where_the_one_before_ended() -> None:
-    """At three equal values: their crossings are those of one motion; of others, all the same."""
+def test_a_followed_motion_begins_at_the_end_of_the_previous_one() -> None:
+    """At three equal values the crossings form one motion; without following, they are equal."""
     ball, attitudes, momenta = kernel_start(rb.load_scene("fig12"))
     whole = sections_of(ball, attitudes, momenta, 300, direction=1).L[0] / 5
     for follow, expected in ((True, whole), (False, np.tile(whole[:100], 3))):
         some = cell("fig12", {"Omega": [2.0, 2.0, 2.0]}, follow=follow, skipped=0)
         crossings = np.array([row["crossings"] for row in measure(some)["rows"]])
-        # Measured 1.5e-9: where a step ends is another when a motion begins anew.
+        # Measured 1.5e-9: a new start changes the steps.
         assert crossings[..., 0].ravel() == pytest.approx(expected, abs=1e-6)
 
 
 def test_a_regular_motion_is_named_by_its_crossings() -> None:
-    """Of three in turn, though l jumps by 2π; of a circle wound by the golden ratio; by growth."""
+    """Cases: period 3 with jumps of l by 2π; a circle wound irrationally; growth."""
     three = [[0.1, -3.1], [0.2, 0.5], [0.1, 0.4]] * 10
     three[3] = [0.1, -3.1 + 2 * math.pi]
     assert word_of((5.0, 5.0), three) == "cycle of 3"
     assert word_of((5.0, 5.0), [[math.cos(n * 3.883), n * 3.883] for n in range(100)]) == "torus"
-    words = [word_of(each, []) for each in ((31.0, 31.0), (31.0, 5.0), (5.0, -31.0), (5.0, 5.0))]
+    words = [
+        word_of(halves, []) for halves in ((31.0, 31.0), (31.0, 5.0), (5.0, -31.0), (5.0, 5.0))
+    ]
     assert words == ["chaotic", "transient chaos", "straight line", "regular"]
 
 
 @pytest.mark.parametrize("scene", ["fig14", "classical_chaotic"])
 def test_mujoco_repeats_a_point_of_a_chart(scene: str) -> None:
-    """With bodies designed for it λ₁ over 20 s is the equations', and not that of another K."""
+    """With designed bodies, λ₁ over 20 s equals the equations' λ₁, and not that of another K."""
     times: Any = {"preset": "fast", "duration": 40.0, "transient": 10.0}
     near, far = (cell(scene, {"K": [K], "Omega": [1.5]}, **times) for K in (3.0, 3.1))
     (row,) = measure_contact(near)["rows"]
-    # Measured 1.0e-5 and 1.2e-5: the steps of 20 ms, grown by e².
+    # Measured 1.0e-5 and 1.2e-5: the error of steps of 20 ms, times e².
     for expected in (row["alongside"], measure(near)["rows"][0]["largest"]):
         assert row["contact"] == pytest.approx(expected, abs=5e-5)
     assert abs(row["contact"] - measure(far)["rows"][0]["largest"]) > 0.01
@@ -181,23 +185,23 @@ def test_a_chart_goes_on_where_it_was_ended(robotball: Robotball, tmp_path: Path
     table.unlink()
     assert robotball(*command.split(), "--workers", 1)[0] == 0
     assert table.read_bytes() == first
-    # No start has an f below c².
+    # f ≥ c² for all starts.
     rows = [*csv.DictReader(table.read_text().splitlines())]
     assert all(float(row["f"]) > float(row["c"]) ** 2 for row in rows)
     assert len(rows) == record["points"] < 5 * 5
     assert table.with_suffix(".png").read_bytes()[:4] == b"\x89PNG"
 
 
-def test_cells_without_a_result_are_said_with_a_reason(
+def test_cells_without_a_result_are_reported_with_a_reason(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """All of them in the refusal, some below the chart."""
+    """If all cells fail, the command is refused; otherwise they are listed below the chart."""
     lost: list[int] = [0, 1, 2]
 
     def results(sweep: Sweep, work: Any, cells: Any, *of: Any) -> list[Result]:
         return [
-            Result(each, None, "it took [3] s") if i in lost else Result(each, work(each), None)
-            for i, each in enumerate(cells)
+            Result(cell, None, "it took [3] s") if i in lost else Result(cell, work(cell), None)
+            for i, cell in enumerate(cells)
         ]
 
     monkeypatch.setattr(Sweep, "results", results)

@@ -1,4 +1,4 @@
-"""Contact quality: its energy is the motors' work, and a bad contact is seen in each number."""
+"""Contact quality: the energy equals the work of the motors, and a bad contact shows."""
 
 from dataclasses import replace
 from functools import cache
@@ -20,8 +20,8 @@ TIMES = rb.sample_times(2.0, 1e-3)
     ("name", "measured"),
     [("fig12", 7.7e-10), ("classical_regular", 4.1e-10), ("wobbling_drive", 3.6e-9)],
 )
-def test_the_kinetic_energy_is_the_motors_work(name: str, measured: float) -> None:
-    """On the equations' motion, over its range [J]; with 1.01 M it is not."""
+def test_the_kinetic_energy_equals_the_work_of_the_motors(name: str, measured: float) -> None:
+    """It holds for the equations' motion [J], and not with 1.01 M."""
     theory = rb.integrate(rb.load_scene(name), TIMES)
     work = cumulative_simpson(theory.motor_powers.sum(axis=1), x=TIMES, initial=0)
 
@@ -46,7 +46,7 @@ def quality(preset: str) -> tuple[rb.Motion, ContactMotion, dict[str, float | No
 
 
 def test_the_recipes_contact_is_good() -> None:
-    """Forces to rounding, energy to 1.2e-10; a force that is planted is found."""
+    """Forces are right to rounding and energy to 1.2e-10. A planted force is found."""
     theory, motion, found = quality("balanced")
     assert abs(found["normal_force_error"] or 0.0) < 1e-14  # measured 1.2e-15
     assert found["cone_violation"] == 0.0
@@ -62,8 +62,8 @@ def test_the_recipes_contact_is_good() -> None:
 
 
 @pytest.mark.filterwarnings("ignore::robotball.SceneWarning")
-def test_a_newcomers_contact_is_bad() -> None:
-    """The ball is thrown, friction takes a part of its energy, and the energy is off by a part."""
+def test_the_naive_contact_is_bad() -> None:
+    """The ball is thrown up, and friction takes energy."""
     _, _, found = quality("naive")
     bounds = {"normal_force_error": 1.0, "slip_work": 0.01, "energy_error": 0.01}
     # Measured 7.0, 0.016 and -0.028.
@@ -72,8 +72,8 @@ def test_a_newcomers_contact_is_bad() -> None:
     } == dict.fromkeys(bounds, True)
 
 
-def test_what_is_not_known_is_none() -> None:
-    """Of an engine without forces, and the energies of a ball that is not balanced."""
+def test_unknown_residuals_are_none() -> None:
+    """Examples: an engine without forces, and the energies of an unbalanced ball."""
     theory, motion, _ = quality("balanced")
     loads: Any = motion.loads.unknown(len(motion.times), 2)
     report = replace(motion.report, friction_used=np.full(len(motion.times), np.nan))
@@ -90,14 +90,14 @@ def test_what_is_not_known_is_none() -> None:
     [
         ("newton", "best", 20e-3, 3.0e-7),  # single precision
         ("pinocchio", "contact", 1e-3, 2.0e-3),
-        ("exudyn", "contact", 5e-3, 5.7e-3),  # it swings from step to step
+        ("exudyn", "contact", 5e-3, 5.7e-3),  # its force oscillates from step to step
         ("genesis", "best", 1e-3, 7.1e-3),
     ],
 )
-def test_an_engine_gives_the_force_of_its_contact(
+def test_an_engine_reports_its_contact_force(
     name: str, preset: str, timestep: float, measured: float
 ) -> None:
-    """The normal force is the weight, and friction is within its cone."""
+    """The normal force equals the weight, and friction is inside its cone."""
     engine = ADAPTERS[name]
     skip_unless_there(name)
     theory = rb.integrate(rb.load_scene("fig12"), rb.sample_times(0.3))

@@ -1,4 +1,4 @@
-"""Orders of convergence, and the two references that tell integrator and model apart."""
+"""Orders of convergence against the limit of the contact model and against the equations."""
 
 import json
 from functools import cache
@@ -21,8 +21,8 @@ from validation.studies.orders import Order, fit_order, stalled_at
 
 SOFT = ("softness", "noslip")
 
-# Measured over 1 s on fig12 and classical_regular. What is left of the next power of the step
-# bends the line; DOP853's steps are nearer to rounding, and its interpolant is of order 7.
+# Measured over 1 s on fig12 and classical_regular. The next power of the step bends the line.
+# DOP853's errors are nearer to rounding, and its interpolant has order 7.
 BOUNDS = {
     "Euler": 0.1,  # 0.997, 1.027
     "implicit": 0.1,  # 1.042, 0.999
@@ -35,13 +35,13 @@ BOUNDS = {
 
 @cache
 def study(scene: str, *undone: str) -> Runs:
-    """One simulated second of the recipe's contact model, less some choices."""
+    """Study one simulated second of the recipe's contact model, with some choices undone."""
     settings = without(TOP, undone)
     return measure_convergence(rb.load_scene(scene), settings, rb.sample_times(1.0), 6)
 
 
 def order(found: Runs, name: str) -> Order:
-    """The order against the contact model's own limit, which there must be."""
+    """Return the order against the contact model's own limit, which must exist."""
     fitted, _ = found.order(name, "own")
     assert fitted is not None
     return fitted
@@ -49,22 +49,22 @@ def order(found: Runs, name: str) -> Order:
 
 @pytest.mark.parametrize("scene", ["fig12", "classical_regular"])
 def test_every_integrator_has_the_order_that_is_claimed(scene: str) -> None:
-    """Over all steps of a power law, and the recipe has one limit: its own and the equations'."""
+    """The fit uses all steps of the power law. The limit of the recipe is the equations' motion."""
     found = study(scene)
     for name, claimed in ORDERS.items():
         fitted = order(found, name)
         assert abs(fitted.order - claimed) < BOUNDS[name], name
         assert fitted.points >= 4
-        assert fitted.stderr < 0.25  # measured 0.159 at most, DOP853's
-    # An adaptive run's error is nearly in proportion to its tolerance: powers 0.87 and 0.90.
+        assert fitted.stderr < 0.25  # measured at most 0.159, with DOP853
+    # The error of an adaptive run is nearly proportional to its tolerance: powers 0.87 and 0.90.
     assert 0.8 < order(found, "DOP853").order < 1.1
-    # Measured 1.8e-13 and 6.5e-13 of the path: rounding, and the equations' own tolerance.
+    # Measured 1.8e-13 and 6.5e-13 of the path: rounding, and the tolerance of the equations.
     assert found.limit["model_error"] < 2e-12
     assert all(abs(row["own_error"] - row["equations_error"]) < 2e-12 for row in found.rows)
 
 
 def test_a_soft_contact_has_a_limit_of_its_own() -> None:
-    """Its error against its own limit goes on falling; against the equations it stalls at once."""
+    """The error against this limit keeps falling; the error against the equations stalls."""
     found = study("fig12", *SOFT)
     model_error = found.limit["model_error"]
     assert model_error == pytest.approx(3.77e-3, rel=0.05)
@@ -75,45 +75,45 @@ def test_a_soft_contact_has_a_limit_of_its_own() -> None:
     assert stall == pytest.approx(model_error, rel=1e-3)
     # Measured 5.7e-12 / 3.8e-3.
     assert found.by_name["RK4"][-1]["own_error"] < 5e-9 * model_error
-    # Euler's error falls through the model's: measured 1.00, and a stall at 2.0e-3.
+    # Euler's error falls below the model's error: measured order 1.00, and a stall at 2.0e-3.
     assert order(found, "Euler").order == pytest.approx(1, abs=0.05)
     assert found.order("Euler", "equations")[1] is not None
 
 
 def test_a_start_out_of_equilibrium_is_an_error_of_the_integrator() -> None:
-    """A ball that starts just touching rolls truly in the limit, but RK4 is of first order there.
+    """A ball that starts just touching rolls without slip in the limit, but RK4 has order 1.
 
     The normal force is not smooth at the start.
     """
     found = study("fig12", "start")
-    # Measured 5.6e-7 of the path, of errors up to 5e-2 at finite steps.
+    # Measured 5.6e-7 of the path; errors at finite steps reach 5e-2.
     assert found.limit["model_error"] < 2e-6
     assert order(found, "RK4").order == pytest.approx(1, abs=0.1)  # measured 0.984
 
 
 @pytest.mark.parametrize("name", ["Euler", "RK4"])
 def test_richardson_estimates_the_true_error(name: str) -> None:
-    """From two runs alone, as near as its order is, where the error is known to a twentieth."""
+    """The estimate from two runs is as accurate as the order, far above rounding."""
     found = study("fig12")
-    # Of an error of 1e-13 rounding alone moves the ratio by 0.06.
+    # At an error of 1e-13, rounding alone changes the ratio by 0.06.
     ratios = [
         row["richardson"] / row["own_error"]
         for row in found.by_name[name]
         if row["richardson"] and row["own_error"] > 20 * found.limit["known_to"]
     ]
     assert len(ratios) >= 3
-    # Measured 0.989 to 1.075, alike with every kernel of OpenBLAS: the next power of the step.
+    # Measured 0.989 to 1.075 with every kernel of OpenBLAS: the next power of the step.
     assert 0.95 < min(ratios) < max(ratios) < 1.15
 
 
 def test_no_step_is_so_long_that_mujoco_changes_the_contact() -> None:
-    """MuJoCo stiffens no contact in silence: steps over half of solref's time are left out."""
-    for undone, longest in (((), 0.02), (SOFT, 0.01)):  # of 0.04 s, and of MuJoCo's own 0.02 s
+    """Steps over half of solref's time constant, which MuJoCo would raise, are left out."""
+    for undone, longest in (((), 0.02), (SOFT, 0.01)):  # time constants of 0.04 s and 0.02 s
         assert study("fig12", *undone).by_name["RK4"][0]["step"] == pytest.approx(longest)
 
 
 def test_a_model_that_always_breaks_off_has_no_limit(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is refused in one line, with the shortest step that was tried."""
+    """The message names the shortest step tried."""
     monkeypatch.setattr(convergence, "_whole_run", lambda *_: None)
     with pytest.raises(rb.InputError, match=naming("fig12 0.0003125~s")):
         study.__wrapped__("fig12")
@@ -129,7 +129,7 @@ def test_the_command_writes_table_picture_and_records(robotball: Robotball, tmp_
     assert set(record["orders"]) == {*ORDERS, "DOP853"}
     assert record["orders"]["RK4"]["own"]["order"]["order"] == pytest.approx(4, abs=0.3)
     assert record["settings"]["name"] == "accurate - softness - noslip"
-    errors = [each["own_error"] for each in record["runs"] if each["integrator"] == "Euler"]
+    errors = [run["own_error"] for run in record["runs"] if run["integrator"] == "Euler"]
     assert np.all(np.diff(errors) < 0)
     picture = "fig12-mujoco-accurate-softness-noslip-convergence-0.3s-quick.png"
     assert (tmp_path / picture).is_file()
@@ -147,16 +147,16 @@ H = np.array(STEPS)
     seed=st.integers(0, 2**32 - 1),
 )
 def test_the_line_stops_at_the_floor(order: float, floor: float, at_once: float, seed: int) -> None:
-    """Errors of any order over any floor: the order is found, from above the floor alone."""
+    """For any order and floor, the fitted order is right and uses errors above the floor."""
     truth = at_once * H**order
     noise = np.random.default_rng(seed).uniform(0.3, 1.0, len(H))
     found = fit_order(STEPS, (truth + floor * noise).tolist())
     above = int((truth > 30 * floor).sum())
     if found is None:
-        # Three points make a line, but the floor bends what is just above it.
+        # Three points would make a line, but the floor bends it.
         assert above < 4
         return
-    # Measured at most 6.1 % off over 60 000 draws, 15 % where few points are clear of the floor,
+    # Measured at most 6.1 % off over 60 000 draws, and 15 % with few points above the floor,
     # which bends the line at its lower end.
     assert abs(found.order - order) < (0.08 if above >= 4 else 0.2) * order
     # Measured 0.51 at least.
@@ -164,8 +164,8 @@ def test_the_line_stops_at_the_floor(order: float, floor: float, at_once: float,
 
 
 @given(order=st.floats(0.9, 8.0), floor=st.floats(1e-12, 1e-6))
-def test_a_known_floor_counts_where_the_errors_do_not_show_it(order: float, floor: float) -> None:
-    """Errors that go on falling below what they are known to are not believed there."""
+def test_errors_below_a_given_floor_are_ignored(order: float, floor: float) -> None:
+    """Errors may keep falling below the floor."""
     errors = 10 * H**order
     found = fit_order(STEPS, errors.tolist(), floor)
     if found is not None:
@@ -175,18 +175,18 @@ def test_a_known_floor_counts_where_the_errors_do_not_show_it(order: float, floo
 
 
 def test_too_long_steps_are_left_out() -> None:
-    """Errors that saturate at long steps, and runs that broke off, do not bend the line."""
+    """Saturated errors at long steps and broken runs do not affect the line."""
     h = H[:10]
     errors: list[float | None] = [float(e) for e in np.minimum(1e6 * h**4, 0.3 + h)]
     found = fit_order([0.4, 0.2, *h], [None, np.inf, *errors])
     assert found is not None
-    # Measured 3.978: one point a little low is let in.
+    # Measured 3.978: the line includes one point that is slightly low.
     assert found.order == pytest.approx(4, abs=0.04)
     assert found.longest < 2.1 * h[1e6 * h**4 < 0.3].max()
 
 
 def test_errors_that_do_not_fall_have_no_order() -> None:
-    """A stall from the first step on is told with its level, and no line is drawn through it."""
+    """If errors stall from the first step, the stall is reported and there is no line."""
     errors = [3e-4 * (1 + 0.01 * n) for n in range(16)]
     assert (fit_order(STEPS, errors), stalled_at(STEPS, errors)) == (None, 3e-4)
     assert stalled_at(STEPS, [h**2 for h in STEPS]) is None
@@ -194,8 +194,8 @@ def test_errors_that_do_not_fall_have_no_order() -> None:
     assert fit_order([0.1] * 4, [1.0, 2.0, 3.0, 4.0]) is None
 
 
-def test_the_standard_error_is_that_of_the_slope() -> None:
-    """It is what the textbook's formula, as numpy's polyfit has it, gives on noisy points."""
+def test_the_standard_error_is_the_standard_error_of_the_slope() -> None:
+    """On noisy points it equals the result of NumPy's polyfit."""
     h = H[:8]
     errors = h**4 * np.exp(np.random.default_rng(1).normal(0, 0.05, 8))
     found = fit_order(STEPS[:8], errors.tolist())
@@ -209,7 +209,7 @@ def test_the_standard_error_is_that_of_the_slope() -> None:
 
 @pytest.mark.filterwarnings("ignore:Data has no positive values")
 def test_a_ball_at_rest_whose_rates_are_drives_has_a_study(tmp_path: Path) -> None:
-    """Its errors are all 0. MuJoCo's compiler would call the callbacks that set the controls."""
+    """All its errors are 0."""
     scene = rb.load_scene("fig12")
     zeros = rb.Samples(times=(0.0, 20.0), values=(0.0, 0.0))
     scene = scene.with_hinges(command=(zeros, zeros))

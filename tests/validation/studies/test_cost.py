@@ -1,4 +1,4 @@
-"""The trade-off: its configurations, its front, first order beside it, and cost."""
+"""The trade-off study: configurations, Pareto front, first-order lines, and costs."""
 
 import itertools
 import json
@@ -44,31 +44,32 @@ CLOUD = st.lists(st.tuples(st.integers(1, 9), st.integers(1, 9)), min_size=1, ma
 
 
 def beats(a: tuple[int, int], b: tuple[int, int]) -> bool:
-    """Whether a is nowhere worse than b, and somewhere better."""
+    """Return whether a is at least as good as b in both, and better in one."""
     return a != b and a[0] <= b[0] and a[1] <= b[1]
 
 
 @given(CLOUD)
-def test_nothing_beats_what_is_on_the_front(cloud: list[tuple[int, int]]) -> None:
-    """And each point that is not on it is beaten by, or the same as, one that is."""
+def test_the_front_is_not_dominated(cloud: list[tuple[int, int]]) -> None:
+    """Each other point is dominated by a point of the front, or equal to it."""
     front = [cloud[i] for i in pareto_front(*zip(*cloud, strict=True))]
     assert not any(beats(point, member) for point in cloud for member in front)
     assert all(point in front or any(beats(m, point) for m in front) for point in cloud)
     assert front == sorted(front, key=lambda point: point[1])
 
 
-def test_every_option_that_is_no_default_is_recorded() -> None:
-    """A cell, read from JSON, gives the same settings to the last digit; none is there twice."""
+def test_every_option_that_is_not_a_default_is_recorded() -> None:
+    """A cell read from JSON gives the same settings to the last digit, and all are distinct."""
     settings = configurations()
-    assert len({repr(options_of(each)) for each in settings}) == len(settings)
-    for each, cell in zip(settings, cells_of(scene_cell("fig12", 1.0), settings, 1), strict=True):
+    assert len({repr(options_of(variant)) for variant in settings}) == len(settings)
+    cells = cells_of(scene_cell("fig12", 1.0), settings, 1)
+    for variant, cell in zip(settings, cells, strict=True):
         again = settings_with(json.loads(json.dumps(cell)))
-        assert not again.stop_at_fault  # what a run does after its fault is seen too
-        assert replace(each, stop_at_fault=False, name=again.name, error_tolerance=1.0) == again
+        assert not again.stop_at_fault  # a run continues after a fault
+        assert replace(variant, stop_at_fault=False, name=again.name, error_tolerance=1.0) == again
 
 
-def test_a_configuration_is_described_by_what_it_does_otherwise() -> None:
-    """From the recipe or from the naive model, whichever is nearer."""
+def test_a_configuration_is_described_by_its_changes() -> None:
+    """Changes from the recipe or from the naive model, whichever are fewer."""
     assert describe(options_of(recipe("", 1, timestep=1e-3))) == "recipe"
     assert describe({**options_of(recipe("", 1)), "impratio": 100.0}) == "recipe, impratio 100"
     assert describe(options_of(replace(NAIVE, cone="elliptic"))) == "naive, cone elliptic"
@@ -77,23 +78,24 @@ def test_a_configuration_is_described_by_what_it_does_otherwise() -> None:
 
 
 def points(steps: Sequence[float], errors: Sequence[float], by: str = "Euler") -> list[Row]:
-    """Sound points of one line, of which a simulated second costs 1 µs a step."""
+    """Return sound points of one line. A simulated second costs 1 µs per step."""
+    shared = {"integrator": by, "sound": True}
     return [
-        {"options": {"integrator": by, "timestep": h}, "integrator": by, "timestep": h,
-         "error": e, "cost": 1e-6 / h, "sound": True}
+        {"options": {"integrator": by, "timestep": h}, "timestep": h, "error": e, "cost": 1e-6 / h}
+        | shared
         for h, e in zip(steps, errors, strict=True)
-    ]  # fmt: skip
+    ]
 
 
 def test_first_order_is_extrapolated_along_its_own_slope() -> None:
-    """A power law of order 1.1 that ends at 1e-3 gives the step that has 1e-6.
+    """A power law of order 1.1 that ends at 1e-3 is extrapolated to 1e-6.
 
-    A line that is steeper, of errors that cancel, is not taken for it; nor is RK4's, or two points.
+    A steeper line, whose errors cancel, is excluded, as are RK4 and a line of two points.
     """
     steps = [1e-2, 3e-3, 1e-3]
     (line,) = first_order_lines(points(steps, [2.0 * h**1.1 for h in steps]))
     assert line["extrapolated"]
-    # Measured 3.4e-15 and 2.1e-14: the logarithms' rounding.
+    # Measured 3.4e-15 and 2.1e-14: rounding of the logarithms.
     assert line["order"] == pytest.approx(1.1, rel=2e-14)
     assert line["cost_at_target"] == pytest.approx(1e-6 / (TARGET / 2.0) ** (1 / 1.1), rel=1e-13)
     assert not first_order_lines(points(steps, [h**1.5 for h in steps]))
@@ -101,8 +103,8 @@ def test_first_order_is_extrapolated_along_its_own_slope() -> None:
     assert not first_order_lines(points(steps[:2], steps[:2]))
 
 
-def test_no_result_is_on_the_front() -> None:
-    """Neither a faulty run, nor a broken one, nor a path that is good while |M| is not."""
+def test_invalid_results_are_not_on_the_front() -> None:
+    """Invalid are faulty runs, broken runs, and accurate paths with an inaccurate M."""
     (cell,) = cells_of(scene_cell("fig12", 1.0), [rb.preset("fast")], 1)
     good: Any = {"path_error": 1e-3, "momentum_error": 1e-3, "faults": [], "baseline": 1.0}
     good |= dict.fromkeys(("ratio", "ratio_least", "ratio_most"), 1.0)
@@ -117,10 +119,10 @@ def test_no_result_is_on_the_front() -> None:
     assert [each["error"] for each in study["pareto_front"]] == [1e-3]
 
 
-def test_a_configuration_is_measured_by_its_cell_alone() -> None:
-    """Errors, faults and a cost; the naive model's faults are the reason why it is no result.
+def test_a_cell_is_measured_and_recorded() -> None:
+    """A record has errors, faults and a cost. The naive model is invalid because of its faults.
 
-    A run that failed is recorded with its reason, has no numbers, and is on no front.
+    A failed run has its reason and no numbers, and is not on the front.
     """
     naive, balanced, lost = cells_of(scene_cell("fig12", 0.5), configurations()[:5:2], 1)
     results = [Result(dict(c), dict(measure_settings(c)), None) for c in (naive, balanced)]
@@ -130,14 +132,14 @@ def test_a_configuration_is_measured_by_its_cell_alone() -> None:
     assert (slipped["title"], sound["title"]) == ("naive", "balanced")
     assert study["pareto_front"] == [sound]
     assert unnamed("hinge 0.1~% 0.002~s", slipped["trouble"]) == []
-    assert sound["error"] < 6e-10  # measured 3.3e-10: RK4's error at 5 ms
+    assert sound["error"] < 6e-10  # measured 3.3e-10: the error of RK4 at 5 ms
     assert sound["cost"] > 0
     assert (failed["trouble"], failed["error"]) == ("took longer than 60 s", None)
     assert study["ratio"] is None
 
 
-def test_a_rotor_split_in_three_moves_the_ball_alike() -> None:
-    """The extra bodies of a split rotor are the same inertia and the same K."""
+def test_a_rotor_split_in_three_gives_the_same_motion() -> None:
+    """The parts of the rotor have together its inertia and its K."""
     times = rb.sample_times(2.0)
     one, three = (
         run(build(scene, rb.preset("accurate")), times) for scene in (FIG12, split(FIG12))
@@ -150,7 +152,7 @@ def test_a_rotor_split_in_three_moves_the_ball_alike() -> None:
 
 @pytest.mark.parametrize("name", ["fig12", "chaplygin_ball", "servo_motors"])
 def test_each_part_is_in_its_variant_alone(name: str) -> None:
-    """The minimal model is the smallest of all; the last has everything."""
+    """The minimal model is the smallest variant, and the last variant has all parts."""
     parts = parts_of(rb.load_scene(name))
     minimal, whole = parts["minimal"], parts["all of it"]
     assert parts["geoms, textures, lights"].ngeom > minimal.ngeom
@@ -162,12 +164,12 @@ def test_each_part_is_in_its_variant_alone(name: str) -> None:
     assert ("condim 4" in parts) == (rb.load_scene(name).rolling == "classical")
     assert ("servos for the rates" in parts) == (minimal.nv > 6 and name != "servo_motors")
     for size in ("ngeom", "nsensor", "nbody", "nv"):
-        assert getattr(whole, size) == max(getattr(each, size) for each in parts.values()), size
-        assert getattr(minimal, size) == min(getattr(each, size) for each in parts.values()), size
+        assert getattr(whole, size) == max(getattr(part, size) for part in parts.values()), size
+        assert getattr(minimal, size) == min(getattr(part, size) for part in parts.values()), size
 
 
 def test_the_quick_study_writes_its_files(robotball: Robotball, tmp_path: Path) -> None:
-    """A picture, a table and the data; started again, nothing is run again."""
+    """It writes a picture, a table and the data. A second start repeats no run."""
     options = "--duration 0.5 --workers 1 --json a.json"
     arguments = [*example("study cost").split(), *options.split()]
     status, shown, _ = robotball(*arguments)
@@ -190,8 +192,8 @@ def test_the_quick_study_writes_its_files(robotball: Robotball, tmp_path: Path) 
     assert files[3].read_bytes() == journal
 
 
-def test_the_parts_are_listed_with_what_they_cost() -> None:
-    """A row each, relative to the minimal model, which is 1."""
+def test_the_parts_are_listed_with_their_costs() -> None:
+    """Costs are relative to the cost of the minimal model."""
     rows = rows_of(FIG12, 1)
     assert [row["part"] for row in rows] == list(parts_of(FIG12))
     assert rows[0]["ratio"] == rows[0]["least"] == rows[0]["most"] == 1.0
@@ -199,17 +201,17 @@ def test_the_parts_are_listed_with_what_they_cost() -> None:
 
 
 def test_a_machine_that_slows_down_changes_no_ratio(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Work that takes twice the bare loop costs 2, however the speed drifts between turns."""
+    """Work that takes twice as long as the bare loop costs 2, even if the speed drifts."""
     speed: Iterator[float] = itertools.count(1.0, 0.5)
     monkeypatch.setattr(timing, "bare_loop", lambda: next(speed))
-    # Before each work the clock has just told `now`, and after it `now` + 0.5.
+    # The loops before and after each work take `now` and `now` + 0.5.
     seen = iter([2 * (1.25 + 0.5 * n) for n in range(8)])
     costs = measure_costs([lambda: next(seen), lambda: next(seen)], rounds=3)
     assert [cost.ratios for cost in costs] == [pytest.approx((2.0, 2.0, 2.0))] * 2
-    # The first turn warms up; the six loops after it tell 2.5, 3, ... 5.
+    # The first round is a warm-up. The six loops after it take 2.5, 3, … 5.
     assert costs[0].baseline == pytest.approx(3.75)
     assert costs[0].seconds == pytest.approx(7.5)
-    # One slow round widens the spread and leaves the ratio where it was.
+    # One slow round widens the spread and does not change the ratio.
     cost = Cost((2.0, 9.0, 2.2, 1.9, 2.1), baseline=0.5)
     assert (cost.ratio, cost.spread) == (2.1, (1.9, 9.0))
     assert cost.over(cost) == Cost((1.0,) * 5, baseline=1.05)
@@ -217,10 +219,10 @@ def test_a_machine_that_slows_down_changes_no_ratio(monkeypatch: pytest.MonkeyPa
 
 
 def test_cost_is_of_a_simulated_second(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A run's time is told per simulated second; of one that broke off, per second it stepped."""
+    """If the run broke off, the simulated time is its number of steps times the step."""
     times, model = rb.sample_times(2.0), build(FIG12, rb.preset("fast"))
     motion = run(model, times)
     slow = replace(motion, report=replace(motion.report, seconds=3.0))
-    for found in (slow, replace(slow, times=times[:5])):
-        monkeypatch.setattr(timing, "run", lambda *_, found=found: found)
+    for result in (slow, replace(slow, times=times[:5])):
+        monkeypatch.setattr(timing, "run", lambda *_, result=result: result)
         assert simulated_second(model, times)() == pytest.approx(1.5)

@@ -1,17 +1,17 @@
-"""The table of the engine study fits the engines."""
+"""The table of the engine study matches the engines."""
 
 import pytest
 
 from robotball import engine_named
 from robotball.engines.engine import OURS
-from validation.studies.engine_rows import row_of
+from validation.studies.engine_study import row_of
 
 
 @pytest.mark.parametrize("name", OURS)
 def test_a_row_is_of_its_engines_own_presets(name: str) -> None:
-    """A ladder's values are those of a field, and an engine of another package has its source.
+    """Ladders name fields of the presets, and an engine of another package names its source.
 
-    MuJoCo's ports have MuJoCo's own preset in place of an example's.
+    MuJoCo's ports use MuJoCo's presets, without a source.
     """
     engine, row = engine_named(name), row_of(name)
     for preset, (field, values) in row.ladders.items():

@@ -1,4 +1,4 @@
-"""The study of all engines: a crash is a row, the front a front, an environment looks into ours."""
+"""The study of all engines: its rows, its Pareto front, and environments of engines."""
 
 import json
 import sys
@@ -36,7 +36,7 @@ CELL = {
 
 
 def result(value: float, error: float, seconds: float, **changes: Any) -> Result:
-    """A run of the recipe, as the journal has it."""
+    """Return the result of a run of the recipe, like in the journal."""
     record = {
         "label": "MuJoCo", "version": "4", "colour": "#000000", "marker": "o", "path_error": error,
         "momentum_error": error, "defect": None, "reached": 0.2, "slip": 0.0, "spin": 0.0,
@@ -47,8 +47,8 @@ def result(value: float, error: float, seconds: float, **changes: Any) -> Result
     return Result({**CELL, "value": value}, {**record, **changes}, None)
 
 
-def test_a_run_in_a_process_says_what_a_run_here_says() -> None:
-    """Their path errors are equal to the last bit, and name what they depend on."""
+def test_a_run_in_a_process_has_the_same_result_as_a_run_here() -> None:
+    """Path errors are equal to the last bit, and the record has settings and version."""
     record = measure(CELL)
     theory = rb.integrate(FIG12, rb.sample_times(0.2))
     here = rb.simulate(FIG12, theory.times, settings="balanced")
@@ -59,18 +59,18 @@ def test_a_run_in_a_process_says_what_a_run_here_says() -> None:
 
 
 @pytest.mark.parametrize(("rtol", "tolerance"), [(LEAST_RTOL, 1e-11), (1e-6, LOOSEST)])
-def test_a_presets_tolerance_is_of_its_own_value(rtol: float, tolerance: float) -> None:
-    """A step or an rtol that is looser is not held to what the preset's own reaches."""
+def test_a_presets_tolerance_applies_to_its_own_value(rtol: float, tolerance: float) -> None:
+    """Another step or rtol has the loosest tolerance."""
     preset = rb.engine_named("mujoco").presets["adaptive"]
     assert settings_of(preset, "rtol", rtol).error_tolerance == tolerance
 
 
-def test_the_front_is_what_nothing_is_cheaper_and_better_than() -> None:
-    """A run whose errors cancelled, or that diverged, is not on it; one that failed says why."""
+def test_the_front_has_the_runs_that_no_run_dominates() -> None:
+    """Runs with cancelled errors and diverged runs are excluded; a failed run has its reason."""
     results = [
         result(20e-3, 1e-6, 1.0),
         result(10e-3, 1e-7, 2.0),
-        result(9e-3, 2e-7, 3.0),  # dearer and worse than the one before
+        result(9e-3, 2e-7, 3.0),  # more expensive and less accurate than the run before
         result(8e-3, 1e-12, 0.5, momentum_error=1e-3),
         result(7e-3, 1e-9, 0.4, faults=["the state diverged at t = 0.1 s"]),
         Result({**CELL, "value": 1.0}, None, "its process was ended by SIGSEGV"),
@@ -86,7 +86,7 @@ def test_the_front_is_what_nothing_is_cheaper_and_better_than() -> None:
 
 
 def test_runs_have_an_order_and_costs_at_one_speed() -> None:
-    """Errors fall with the fourth power; a process at half the speed takes twice as long."""
+    """Errors of order 4; a process at half the speed takes twice as long for the same cost."""
     steps = (20e-3, 10e-3, 5e-3)
     study = study_of(
         FIG12, [result(h, h**4, n, fixed_work=n) for n, h in enumerate(steps, start=1)]
@@ -94,10 +94,10 @@ def test_runs_have_an_order_and_costs_at_one_speed() -> None:
     assert [row["order"] for row in study["orders"]] == pytest.approx([4], abs=1e-9)
     assert [run["order"] for run in study["runs"]] == pytest.approx([4] * 3, abs=1e-9)
     assert [run["cost"] for run in study["runs"]] == pytest.approx([10.0] * 3)
-    # Relative to the default preset at its own 5 ms, where that was run.
+    # Costs are relative to the default preset at its own step of 5 ms.
     for seconds, relative in (((2.0, 7.0), [1.0, 3.5]), ((2.0,), [1.0])):
-        own = [result(h, h**4, each) for h, each in zip((5e-3, 1e-3), seconds, strict=False)]
-        assert [run["relative_cost"] for run in study_of(FIG12, own)["runs"]] == relative
+        runs = [result(h, h**4, time) for h, time in zip((5e-3, 1e-3), seconds, strict=False)]
+        assert [run["relative_cost"] for run in study_of(FIG12, runs)["runs"]] == relative
     (run,) = study_of(FIG12, [result(1e-3, 1e-7, 7.0)])["runs"]
     assert run["relative_cost"] is None
 
@@ -110,20 +110,17 @@ def test_runs_have_an_order_and_costs_at_one_speed() -> None:
         ("dart", "best", "torque against spin"),
     ],
 )
-def test_a_row_says_which_parts_are_ours(engine: str, preset: str, ours: str) -> None:
-    """In the data and in the table."""
-    found = result(1e-3, 1e-6, 1.0)
-    study = study_of(
-        FIG12, [replace(found, cell={**found.cell, "engine": engine, "preset": preset})]
-    )
-    (run,) = study["runs"]
+def test_a_row_names_the_parts_that_robotball_provides(engine: str, preset: str, ours: str) -> None:
+    """The data and the table have them."""
+    cell = {**CELL, "value": 1e-3, "engine": engine, "preset": preset}
+    (run,) = study_of(FIG12, [replace(result(1e-3, 1e-6, 1.0), cell=cell)])["runs"]
     assert (run["ours"], run["newcomer"]) == (ours, preset == "naive")
-    (column,) = (each for each in COLUMNS if each.header == "ours")
+    (column,) = (column for column in COLUMNS if column.header == "ours")
     assert column.text(run) == ours
 
 
 def test_the_page_has_a_row_a_run_and_the_picture_an_entry_an_engine() -> None:
-    """Errors stand beside each other by scene, bold on a front, and costs are the first's."""
+    """Errors of the scenes stand in one row, bold on a front, with the cost of the first."""
     own, worse = result(5e-3, 1e-7, 0.1), result(5e-3, 1e-2, 1.0)
     other = replace(worse, cell={**worse.cell, "contestant": "other", "preset": "fast"})
     first, second = study_of(FIG12, [own, other]), study_of(CLASSICAL, [own])
@@ -140,7 +137,7 @@ def test_the_page_has_a_row_a_run_and_the_picture_an_entry_an_engine() -> None:
 
 @pytest.mark.parametrize("name", rb.engine_names())
 def test_every_preset_is_a_line_of_json(name: str) -> None:
-    """A record of a run has its settings, and no number that JSON lacks."""
+    """Settings of a run are plain data without NaN or infinity."""
     for preset in rb.engine_named(name).presets.values():
         assert json.loads(json.dumps(preset.plain(), allow_nan=False))["name"] == preset.name
 
@@ -148,7 +145,7 @@ def test_every_preset_is_a_line_of_json(name: str) -> None:
 def test_a_newer_release_without_a_wheel_is_a_row(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In the table and the data, beside the runs of the release that is there."""
+    """The table and the data have it beside the runs of the installed release."""
     monkeypatch.setattr(engine_study, "said_of", lambda home: ["by", f"{home.name} 9.0"])
     missed = engine_study._missed([contestants()["dart"]], tmp_path)
     study = _engines_study(FIG12, [result(5e-3, 1e-7, 1.0), *missed], ())
@@ -158,8 +155,8 @@ def test_a_newer_release_without_a_wheel_is_a_row(
     assert row["fault"].startswith("no wheel for python3.")
 
 
-def test_an_engine_that_is_nowhere_has_no_cells(tmp_path: Path) -> None:
-    """Ours is taken where the engine is there."""
+def test_an_engine_that_is_not_installed_has_no_cells(tmp_path: Path) -> None:
+    """An engine of robotball's environment runs there."""
     known = contestants()
     assert python_of(known[OLDER], tmp_path) is None
     assert cells_of("wobbling_drive", [known[OLDER]], tmp_path, 1.0, 1) == []
@@ -167,7 +164,7 @@ def test_an_engine_that_is_nowhere_has_no_cells(tmp_path: Path) -> None:
 
 
 def wheel(folder: Path, name: str) -> None:
-    """A package of one empty module, as pip installs it without any network."""
+    """Write a wheel of one empty module, which pip can install without network."""
     path = folder / f"{name}-1.0-py3-none-any.whl"
     facts = f"{name}-1.0.dist-info"
     with ZipFile(path, "w") as file:
@@ -178,24 +175,24 @@ def wheel(folder: Path, name: str) -> None:
 
 
 @pytest.mark.slow
-def test_an_environment_has_its_engine_and_all_of_ours(tmp_path: Path) -> None:
-    """The engine is imported from there, robotball and numpy from ours; it makes cells."""
+def test_an_environment_has_its_engine_and_our_packages(tmp_path: Path) -> None:
+    """The engine is imported from the environment, robotball and NumPy from ours."""
     asked = Contestant("other", "mujoco", (str(tmp_path / "otherengine-1.0-py3-none-any.whl"),))
     wheel(tmp_path, "otherengine")
     home = install(asked, tmp_path, sys.executable)
     python = python_of(asked, tmp_path)
     assert python == home / "bin" / "python"
-    imports = "[__import__(each).__file__ for each in ('otherengine', 'robotball')]"
-    found = call(python, eval, imports)
-    assert Path(found[0]).is_relative_to(home)
-    assert Path(found[1]).samefile(rb.__file__)
+    imports = "[__import__(name).__file__ for name in ('otherengine', 'robotball')]"
+    engine, package = call(python, eval, imports)
+    assert Path(engine).is_relative_to(home)
+    assert Path(package).samefile(rb.__file__)
     assert versions_in(home, ("otherengine>=1", "numpy")) == "otherengine 1.0"
     cells = cells_of("wobbling_drive", [asked], tmp_path, 1.0, 1)
     assert {(cell["engine"], cell["interpreter"]) for cell in cells} == {("mujoco", str(python))}
 
 
-def test_an_environment_that_cannot_be_made_is_none(tmp_path: Path) -> None:
-    """A folder that a failed uv left is no engine's; one with anything in it stays as it is."""
+def test_a_failed_installation_makes_no_environment(tmp_path: Path) -> None:
+    """A folder that a failed uv left is not used, and a folder with other files is kept."""
     asked = Contestant("other", "mujoco", (str(tmp_path / "nowhere-1-py3-none-any.whl"),))
     with pytest.raises(rb.InputError, match=naming("other nowhere")):
         install(asked, tmp_path, sys.executable)

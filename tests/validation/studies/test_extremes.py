@@ -1,4 +1,4 @@
-"""The failure maps: their cells, what becomes of a run, and where limits are measured."""
+"""The failure maps: their cells, the outcomes of runs, and the measured limits."""
 
 import json
 from collections.abc import Sequence
@@ -6,9 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 import robotball as rb
 from bench.random_runs import extreme, ordinary
@@ -16,18 +14,10 @@ from robotball import FaultKind
 from robotball.engines.mujoco.settings import ADAPTIVE
 from tests.conftest import Robotball
 from validation import compare
-from validation.studies.extreme_maps import (
-    MAPS,
-    QUICK,
-    Cut,
-    base,
-    cell_run,
-    cells_of,
-)
+from validation.studies.extreme_maps import MAPS, QUICK, Cut, base, cell_run, cells_of
 from validation.studies.extremes import (
     Outcome,
     _map_picture,
-    _name_regions,
     classify,
     measure_cell,
     measured_limits,
@@ -44,9 +34,9 @@ def cell(name: str, integrator: str, x: float, y: float, rolling: str = "rubber"
 
 
 def test_the_quick_atlas_has_every_map() -> None:
-    """Two or three values of an axis, both ends among them."""
+    """An axis has two or three values, including both ends."""
     for chosen in MAPS.values():
-        xs = {each["x"] for each in cells_of(chosen, QUICK) if each["integrator"] == "RK4"}
+        xs = {cell["x"] for cell in cells_of(chosen, QUICK) if cell["integrator"] == "RK4"}
         assert 2 <= len(xs) <= 3
         assert {chosen.x.values[0], chosen.x.values[-1]} <= xs
 
@@ -71,7 +61,7 @@ def test_the_quick_atlas_has_every_map() -> None:
 def test_faults_and_error_decide_the_outcome(
     kinds: Sequence[FaultKind], error: float | None, outcome: Outcome
 ) -> None:
-    """A lost state, else the first fault; then the error."""
+    """An invalid state comes first, then the first fault, then the error."""
     assert classify([rb.Fault(kind, 1.0) for kind in kinds], error) is outcome
 
 
@@ -91,22 +81,22 @@ def test_faults_and_error_decide_the_outcome(
     ],
     ids=lambda value: value.name if isinstance(value, Outcome) else value["map"],
 )
-def test_a_cell_ends_as_it_should(where: dict[str, Any], outcome: Outcome) -> None:
-    """One cell of each outcome that a ball can have."""
+def test_a_cell_has_its_outcome(where: dict[str, Any], outcome: Outcome) -> None:
+    """One cell of each outcome that a run can have."""
     record = measure_cell(where)
     assert record["outcome"] == outcome.name, record
     json.dumps(record, allow_nan=False)
     assert not missed(Result(where, record, None))
 
 
-def result(outcome: str, error: float | None, **told: Any) -> Result:
-    """A cell's record, with neither a warning before the run nor a fault during it unless given."""
+def result(outcome: str, error: float | None, **changes: Any) -> Result:
+    """Return a result without warning and without fault, except for the changes."""
     errors = {"path_error": error, "momentum_error": None if error is None else 0.0}
-    return Result({}, {"outcome": outcome, "foretold": [], "faults": [], **errors, **told}, None)
+    return Result({}, {"outcome": outcome, "foretold": [], "faults": [], **errors, **changes}, None)
 
 
-def test_the_totals_say_who_told_of_what_was_wrong() -> None:
-    """Seven runs: two sound, one of them warned of, four wrong, each told of in its own way."""
+def test_the_totals_count_the_wrong_runs_by_who_reported_them() -> None:
+    """Seven runs: two accurate, one of these with a warning; four wrong; one refused."""
     foretold, faults = {"foretold": ["rotation"]}, {"faults": ["M off"]}
     runs = [
         result("ACCURATE", 0.0),
@@ -117,15 +107,14 @@ def test_the_totals_say_who_told_of_what_was_wrong() -> None:
         result("SLIPPED", 5.0),
         Result({}, {"outcome": "REFUSED", "refusal": "no such ball"}, None),
     ]
-    assert [each for each in runs if missed(each)] == [runs[5]]
-    assert totals(runs) == {
-        "runs": 7, "wrong": 4, "reported_by_engine": 1, "foretold": 2, "noticed": 2, "missed": 1,
-        "accurate": 2, "alarms": 1,
-    }  # fmt: skip
+    assert [run for run in runs if missed(run)] == [runs[5]]
+    counts = {"runs": 7, "accurate": 2, "alarms": 1}
+    wrong = {"wrong": 4, "reported_by_engine": 1, "foretold": 2, "noticed": 2, "missed": 1}
+    assert totals(runs) == counts | wrong
 
 
 def test_a_limit_is_measured_between_the_last_sound_and_the_first_broken_cell() -> None:
-    """In parts of the limit; only cells that no other limit is nearer to can be broken by it."""
+    """Values are relative to the limit. Only cells nearest to this limit count as broken by it."""
     cells = [
         result("", error, nearness={"limit": limit, "other": other})
         for limit, other, error in ((0.5, 0, 1e-9), (0.9, 0, 1e-9), (1.2, 0, 0.5), (0.1, 0.2, 0.5))
@@ -141,7 +130,7 @@ def test_a_limit_is_measured_between_the_last_sound_and_the_first_broken_cell() 
 def test_the_margin_carries_the_weight_at_any_depth(
     rolling: str, gravity: float, constant: float
 ) -> None:
-    """From 1e-17 to 1e4 radii deep the error is that of the timestep, to four digits."""
+    """At depths from 1e-17 to 1e4 radii the timestep alone makes the error, to four digits."""
     enough = max(20.0, 60.0 / gravity)
     frictions: dict[str, Any] = {"sliding_friction": enough, "torsional_friction": enough}
     settings = replace(rb.preset("balanced"), solref=(constant, 1.0), **frictions)
@@ -151,7 +140,7 @@ def test_the_margin_carries_the_weight_at_any_depth(
 
 
 def test_the_adaptive_integrator_has_its_rtol_where_others_have_a_timestep() -> None:
-    """On the axis, and in the settings of a cell."""
+    """Both the axis and the settings of a cell use rtol."""
     chosen = MAPS["momentum"]
     assert "rtol" in chosen.x_of(ADAPTIVE).label
     assert cell_run(chosen, "rubber", ADAPTIVE, 1e-7, 5.0)[1].rtol == 1e-7
@@ -161,7 +150,7 @@ def test_the_adaptive_integrator_has_its_rtol_where_others_have_a_timestep() -> 
 def test_the_command_draws_a_map(
     tmp_path: Path, robotball: Robotball, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A picture, the table of its cells and the summary."""
+    """It writes a picture, the table of the cells and the summary."""
     monkeypatch.setattr("validation.studies.extremes.QUICK", Cut(("RK4",), 2))
     arguments = ["study", "extremes", "torsion", "--quick", "--workers", 1, "--out", "."]
     status, printed, _ = robotball(*arguments, "--json", "summary.json")
@@ -169,32 +158,20 @@ def test_the_command_draws_a_map(
     assert "sliding_friction" in printed
     assert all((tmp_path / f"extremes-torsion-quick.{end}").is_file() for end in ("png", "csv"))
     records = json.loads((tmp_path / "summary.json").read_text())["summary"]
-    assert sum(sum(each["outcomes"].values()) for each in records) == 4
-    assert all(each["missed"] == each["outcomes"]["FAILED"] == 0 for each in records)
+    assert sum(sum(record["outcomes"].values()) for record in records) == 4
+    assert all(record["missed"] == record["outcomes"]["FAILED"] == 0 for record in records)
 
 
 def test_every_random_run_can_be_made() -> None:
-    """A ball whose parts are scaled is a ball still: the first of the random ones."""
+    """Each of the first 120 random runs of both kinds has a valid ball."""
     for number in range(120):
         for run in (extreme(0, number), ordinary(0, number)):
             assert run.scene.not_reduced is None
             assert len(run.times) == 101
 
 
-def test_a_region_has_its_word_where_it_has_room() -> None:
-    """In the middle of its longest row; one cell alone has none, and the legend says what it is."""
-    axes = Figure().subplots()
-    row, other = (
-        [Outcome.DIVERGED] * 5 + [Outcome.UNFINISHED],
-        [Outcome.DIVERGED] * 2 + [Outcome.SLIPPED] * 4,
-    )
-    _name_regions(axes, np.array([other, row]))
-    found = {text.get_text(): text.get_position() for text in axes.texts}
-    assert found == {"diverged": (2.0, 1.0), "slipped": (3.5, 0.0)}
-
-
-def test_a_map_draws_integrators_of_like_cells_once_and_says_who_is_accurate() -> None:
-    """Euler and RK4 share a panel until one cell differs in its outcome, or in a mark."""
+def test_a_map_draws_integrators_with_equal_cells_once_and_counts_accurate_runs() -> None:
+    """Euler and RK4 share a panel unless the outcome or the mark of a cell differs."""
 
     def drawn(outcome: str = "ACCURATE", faults: Sequence[str] = ()) -> tuple[list[str], str]:
         results = [
@@ -215,8 +192,8 @@ def test_a_map_draws_integrators_of_like_cells_once_and_says_who_is_accurate() -
 
     titles, heading = drawn()
     assert titles == ["Euler, RK4: rubber"]
-    said = "Accurate runs: Euler 100%, RK4 100%; wrong without a warning or a fault: none"
-    assert heading.partition("\n")[0] == said
+    line = "Accurate runs: Euler 100%, RK4 100%; wrong without a warning or a fault: 0"
+    assert heading.partition("\n")[0] == line
     titles, heading = drawn("SLIPPED")
     assert titles == ["Euler: rubber", "RK4: rubber"]
     assert heading.startswith("Accurate runs: Euler 100%, RK4 75%;")

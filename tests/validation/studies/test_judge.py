@@ -1,4 +1,4 @@
-"""Judge names the mistake that is planted, in a file or in the scene, and plants none itself."""
+"""`judge` names a planted mistake in the file or in the scene, and no other."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -27,7 +27,7 @@ from validation.studies.judge import FileJudgement, lines
 NAMES = ("fig12", "classical_regular", "wobbling_drive", "three_rotors", "classical_chaotic")
 SCENES = (*map(rb.load_scene, NAMES), *map(ball_of_points, range(1, 6)))
 FIG12 = SCENES[0]
-STEPS = (0.02, 0.005)  # s: first-order errors of the attitude of up to 1, and of 0.3 rad
+STEPS = (0.02, 0.005)  # s; the first-order engine's attitude errors reach 1 and 0.3 rad
 END, INTERVAL = 2.0, 0.04  # s
 
 
@@ -38,20 +38,20 @@ def judged(scene: rb.Scene, trajectory: rb.Trajectory | Path) -> FileJudgement:
 def bare(
     motion: rb.Motion, height: float = np.nan, rows: Any = slice(None), **others: Array
 ) -> rb.Trajectory:
-    """Times, path and attitude of a motion, or of some of its rows, without its rates."""
+    """Return times, path and attitude of a motion, or of selected rows, without its rates."""
     position = np.column_stack([motion.contact_point, np.full(len(motion.times), height)])
-    told = motion.times[rows], position[rows], motion.attitude[rows]
-    return rb.Trajectory("a", *told, others=others or None)
+    columns = motion.times[rows], position[rows], motion.attitude[rows]
+    return rb.Trajectory("a", *columns, others=others or None)
 
 
 def exact(scene: rb.Scene, end: float = END, rows: int = 50) -> rb.Trajectory:
-    """The equations' own, in a row more than so many."""
+    """Return the equations' motion in rows + 1 samples."""
     motion = rb.integrate(scene, np.linspace(0, end, rows + 1))
     return replace(bare(motion, scene.ball.radius), angular_velocity=motion.angular_velocity)
 
 
 def run(scene: rb.Scene, timestep: float = STEPS[1]) -> rb.Trajectory:
-    """A file by a first-order engine."""
+    """Return the trajectory of a first-order engine."""
     return euler(scene, timestep, round(INTERVAL / timestep), END)
 
 
@@ -60,7 +60,7 @@ InScene = Callable[[rb.Scene], rb.Scene]
 
 
 def changed(name: str, change: Callable[[Array, rb.Trajectory, rb.Scene], Array]) -> InFile:
-    """One of a file's arrays is another: a function of it, of the file and of the scene."""
+    """Replace one of a file's arrays by a function of it, of the file and of the scene."""
 
     def planted(file: rb.Trajectory, scene: rb.Scene) -> rb.Trajectory:
         changes: dict[str, Any] = {name: change(getattr(file, name), file, scene)}
@@ -70,14 +70,14 @@ def changed(name: str, change: Callable[[Array, rb.Trajectory, rb.Scene], Array]
 
 
 def turned(of: Callable[[rb.Trajectory, rb.Scene], Array]) -> InFile:
-    """The attitude is that of other axes, which this quaternion (4,) or (n, 4) turns."""
+    """Rotate the frame's axes by a quaternion (4,) or (n, 4)."""
     return changed(
         "attitude", lambda q, file, scene: multiply(q, np.broadcast_to(of(file, scene), q.shape))
     )
 
 
 def in_shell(file: rb.Trajectory, scene: rb.Scene) -> Array:
-    """The shell's attitude (n, 4) in the frame."""
+    """Return the shell's attitude (n, 4) in the frame."""
     angles = np.asarray(scene.drives[0].angle(file.times))
     turns = Rotation.from_rotvec(np.outer(-angles, scene.ball.shell.axis))
     return np.asarray(turns.as_quat(scalar_first=True))
@@ -92,7 +92,7 @@ def of_shell(w: Array, file: rb.Trajectory, scene: rb.Scene) -> Array:
 
 
 def world(S: Array, frame: bool) -> InFile:
-    """The world's axes, and the frame's, are the rows of S."""
+    """Use the rows of S as the axes of the world, and of the frame."""
     P = from_matrix(S * np.linalg.det(S).round())
 
     def planted(file: rb.Trajectory, _: rb.Scene) -> rb.Trajectory:
@@ -112,24 +112,24 @@ IN_FILES: dict[str, InFile] = {
     "quaternion x,~y,~z,~w": changed("attitude", lambda q, *_: q[:, [1, 2, 3, 0]]),
     "qx,~qy,~qz,~qw w,~x,~y,~z": changed("attitude", lambda q, *_: q[:, [3, 0, 1, 2]]),
     "world~to~frame": changed("attitude", lambda q, *_: conjugate(q)),
-    "attitude shell's": turned(in_shell),
-    "shell's~axes angular~velocity": changed(
+    "attitude shell": turned(in_shell),
+    "axes~of~the~shell angular~velocity": changed(
         RATE,
         lambda w, file, scene: rotated(conjugate(in_shell(file, scene)), of_shell(w, file, scene)),
     ),
-    "start world~axes": turned(lambda file, _: conjugate(file.attitude[0])),
+    "positions feet": changed("position", lambda p, *_: p / 0.3048),
     "frame's~axes x,~y,~z y,~z,~x": turned(lambda *_: conjugate(from_matrix(CYCLED))),
     "positions mm": changed("position", lambda p, *_: 1e3 * p),
     "positions inches": changed("position", lambda p, *_: p / 0.0254),
-    "x y exchanged": changed("position", lambda p, *_: p[:, [1, 0, 2]]),
-    "y sign": changed("position", lambda p, *_: p * [1, -1, 1]),
-    "x y both sign": changed("position", lambda p, *_: p * [-1, -1, 1]),
+    "x,~y y,~x": changed("position", lambda p, *_: p[:, [1, 0, 2]]),
+    "x,~y x,~-y": changed("position", lambda p, *_: p * [1, -1, 1]),
+    "x,~y -x,~-y": changed("position", lambda p, *_: p * [-1, -1, 1]),
     "path (0,~0)": changed("position", lambda p, *_: p + np.array([3, -1, 0])),
     "angular~velocity world~axes": changed(RATE, lambda w, file, _: rotated(file.attitude, w)),
     "angular~velocity deg/s": changed(RATE, lambda w, *_: np.degrees(w)),
     "angular~velocity sign": changed(RATE, lambda w, *_: -w),
-    "angular~velocity shell's": changed(RATE, of_shell),
-    "angular~velocity attitude's": changed(RATE, lambda w, *_: 0.9 * w),
+    "angular~velocity describes~the~shell": changed(RATE, of_shell),
+    "angular~velocity rate attitude": changed(RATE, lambda w, *_: 0.9 * w),
     "x,~z,~-y Y": world(Y_UP, frame=False),
     "x,~z,~y Y left-handed": world(np.eye(3)[[0, 2, 1]], frame=True),
     "x,~-y,~-z Z": world(np.diag([1.0, -1, -1]), frame=False),
@@ -139,25 +139,25 @@ IN_FILES: dict[str, InFile] = {
 PLANTED = [
     *((name,) for name in IN_FILES),
     ("positions mm", "quaternion x,~y,~z,~w"),
-    # What MuJoCo has of a free joint.
-    ("shell's~axes angular~velocity", "attitude shell's"),
+    # MuJoCo's qpos and qvel of a free joint of the shell.
+    ("axes~of~the~shell angular~velocity", "attitude shell"),
 ]
 
 
-# Every twelfth of them is in every run.
+# Every run of the tests includes every twelfth case.
 @pytest.mark.parametrize(
     "number",
     [pytest.param(n, marks=() if n % 12 == 2 else pytest.mark.study) for n in range(len(PLANTED))],
 )
 def test_a_mistake_in_a_file_is_named(number: int) -> None:
-    """Or two of different kinds, and no other; what is left is the first-order engine's error."""
+    """Nothing else is named, and the remaining error is the error of the first-order engine."""
     names, scene = PLANTED[number], SCENES[(number + 5) % len(SCENES)]
     file = right = run(scene, STEPS[number % 2])
     for name in names:
         file = IN_FILES[name](file, scene)
     found = judged(scene, file)
     assert len(found.mistakes) == len(names), found.mistakes
-    assert untold(names, [each.name for each in found.mistakes]) == []
+    assert untold(names, [mistake.name for mistake in found.mistakes]) == []
     theory, motion = rb.integrate(scene, right.times), rb.recorded(scene, right)
     assert found.best.path_error == pytest.approx(path_error(motion, theory), rel=1e-6, abs=1e-9)
     assert found.best.attitude_error == pytest.approx(attitude_error(motion, theory), rel=1e-6)
@@ -167,19 +167,19 @@ def test_a_mistake_in_a_file_is_named(number: int) -> None:
     ("number", "factor"), [(0, 1.01), pytest.param(6, 0.99, marks=pytest.mark.study)]
 )
 def test_a_clock_that_is_a_hundredth_off_is_named(number: int, factor: float) -> None:
-    """By its factor; nothing is left of the error."""
+    """Undoing the factor removes the error."""
     scene = SCENES[number]
     right = exact(scene)
     found = judged(scene, replace(right, times=factor * right.times))
-    assert untold([f"times {factor:g}"], [each.name for each in found.mistakes]) == []
-    assert found.best.path_error < 1e-6  # measured 2e-8, of the factor
+    assert untold([f"times {factor:g}"], [mistake.name for mistake in found.mistakes]) == []
+    assert found.best.path_error < 1e-6  # measured 2e-8; the factor is fitted
 
 
 @pytest.mark.parametrize(("shift", "facts"), [(0.02, "0.02~s late"), (-3e-4, "0.0003~s early")])
 def test_a_shift_in_time_is_found(shift: float, facts: str) -> None:
-    """To a millionth of a second where the engine is exact, and it is no mistake.
+    """With an exact engine it is found to a millionth of a second, and no mistake is named.
 
-    Measured: 3e-9 s off; the errors fall 1e4 times and more.
+    Measured: 3e-9 s off, and errors 1e4 times smaller or better.
     """
     right = exact(FIG12)
     keep = right.times + shift >= 0
@@ -192,7 +192,7 @@ def test_a_shift_in_time_is_found(shift: float, facts: str) -> None:
 
 
 def with_rate(hinge: int, factor: float) -> InScene:
-    """The rate of the frame (0) or of a rotor times a factor."""
+    """Multiply the rate of the frame (0) or of a rotor by a factor."""
 
     def planted(scene: rb.Scene) -> rb.Scene:
         rates = [hinge.command for hinge in scene.ball.hinges]
@@ -203,7 +203,7 @@ def with_rate(hinge: int, factor: float) -> InScene:
 
 
 def start_at(change: Callable[[Array], Array]) -> InScene:
-    """The frame's angular velocity along its own axes stays."""
+    """Start at another attitude with the same angular velocity in frame axes."""
     return lambda scene: started(
         scene, change(scene.start.attitude), scene.angular_velocity_at(scene.start)
     )
@@ -216,7 +216,7 @@ def started(scene: rb.Scene, attitude: Array, omega: Array) -> rb.Scene:
 
 
 def other_rolling(scene: rb.Scene) -> rb.Scene:
-    """M stays, as far as the other model has it."""
+    """Change the rolling model and keep M, without the part that a rubber ball cannot have."""
     other: Rolling = "rubber" if scene.rolling == "classical" else "classical"
     start = replace(scene.start, momentum=scene.start.momentum * [1, 1, 0])
     return replace(scene, rolling=other, start=start)
@@ -231,7 +231,7 @@ RATES: list[Rate] = [
 
 @pytest.mark.parametrize("rate", RATES)
 def test_a_rate_of_any_kind_is_scaled(rate: Rate) -> None:
-    """It is three times as fast at any time."""
+    """The scaled rate is three times as large at any time."""
     own, three = (as_drive(each, 1.0) for each in (rate, scaled_rate(as_drive(rate, 1.0), 3.0)))
     for t in (0.1, 0.4, 0.9):
         assert three.rate(t) == pytest.approx(3 * own.rate(t), rel=1e-12)
@@ -259,10 +259,10 @@ IN_SCENES: list[tuple[str, int, InScene]] = [
 def test_a_mistake_in_setting_up_the_scene_is_named(
     facts: str, number: int, plant: InScene
 ) -> None:
-    """The engine drives the ball otherwise, or from another start; nothing else is named."""
+    """The engine used another drive, model or start, and nothing else is named."""
     scene = SCENES[number]
     found = judged(scene, run(plant(scene)))
-    assert untold([facts], [each.name for each in found.mistakes]) == []
+    assert untold([facts], [mistake.name for mistake in found.mistakes]) == []
     assert found.best.path_error < 0.02
 
 
@@ -270,7 +270,7 @@ def test_a_mistake_in_setting_up_the_scene_is_named(
     "what", ["inertia", "radius", "path", pytest.param("attitude", marks=pytest.mark.study)]
 )
 def test_a_mistake_that_is_not_known_has_no_name(what: str) -> None:
-    """A number of the scene that is off, or noise in the file."""
+    """Examples: a wrong number of the scene, and noise in the file."""
     scene, rng = SCENES[6 if what == "attitude" else 0], np.random.default_rng(5)
     file = exact(scene)
     if what == "inertia":
@@ -291,9 +291,9 @@ def test_a_mistake_that_is_not_known_has_no_name(what: str) -> None:
 
 
 def test_a_swing_that_is_slower_is_not_taken_for_a_slow_clock() -> None:
-    """Its path is that of longer times to 1e-5, but ω is 4 % off there.
+    """A longer clock explains the path to 1e-5 but leaves an error of 4 % in ω.
 
-    The frame's inertia is about the sphere's centre, not its centre of mass.
+    The frame's inertia was taken about the sphere's centre instead of its centre of mass.
     """
     scene = rb.load_scene("pendulum_robot")
     frame = scene.ball.frame
@@ -304,7 +304,7 @@ def test_a_swing_that_is_slower_is_not_taken_for_a_slow_clock() -> None:
 
 
 def spinning(rate: float) -> rb.Scene:
-    """A frame that spins in a shell that hardly turns at the start."""
+    """Spin the frame in a shell that hardly turns at the start."""
     scene = replace(FIG12.with_hinges(command={"frame": rate}), duration=0.25)
     up, slow = rotation_matrix(scene.start.attitude)[2], np.array([2.0, 1.0, 0.0])
     omega = slow - up * (up @ slow) + rate * scene.ball.shell.axis
@@ -312,25 +312,24 @@ def spinning(rate: float) -> rb.Scene:
 
 
 def test_a_limit_of_the_rates_is_not_taken_for_degrees() -> None:
-    """ω in deg/s and of the shell is nearly 130 rad/s, for any 100 rad/s of the frame.
+    """Rates limited to 100 rad/s look like ω of the shell in deg/s, of nearly 130 rad/s.
 
-    Of an engine with this limit nothing is named; of a file with it, that ω is not the attitude's.
+    An engine with the limit has no mistake. A file with limited ω contradicts its attitude.
     """
     scene = spinning(130.0)
-    found = judged(scene, exact(spinning(100.0), 0.25, 60))
-    assert found.mistakes == ()
+    assert judged(scene, exact(spinning(100.0), 0.25, 60)).mistakes == ()
     right = exact(scene, 0.25, 60)
     assert right.angular_velocity is not None
     limited = np.clip(right.angular_velocity, -100, 100)
     (mistake,) = judged(scene, replace(right, angular_velocity=limited)).mistakes
-    assert unnamed("angular~velocity attitude's", mistake.name) == []
+    assert unnamed("angular~velocity rate attitude", mistake.name) == []
 
 
 @pytest.mark.parametrize(
     "number", [0, *(pytest.param(n, marks=pytest.mark.study) for n in (2, 4, 6, 8))]
 )
 def test_a_right_file_has_no_mistake(number: int) -> None:
-    """5 of 5 by a first-order engine, whose attitudes are off by 0.005 to 1.1 rad."""
+    """A first-order engine's attitude errors of 0.005 to 1.1 rad are not called mistakes."""
     found = judged(SCENES[number], run(SCENES[number], STEPS[0]))
     assert found.mistakes == ()
     assert found.plain.attitude_error > 2e-3  # measured 4.6e-3 (ball 4) to 1.1
@@ -338,7 +337,7 @@ def test_a_right_file_has_no_mistake(number: int) -> None:
 
 @pytest.mark.parametrize(("name", "preset"), [("fig12", "naive"), ("classical_regular", "fast")])
 def test_a_contact_engines_file_has_no_mistake(name: str, preset: str, tmp_path: Path) -> None:
-    """Path errors of 0.6, with slip, lost contact and hinges off their rates, and of 1e-7."""
+    """Cases: a path error of 0.6 with slip, lost contact and wrong hinge rates; one of 1e-7."""
     scene = rb.load_scene(name)
     rb.simulate(scene, rb.sample_times(3.0), settings=preset).save(tmp_path / "run.csv")
     found = judged(scene, tmp_path / "run.csv")
@@ -347,7 +346,7 @@ def test_a_contact_engines_file_has_no_mistake(name: str, preset: str, tmp_path:
 
 
 def test_slip_is_measured_and_not_taken_for_the_numerical_error() -> None:
-    """A path that is longer by a hundredth slips; the radius at which it rolls says so."""
+    """A path that is 1 % too long slips, and its rolling radius is 1 % too large."""
     motion = rb.integrate(FIG12, rb.sample_times(END))
     longer = bare(replace(motion, contact_point=1.01 * motion.contact_point), 1.0)
     plain = judged(FIG12, longer).plain
@@ -359,7 +358,7 @@ def test_slip_is_measured_and_not_taken_for_the_numerical_error() -> None:
 
 
 def test_a_robot_is_judged_as_far_as_its_file_says() -> None:
-    """Where it says nothing of a motor, momentum, slip and spin are not known; the rest is."""
+    """Without a motor's angle or rate, momentum, slip and spin are unknown."""
     scene = random_robot_scene(np.random.default_rng(2))
     motion = rb.integrate(scene, np.linspace(0, 1, 101))
     silent = bare(motion)
@@ -370,18 +369,18 @@ def test_a_robot_is_judged_as_far_as_its_file_says() -> None:
     assert any(not unnamed(facts, line) for line in lines(found))
     rates = {f"{h.name}_rate": motion.hinge_rates[:, i] for i, h in enumerate(scene.hinges)}
     angles = {f"{h.name}_angle": motion.hinge_angles[:, i] for i, h in enumerate(scene.hinges)}
-    told = judged(scene, replace(silent, others=rates | angles)).plain
-    assert told.momentum_error is not None
-    assert told.slip is not None
-    assert told.momentum_error < told.momentum_known_to  # measured 1e-6 and 7e-4
-    assert told.slip[0] < told.slip[1]
+    plain = judged(scene, replace(silent, others=rates | angles)).plain
+    assert plain.momentum_error is not None
+    assert plain.slip is not None
+    assert plain.momentum_error < plain.momentum_known_to  # measured 1e-6 and 7e-4
+    assert plain.slip[0] < plain.slip[1]
     mixed = replace(silent, attitude=silent.attitude[:, [1, 2, 3, 0]])
     (mistake,) = judged(scene, mixed).mistakes
     assert unnamed("quaternion x,~y,~z,~w", mistake.name) == []
 
 
 def test_the_rate_of_a_hinge_is_held_against_the_references() -> None:
-    """Without its angle it tells nothing of M; of the other sign it is off by twice itself."""
+    """With the other sign its relative error is 2 and its factor -1."""
     scene = rb.load_scene("steered_pendulum_robot")
     motion = rb.integrate(scene, np.linspace(0, 1, 101))
     rates = motion.hinge_rates[:, 1]
@@ -396,7 +395,7 @@ TOO_SHORT = "short 10%"
 
 @pytest.mark.parametrize(("end", "facts"), [(0.02, TOO_SHORT), (1.0, "agrees")])
 def test_a_file_says_how_much_of_the_scene_it_covers(end: float, facts: str) -> None:
-    """Less than a tenth agrees with nothing."""
+    """A file that covers under a tenth of the scene does not agree."""
     found = judged(FIG12, exact(FIG12, end, round(end / 0.02)))
     assert found.agrees == (end == 1.0)
     bound = f"0.01 path height momentum 0.01~rad attitude {end:g}~s 10~s"
@@ -404,7 +403,7 @@ def test_a_file_says_how_much_of_the_scene_it_covers(end: float, facts: str) -> 
 
 
 def test_a_long_file_is_judged_by_some_of_its_rows(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A line says so; the first and the last are among them."""
+    """A line of the report gives the numbers of rows; the first and last rows are kept."""
     monkeypatch.setattr("validation.studies.judge._ROWS", 200)
     right = exact(FIG12, 1.0, 250)
     found = judged(FIG12, replace(right, position=1.005 * right.position))
@@ -417,9 +416,9 @@ def test_a_long_file_is_judged_by_some_of_its_rows(monkeypatch: pytest.MonkeyPat
 
 
 def test_files_of_several_steps_have_an_order() -> None:
-    """A path that is off by the step, and an attitude by its square; by the header's steps too.
+    """Path errors proportional to the step, attitude errors to its square, give 1 and 2.
 
-    An error of 0 has none.
+    The steps come from the option or from the header. An error of 0 has no order.
     """
     steps, right = (4e-3, 2e-3, 1e-3), exact(FIG12, rows=20)
     files = [
@@ -431,34 +430,37 @@ def test_files_of_several_steps_have_an_order() -> None:
         )
         for step in steps
     ]
-    for given in (steps, ()):
-        judgement = judge(FIG12, files if given else files[:2], timesteps=given)
-        found = {each.measure: each for each in judgement.orders}
+    for timesteps in (steps, ()):
+        judgement = judge(FIG12, files if timesteps else files[:2], timesteps=timesteps)
+        found = {order.measure: order for order in judgement.orders}
         assert list(found) == ["path error", "attitude error"]
         assert found["path error"].order == pytest.approx(1.0, abs=1e-4)
         assert found["attitude error"].order == pytest.approx(2.0, abs=1e-4)
-        assert (found["path error"].stderr is None) == (given == ())
+        assert (found["path error"].stderr is None) == (timesteps == ())
     assert judge(FIG12, [replace(file, header=None) for file in files]).orders == ()
     exact_in_attitude = [replace(file, attitude=right.attitude) for file in files[:2]]
-    assert [each.order is None for each in judge(FIG12, exact_in_attitude).orders] == [False, True]
+    assert [order.order is None for order in judge(FIG12, exact_in_attitude).orders] == [
+        False,
+        True,
+    ]
 
 
 def test_a_file_in_milliseconds_is_refused_with_the_unit() -> None:
-    """A time beyond all scenes is another unit; what to write is said."""
+    """The message names the last time and the scene's duration."""
     file = exact(FIG12)
     with pytest.raises(rb.InputError, match=naming("t 2000~s fig12 10~s")):
         judge(FIG12, replace(file, times=1e3 * file.times))
 
 
-def test_a_file_of_another_scene_is_told(tmp_path: Path) -> None:
-    """By the scene in its header."""
+def test_a_file_of_another_scene_is_reported(tmp_path: Path) -> None:
+    """The file's header names its scene."""
     rb.integrate(rb.load_scene("fig13"), np.linspace(0, 1, 51)).save(tmp_path / "a.csv")
-    told = lines(judged(FIG12, tmp_path / "a.csv"))
-    assert any(not unnamed("header fig13", line) for line in told)
+    report = lines(judged(FIG12, tmp_path / "a.csv"))
+    assert any(not unnamed("header fig13", line) for line in report)
 
 
 def test_a_file_that_starts_late_is_judged_from_there() -> None:
-    """Its times are the scene's own; nothing is shifted."""
+    """Its times count from the start of the scene."""
     motion = rb.integrate(FIG12, np.linspace(0, END, 101))
     found = judged(FIG12, bare(motion, 1.0, slice(25, None)))
     assert found.mistakes == ()
@@ -470,31 +472,31 @@ def test_a_file_that_starts_late_is_judged_from_there() -> None:
     (1.0, 0.5, False), (0.0, 0.04, False),
 ])  # fmt: skip
 def test_a_height_is_judged(start: float, rise: float, agrees: bool) -> None:
-    """The centre's or the contact point's; that of a ball that rises or hovers does not agree."""
+    """z of the centre or of the contact point agrees; a ball that rises or hovers does not."""
     motion = rb.integrate(FIG12, rb.sample_times(END))
     height = start + rise * motion.times / END
     file = replace(bare(motion), position=np.column_stack([motion.contact_point, height]))
     found = judged(FIG12, file)
-    # Half a hundredth of the radius is how deep a soft contact may be.
+    # A soft contact may be 0.005 radii deep.
     error = abs(start + rise - round(start))
     assert found.plain.height_error == pytest.approx(error, abs=1e-15)
     assert (found.agrees, found.mistakes) == (agrees, ())
     assert any(not unnamed("z off radius", line) for line in lines(found)) == (error > 0)
 
 
-def test_what_leaves_more_than_a_tenth_is_not_said_to_be_wrong(
+def test_a_mistake_that_leaves_more_than_a_tenth_is_not_called_wrong(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A slope's sign is named; where it is not known, the axes that come nearest may be wrong."""
+    """A wrong slope is named. If slopes are not tried, the nearest axes may be wrong."""
     scene = rb.load_scene("inclined_plane")
     x, y, z = scene.gravity_direction
     file = exact(replace(scene, gravity_direction=(-x, -y, z)), 6.0, 150)
     found = judged(scene, file)
-    assert untold(["plane slopes"], [each.name for each in found.mistakes]) == []
+    assert untold(["plane slopes"], [mistake.name for mistake in found.mistakes]) == []
     assert any(line.startswith("WRONG") for line in lines(found))
     monkeypatch.setattr(judge_search, "mistaken_scenes", lambda *_: ())
     found = judged(scene, file)
-    assert found.mistakes[0].left > 0.1  # measured 0.149, of the attitude
+    assert found.mistakes[0].left > 0.1  # measured 0.149 in the attitude
     assert not any(line.startswith("WRONG") for line in lines(found))
     assert "convention" in lines(found)[-1]
 
@@ -519,9 +521,9 @@ angular_velocity = [6, 1, 4]
 def test_a_missing_gyroscopic_term_is_not_explained_by_an_inertia(
     robotball: Robotball, tmp_path: Path
 ) -> None:
-    """Without ω×Iω the ball turns about an axis that stays, and rolls straight on.
+    """Without ω×Iω the ball turns about a constant axis and rolls straight on.
 
-    Five times the frame's moment about x explains the path as well, and would be wrong.
+    A frame with five times its moment about x would follow the same path.
     """
     (tmp_path / "lopsided.toml").write_text(LOPSIDED)
     scene, times = rb.load_scene(tmp_path / "lopsided.toml"), rb.sample_times(4.0)

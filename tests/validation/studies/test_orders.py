@@ -1,4 +1,4 @@
-"""The order of convergence of errors whose law is known, and where there is none."""
+"""The order of convergence of errors with a known law, and of errors without a law."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ STEPS = 0.1 * 0.5 ** np.arange(8)
 
 @pytest.mark.parametrize("order", [1, 2, 4, 8.5])
 def test_a_power_law_has_its_order(order: float) -> None:
-    """In any order of the runs, with those left out that broke off or were exact."""
+    """The runs may be in any order. Broken and exact runs are ignored."""
     errors = [*3.0 * STEPS**order]
     found = fit_order(STEPS[::-1].tolist(), errors[::-1])
     assert found is not None
@@ -26,7 +26,7 @@ def test_a_power_law_has_its_order(order: float) -> None:
 
 
 def test_both_ends_are_left_out() -> None:
-    """Long steps where another term rules, and short ones where the error stalls."""
+    """Long steps, with a higher-order term, and short steps, with a stall, are ignored."""
     errors = 3.0 * STEPS**2 + 1e4 * STEPS**5 + 2e-5
     assert stalled_at(STEPS.tolist(), errors.tolist()) == errors.min()
     found = fit_order(STEPS.tolist(), errors.tolist())
@@ -34,12 +34,12 @@ def test_both_ends_are_left_out() -> None:
     assert found.order == pytest.approx(2, abs=0.1)
     assert found.longest < 0.9 * STEPS[0]
     assert found.shortest > 1.1 * STEPS[-1]
-    # The slope over all of them is another.
+    # The slope over all points differs.
     assert abs(np.polyfit(np.log(STEPS), np.log(errors), 1)[0] - 2) > 0.2
 
 
-def test_a_floor_takes_away_what_is_not_known() -> None:
-    """Errors at or below it do not count."""
+def test_errors_below_the_floor_are_ignored() -> None:
+    """The fit uses only errors above the floor."""
     errors = (3.0 * STEPS**2).tolist()
     found = fit_order(STEPS.tolist(), errors, floor=errors[4])
     assert found is not None
@@ -57,8 +57,8 @@ def test_a_floor_takes_away_what_is_not_known() -> None:
         (STEPS.tolist(), STEPS[::-1].tolist()),
         ([], []),
     ],
-    ids=["two", "of one step", "that do not fall", "that rise", "none"],
+    ids=["two", "one step", "constant", "rising", "empty"],
 )
 def test_errors_without_a_law_have_no_order(steps: list[float], errors: list[float]) -> None:
-    """Neither by an exception nor by a number."""
+    """The result is None, without an exception."""
     assert fit_order(steps, errors) is None

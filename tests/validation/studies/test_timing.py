@@ -1,4 +1,4 @@
-"""Costs as ratios: of works whose time is known, by a clock that the test sets."""
+"""Costs relative to the bare loop, measured with a clock that the test controls."""
 
 import pytest
 
@@ -7,9 +7,9 @@ from validation.studies.timing import Cost, measure_costs
 
 
 def test_a_cost_is_a_ratio_to_the_bare_loops_around_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A machine that slows down by a third in every turn changes no ratio; one round warms up.
+    """A machine that slows down by a third in every turn does not change the ratios.
 
-    By loops of 1 s, then 4/3 s, and so on; a work takes the mean of the two around it.
+    The loops take 1 s, 4/3 s, and so on; a work takes the mean of the loops around it.
     """
     speed = iter([(4 / 3) ** k for k in range(20)])
     latest = [0.0]
@@ -19,22 +19,22 @@ def test_a_cost_is_a_ratio_to_the_bare_loops_around_it(monkeypatch: pytest.Monke
         return latest[0]
 
     monkeypatch.setattr(timing, "bare_loop", loop)
-    # The loop after it takes 4/3 of that before it, of which the mean is 7/6.
-    told: list[int] = []
+    # The loop after a work takes 4/3 of the loop before it; their mean is 7/6.
+    shown: list[int] = []
     works = [lambda factor=factor: factor * latest[0] * 7 / 6 for factor in (2.0, 0.5)]
-    costs = measure_costs(works, rounds=3, show=told.append)
+    costs = measure_costs(works, rounds=3, show=shown.append)
     for cost, factor in zip(costs, (2.0, 0.5), strict=True):
         assert cost.ratios == pytest.approx([factor] * 3)
         assert cost.ratio == pytest.approx(factor)
         assert cost.seconds == pytest.approx(factor * cost.baseline)
-    # Two loops of the first round are not among the six, of which the median lies half way.
+    # The median is taken over the six loops after the warm-up round.
     later = [(4 / 3) ** k for k in range(3, 9)]
     assert costs[0].baseline == pytest.approx((later[2] + later[3]) / 2)
-    assert told == list(range(1, 9))
+    assert shown == list(range(1, 9))
 
 
 def test_a_cost_over_another_is_of_the_same_rounds() -> None:
-    """Its seconds stay, and the other's become its unit."""
+    """The other cost becomes the unit, and its seconds the baseline."""
     ours, theirs = Cost((2.0, 6.0, 3.0), 0.5), Cost((1.0, 2.0, 4.0), 0.5)
     over = ours.over(theirs)
     assert over.ratios == (2.0, 3.0, 0.75)

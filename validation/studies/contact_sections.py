@@ -114,7 +114,7 @@ def moving_scene(name: str, purpose: str) -> Scene:
     if not np.any(scene.start.momentum):
         raise InputError(
             f"{scene.name} starts from rest, but {purpose} needs a nonzero momentum M; "
-            f"'robotball equilibria {name}' shows the motion from rest"
+            f"'robotball dynamics equilibria {name}' shows the motion from rest"
         )
     return scene
 
@@ -128,7 +128,7 @@ def attracted_scene(name: str, purpose: str) -> Scene:
     if not np.any(scene.parameters.Omega):
         raise InputError(
             f"{scene.name}: its frame does not turn (Ω = 0), so phase volume is constant and "
-            f"there is no attractor; 'robotball section {name}' shows its motion"
+            f"there is no attractor; 'robotball dynamics section {name}' shows its motion"
         )
     return scene
 

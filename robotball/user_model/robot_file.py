@@ -189,7 +189,7 @@ class RobotFile:
                     continue
                 if self.rolls(contact.geom.tolist()):
                     found = contact
-                if words := self.meeting(data, contact):
+                if words := self.real_contact(data, contact):
                     raise InputError(
                         f"{words}: a robot that stands on more than its sphere, or is driven by "
                         "contacts, is not supported; hold bodies by joints, roll on a plane alone, "
@@ -206,7 +206,7 @@ class RobotFile:
         """Return whether two geoms are the sphere and the plane."""
         return {*pair} == {self.sphere, self.plane}
 
-    def meeting(self, data: Any, contact: Any, late: bool = False) -> str:
+    def real_contact(self, data: Any, contact: Any, late: bool = False) -> str:
         """Return what touches in a contact, where it is meant; "" where solids only overlap.
 
         What lies within the shell overlaps the sphere, which MuJoCo takes for solid; late: parts

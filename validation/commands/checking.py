@@ -1,8 +1,6 @@
 """The command `robotball check`: a user's own model as it is, with a page and the file mended."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -10,19 +8,17 @@ from tyro.conf import Positional, arg
 
 from robotball.engines.mujoco.user_model import UserModel
 from robotball.errors import check_positive, mujoco_silent, named
-from robotball.motion import Motion, versions
 from robotball.robot.drives import as_drive
 from robotball.scene_files.scene_keys import ask
 from robotball.user_model.robot_file import open_robot, starts_off
-from robotball.view.web import view_fragment, view_head
 
+from ..check.check import Checked, check_model, motions_of
+from ..check.observe import made_to_move
+from ..check.say import difference, page_of, study_of
 from ..options import AGREES, DISAGREES, OUT, Controls, Duration, File, Given
 from ..output import progress_bar, writable_folder, write_text
-from ..report import folded, page, paragraph, plain, table, text
-from ..report import picture as figure
 from ..results import controls_of
-from ..studies import check
-from ..study import Study, present
+from ..study import present
 
 
 @dataclass(frozen=True)
@@ -54,48 +50,29 @@ class Check:
     def run(self) -> int:
         check_positive("accuracy", self.accuracy, "")
         writable_folder(self.out)
-        own, checked, notes = self.checked()
-        study = check.study_of(own, checked, notes)
+        checked, notes = self.checked()
+        study = study_of(checked, notes)
         picture, html = (self.out / f"{study.stem()}.{kind}" for kind in ("png", "html"))
         present(study, picture, self.json, None)
-        write_text(html, _page_of(study, checked, picture, check.beside(own, checked)))
+        write_text(html, page_of(study, checked, picture, motions_of(checked)))
         print(picture, html, sep="\n")
-        if checked.needed:
+        if checked.ablation.needed:
             mended = self.out / f"{self.file.stem}-mended.xml"
-            write_text(mended, checked.text)
-            print(mended, *check.difference(checked), sep="\n")
+            write_text(mended, checked.ablation.text)
+            print(mended, *difference(checked), sep="\n")
         return AGREES if checked.agrees else DISAGREES
 
     @mujoco_silent()  # or MuJoCo writes its warnings into the current folder
-    def checked(self) -> tuple[UserModel, check.Checked, list[str]]:
-        """Return the file's model, what is found of it, and words known before."""
+    def checked(self) -> tuple[Checked, list[str]]:
+        """Return the outcome of the check, and the lines to print before it."""
         robot = open_robot(self.file, self.shell)
         seconds = 10.0 if self.duration is None else self.duration
         given = controls_of(self.control)
         controls = {name: as_drive(value, seconds) for name, value in given.items()}
-        own, moves = check.moved(UserModel(robot, controls, self.keyframe))
-        start = own.begin()
+        user, moves = made_to_move(UserModel(robot, controls, self.keyframe))
+        start = user.begin()
         with named(self.file):
             notes = [*robot.notes, *starts_off(robot, start), *moves]
-        ask(self.file, own.scene(self.rolling or "classical", seconds))
+        ask(self.file, user.scene(self.rolling or "classical", seconds))
         with progress_bar(1) as show:
-            return own, check.check_model(own, self.rolling, seconds, self.accuracy, show), notes
-
-
-def _page_of(study: Study, checked: check.Checked, picture: Path, motions: Sequence[Motion]) -> str:
-    """Return the HTML page of a check, with its picture and a view of the motions."""
-    lines = study.record["lines"] if study.record else [""]
-    cells = [[column.text(row) for column in check.COLUMNS] for row in study.rows]
-    body = [
-        f"<h1>{text(study.scene)}</h1>",
-        *map(paragraph, lines),
-        figure(picture),
-        "<h2>3-D view</h2>",
-        view_fragment(motions),
-        "<h2>What each change is worth</h2>",
-        table([column.header for column in check.COLUMNS], cells, "words"),
-        "<h2>The changes</h2>",
-        f'<pre class="wide">{escape(chr(10).join(check.difference(checked)))}</pre>',
-        folded("Versions", plain(versions()), short=True),
-    ]
-    return page(f"robotball: check of {study.scene}", body, view_head())
+            return check_model(user, self.rolling, seconds, self.accuracy, show), notes

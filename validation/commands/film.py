@@ -84,13 +84,13 @@ class Video(_Shown):
         how = Film(self.fps, _size(self.size), self.slow, self.camera, self.ghost, self.arrows)
         words = changed(self, "fps", "size", "slow", "camera", "ghost", "arrows", "as_is")
         if self.as_is:
-            from ..studies.check import beside
+            from ..check.check import motions_of as motions_of_check
             from .checking import Check
 
             duration = self.run_options.duration
             check = Check(Path(self.scene), control=self.control, duration=duration)
-            own, checked, _ = check.checked()
-            stem, motions, agrees = own.robot.path.stem, beside(own, checked), checked.agrees
+            checked, _ = check.checked()
+            stem, motions, agrees = check.file.stem, motions_of_check(checked), checked.agrees
         else:
             agreements = self._agreements()
             stem, motions = file_stem(agreements), motions_of(agreements, "video")

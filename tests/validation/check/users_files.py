@@ -91,7 +91,7 @@ CASES = {
     ),
     "plane in a moved body": Case(
         {"floor": f'<body name="ground" mocap="true">{_USUAL["floor"]}</body>', "key": ""}, RIGHT,
-        "robot.xml nothing moves it"),
+        "robot.xml No control given"),
     "raised plane": Case(
         {"floor": '<body pos="0 0 .3"><geom name="floor" type="plane" size="5 5 .1"/></body>',
          "at": "0 0 .45"}, RIGHT, ""),
@@ -238,7 +238,7 @@ CASES = {
     "two keyframes": Case(
         {"key": '<keyframe><key name="a" ctrl="0"/><key name="b" ctrl=".1"/></keyframe>'}, RIGHT,
         "", ("--keyframe", "b")),
-    "no keyframe": Case({"key": ""}, RIGHT, "nothing moves it"),
+    "no keyframe": Case({"key": ""}, RIGHT, "No control given"),
     "two robots": Case(
         {"world": '<body name="other" pos="1 0 .15"><freejoint/><geom name="twin" type="sphere" '
          'size=".15" mass="1"/></body>'}, REFUSED, "name one by `--shell`"),

@@ -1,0 +1,189 @@
+"""Find the fewest changes with which a user's file rolls right, and what each of them is worth.
+
+The file is run with sets of changes, each set once. The worth of a change is the path error that
+is left with all needed changes except this one.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotball import InputError
+from robotball.engines.mujoco.user_model import Obstacle, UserModel
+from robotball.motion import measured_time
+from robotball.rotations import Array
+from robotball.user_model.mended_file import Change, Editable
+from robotball.user_model.robot_file import start_misses
+
+from ..output import Show
+from .observe import Observation, path_error
+from .propose import LONGEST_STEP, editable_file, proposals
+
+_PATIENCE = 20.0  # s of processor time for all trials
+_SHORTEST_STEP = 1e-4  # s, of trials
+_FEWEST_SAMPLES = 5  # of a comparison that ends at an obstacle
+_LOOSE = 1.1  # times the smallest error: the limit if the accuracy is out of reach
+
+
+@dataclass(frozen=True)
+class Trials:
+    """Runs of a file with sets of changes.
+
+    Attributes
+    ----------
+    observation : Observation
+    edit : Editable
+        The text of the file.
+    changes : list of Change
+        All changes, with the file's timestep.
+    times : (n,), s
+        The samples of every run.
+    paths : dict
+        The path (n, 3) [m] for each set of changes that was run.
+    show : Show
+    """
+
+    observation: Observation
+    edit: Editable
+    changes: list[Change]
+    times: Array
+    paths: dict[frozenset[str], Array]
+    show: Show
+
+    def path(self, changes: Sequence[Change]) -> Array:
+        """Return the path (n, 3) of the file with changes."""
+        key = frozenset(map(str, changes))
+        if key not in self.paths:
+            done = 0.4 + 0.6 * len(self.paths) / _runs(self.changes)
+            self.show(min(0.95, done), "what each change is worth")
+            self.paths[key] = self.changed(changes).path(self.times)
+        return self.paths[key]
+
+    def error(self, changes: Sequence[Change]) -> float:
+        """Return the path error of the file with changes."""
+        return path_error(self.path(changes), self.observation.theory)
+
+    def changed(self, changes: Sequence[Change]) -> UserModel:
+        """Return the model of the file with changes."""
+        return self.observation.user.with_text(self.edit.changed(changes))
+
+
+def _runs(changes: Sequence[Change]) -> int:
+    """Return how many runs to expect; those with all changes cost the most."""
+    return len(changes) + 4
+
+
+def first_trials(observation: Observation, show: Show) -> tuple[Trials, Obstacle | None]:
+    """Run the file with all changes. Return the trials to go on with, and the first obstacle.
+
+    Trials are shortened so that all of them take no longer than `_PATIENCE`, but not to less than
+    the file needs to exceed the accuracy. Raises InputError for an obstacle at the start.
+    """
+    user, symptoms, times = observation.user, observation.symptoms, observation.theory.times
+    edit = editable_file(observation)
+    changes = proposals(observation, edit, user.robot.model.opt.timestep)
+    early = symptoms.obstacle
+    # Bodies that collide or a high gain may stop the robot before a wall, or throw it at one.
+    if first := [change for change in changes if change.name in ("contacts", "gain")]:
+        _, early = user.with_text(edit.changed(first)).path_to_obstacle(times)
+    elif early and early.time > times[-1]:
+        early = None
+    mended, began = user.with_text(edit.changed(changes)), time.process_time()
+    path, late = mended.path_to_obstacle(times)
+    cost = measured_time(time.process_time() - began) / len(times)
+    obstacle = min(filter(None, (early, late)), default=None)
+    too_soon = _FEWEST_SAMPLES * observation.interval
+    if obstacle and obstacle.time < too_soon:
+        if not symptoms.diverged:
+            misses = "".join(f"; {miss}" for miss, _ in start_misses(user.robot, user.begin()))
+            line = f"{obstacle.words} at t = {obstacle.time:.3g} s, too soon for a comparison"
+            raise InputError(f"{user.robot.path}: {line}{misses}")
+        obstacle = None  # a state that diverges at once may touch anything
+    since = observation.since
+    least = 2 if since is None else 2 + int(1.2 * round(since / observation.interval))
+    times = times[: max(least, int(_PATIENCE / (_runs(changes) * cost)))]
+    paths = {frozenset(map(str, changes)): path[: len(times)]}
+    return Trials(observation, edit, changes, times, paths, show), obstacle
+
+
+@dataclass(frozen=True)
+class Ablation:
+    """The changes that a file needs.
+
+    Attributes
+    ----------
+    tried : float, s
+        The duration of each trial.
+    needed : sequence of (Change, float)
+        The fewest changes that help, with the path error without each, the largest first.
+    spared : sequence of Change
+        The other proposals.
+    source, text : str
+        The file, and the mended file.
+    mended : (n, 3), m
+        The path of the mended file over the whole comparison.
+    """
+
+    tried: float
+    needed: Sequence[tuple[Change, float]]
+    spared: Sequence[Change]
+    source: str
+    text: str
+    mended: Array
+
+
+def ablate(trials: Trials) -> Ablation:
+    """Find the changes that a file needs: none if it is right, or nothing moves."""
+    observation = trials.observation
+    changes, accuracy = trials.changes, observation.accuracy
+    needed: list[tuple[Change, float]] = []
+    if observation.judged and (observation.failure or observation.error > accuracy):
+        changes = _sufficient(trials)
+        needed = _fewest(trials, changes, max(accuracy, _LOOSE * trials.error(changes)))
+    made = [change for change, _ in needed]
+    names, times = {change.name for change in made}, observation.theory.times
+    whole = len(trials.times) == len(times)
+    return Ablation(
+        float(trials.times[-1]),
+        needed,
+        [change for change in changes if change.name not in names],
+        trials.edit.source,
+        trials.edit.changed(made),
+        trials.path(made) if whole else trials.changed(made).path(times),
+    )
+
+
+def _sufficient(trials: Trials) -> list[Change]:
+    """Return all changes, with the longest step that reaches the accuracy, or else the best one."""
+    observation, accuracy = trials.observation, trials.observation.accuracy
+    step = observation.user.robot.model.opt.timestep
+    while step > LONGEST_STEP:
+        step /= 2
+    tried, helps = [proposals(observation, trials.edit, step)], True
+    while trials.error(tried[-1]) > accuracy and step / 2 >= _SHORTEST_STEP and helps:
+        step /= 2
+        tried.append(proposals(observation, trials.edit, step))
+        before, after = (trials.error(changes) for changes in tried[-2:])
+        helps = after < before / 2 or not np.isfinite(after)
+    return min(tried, key=lambda changes: max(trials.error(changes), accuracy))
+
+
+def _fewest(trials: Trials, changes: Sequence[Change], limit: float) -> list[tuple[Change, float]]:
+    """Return the fewest changes with an error within the limit, with the error without each.
+
+    The largest error comes first. Fine points, which are last, are left out before other changes.
+    """
+
+    def without(change: Change, needed: Sequence[Change]) -> float:
+        return trials.error([other for other in needed if other is not change])
+
+    needed, before = list(changes), None
+    while needed != before:  # a change may be needed only as long as another is there
+        before = needed
+        for change in changes[::-1]:
+            if change in needed and without(change, needed) <= limit:
+                needed = [other for other in needed if other is not change]
+    worth = [(change, without(change, needed)) for change in needed]
+    return sorted(worth, key=lambda it: -it[1])

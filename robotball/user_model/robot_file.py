@@ -69,6 +69,8 @@ class RobotFile:
 
         Raises InputError for a name that no keyframe has.
         """
+        # A state that diverges must not go on from the start.
+        self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         data, number = mujoco.MjData(self.model), self.keyframe(key)
         if number is not None:
             mujoco.mj_resetDataKeyframe(self.model, data, number)

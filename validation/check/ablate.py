@@ -1,4 +1,4 @@
-"""Find the fewest changes with which a user's file rolls right, and what each of them is worth.
+"""Check a user's model: find the fewest changes with which its file rolls right.
 
 The file is run with sets of changes, each set once. The worth of a change is the path error that
 is left with all needed changes except this one.
@@ -11,14 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotball import InputError
-from robotball.engines.mujoco.user_model import Obstacle, UserModel
-from robotball.motion import measured_time
+from robotball.engines.mujoco.user_model import Obstacle, UserModel, observed
+from robotball.errors import mujoco_silent
+from robotball.motion import Motion, arrays_of, measured_time, with_arrays
+from robotball.robot.formulas import Rolling
 from robotball.rotations import Array
 from robotball.user_model.mended_file import Change, Editable
 from robotball.user_model.robot_file import start_misses
 
 from ..output import Show
-from .observe import Observation, path_error
+from .observe import Observation, observe, path_error
 from .propose import LONGEST_STEP, editable_file, proposals
 
 _PATIENCE = 20.0  # s of processor time for all trials
@@ -28,21 +30,99 @@ _LOOSE = 1.1  # times the smallest error: the limit if the accuracy is out of re
 
 
 @dataclass(frozen=True)
-class Trials:
-    """Runs of a file with sets of changes.
+class Checked:
+    """The outcome of a check.
 
     Attributes
     ----------
     observation : Observation
-    edit : Editable
-        The text of the file.
-    changes : list of Change
-        All changes, with the file's timestep.
-    times : (n,), s
-        The samples of every run.
-    paths : dict
-        The path (n, 3) [m] for each set of changes that was run.
-    show : Show
+    duration : float, s
+        The time that was asked for.
+    short : str or None
+        Why less time was compared.
+    tried : float, s
+        The duration of each trial.
+    needed : sequence of (Change, float)
+        The fewest changes that help, with the path error without each, the largest first.
+    spared : sequence of Change
+        The other proposals.
+    source, text : str
+        The file, and the mended file.
+    mended : (n, 3), m
+        The path of the mended file over the whole comparison.
+    """
+
+    observation: Observation
+    duration: float
+    short: str | None
+    tried: float
+    needed: Sequence[tuple[Change, float]]
+    spared: Sequence[Change]
+    source: str
+    text: str
+    mended: Array
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the file moves and rolls as the reference does, all the time asked for."""
+        seen = self.observation
+        return seen.failure is None and self.short is None and seen.error <= seen.accuracy
+
+    @property
+    def mended_error(self) -> float:
+        """The path error of the mended file."""
+        return path_error(self.mended, self.observation.theory)
+
+
+@mujoco_silent()  # a diverged state is reported in words
+def check_model(
+    user: UserModel, rolling: Rolling | None, duration: float, accuracy: float, show: Show
+) -> Checked:
+    """Check a user's model against ideal rolling.
+
+    rolling: the nearer model if None. duration [s]: less is compared if the robot meets an
+    obstacle, or all would take too long. accuracy: the path error to reach. show: called with the
+    finished part and the next piece of work.
+    """
+    short, compared = None, duration
+    while True:
+        observation = observe(user, rolling, compared, accuracy, show)
+        trials, obstacle = _first_trials(observation, show)
+        if obstacle is None:
+            break
+        # The equations leave out the obstacle, so compare again, up to shortly before it.
+        compared = obstacle.time - 2 * observation.interval
+        short = f"ends early: {obstacle.words} at t = {obstacle.time:.3g} s of {duration:.3g} s"
+    theory, end = observation.theory, observation.theory.times[-1]
+    if theory.ended:
+        short = f"limit: {theory.ended} of {duration:.3g} s"
+    elif end < observation.duration - observation.interval / 2:
+        short = f"only {end:.3g} s of {duration:.3g} s are checked: all would take too long"
+    changes, needed = trials.changes, list[tuple[Change, float]]()
+    if observation.judged and (observation.failure or observation.error > accuracy):
+        changes = _sufficient(trials)
+        needed = _fewest(trials, changes, max(accuracy, _LOOSE * trials.error(changes)))
+    made = [change for change, _ in needed]
+    names, whole = {change.name for change in made}, len(trials.times) == len(theory.times)
+    return Checked(
+        observation,
+        duration,
+        short,
+        tried=float(trials.times[-1]),
+        needed=needed,
+        spared=[change for change in changes if change.name not in names],
+        source=trials.edit.source,
+        text=trials.edit.changed(made),
+        mended=trials.path(made) if whole else trials.changed(made).path(theory.times),
+    )
+
+
+@dataclass(frozen=True)
+class _Trials:
+    """Runs of a file with sets of changes.
+
+    changes: all of them, with the file's timestep. times (n,) [s]: the samples of every run.
+    paths: (n, 3) [m] for each set that was run.
     """
 
     observation: Observation
@@ -75,7 +155,7 @@ def _runs(changes: Sequence[Change]) -> int:
     return len(changes) + 4
 
 
-def first_trials(observation: Observation, show: Show) -> tuple[Trials, Obstacle | None]:
+def _first_trials(observation: Observation, show: Show) -> tuple[_Trials, Obstacle | None]:
     """Run the file with all changes. Return the trials to go on with, and the first obstacle.
 
     Trials are shortened so that all of them take no longer than `_PATIENCE`, but not to less than
@@ -105,57 +185,10 @@ def first_trials(observation: Observation, show: Show) -> tuple[Trials, Obstacle
     least = 2 if since is None else 2 + int(1.2 * round(since / observation.interval))
     times = times[: max(least, int(_PATIENCE / (_runs(changes) * cost)))]
     paths = {frozenset(map(str, changes)): path[: len(times)]}
-    return Trials(observation, edit, changes, times, paths, show), obstacle
+    return _Trials(observation, edit, changes, times, paths, show), obstacle
 
 
-@dataclass(frozen=True)
-class Ablation:
-    """The changes that a file needs.
-
-    Attributes
-    ----------
-    tried : float, s
-        The duration of each trial.
-    needed : sequence of (Change, float)
-        The fewest changes that help, with the path error without each, the largest first.
-    spared : sequence of Change
-        The other proposals.
-    source, text : str
-        The file, and the mended file.
-    mended : (n, 3), m
-        The path of the mended file over the whole comparison.
-    """
-
-    tried: float
-    needed: Sequence[tuple[Change, float]]
-    spared: Sequence[Change]
-    source: str
-    text: str
-    mended: Array
-
-
-def ablate(trials: Trials) -> Ablation:
-    """Find the changes that a file needs: none if it is right, or nothing moves."""
-    observation = trials.observation
-    changes, accuracy = trials.changes, observation.accuracy
-    needed: list[tuple[Change, float]] = []
-    if observation.judged and (observation.failure or observation.error > accuracy):
-        changes = _sufficient(trials)
-        needed = _fewest(trials, changes, max(accuracy, _LOOSE * trials.error(changes)))
-    made = [change for change, _ in needed]
-    names, times = {change.name for change in made}, observation.theory.times
-    whole = len(trials.times) == len(times)
-    return Ablation(
-        float(trials.times[-1]),
-        needed,
-        [change for change in changes if change.name not in names],
-        trials.edit.source,
-        trials.edit.changed(made),
-        trials.path(made) if whole else trials.changed(made).path(times),
-    )
-
-
-def _sufficient(trials: Trials) -> list[Change]:
+def _sufficient(trials: _Trials) -> list[Change]:
     """Return all changes, with the longest step that reaches the accuracy, or else the best one."""
     observation, accuracy = trials.observation, trials.observation.accuracy
     step = observation.user.robot.model.opt.timestep
@@ -170,7 +203,7 @@ def _sufficient(trials: Trials) -> list[Change]:
     return min(tried, key=lambda changes: max(trials.error(changes), accuracy))
 
 
-def _fewest(trials: Trials, changes: Sequence[Change], limit: float) -> list[tuple[Change, float]]:
+def _fewest(trials: _Trials, changes: Sequence[Change], limit: float) -> list[tuple[Change, float]]:
     """Return the fewest changes with an error within the limit, with the error without each.
 
     The largest error comes first. Fine points, which are last, are left out before other changes.
@@ -187,3 +220,25 @@ def _fewest(trials: Trials, changes: Sequence[Change], limit: float) -> list[tup
                 needed = [other for other in needed if other is not change]
     worth = [(change, without(change, needed)) for change in needed]
     return sorted(worth, key=lambda it: -it[1])
+
+
+def motions_of(checked: Checked) -> list[Motion]:
+    """Return the motions of the file, of the mended file if it is changed, and of the reference.
+
+    They are at the same times, as long as each lasts.
+    """
+    seen, theory = checked.observation, checked.observation.theory
+    motions, sampled = [seen.motion], []
+    if checked.needed:
+        mended, error = seen.user.with_text(checked.text), checked.mended_error
+        every = round(seen.interval / mended.robot.model.opt.timestep)
+        motions.append(observed(mended, seen.motion.scene, error, every, name="mended")[0])
+    for run in motions:
+        # A time of the model is a sum of steps.
+        times = theory.times[theory.times < run.times[-1] + run.report.timestep / 2]
+        if len(times) < 2:  # it diverged at once
+            continue
+        rows = np.abs(run.times - times[:, None]).argmin(axis=1)
+        arrays = {place: array[rows] for place, array in arrays_of(run)}
+        sampled.append(with_arrays(run, arrays | {("times",): times}))
+    return [*sampled, theory]

@@ -33,7 +33,7 @@ _LARGEST_MARGIN = 1e-3  # of the radius: more is not the margin at which the con
 _SOLVER = {"solver": "Newton", "iterations": "100", "ls_iterations": "50", "tolerance": "1e-10"}
 _ITERATIONS, _LS_ITERATIONS, _TOLERANCE = 20, 10, 1e-8
 _DELIVERED = 0.95  # of the declared rolling resistance: more is not worth a word
-_OVERRIDDEN = ("margin", "solref", "solimp", "friction")  # by the option flag `override`
+_OVERRIDDEN = ("margin", "solref", "solimp", "friction")  # by the option flag override
 _EXPLICIT = {
     int(mujoco.mjtIntegrator.mjINT_EULER): INTEGRATORS["Euler"],
     int(mujoco.mjtIntegrator.mjINT_RK4): INTEGRATORS["RK4"],
@@ -238,7 +238,7 @@ def _noslip(seen: Observation) -> Iterator[Change]:
 
 
 def _overriding(change: Change) -> Change:
-    """Return a change that also sets the options by which the flag `override` replaces a pair."""
+    """Return a change that also sets the options by which the flag override replaces a pair."""
     options = {f"o_{name}": change.pair[name] for name in _OVERRIDDEN if name in change.pair}
     if not options:
         return change

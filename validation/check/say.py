@@ -21,9 +21,10 @@ from ..output import known, panels, scientific
 from ..report import folded, page, paragraph, plain, table, text
 from ..report import picture as picture_of
 from ..study import Column, Study, table_of
-from .check import Checked
+from .ablate import Checked
 from .observe import distances
 from .propose import collisions
+from .unusual import unusual_numbers
 
 COLUMNS = (
     Column("change", "change", words=True),
@@ -37,12 +38,12 @@ _MOST_LINES = 60  # of a difference
 
 def study_of(checked: Checked, notes: Sequence[str]) -> Study:
     """Return the table, record, picture and lines of a check. notes: lines to begin with."""
-    seen, ablation = checked.observation, checked.ablation
-    theory, file = seen.theory, seen.user.robot.path
-    rows = [_row(f"+ {change.name}", change.words, without) for change, without in ablation.needed]
-    rows += [_row(f"({change.name})", change.words) for change in ablation.spared]
+    seen, theory = checked.observation, checked.observation.theory
+    file = seen.user.robot.path
+    rows = [_row(f"+ {change.name}", change.words, without) for change, without in checked.needed]
+    rows += [_row(f"({change.name})", change.words) for change in checked.spared]
     lines = [*notes, *_verdict(checked), *_symptoms(checked)]
-    if ablation.needed:
+    if checked.needed:
         missed = f", more than {seen.accuracy:g}" if checked.mended_error > seen.accuracy else ""
         lines.append(f"mended: path error {scientific(known(checked.mended_error))}{missed}")
     # The error of a motion that breaks off, or in which nothing moves, has no meaning.
@@ -65,7 +66,7 @@ def study_of(checked: Checked, notes: Sequence[str]) -> Study:
         "mended_error": known(checked.mended_error),
     }
     shown = [f"[bold]{escape(file.name)}[/]", *map(escape, lines)]
-    tables = [table_of(COLUMNS, rows)] if ablation.needed else []
+    tables = [table_of(COLUMNS, rows)] if checked.needed else []
     picture = _picture(file.name, checked)
     return Study(file.stem, None, ["check"], rows, record, [*shown, *tables], picture)
 
@@ -80,12 +81,14 @@ def causes_of(checked: Checked) -> list[str]:
     Unusual numbers come first. But an unusual gear, which acts on the reference too, comes last
     if changes to the file mend it.
     """
-    seen, needed = checked.observation, checked.ablation.needed
+    seen, needed = checked.observation, checked.needed
     causes = [f"{change.name}: {change.words}{_worth(error)}" for change, error in needed]
     causes += [checked.short] if checked.short and seen.theory.ended else []
     rolls = seen.theory.path_length >= seen.user.radius
     helped = rolls and needed and checked.mended_error <= seen.accuracy
-    for name, words in reversed(checked.unusual):
+    robot, scene = seen.user.robot, seen.theory.scene
+    level = np.allclose(robot.plane_axes(seen.user.begin()), np.eye(3))
+    for name, words in reversed([*unusual_numbers(scene, level=bool(level))]):
         causes.insert(len(causes) if name == "gear" and helped else 0, f"{name}: {words}")
     if not causes and seen.judged and not checked.agrees and not checked.short:
         perhaps = "a stiff joint or a high gain may need a shorter timestep"
@@ -127,9 +130,8 @@ def _verdict(checked: Checked) -> Iterator[str]:
         yield f"rolling: {nearest}{others}"
     for cause in causes_of(checked)[:1]:
         yield f"{'unusual' if checked.agrees else 'cause'}: {cause}"
-    tried = checked.ablation.tried
-    if checked.ablation.needed and tried < end:
-        yield f"causes are sought in the first {tried:.3g} s"
+    if checked.needed and checked.tried < end:
+        yield f"causes are sought in the first {checked.tried:.3g} s"
 
 
 def _symptoms(checked: Checked) -> Iterator[str]:
@@ -171,7 +173,7 @@ def _symptoms(checked: Checked) -> Iterator[str]:
 
 def difference(checked: Checked) -> list[str]:
     """Return the lines in which the mended file differs from the user's, in the form of a diff."""
-    before, after = checked.ablation.source.splitlines(), checked.ablation.text.splitlines()
+    before, after = checked.source.splitlines(), checked.text.splitlines()
     lines = difflib.unified_diff(before, after, "unmodified", "mended", n=0, lineterm="")
     return [*lines][:_MOST_LINES]
 
@@ -181,8 +183,8 @@ def _picture(name: str, checked: Checked) -> Figure:
     seen, theory = checked.observation, checked.observation.theory
     colour, dashes, _ = PRESET_LOOKS["mended"]
     curves: list[tuple[str, Array, str, Any]] = [("unmodified", seen.path, LABEL.colour, "-")]
-    if checked.ablation.needed:
-        curves.append(("mended", checked.ablation.mended, colour, (0, dashes)))
+    if checked.needed:
+        curves.append(("mended", checked.mended, colour, (0, dashes)))
     largest = [scientific(known(distances(path, theory).max())) for _, path, *_ in curves]
     titles = [f"{label} off by {it}" for (label, *_), it in zip(curves, largest, strict=True)]
     if seen.failure:

@@ -12,7 +12,7 @@ from robotball.robot.drives import as_drive
 from robotball.scene_files.scene_keys import ask
 from robotball.user_model.robot_file import open_robot, starts_off
 
-from ..check.check import Checked, check_model, motions_of
+from ..check.ablate import Checked, check_model, motions_of
 from ..check.observe import made_to_move
 from ..check.say import difference, page_of, study_of
 from ..options import AGREES, DISAGREES, OUT, Controls, Duration, File, Given
@@ -56,9 +56,9 @@ class Check:
         present(study, picture, self.json, None)
         write_text(html, page_of(study, checked, picture, motions_of(checked)))
         print(picture, html, sep="\n")
-        if checked.ablation.needed:
+        if checked.needed:
             mended = self.out / f"{self.file.stem}-mended.xml"
-            write_text(mended, checked.ablation.text)
+            write_text(mended, checked.text)
             print(mended, *difference(checked), sep="\n")
         return AGREES if checked.agrees else DISAGREES
 

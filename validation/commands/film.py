@@ -84,7 +84,7 @@ class Video(_Shown):
         how = Film(self.fps, _size(self.size), self.slow, self.camera, self.ghost, self.arrows)
         words = changed(self, "fps", "size", "slow", "camera", "ghost", "arrows", "as_is")
         if self.as_is:
-            from ..check.check import motions_of as motions_of_check
+            from ..check.ablate import motions_of as motions_of_check
             from .checking import Check
 
             duration = self.run_options.duration

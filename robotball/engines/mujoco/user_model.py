@@ -133,7 +133,6 @@ class UserModel:
 
     def _path(self, times: Array, watch: bool) -> tuple[Array, Obstacle | None]:
         robot, data, deadline = self.robot, self.begin(), time.process_time() + _PATIENCE
-        _disable_reset(robot.model)
         count = round((times[1] - times[0]) / robot.model.opt.timestep)
         at_once = 1 if watch else count
         centres = np.full((len(times), 3), np.nan)
@@ -161,11 +160,6 @@ class UserModel:
     def points(self, centres: Array) -> Array:
         """Return contact points and heights (n, 3) from centres of the sphere in plane axes."""
         return np.column_stack([centres[:, :2] - centres[0, :2], centres[:, 2] - self.radius])
-
-
-def _disable_reset(model: mujoco.MjModel) -> None:
-    """Keep MuJoCo from going on at the start after a state has diverged."""
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
 
 
 def _sound(data: mujoco.MjData) -> bool:
@@ -228,7 +222,6 @@ def observed(
     finished part. name: of the motion's settings, for labels.
     """
     robot, model, data = user.robot, user.robot.model, user.begin()
-    _disable_reset(model)
     rows, inside = list[_State](), Counter[tuple[int, int]]()
     obstacle, began = None, time.process_time()
     count = round(scene.duration / model.opt.timestep / every)

@@ -24,7 +24,7 @@ from tests.messages import naming, unnamed
 from tests.robotball.user_model.test_robot_file import GIMBAL, HULL
 from validation import compare
 from validation.check import observe
-from validation.check.check import Checked, check_model, motions_of
+from validation.check.ablate import Checked, check_model, motions_of
 from validation.check.propose import too_high_gain
 from validation.check.say import causes_of
 from validation.studies.engine_runs import fixed_work
@@ -268,7 +268,7 @@ def test_a_model_that_diverges_at_once_gets_the_cause_and_a_page(
     assert found["changes"][0]["without"] is None
     assert found["mended_error"] < 1e-3
     page = Path("out/robot-check.html").read_text(encoding="utf-8")
-    assert "diverges at t =" in page
+    assert "diverges at" in page
     assert "rollingBalls(" in page
 
 
@@ -320,7 +320,7 @@ def test_a_clock_that_stands_still_ends_no_check(
     for clock in ("process_time", "thread_time"):
         monkeypatch.setattr(time, clock, lambda: 1.0)
     found = check_model(own, "classical", 0.3, 1e-3, silent)
-    assert found.ablation.tried == pytest.approx(0.3)
+    assert found.tried == pytest.approx(0.3)
     assert np.isfinite(compare("fig12", settings="fast").realtime_factor)
     assert np.isfinite(2.0 / (fixed_work() + bare_loop()))
 

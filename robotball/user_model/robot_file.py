@@ -206,7 +206,7 @@ class RobotFile:
                         "drawing contype and conaffinity 0"
                     )
         if found is None:
-            raise InputError("the sphere passes through the plane: see their contype, conaffinity")
+            raise InputError("the sphere passes through the plane: contype and conaffinity differ")
         return found
 
     def rolls(self, pair: Iterable[int]) -> bool:
@@ -393,7 +393,7 @@ def _free_joint_added(spec: Any, model: Any, shell: str | None) -> Iterator[str]
         spec.bodies[root].add_freejoint()
         yield f"{name} is fixed to the world; it gets a free joint"
     elif joints != [_FREE]:
-        raise InputError(f"{name} hangs on the world with other joints; give it a freejoint")
+        raise InputError(f"{name} is joined to the world with other joints; give it a freejoint")
 
 
 # Features that the equations do not have, and their numbers, which are 0 in a model without them.

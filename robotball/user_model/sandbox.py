@@ -20,7 +20,7 @@ from robotball.errors import InputError
 from robotball.files import MODEL_FILES, contents
 
 _WAIT = 60.0  # s of real time, on a busy machine
-_MEMORY = 500_000_000  # bytes, in addition to those of MuJoCo itself
+_MEMORY = 500_000_000  # bytes, in addition to MuJoCo itself
 _SECONDS = 5  # of processor time; a large robot takes 0.1 s
 # How MuJoCo reports that memory ran out.
 _NO_MEMORY = ("Could not allocate memory", "unknown exception")
@@ -35,7 +35,7 @@ _INSTEAD = {
 
 
 def check_format(path: Path) -> None:
-    """Raise InputError unless the suffix is that of an MJCF or URDF file."""
+    """Raise InputError unless the suffix belongs to an MJCF or URDF file."""
     if path.suffix not in MODEL_FILES:
         instead = _INSTEAD.get(path.suffix, "")
         raise InputError(

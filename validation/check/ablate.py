@@ -26,6 +26,7 @@ from .propose import LONGEST_STEP, editable_file, proposals
 _PATIENCE = 20.0  # s of processor time for all trials
 _SHORTEST_STEP = 1e-4  # s, of trials
 _FEWEST_SAMPLES = 5  # of a comparison that ends at an obstacle
+_MORE_RUNS = 4  # than changes, which the patience must allow for
 _LOOSE = 1.1  # times the smallest error: the limit if the accuracy is out of reach
 
 
@@ -136,8 +137,8 @@ class _Trials:
         """Return the path (n, 3) of the file with changes."""
         key = frozenset(map(str, changes))
         if key not in self.paths:
-            done = 0.4 + 0.6 * len(self.paths) / _runs(self.changes)
-            self.show(min(0.95, done), "what each change is worth")
+            done = 0.4 + 0.6 * len(self.paths) / (len(self.changes) + _MORE_RUNS)
+            self.show(min(0.95, done), "the worth of each change")
             self.paths[key] = self.changed(changes).path(self.times)
         return self.paths[key]
 
@@ -148,11 +149,6 @@ class _Trials:
     def changed(self, changes: Sequence[Change]) -> UserModel:
         """Return the model of the file with changes."""
         return self.observation.user.with_text(self.edit.changed(changes))
-
-
-def _runs(changes: Sequence[Change]) -> int:
-    """Return how many runs to expect; those with all changes cost the most."""
-    return len(changes) + 4
 
 
 def _first_trials(observation: Observation, show: Show) -> tuple[_Trials, Obstacle | None]:
@@ -183,7 +179,8 @@ def _first_trials(observation: Observation, show: Show) -> tuple[_Trials, Obstac
         obstacle = None  # a state that diverges at once may touch anything
     since = observation.since
     least = 2 if since is None else 2 + int(1.2 * round(since / observation.interval))
-    times = times[: max(least, int(_PATIENCE / (_runs(changes) * cost)))]
+    # A run with all changes costs the most.
+    times = times[: max(least, int(_PATIENCE / ((len(changes) + _MORE_RUNS) * cost)))]
     paths = {frozenset(map(str, changes)): path[: len(times)]}
     return _Trials(observation, edit, changes, times, paths, show), obstacle
 

@@ -13,7 +13,7 @@ from typing import Any, get_args
 import mujoco
 import numpy as np
 
-from robotball import InputError, integrate
+from robotball import InputError, Scene, integrate
 from robotball.engines.mujoco.user_model import Symptoms, UserModel, observed
 from robotball.errors import SceneWarning
 from robotball.motion import ContactMotion, ReferenceMotion
@@ -35,7 +35,7 @@ _PATIENCE = 10.0  # s of processor time for the reference
 _REFERENCE_ERROR = 1e-6  # of the accuracy: then its path errs by up to 1e-5 of the accuracy in 10 s
 _NEARER = 0.5  # a rolling model other than the contact's must halve the error
 # Controls and push for a robot that nothing moves.
-_AT_REST = 1e-3  # of the radius: a shorter path is that of a robot at rest
+_AT_REST = 1e-3  # of the radius: a robot with a shorter path is at rest
 _ANGLE, _RATE = 0.3, 2.0  # rad and rad/s, commands of servos
 _TORQUE = 0.03  # of the robot's weight times the radius, of motors
 
@@ -103,7 +103,7 @@ def observe(
 ) -> Observation:
     """Run a model as its file says over a duration [s], and compare it with its reference.
 
-    Raises InputError for a timestep that is too short, or if there is no reference.
+    Raises InputError for a timestep that is too short, or without a reference.
     """
     robot, contact = user.robot, user.robot.contact(user.begin())
     timestep = robot.model.opt.timestep
@@ -125,13 +125,14 @@ def observe(
     sampled = symptoms.path[::every][: len(times)]
     path[: len(sampled)] = sampled
     models = [rolling] if rolling else sorted(get_args(Rolling), key=lambda it: it != default)
-    theories = _references(user, models, path, times, accuracy, show)
+    rtol = max(_REFERENCE_ERROR * accuracy, LEAST_RTOL)
+    theories = _references(user, models, path, times, rtol, show)
     errors = {name: path_error(path[: len(it.times)], it) for name, it in theories.items()}
     nearest = min(errors, key=lambda name: errors[name] / (1.0 if name == default else _NEARER))
     theory = theories[nearest]
     path, end = path[: len(theory.times)], theory.times[-1]
     longest = max(_reach(path), theory.path_length)
-    judged = symptoms.failure is not None or longest >= _LEAST_PATH * user.radius
+    judged = symptoms.failure is not None or longest >= _LEAST_PATH * user.robot.radius
     failure = symptoms.failure
     if failure:
         path[theory.times >= symptoms.until] = np.nan
@@ -172,65 +173,56 @@ def _is_stuck(path: Array, theory: ReferenceMotion) -> bool:
 
 
 def _references(
-    user: UserModel,
-    models: Sequence[Rolling],
-    path: Array,
-    times: Array,
-    accuracy: float,
-    show: Show,
+    user: UserModel, models: Sequence[Rolling], path: Array, times: Array, rtol: float, show: Show
 ) -> dict[Rolling, ReferenceMotion]:
-    """Return the motions of the rolling models that have one. Raises InputError if none has.
+    """Return the motion of each rolling model, if it has one. Raises InputError without any.
 
     Only the first is tried if it takes too long, or the path is stuck and shows no difference.
     """
-    theories: dict[Rolling, ReferenceMotion] = {}
-    refusal = InputError("")
+    theories, refusal = dict[Rolling, ReferenceMotion](), InputError("")
     for rolling in models:
         scene = user.scene(rolling, float(times[-1]))
         try:
             with warnings.catch_warnings(action="ignore", category=SceneWarning):
-                rtol = max(_REFERENCE_ERROR * accuracy, LEAST_RTOL)
                 theory = theories[rolling] = _integrated(scene, times, rtol, show)
         except InputError as error:
-            causes = (f"; perhaps {name}: {it}" for name, it in unusual_numbers(scene, level=True))
+            causes = (f"; perhaps {name}: {it}" for name, it in unusual_numbers(user, scene))
             refusal = InputError(f"{user.robot.path}: {error}{''.join(causes)}")
-            if isinstance(error.__cause__, _SlowError):
+            if isinstance(error, _SlowError):
                 break
             continue
-        if len(theory.times) < len(times) and not theory.ended:
-            break
-        if _is_stuck(path, theory):
+        if (len(theory.times) < len(times) and not theory.ended) or _is_stuck(path, theory):
             break
     if not theories:
         raise refusal
     return theories
 
 
-class _SlowError(Exception):
-    """The equations would take too long. The argument is the part of the motion that is done."""
+class _SlowError(InputError):
+    """The equations take too long."""
 
 
-def _integrated(scene: Any, times: Array, rtol: float, show: Show) -> ReferenceMotion:
+def _integrated(scene: Scene, times: Array, rtol: float, show: Show) -> ReferenceMotion:
     """Return the reference, or the part of it that can be computed in time."""
-    began: list[float] = []
+    began, done = np.inf, 0.0
 
     def watch(part: float) -> None:
+        nonlocal began, done
+        began, done = min(began, time.process_time()), part
         show(0.2 + 0.2 * part, "equations")
-        began.append(time.process_time())
-        if began[-1] - began[0] > _PATIENCE and part < 0.5:
-            raise _SlowError(part)
+        if time.process_time() - began > _PATIENCE and part < 0.5:
+            raise _SlowError(
+                f"the equations take {_PATIENCE:g} s of processor time for {part * times[-1]:.2g} "
+                "s of the motion; the cause may be a joint friction or a gain on a light body, or "
+                "very many bodies"
+            )
 
     try:
         return integrate(scene, times, rtol, progress=watch)
-    except _SlowError as slow:
-        done: float = slow.args[0]
+    except _SlowError:
         count = int(0.8 * done * len(times))
         if count < 2:
-            raise InputError(
-                f"the equations take {_PATIENCE:g} s of processor time for {done * times[-1]:.2g} "
-                "s of the motion; the cause may be a joint friction or a gain on a light body, or "
-                "very many bodies"
-            ) from slow
+            raise
     return integrate(scene, times[:count], rtol)
 
 
@@ -240,7 +232,7 @@ def made_to_move(user: UserModel) -> tuple[UserModel, list[str]]:
         return user, []
     model = user.robot.model
     gravity = float(np.linalg.norm(model.opt.gravity))
-    torque = _TORQUE * float(model.body_subtreemass[0]) * gravity * user.radius
+    torque = _TORQUE * float(model.body_subtreemass[0]) * gravity * user.robot.radius
     controls: dict[str, Drive] = {}
     for name, gears in gears_of(model).items():
         i, joints = user.actuators[name], [*gears]
@@ -255,7 +247,7 @@ def made_to_move(user: UserModel) -> tuple[UserModel, list[str]]:
             value = 0.0  # it would soon reach the end of its range
         controls[name] = Constant(value)
     if not any(drive.rate(0.0) for drive in controls.values()):
-        speed = float(np.sqrt(gravity * user.radius)) / 2
+        speed = float(np.sqrt(gravity * user.robot.radius)) / 2
         line = f"No control given; check used a push, to roll at {speed:.2g} m/s."
         return replace(user, push=speed), [line]
     used = ", ".join(f"{name}={drive.rate(0.0):.3g}" for name, drive in controls.items())
@@ -270,4 +262,4 @@ def _at_rest(user: UserModel) -> bool:
     if user.controls or np.any(data.ctrl) or np.any(data.qvel):
         return False
     path = user.path(step * round(1 + 0.1 / step) * np.arange(20))
-    return bool(np.nanmax(np.abs(path[:, :2])) < _AT_REST * user.radius)
+    return bool(np.nanmax(np.abs(path[:, :2])) < _AT_REST * user.robot.radius)

@@ -14,7 +14,6 @@ import mujoco
 import numpy as np
 from scipy.optimize import root_scalar
 
-from robotball import Scene
 from robotball.engines.mujoco.settings import BY_ERROR, CONSTANT, INTEGRATORS, recipe
 from robotball.engines.mujoco.user_model import UserModel, wrenches
 from robotball.user_model.mended_file import Change, Editable, Moves, editable
@@ -22,14 +21,14 @@ from robotball.user_model.robot_file import body_name, geom_name, start_misses
 
 from .observe import Observation
 
-# Of the recipe: more friction than any motion needs, and the hardest contact that MuJoCo does not
-# soften, as its time constant is at least two steps.
+# The recipe has more friction than any motion needs, and the hardest contact that MuJoCo does not
+# soften: MuJoCo raises the time constant to two steps.
 _SLIDING: float = CONSTANT["sliding_friction"]
 _TIME_CONSTANT = BY_ERROR[1]  # s
 LONGEST_STEP = _TIME_CONSTANT / 2  # s, of a step that does not soften the contact
 _SOLIMP: Any = recipe("mended", 1e-3).solimp
-_LARGEST_MARGIN = 1e-3  # of the radius: more is not the margin at which the contact bears the load
-# Of the recipe, and the values beyond which the solver stops early.
+_LARGEST_MARGIN = 1e-3  # of the radius: a larger result is not meaningful
+# The solver of the recipe, and the values beyond which a solver stops early.
 _SOLVER = {"solver": "Newton", "iterations": "100", "ls_iterations": "50", "tolerance": "1e-10"}
 _ITERATIONS, _LS_ITERATIONS, _TOLERANCE = 20, 10, 1e-8
 _DELIVERED = 0.95  # of the declared rolling resistance: more is not worth a word
@@ -47,16 +46,11 @@ def editable_file(seen: Observation) -> Editable:
     robot, data = user.robot, user.begin()
     normal, gap = robot.above_plane(data)
     moves = Moves(-gap * normal, -robot.slip(data), robot.keyframe(user.key))
-    fields = {
-        "condim": contact.dim,
-        "friction": contact.friction,
-        "solref": contact.solref,
-        "solreffriction": contact.solreffriction,
-        "solimp": contact.solimp,
-        "margin": contact.includemargin,
-    }
+    names = ("condim", "friction", "solref", "solreffriction", "solimp", "margin")
+    called = {"condim": "dim", "margin": "includemargin"}  # in a contact
+    fields = {name: np.atleast_1d(getattr(contact, called.get(name, name))) for name in names}
     # A value of zeros is the default.
-    pair = {name: _digits(*np.atleast_1d(it)) for name, it in fields.items() if np.any(it)}
+    pair = {name: _digits(*values) for name, values in fields.items() if np.any(values)}
     overlapping = {geom for pair in seen.symptoms.inside for geom in pair}
     return editable(robot, moves, pair, {int(robot.model.geom_bodyid[i]) for i in overlapping})
 
@@ -161,14 +155,11 @@ def _solver(seen: Observation) -> Iterator[Change]:
         yield Change("solver", words, option=changed)
 
 
-def _needed_condim(scene: Scene) -> int:
-    return 6 if scene.friction.rolling else 4 if scene.rolling == "rubber" else 3
-
-
 def _condim(seen: Observation) -> Iterator[Change]:
     """Each rolling model has its number of friction directions."""
     condim, scene = seen.contact.dim, seen.theory.scene
-    if condim != (needed := _needed_condim(scene)):
+    needed = 6 if scene.friction.rolling else 4 if scene.rolling == "rubber" else 3
+    if condim != needed:
         free = "allows slip" if condim == 1 else "allows spin"
         effect = free if condim < needed else "resists more than it should"
         words = f"condim {condim} {effect}; {scene.rolling} rolling has {needed}"
@@ -190,12 +181,12 @@ def _friction(seen: Observation) -> Iterator[Change]:
     theory, (slide, _, spin, roll, _) = seen.theory, seen.contact.friction
     loads, scene = theory.loads, theory.scene
     words = f"sliding friction {slide:.3g}; the motion needs {loads.sliding_friction.max():.2g}"
-    torsional = mujoco.mjMINMU
-    if scene.rolling == "rubber":
+    torsional, rubber = mujoco.mjMINMU, scene.rolling == "rubber"
+    if rubber:
         torsional = _SLIDING * scene.ball.radius
         needed = loads.torsional_friction.max()
         words += f"; torsional friction {spin:.3g} m; the motion needs {needed:.2g} m"
-    if slide < _SLIDING or (_needed_condim(scene) > 3 and spin != torsional):
+    if slide < _SLIDING or ((rubber or scene.friction.rolling) and spin != torsional):
         values = _digits(_SLIDING, _SLIDING, torsional, roll, roll)
         yield Change("friction", words, pair={"friction": values})
 
@@ -223,7 +214,7 @@ def _softness(seen: Observation) -> Iterator[Change]:
     depth = depth[(times < seen.symptoms.until) & np.isfinite(depth)]
     sinks = 1e3 * float(depth.mean()) if len(depth) else 0.0
     by = f": the sphere sinks {sinks:.2g} mm" if len(depth) else ""
-    name, words = "softness", f"the contact is soft{by}, and carries no load at first"
+    name, words = "softness", f"the contact is soft{by} and has no load at first"
     if sinks < 0:
         name, words = "margin", f"its margin holds the sphere {-sinks:.2g} mm above the plane"
     hard = {"solref": _digits(_TIME_CONSTANT, 1.0), "solimp": _digits(*_SOLIMP)}

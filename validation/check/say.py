@@ -1,4 +1,4 @@
-"""Say what a check has found: lines, a table, a record, a picture, a page and the mended file."""
+"""Say the outcome of a check: lines, a table, a record, a picture, a page and the mended file."""
 
 import difflib
 from collections.abc import Iterator, Sequence
@@ -17,9 +17,8 @@ from robotball.rotations import Array
 from robotball.view.lines import PRESET_LOOKS
 from robotball.view.web import view_fragment, view_head
 
+from .. import report
 from ..output import known, panels, scientific
-from ..report import folded, page, paragraph, plain, table, text
-from ..report import picture as picture_of
 from ..study import Column, Study, table_of
 from .ablate import Checked
 from .observe import distances
@@ -76,19 +75,20 @@ def _row(change: str, words: str, without: float | None = None) -> dict[str, Any
 
 
 def causes_of(checked: Checked) -> list[str]:
-    """Return the causes of an error, the most important first, or what is unusual in a right file.
+    """Return the causes of an error, the most important first. A right file may be unusual.
 
     Unusual numbers come first. But an unusual gear, which acts on the reference too, comes last
     if changes to the file mend it.
     """
     seen, needed = checked.observation, checked.needed
-    causes = [f"{change.name}: {change.words}{_worth(error)}" for change, error in needed]
+    causes = []
+    for change, error in needed:
+        worth = f"path error {scientific(error)}" if np.isfinite(error) else "diverges"
+        causes.append(f"{change.name}: {change.words} ({worth} without this change)")
     causes += [checked.short] if checked.short and seen.theory.ended else []
-    rolls = seen.theory.path_length >= seen.user.radius
+    rolls = seen.theory.path_length >= seen.user.robot.radius
     helped = rolls and needed and checked.mended_error <= seen.accuracy
-    robot, scene = seen.user.robot, seen.theory.scene
-    level = np.allclose(robot.plane_axes(seen.user.begin()), np.eye(3))
-    for name, words in reversed([*unusual_numbers(scene, level=bool(level))]):
+    for name, words in reversed([*unusual_numbers(seen.user, seen.theory.scene)]):
         causes.insert(len(causes) if name == "gear" and helped else 0, f"{name}: {words}")
     if not causes and seen.judged and not checked.agrees and not checked.short:
         perhaps = "a stiff joint or a high gain may need a shorter timestep"
@@ -98,16 +98,10 @@ def causes_of(checked: Checked) -> list[str]:
     return causes
 
 
-def _worth(error: float) -> str:
-    if not np.isfinite(error):
-        return " (without this change it diverges)"
-    return f" (path error {scientific(error)} without this change)"
-
-
 def _verdict(checked: Checked) -> Iterator[str]:
     """Yield whether the file agrees, or how it fails, and the first cause."""
     seen, accuracy = checked.observation, checked.observation.accuracy
-    theory, radius = seen.theory, seen.user.radius
+    theory, radius = seen.theory, seen.user.robot.radius
     length, end = theory.path_length, theory.times[-1]
     unit = f"a path of {length:.3g} m" if length >= radius else f"the radius of {radius:.3g} m"
     error = f"Path error {scientific(known(seen.error))} of {unit} in {end:.3g} s; "
@@ -140,17 +134,17 @@ def _symptoms(checked: Checked) -> Iterator[str]:
     They are measured up to the failure of the file and the end of the reference.
     """
     seen, symptoms = checked.observation, checked.observation.symptoms
-    report, radius, scene = seen.motion.report, seen.user.radius, seen.theory.scene
+    measured, radius, scene = seen.motion.report, seen.user.robot.radius, seen.theory.scene
     rolls = seen.motion.times <= min(symptoms.until, seen.theory.times[-1])
-    if (lost := np.isnan(report.depth[rolls])).any() and not symptoms.failure:
+    if (lost := np.isnan(measured.depth[rolls])).any() and not symptoms.failure:
         yield f"contact: lost for {lost.mean():.2%} of the time"
     points = seen.motion.contact_point[rolls]
     length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
     if length > _LEAST_PATH * radius:
         speed = length / seen.motion.times[rolls][-1]
-        yield f"slip: {scientific(report.slip[rolls].mean() / speed)} of its path"
+        yield f"slip: {scientific(measured.slip[rolls].mean() / speed)} of its path"
         if scene.rolling == "rubber":
-            spin = radius * np.abs(report.spin[rolls]).mean() / speed
+            spin = radius * np.abs(measured.spin[rolls]).mean() / speed
             yield f"spin: {scientific(spin)} of its path"
     for actuator in scene.actuators:
         commands = as_drive(actuator.command, scene.duration).rate(seen.theory.times)
@@ -172,7 +166,7 @@ def _symptoms(checked: Checked) -> Iterator[str]:
 
 
 def difference(checked: Checked) -> list[str]:
-    """Return the lines in which the mended file differs from the user's, in the form of a diff."""
+    """Return the lines of a diff from the user's file to the mended file."""
     before, after = checked.source.splitlines(), checked.text.splitlines()
     lines = difflib.unified_diff(before, after, "unmodified", "mended", n=0, lineterm="")
     return [*lines][:_MOST_LINES]
@@ -187,8 +181,7 @@ def _picture(name: str, checked: Checked) -> Figure:
         curves.append(("mended", checked.mended, colour, (0, dashes)))
     largest = [scientific(known(distances(path, theory).max())) for _, path, *_ in curves]
     titles = [f"{label} off by {it}" for (label, *_), it in zip(curves, largest, strict=True)]
-    if seen.failure:
-        titles[0] = f"unmodified: {seen.failure}"
+    titles[:1] = [f"unmodified: {seen.failure}"] if seen.failure else titles[:1]
     figure, (left, right) = panels(f"{name}: {'; '.join(titles)}", (11.0, 5.4), 1, 2)
     reference = {"color": theory.engine.colour, "lw": 5, "alpha": 0.6}
     left.plot(*theory.contact_point.T, **reference, label="equations")
@@ -214,15 +207,15 @@ def page_of(study: Study, checked: Checked, picture: Path, motions: Sequence[Mot
     lines = study.record["lines"] if study.record else [""]
     cells = [[column.text(row) for column in COLUMNS] for row in study.rows]
     body = [
-        f"<h1>{text(study.scene)}</h1>",
-        *map(paragraph, lines),
-        picture_of(picture),
+        f"<h1>{report.text(study.scene)}</h1>",
+        *map(report.paragraph, lines),
+        report.picture(picture),
         "<h2>3-D view</h2>",
         view_fragment(motions),
         "<h2>What each change is worth</h2>",
-        table([column.header for column in COLUMNS], cells, "words"),
+        report.table([column.header for column in COLUMNS], cells, "words"),
         "<h2>The changes</h2>",
         f'<pre class="wide">{html_escape(chr(10).join(difference(checked)))}</pre>',
-        folded("Versions", plain(versions()), short=True),
+        report.folded("Versions", report.plain(versions()), short=True),
     ]
-    return page(f"robotball: check of {study.scene}", body, view_head())
+    return report.page(f"robotball: check of {study.scene}", body, view_head())

@@ -1,7 +1,7 @@
-"""Step a user's own model with plain mj_step, as its file says, and read its motion.
+"""Step a user's own model with plain mj_step and the options of its file, and read its motion.
 
-Controls are set before every step, as in a loop around mj_step. The run also shows faults that only
-a user's file can have: overlapping geoms, joints at the end of their range, servos that lag.
+Controls are set before every step, like in a loop around mj_step. The run also shows faults that
+only a user's file can have: overlapping geoms, joints at the end of their range, servos that lag.
 """
 
 import time
@@ -68,18 +68,13 @@ class UserModel:
 
     @cached_property
     def actuators(self) -> dict[str, int]:
-        """The numbers of the actuators by name."""
+        """The number of each actuator."""
         return {name: i for i, name in enumerate(gears_of(self.robot.model))}
 
     @cached_property
     def steady(self) -> bool:
         """Whether every control is constant."""
         return all(isinstance(drive, Constant) for drive in self.controls.values())
-
-    @property
-    def radius(self) -> float:
-        """The radius of the sphere that rolls [m]."""
-        return self.robot.radius
 
     def with_text(self, text: str) -> "UserModel":
         """Return the model of another text of the file, with the same controls and start."""
@@ -91,7 +86,7 @@ class UserModel:
         self.control(data)
         data.time = 0.0  # controls begin at 0, whatever the time of the keyframe
         if self.push:
-            robot.roll(data, np.array([0.0, self.push / self.radius, 0.0]))
+            robot.roll(data, np.array([0.0, self.push / self.robot.radius, 0.0]))
         if not _sound(data):
             largest = float(np.abs([*data.qpos, *data.qvel]).max())
             raise InputError(
@@ -122,16 +117,13 @@ class UserModel:
 
         Rows are NaN after the state has diverged.
         """
-        return self._path(times, watch=False)[0]
+        return self.path_to_obstacle(times, watch=False)[0]
 
-    def path_to_obstacle(self, times: Array) -> tuple[Array, Obstacle | None]:
+    def path_to_obstacle(self, times: Array, watch: bool = True) -> tuple[Array, Obstacle | None]:
         """Return `path` up to the first obstacle, and the obstacle. Slower than `path`.
 
         A run that takes too long ends in the same way.
         """
-        return self._path(times, watch=True)
-
-    def _path(self, times: Array, watch: bool) -> tuple[Array, Obstacle | None]:
         robot, data, deadline = self.robot, self.begin(), time.process_time() + _PATIENCE
         count = round((times[1] - times[0]) / robot.model.opt.timestep)
         at_once = 1 if watch else count
@@ -159,7 +151,7 @@ class UserModel:
 
     def points(self, centres: Array) -> Array:
         """Return contact points and heights (n, 3) from centres of the sphere in plane axes."""
-        return np.column_stack([centres[:, :2] - centres[0, :2], centres[:, 2] - self.radius])
+        return np.column_stack([centres[:, :2] - centres[0, :2], centres[:, 2] - self.robot.radius])
 
 
 def _sound(data: mujoco.MjData) -> bool:
@@ -189,7 +181,7 @@ class Symptoms:
     delivered : float or None
         The part of the declared rolling resistance that the contact exerts.
     lag : dict
-        The tracking error of each servo, root mean square over that of its command.
+        The tracking error of each servo over its command, both as root mean squares.
     obstacle : Obstacle or None
     """
 
@@ -229,7 +221,7 @@ def observed(
         if not _sound(data):
             break
         user.control(data)
-        # RK4 leaves the contacts of its last stage, so compute those of the state itself; restore
+        # RK4 leaves the contacts of its last stage, so compute the contacts of this state. Restore
         # the warm start, so that the next step is the same as in a plain loop.
         guess = data.qacc_warmstart.copy()
         mujoco.mj_forward(model, data)
@@ -259,7 +251,7 @@ def observed(
     exerted, declared = np.nansum(table.resistance, axis=0)
     return motion, Symptoms(
         path,
-        *_failure(table.time, np.isnan(table.depth), path[:, 2], user.radius, diverged),
+        *_failure(table.time, np.isnan(table.depth), path[:, 2], user.robot.radius, diverged),
         diverged=diverged is not None,
         inside=Counter({pair: times / len(rows) for pair, times in inside.items()}),
         limits=_limits(model, table),
@@ -362,12 +354,12 @@ def readings_of(user: UserModel, scene: Scene, table: _State) -> Readings:
     """Return the readings of the states of a run."""
     centre, turning, depth = table.centre, table.angular_velocity, table.depth
     attitude = from_matrix(table.axes)  # all in one call: SciPy takes 0.1 ms a call
-    slip = table.velocity - user.radius * np.cross(turning, [0.0, 0.0, 1.0])
+    slip = table.velocity - user.robot.radius * np.cross(turning, [0.0, 0.0, 1.0])
     loads = Loads.unknown(len(centre), len(scene.hinges))
     loads = replace(loads, contact_force=np.nan_to_num(table.force))
     return Readings(
         time=table.time,
-        centre=np.column_stack([centre[:, :2] - centre[0, :2], user.radius - depth]),
+        centre=np.column_stack([centre[:, :2] - centre[0, :2], user.robot.radius - depth]),
         attitude=attitude,
         angular_velocity=np.einsum("nji,nj->ni", rotation_matrix(attitude), turning),
         momentum=np.full_like(centre, np.nan),
@@ -393,7 +385,7 @@ def _limits(model: mujoco.MjModel, table: _State) -> dict[str, float]:
 
 
 def _lags(user: UserModel, table: _State) -> dict[str, float]:
-    """Return the tracking errors of servos, root mean square over that of the command."""
+    """Return the tracking errors of servos over their commands, both as root mean squares."""
     model, lags = user.robot.model, {}
     # The torque of a servo is its gain times the tracking error.
     gain, bias = model.actuator_gainprm[:, 0], model.actuator_biasprm

@@ -200,11 +200,9 @@ class RobotFile:
                 if self.rolls(contact.geom.tolist()):
                     found = contact
                 if words := self.real_contact(data, contact):
-                    raise InputError(
-                        f"{words}: a robot may stand only on its sphere, and contacts must not "
-                        "drive it; hold bodies with joints, roll on a plane, or give geoms for "
-                        "drawing contype and conaffinity 0"
-                    )
+                    rule = "only the sphere may touch the plane, and only joints hold bodies"
+                    remedy = "geoms for drawing have contype and conaffinity 0"
+                    raise InputError(f"{words}: {rule}; {remedy}")
         if found is None:
             raise InputError("the sphere passes through the plane: contype and conaffinity differ")
         return found
@@ -311,10 +309,8 @@ def _sphere(model: Any, shell: str | None) -> int:
     """Return the number of the geom that rolls: with this name or body, or the largest."""
     spheres = np.flatnonzero(_solid(model) & (model.geom_type == _SPHERE)).tolist()
     if not spheres:
-        raise InputError(
-            "no sphere can touch the plane; a shell needs a geom of type sphere with contype or "
-            "conaffinity, because a mesh would roll on its corners"
-        )
+        needed = "the shell needs a geom of type sphere with contype or conaffinity"
+        raise InputError(f"no sphere can touch the plane; {needed}; a mesh rolls on its corners")
     # A sphere of the world is a marker, if there is another.
     spheres = [i for i in spheres if model.geom_bodyid[i]] or spheres
     names = {i: (model.geom(i).name, model.body(model.geom_bodyid[i]).name) for i in spheres}
@@ -327,10 +323,8 @@ def _sphere(model: Any, shell: str | None) -> int:
     outermost = [i for i in spheres if model.geom_size[i, 0] == largest]
     if len(outermost) > 1:
         several = ", ".join(" of ".join(filter(None, names[i])) for i in outermost)
-        raise InputError(
-            f"several spheres of {largest:g} m could roll: {several}; name one with `--shell` or "
-            "`shell` in a scene file, or give the others contype and conaffinity 0"
-        )
+        line = f"several spheres of {largest:g} m could roll: {several}; name one with `--shell`"
+        raise InputError(f"{line}, or `shell` in a scene file")
     return outermost[0]
 
 
@@ -353,10 +347,8 @@ def _plane_added(spec: Any, model: Any, shell: str | None) -> Iterator[str]:
     sphere = _sphere(model, shell)
     if others := _standing(model, sphere):
         kind = _GEOMS(model.geom_type[others[0]]).name.removeprefix("mjGEOM_").lower()
-        raise InputError(
-            f"the file has no plane, and {geom_name(model, others[0])} is a {kind}; the equations "
-            'roll on an infinite plane: put <geom type="plane" size="1 1 .1"/> there'
-        )
+        floor = f"{geom_name(model, others[0])} is a {kind}, and the equations need a plane"
+        raise InputError(f'{floor}: put <geom type="plane" size="1 1 .1"/> there')
     height = round(float(_placed(model).geom_xpos[sphere, 2] - model.geom_size[sphere, 0]), 9)
     spec.worldbody.add_geom(type=_PLANE, size=[0, 0, 1], pos=[0, 0, height])
     yield f"the file has no plane; one is added under its sphere, at height {height:g} m"
@@ -478,10 +470,7 @@ def _ignored(model: Any, sphere: int, plane: int) -> Iterator[str]:
             yield f"{_name(model, i)} is not part of the robot; the equations leave it out"
     names = (geom_name(model, i) for i in _standing(model, sphere) if i != plane)
     if beside := ", ".join(dict.fromkeys(names)):
-        yield (
-            f"the equations leave out {beside}, beside the plane: they are valid until the robot "
-            "touches it; `robotball check` prints when"
-        )
+        yield f"the equations leave out {beside}; `robotball check` says when the robot touches it"
 
 
 def _tree_of(robot: RobotFile) -> tuple[Shell, dict[int, Link]]:
@@ -677,9 +666,7 @@ def _fixed_to(
     yield body, origin, axes
     for child in body.bodies:
         if child.joints:
-            raise InputError(
-                f"{root} carries {child.name!r}, which moves on it; use a separate body for each"
-            )
+            raise InputError(f"{root} carries {child.name!r}, which moves; use a body for each")
         turned = axes @ rotation_matrix(child.quat)
         yield from _fixed_to(child, root, origin + axes @ child.pos, turned)
 

@@ -36,34 +36,26 @@ _STATELESS, _INTEGRATOR = int(mujoco.mjtDyn.mjDYN_NONE), int(mujoco.mjtDyn.mjDYN
 _AFFINE = (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE))
 _FILTERS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))
 _NO_LIMITS = (-np.inf, np.inf)
+_Controls = Mapping[str, Rate]  # by the names of actuators
+_NONE: _Controls = MappingProxyType({})
 DURATION = 10.0  # s, of a scene from a file, unless its table or its samples end it
 
 
 class RobotTable(Table, frozen=True, kw_only=True):
     """The table of a scene file that names a robot file."""
 
-    robot: Annotated[
-        str, key("the robot's MJCF or URDF file; a relative path is from the scene's own folder")
-    ]
+    robot: Annotated[str, key("the robot's MJCF or URDF file, relative to the scene's folder")]
     title: Annotated[str | None, key("one line, for tables and plots")] = None
-    rolling: Annotated[
-        Rolling | None,
-        key("`rubber` or `classical`, in place of the contact's model"),
-    ] = None
+    rolling: Annotated[Rolling | None, key("`rubber` or `classical`; else the contact's")] = None
     shell: Annotated[str | None, key("the body or geom that rolls, if several could")] = None
     keyframe: Annotated[str | None, key("the keyframe to start at; else the first")] = None
-    duration: Annotated[
-        float | None, key("of the motion; 10 if not given, or as long as the samples", "s")
-    ] = None
+    duration: Annotated[float | None, key("else 10, or as long as the samples", "s")] = None
     controls: Annotated[
-        dict[str, Command] | None,
-        key("`[controls]`, commands by the names of actuators, in place of the keyframe's"),
+        dict[str, Command] | None, key("`[controls]`, by actuator, in place of the keyframe's")
     ] = None
 
 
-def scene_of_robot(
-    path: Path, table: Mapping[str, Any], controls: Mapping[str, Rate] = MappingProxyType({})
-) -> Scene:
+def scene_of_robot(path: Path, table: Mapping[str, Any], controls: _Controls = _NONE) -> Scene:
     """Return the scene of a robot file, with its start and controls.
 
     path: of the scene. table: of its TOML file, or a table with the robot file alone. controls: by
@@ -97,11 +89,7 @@ def controls_of(table: RobotTable, folder: Path) -> dict[str, Rate]:
 
 
 def scene_of(
-    robot: RobotFile,
-    data: Any,
-    controls: Mapping[str, Rate],
-    rolling: Rolling | None,
-    duration: float,
+    robot: RobotFile, data: Any, controls: _Controls, rolling: Rolling | None, duration: float
 ) -> Scene:
     """Return the scene of a robot that rolls on the plane from a start."""
     model, contact = robot.model, robot.contact(data)
@@ -118,10 +106,8 @@ def scene_of(
         rate = float(data.qvel[model.jnt_dofadr[joint]])
         name, low, high = link.range or ("", *_NO_LIMITS)
         if not low <= angle <= high:
-            raise InputError(
-                f"{name} starts at {angle:g} {'m' if link.slides else 'rad'}, outside its range of "
-                f"{low:g} to {high:g}"
-            )
+            place = f"{angle:g} {'m' if link.slides else 'rad'}"
+            raise InputError(f"{name} starts at {place}, outside its range of {low:g} to {high:g}")
         hinges.append(Hinge(link, motor=_passive(model, joint, gears), angle=angle, rate=rate))
     turning = to_plane @ robot.moving(data)[:3]
     if rolling == "rubber":  # no spin about the plane's normal
@@ -160,7 +146,7 @@ def _passive(model: Any, joint: int, gears: Mapping[str, Mapping[int, float]]) -
 
 
 def _actuators(
-    model: Any, links: Mapping[int, Link], data: Any, controls: Mapping[str, Rate]
+    model: Any, links: Mapping[int, Link], data: Any, controls: _Controls
 ) -> Iterator[Actuator]:
     """Yield the actuators that move links. Without a control they keep the control of the start."""
     gears = gears_of(model)
@@ -177,10 +163,8 @@ def _actuators(
         for joint, ratio in moved.items():
             if model.jnt_actfrclimited[joint]:
                 if len(moved) > 1 or moved_by[joint] > 1 or not ratio:
-                    raise InputError(
-                        f"{model.joint(joint).name}: actuatorfrcrange is supported for a joint "
-                        "with one actuator, which moves no other"
-                    )
+                    line = "with actuatorfrcrange a joint needs one actuator for itself"
+                    raise InputError(f"{model.joint(joint).name}: {line}")
                 ends = sorted(model.jnt_actfrcrange[joint] / ratio)
                 low, high = max(low, ends[0]), min(high, ends[1])
         # A law's limit is symmetric, so the middle of the range becomes a constant torque.
@@ -206,9 +190,7 @@ def _activation(model: Any, i: int, name: str, data: Any) -> Activation | None:
     if kind == _STATELESS:
         return None
     if kind not in (_INTEGRATOR, *_FILTERS) or model.actuator_actnum[i] != 1:
-        raise InputError(
-            f"{name}: a muscle, PID or DC motor is not supported; use a filter or an integrator"
-        )
+        raise InputError(f"{name}: muscle, PID and DC motor are not supported; use a filter")
     limited, limits = model.actuator_actlimited[i], model.actuator_actrange[i].tolist()
     settling = None if kind == _INTEGRATOR else float(model.actuator_dynprm[i, 0])
     if settling is not None:

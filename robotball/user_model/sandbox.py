@@ -38,10 +38,8 @@ def check_format(path: Path) -> None:
     """Raise InputError unless the suffix belongs to an MJCF or URDF file."""
     if path.suffix not in MODEL_FILES:
         instead = _INSTEAD.get(path.suffix, "")
-        raise InputError(
-            f"{path}: a scene is a TOML file, a robot is an MJCF or URDF file, with a name that "
-            f"ends in {' or '.join(MODEL_FILES)}{instead.format(path)}"
-        )
+        suffixes = f"{' or '.join(MODEL_FILES)}{instead.format(path)}"
+        raise InputError(f"{path}: scenes are TOML files; the name of a robot ends in {suffixes}")
 
 
 def check_loads(path: Path, how: str = "compiled") -> None:
@@ -52,9 +50,8 @@ def check_loads(path: Path, how: str = "compiled") -> None:
     try:
         str(path).encode()
     except UnicodeEncodeError:
-        raise InputError(
-            f"{path}: this locale cannot represent the name: set LC_ALL=C.UTF-8, or rename it"
-        ) from None
+        line = "this locale cannot represent the name: set LC_ALL=C.UTF-8, or rename it"
+        raise InputError(f"{path}: {line}") from None
     contents(path)  # refuses what cannot be read
     try:
         done = subprocess.run(

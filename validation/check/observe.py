@@ -106,19 +106,17 @@ def observe(
     Raises InputError for a timestep that is too short, or without a reference.
     """
     robot, contact = user.robot, user.robot.contact(user.begin())
-    timestep = robot.model.opt.timestep
-    if timestep < _SHORTEST_STEP:
-        limit = f"timestep must be at least {_SHORTEST_STEP:g} s for a check"
-        raise InputError(f"{robot.path}: {limit}, not {timestep:g} s")
-    steps = max(1, round(_READ_INTERVAL / timestep))
-    every = max(1, round(_INTERVAL / (steps * timestep)))
-    interval = every * steps * timestep
+    step, least = robot.model.opt.timestep, _SHORTEST_STEP
+    if step < least:
+        raise InputError(f"{robot.path}: timestep must be at least {least:g} s, not {step:g} s")
+    steps = max(1, round(_READ_INTERVAL / step))
+    every = max(1, round(_INTERVAL / (steps * step)))
+    interval = every * steps * step
     times = interval * np.arange(max(2, round(duration / interval) + 1))
     duration = float(times[-1])
     default = rolling_of(contact)
-    motion, symptoms = observed(
-        user, user.scene(default, duration), accuracy, steps, lambda part: show(0.2 * part, "file")
-    )
+    scene, watch = user.scene(default, duration), lambda part: show(0.2 * part, "file")
+    motion, symptoms = observed(user, scene, accuracy, steps, watch)
     if not symptoms.failure:  # the run may have been given up
         times = times[: max(2, 1 + (len(symptoms.path) - 1) // every)]
     path = np.full((len(times), 3), np.nan)
@@ -208,14 +206,13 @@ def _integrated(scene: Scene, times: Array, rtol: float, show: Show) -> Referenc
 
     def watch(part: float) -> None:
         nonlocal began, done
-        began, done = min(began, time.process_time()), part
+        now = time.process_time()
+        began, done = min(began, now), part
         show(0.2 + 0.2 * part, "equations")
-        if time.process_time() - began > _PATIENCE and part < 0.5:
-            raise _SlowError(
-                f"the equations take {_PATIENCE:g} s of processor time for {part * times[-1]:.2g} "
-                "s of the motion; the cause may be a joint friction or a gain on a light body, or "
-                "very many bodies"
-            )
+        if now - began > _PATIENCE and part < 0.5:
+            speed = f"{_PATIENCE:g} s of processor time for {part * times[-1]:.2g} s of motion"
+            cause = "a joint friction or a gain on a light body, or very many bodies"
+            raise _SlowError(f"the equations take {speed}; the cause may be {cause}")
 
     try:
         return integrate(scene, times, rtol, progress=watch)

@@ -16,6 +16,7 @@ from scipy.optimize import root_scalar
 
 from robotball.engines.mujoco.settings import BY_ERROR, CONSTANT, INTEGRATORS, recipe
 from robotball.engines.mujoco.user_model import UserModel, wrenches
+from robotball.errors import counted
 from robotball.user_model.mended_file import Change, Editable, Moves, editable
 from robotball.user_model.robot_file import body_name, geom_name, start_misses
 
@@ -33,10 +34,8 @@ _SOLVER = {"solver": "Newton", "iterations": "100", "ls_iterations": "50", "tole
 _ITERATIONS, _LS_ITERATIONS, _TOLERANCE = 20, 10, 1e-8
 _DELIVERED = 0.95  # of the declared rolling resistance: more is not worth a word
 _OVERRIDDEN = ("margin", "solref", "solimp", "friction")  # by the option flag override
-_EXPLICIT = {
-    int(mujoco.mjtIntegrator.mjINT_EULER): INTEGRATORS["Euler"],
-    int(mujoco.mjtIntegrator.mjINT_RK4): INTEGRATORS["RK4"],
-}
+_EULER_ID, _RK4_ID = map(int, (mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_RK4))
+_EXPLICIT = {_EULER_ID: INTEGRATORS["Euler"], _RK4_ID: INTEGRATORS["RK4"]}
 _MOST_PAIRS = 5  # of geoms that are named
 
 
@@ -79,7 +78,7 @@ def _contacts(seen: Observation) -> Iterator[Change]:
     model, inside = seen.user.robot.model, seen.symptoms.inside
     if inside:
         more = len(inside) - 1
-        others = f", and {more} more pair{'s' if more > 1 else ''}" if more else ""
+        others = f", and {counted(more, 'more pair')}" if more else ""
         bodies = {tuple(sorted(int(model.geom_bodyid[geom]) for geom in pair)) for pair in inside}
         names = tuple((body_name(model, i), body_name(model, j)) for i, j in sorted(bodies))
         yield Change("contacts", next(collisions(seen)) + others, exclude=names)
@@ -193,10 +192,8 @@ def _friction(seen: Observation) -> Iterator[Change]:
 
 def _integrator(seen: Observation) -> Iterator[Change]:
     """An integrator other than RK4 is of first order."""
-    rk4 = seen.option.integrator == int(mujoco.mjtIntegrator.mjINT_RK4)
-    if not rk4 and not too_high_gain(seen.user):
-        words = "the integrator is of first order"
-        yield Change("integrator", words, option={"integrator": "RK4"})
+    if seen.option.integrator != _RK4_ID and not too_high_gain(seen.user):
+        yield Change("integrator", "the integrator is of first order", option={"integrator": "RK4"})
 
 
 def _timestep(seen: Observation, step: float) -> Iterator[Change]:

@@ -155,8 +155,7 @@ def _symptoms(checked: Checked) -> Iterator[str]:
     if symptoms.delivered is not None and seen.judged and not symptoms.failure:
         declared = f"the file and the reference declare {scene.friction.rolling:g} m"
         yield f"rolling resistance: {declared}; the contact delivers {symptoms.delivered:.0%} of it"
-    for collision in collisions(seen):
-        yield f"inside: {collision}"
+    yield from (f"inside: {collision}" for collision in collisions(seen))
     for name, time_reached in symptoms.limits.items():
         if time_reached <= symptoms.until:
             yield f"limit: {name} reaches its range at t = {time_reached:.3g} s"
@@ -181,10 +180,10 @@ def _picture(name: str, checked: Checked) -> Figure:
         curves.append(("mended", checked.mended, colour, (0, dashes)))
     largest = [scientific(known(distances(path, theory).max())) for _, path, *_ in curves]
     titles = [f"{label} off by {it}" for (label, *_), it in zip(curves, largest, strict=True)]
-    titles[:1] = [f"unmodified: {seen.failure}"] if seen.failure else titles[:1]
+    if seen.failure:
+        titles[0] = f"unmodified: {seen.failure}"
     figure, (left, right) = panels(f"{name}: {'; '.join(titles)}", (11.0, 5.4), 1, 2)
-    reference = {"color": theory.engine.colour, "lw": 5, "alpha": 0.6}
-    left.plot(*theory.contact_point.T, **reference, label="equations")
+    left.plot(*theory.contact_point.T, c=theory.engine.colour, lw=5, alpha=0.6, label="equations")
     for label, path, color, dash in curves:
         # Mark the end, because a path may end within another.
         last = np.flatnonzero(np.isfinite(path[:, 0]))[-1:].tolist()

@@ -29,7 +29,7 @@ class Check:
     """
 
     file: Positional[Annotated[Path, arg(metavar="FILE")]]
-    """The MJCF or URDF file of the robot, of which nothing is overwritten."""
+    """The MJCF or URDF file of the robot. It is not changed."""
     shell: Annotated[Given[str], arg(metavar="NAME")] = None
     """The body or geom that rolls; the largest sphere if not given."""
     # Spelled out, as `--help` would load NumPy for the type that equations.py has.

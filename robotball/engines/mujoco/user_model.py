@@ -89,10 +89,8 @@ class UserModel:
             robot.roll(data, np.array([0.0, self.push / self.robot.radius, 0.0]))
         if not _sound(data):
             largest = float(np.abs([*data.qpos, *data.qvel]).max())
-            raise InputError(
-                f"{robot.path}: the start has a position or velocity of {largest:.3g}; "
-                f"beyond {DIVERGED:g} a state counts as diverged"
-            )
+            line = f"the start has a position or velocity of {largest:.3g}, beyond {DIVERGED:g}"
+            raise InputError(f"{robot.path}: {line}")
         return data
 
     def control(self, data: mujoco.MjData) -> None:
@@ -271,10 +269,8 @@ def _failure(
         # The start of the longest flight: a sphere that just touches may lose contact at first.
         ends = np.flatnonzero(np.diff(lost, prepend=False, append=False)).reshape(-1, 2)
         until = float(times[ends[np.argmax(ends[:, 1] - ends[:, 0]), 0]])
-        failures.append(
-            f"leaves the plane at t = {until:.3g} s. No contact for {part:.1%} of the time; "
-            f"at most {top:.3g} m above the plane"
-        )
+        flight = f"No contact for {part:.1%} of the time; at most {top:.3g} m above the plane"
+        failures.append(f"leaves the plane at t = {until:.3g} s. {flight}")
     if diverged is not None:
         failures.append(f"diverges at t = {diverged:.3g} s")
     return "; ".join(failures) or None, until

@@ -201,10 +201,10 @@ class RobotFile:
                     found = contact
                 if words := self.real_contact(data, contact):
                     rule = "only the sphere may touch the plane, and only joints hold bodies"
-                    remedy = "geoms for drawing have contype and conaffinity 0"
+                    remedy = "give geoms for drawing contype and conaffinity 0"
                     raise InputError(f"{words}: {rule}; {remedy}")
         if found is None:
-            raise InputError("the sphere passes through the plane: contype and conaffinity differ")
+            raise InputError("the sphere passes through the plane: check contype and conaffinity")
         return found
 
     def rolls(self, pair: Iterable[int]) -> bool:
@@ -324,7 +324,7 @@ def _sphere(model: Any, shell: str | None) -> int:
     if len(outermost) > 1:
         several = ", ".join(" of ".join(filter(None, names[i])) for i in outermost)
         line = f"several spheres of {largest:g} m could roll: {several}; name one with `--shell`"
-        raise InputError(f"{line}, or `shell` in a scene file")
+        raise InputError(f"{line} or `shell`, or give the others contype and conaffinity 0")
     return outermost[0]
 
 

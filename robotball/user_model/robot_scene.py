@@ -46,10 +46,10 @@ class RobotTable(Table, frozen=True, kw_only=True):
 
     robot: Annotated[str, key("the robot's MJCF or URDF file, relative to the scene's folder")]
     title: Annotated[str | None, key("one line, for tables and plots")] = None
-    rolling: Annotated[Rolling | None, key("`rubber` or `classical`; else the contact's")] = None
+    rolling: Annotated[Rolling | None, key("`rubber` or `classical`; else from the condim")] = None
     shell: Annotated[str | None, key("the body or geom that rolls, if several could")] = None
     keyframe: Annotated[str | None, key("the keyframe to start at; else the first")] = None
-    duration: Annotated[float | None, key("else 10, or as long as the samples", "s")] = None
+    duration: Annotated[float | None, key("how long; else 10, or that of samples", "s")] = None
     controls: Annotated[
         dict[str, Command] | None, key("`[controls]`, by actuator, in place of the keyframe's")
     ] = None
@@ -190,7 +190,7 @@ def _activation(model: Any, i: int, name: str, data: Any) -> Activation | None:
     if kind == _STATELESS:
         return None
     if kind not in (_INTEGRATOR, *_FILTERS) or model.actuator_actnum[i] != 1:
-        raise InputError(f"{name}: muscle, PID and DC motor are not supported; use a filter")
+        raise InputError(f"{name}: muscles, PIDs and DC motors are unsupported; use a filter")
     limited, limits = model.actuator_actlimited[i], model.actuator_actrange[i].tolist()
     settling = None if kind == _INTEGRATOR else float(model.actuator_dynprm[i, 0])
     if settling is not None:

@@ -104,14 +104,14 @@ def check_model(
         changes = _sufficient(trials)
         needed = _fewest(trials, changes, max(accuracy, _LOOSE * trials.error(changes)))
     made = [change for change, _ in needed]
-    names, whole = {change.name for change in made}, len(trials.times) == len(theory.times)
+    whole = len(trials.times) == len(theory.times)
     return Checked(
         observation,
         duration,
         short,
         tried=float(trials.times[-1]),
         needed=needed,
-        spared=[change for change in changes if change.name not in names],
+        spared=[change for change in changes if change not in made],
         source=trials.edit.source,
         text=trials.edit.changed(made),
         mended=trials.path(made) if whole else trials.changed(made).path(theory.times),
@@ -170,8 +170,7 @@ def _first_trials(observation: Observation, show: Show) -> tuple[_Trials, Obstac
     path, late = mended.path_to_obstacle(times)
     cost = measured_time(time.process_time() - began) / len(times)
     obstacle = min(filter(None, (early, late)), default=None)
-    too_soon = _FEWEST_SAMPLES * observation.interval
-    if obstacle and obstacle.time < too_soon:
+    if obstacle and obstacle.time < _FEWEST_SAMPLES * observation.interval:
         if not symptoms.diverged:
             misses = "".join(f"; {miss}" for miss, _ in start_misses(user.robot, user.begin()))
             line = f"{obstacle.words} at t = {obstacle.time:.3g} s, too soon for a comparison"
@@ -233,9 +232,8 @@ def motions_of(checked: Checked) -> list[Motion]:
     for run in motions:
         # A time of the model is a sum of steps.
         times = theory.times[theory.times < run.times[-1] + run.report.timestep / 2]
-        if len(times) < 2:  # it diverged at once
-            continue
-        rows = np.abs(run.times - times[:, None]).argmin(axis=1)
-        arrays = {place: array[rows] for place, array in arrays_of(run)}
-        sampled.append(with_arrays(run, arrays | {("times",): times}))
+        if len(times) > 1:  # else it diverged at once
+            rows = np.abs(run.times - times[:, None]).argmin(axis=1)
+            arrays = {place: array[rows] for place, array in arrays_of(run)}
+            sampled.append(with_arrays(run, arrays | {("times",): times}))
     return [*sampled, theory]

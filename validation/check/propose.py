@@ -177,8 +177,8 @@ def _cone(seen: Observation) -> Iterator[Change]:
 
 def _friction(seen: Observation) -> Iterator[Change]:
     """The sphere slips if the reference needs more friction. Classical rolling has no torsion."""
-    theory, (slide, _, spin, roll, _) = seen.theory, seen.contact.friction
-    loads, scene = theory.loads, theory.scene
+    loads, scene = seen.theory.loads, seen.theory.scene
+    slide, _, spin, roll, _ = seen.contact.friction
     words = f"sliding friction {slide:.3g}; the motion needs {loads.sliding_friction.max():.2g}"
     torsional, rubber = mujoco.mjMINMU, scene.rolling == "rubber"
     if rubber:

@@ -66,8 +66,7 @@ def study_of(checked: Checked, notes: Sequence[str]) -> Study:
     }
     shown = [f"[bold]{escape(file.name)}[/]", *map(escape, lines)]
     tables = [table_of(COLUMNS, rows)] if checked.needed else []
-    picture = _picture(file.name, checked)
-    return Study(file.stem, None, ["check"], rows, record, [*shown, *tables], picture)
+    return Study(file.stem, None, ["check"], rows, record, [*shown, *tables], _picture(checked))
 
 
 def _row(change: str, words: str, without: float | None = None) -> dict[str, Any]:
@@ -171,7 +170,7 @@ def difference(checked: Checked) -> list[str]:
     return [*lines][:_MOST_LINES]
 
 
-def _picture(name: str, checked: Checked) -> Figure:
+def _picture(checked: Checked) -> Figure:
     """Draw the paths, and the path errors over time, of the file and the mended file."""
     seen, theory = checked.observation, checked.observation.theory
     colour, dashes, _ = PRESET_LOOKS["mended"]
@@ -182,7 +181,8 @@ def _picture(name: str, checked: Checked) -> Figure:
     titles = [f"{label} off by {it}" for (label, *_), it in zip(curves, largest, strict=True)]
     if seen.failure:
         titles[0] = f"unmodified: {seen.failure}"
-    figure, (left, right) = panels(f"{name}: {'; '.join(titles)}", (11.0, 5.4), 1, 2)
+    heading = f"{seen.user.robot.path.name}: {'; '.join(titles)}"
+    figure, (left, right) = panels(heading, (11.0, 5.4), 1, 2)
     left.plot(*theory.contact_point.T, c=theory.engine.colour, lw=5, alpha=0.6, label="equations")
     for label, path, color, dash in curves:
         # Mark the end, because a path may end within another.

@@ -190,7 +190,7 @@ def _activation(model: Any, i: int, name: str, data: Any) -> Activation | None:
     if kind == _STATELESS:
         return None
     if kind not in (_INTEGRATOR, *_FILTERS) or model.actuator_actnum[i] != 1:
-        raise InputError(f"{name}: muscles, PIDs and DC motors are unsupported; use a filter")
+        raise InputError(f"{name}: a muscle, PID or DC motor is unsupported; use a filter")
     limited, limits = model.actuator_actlimited[i], model.actuator_actrange[i].tolist()
     settling = None if kind == _INTEGRATOR else float(model.actuator_dynprm[i, 0])
     if settling is not None:

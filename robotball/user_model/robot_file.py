@@ -186,7 +186,7 @@ class RobotFile:
         """
         # The start may have no contact, so move the robot down into the plane. The moves are
         # shorter than the sphere, which therefore cannot miss a ledge.
-        model, data, found = self.model, copy(start), None
+        model, data, touching = self.model, copy(start), None
         normal, gap = self.above_plane(data)
         count = min(_MOST_MOVES, 1 + int(max(gap, 0.0) / self.radius))
         way = gap + _TOUCH * self.radius
@@ -198,14 +198,14 @@ class RobotFile:
                 if part < count and self.plane in (contact.geom1, contact.geom2):
                     continue
                 if self.rolls(contact.geom.tolist()):
-                    found = contact
+                    touching = contact
                 if words := self.real_contact(data, contact):
                     rule = "only the sphere may touch the plane, and only joints hold bodies"
                     remedy = "give geoms for drawing contype and conaffinity 0"
                     raise InputError(f"{words}: {rule}; {remedy}")
-        if found is None:
+        if touching is None:
             raise InputError("the sphere passes through the plane: check contype and conaffinity")
-        return found
+        return touching
 
     def rolls(self, pair: Iterable[int]) -> bool:
         """Return whether two geoms are the sphere and the plane."""
@@ -221,15 +221,15 @@ class RobotFile:
         if self.rolls(pair) or contact.exclude:
             return ""
         # Geoms of the robot first.
-        own, other = sorted(pair, key=self.is_own, reverse=True)
+        part, other = sorted(pair, key=self.is_own, reverse=True)
         if self.is_own(other):
-            real = late or self._is_wheel(data, own) or self._is_wheel(data, other)
+            real = late or self._is_wheel(data, part) or self._is_wheel(data, other)
         else:
-            geom, shell = (self.model.geom_bodyid[i] for i in (own, self.sphere))
+            geom, shell = (self.model.geom_bodyid[i] for i in (part, self.sphere))
             welded = self.model.body_weldid[geom] == self.model.body_weldid[shell]
-            inside = own != self.sphere and welded and self._reach(data, own) < _WITHIN
-            real = self.is_own(own) and not inside
-        return " touches ".join(geom_name(self.model, i) for i in (own, other)) if real else ""
+            inside = part != self.sphere and welded and self._reach(data, part) < _WITHIN
+            real = self.is_own(part) and not inside
+        return " touches ".join(geom_name(self.model, i) for i in (part, other)) if real else ""
 
     def is_own(self, geom: int) -> bool:
         """Return whether a geom is a part of the robot."""

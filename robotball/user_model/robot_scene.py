@@ -49,7 +49,7 @@ class RobotTable(Table, frozen=True, kw_only=True):
     rolling: Annotated[Rolling | None, key("`rubber` or `classical`; else from the condim")] = None
     shell: Annotated[str | None, key("the body or geom that rolls, if several could")] = None
     keyframe: Annotated[str | None, key("the keyframe to start at; else the first")] = None
-    duration: Annotated[float | None, key("how long; else 10, or that of samples", "s")] = None
+    duration: Annotated[float | None, key("else 10, or as long as samples last", "s")] = None
     controls: Annotated[
         dict[str, Command] | None, key("`[controls]`, by actuator, in place of the keyframe's")
     ] = None

@@ -39,7 +39,7 @@ def check_format(path: Path) -> None:
     if path.suffix not in MODEL_FILES:
         instead = _INSTEAD.get(path.suffix, "")
         suffixes = f"{' or '.join(MODEL_FILES)}{instead.format(path)}"
-        raise InputError(f"{path}: a scene is a TOML file, a robot an MJCF or URDF file: {suffixes}")
+        raise InputError(f"{path}: a scene is a TOML file, a robot MJCF or URDF, named {suffixes}")
 
 
 def check_loads(path: Path, how: str = "compiled") -> None:

@@ -327,8 +327,8 @@ def row_of(robot: RobotFile, data: mujoco.MjData) -> _State:
             resistance[:] = float(np.linalg.norm(wrench[4:])), wrench[0] * contact.friction[3]
     velocity = robot.moving(data)
     sphere = data.geom_xpos[robot.sphere], data.geom_xmat[robot.sphere], velocity[:3], velocity[3:]
-    own = data.qpos, data.qvel, data.ctrl, data.act, data.actuator_length, data.actuator_velocity
-    return _State(*map(np.copy, (data.time, *sphere, force, depth, friction, resistance, *own)))
+    rest = data.qpos, data.qvel, data.ctrl, data.act, data.actuator_length, data.actuator_velocity
+    return _State(*map(np.copy, (data.time, *sphere, force, depth, friction, resistance, *rest)))
 
 
 def table_of(user: UserModel, data: mujoco.MjData, rows: Sequence[_State]) -> _State:

@@ -1,9 +1,8 @@
-"""Changes to a user's robot file, as text: what is added at its end, with a comment beside each.
+"""Change a user's robot file as text: a block at its end, with a comment for each change.
 
-MuJoCo merges sections that stand twice, and of an option that is given twice takes the last. So
-nothing of the file has to go, and all stands in one block at its end; only names that the block
-needs, and a start that is moved, are written where they belong. A file that cannot be changed in
-this way (a URDF, one with includes or copies) is first written by MuJoCo itself.
+MuJoCo merges sections that appear twice, and uses the last value of an option. So the file stays as
+it is, except for names that the block needs, and a new start. MuJoCo first writes a file that
+cannot be changed in this way: a URDF, or a file with includes or replicas.
 """
 
 import re
@@ -20,19 +19,26 @@ from robotball.errors import InputError
 from robotball.rotations import Array
 from robotball.user_model.robot_file import RobotFile, body_name, unused_name
 
-# A start tag with its attributes, and one of these with its quoted value.
+# A start tag with its attributes, and an attribute with its quoted value.
 _START_TAG = re.compile(r"<[^\s/>]+(\s+[^\s=]+\s*=\s*(\"[^\"]*\"|'[^']*'))*")
 _ATTRIBUTE = re.compile(r"\s([^\s=]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
-_Names = Mapping[tuple[str, int], str]  # of geoms and bodies, by their numbers
+_Names = Mapping[tuple[str, int], str]  # by kind, geom or body, and number
 
 
 @dataclass(frozen=True)
 class Change:
-    """A change to a file, by the MJCF attributes that it sets.
+    """A change to a file.
 
-    words: what is wrong without it; option, pair: attributes of these elements, where the pair is
-    that of sphere and plane; exclude: bodies (a, b) that pass through one another; start:
-    whether the robot is set down on the plane.
+    Attributes
+    ----------
+    name, words : str
+        A name, and the fault that the change removes.
+    option, pair : dict
+        New attributes of the option, and of the contact pair of sphere and plane.
+    exclude : tuple of (str, str)
+        Bodies that pass through one another.
+    start : bool
+        Whether the robot is set down on the plane, and rolls without slipping.
     """
 
     name: str
@@ -45,11 +51,19 @@ class Change:
 
 @dataclass(frozen=True)
 class Editable:
-    """The text of a robot's file, in which sphere and plane have names.
+    """The text of a robot's file in which sphere and plane have names.
 
-    source: the text as it was; moved: text, with the robot set down on the plane; pair: the
-    attributes of their contact as the file has it; paired: whether the file has a pair of the two,
-    which is taken out of text.
+    Attributes
+    ----------
+    source : str
+        The text before any change.
+    text, moved : str
+        The text with names, with the start of the file and with a new start.
+    sphere, plane : str
+    pair : dict
+        The attributes of the file's contact of sphere and plane.
+    paired : bool
+        Whether the file has a pair of the two; `text` does not.
     """
 
     source: str
@@ -63,7 +77,7 @@ class Editable:
     def changed(self, changes: Iterable[Change]) -> str:
         """Return the text of the file with some changes."""
         changes = tuple(changes)
-        text = self.moved if any(each.start for each in changes) else self.text
+        text = self.moved if any(change.start for change in changes) else self.text
         if not changes and not self.paired:
             return text
         return before_end(text, self._block(changes))
@@ -90,14 +104,14 @@ class Editable:
 
 
 def before_end(text: str, lines: Iterable[str]) -> str:
-    """Return a text of a file with lines before the end tag of its root."""
+    """Return an MJCF text with lines added before the end tag of its root."""
     data, ends = text.encode(), [0]
     parser = _parser()
     parser.EndElementHandler = lambda _: ends.append(parser.CurrentByteIndex)
     parser.Parse(data, True)
-    own, rest = data[: ends[-1]].decode().rstrip(" "), data[ends[-1] :].decode()
-    broken = "" if own.endswith("\n") else "\n"
-    return own + broken + "".join(f"  {line}\n" for line in lines) + rest
+    before, rest = data[: ends[-1]].decode().rstrip(" "), data[ends[-1] :].decode()
+    broken = "" if before.endswith("\n") else "\n"
+    return before + broken + "".join(f"  {line}\n" for line in lines) + rest
 
 
 def _parser() -> XMLParserType:
@@ -106,7 +120,7 @@ def _parser() -> XMLParserType:
 
 
 def in_comment(words: str) -> str:
-    """Return words for an XML comment, which must not contain two hyphens in a row."""
+    """Return words without two hyphens in a row, which an XML comment must not have."""
     return re.sub("-(?=-)", "- ", words)
 
 
@@ -119,7 +133,7 @@ def _attributes(values: Mapping[str, str]) -> str:
 
 
 def compiled(text: str) -> mujoco.MjModel:
-    """Return the model of a file's text. Raises InputError where MuJoCo refuses it."""
+    """Return the model of an MJCF text. Raises InputError if MuJoCo refuses it."""
     try:
         return mujoco.MjModel.from_xml_string(text)
     except ValueError as error:
@@ -128,10 +142,15 @@ def compiled(text: str) -> mujoco.MjModel:
 
 @dataclass(frozen=True)
 class Moves:
-    """How the start of a file is changed.
+    """Changes to the start of a file.
 
-    shift (3,): m, world, of the robot in all starts; kick (3,): m/s, world, of the robot at the
-    keyframe with the number `key`.
+    Attributes
+    ----------
+    shift : (3,), m, world
+        Added to the robot's position in all keyframes.
+    kick : (3,), m/s, world
+        Added to its velocity at the keyframe with the number `key`.
+    key : int or None
     """
 
     shift: Array
@@ -147,37 +166,37 @@ def editable(
 ) -> Editable:
     """Return the text of a robot's file, ready for changes.
 
-    moves: by which the robot is set down on the plane, and rolls; pair: the attributes of the
-    contact of sphere and plane as the file has it; bodies: those that changes name. Raises
-    InputError where no text has the same robot.
+    moves: these set the robot down on the plane, without slip. pair: the attributes of the file's
+    contact of sphere and plane. bodies: bodies that need a name. Raises InputError if no text
+    compiles to the same robot.
     """
     model = robot.model
-    usual = {
+    defaults = {
         ("geom", robot.sphere): unused_name(model, "geom", "rolling_sphere"),
         ("geom", robot.plane): unused_name(model, "geom", "plane"),
         **{("body", i): body_name(model, i) for i in bodies},
     }
-    own = {(kind, i): getattr(model, kind)(i).name for kind, i in usual}
-    new = {each: name for each, name in usual.items() if not own[each]}
-    named, ours = own | new, {robot.sphere, robot.plane}
+    names = {(kind, i): getattr(model, kind)(i).name for kind, i in defaults}
+    new = {part: name for part, name in defaults.items() if not names[part]}
+    names |= new
     pairs = zip(model.pair_geom1, model.pair_geom2, strict=True)
-    own_pair = next((i for i, each in enumerate(pairs) if {*map(int, each)} == ours), None)
-    sphere, plane = (named["geom", i] for i in (robot.sphere, robot.plane))
-    # The author's own text, or else the file as MuJoCo writes it.
+    replaced = next((i for i, geoms in enumerate(pairs) if robot.rolls(map(int, geoms))), None)
+    sphere, plane = (names["geom", i] for i in (robot.sphere, robot.plane))
+    # The author's text, or else the file as MuJoCo writes it.
     for read in (robot.path.read_bytes, lambda: robot.spec.to_xml().encode()):
         try:
             source = read()
-            text, moved = (_prepared(source, robot, by, new, own_pair) for by in (STILL, moves))
-            if _is_same(robot, named, text, STILL) and _is_same(robot, named, moved, moves):
+            text, moved = (_prepared(source, robot, it, new, replaced) for it in (STILL, moves))
+            if _is_same(robot, names, text, STILL) and _is_same(robot, names, moved, moves):
                 whole = _prepared(source, robot, STILL, {}, None)
-                return Editable(whole, text, moved, sphere, plane, pair, own_pair is not None)
+                return Editable(whole, text, moved, sphere, plane, pair, replaced is not None)
         except (InputError, ExpatError, IndexError, UnicodeDecodeError):
             continue
-    raise InputError(f"{robot.path} cannot be mended: written again, it is another robot")
+    raise InputError(f"{robot.path} cannot be mended: rewritten, it is a different robot")
 
 
 def _is_same(robot: RobotFile, names: _Names, text: str, moves: Moves) -> bool:
-    """Return whether a text is the robot's model, moved, with such names."""
+    """Return whether a text compiles to the robot with these names and moves."""
     model, other, at = robot.model, compiled(text), robot.free
     kicks = np.zeros_like(model.key_qvel)
     if moves.key is not None:
@@ -194,7 +213,7 @@ def _is_same(robot: RobotFile, names: _Names, text: str, moves: Moves) -> bool:
 
 
 def _folders(robot: RobotFile) -> dict[str, str]:
-    """Return the compiler's folders of a file with meshes or pictures, for a text anywhere."""
+    """Return absolute folders of meshes and textures, if any, for a text in another folder."""
     model, spec, here = robot.model, robot.spec, robot.path.parent.absolute()
     if not (model.nmesh or model.ntex or model.nhfield or model.nskin):
         return {}
@@ -202,9 +221,9 @@ def _folders(robot: RobotFile) -> dict[str, str]:
 
 
 class Element(NamedTuple):
-    """A start tag: at which byte it stands, and the number of the element that owns it.
+    """A start tag, its byte in the text, and the number of its owner.
 
-    The owner is the nearest body, worldbody or default around it; -1 where there is none.
+    The owner is the nearest body, worldbody or default around it; -1 outside of these.
     """
 
     tag: str
@@ -214,46 +233,44 @@ class Element(NamedTuple):
 
 
 def elements_of(data: bytes) -> list[Element]:
-    """Return the elements of an MJCF text, in its order."""
-    found: list[Element] = []
-    owners = [-1]
-    parser = _parser()
+    """Return the elements of an MJCF text in order."""
+    elements, owners, parser = list[Element](), [-1], _parser()
 
     def begin(tag: str, attributes: Mapping[str, str]) -> None:
-        found.append(Element(tag, parser.CurrentByteIndex, owners[-1], attributes))
+        elements.append(Element(tag, parser.CurrentByteIndex, owners[-1], attributes))
         owns = tag in ("body", "worldbody", "default")
-        owners.append(len(found) - 1 if owns else owners[-1])
+        owners.append(len(elements) - 1 if owns else owners[-1])
 
     parser.StartElementHandler = begin
     parser.EndElementHandler = lambda _: owners.pop()
     parser.Parse(data, True)
-    return found
+    return elements
 
 
 def _prepared(
     source: bytes, robot: RobotFile, moves: Moves, names: _Names, pair: int | None
 ) -> str:
-    """Return a text of a robot's file, with names and without a pair, moved."""
+    """Return a robot's file with new names and a new start, without one of its pairs."""
     model, elements = robot.model, elements_of(source)
 
     def tagged(tag: str) -> list[Element]:
-        return [each for each in elements if each.tag == tag]
+        return [element for element in elements if element.tag == tag]
 
-    bodies = [each for each in tagged("body") if each.owner >= 0]
+    bodies = [body for body in tagged("body") if body.owner >= 0]
 
-    def element(kind: str, number: int) -> Element:
+    def part(kind: str, number: int) -> Element:
         if kind == "body":
             return bodies[number - 1]
         body = int(model.geom_bodyid[number])
         owners = [bodies[body - 1]] if body else tagged("worldbody")
-        own = [each for each in tagged("geom") if elements[each.owner] in owners]
-        return own[number - int(model.body_geomadr[body])]
+        geoms = [geom for geom in tagged("geom") if elements[geom.owner] in owners]
+        return geoms[number - int(model.body_geomadr[body])]
 
-    edits = [(element(kind, i).at, "name", name) for (kind, i), name in names.items()]
+    edits = [(part(kind, i).at, "name", name) for (kind, i), name in names.items()]
     if np.any(moves.shift):
-        root, shift = element("body", robot.root), moves.shift
+        root, shift = part("body", robot.root), moves.shift
         edits.append((root.at, "pos", _added(root.attributes.get("pos", "0 0 0"), shift)))
-        # A key without qpos has that of the bodies.
+        # A key without qpos takes the positions of the bodies.
         for key in tagged("key"):
             if old := key.attributes.get("qpos"):
                 edits.append((key.at, "qpos", _added(old, shift, robot.free)))
@@ -268,18 +285,18 @@ def _prepared(
 
 
 def edited(data: bytes, edits: Iterable[tuple[int, str, str]]) -> str:
-    """Return a text with edits: the byte of an element, an attribute of it, and its new value.
+    """Return a text with edits: the byte of an element, its attribute, and the new value.
 
-    Without a name of an attribute the whole element goes, which has no content.
+    With an empty attribute the whole element, which has no content, is deleted.
     """
-    # From the last to the first, as an edit moves what follows it.
-    for at, attribute, new in sorted(edits, key=lambda each: -each[0]):
+    # From the last to the first, because an edit shifts the text after it.
+    for at, attribute, new in sorted(edits, key=lambda edit: -edit[0]):
         data = data[:at] + _with_attribute(data[at:].decode(), attribute, new).encode()
     return data.decode()
 
 
 def _with_attribute(text: str, name: str, new: str) -> str:
-    """Return a text that begins with a start tag, whose attribute gets a new value."""
+    """Return a text with a new value of an attribute of the start tag that it begins with."""
     tag = _START_TAG.match(text)
     assert tag is not None
     if not name:
@@ -292,15 +309,11 @@ def _with_attribute(text: str, name: str, new: str) -> str:
 
 def digits(numbers: Iterable[float]) -> str:
     """Return numbers as the value of an attribute."""
-    return " ".join(f"{each:.12g}" for each in numbers)
+    return " ".join(f"{number:.12g}" for number in numbers)
 
 
 def _added(numbers: str, shift: Array, places: slice = slice(3)) -> str:
-    return digits(_shifted(numbers.split(), shift, places))
-
-
-def _shifted(numbers: Iterable[str | float], shift: Array, places: slice) -> Array:
-    """Return numbers with a shift (3,) added at three places."""
-    values = np.array([*numbers], float)
+    """Return the numbers of an attribute with a shift (3,) added at three places."""
+    values = np.array(numbers.split(), float)
     values[places] += shift
-    return values
+    return digits(values)

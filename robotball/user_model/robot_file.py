@@ -1,13 +1,12 @@
-"""Read a user's whole robot from an MJCF or URDF file, as it is: its tree, plane and start.
+"""Read a user's whole robot from an MJCF or URDF file: its tree, plane and start.
 
-MuJoCo reads and compiles the file, at first in a process of its own (`sandbox`). The tree begins
-at the shell, the body with the sphere that touches the plane, wherever the file has it: a joint
-above the shell is seen from its other side, by an axis of the opposite sign. Bodies are taken where
-all joints are at 0, in the axes of the shell and from the centre of its sphere; all that is welded
-together is one body.
+MuJoCo reads and compiles the file, first in a separate process (`sandbox`). The root of the tree is
+the shell, the body with the sphere that touches the plane. A joint above the shell is reversed: its
+axis changes sign. Bodies are described with all joints at 0, in the axes of the shell, from the
+centre of its sphere; bodies that are welded together are one.
 
-In order: the model with what its file leaves out, the tree, the start, the joints that actuators
-move, a single body for a scene that has its others elsewhere. `robot_scene` makes the scene.
+In order: the model, additions to the file, notes, the tree, the start, actuators, single bodies.
+`robot_scene` makes the scene.
 """
 
 import re
@@ -30,31 +29,37 @@ from robotball.robot.shapes import shapes_of_geoms
 from robotball.rotations import Array, Z, from_matrix, multiply, rotation_matrix
 from robotball.user_model.sandbox import COMMENT, check_format, check_loads, opened_spec
 
-# The flags that switch off what the equations have: all up to that of clamped controls.
+# The flags that disable forces: those up to clamped controls, and actuation.
 _FORCES = 2 * int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL) - 1
 _FORCES |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
-# A model has plain numbers, which MuJoCo's enumerations do not equal.
+# Plain numbers like in a model: MuJoCo's enumerations do not equal them.
 _FREE, _BALL, _SLIDE, _HINGE = map(int, mujoco.mjtJoint.__members__.values())
 _GEOMS = mujoco.mjtGeom
 _PLANE, _SPHERE = int(_GEOMS.mjGEOM_PLANE), int(_GEOMS.mjGEOM_SPHERE)
 _MESH = int(_GEOMS.mjGEOM_MESH)
-# What the scene's own model calls its parts; a user's body of such a name gets another.
+# Names of our own parts; a user's body with such a name is renamed.
 _OURS = ("shell", "frame", "floor")
-_FACES = 0.1  # cosine: a plane that is steeper against gravity is a wall
-LEVEL = 1 - 1e-12  # cosine: a plane or a gravity that is tilted by less is level
+_FACES = 0.1  # cosine of the angle to gravity: a steeper plane is a wall
+LEVEL = 1 - 1e-12  # cosine: a plane or a gravity with a smaller tilt is level
 _HEIGHT = 1e-6  # of the radius, and of a velocity: a start that misses by less is on the plane
-_TOUCH = 1e-6  # of the radius: how deep the sphere is put to see its contact
-_STRETCHES = 50  # of the way of a robot to its plane, at most
-_WITHIN = 1.02  # of the radius: what reaches no farther is within the shell
-_RIM = 0.95  # of the radius: a wheel that reaches so far stands on the shell's wall
+_TOUCH = 1e-6  # of the radius, the depth at which the contact is read
+_MOST_MOVES = 50  # of a robot down to its plane
+_WITHIN = 1.02  # of the radius: a geom that reaches no farther is inside the shell
+_RIM = 0.95  # of the radius: a wheel that reaches this far touches the shell's wall
 
 
 @dataclass(frozen=True)
 class RobotFile:
-    """A user's MjModel, and the numbers of the geom that rolls and of the plane.
+    """A user's robot file.
 
-    spec: the MjSpec that the model is compiled from; notes: a line for each thing that was added,
-    that the file does in silence, or that the equations leave out.
+    Attributes
+    ----------
+    path : Path
+    spec, model : MjSpec and MjModel
+    sphere, plane : int
+        The numbers of the geom that rolls and of its plane.
+    notes : tuple of str
+        Additions to the file, values that it sets implicitly, and parts that the equations omit.
     """
 
     path: Path
@@ -65,10 +70,12 @@ class RobotFile:
     notes: tuple[str, ...]
 
     def start(self, key: str | None = None) -> Any:
-        """Return MjData at a keyframe, or at the first one, or at the file's own start.
+        """Return MjData at a keyframe, the first one if None, or at the reference position.
 
-        Raises InputError for a name that no keyframe has.
+        Raises InputError for an unknown name.
         """
+        # A state that diverges must not go on from the start.
+        self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         data, number = mujoco.MjData(self.model), self.keyframe(key)
         if number is not None:
             mujoco.mj_resetDataKeyframe(self.model, data, number)
@@ -77,7 +84,7 @@ class RobotFile:
         return data
 
     def keyframe(self, key: str | None) -> int | None:
-        """Return the number of a keyframe, the first one if None; None where the file has none."""
+        """Return the number of a keyframe, the first one if None; None if there is no keyframe."""
         names = [self.model.key(i).name for i in range(self.model.nkey)]
         if key is not None and key not in names:
             raise InputError(f"{self.path}: {unknown('keyframe', key, filter(None, names))}")
@@ -85,12 +92,12 @@ class RobotFile:
 
     @cached_property
     def tree(self) -> tuple[Shell, dict[int, Link]]:
-        """The shell, and the links by the numbers of their joints."""
+        """The shell, and for each number of a joint its link."""
         return _tree_of(self)
 
     @property
     def hinges(self) -> tuple[Array, Array]:
-        """The places of the scene's hinges among qpos and among qvel."""
+        """The indices of the scene's hinges in qpos and in qvel."""
         joints = [*self.tree[1]]
         return self.model.jnt_qposadr[joints], self.model.jnt_dofadr[joints]
 
@@ -101,13 +108,13 @@ class RobotFile:
 
     @property
     def free(self) -> slice:
-        """The places of the root's position among qpos."""
+        """The indices of the root's position in qpos."""
         at = int(self.model.jnt_qposadr[self.model.body_jntadr[self.root]])
         return slice(at, at + 3)
 
     @property
     def drift(self) -> slice:
-        """The places of the root's velocity among qvel."""
+        """The indices of the root's velocity in qvel."""
         at = int(self.model.body_dofadr[self.root])
         return slice(at, at + 3)
 
@@ -117,13 +124,13 @@ class RobotFile:
         return float(self.model.geom_size[self.sphere, 0])
 
     def above_plane(self, data: Any) -> tuple[Array, float]:
-        """Return the plane's normal (3,), world, and how far the sphere is above the plane [m]."""
+        """Return the plane's normal (3,), world, and the height of the sphere above it [m]."""
         normal = data.geom_xmat[self.plane][2::3]
         away = data.geom_xpos[self.sphere] - data.geom_xpos[self.plane]
         return normal, float(away @ normal) - self.radius
 
     def moving(self, data: Any) -> Array:
-        """Return the shell's angular velocity and its centre's velocity (6,), world axes."""
+        """Return the angular velocity of the shell and the velocity of its centre (6,), world."""
         moving, kind = np.zeros(6), mujoco.mjtObj.mjOBJ_GEOM
         mujoco.mj_objectVelocity(self.model, data, kind, self.sphere, moving, 0)
         return moving
@@ -134,7 +141,7 @@ class RobotFile:
         return np.asarray(moving[3:] - self.radius * np.cross(moving[:3], normal))
 
     def roll(self, data: Any, turning: Array) -> None:
-        """Let the robot as a whole roll besides, by an angular velocity (3,) [rad/s], world."""
+        """Add a rolling of the whole robot with an angular velocity (3,) [rad/s], world."""
         normal, _ = self.above_plane(data)
         at, arm = self.drift.start, data.xpos[self.root] - data.geom_xpos[self.sphere]
         data.qvel[self.drift] += np.cross(turning, arm + self.radius * normal)
@@ -143,9 +150,9 @@ class RobotFile:
         mujoco.mj_forward(self.model, data)
 
     def start_as(self, scene: Scene, key: str | None) -> Any:
-        """Return MjData that starts as a scene of the robot does, with the controls of a keyframe.
+        """Return MjData at the start of a scene of the robot, with the controls of a keyframe.
 
-        The sphere touches the plane, where the contact may hold it deeper.
+        The sphere just touches the plane.
         """
         model, data, (angles, rates) = self.model, self.start(key), self.hinges
         data.qpos[angles] = [hinge.angle for hinge in scene.hinges]
@@ -160,7 +167,7 @@ class RobotFile:
         normal, gap = self.above_plane(data)
         data.qpos[self.free] -= gap * normal
         mujoco.mj_forward(model, data)
-        # What the hinges' rates make of the sphere, with the root at rest, is taken back.
+        # Remove the motion of the sphere that follows from the rates of the hinges.
         moving = self.moving(data)
         data.qvel[self.drift] -= self.slip(data)
         mujoco.mj_forward(model, data)
@@ -168,89 +175,86 @@ class RobotFile:
         return data
 
     def plane_axes(self, data: Any) -> Array:
-        """Return the rotation (3, 3) from world axes to the plane's; the same where it is level."""
+        """Return the rotation (3, 3) from world to plane axes; the identity if it is level."""
         plane = data.geom_xmat[self.plane].reshape(3, 3)
         return np.eye(3) if plane[2, 2] > LEVEL else plane.T
 
     def contact(self, start: Any) -> Any:
-        """Return MuJoCo's contact of the sphere with the plane, as it mixes their parameters."""
-        # There may be none at the start, so the robot is moved until the sphere is in the plane, by
-        # stretches shorter than the sphere, lest it pass through a ledge.
-        model, data, found = self.model, copy(start), None
+        """Return the contact of sphere and plane, with the parameters that MuJoCo mixes.
+
+        Raises InputError if they do not collide, or if another contact carries the robot.
+        """
+        # The start may have no contact, so move the robot down into the plane. The moves are
+        # shorter than the sphere, which therefore cannot miss a ledge.
+        model, data, touching = self.model, copy(start), None
         normal, gap = self.above_plane(data)
-        count = min(_STRETCHES, 1 + int(max(gap, 0.0) / self.radius))
+        count = min(_MOST_MOVES, 1 + int(max(gap, 0.0) / self.radius))
         way = gap + _TOUCH * self.radius
         for part in range(count + 1):
             data.qpos[self.free] = start.qpos[self.free] - part / count * way * normal
             mujoco.mj_forward(model, data)
             for contact in data.contact:
-                # Above or in the plane it is not yet where it stands.
+                # Contacts with the plane count only in the last position.
                 if part < count and self.plane in (contact.geom1, contact.geom2):
                     continue
                 if self.rolls(contact.geom.tolist()):
-                    found = contact
-                if words := self.meeting(data, contact):
-                    raise InputError(
-                        f"{words}: a robot that stands on more than its sphere, or is driven by "
-                        "contacts, is not supported; hold bodies by joints, roll on a plane alone, "
-                        "or give geoms that are only drawn contype and conaffinity 0"
-                    )
-        if found is None:
-            raise InputError(
-                "the sphere passes through the plane: their contype and conaffinity exclude each "
-                "other"
-            )
-        return found
+                    touching = contact
+                if words := self.real_contact(data, contact):
+                    rule = "only the sphere may touch the plane, and only joints hold bodies"
+                    remedy = "give geoms for drawing contype and conaffinity 0"
+                    raise InputError(f"{words}: {rule}; {remedy}")
+        if touching is None:
+            raise InputError("the sphere passes through the plane: check contype and conaffinity")
+        return touching
 
     def rolls(self, pair: Iterable[int]) -> bool:
         """Return whether two geoms are the sphere and the plane."""
         return {*pair} == {self.sphere, self.plane}
 
-    def meeting(self, data: Any, contact: Any, late: bool = False) -> str:
-        """Return what touches in a contact, where it is meant; "" where solids only overlap.
+    def real_contact(self, data: Any, contact: Any, late: bool = False) -> str:
+        """Return which geoms touch, or "" if the contact is a mere overlap of solids.
 
-        What lies within the shell overlaps the sphere, which MuJoCo takes for solid; late: parts
-        that overlap do so from the start, and what touches later is meant to.
+        Parts inside the shell overlap its sphere, which is solid in MuJoCo. late: whether the
+        contact is new, while an overlap is there from the start.
         """
         pair = contact.geom.tolist()
         if self.rolls(pair) or contact.exclude:
             return ""
-        # Those of the robot first.
-        own, other = sorted(pair, key=self.is_own, reverse=True)
+        # Geoms of the robot first.
+        part, other = sorted(pair, key=self.is_own, reverse=True)
         if self.is_own(other):
-            meant = late or self._is_wheel(data, own) or self._is_wheel(data, other)
+            real = late or self._is_wheel(data, part) or self._is_wheel(data, other)
         else:
-            geom, shell = (self.model.geom_bodyid[i] for i in (own, self.sphere))
+            geom, shell = (self.model.geom_bodyid[i] for i in (part, self.sphere))
             welded = self.model.body_weldid[geom] == self.model.body_weldid[shell]
-            inside = own != self.sphere and welded and self._reach(data, own) < _WITHIN
-            meant = self.is_own(own) and not inside
-        names = (geom_name(self.model, i) for i in (own, other))
-        return " touches ".join(names) if meant else ""
+            inside = part != self.sphere and welded and self._reach(data, part) < _WITHIN
+            real = self.is_own(part) and not inside
+        return " touches ".join(geom_name(self.model, i) for i in (part, other)) if real else ""
 
     def is_own(self, geom: int) -> bool:
         """Return whether a geom is a part of the robot."""
         return bool(self.model.body_rootid[self.model.geom_bodyid[geom]] == self.root)
 
     def _reach(self, data: Any, geom: int) -> float:
-        """Return how far a geom reaches from the sphere's centre at most, in radii."""
+        """Return the largest distance of a geom from the sphere's centre, in radii."""
         model, place = self.model, data.geom_xpos[geom] - data.geom_xpos[self.sphere]
         reach = np.linalg.norm(place) + model.geom_rbound[geom]
-        if model.geom_type[geom] == _MESH:  # whose bound is that of the box around it
+        if model.geom_type[geom] == _MESH:  # its bound is the box around it
             first, mesh = model.mesh_vertadr, model.geom_dataid[geom]
             corners = model.mesh_vert[first[mesh] :][: model.mesh_vertnum[mesh]]
-            turned = corners @ data.geom_xmat[geom].reshape(3, 3).T
-            reach = np.linalg.norm(place + turned, axis=1).max()
+            rotated = corners @ data.geom_xmat[geom].reshape(3, 3).T
+            reach = np.linalg.norm(place + rotated, axis=1).max()
         return float(reach / self.radius)
 
     def _is_wheel(self, data: Any, geom: int) -> bool:
-        """Return whether a round geom turns about its own middle and stands on the shell's wall."""
+        """Return whether a round geom turns about its middle and touches the shell's wall."""
         model, body = self.model, int(self.model.geom_bodyid[geom])
         joint, size = int(model.body_jntadr[body]), float(model.geom_size[geom, 0])
         if geom == self.sphere or joint < 0 or model.jnt_type[joint] != _HINGE:
             return False
         middle, axis = data.geom_xpos[geom], data.xaxis[joint]
         off = float(np.linalg.norm(np.cross(middle - data.xanchor[joint], axis)))
-        # A wheel's rim is across its axis; a flywheel turns about an axis through the centre.
+        # A wheel has its rim across its axis. The axis of a flywheel passes through the centre.
         place = middle - data.geom_xpos[self.sphere]
         along = place @ axis
         out = float(np.linalg.norm(place - along * axis))
@@ -258,17 +262,17 @@ class RobotFile:
 
 
 def geom_name(model: Any, geom: int) -> str:
-    """Return a geom's name, or that of its body."""
+    """Return a geom's name, or one made of the name of its body."""
     return model.geom(geom).name or f"a geom of {body_name(model, model.geom_bodyid[geom])}"
 
 
 def body_name(model: Any, body: int) -> str:
-    """Return a body's name, or one by its number."""
+    """Return a body's name, or a name made of its number."""
     return model.body(body).name or unused_name(model, "body", f"body{body}")
 
 
 def unused_name(model: Any, kind: str, name: str) -> str:
-    """Return a name, with underscores after it if the model has a body or geom of that name."""
+    """Return a name, with underscores if the model has a body or geom of that name."""
     names = {getattr(model, kind)(i).name for i in range(getattr(model, f"n{kind}"))}
     while name in names:
         name += "_"
@@ -276,10 +280,10 @@ def unused_name(model: Any, kind: str, name: str) -> str:
 
 
 def open_robot(path: Path, shell: str | None = None) -> RobotFile:
-    """Return a file's model, with a plane and a free joint where it has none.
+    """Return a file's robot, with a plane and a free joint if they are missing.
 
-    shell: the body or geom that rolls, where several could. Raises InputError where MuJoCo refuses
-    the file or takes too long or too much memory, or nothing in it can roll.
+    shell: the body or geom that rolls, if several could. Raises InputError if MuJoCo refuses the
+    file or needs too much time or memory, or if nothing in it can roll.
     """
     check_format(path)
     check_loads(path)
@@ -289,42 +293,38 @@ def open_robot(path: Path, shell: str | None = None) -> RobotFile:
         notes = [*_plane_added(spec, model, shell), *_free_joint_added(spec, model, shell)]
         if notes:
             model = spec.compile()
-        notes += [f"there is no {file}, which is only drawn; it is left out" for file in missing]
+        notes += [f"{file} is missing and left out; it is only drawn" for file in missing]
         _check_supported(model)
         sphere = _sphere(model, shell)
         plane = _floor(model, sphere)
     except (ValueError, mujoco.FatalError) as error:
         raise InputError(f"{path}: {error}") from None
-    for silent in (_inferred, _by_default, _balanced):
-        notes += silent(spec)
+    for implicit in (_inferred, _by_default, _balanced):
+        notes += implicit(spec)
     notes += _ignored(model, sphere, plane)
     return RobotFile(path, spec, model, sphere, plane, tuple(notes))
 
 
 def _sphere(model: Any, shell: str | None) -> int:
-    """Return the number of the geom that rolls: of that name or body, the only, or the largest."""
+    """Return the number of the geom that rolls: with this name or body, or the largest."""
     spheres = np.flatnonzero(_solid(model) & (model.geom_type == _SPHERE)).tolist()
     if not spheres:
-        raise InputError(
-            "no sphere can touch the plane; a shell has a geom of type sphere with contype or "
-            "conaffinity, where a mesh would roll on its corners"
-        )
-    # A marker in the world rolls only where nothing else could.
+        needed = "the shell needs a geom of type sphere with contype or conaffinity"
+        raise InputError(f"no sphere can touch the plane; {needed}; a mesh rolls on its corners")
+    # A sphere of the world is a marker, if there is another.
     spheres = [i for i in spheres if model.geom_bodyid[i]] or spheres
-    called = {i: (model.geom(i).name, model.body(model.geom_bodyid[i]).name) for i in spheres}
+    names = {i: (model.geom(i).name, model.body(model.geom_bodyid[i]).name) for i in spheres}
     if shell is not None:
-        spheres = [i for i, names in called.items() if shell in names]
+        spheres = [i for i, either in names.items() if shell in either]
         if not spheres:
-            known = dict.fromkeys(name for names in called.values() for name in names if name)
+            known = [name for either in names.values() for name in either if name]
             raise unknown("sphere that can roll, or its body,", shell, known)
     largest = max(model.geom_size[i, 0] for i in spheres)
     outermost = [i for i in spheres if model.geom_size[i, 0] == largest]
     if len(outermost) > 1:
-        names = ", ".join(" of ".join(filter(None, called[i])) for i in outermost)
-        raise InputError(
-            f"several spheres of {largest:g} m could roll: {names}; name one by `--shell`, or as "
-            "`shell` in a scene file, or give the others contype and conaffinity 0"
-        )
+        several = ", ".join(" of ".join(filter(None, names[i])) for i in outermost)
+        line = f"several spheres of {largest:g} m could roll: {several}; name one with `--shell`"
+        raise InputError(f"{line} or `shell`, or give the others contype and conaffinity 0")
     return outermost[0]
 
 
@@ -335,9 +335,9 @@ def _solid(model: Any) -> Any:
 
 
 def _standing(model: Any, sphere: int) -> list[int]:
-    """Return the geoms beside the robot that can touch something and are fixed to the world."""
-    fixed, root = (each[model.geom_bodyid] for each in (model.body_weldid == 0, model.body_rootid))
-    # A robot without a joint at its root is fixed to the world until it gets one.
+    """Return the solid geoms that are fixed to the world and not a part of the robot."""
+    fixed, root = (it[model.geom_bodyid] for it in (model.body_weldid == 0, model.body_rootid))
+    # A robot without a joint at its root is fixed to the world until it gets a free joint.
     return np.flatnonzero(_solid(model) & fixed & (root != root[sphere])).tolist()
 
 
@@ -347,13 +347,11 @@ def _plane_added(spec: Any, model: Any, shell: str | None) -> Iterator[str]:
     sphere = _sphere(model, shell)
     if others := _standing(model, sphere):
         kind = _GEOMS(model.geom_type[others[0]]).name.removeprefix("mjGEOM_").lower()
-        raise InputError(
-            f"the file has no plane, and {geom_name(model, others[0])} is a {kind}, where the "
-            'equations roll on an endless plane; put <geom type="plane" size="1 1 .1"/> there'
-        )
+        floor = f"{geom_name(model, others[0])} is a {kind}, and the equations need a plane"
+        raise InputError(f'{floor}: put <geom type="plane" size="1 1 .1"/> there')
     height = round(float(_placed(model).geom_xpos[sphere, 2] - model.geom_size[sphere, 0]), 9)
     spec.worldbody.add_geom(type=_PLANE, size=[0, 0, 1], pos=[0, 0, height])
-    yield f"the file has no plane; one is added under its sphere, at height {height:g}"
+    yield f"the file has no plane; one is added under its sphere, at height {height:g} m"
 
 
 def _placed(model: Any) -> Any:
@@ -366,7 +364,7 @@ def _placed(model: Any) -> Any:
 
 
 def _floor(model: Any, sphere: int) -> int:
-    """Return the plane that the sphere rolls on: of those that face gravity, the nearest one."""
+    """Return the plane under the sphere: the nearest solid plane that faces gravity."""
     data = _placed(model)
     planes = np.flatnonzero(model.geom_type == _PLANE)
     normals = data.geom_xmat[planes][:, 2::3]
@@ -385,12 +383,12 @@ def _free_joint_added(spec: Any, model: Any, shell: str | None) -> Iterator[str]
         raise InputError("the sphere belongs to the world; give its body a freejoint")
     if not joints:
         spec.bodies[root].add_freejoint()
-        yield f"{name} hangs on the world, where it cannot roll; it gets a free joint"
+        yield f"{name} is fixed to the world; it gets a free joint"
     elif joints != [_FREE]:
-        raise InputError(f"{name} hangs on the world by joints that are no free one; give it one")
+        raise InputError(f"{name} is joined to the world with other joints; give it a freejoint")
 
 
-# What the equations do not have: the numbers of a model that are 0 where it has none.
+# Features that the equations do not have, and their numbers, which are 0 in a model without them.
 _UNSUPPORTED = {
     "an equality constraint": "eq_active0",
     "the drag of a medium (density or viscosity)": "opt.density opt.viscosity",
@@ -399,7 +397,7 @@ _UNSUPPORTED = {
         "tendon_stiffness tendon_damping tendon_frictionloss tendon_limited",
     "an actuatorfrcrange or armature of a tendon": "tendon_actfrclimited tendon_armature",
     "an actuator's delay": "actuator_delay",
-    "an actuator's damping that is no constant": "actuator_dampingpoly",
+    "damping of an actuator that is not constant": "actuator_dampingpoly",
     "a plugin": "nplugin",
     "a joint that yields (springyield)": "jnt_springyield",
     "a surface that moves (surfacevel)": "geom_surfacevel",
@@ -408,80 +406,79 @@ _UNSUPPORTED = {
 
 
 def _check_supported(model: Any) -> None:
-    """Raise InputError for what the equations do not have: without it they are another robot's."""
+    """Raise InputError for features that the equations do not have."""
     free = np.isin(model.dof_jntid, np.flatnonzero(model.jnt_type == _FREE))
     resists = (model.dof_damping, model.dof_armature, model.dof_frictionloss)
     unsupported = {
-        **{what: attrgetter(*names.split())(model) for what, names in _UNSUPPORTED.items()},
+        **{feature: attrgetter(*names.split())(model) for feature, names in _UNSUPPORTED.items()},
         "an actuator with several controls": model.actuator_ctrlnum != 1,
-        "damping, armature or friction of a free joint": tuple(each[free] for each in resists),
+        "damping, armature or friction of a free joint": tuple(it[free] for it in resists),
         "a flag that disables gravity, contacts or other forces": model.opt.disableflags & _FORCES,
     }
-    for what, values in unsupported.items():
+    for feature, values in unsupported.items():
         if any(map(np.any, values if isinstance(values, tuple) else (values,))):
-            raise InputError(f"{what} is not supported; take it out of the file")
+            raise InputError(f"{feature} is not supported; remove it from the file")
     check_positive("timestep", model.opt.timestep, "s")
     check_size("gravity", float(np.abs(model.opt.gravity).max()), "m/s²")
-    gears_of(model)  # refuses gears that are too large, and what actuators cannot move
+    gears_of(model)  # refuses gears that are too large, and unsupported actuators
 
 
 def _inferred(spec: Any) -> Iterator[str]:
-    """Yield the bodies whose masses follow from geoms while others have theirs stated."""
+    """Yield bodies with a mass from the density of geoms, if other bodies have an inertial."""
     bodies = spec.bodies[1:]
-    if any(each.explicitinertial for each in bodies):
-        for each in bodies:
-            if not each.explicitinertial and any(geom.mass != geom.mass for geom in each.geoms):
-                yield f"{each.name} has no inertial; its geoms give it a mass by their density"
+    if any(body.explicitinertial for body in bodies):
+        for body in bodies:
+            if not body.explicitinertial and any(geom.mass != geom.mass for geom in body.geoms):
+                yield f"{body.name} has no inertial; its mass follows from the density of its geoms"
 
 
 def _by_default(spec: Any) -> Iterator[str]:
-    """Yield the damping and armature that joints have from a class of defaults."""
-    found: dict[str, list[str]] = {}
+    """Yield the damping and armature that joints take from default classes."""
+    joints: dict[str, list[str]] = {}
     for joint in spec.joints:
-        for what in ("damping", "armature"):
-            own, usual = (np.ravel(getattr(e, what))[0] for e in (joint, joint.classname.joint))
-            if own and own == usual:
-                line = f"{what} {own:g} is that of the default class {joint.classname.name}"
-                found.setdefault(line, []).append(joint.name or "a joint")
-    for line, names in found.items():
+        for name in ("damping", "armature"):
+            value = np.ravel(getattr(joint, name))[0]
+            if value and value == np.ravel(getattr(joint.classname.joint, name))[0]:
+                line = f"{name} {value:g} comes from the default class {joint.classname.name}"
+                joints.setdefault(line, []).append(joint.name or "a joint")
+    for line, names in joints.items():
         yield f"{', '.join(names)}: {line}"
 
 
 def _balanced(spec: Any) -> Iterator[str]:
-    """Yield the bodies whose inertias MuJoCo changes into ones that a body can have."""
+    """Yield bodies with an impossible inertia, which MuJoCo replaces."""
     if spec.compiler.balanceinertia:
-        for each in spec.bodies[1:]:
-            full = _tensor(each)
-            parts = np.sort(each.inertia if np.isnan(full[0, 0]) else np.linalg.eigvalsh(full))
-            if each.explicitinertial and parts[0] + parts[1] < parts[2]:
-                mean = parts.mean()
-                yield f"{each.name}: balanceinertia makes its impossible inertia {mean:g} each way"
+        for body in spec.bodies[1:]:
+            full = _tensor(body)
+            parts = np.sort(body.inertia if np.isnan(full[0, 0]) else np.linalg.eigvalsh(full))
+            if body.explicitinertial and parts[0] + parts[1] < parts[2]:
+                line = f"balanceinertia replaces the impossible inertia with {parts.mean():g} kg m²"
+                yield f"{body.name}: {line} about each axis"
 
 
 def _tensor(body: Any) -> Array:
-    """Return the inertia (3, 3) that a body of a spec states; NaN where it gives its moments."""
+    """Return the inertia (3, 3) in a body of a spec; NaN if the body gives only its moments."""
     xx, yy, zz, xy, xz, yz = body.fullinertia
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def _ignored(model: Any, sphere: int, plane: int) -> Iterator[str]:
-    """Yield what the robot may meet and is no part of it: other bodies, and what stands fixed."""
+    """Yield bodies and fixed geoms that the robot may touch, and the equations leave out."""
     root = model.body_rootid[model.geom_bodyid[sphere]]
     for i in range(1, model.nbody):
         if model.body_dofnum[i] and model.body_rootid[i] != root and model.body_rootid[i] == i:
-            yield f"{_name(model, i)} moves apart from the robot; the equations leave it out"
+            yield f"{_name(model, i)} is not part of the robot; the equations leave it out"
     names = (geom_name(model, i) for i in _standing(model, sphere) if i != plane)
-    if beside := dict.fromkeys(names):  # each once, in the file's order
-        words = f"beside the plane there is {', '.join(beside)}; the equations leave that out"
-        yield f"{words}, and hold until the robot meets it, which `robotball check` tells"
+    if beside := ", ".join(dict.fromkeys(names)):
+        yield f"the equations leave out {beside}; `robotball check` says when the robot touches it"
 
 
 def _tree_of(robot: RobotFile) -> tuple[Shell, dict[int, Link]]:
-    """Return the shell of a file, and its links by the numbers of their joints."""
+    """Return the shell of a file, and for each number of a joint its link."""
     model, data = robot.model, mujoco.MjData(robot.model)
     data.qpos[model.jnt_qposadr[np.isin(model.jnt_type, (_SLIDE, _HINGE))]] = 0.0
     mujoco.mj_kinematics(model, data)
-    # The robot is put where the sphere's own axes are those of the world.
+    # Place the robot so that the axes of the sphere are the world axes.
     to_shell = data.geom_xmat[robot.sphere].reshape(3, 3).T.copy()
     turning = slice(robot.free.stop, robot.free.stop + 4)
     data.qpos[turning] = multiply(from_matrix(to_shell), data.qpos[turning])
@@ -494,7 +491,7 @@ def _tree_of(robot: RobotFile) -> tuple[Shell, dict[int, Link]]:
     while waiting:
         at, parent = waiting.pop()
         for joint, above, below in joints:
-            if at not in (above, below) or joint in links:  # the last, by which it was reached
+            if at not in (above, below) or joint in links:  # done: the joint that led here
                 continue
             other, sign = (below, 1.0) if at == above else (above, -1.0)
             name, solid = nodes[other]
@@ -512,7 +509,7 @@ def _tree_of(robot: RobotFile) -> tuple[Shell, dict[int, Link]]:
 
 
 def _shell_of(radius: float, solid: Solid) -> Shell:
-    """Return a shell of any inertia and centre of mass: what is symmetric about z, and the rest."""
+    """Return a shell: the part of its inertia and centre symmetric about z, and the rest."""
     inertia = solid.inertia
     axial, across = float(inertia[2, 2]), float(inertia[0, 0] + inertia[1, 1]) / 2
     return Shell(
@@ -527,21 +524,21 @@ def _shell_of(radius: float, solid: Solid) -> Shell:
 def _nodes(
     robot: RobotFile, data: Any
 ) -> tuple[list[tuple[str, Solid]], list[tuple[int, int, int]], int]:
-    """Return the nodes of the robot's tree, its joints, and the place of the shell among the nodes.
+    """Return the nodes of the robot's tree, its joints, and the number of the shell's node.
 
-    A node is a body, by its name, with all that is welded to it, or what is between two joints of
-    one. Joints are (number, the node above, the node below).
+    A node has the name of a body, and everything that is welded to it. A body with several joints
+    has massless nodes between these. A joint is (number, node above, node below).
     """
     model = robot.model
     nodes: list[tuple[str, Solid]] = []
     edges: list[tuple[int, int, int]] = []
-    place: dict[int, int] = {}  # of a body's own node
+    place: dict[int, int] = {}  # the node of a body
     heads = model.body_weldid == np.arange(model.nbody)
     for head in np.flatnonzero(heads & (model.body_rootid == robot.root)).tolist():
         welded = np.flatnonzero(model.body_weldid == head).tolist()
         shapes = tuple(shapes_of_geoms(model, data, welded))
         solid, name = replace(_solid_of(model, data, welded), shapes=shapes), _name(model, head)
-        # A root's free joint is no joint of the tree.
+        # The free joint of the root is not in the tree.
         joints = [None] if head == robot.root else np.flatnonzero(model.jnt_bodyid == head).tolist()
         above = place.get(model.body_weldid[model.body_parentid[head]], 0)
         for i, joint in enumerate(joints):
@@ -552,7 +549,7 @@ def _nodes(
                 nodes.append((f"{name}_{model.joint(joint).name or i}", between))
             if joint is not None:
                 if model.jnt_type[joint] == _BALL:
-                    raise InputError(f"{name} has a ball joint; take three hinges")
+                    raise InputError(f"{name} has a ball joint; use three hinges")
                 edges.append((joint, above, len(nodes) - 1))
             above = len(nodes) - 1
         place[head] = above
@@ -560,24 +557,24 @@ def _nodes(
 
 
 def _name(model: Any, body: int) -> str:
-    """Return a body's name as a link's; a model of ours has names without / and some of its own."""
+    """Return the name of a body's link: without "/", and different from names of our parts."""
     name = body_name(model, body).replace("/", "_")
     return f"{name}_" if name in _OURS else name
 
 
 def _solid_of(model: Any, data: Any, bodies: Iterable[int]) -> Solid:
-    """Return bodies of a MuJoCo model as one, as placed in `data`; world axes."""
+    """Return bodies of a model as one solid, at the positions in `data`, world axes."""
     solids = []
     for i in bodies:
         axes = data.ximat[i].reshape(3, 3)
         inertia = axes @ np.diag(model.body_inertia[i]) @ axes.T
         symmetric = (inertia + inertia.T) / 2
         solids.append(Solid(float(model.body_mass[i]), data.xipos[i].copy(), symmetric))
-    return composed(each for each in solids if each.mass > 0)
+    return composed(solid for solid in solids if solid.mass > 0)
 
 
 def start_misses(robot: RobotFile, data: Any) -> Iterator[tuple[str, str]]:
-    """Yield how a start misses the plane or the rolling, and what the equations do instead."""
+    """Yield how a start violates the rolling constraints, and how the equations start instead."""
     gap = robot.above_plane(data)[1]
     if abs(gap) > _HEIGHT * robot.radius:
         yield f"it starts {abs(gap):.3g} m {'above' if gap > 0 else 'in'} the plane", "on it"
@@ -587,99 +584,97 @@ def start_misses(robot: RobotFile, data: Any) -> Iterator[tuple[str, str]]:
 
 
 def starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
-    """Yield how a start misses the plane or the rolling, from which the equations begin."""
-    for words, instead in start_misses(robot, data):
-        yield f"{words}; the equations start {instead}"
+    """Yield how a start violates the constraints of rolling, or differs from the equations."""
+    for miss, instead in start_misses(robot, data):
+        yield f"{miss}; the equations start {instead}"
     if robot.contact(data).dim == 1:
         yield "its contact has no friction (condim 1); the equations roll"
-    # Parts within the shell may touch it.
+    # Parts inside the shell may touch it.
     model, pairs = robot.model, data.contact.geom
     near = pairs[(pairs == robot.sphere)[:, ::-1]]
     for name in sorted({body_name(model, model.geom_bodyid[i]) for i in near if i != robot.plane}):
-        yield f"{name} touches the shell; the equations let it pass through"
+        yield f"{name} touches the shell; in the equations it passes through"
 
 
 def rolling_of(contact: Any) -> Rolling:
-    """Return the rolling model of a contact: rubber where it resists spinning."""
+    """Return the rolling model of a contact: rubber if it resists spinning."""
     return "rubber" if contact.dim > 3 else "classical"
 
 
 def gears_of(model: Any) -> dict[str, dict[int, float]]:
-    """Return the actuators by name, with the joints that each moves and the ratio of each."""
+    """Return for each actuator's name the joints that it moves, with their gears.
+
+    Raises InputError for an unsupported actuator.
+    """
     gears: dict[str, dict[int, float]] = {}
     for i in range(model.nactuator):
         name = model.actuator(i).name or f"actuator{i}"
         moved = gears.setdefault(name, {})
         for joint, ratio in _moved(model, i, name):
             if model.jnt_type[joint] not in (_SLIDE, _HINGE):
-                raise InputError(f"{name} moves a free or a ball joint; take hinges or slides")
+                raise InputError(f"{name} moves a free or a ball joint; use hinges or slides")
             check_size(f"the gear of {name}", ratio)
             moved[joint] = moved.get(joint, 0.0) + ratio
     return gears
 
 
 def _moved(model: Any, i: int, name: str) -> Iterator[tuple[int, float]]:
-    """Yield the joints that an actuator moves, with the ratio of each."""
+    """Yield the joints that an actuator moves, with their gears."""
     gear, kind = float(model.actuator_gear[i, 0]), model.actuator_trntype[i]
     on = int(model.actuator_trnid[i, 0])
     if kind in (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)):
         yield on, gear
         return
     if kind != int(mujoco.mjtTrn.mjTRN_TENDON):
-        raise InputError(f"{name} moves no joint and no fixed tendon, which alone are supported")
+        raise InputError(f"{name} moves no joint; only joints and fixed tendons are supported")
     first = int(model.tendon_adr[on])
     for wrap in range(first, first + int(model.tendon_num[on])):
         if model.wrap_type[wrap] != int(mujoco.mjtWrap.mjWRAP_JOINT):
-            raise InputError(
-                f"{name} pulls a tendon over sites or geoms; fixed tendons alone are supported"
-            )
+            raise InputError(f"{name} pulls a spatial tendon; only fixed tendons are supported")
         yield int(model.wrap_objid[wrap]), gear * float(model.wrap_prm[wrap])
 
 
 def solid_of_file(path: Path, kind: str, name: str) -> Solid:
-    """Return a "body" of an MJCF file, or a "link" of a URDF file, with all that is fixed to it.
+    """Return a "body" of an MJCF file or a "link" of a URDF file, with all that is fixed to it.
 
-    It is in its own axes. Raises InputError where the file cannot be loaded or has no such body,
-    or the body has no inertia or carries others that move on it.
+    The solid is in the axes of the body. Raises InputError if the file cannot be loaded, has no
+    such body, or the body has no inertia or has moving children.
     """
-    # The masses of an MJCF file may follow from geoms. A URDF file's links have their inertials:
-    # compiling it would refuse it for a link or a mesh that nobody asked for.
+    # Masses in an MJCF file may follow from geoms. A URDF file is not compiled, because that could
+    # fail for another link or a mesh.
     check_loads(path, "compiled" if kind == "body" else "parsed")
     with named(path):
         if kind == "link":
             root = re.search(r"<(\w+)", COMMENT.sub("", path.read_text(errors="replace")))
-            if root and root[1] != "robot":  # MuJoCo would read its own format as well
-                raise InputError(f"no URDF: its root is <{root[1]}>, not <robot>")
+            if root and root[1] != "robot":  # MuJoCo would also read MJCF
+                raise InputError(f"not a URDF: its root is <{root[1]}>, not <robot>")
         spec = opened_spec(path)[0] if kind == "body" else mujoco.MjSpec.from_file(str(path))
         if (body := spec.body(name)) is None:
-            raise unknown(kind, name, [each.name for each in spec.bodies[1:]])
+            raise unknown(kind, name, [body.name for body in spec.bodies[1:]])
         fixed = [*_fixed_to(body, f"{kind} {name!r}", np.zeros(3), np.eye(3))]
         if kind == "body":
-            return _of_model(spec.compile(), [each.id for each, _, _ in fixed], name)
-        if not (weighed := [each for each in fixed if each[0].explicitinertial]):
+            return _of_model(spec.compile(), [part.id for part, _, _ in fixed], name)
+        if not (weighed := [part for part in fixed if part[0].explicitinertial]):
             raise InputError(f"link {name!r} has no inertial")
-        return composed(_inertial(*each) for each in weighed)
+        return composed(_inertial(*part) for part in weighed)
 
 
 def _fixed_to(
-    body: Any, what: str, origin: Array, axes: Array
+    body: Any, root: str, origin: Array, axes: Array
 ) -> Iterator[tuple[Any, Array, Array]]:
-    """Yield a body of a spec and all that is fixed to it, each with its origin and axes (3, 3)."""
+    """Yield a body of a spec and all bodies fixed to it, with their origins and axes (3, 3)."""
     yield body, origin, axes
     for child in body.bodies:
         if child.joints:
-            raise InputError(
-                f"{what} carries {child.name!r}, which moves on it; take each as a body of its own"
-            )
+            raise InputError(f"{root} carries {child.name!r}, which moves; use a body for each")
         turned = axes @ rotation_matrix(child.quat)
-        yield from _fixed_to(child, what, origin + axes @ child.pos, turned)
+        yield from _fixed_to(child, root, origin + axes @ child.pos, turned)
 
 
 def _of_model(model: Any, bodies: list[int], name: str) -> Solid:
-    """Return bodies of a model as one, in the axes of the first."""
+    """Return bodies of a model as one solid, in the axes of the first."""
     if not model.body_mass[bodies].any():
         raise InputError(f"body {name!r} has no mass")
-    # The pose of all bodies at the model's reference, to bring what is fixed into one body's axes.
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     solid, to_body = _solid_of(model, data, bodies), data.xmat[bodies[0]].reshape(3, 3).T

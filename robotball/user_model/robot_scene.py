@@ -1,6 +1,6 @@
-"""Make the scene of a user's own robot: its tree, actuators and controls, as its file starts.
+"""Make the scene of a user's robot file: its tree, actuators, controls and start.
 
-In order: the table of a scene file that names the robot's, the scene, the joints and actuators.
+In order: the table of a scene file that names a robot file, the scene, joints and actuators.
 """
 
 from collections import Counter
@@ -36,73 +36,62 @@ _STATELESS, _INTEGRATOR = int(mujoco.mjtDyn.mjDYN_NONE), int(mujoco.mjtDyn.mjDYN
 _AFFINE = (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE))
 _FILTERS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))
 _NO_LIMITS = (-np.inf, np.inf)
-_DURATION = 10.0  # s, the longest of a scene from a file, which has none
+_Controls = Mapping[str, Rate]  # by the names of actuators
+_NONE: _Controls = MappingProxyType({})
+DURATION = 10.0  # s, of a scene from a file, unless its table or its samples end it
 
 
 class RobotTable(Table, frozen=True, kw_only=True):
-    """The table of a scene file whose robot is in a file of its own."""
+    """The table of a scene file that names a robot file."""
 
-    robot: Annotated[
-        str, key("the robot's MJCF or URDF file; a relative path is from the scene's own folder")
-    ]
+    robot: Annotated[str, key("the robot's MJCF or URDF file, relative to the scene's folder")]
     title: Annotated[str | None, key("one line, for tables and plots")] = None
-    rolling: Annotated[
-        Rolling | None, key("`rubber` or `classical`, in place of what the contact's condim says")
-    ] = None
-    shell: Annotated[str | None, key("the body or geom that rolls, where several could")] = None
-    keyframe: Annotated[str | None, key("where it starts, in place of the first keyframe")] = None
-    duration: Annotated[
-        float | None, key("of the motion; 10 if not given, or as long as the samples", "s")
-    ] = None
+    rolling: Annotated[Rolling | None, key("`rubber` or `classical`; else from the condim")] = None
+    shell: Annotated[str | None, key("the body or geom that rolls, if several could")] = None
+    keyframe: Annotated[str | None, key("the keyframe to start at; else the first")] = None
+    duration: Annotated[float | None, key("else 10, or as long as samples last", "s")] = None
     controls: Annotated[
-        dict[str, Command] | None,
-        key("`[controls]`, commands by the names of actuators, in place of the keyframe's"),
+        dict[str, Command] | None, key("`[controls]`, by actuator, in place of the keyframe's")
     ] = None
 
 
-def scene_of_robot(
-    path: Path, table: Mapping[str, Any], controls: Mapping[str, Rate] = MappingProxyType({})
-) -> Scene:
-    """Return the scene of a robot's own file, as it starts and with the controls that it has.
+def scene_of_robot(path: Path, table: Mapping[str, Any], controls: _Controls = _NONE) -> Scene:
+    """Return the scene of a robot file, with its start and controls.
 
-    path: of the scene; table: of its TOML file, or one that names the robot's file alone; controls:
-    of actuators by name, over time, in place of those that the table or the robot's file gives. The
-    scene lasts 10 s, or as long as the controls are given, where the table does not say. Warns of
-    what is added or left out. Raises InputError for a key that says what the robot's file says, for
-    a file that cannot roll, and for what the equations do not describe.
+    path: of the scene. table: of its TOML file, or a table with the robot file alone. controls: by
+    the names of actuators, in place of the controls in the table and the robot file. Without a
+    duration in the table the scene lasts as long as sampled controls, and 10 s at most. Warns of
+    additions and omissions. Raises InputError for unknown keys, for a file that cannot roll, and
+    for features that the equations do not have.
     """
     if "robot" not in table:
-        raise InputError("controls are those of a robot's own file, and the scene names none")
-    for each in table:
-        if each not in RobotTable.__struct_fields__:
-            raise unknown("key beside robot", each, RobotTable.__struct_fields__)
-    given = msgspec.convert(table, RobotTable)
-    file, controls = path.parent / given.robot, {**controls_of(given, path.parent), **controls}
-    robot = open_robot(file, given.shell)
-    data, duration = robot.start(given.keyframe), given.duration
+        raise InputError("controls need a robot file, which this scene does not name")
+    for name in table:
+        if name not in RobotTable.__struct_fields__:
+            raise unknown("key beside robot", name, RobotTable.__struct_fields__)
+    keys = msgspec.convert(table, RobotTable)
+    file, controls = path.parent / keys.robot, {**controls_of(keys, path.parent), **controls}
+    robot = open_robot(file, keys.shell)
+    data, duration = robot.start(keys.keyframe), keys.duration
     if duration is None:
-        ends = [each.times[-1] for each in controls.values() if isinstance(each, Samples)]
-        duration = min([_DURATION, *ends])
+        ends = [rate.times[-1] for rate in controls.values() if isinstance(rate, Samples)]
+        duration = min([DURATION, *ends])
     with named(file):
         for note in (*robot.notes, *starts_off(robot, data)):
             warn(f"{file.name}: {note}")
-        scene = scene_of(robot, data, controls, given.rolling, duration)
-    return replace(scene, name=path.stem, title=given.title or scene.title)
+        scene = scene_of(robot, data, controls, keys.rolling, duration)
+    return replace(scene, name=path.stem, title=keys.title or scene.title)
 
 
 def controls_of(table: RobotTable, folder: Path) -> dict[str, Rate]:
-    """Return the controls of a scene file's table; folder: of files that it names."""
-    return {name: rate_of(each, folder) for name, each in (table.controls or {}).items()}
+    """Return the controls in a scene file's table. folder: for the files that it names."""
+    return {name: rate_of(command, folder) for name, command in (table.controls or {}).items()}
 
 
 def scene_of(
-    robot: RobotFile,
-    data: Any,
-    controls: Mapping[str, Rate],
-    rolling: Rolling | None,
-    duration: float,
+    robot: RobotFile, data: Any, controls: _Controls, rolling: Rolling | None, duration: float
 ) -> Scene:
-    """Return the scene of a file's robot, which rolls on the plane from its start."""
+    """Return the scene of a robot that rolls on the plane from a start."""
     model, contact = robot.model, robot.contact(data)
     to_plane = robot.plane_axes(data)
     down = to_plane @ model.opt.gravity
@@ -117,13 +106,11 @@ def scene_of(
         rate = float(data.qvel[model.jnt_dofadr[joint]])
         name, low, high = link.range or ("", *_NO_LIMITS)
         if not low <= angle <= high:
-            raise InputError(
-                f"{name} starts at {angle:g} {'m' if link.slides else 'rad'}, outside its range of "
-                f"{low:g} to {high:g}"
-            )
+            place = f"{angle:g} {'m' if link.slides else 'rad'}"
+            raise InputError(f"{name} starts at {place}, outside its range of {low:g} to {high:g}")
         hinges.append(Hinge(link, motor=_passive(model, joint, gears), angle=angle, rate=rate))
     turning = to_plane @ robot.moving(data)[:3]
-    if rolling == "rubber":  # whose shell does not spin
+    if rolling == "rubber":  # no spin about the plane's normal
         turning = turning * [1.0, 1.0, 0.0]
     scene = Scene(
         name=robot.path.stem,
@@ -143,11 +130,11 @@ def scene_of(
 
 
 def _passive(model: Any, joint: int, gears: Mapping[str, Mapping[int, float]]) -> Free:
-    """Return what a joint has without its actuators' forces; their rotors turn with it."""
+    """Return a joint's passive forces and armature, with the rotors of its actuators."""
     dof = int(model.jnt_dofadr[joint])
     if np.any(model.jnt_stiffnesspoly[joint]) or np.any(model.dof_dampingpoly[dof]):
         name = model.joint(joint).name
-        raise InputError(f"{name}: a stiffness or damping that is no constant is not supported")
+        raise InputError(f"{name}: only constant stiffness and damping are supported")
     squares = np.array([moved.get(joint, 0.0) ** 2 for moved in gears.values()])
     return Free(
         damping=float(model.dof_damping[dof] + squares @ model.actuator_damping),
@@ -159,12 +146,9 @@ def _passive(model: Any, joint: int, gears: Mapping[str, Mapping[int, float]]) -
 
 
 def _actuators(
-    model: Any, links: Mapping[int, Link], data: Any, controls: Mapping[str, Rate]
+    model: Any, links: Mapping[int, Link], data: Any, controls: _Controls
 ) -> Iterator[Actuator]:
-    """Yield the actuators of a file, whose joints move links by name; not those of other bodies.
-
-    Those without a control of their own keep the start's.
-    """
+    """Yield the actuators that move links. Without a control they keep the control of the start."""
     gears = gears_of(model)
     for name in controls:
         if name not in gears:
@@ -174,44 +158,39 @@ def _actuators(
         if moved.keys().isdisjoint(links):
             continue
         if len(moved) > 1 and (model.actuator_armature[i] or model.actuator_damping[i]):
-            raise InputError(f"{name}: armature or damping of its own takes a single joint")
+            raise InputError(f"{name}: an actuator with armature or damping must move one joint")
         low, high = model.actuator_forcerange[i] if model.actuator_forcelimited[i] else _NO_LIMITS
         for joint, ratio in moved.items():
             if model.jnt_actfrclimited[joint]:
                 if len(moved) > 1 or moved_by[joint] > 1 or not ratio:
-                    raise InputError(
-                        f"{model.joint(joint).name}: actuatorfrcrange is supported for a joint "
-                        "with one actuator, which moves no other"
-                    )
+                    line = "with actuatorfrcrange a joint needs one actuator for itself"
+                    raise InputError(f"{model.joint(joint).name}: {line}")
                 ends = sorted(model.jnt_actfrcrange[joint] / ratio)
                 low, high = max(low, ends[0]), min(high, ends[1])
-        # A law's limit is the same both ways; what is not is a constant torque beside it.
+        # A law's limit is symmetric, so the middle of the range becomes a constant torque.
         middle = float(low + high) / 2 if np.isfinite(high) else 0.0
-        own = tuple((links[joint].name, ratio) for joint, ratio in moved.items())
+        ratios = tuple((links[joint].name, ratio) for joint, ratio in moved.items())
         within = model.actuator_ctrlrange[i] if model.actuator_ctrllimited[i] else _NO_LIMITS
         law = _law(model, i, name)
         yield Actuator(
             name,
-            own,
+            ratios,
             law._replace(at_rest=law.at_rest - middle, limit=float(high) - middle),
             command=controls.get(name, float(data.ctrl[i])),
             activation=_activation(model, i, name, data),
             within=(float(within[0]), float(within[1])),
         )
         if middle:
-            yield Actuator(f"{name}_offset", own, Law(0.0, 0.0, 0.0, at_rest=middle))
+            yield Actuator(f"{name}_offset", ratios, Law(0.0, 0.0, 0.0, at_rest=middle))
 
 
 def _activation(model: Any, i: int, name: str, data: Any) -> Activation | None:
-    """Return the state of an actuator's own, as it starts."""
+    """Return an actuator's activation at the start, if it has one."""
     kind, at = model.actuator_dyntype[i], int(model.actuator_actadr[i])
     if kind == _STATELESS:
         return None
     if kind not in (_INTEGRATOR, *_FILTERS) or model.actuator_actnum[i] != 1:
-        raise InputError(
-            f"{name}: a muscle's, PID's or DC motor's state is not supported; take a filter or an "
-            "integrator"
-        )
+        raise InputError(f"{name}: a muscle, PID or DC motor is unsupported; use a filter")
     limited, limits = model.actuator_actlimited[i], model.actuator_actrange[i].tolist()
     settling = None if kind == _INTEGRATOR else float(model.actuator_dynprm[i, 0])
     if settling is not None:
@@ -220,10 +199,10 @@ def _activation(model: Any, i: int, name: str, data: Any) -> Activation | None:
 
 
 def _law(model: Any, i: int, name: str) -> Law:
-    """Return an actuator's law. Raises InputError unless it is affine."""
+    """Return an actuator's law. Raises InputError if it is not affine."""
     gain, bias = model.actuator_gainprm[i], model.actuator_biasprm[i]
     fixed = model.actuator_gaintype[i] == int(mujoco.mjtGain.mjGAIN_FIXED)
     if not (fixed and model.actuator_biastype[i] in _AFFINE):
-        raise InputError(f"{name}: its gain and bias must be affine, as those of a motor or servo")
+        raise InputError(f"{name}: the gain and bias must be affine, like a motor's or a servo's")
     b0, b1, b2 = bias[:3].tolist() if model.actuator_biastype[i] else (0.0, 0.0, 0.0)
     return Law(float(gain[0]), -b1, -b2, b0)

@@ -1,8 +1,8 @@
-"""Load a user's MJCF or URDF file by MuJoCo, first in a process of its own that is limited.
+"""Load a user's MJCF or URDF file with MuJoCo, first in a separate process with limits.
 
-A file of a few lines may ask MuJoCo for any amount of time and memory, or end its process. So
-another process loads it first, which runs this module as a script: PATH, and `parsed` or `compiled`
-in, a text out where it is refused. That process needs little but MuJoCo, and starts soon.
+A short file can make MuJoCo take any amount of time and memory, or crash. So another process, which
+runs this module as a script with PATH and `parsed` or `compiled`, loads it first. It prints the
+reason if it refuses the file.
 """
 
 import contextlib
@@ -19,16 +19,14 @@ from typing import Any
 from robotball.errors import InputError
 from robotball.files import MODEL_FILES, contents
 
-_WAIT = 60.0  # s, of a process that may be starved of its few seconds
-_MEMORY = 500_000_000  # bytes, beyond what MuJoCo itself takes
-_SECONDS = 5  # of processor time: a large robot takes a tenth of one
-# MuJoCo reports memory that it does not get in two ways, of which the second has no better word.
+_WAIT = 60.0  # s of real time, on a busy machine
+_MEMORY = 500_000_000  # bytes, in addition to MuJoCo itself
+_SECONDS = 5  # of processor time; a large robot takes 0.1 s
+# How MuJoCo reports that memory ran out.
 _NO_MEMORY = ("Could not allocate memory", "unknown exception")
 COMMENT = re.compile("<!--.*?-->", re.DOTALL)
 _ATTRIBUTE = re.compile(r"""([\w.:-]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)
 _INCLUDED = re.compile(r"""<include\s+file\s*=\s*["'](.*?)["']""")
-
-
 _INSTEAD = {
     ".sdf": "; convert an SDF file to URDF or MJCF",
     ".xacro": "; expand it first: xacro {0} > robot.urdf",
@@ -37,13 +35,11 @@ _INSTEAD = {
 
 
 def check_format(path: Path) -> None:
-    """Raise InputError unless the name of a robot's file ends as MJCF and URDF files do."""
+    """Raise InputError unless the suffix belongs to an MJCF or URDF file."""
     if path.suffix not in MODEL_FILES:
         instead = _INSTEAD.get(path.suffix, "")
-        raise InputError(
-            f"{path}: a scene is a TOML file, and a robot as it is an MJCF or URDF file, with a "
-            f"name that ends in {' or '.join(MODEL_FILES)}{instead.format(path)}"
-        )
+        suffixes = f"{' or '.join(MODEL_FILES)}{instead.format(path)}"
+        raise InputError(f"{path}: a scene is a TOML file, a robot MJCF or URDF, named {suffixes}")
 
 
 def check_loads(path: Path, how: str = "compiled") -> None:
@@ -54,13 +50,12 @@ def check_loads(path: Path, how: str = "compiled") -> None:
     try:
         str(path).encode()
     except UnicodeEncodeError:
-        raise InputError(
-            f"{path}: its name is no text in this locale: set LC_ALL=C.UTF-8, or rename it"
-        ) from None
-    contents(path)  # to be refused; it is read once more by MuJoCo, with the files beside it
+        line = "this locale cannot represent the name: set LC_ALL=C.UTF-8, or rename it"
+        raise InputError(f"{path}: {line}") from None
+    contents(path)  # refuses what cannot be read
     try:
         done = subprocess.run(
-            # -P: a file of the user's folder cannot stand in for one of Python's own modules.
+            # -P: no file in the user's folder can replace a module of Python.
             [sys.executable, "-P", "-m", __name__, str(path), how],
             stdin=subprocess.DEVNULL,
             capture_output=True,
@@ -69,12 +64,12 @@ def check_loads(path: Path, how: str = "compiled") -> None:
         )
     except subprocess.TimeoutExpired:
         raise InputError(f"{path}: it takes more than {_WAIT:g} s to load") from None
-    # The system ends a process that used up its processor time.
+    # The system kills a process at its limit of processor time.
     if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
         raise InputError(f"{path}: it takes more than {_SECONDS} s to load")
     if done.returncode:
-        # Any other end is by memory: MuJoCo's, or Python's own while it had none for a message.
-        why = (done.stderr.decode(errors="replace").splitlines() or ["no word"])[-1]
+        # Anything else is a lack of memory, in MuJoCo or in Python.
+        why = (done.stderr.decode(errors="replace").splitlines() or ["no message"])[-1]
         limit = f"{_MEMORY / 1e6:.0f} MB"
         raise InputError(f"{path}: it cannot be loaded with {limit} of memory: {why}")
     if refused := done.stdout.decode(errors="replace"):
@@ -82,14 +77,14 @@ def check_loads(path: Path, how: str = "compiled") -> None:
 
 
 def opened_spec(path: Path) -> tuple[Any, list[str]]:
-    """Return the MjSpec of a file without geoms and textures that have no file, and these files.
+    """Return the MjSpec of a file without meshes and textures that are missing, and their files.
 
-    Raises InputError where a body has its mass or contacts by such a geom.
+    Raises InputError if a body has mass or contacts from a missing mesh.
     """
     import mujoco
 
     spec = mujoco.MjSpec.from_file(str(path))
-    # A URDF's root has no joint: it would become a part of the world, without its mass.
+    # Otherwise the root of a URDF, which has no joint, would lose its mass to the world.
     spec.compiler.fusestatic = False
     by_geoms = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
     missing = []
@@ -98,18 +93,18 @@ def opened_spec(path: Path) -> tuple[Any, list[str]]:
         place = path.parent / spec.meshdir / (file.name if spec.strippath else file)
         if not mesh.file or place.is_file():
             continue
-        for geom in [each for each in spec.geoms if each.meshname == (mesh.name or file.stem)]:
+        for geom in [it for it in spec.geoms if it.meshname == (mesh.name or file.stem)]:
             body = geom.parent
             weighs = geom.mass != 0 and (by_geoms or not body.explicitinertial)
             if weighs or geom.contype or geom.conaffinity:
-                raise InputError(f"there is no {place}, by which {body.name} has mass or contacts")
+                raise InputError(f"there is no {place}, which gives {body.name} mass or contacts")
             spec.delete(geom)
         spec.delete(mesh)
         missing.append(mesh.file)
     for texture in spec.textures:
         folder = path.parent / spec.texturedir
-        files = [each for each in (texture.file, *texture.cubefiles) if each]
-        if lost := [each for each in files if not (folder / each).is_file()]:
+        files = filter(None, (texture.file, *texture.cubefiles))
+        if lost := [file for file in files if not (folder / file).is_file()]:
             texture.file, texture.cubefiles = "", [""] * len(texture.cubefiles)
             texture.builtin, texture.width, texture.height = mujoco.mjtBuiltin.mjBUILTIN_FLAT, 1, 1
             missing.append(lost[0])
@@ -117,60 +112,59 @@ def opened_spec(path: Path) -> tuple[Any, list[str]]:
 
 
 def _main() -> None:
-    """Print why a file cannot be loaded, if it cannot."""
-    import mujoco  # before the limit, which is on what a file takes beyond it
+    """Print the reason if a file cannot be loaded."""
+    import mujoco  # before the limit, which is for the file alone
 
     path, how = Path(sys.argv[1]), sys.argv[2]
     _limit()
     try:
-        # Before MuJoCo parses, which leaves a file MUJOCO_LOG.TXT behind where it meets a NaN.
+        # First, because MuJoCo writes a file MUJOCO_LOG.TXT when it parses a NaN.
         _check_numbers(path, path.parent, set())
         if how == "parsed":
             mujoco.MjSpec.from_file(str(path))
         else:
             opened_spec(path)[0].compile()
     except (ValueError, mujoco.FatalError, RuntimeError, MemoryError) as error:
-        of_memory = isinstance(error, MemoryError) or any(w in str(error) for w in _NO_MEMORY)
+        no_memory = any(words in str(error) for words in _NO_MEMORY)
         large = f"it takes more than {_MEMORY / 1e6:.0f} MB to load"
-        print(large if of_memory else error)
+        print(large if no_memory or isinstance(error, MemoryError) else error)
 
 
 def _limit() -> None:
-    """Hold this process to _MEMORY and _SECONDS, where the system can."""
+    """Limit this process to `_MEMORY` and `_SECONDS`, if the system can."""
     with contextlib.suppress(OSError, ValueError):
         pages = int(Path("/proc/self/statm").read_text().split()[0])
         taken = pages * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (taken + _MEMORY, taken + _MEMORY))
     with contextlib.suppress(OSError, ValueError):
         resource.setrlimit(resource.RLIMIT_CPU, (_SECONDS, _SECONDS))
-        # A process that ends at a limit would else leave its memory in the user's folder.
+        # No core file in the user's folder when the process ends at a limit.
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
 def _check_numbers(path: Path, folder: Path, read: set[Path]) -> None:
-    """Raise InputError for NaN or infinity in a file, or in one that it includes.
+    """Raise InputError for NaN or infinity in a file or its includes; a range may be infinite.
 
-    folder: where includes are looked for, too; read: the files that are searched already. MuJoCo
-    takes NaN for an attribute that is not given, and an infinite angle for none. A range may have
-    no end. The text is searched, and not parsed, as MuJoCo reads more than well-formed XML.
+    MuJoCo would ignore an attribute that is NaN. The text is searched, not parsed, because MuJoCo
+    reads more than well-formed XML. folder: of the first file. read: files that are done.
     """
     read.add(path.resolve())
     text = COMMENT.sub("", path.read_text(errors="replace"))
     attributes = [(key, value) for key, _, value in _ATTRIBUTE.findall(text)]
     names = {value for key, value in attributes if key in ("name", "class")}
-    # A body may be called `inf`, and what refers to it has that value as well.
+    # A body may be named `inf`, and other elements refer to it.
     for key, value in attributes:
         if value not in names and not key.endswith("range") and not _finite(value):
             raise InputError(f"{path.name}: {key} takes finite numbers, not {value!r}")
     for file in _INCLUDED.findall(text):
-        # MuJoCo looks beside the file that includes another, and beside the first of them.
-        for each in {path.parent / file, folder / file}:
-            if each.is_file() and each.resolve() not in read:
-                _check_numbers(each, folder, read)
+        # MuJoCo looks in the folders of the including file and of the first file.
+        for place in {path.parent / file, folder / file}:
+            if place.is_file() and place.resolve() not in read:
+                _check_numbers(place, folder, read)
 
 
 def _finite(text: str) -> bool:
-    """Return whether no number of a text is NaN or infinite; words are no numbers."""
+    """Return whether all numbers of a text are finite. A text that has words passes."""
     try:
         return all(map(math.isfinite, map(float, text.split())))
     except ValueError:

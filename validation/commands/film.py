@@ -59,11 +59,11 @@ def video(
         arrows=arrows, as_is=as_is,
     )  # fmt: skip
     if as_is:
-        from ..studies.check import beside
+        from ..check.ablate import motions_of as motions_of_check
         from .checking import checked_robot
 
-        own, checked, _ = checked_robot(Path(scene), control=run.control, duration=run.duration)
-        stem, motions, agrees = own.robot.path.stem, beside(own, checked), checked.agrees
+        checked, _ = checked_robot(Path(scene), control=run.control, duration=run.duration)
+        stem, motions, agrees = Path(scene).stem, motions_of_check(checked), checked.agrees
     else:
         agreements = run.agreements([run.scene(scene)])
         stem, motions = file_stem(agreements), motions_of(agreements, "video")

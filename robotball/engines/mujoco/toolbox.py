@@ -45,7 +45,6 @@ def roll(scene: Scene, times: Array) -> Motion:
     assert scene.robot_file is not None
     robot = scene.robot_file
     model, user = robot.model, UserModel(robot, {}, scene.key)
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     data = robot.start_as(scene, scene.key)
     start = sysid.create_initial_state(model, data.qpos, data.qvel, data.act)
     # One more than the steps, and one step beyond the last time.

@@ -1,7 +1,7 @@
-"""A user's own model, stepped by plain mj_step as its file says, and observed as any engine's run.
+"""Step a user's own model with plain mj_step and the options of its file, and read its motion.
 
-Its controls are set before every step, as a loop around mj_step would. What only a user's file has,
-geoms that touch inside, joints with a range and servos that lag, is seen in the same loop.
+Controls are set before every step, like in a loop around mj_step. The run also shows faults that
+only a user's file can have: overlapping geoms, joints at the end of their range, servos that lag.
 """
 
 import time
@@ -23,23 +23,37 @@ from robotball.robot.formulas import Rolling
 from robotball.robot.loads import Loads
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, Mask, from_matrix, rotation_matrix
+from robotball.user_model.mended_file import compiled
 from robotball.user_model.robot_file import RobotFile, gears_of
 from robotball.user_model.robot_scene import scene_of
 
-_PATIENCE = 12.0  # s of processor time that a run as it is may take
-# Of the time, and of the radius: a sphere that is off the plane so long or so far is aloft.
-_ALOFT_TIME, _ALOFT_HEIGHT = 0.05, 0.01
+_PATIENCE = 12.0  # s of processor time for one run
+_CLOCK_STEPS = 100  # steps between two readings of the clock
+# The sphere has left the plane if it has no contact for this part of the time, or rises this high.
+_ALOFT_TIME = 0.05
+_ALOFT_HEIGHT = 0.01  # of the radius
 
 
-Met = tuple[float, str]  # when [s] a part touches what it should not, and which
+class Obstacle(NamedTuple):
+    """The first contact that the equations leave out: when [s], and between which geoms."""
+
+    time: float
+    words: str
 
 
 @dataclass(frozen=True)
 class UserModel:
-    """A user's model, how it is controlled, and where it starts.
+    """A user's model with its controls and its start.
 
-    controls: of actuators by name; the others keep those of the keyframe. push: of the robot as a
-    whole at the start, the speed along X at which it rolls [m/s].
+    Attributes
+    ----------
+    robot : RobotFile
+    controls : dict of Drive
+        By the names of actuators. Other actuators keep the controls of the keyframe.
+    key : str or None
+        The keyframe to start at; the first one if None.
+    push : float, m/s
+        The speed along X at which the whole robot starts to roll.
     """
 
     robot: RobotFile
@@ -54,89 +68,88 @@ class UserModel:
 
     @cached_property
     def actuators(self) -> dict[str, int]:
-        """The numbers of the actuators by name."""
+        """The number of each actuator."""
         return {name: i for i, name in enumerate(gears_of(self.robot.model))}
 
     @cached_property
     def steady(self) -> bool:
-        """Whether no control changes."""
-        return all(isinstance(value, Constant) for value in self.controls.values())
+        """Whether every control is constant."""
+        return all(isinstance(drive, Constant) for drive in self.controls.values())
 
-    @property
-    def radius(self) -> float:
-        """The radius of the sphere that rolls [m]."""
-        return self.robot.radius
+    def with_text(self, text: str) -> "UserModel":
+        """Return the model of another text of the file, with the same controls and start."""
+        return replace(self, robot=replace(self.robot, model=compiled(text)))
 
     def begin(self) -> mujoco.MjData:
-        """Return MjData at the start."""
+        """Return MjData at the start. Raises InputError if that state counts as diverged."""
         robot, data = self.robot, self.robot.start(self.key)
         self.control(data)
-        data.time = 0.0  # a keyframe may have another, at which no control begins
+        data.time = 0.0  # controls begin at 0, whatever the time of the keyframe
         if self.push:
-            robot.roll(data, np.array([0.0, self.push / self.radius, 0.0]))
+            robot.roll(data, np.array([0.0, self.push / self.robot.radius, 0.0]))
         if not _sound(data):
             largest = float(np.abs([*data.qpos, *data.qvel]).max())
-            raise InputError(
-                f"{robot.path}: its start has a position or velocity of {largest:.3g}, and a state "
-                f"beyond {DIVERGED:g} counts as diverged"
-            )
+            line = f"the start has a position or velocity of {largest:.3g}, beyond {DIVERGED:g}"
+            raise InputError(f"{robot.path}: {line}")
         return data
 
     def control(self, data: mujoco.MjData) -> None:
         """Set the controls at the data's time."""
-        for name, value in self.controls.items():
-            data.ctrl[self.actuators[name]] = value.rate(data.time)
+        for name, drive in self.controls.items():
+            data.ctrl[self.actuators[name]] = drive.rate(data.time)
 
     def step(self, data: mujoco.MjData, count: int = 1) -> None:
-        """Take steps, each by the controls of its time: in one call where none changes."""
+        """Take steps, each with the controls at its time; in one call if these are constant."""
         at_once = count if self.steady else 1
         for _ in range(count // at_once):
             self.control(data)
             mujoco.mj_step(self.robot.model, data, at_once)
 
     def scene(self, rolling: Rolling, duration: float) -> Scene:
-        """Return the scene that the reference rolls. Raises InputError for what it has not."""
+        """Return the scene of the reference. Raises InputError for unsupported features."""
         with named(self.robot.path):
             return scene_of(self.robot, self.begin(), self.controls, rolling, duration)
 
-    def path(self, times: Array, met: list[Met] | None = None) -> Array:
-        """Return the contact points and heights above the plane (n, 3) [m] at equal times (n,) [s].
+    def path(self, times: Array) -> Array:
+        """Return contact points and heights above the plane (n, 3) [m] at equally spaced times [s].
 
-        They are NaN from where the state diverged. It takes as many steps at once as it can, and
-        reads nothing else; where `met` is given it looks at every step, ends where a part touches
-        another or a fixed body, or where patience does, and appends that.
+        Rows are NaN after the state has diverged.
         """
-        robot, data, began = self.robot, self.begin(), time.process_time()
-        model = robot.model
-        # A state that diverged would go on from the start.
-        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-        count = round((times[1] - times[0]) / model.opt.timestep)
-        at_once = count if met is None else 1
+        return self.path_to_obstacle(times, watch=False)[0]
+
+    def path_to_obstacle(self, times: Array, watch: bool = True) -> tuple[Array, Obstacle | None]:
+        """Return `path` up to the first obstacle, and the obstacle. Slower than `path`.
+
+        A run that takes too long ends in the same way.
+        """
+        robot, data, deadline = self.robot, self.begin(), time.process_time() + _PATIENCE
+        count = round((times[1] - times[0]) / robot.model.opt.timestep)
+        at_once = 1 if watch else count
         centres = np.full((len(times), 3), np.nan)
+        obstacle, taken = None, 0
         for i in range(len(times)):
-            for _ in range(count // at_once if i else 0):
+            while taken < i * count and obstacle is None:
                 self.step(data, at_once)
-                if met is not None and (words := self._meeting(data, began)):
-                    met.append((float(data.time), words))
-            if met or not _sound(data):
+                taken += at_once
+                obstacle = self._obstacle(data, deadline) if watch else None
+            if obstacle or not _sound(data):
                 break
-            mujoco.mj_kinematics(model, data)
+            mujoco.mj_kinematics(robot.model, data)
             centres[i] = data.geom_xpos[robot.sphere]
-        places = (centres - data.geom_xpos[robot.plane]) @ robot.plane_axes(data).T
-        return self.points(places)
+        in_plane = (centres - data.geom_xpos[robot.plane]) @ robot.plane_axes(data).T
+        return self.points(in_plane), obstacle
 
-    def _meeting(self, data: mujoco.MjData, began: float) -> str:
-        """Return what touches that did not at the start, or that patience is at its end."""
-        if data.ncon > 1:  # the sphere's own
-            for _, contact in _others(self.robot, data):
-                if words := self.robot.meeting(data, contact, late=True):
-                    return words
-        late = time.process_time() - began > _PATIENCE
-        return "it takes too long to step it further" if late else ""
+    def _obstacle(self, data: mujoco.MjData, deadline: float) -> Obstacle | None:
+        words = "the run takes too long" if time.process_time() > deadline else ""
+        if data.ncon > 1:  # more than the contact of sphere and plane
+            contacts = (contact for _, contact in _others(self.robot, data))
+            real = (self.robot.real_contact(data, contact, late=True) for contact in contacts)
+            words = next(filter(None, real), words)
+        return Obstacle(float(data.time), words) if words else None
 
-    def points(self, places: Array) -> Array:
-        """Return the contact points and heights (n, 3) of the sphere's centre, in plane axes."""
-        return np.column_stack([places[:, :2] - places[0, :2], places[:, 2] - self.radius])
+    def points(self, centres: Array) -> Array:
+        """Return contact points and heights (n, 3) from centres of the sphere in plane axes."""
+        return np.column_stack([centres[:, :2] - centres[0, :2], centres[:, 2] - self.robot.radius])
 
 
 def _sound(data: mujoco.MjData) -> bool:
@@ -145,77 +158,15 @@ def _sound(data: mujoco.MjData) -> bool:
         return bool(data.qpos @ data.qpos + data.qvel @ data.qvel < DIVERGED**2)
 
 
-# The largest dt·λ at which a step of v' = -λ v is stable.
-_STABLE = {
-    int(mujoco.mjtIntegrator.mjINT_EULER): ("Euler", 2.0),
-    int(mujoco.mjtIntegrator.mjINT_RK4): ("RK4", 2.785),
-}
-
-
-class Gain(NamedTuple):
-    """A velocity gain of an actuator that is too high for an explicit step.
-
-    Attributes
-    ----------
-    name : str
-        The actuator.
-    kv, gear : float
-        The gain, and the ratio of the actuator to its joint or tendon.
-    timestep : float, s
-        The length of a step.
-    inertia : float
-        The inertia that the joint or tendon moves, at the start.
-    number : float
-        kv·gear²·dt/I.
-    integrator : str
-        The explicit integrator.
-    most : float
-        The largest number at which it is stable.
-    """
-
-    name: str
-    kv: float
-    gear: float
-    timestep: float
-    inertia: float
-    number: float
-    integrator: str
-    most: float
-
-
-def too_high_gain(user: UserModel) -> Gain | None:
-    """Return the largest velocity gain beyond what the integrator is stable under, if any."""
-    model, data = user.robot.model, user.begin()
-    if model.opt.integrator not in _STABLE:
-        return None
-    integrator, most = _STABLE[model.opt.integrator]
-    moments = np.zeros((model.nu, model.nv))
-    mujoco.mju_sparse2dense(
-        moments, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
-    )
-    found = []
-    for name, i in user.actuators.items():
-        kv, gear = -float(model.actuator_biasprm[i, 2]), float(model.actuator_gear[i, 0])
-        accelerations = np.zeros((1, model.nv))
-        mujoco.mj_solveM(model, data, accelerations, moments[i : i + 1])
-        mobility = float(moments[i] @ accelerations[0])
-        if (number := kv * mobility * model.opt.timestep) > most:
-            inertia = gear**2 / mobility
-            found.append(
-                Gain(name, kv, gear, model.opt.timestep, inertia, number, integrator, most)
-            )
-    return max(found, key=lambda gain: gain.number, default=None)
-
-
 @dataclass(frozen=True)
-class Seen:
-    """What only a user's model shows, over all steps of a run.
+class Symptoms:
+    """Facts of a run that only a user's model can show.
 
     Attributes
     ----------
     path : (n, 3), m
         The contact point and the height above the plane at every row.
-    fails : str or None
+    failure : str or None
         What ends the rolling.
     until : float, s
         When it ends, or the end of the run.
@@ -226,64 +177,64 @@ class Seen:
     limits : dict
         The joints that reach their range, and when [s].
     delivered : float or None
-        The part of the declared resistance to rolling.
+        The part of the declared rolling resistance that the contact exerts.
     lag : dict
-        The tracking error of each servo, root mean square over that of its command.
-    met : sequence of Met
-        The first contact that was not there at the start.
+        The tracking error of each servo over its command, both as root mean squares.
+    obstacle : Obstacle or None
     """
 
     path: Array
-    fails: str | None
+    failure: str | None
     until: float
     diverged: bool
     inside: Counter[tuple[int, int]]
     limits: dict[str, float]
     delivered: float | None
     lag: dict[str, float]
-    met: Sequence[Met]
+    obstacle: Obstacle | None
 
 
-@mujoco_silent()  # a state that diverges is said in words
+@mujoco_silent()  # a diverged state is reported in the symptoms
 def observed(
     user: UserModel,
     scene: Scene,
     tolerance: float,
     every: int = 1,
     show: Callable[[float], None] = lambda _: None,
-    name: str = "as it is",
-) -> tuple[ContactMotion, Seen]:
-    """Step a model as it is over the scene's duration; return its motion and what else it shows.
+    name: str = "unmodified",
+) -> tuple[ContactMotion, Symptoms]:
+    """Run a model over the scene's duration. Return its motion, without momentum, and its symptoms.
 
-    The motion has each step of so many, up to one that diverges or as far as patience goes, and no
-    momentum. tolerance: the slip over the path beyond which it is a fault; show: called with the
-    part that is done; name: of the motion's settings.
+    The motion ends early if the state diverges or the run takes too long.
+
+    scene: of the reference, for the duration and the shell. tolerance: slip over the path beyond
+    which it is a fault. every: steps from one row of the motion to the next. show: called with the
+    finished part. name: of the motion's settings, for labels.
     """
     robot, model, data = user.robot, user.robot.model, user.begin()
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-    rows, inside, began = list[_Row](), Counter[tuple[int, int]](), time.process_time()
-    met = list[Met]()
+    rows, inside = list[_State](), Counter[tuple[int, int]]()
+    obstacle, began = None, time.process_time()
     count = round(scene.duration / model.opt.timestep / every)
     for i in range(count + 1):
         if not _sound(data):
             break
         user.control(data)
-        # A step by RK4 leaves the contacts of its last stage, so those of the state are made first,
-        # and leave the next step's first guess as plain steps have it.
+        # RK4 leaves the contacts of its last stage, so compute the contacts of this state. Restore
+        # the warm start, so that the next step is the same as in a plain loop.
         guess = data.qacc_warmstart.copy()
         mujoco.mj_forward(model, data)
         data.qacc_warmstart[:] = guess
         rows.append(row_of(robot, data))
-        overlap = set()
+        overlapping = set()
         for pair, contact in _others(robot, data):
-            words = pair not in inside and robot.meeting(data, contact, late=i > 0)
+            words = "" if pair in inside else robot.real_contact(data, contact, late=i > 0)
             if not words:
-                overlap.add(pair)
-            elif i and not met:
-                met.append((float(data.time), words))
-        inside.update(overlap)
+                overlapping.add(pair)
+            elif i and obstacle is None:
+                obstacle = Obstacle(float(data.time), words)
+        inside.update(overlapping)
         user.step(data, every)
-        if i % max(1, _LOOK // every) == 0:
+        if i % max(1, _CLOCK_STEPS // every) == 0:
             show(i / count)
             if time.process_time() - began > _PATIENCE:
                 break
@@ -294,46 +245,40 @@ def observed(
     recording = Recording(LABEL, scene, settings, table.time)
     recording.add(readings_of(user, scene, table))
     motion = recording.motion(model.opt.timestep, len(rows), seconds)
-    path, lost = user.points(table.place), np.isnan(table.depth)
-    given, declared = np.nansum(table.resistance, axis=0)
-    return motion, Seen(
+    path = user.points(table.centre)
+    exerted, declared = np.nansum(table.resistance, axis=0)
+    return motion, Symptoms(
         path,
-        *_failure(table.time, lost, path[:, 2], user.radius, diverged),
+        *_failure(table.time, np.isnan(table.depth), path[:, 2], user.robot.radius, diverged),
         diverged=diverged is not None,
         inside=Counter({pair: times / len(rows) for pair, times in inside.items()}),
         limits=_limits(model, table),
-        delivered=float(given / declared) if declared else None,
+        delivered=float(exerted / declared) if declared else None,
         lag=_lags(user, table),
-        met=met,
+        obstacle=obstacle,
     )
 
 
 def _failure(
     times: Array, lost: Mask, heights: Array, radius: float, diverged: float | None
 ) -> tuple[str | None, float]:
-    """Return what ends the rolling, in words, and when [s]: a state that diverged, or a flight."""
-    words, until = None, float(times[-1])
+    """Return what ends the rolling, a flight or a diverged state, and when [s]."""
+    failures, until = [], float(times[-1]) if diverged is None else diverged
     part, top = float(lost.mean()), float(heights[lost].max(initial=0.0))
-    if diverged is not None:
-        words, until = f"it diverges at t = {diverged:.3g} s", diverged
     if part > _ALOFT_TIME or top > _ALOFT_HEIGHT * radius:
-        # The longest flight: a sphere that just touches may be off the plane for a step at first.
+        # The start of the longest flight: a sphere that just touches may lose contact at first.
         ends = np.flatnonzero(np.diff(lost, prepend=False, append=False)).reshape(-1, 2)
         until = float(times[ends[np.argmax(ends[:, 1] - ends[:, 0]), 0]])
-        flight = (
-            f"it leaves the plane at t = {until:.3g} s: it has no contact for {part:.1%} of the "
-            f"time, and is {top:.3g} m above the plane at most"
-        )
-        words = f"{flight}; {words}" if words else flight
-    return words, until
-
-
-_LOOK = 100  # steps from one look at the clock to the next
+        flight = f"No contact for {part:.1%} of the time; at most {top:.3g} m above the plane"
+        failures.append(f"leaves the plane at t = {until:.3g} s. {flight}")
+    if diverged is not None:
+        failures.append(f"diverges at t = {diverged:.3g} s")
+    return "; ".join(failures) or None, until
 
 
 def _others(robot: RobotFile, data: mujoco.MjData) -> Iterator[tuple[tuple[int, int], Any]]:
-    """Yield the geoms of every contact of the robot but that with its plane, and the contact."""
-    # By numbers, as the end of MuJoCo's own iterator takes as long as ten steps.
+    """Yield the geoms and the contact of the robot's contacts, except sphere and plane."""
+    # By index: the end of MuJoCo's iterator over contacts costs as much as ten steps.
     for i, (a, b) in enumerate(data.contact.geom.tolist()):
         if not robot.rolls((a, b)) and (robot.is_own(a) or robot.is_own(b)):
             yield (a, b), data.contact[i]
@@ -348,17 +293,17 @@ def wrenches(robot: RobotFile, data: mujoco.MjData) -> Iterator[tuple[mujoco.MjC
             yield data.contact[i], wrench
 
 
-class _Row(NamedTuple):
-    """A state, or those of a run, a row each; NaN of the contact where there is none.
+class _State(NamedTuple):
+    """A state, or the states of a run, a row each. Contact values are NaN without contact.
 
-    The sphere's numbers are in world axes, in a run's table in plane axes. resistance (2,): of the
-    contact to rolling, given and declared [N m]; the last six: as in MjData.
+    The sphere's values are in world axes for a state, and in plane axes for a run. resistance (2,):
+    the exerted and the declared rolling resistance [N m]. The last six are copies from MjData.
     """
 
     time: Any
-    place: Array
+    centre: Array
     axes: Array
-    turning: Array
+    angular_velocity: Array
     velocity: Array
     force: Array
     depth: Any
@@ -372,52 +317,48 @@ class _Row(NamedTuple):
     speed: Array
 
 
-def row_of(robot: RobotFile, data: mujoco.MjData) -> _Row:
-    """Return the numbers of a state as they are; they are read at once, after the run."""
+def row_of(robot: RobotFile, data: mujoco.MjData) -> _State:
+    """Return a copy of a state's values; they are evaluated together after the run."""
     force, depth, friction, resistance = np.full(3, np.nan), np.nan, np.nan, np.full(2, np.nan)
-    for each, wrench in wrenches(robot, data):
-        force, depth, friction = wrench[:3] @ each.frame.reshape(3, 3), -each.dist, each.friction[0]
-        resistance = np.full(2, np.nan)
-        if each.dim == 6:
-            resistance[:] = float(np.linalg.norm(wrench[4:])), wrench[0] * each.friction[3]
-    place, axes, moving = (
-        data.geom_xpos[robot.sphere],
-        data.geom_xmat[robot.sphere],
-        robot.moving(data),
-    )
-    sphere = data.time, place, axes, moving[:3], moving[3:]
-    contact = force, depth, friction, resistance
-    own = data.qpos, data.qvel, data.ctrl, data.act, data.actuator_length, data.actuator_velocity
-    return _Row(*map(np.copy, (*sphere, *contact, *own)))
+    for contact, wrench in wrenches(robot, data):
+        force, depth = wrench[:3] @ contact.frame.reshape(3, 3), -contact.dist
+        friction, resistance = contact.friction[0], np.full(2, np.nan)
+        if contact.dim == 6:
+            resistance[:] = float(np.linalg.norm(wrench[4:])), wrench[0] * contact.friction[3]
+    velocity = robot.moving(data)
+    sphere = data.geom_xpos[robot.sphere], data.geom_xmat[robot.sphere], velocity[:3], velocity[3:]
+    rest = data.qpos, data.qvel, data.ctrl, data.act, data.actuator_length, data.actuator_velocity
+    return _State(*map(np.copy, (data.time, *sphere, force, depth, friction, resistance, *rest)))
 
 
-def table_of(user: UserModel, data: mujoco.MjData, rows: Sequence[_Row]) -> _Row:
-    """Return the states of rows; data: any of the run, as the plane does not move."""
-    robot, of_rows = user.robot, _Row(*map(np.array, zip(*rows, strict=True)))
+def table_of(user: UserModel, data: mujoco.MjData, rows: Sequence[_State]) -> _State:
+    """Return the states of a run; data: any state of it, for the plane, which does not move."""
+    robot, table = user.robot, _State(*map(np.array, zip(*rows, strict=True)))
     to_plane = robot.plane_axes(data)
-    force = of_rows.force @ to_plane.T
-    return of_rows._replace(
-        place=(of_rows.place - data.geom_xpos[robot.plane]) @ to_plane.T,
-        axes=to_plane @ of_rows.axes.reshape(-1, 3, 3),
-        turning=of_rows.turning @ to_plane.T,
-        velocity=of_rows.velocity @ to_plane.T,
-        force=force * np.copysign(1.0, force[:, 2:]),  # on either body, as that on the ball
+    force = table.force @ to_plane.T
+    return table._replace(
+        centre=(table.centre - data.geom_xpos[robot.plane]) @ to_plane.T,
+        axes=to_plane @ table.axes.reshape(-1, 3, 3),
+        angular_velocity=table.angular_velocity @ to_plane.T,
+        velocity=table.velocity @ to_plane.T,
+        # MuJoCo's sign depends on the order of the two geoms; the ball is always pushed up.
+        force=force * np.copysign(1.0, force[:, 2:]),
     )
 
 
-def readings_of(user: UserModel, scene: Scene, table: _Row) -> Readings:
-    """Return the readings of the states."""
-    place, turning, depth = table.place, table.turning, table.depth
-    attitude = from_matrix(table.axes)  # at once: SciPy takes 0.1 ms a call
-    slip = table.velocity - user.radius * np.cross(turning, [0.0, 0.0, 1.0])
-    loads = Loads.unknown(len(place), len(scene.hinges))
+def readings_of(user: UserModel, scene: Scene, table: _State) -> Readings:
+    """Return the readings of the states of a run."""
+    centre, turning, depth = table.centre, table.angular_velocity, table.depth
+    attitude = from_matrix(table.axes)  # all in one call: SciPy takes 0.1 ms a call
+    slip = table.velocity - user.robot.radius * np.cross(turning, [0.0, 0.0, 1.0])
+    loads = Loads.unknown(len(centre), len(scene.hinges))
     loads = replace(loads, contact_force=np.nan_to_num(table.force))
     return Readings(
         time=table.time,
-        centre=np.column_stack([place[:, :2] - place[0, :2], user.radius - depth]),
+        centre=np.column_stack([centre[:, :2] - centre[0, :2], user.robot.radius - depth]),
         attitude=attitude,
         angular_velocity=np.einsum("nji,nj->ni", rotation_matrix(attitude), turning),
-        momentum=np.full_like(place, np.nan),
+        momentum=np.full_like(centre, np.nan),
         hinge_angles=table.qpos[:, user.robot.hinges[0]],
         hinge_rates=table.qvel[:, user.robot.hinges[1]],
         loads=loads,
@@ -425,37 +366,37 @@ def readings_of(user: UserModel, scene: Scene, table: _Row) -> Readings:
         spin=turning[:, 2],
         friction_used=loads.sliding_friction / table.friction,
         touching=np.isfinite(depth),
-        sound=np.ones(len(place), dtype=bool),  # all of them are
+        sound=np.ones(len(centre), dtype=bool),  # a run ends before a state that is not
     )
 
 
-def _limits(model: mujoco.MjModel, table: _Row) -> dict[str, float]:
-    """Return when the joints that reach their range do [s], the first one first."""
+def _limits(model: mujoco.MjModel, table: _State) -> dict[str, float]:
+    """Return the joints that reach their range, and when [s], the earliest first."""
     reached = {}
     for j in np.flatnonzero(model.jnt_limited):
         angle, (low, high) = table.qpos[:, model.jnt_qposadr[j]], model.jnt_range[j]
         if (beyond := (angle < low) | (angle > high)).any():
             reached[model.joint(j).name or f"joint {j}"] = float(table.time[beyond.argmax()])
-    return dict(sorted(reached.items(), key=lambda it: it[1]))
+    return dict(sorted(reached.items(), key=lambda limit: limit[1]))
 
 
-def _lags(user: UserModel, table: _Row) -> dict[str, float]:
-    """Return how far servos are off their commands, root mean square over the command's."""
-    model, found = user.robot.model, {}
-    # A servo's torque is by how far it is off its command, of which its gain is the factor.
+def _lags(user: UserModel, table: _State) -> dict[str, float]:
+    """Return the tracking errors of servos over their commands, both as root mean squares."""
+    model, lags = user.robot.model, {}
+    # The torque of a servo is its gain times the tracking error.
     gain, bias = model.actuator_gainprm[:, 0], model.actuator_biasprm
-    by = np.where(bias[:, 1], bias[:, 1], bias[:, 2])
-    servos = (model.actuator_biastype != 0) & (by == -gain)
+    feedback = np.where(bias[:, 1], bias[:, 1], bias[:, 2])
+    servos = (model.actuator_biastype != 0) & (feedback == -gain)
     for name, i in user.actuators.items():
         if not servos[i]:
             continue
-        asked = table.ctrl[:, i]
+        command = table.ctrl[:, i]
         if model.actuator_ctrllimited[i]:
-            asked = np.clip(asked, *model.actuator_ctrlrange[i])
-        # An integrated velocity is followed as an angle, which is the actuator's own state.
+            command = np.clip(command, *model.actuator_ctrlrange[i])
+        # An integrated velocity is followed as an angle, which is the actuator's activation.
         if model.actuator_dyntype[i] == int(mujoco.mjtDyn.mjDYN_INTEGRATOR):
-            asked = table.act[:, model.actuator_actadr[i]]
-        missed = asked - (table.length if bias[i, 1] else table.speed)[:, i]
-        if asked.any():
-            found[name] = float(np.linalg.norm(missed) / np.linalg.norm(asked))
-    return found
+            command = table.act[:, model.actuator_actadr[i]]
+        missed = command - (table.length if bias[i, 1] else table.speed)[:, i]
+        if command.any():
+            lags[name] = float(np.linalg.norm(missed) / np.linalg.norm(command))
+    return lags

@@ -91,7 +91,7 @@ CASES = {
     ),
     "plane in a moved body": Case(
         {"floor": f'<body name="ground" mocap="true">{_USUAL["floor"]}</body>', "key": ""}, RIGHT,
-        "robot.xml nothing moves it"),
+        "robot.xml No control given"),
     "raised plane": Case(
         {"floor": '<body pos="0 0 .3"><geom name="floor" type="plane" size="5 5 .1"/></body>',
          "at": "0 0 .45"}, RIGHT, ""),
@@ -122,7 +122,7 @@ CASES = {
         {"world": '<geom name="thing" type="plane" size="1 1 .1" pos=".23 0 0" zaxis="-1 0 0"/>',
          "key": _ROLLING},
         OFF, "shell touches thing at t = 0.2"),
-    "wall far away": Case({"world": _fixed("box", ".01 1 .5", "4 0 .5")}, RIGHT, "there is thing"),
+    "wall far away": Case({"world": _fixed("box", ".01 1 .5", "4 0 .5")}, RIGHT, "leave out thing"),
     "wall at the start": Case({"world": _fixed("box", ".01 1 .5", ".155 0 .5")}, REFUSED,
                               "shell touches thing"),
     "ledge": Case({"world": _fixed("box", ".3 .3 .1", "0 0 .1"), "at": "0 0 .35"}, REFUSED,
@@ -150,7 +150,7 @@ CASES = {
         {"bob": "", "plate": _PENDULUM.format(joint='damping=".02"', geom="")}, OFF, "contacts: "),
     "body beside, far": Case(
         {"world": '<body name="crate" pos="2 0 .1"><freejoint/><geom name="crate" type="box" '
-                  'size=".1 .1 .1" mass="1"/></body>'}, RIGHT, "crate moves apart"),
+                  'size=".1 .1 .1" mass="1"/></body>'}, RIGHT, "crate is not part of the robot"),
     "body in its way": Case(
         {"world": '<body pos=".34 0 .1"><freejoint/><geom name="crate" type="box" size=".1 .1 .1" '
                   'mass="1"/></body>', "key": '<keyframe><key qpos=".34 0 .1 1 0 0 0 0 0 .15 1 0 '
@@ -194,7 +194,7 @@ CASES = {
     # joints and what drives them
     "slide in place of a free joint": Case(
         {"free": '<joint type="slide" axis="1 0 0"/><joint name="r" axis="0 1 0"/>'}, REFUSED,
-        "by joints that are no free one"),
+        "with other joints"),
     "no joint at all": Case({"free": "", **_PUSHED}, RIGHT, "it gets a free joint"),
     "free joint by its long name": Case({"free": '<joint type="free"/>'}, RIGHT, ""),
     "damped free joint": Case({"free": '<joint type="free" damping=".1"/>'}, REFUSED,
@@ -206,7 +206,7 @@ CASES = {
         {"plate": '<body name="mass"><joint name="s" type="slide" axis="1 0 0" stiffness="60" '
                   f'damping="2"/><geom size=".01" mass=".1" {_GHOST}/></body>'}, RIGHT, ""),
     "ball joint": Case({"plate": '<body name="arm"><joint type="ball"/><geom size=".01" '
-                        f'{_GHOST}/></body>'}, REFUSED, "take three hinges"),
+                        f'{_GHOST}/></body>'}, REFUSED, "use three hinges"),
     "motor of a ball joint": Case(
         {"plate": f'<body><joint name="j" type="ball"/><geom size=".01" {_GHOST}/></body>',
          "drive": '<motor name="drive" joint="j"/>'}, REFUSED, "moves a free or a ball joint"),
@@ -238,24 +238,24 @@ CASES = {
     "two keyframes": Case(
         {"key": '<keyframe><key name="a" ctrl="0"/><key name="b" ctrl=".1"/></keyframe>'}, RIGHT,
         "", ("--keyframe", "b")),
-    "no keyframe": Case({"key": ""}, RIGHT, "nothing moves it"),
+    "no keyframe": Case({"key": ""}, RIGHT, "No control given"),
     "two robots": Case(
         {"world": '<body name="other" pos="1 0 .15"><freejoint/><geom name="twin" type="sphere" '
-         'size=".15" mass="1"/></body>'}, REFUSED, "name one by `--shell`"),
+         'size=".15" mass="1"/></body>'}, REFUSED, "name one with `--shell`"),
     "two robots, one named": Case(
         {"world": '<body name="other" pos="1 0 .15"><freejoint/><geom name="twin" type="sphere" '
-         'size=".15" mass="1"/></body>'}, RIGHT, "other moves apart", ("--shell", "ball")),
+         'size=".15" mass="1"/></body>'}, RIGHT, "other is not part of", ("--shell", "ball")),
     "a missing picture": Case(
         {"top": '<asset><texture name="t" type="2d" file="no.png"/><material name="m" '
-         'texture="t"/></asset>', "solid": 'material="m"'}, RIGHT, "there is no no.png"),
+         'texture="t"/></asset>', "solid": 'material="m"'}, RIGHT, "no.png is missing"),
     "a missing mesh": Case(
         {"top": '<asset><mesh name="m" file="no.stl"/></asset>',
-         "shell": '<geom type="mesh" mesh="m"/>'}, REFUSED, "no.stl, by which ball has mass"),
+         "shell": '<geom type="mesh" mesh="m"/>'}, REFUSED, "no.stl, which gives ball mass"),
     "a missing include": Case({"top": '<include file="no.xml"/>'}, REFUSED, "no.xml"),
     "URDF": Case({"file": _URDF.format("continuous")}, RIGHT, "one is added under its sphere"),
     "URDF with stops": Case({"file": _URDF.format("revolute")}, OFF, ""),
     "URDF of one fixed body": Case({"file": _URDF.format("fixed")}, RIGHT, ""),
-    "URDF of a solid base": Case({"file": _SOLID_BASE}, RIGHT, "bob hangs on the world"),
+    "URDF of a solid base": Case({"file": _SOLID_BASE}, RIGHT, "bob is fixed to the world"),
     "drag": Case({"top": '<option density="1.2" viscosity="1e-5"/>'}, REFUSED, "drag of a medium"),
     "no friction": Case({"pair": _USUAL["pair"].replace("20 20", ".01 .01")}, OFF, "friction: "),
     "default contact": Case(_NO_PAIR, OFF, "softness: ", ("--accuracy", "5e-5")),

@@ -10,7 +10,7 @@ from robotball.errors import UnitWarning
 from robotball.user_model import robot_file
 from tests.conftest import Robotball
 from tests.messages import naming, unnamed
-from tests.validation.studies.users_files import CASES, REFUSED, Case
+from tests.validation.check.users_files import CASES, REFUSED, Case
 
 
 def answered(robotball: Robotball, name: str, case: Case) -> tuple[int, str]:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engines.mujoco.user_model import UserModel, observed, too_high_gain
+from robotball.engines.mujoco.user_model import UserModel, observed
 from robotball.robot.drives import Sine
 from robotball.rotations import Array
 from robotball.user_model.robot_file import open_robot
@@ -23,8 +23,10 @@ from tests.conftest import Robotball
 from tests.messages import naming, unnamed
 from tests.robotball.user_model.test_robot_file import GIMBAL, HULL
 from validation import compare
-from validation.studies import check
-from validation.studies.check import Checked, beside, causes_of, check_model
+from validation.check import observe
+from validation.check.ablate import Checked, check_model, motions_of
+from validation.check.propose import too_high_gain
+from validation.check.say import causes_of
 from validation.studies.engine_runs import fixed_work
 from validation.studies.timing import bare_loop
 
@@ -124,7 +126,7 @@ def found_in(own: UserModel, duration: float) -> tuple[list[str], float, float]:
         found = check_model(own, "classical", duration, 5e-4, lambda *_: None)
     except rb.InputError as refused:
         return [str(refused).partition(NO_MOTION)[2]], np.inf, 0.0
-    return causes_of(found), found.error, found.mended_error
+    return causes_of(found), found.observation.error, found.mended_error
 
 
 @pytest.mark.slow
@@ -194,9 +196,9 @@ contype="0" conaffinity="0"/></body></body></worldbody><actuator><velocity name=
 kv="3"/></actuator><keyframe><key ctrl="2"/></keyframe></mujoco>"""
 STANDS = GOOD.replace(_KEY, '<key ctrl="0 0 0"')
 NOT_RIGHT = {
-    "stands~still 0.0…~m": (GOOD.replace(*PLANTED["contacts"]), 2.0),
+    "stuck 0.0…~m": (GOOD.replace(*PLANTED["contacts"]), 2.0),
     "plane 0.001~s": (GOOD.replace(*PLANTED["start 5"]), 0.3),
-    "no~verdict equations": (STANDS, 0.3),
+    "no~verdict radius": (STANDS, 0.3),
     "limit axle -30": (
         GOOD.replace('name="axle"', 'name="axle" range="-30 30"'),
         2.0,
@@ -220,8 +222,8 @@ def test_what_is_not_right_all_the_time_does_not_agree(facts: str) -> None:
     """The right model would agree over the same time."""
     text, duration = NOT_RIGHT[facts]
     it, right = coarsely_checked(text, duration), coarsely_checked(GOOD, duration)
-    assert unnamed(facts, it.fails or it.short or "") == []
-    assert it.error < 1e3
+    assert unnamed(facts, it.observation.failure or it.short or "") == []
+    assert it.observation.error < 1e3
     assert not it.agrees
     assert right.agrees == (duration > 0.5)  # in less it moves too little for a verdict
 
@@ -232,8 +234,8 @@ def test_a_model_that_diverges_is_measured_until_then(tmp_path: Path) -> None:
     path.write_text(WILD)
     own = UserModel(open_robot(path), {}, None)
     motion, seen = observed(own, own.scene("classical", 1.0), 1e-3, 1, lambda _: None)
-    assert seen.fails is not None
-    assert seen.fails.endswith("it diverges at t = 0.1 s")
+    assert seen.failure is not None
+    assert seen.failure.endswith("diverges at t = 0.1 s")
     assert motion.times[-1] < 0.1
     assert np.isfinite(seen.path).all()
 
@@ -266,7 +268,7 @@ def test_a_model_that_diverges_at_once_gets_the_cause_and_a_page(
     assert found["changes"][0]["without"] is None
     assert found["mended_error"] < 1e-3
     page = Path("out/robot-check.html").read_text(encoding="utf-8")
-    assert "it diverges at" in page
+    assert "diverges at" in page
     assert "rollingBalls(" in page
 
 
@@ -276,7 +278,7 @@ def test_a_model_that_diverges_into_the_floor_diverges(tmp_path: Path) -> None:
     path.write_text(geared(1, "RK4").replace('damping=".0001"', 'stiffness="1e7"'))
     own = UserModel(open_robot(path), {}, None)
     found = check_model(own, "classical", 0.1, 1e-3, silent)
-    assert (found.fails or "").startswith("it diverges at t = 0.004 s")
+    assert (found.observation.failure or "").startswith("diverges at t = 0.004 s")
     assert "shorter timestep" in causes_of(found)[0]
 
 
@@ -292,7 +294,7 @@ def test_a_gain_is_too_high_where_plain_steps_diverge(integrator: str, tmp_path:
 
     probe = too_high_gain(robot(100.0))
     assert probe is not None
-    limit = 100.0 * (probe.most / probe.number) ** 0.5  # the gear there
+    limit = 100.0 * (probe.limit / probe.number) ** 0.5  # the gear there
     for part, stable in ((0.95, True), (1.05, False)):
         own = robot(part**0.5 * limit)
         end = own.path(np.linspace(0.0, 1.0, 101))[-1]
@@ -306,8 +308,8 @@ def test_a_check_begins_at_zero_whatever_the_time_of_the_keyframe(tmp_path: Path
     path.write_text(GOOD.replace("<key ", '<key time="-1" '))
     found = check_model(UserModel(open_robot(path), {}, None), "classical", 1.0, 1e-3, silent)
     assert found.agrees
-    assert found.motion.times[0] == 0.0
-    assert [len(each.times) > 1 for each in beside(UserModel(open_robot(path), {}, None), found)]
+    assert found.observation.motion.times[0] == 0.0
+    assert [len(each.times) > 1 for each in motions_of(found)]
 
 
 def test_a_clock_that_stands_still_ends_no_check(
@@ -362,8 +364,8 @@ def test_a_model_on_a_tilted_plane_is_compared_along_it(tmp_path: Path) -> None:
     path.write_text(tilted.replace('pos="0 0 .15"', 'pos="-.00785040 0 .14979443"'))
     own = UserModel(open_robot(path), {}, None)
     found = check_model(own, "classical", 1.0, 5e-4, lambda *_: None)
-    assert found.error < 6e-4
-    assert np.ptp(found.path[:, 0]) > 0.1
+    assert found.observation.error < 6e-4
+    assert np.ptp(found.observation.path[:, 0]) > 0.1
 
 
 def test_a_right_model_is_left_alone(robotball: Robotball) -> None:
@@ -429,13 +431,16 @@ def test_a_file_as_it_is_is_shown_beside_the_mended_one(tmp_path: Path) -> None:
     path.write_text(FIRST.read_text())
     own = UserModel(open_robot(path), {}, None)
     checked = check_model(own, "classical", 1.0, 1e-3, lambda *_: None)
-    as_it_is, mended, theory = beside(own, checked)
-    assert [label_of(each) for each in (as_it_is, mended)] == ["MuJoCo, as it is", "MuJoCo, mended"]
+    as_it_is, mended, theory = motions_of(checked)
+    assert [label_of(each) for each in (as_it_is, mended)] == [
+        "MuJoCo, unmodified",
+        "MuJoCo, mended",
+    ]
     off = [np.abs(each.hinge_angles - theory.hinge_angles).max() for each in (as_it_is, mended)]
     assert off[0] > 0.05
     assert off[1] < 1e-5
     assert np.array_equal(as_it_is.times, theory.times)
-    assert view_fragment([as_it_is, mended, theory]).count("as it is") == 1
+    assert view_fragment([as_it_is, mended, theory]).count("unmodified") == 1
 
 
 RESISTING = """<mujoco><option{}/><worldbody><geom type="plane" size="5 5 .1"/>
@@ -487,16 +492,17 @@ def test_a_control_that_changes_is_played_step_by_step(tmp_path: Path) -> None:
     own = UserModel(open_robot(path), {"drive": wave}, None)
     right = check_model(own, "classical", 2.0, 1e-3, lambda *_: None)
     other = UserModel(open_robot(path), {"drive": Sine(amplitude=-0.05, frequency=0.5)}, None)
-    wrong = other.path(right.theory.times)[:, :2] - right.theory.contact_point
-    assert right.error < 9e-4
-    assert np.abs(wrong).max() > 0.1 * right.theory.path_scale
+    theory = right.observation.theory
+    wrong = other.path(theory.times)[:, :2] - theory.contact_point
+    assert right.observation.error < 9e-4
+    assert np.abs(wrong).max() > 0.1 * theory.path_scale
 
 
 def test_equations_that_would_take_minutes_are_given_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Before their first step, as hundreds of bodies need, and by one rolling model alone."""
-    monkeypatch.setattr(check, "_PATIENCE", 0.0)
+    monkeypatch.setattr(observe, "_PATIENCE", 0.0)
     shown = list[str]()
     with pytest.raises(rb.InputError, match=naming("planted.xml 0~s friction")):
         check_model(planted(tmp_path), None, 1.0, 1e-3, lambda _, words: shown.append(words))

@@ -1,0 +1,239 @@
+"""Check a user's model: find the fewest changes with which its file rolls right.
+
+The file is run with sets of changes, each set once. The worth of a change is the path error that
+is left with all needed changes except this one.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotball import InputError
+from robotball.engines.mujoco.user_model import Obstacle, UserModel, observed
+from robotball.errors import mujoco_silent
+from robotball.motion import Motion, arrays_of, measured_time, with_arrays
+from robotball.robot.formulas import Rolling
+from robotball.rotations import Array
+from robotball.user_model.mended_file import Change, Editable
+from robotball.user_model.robot_file import start_misses
+
+from ..output import Show
+from .observe import Observation, observe, path_error
+from .propose import LONGEST_STEP, editable_file, proposals
+
+_PATIENCE = 20.0  # s of processor time for all trials
+_SHORTEST_STEP = 1e-4  # s, of trials
+_FEWEST_SAMPLES = 5  # of a comparison that ends at an obstacle
+_MORE_RUNS = 4  # than changes, which the patience must allow for
+_LOOSE = 1.1  # times the smallest error: the limit if the accuracy is out of reach
+
+
+@dataclass(frozen=True)
+class Checked:
+    """The outcome of a check.
+
+    Attributes
+    ----------
+    observation : Observation
+    duration : float, s
+        The time that was asked for.
+    short : str or None
+        Why less time was compared.
+    tried : float, s
+        The duration of each trial.
+    needed : sequence of (Change, float)
+        The fewest changes that help, with the path error without each, the largest first.
+    spared : sequence of Change
+        The other proposals.
+    source, text : str
+        The file, and the mended file.
+    mended : (n, 3), m
+        The path of the mended file over the whole comparison.
+    """
+
+    observation: Observation
+    duration: float
+    short: str | None
+    tried: float
+    needed: Sequence[tuple[Change, float]]
+    spared: Sequence[Change]
+    source: str
+    text: str
+    mended: Array
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the file moves and rolls as the reference does, all the time asked for."""
+        seen = self.observation
+        return seen.failure is None and self.short is None and seen.error <= seen.accuracy
+
+    @property
+    def mended_error(self) -> float:
+        """The path error of the mended file."""
+        return path_error(self.mended, self.observation.theory)
+
+
+@mujoco_silent()  # a diverged state is reported in words
+def check_model(
+    user: UserModel, rolling: Rolling | None, duration: float, accuracy: float, show: Show
+) -> Checked:
+    """Check a user's model against ideal rolling.
+
+    rolling: the nearer model if None. duration [s]: less is compared if the robot meets an
+    obstacle, or all would take too long. accuracy: the path error to reach. show: called with the
+    finished part and the next piece of work.
+    """
+    short, compared = None, duration
+    while True:
+        observation = observe(user, rolling, compared, accuracy, show)
+        trials, obstacle = _first_trials(observation, show)
+        if obstacle is None:
+            break
+        # The equations leave out the obstacle, so compare again, up to shortly before it.
+        compared = obstacle.time - 2 * observation.interval
+        short = f"ends early: {obstacle.words} at t = {obstacle.time:.3g} s of {duration:.3g} s"
+    theory, end = observation.theory, observation.theory.times[-1]
+    if theory.ended:
+        short = f"limit: {theory.ended} of {duration:.3g} s"
+    elif end < observation.duration - observation.interval / 2:
+        short = f"only {end:.3g} s of {duration:.3g} s are checked: all would take too long"
+    changes, needed = trials.changes, list[tuple[Change, float]]()
+    if observation.judged and (observation.failure or observation.error > accuracy):
+        changes = _sufficient(trials)
+        needed = _fewest(trials, changes, max(accuracy, _LOOSE * trials.error(changes)))
+    made = [change for change, _ in needed]
+    whole = len(trials.times) == len(theory.times)
+    return Checked(
+        observation,
+        duration,
+        short,
+        tried=float(trials.times[-1]),
+        needed=needed,
+        spared=[change for change in changes if change not in made],
+        source=trials.edit.source,
+        text=trials.edit.changed(made),
+        mended=trials.path(made) if whole else trials.changed(made).path(theory.times),
+    )
+
+
+@dataclass(frozen=True)
+class _Trials:
+    """Runs of a file with sets of changes.
+
+    changes: all of them, with the file's timestep. times (n,) [s]: the samples of every run.
+    paths: (n, 3) [m] for each set that was run.
+    """
+
+    observation: Observation
+    edit: Editable
+    changes: list[Change]
+    times: Array
+    paths: dict[frozenset[str], Array]
+    show: Show
+
+    def path(self, changes: Sequence[Change]) -> Array:
+        """Return the path (n, 3) of the file with changes."""
+        key = frozenset(map(str, changes))
+        if key not in self.paths:
+            done = 0.4 + 0.6 * len(self.paths) / (len(self.changes) + _MORE_RUNS)
+            self.show(min(0.95, done), "the worth of each change")
+            self.paths[key] = self.changed(changes).path(self.times)
+        return self.paths[key]
+
+    def error(self, changes: Sequence[Change]) -> float:
+        """Return the path error of the file with changes."""
+        return path_error(self.path(changes), self.observation.theory)
+
+    def changed(self, changes: Sequence[Change]) -> UserModel:
+        """Return the model of the file with changes."""
+        return self.observation.user.with_text(self.edit.changed(changes))
+
+
+def _first_trials(observation: Observation, show: Show) -> tuple[_Trials, Obstacle | None]:
+    """Run the file with all changes. Return the trials to go on with, and the first obstacle.
+
+    Trials are shortened so that all of them take no longer than `_PATIENCE`, but not to less than
+    the file needs to exceed the accuracy. Raises InputError for an obstacle at the start.
+    """
+    user, symptoms, times = observation.user, observation.symptoms, observation.theory.times
+    edit = editable_file(observation)
+    changes = proposals(observation, edit, user.robot.model.opt.timestep)
+    early = symptoms.obstacle
+    # Bodies that collide or a high gain may stop the robot before a wall, or throw it at one.
+    if first := [change for change in changes if change.name in ("contacts", "gain")]:
+        _, early = user.with_text(edit.changed(first)).path_to_obstacle(times)
+    elif early and early.time > times[-1]:
+        early = None
+    mended, began = user.with_text(edit.changed(changes)), time.process_time()
+    path, late = mended.path_to_obstacle(times)
+    cost = measured_time(time.process_time() - began) / len(times)
+    obstacle = min(filter(None, (early, late)), default=None)
+    if obstacle and obstacle.time < _FEWEST_SAMPLES * observation.interval:
+        if not symptoms.diverged:
+            misses = "".join(f"; {miss}" for miss, _ in start_misses(user.robot, user.begin()))
+            line = f"{obstacle.words} at t = {obstacle.time:.3g} s, too soon for a comparison"
+            raise InputError(f"{user.robot.path}: {line}{misses}")
+        obstacle = None  # a state that diverges at once may touch anything
+    since = observation.since
+    least = 2 if since is None else 2 + int(1.2 * round(since / observation.interval))
+    # A run with all changes costs the most.
+    times = times[: max(least, int(_PATIENCE / ((len(changes) + _MORE_RUNS) * cost)))]
+    paths = {frozenset(map(str, changes)): path[: len(times)]}
+    return _Trials(observation, edit, changes, times, paths, show), obstacle
+
+
+def _sufficient(trials: _Trials) -> list[Change]:
+    """Return all changes, with the longest step that reaches the accuracy, or else the best one."""
+    observation, accuracy = trials.observation, trials.observation.accuracy
+    step = observation.user.robot.model.opt.timestep
+    while step > LONGEST_STEP:
+        step /= 2
+    tried, helps = [proposals(observation, trials.edit, step)], True
+    while trials.error(tried[-1]) > accuracy and step / 2 >= _SHORTEST_STEP and helps:
+        step /= 2
+        tried.append(proposals(observation, trials.edit, step))
+        before, after = (trials.error(changes) for changes in tried[-2:])
+        helps = after < before / 2 or not np.isfinite(after)
+    return min(tried, key=lambda changes: max(trials.error(changes), accuracy))
+
+
+def _fewest(trials: _Trials, changes: Sequence[Change], limit: float) -> list[tuple[Change, float]]:
+    """Return the fewest changes with an error within the limit, with the error without each.
+
+    The largest error comes first. Fine points, which are last, are left out before other changes.
+    """
+
+    def without(change: Change, needed: Sequence[Change]) -> float:
+        return trials.error([other for other in needed if other is not change])
+
+    needed, before = list(changes), None
+    while needed != before:  # a change may be needed only as long as another is there
+        before = needed
+        for change in changes[::-1]:
+            if change in needed and without(change, needed) <= limit:
+                needed = [other for other in needed if other is not change]
+    worth = [(change, without(change, needed)) for change in needed]
+    return sorted(worth, key=lambda it: -it[1])
+
+
+def motions_of(checked: Checked) -> list[Motion]:
+    """Return the motions of the file, of the mended file if it is changed, and of the reference.
+
+    They are at the same times, as long as each lasts.
+    """
+    seen, theory = checked.observation, checked.observation.theory
+    motions, sampled = [seen.motion], []
+    if checked.needed:
+        mended, error = seen.user.with_text(checked.text), checked.mended_error
+        every = round(seen.interval / mended.robot.model.opt.timestep)
+        motions.append(observed(mended, seen.motion.scene, error, every, name="mended")[0])
+    for run in motions:
+        # A time of the model is a sum of steps.
+        times = theory.times[theory.times < run.times[-1] + run.report.timestep / 2]
+        if len(times) > 1:  # else it diverged at once
+            rows = np.abs(run.times - times[:, None]).argmin(axis=1)
+            arrays = {place: array[rows] for place, array in arrays_of(run)}
+            sampled.append(with_arrays(run, arrays | {("times",): times}))
+    return [*sampled, theory]

@@ -1,0 +1,262 @@
+"""Run a user's model as its file says, beside ideal rolling, and name the first bad state.
+
+The model is stepped with plain `mj_step`. The reference is ideal rolling of the same bodies with
+the same motors, springs and friction, for the rolling model that is nearer.
+"""
+
+import time
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, get_args
+
+import mujoco
+import numpy as np
+
+from robotball import InputError, Scene, integrate
+from robotball.engines.mujoco.user_model import Symptoms, UserModel, observed
+from robotball.errors import SceneWarning
+from robotball.motion import ContactMotion, ReferenceMotion
+from robotball.robot.drives import Constant, Drive
+from robotball.robot.formulas import Rolling
+from robotball.rotations import Array
+from robotball.theory.dop853 import LEAST_RTOL
+from robotball.user_model.robot_file import gears_of, rolling_of
+
+from ..output import Show
+from .unusual import unusual_numbers
+
+_INTERVAL = 0.01  # s between compared samples; at least one step
+_READ_INTERVAL = 1e-3  # s between states whose contacts are read; at least one step
+_SHORTEST_STEP = 1e-7  # s: with a shorter timestep a check takes many minutes
+_LEAST_PATH = 0.1  # of the radius: no verdict on a shorter motion
+_STUCK = 0.05  # of the distance that the reference reaches
+_PATIENCE = 10.0  # s of processor time for the reference
+_REFERENCE_ERROR = 1e-6  # of the accuracy: then its path errs by up to 1e-5 of the accuracy in 10 s
+_NEARER = 0.5  # a rolling model other than the contact's must halve the error
+# Controls and push for a robot that nothing moves.
+_AT_REST = 1e-3  # of the radius: a robot with a shorter path is at rest
+_ANGLE, _RATE = 0.3, 2.0  # rad and rad/s, commands of servos
+_TORQUE = 0.03  # of the robot's weight times the radius, of motors
+
+
+@dataclass(frozen=True)
+class Observation:
+    """A model as its file says, beside its reference.
+
+    Attributes
+    ----------
+    user : UserModel
+    accuracy : float
+        The path error that was asked for.
+    interval, duration : float, s
+        The time between compared samples, and the time that was asked for, in whole samples.
+    contact : MjContact
+        The contact of sphere and plane.
+    motion : ContactMotion
+        The file's motion at every state that was read.
+    symptoms : Symptoms
+    theory : ReferenceMotion
+        The reference at the compared samples, as far as they go.
+    path : (n, 3), m
+        The file's contact point and height at these samples; NaN after a failure.
+    errors : dict of float
+        The path error to each rolling model that was tried.
+    failure : str or None
+        Why the file is wrong whatever its path error.
+    judged : bool
+        Whether anything moves far enough for a verdict.
+    """
+
+    user: UserModel
+    accuracy: float
+    interval: float
+    duration: float
+    contact: Any
+    motion: ContactMotion
+    symptoms: Symptoms
+    theory: ReferenceMotion
+    path: Array
+    errors: Mapping[Rolling, float]
+    failure: str | None
+    judged: bool
+
+    @property
+    def option(self) -> Any:
+        """The options of the file's model."""
+        return self.user.robot.model.opt
+
+    @property
+    def error(self) -> float:
+        """The path error to the reference."""
+        return self.errors[self.theory.scene.rolling]
+
+    @property
+    def since(self) -> float | None:
+        """The first sample at which the path error exceeds the accuracy [s], if any."""
+        exceeds = ~(distances(self.path, self.theory) <= self.accuracy)
+        return float(self.theory.times[exceeds.argmax()]) if exceeds.any() else None
+
+
+def observe(
+    user: UserModel, rolling: Rolling | None, duration: float, accuracy: float, show: Show
+) -> Observation:
+    """Run a model as its file says over a duration [s], and compare it with its reference.
+
+    Raises InputError for a timestep that is too short, or without a reference.
+    """
+    robot, contact = user.robot, user.robot.contact(user.begin())
+    step, least = robot.model.opt.timestep, _SHORTEST_STEP
+    if step < least:
+        raise InputError(f"{robot.path}: timestep must be at least {least:g} s, not {step:g} s")
+    steps = max(1, round(_READ_INTERVAL / step))
+    every = max(1, round(_INTERVAL / (steps * step)))
+    interval = every * steps * step
+    times = interval * np.arange(max(2, round(duration / interval) + 1))
+    duration = float(times[-1])
+    default = rolling_of(contact)
+    scene, watch = user.scene(default, duration), lambda part: show(0.2 * part, "file")
+    motion, symptoms = observed(user, scene, accuracy, steps, watch)
+    if not symptoms.failure:  # the run may have been given up
+        times = times[: max(2, 1 + (len(symptoms.path) - 1) // every)]
+    path = np.full((len(times), 3), np.nan)
+    sampled = symptoms.path[::every][: len(times)]
+    path[: len(sampled)] = sampled
+    models = [rolling] if rolling else sorted(get_args(Rolling), key=lambda it: it != default)
+    rtol = max(_REFERENCE_ERROR * accuracy, LEAST_RTOL)
+    theories = _references(user, models, path, times, rtol, show)
+    errors = {name: path_error(path[: len(it.times)], it) for name, it in theories.items()}
+    nearest = min(errors, key=lambda name: errors[name] / (1.0 if name == default else _NEARER))
+    theory = theories[nearest]
+    path, end = path[: len(theory.times)], theory.times[-1]
+    longest = max(_reach(path), theory.path_length)
+    judged = symptoms.failure is not None or longest >= _LEAST_PATH * user.robot.radius
+    failure = symptoms.failure
+    if failure:
+        path[theory.times >= symptoms.until] = np.nan
+    elif not judged:
+        failure = "no verdict. Neither the file nor ideal rolling moves by a tenth of the radius "
+        failure += f"in {end:.3g} s; see --control and --keyframe"
+    elif _is_stuck(path, theory):
+        failure = f"stuck. Moved {_reach(path):.2g} m in {end:.3g} s; "
+        failure += f"ideal rolling moves {theory.path_length:.3g} m"
+    return Observation(
+        user, accuracy, interval, duration, contact,
+        motion, symptoms, theory, path, errors, failure, judged,
+    )  # fmt: skip
+
+
+def distances(path: Array, theory: ReferenceMotion) -> Array:
+    """Return the distances (k,) of a path (k, 3) from the reference, over its unit of length.
+
+    A height above the plane counts as a distance.
+    """
+    off = path[:, :2] - theory.contact_point[: len(path)]
+    away: Array = np.hypot(np.linalg.norm(off, axis=1), np.maximum(path[:, 2], 0.0))
+    return away / theory.path_scale
+
+
+def path_error(path: Array, theory: ReferenceMotion) -> float:
+    """Return the largest of `distances`; infinite if the path breaks off."""
+    return float(np.nan_to_num(distances(path, theory), nan=np.inf).max())
+
+
+def _reach(path: Array) -> float:
+    """Return the largest distance of a path from its start [m]."""
+    return float(np.nanmax(np.linalg.norm(path[:, :2], axis=1)))
+
+
+def _is_stuck(path: Array, theory: ReferenceMotion) -> bool:
+    return _reach(path) < _STUCK * _reach(theory.contact_point)
+
+
+def _references(
+    user: UserModel, models: Sequence[Rolling], path: Array, times: Array, rtol: float, show: Show
+) -> dict[Rolling, ReferenceMotion]:
+    """Return the motion of each rolling model, if it has one. Raises InputError without any.
+
+    Only the first is tried if it takes too long, or the path is stuck and shows no difference.
+    """
+    theories, refusal = dict[Rolling, ReferenceMotion](), InputError("")
+    for rolling in models:
+        scene = user.scene(rolling, float(times[-1]))
+        try:
+            with warnings.catch_warnings(action="ignore", category=SceneWarning):
+                theory = theories[rolling] = _integrated(scene, times, rtol, show)
+        except InputError as error:
+            causes = (f"; perhaps {name}: {it}" for name, it in unusual_numbers(user, scene))
+            refusal = InputError(f"{user.robot.path}: {error}{''.join(causes)}")
+            if isinstance(error, _SlowError):
+                break
+            continue
+        if (len(theory.times) < len(times) and not theory.ended) or _is_stuck(path, theory):
+            break
+    if not theories:
+        raise refusal
+    return theories
+
+
+class _SlowError(InputError):
+    """The equations take too long."""
+
+
+def _integrated(scene: Scene, times: Array, rtol: float, show: Show) -> ReferenceMotion:
+    """Return the reference, or the part of it that can be computed in time."""
+    began, done = np.inf, 0.0
+
+    def watch(part: float) -> None:
+        nonlocal began, done
+        now = time.process_time()
+        began, done = min(began, now), part
+        show(0.2 + 0.2 * part, "equations")
+        if now - began > _PATIENCE and part < 0.5:
+            speed = f"{_PATIENCE:g} s of processor time for {part * times[-1]:.2g} s of motion"
+            cause = "a joint friction or a gain on a light body, or very many bodies"
+            raise _SlowError(f"the equations take {speed}; the cause may be {cause}")
+
+    try:
+        return integrate(scene, times, rtol, progress=watch)
+    except _SlowError:
+        count = int(0.8 * done * len(times))
+        if count < 2:
+            raise
+    return integrate(scene, times[:count], rtol)
+
+
+def made_to_move(user: UserModel) -> tuple[UserModel, list[str]]:
+    """Return the model, with controls or a push if nothing moves it, and a line about these."""
+    if not _at_rest(user):
+        return user, []
+    model = user.robot.model
+    gravity = float(np.linalg.norm(model.opt.gravity))
+    torque = _TORQUE * float(model.body_subtreemass[0]) * gravity * user.robot.radius
+    controls: dict[str, Drive] = {}
+    for name, gears in gears_of(model).items():
+        i, joints = user.actuators[name], [*gears]
+        scale = float(model.actuator_gear[i, 0] * model.actuator_gainprm[i, 0])
+        _, angle, rate = model.actuator_biasprm[i, :3]
+        value = _ANGLE if angle else _RATE if rate else torque / (abs(scale) or 1.0)
+        if model.actuator_ctrllimited[i]:
+            low, high = (float(end) for end in model.actuator_ctrlrange[i])
+            value = min(value, high / 4) if high > 0 else max(-value, low / 4)
+        slides = np.any(model.jnt_type[joints] == int(mujoco.mjtJoint.mjJNT_SLIDE))
+        if slides or (np.any(model.jnt_limited[joints]) and not angle):
+            value = 0.0  # it would soon reach the end of its range
+        controls[name] = Constant(value)
+    if not any(drive.rate(0.0) for drive in controls.values()):
+        speed = float(np.sqrt(gravity * user.robot.radius)) / 2
+        line = f"No control given; check used a push, to roll at {speed:.2g} m/s."
+        return replace(user, push=speed), [line]
+    used = ", ".join(f"{name}={drive.rate(0.0):.3g}" for name, drive in controls.items())
+    line = f"No control given; check used {used}. "
+    line += f"Choose your own with --control {next(iter(controls))}=VALUE."
+    return replace(user, controls=controls), [line]
+
+
+def _at_rest(user: UserModel) -> bool:
+    """Return whether a model without controls and velocities stays in place for about 2 s."""
+    data, step = user.begin(), user.robot.model.opt.timestep
+    if user.controls or np.any(data.ctrl) or np.any(data.qvel):
+        return False
+    path = user.path(step * round(1 + 0.1 / step) * np.arange(20))
+    return bool(np.nanmax(np.abs(path[:, :2])) < _AT_REST * user.robot.radius)

@@ -1,0 +1,262 @@
+"""Propose changes to a user's file. Each is a law that compares the file with what rolling needs.
+
+A law names the number of the file beside the number that the motion needs, or beside the limit that
+it exceeds. `ablate` finds out which of the changes are needed.
+"""
+
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+from scipy.optimize import root_scalar
+
+from robotball.engines.mujoco.settings import BY_ERROR, CONSTANT, INTEGRATORS, recipe
+from robotball.engines.mujoco.user_model import UserModel, wrenches
+from robotball.errors import counted
+from robotball.user_model.mended_file import Change, Editable, Moves, editable
+from robotball.user_model.robot_file import body_name, geom_name, start_misses
+
+from .observe import Observation
+
+# The recipe has more friction than any motion needs, and the hardest contact that MuJoCo does not
+# soften: MuJoCo raises the time constant to two steps.
+_SLIDING: float = CONSTANT["sliding_friction"]
+_TIME_CONSTANT = BY_ERROR[1]  # s
+LONGEST_STEP = _TIME_CONSTANT / 2  # s, of a step that does not soften the contact
+_SOLIMP: Any = recipe("mended", 1e-3).solimp
+_LARGEST_MARGIN = 1e-3  # of the radius: a larger result is not meaningful
+# The solver of the recipe, and the values beyond which a solver stops early.
+_SOLVER = {"solver": "Newton", "iterations": "100", "ls_iterations": "50", "tolerance": "1e-10"}
+_ITERATIONS, _LS_ITERATIONS, _TOLERANCE = 20, 10, 1e-8
+_DELIVERED = 0.95  # of the declared rolling resistance: more is not worth a word
+_OVERRIDDEN = ("margin", "solref", "solimp", "friction")  # by the option flag override
+_EULER_ID, _RK4_ID = map(int, (mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_RK4))
+_EXPLICIT = {_EULER_ID: INTEGRATORS["Euler"], _RK4_ID: INTEGRATORS["RK4"]}
+_MOST_PAIRS = 5  # of geoms that are named
+
+
+def editable_file(seen: Observation) -> Editable:
+    """Return the text of the observed file, ready for changes."""
+    user, contact = seen.user, seen.contact
+    robot, data = user.robot, user.begin()
+    normal, gap = robot.above_plane(data)
+    moves = Moves(-gap * normal, -robot.slip(data), robot.keyframe(user.key))
+    names = ("condim", "friction", "solref", "solreffriction", "solimp", "margin")
+    called = {"condim": "dim", "margin": "includemargin"}  # in a contact
+    fields = {name: np.atleast_1d(getattr(contact, called.get(name, name))) for name in names}
+    # A value of zeros is the default.
+    pair = {name: _digits(*values) for name, values in fields.items() if np.any(values)}
+    overlapping = {geom for pair in seen.symptoms.inside for geom in pair}
+    return editable(robot, moves, pair, {int(robot.model.geom_bodyid[i]) for i in overlapping})
+
+
+def proposals(seen: Observation, edit: Editable, step: float) -> list[Change]:
+    """Return the changes after which the file follows the recipe, with steps of a length [s].
+
+    Changes that hide the effect of others come first, fine points last.
+    """
+    laws = (
+        _contacts, _gain, _start, _solver, _condim, _cone, _friction, _integrator,
+        partial(_timestep, step=step), _softness, _noslip,
+    )  # fmt: skip
+    changes = [change for law in laws for change in law(seen)]
+    if seen.option.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
+        changes = [_overriding(change) for change in changes]
+    return _with_margin(changes, seen, edit)
+
+
+def _digits(*values: float) -> str:
+    return " ".join(f"{value:.9g}" for value in values)
+
+
+def _contacts(seen: Observation) -> Iterator[Change]:
+    """Bodies inside the shell collide, although they should pass through one another."""
+    model, inside = seen.user.robot.model, seen.symptoms.inside
+    if inside:
+        more = len(inside) - 1
+        others = f", and {counted(more, 'more pair')}" if more else ""
+        bodies = {tuple(sorted(int(model.geom_bodyid[geom]) for geom in pair)) for pair in inside}
+        names = tuple((body_name(model, i), body_name(model, j)) for i, j in sorted(bodies))
+        yield Change("contacts", next(collisions(seen)) + others, exclude=names)
+
+
+def collisions(seen: Observation) -> Iterator[str]:
+    """Yield which geoms collide inside the shell, and how often, the most frequent first."""
+    for pair, part in seen.symptoms.inside.most_common(_MOST_PAIRS):
+        a, b = (geom_name(seen.user.robot.model, geom) for geom in pair)
+        yield f"{a} touches {b} in {part:.0%} of the steps"
+
+
+class Gain(NamedTuple):
+    """A velocity gain too high for an explicit integrator: kv·gear²·dt/I, and its stable limit."""
+
+    number: float
+    limit: float
+    words: str
+
+
+def too_high_gain(user: UserModel) -> Gain | None:
+    """Return the highest velocity gain at which the integrator is unstable, if any.
+
+    I is the inertia that the actuator moves at the start.
+    """
+    model, data = user.robot.model, user.begin()
+    integrator = _EXPLICIT.get(model.opt.integrator)
+    if integrator is None or integrator.servo_limit is None:
+        return None
+    limit, step = integrator.servo_limit, model.opt.timestep
+    moments, gains = np.zeros((model.nu, model.nv)), []
+    mujoco.mju_sparse2dense(
+        moments, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
+    )
+    for name, i in user.actuators.items():
+        kv, gear = -float(model.actuator_biasprm[i, 2]), float(model.actuator_gear[i, 0])
+        accelerations = np.zeros((1, model.nv))
+        mujoco.mj_solveM(model, data, accelerations, moments[i : i + 1])
+        mobility = float(moments[i] @ accelerations[0])
+        if (number := kv * mobility * step) > limit:
+            factors = f"{kv:.3g}·{gear:.3g}²·{step:.3g}/{gear**2 / mobility:.3g}"
+            words = f"{name}: kv·gear²·dt/I = {factors} = {number:.3g}; "
+            words += f"{integrator.name} is stable below {limit:.3g}"
+            gains.append(Gain(number, limit, words))
+    return max(gains, default=None)
+
+
+def _gain(seen: Observation) -> Iterator[Change]:
+    """An explicit integrator is unstable under a high gain; implicitfast is stable at any."""
+    if gain := too_high_gain(seen.user):
+        words = f"{gain.words}, implicitfast at any gain"
+        yield Change("gain", words, option={"integrator": "implicitfast"})
+
+
+def _start(seen: Observation) -> Iterator[Change]:
+    """The start is off the plane, or slips."""
+    if misses := [miss for miss, _ in start_misses(seen.user.robot, seen.user.begin())]:
+        yield Change("start", "; ".join(misses), start=True)
+
+
+def _solver(seen: Observation) -> Iterator[Change]:
+    """The solver stops before the contact forces have converged."""
+    option = seen.option
+    stops_early = {
+        "solver": option.solver != int(mujoco.mjtSolver.mjSOL_NEWTON),
+        "iterations": option.iterations < _ITERATIONS,
+        "ls_iterations": option.ls_iterations < _LS_ITERATIONS,
+        "tolerance": option.tolerance > _TOLERANCE,
+    }
+    if changed := {name: _SOLVER[name] for name, stops in stops_early.items() if stops}:
+        words = f"the solver stops early: {option.iterations} iterations, "
+        words += f"{option.ls_iterations} of a line search, tolerance {option.tolerance:g}"
+        yield Change("solver", words, option=changed)
+
+
+def _condim(seen: Observation) -> Iterator[Change]:
+    """Each rolling model has its number of friction directions."""
+    condim, scene = seen.contact.dim, seen.theory.scene
+    needed = 6 if scene.friction.rolling else 4 if scene.rolling == "rubber" else 3
+    if condim != needed:
+        free = "allows slip" if condim == 1 else "allows spin"
+        effect = free if condim < needed else "resists more than it should"
+        words = f"condim {condim} {effect}; {scene.rolling} rolling has {needed}"
+        yield Change("condim", words, pair={"condim": str(needed)})
+
+
+def _cone(seen: Observation) -> Iterator[Change]:
+    """A pyramidal cone couples the directions of friction, and weakens rolling resistance."""
+    if seen.option.cone != int(mujoco.mjtCone.mjCONE_ELLIPTIC):
+        words = "the friction cone is a pyramid, which couples its directions"
+        delivered = seen.symptoms.delivered
+        if delivered is not None and delivered < _DELIVERED:
+            words += f" and delivers {delivered:.0%} of the rolling resistance"
+        yield Change("cone", words, option={"cone": "elliptic"})
+
+
+def _friction(seen: Observation) -> Iterator[Change]:
+    """The sphere slips if the reference needs more friction. Classical rolling has no torsion."""
+    loads, scene = seen.theory.loads, seen.theory.scene
+    slide, _, spin, roll, _ = seen.contact.friction
+    words = f"sliding friction {slide:.3g}; the motion needs {loads.sliding_friction.max():.2g}"
+    torsional, rubber = mujoco.mjMINMU, scene.rolling == "rubber"
+    if rubber:
+        torsional = _SLIDING * scene.ball.radius
+        needed = loads.torsional_friction.max()
+        words += f"; torsional friction {spin:.3g} m; the motion needs {needed:.2g} m"
+    if slide < _SLIDING or ((rubber or scene.friction.rolling) and spin != torsional):
+        values = _digits(_SLIDING, _SLIDING, torsional, roll, roll)
+        yield Change("friction", words, pair={"friction": values})
+
+
+def _integrator(seen: Observation) -> Iterator[Change]:
+    """An integrator other than RK4 is of first order."""
+    if seen.option.integrator != _RK4_ID and not too_high_gain(seen.user):
+        yield Change("integrator", "the integrator is of first order", option={"integrator": "RK4"})
+
+
+def _timestep(seen: Observation, step: float) -> Iterator[Change]:
+    """Shorter steps reduce the error of the integrator, and do not soften the contact."""
+    if step < seen.option.timestep:
+        gain = too_high_gain(seen.user)
+        words = f"steps of {1e3 * seen.option.timestep:g} ms are too long"
+        words += f" for the gain of {gain.words}" if gain else ""
+        yield Change("timestep", words, option={"timestep": _digits(step)})
+
+
+def _softness(seen: Observation) -> Iterator[Change]:
+    """A sphere of radius a that sinks or floats by p has a path error of 0.54 p/a (measured)."""
+    times, depth = seen.motion.times, seen.motion.report.depth
+    depth = depth[(times < seen.symptoms.until) & np.isfinite(depth)]
+    sinks = 1e3 * float(depth.mean()) if len(depth) else 0.0
+    by = f": the sphere sinks {sinks:.2g} mm" if len(depth) else ""
+    name, words = "softness", f"the contact is soft{by} and has no load at first"
+    if sinks < 0:
+        name, words = "margin", f"its margin holds the sphere {-sinks:.2g} mm above the plane"
+    hard = {"solref": _digits(_TIME_CONSTANT, 1.0), "solimp": _digits(*_SOLIMP)}
+    yield Change(name, words, pair=hard)
+
+
+def _noslip(seen: Observation) -> Iterator[Change]:
+    """Regularized friction creeps under a load, unless MuJoCo solves for the slip."""
+    if seen.option.noslip_iterations < 1:
+        words = "friction is regularized and creeps; no iterations remove the slip"
+        yield Change("noslip", words, option={"noslip_iterations": "3"})
+
+
+def _overriding(change: Change) -> Change:
+    """Return a change that also sets the options by which the flag override replaces a pair."""
+    options = {f"o_{name}": change.pair[name] for name in _OVERRIDDEN if name in change.pair}
+    if not options:
+        return change
+    words = f"{change.words}; set by the option flag override"
+    return replace(change, words=words, option={**change.option, **options})
+
+
+def _with_margin(changes: Sequence[Change], seen: Observation, edit: Editable) -> list[Change]:
+    """Return the changes with the margin at which the contact carries the load from the start.
+
+    A sphere that just touches has no normal force at first, and slips by 1e-3 of the path or more.
+    """
+    theory, user = seen.theory, seen.user.with_text(edit.changed(changes))
+    robot, data, model = user.robot, user.begin(), user.robot.model
+    load = float(theory.loads.contact_force[0, 2])
+    pairs = np.flatnonzero((model.pair_geom1 == robot.sphere) | (model.pair_geom2 == robot.sphere))
+
+    def excess(margin: float) -> float:
+        model.pair_margin[pairs] = model.opt.o_margin = margin
+        mujoco.mj_forward(model, data)
+        return float(sum(wrench[0] for _, wrench in wrenches(robot, data))) - load
+
+    # The static penetration of a contact with the impedance d: g (1 - d) timeconst².
+    guess = theory.scene.gravity * (1 - _SOLIMP[1]) * float(model.pair_solref[pairs[0], 0]) ** 2
+    with warnings.catch_warnings(action="ignore"):
+        root = root_scalar(excess, x0=guess, x1=1.1 * guess)
+    if not (root.converged and 0 < root.root < _LARGEST_MARGIN * theory.scene.ball.radius):
+        return [*changes]
+    margin = {"margin": _digits(root.root)}
+    return [
+        replace(change, pair={**change.pair, **margin}) if "solref" in change.pair else change
+        for change in changes
+    ]

@@ -33,7 +33,7 @@ from validation.cli import COMMANDS
 
 GOLDEN = PROJECT / "tests" / "golden" / "messages.txt"
 # Words of Python's, NumPy's and MuJoCo's follow these.
-OTHERS = r"((?:\w*Error|JSON|TOML|read|ParseXML|XML parse error \d+):)"
+OTHERS = r"((?:\w*Error|JSON|TOML|read|[A-Z]+ file|ParseXML|XML parse error \d+):)"
 # What asks for a message, and the message.
 Rows = Iterator[tuple[str, str]]
 
@@ -124,7 +124,7 @@ def shown(rows: Rows, folder: Path) -> str:
         line = said.replace(f"{folder}/", "").replace(f"{PROJECT}/", "")
         line = re.sub(r"(tests/\S+ line) \d+", r"\1 …", line)
         line = re.sub(rf"{OTHERS} .+", r"\1 …", line)
-        line = re.sub(r"(margin of|steps reach t =|needs some) \S+", r"\1 …", line)
+        line = re.sub(r"(margin of|steps reach t =|needs about) \S+", r"\1 …", line)
         line = re.sub(r"\d+\.\d{3,}(e[-+]\d+)?", lambda number: f"{float(number[0]):.3g}", line)
         lines.add(f"{' '.join(asked.split())}\n    {line}\n")
     return "".join(sorted(lines))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from robotball.view.lines import Look
+    from robotball.view.lines import LineStyle
 
     from .agreement import Agreement
 
@@ -101,7 +101,7 @@ class _Line:
     without the zero that they start from; finished: whether it is as long as it should be.
     """
 
-    look: "Look"
+    look: "LineStyle"
     contact_point: _Array
     errors: Sequence[tuple[_Array, _Array]] = ()
     finished: bool = True
@@ -141,7 +141,7 @@ def sheet_of(agreements: Sequence["Agreement"]) -> Sheet:
     )
 
 
-def _line(look: "Look", agreement: "Agreement") -> _Line:
+def _line(look: "LineStyle", agreement: "Agreement") -> _Line:
     times, errors = agreement.motion.times, []
     for values in (agreement.path_errors, agreement.momentum_errors):
         which = 1 + extremes(values[1:])

@@ -1,17 +1,15 @@
-"""The phase portrait of motion from rest (4.1): limit cycles, separatrices, basins.
+"""Phase portrait of the motion from rest (4.1): limit cycles, separatrices, basins.
 
-With M = 0 chaos is impossible: on the sphere every motion ends at a fixed point or on a cycle. The
-fixed points are those of `equilibria`.
+With M = 0 the flow is on a sphere, so chaos is impossible: every motion ends at a fixed point (see
+`equilibria`) or on a cycle.
 
-*Limit cycles* are found by returns to an arc, then closed by Newton's method. A closed orbit C of
-(4.1) parts the sphere in two. The flow is the same at γ and -γ, so -C is one, too, and by Brouwer's
-theorem a side of C that held its own opposite would hold a γ = -γ. So either C = -C, and any point
-is parted by it from its opposite, or C and -C bound two sides without common points, each with a
-fixed point of index 1 whose opposite is in the other. Either way C crosses the half of a great
-circle from some fixed point of index 1 to its opposite: the cycles are where an orbit that starts
-on such an arc comes back to where it started.
+*Limit cycles* are found from returns to an arc, then closed by Newton's method. Every cycle C of
+(4.1) crosses the half great circle from a fixed point of index 1 to its opposite, for some such
+point: the flow is the same at γ and -γ, so -C is a cycle, too. If C = -C, it separates every point
+from its opposite. Otherwise C and -C bound two disjoint regions, by Brouwer's theorem each contains
+a fixed point of index 1, and its opposite is in the other region.
 
-*Separatrices*, the stable and unstable manifolds of the saddles, part the *basins* on the sphere.
+*Separatrices*, the stable and unstable manifolds of the saddles, separate the *basins*.
 """
 
 from collections.abc import Iterator, Sequence
@@ -39,31 +37,31 @@ from robotball.theory.ensembles.orbits import Starts, components, orbit, orbits
 from robotball.theory.ensembles.steppers import ARC
 
 _NO_MOMENTUM = np.zeros(3)
-_SAMPLES = 4000  # of a closed curve: neighbours are some 2e-3 apart
-_RETURN_TOLERANCE = 1e-9  # of a step of an orbit that is to come back
-_NOISE = 1e-6  # rad: what the returns may be off by, after many such steps
-_CLOSER = 16  # starts between two neighbours, where the return jumps
-_AT_REST = 1e-6  # of the flow's rates: a cycle that slow is a fixed point
-_SAME = 1e-6  # of unit vectors: two cycles so near are one
-# Of a multiplier from 1: an orbit round a centre closes, too.
-_HYPERBOLIC = 1e-5
-# Of the first point from the saddle: the manifold leaves its tangent by the square of it.
+_SAMPLES = 4000  # of a closed curve; neighbours are about 2e-3 apart
+_RETURN_TOLERANCE = 1e-9  # relative error of a step while searching for returns
+_NOISE = 1e-6  # rad, error of a return angle after many such steps
+_CLOSER = 16  # starts between two neighbours where the return map jumps
+_AT_REST = 1e-6  # of the flow's rates: a slower cycle is a fixed point
+_SAME = 1e-6  # distance of unit vectors below which two cycles are the same
+_HYPERBOLIC = 1e-5  # distance of a multiplier from 1: orbits around a centre close, too
+# Distance of a separatrix's first point from the saddle; its square is the distance from the
+# manifold.
 _OFFSET = 1e-4
-_REACHED = 0.02  # of a fixed point: a manifold that ends that near to it ends there
-_INTERVAL = 0.05  # s, at most, between two samples
-LONGEST = 300.0  # rad, by the rates of the flow, of a cycle's period
-_TRIES = 5  # each four times as long, while something that must be there is not
-_SETTLING = 5000.0  # rad, that every start is given
+_REACHED = 0.02  # distance from a fixed point within which a separatrix ends there
+_INTERVAL = 0.05  # s, largest sample interval
+LONGEST = 300.0  # longest period sought, times the flow's rates [rad]
+_TRIES = 5  # searches, each for four times longer periods, while an expected attractor is missing
+_SETTLING = 5000.0  # duration for which every start is followed, times the flow's rates [rad]
 _STARTS = 120
-_TOLERANCE = 1e-9  # of a step: an attractor forgives what a path does not
+_TOLERANCE = 1e-9  # relative error of a step, uncritical for finding the attractor
 
 
 @dataclass(frozen=True)
 class _PhasePortrait:
-    """The fixed points, limit cycles and basins of one ball.
+    """Fixed points, limit cycles and basins of one ball.
 
-    points; cycles, one of each pair C, -C; basins: the share of the sphere that each attractor has,
-    by the name of its point, or "cycle" and its number; γ and -γ count as one.
+    points; cycles: one of each pair C, -C; basins: fraction of the sphere attracted by each pair
+    ±γ, keyed by the name of the points or "cycle" and its number.
     """
 
     points: tuple[FixedPoint, ...]
@@ -72,13 +70,13 @@ class _PhasePortrait:
 
 
 def phase_portrait(parameters: Parameters) -> _PhasePortrait:
-    """Return the phase portrait of a rubber ball. Raises InputError where it is degenerate.
+    """Return the phase portrait of a rubber ball. Raises InputError if it is degenerate.
 
-    Something must attract and something repel. Where no fixed point does, slower cycles are looked
-    for; else those slower than LONGEST are not.
+    A flow on the sphere has something that attracts and something that repels. If neither fixed
+    points nor found cycles provide both, slower cycles are sought, up to 256 times LONGEST.
     """
     points = fixed_points(parameters)
-    # The search costs as its longest period; most balls have fast cycles or none.
+    # The cost grows with the longest period; most balls have only fast cycles.
     for attempt in range(_TRIES):
         cycles = limit_cycles(parameters, 4**attempt * LONGEST / rate_scale(parameters))
         if _complete(points, cycles):
@@ -88,7 +86,7 @@ def phase_portrait(parameters: Parameters) -> _PhasePortrait:
 
 
 def _complete(points: Sequence[FixedPoint], cycles: Sequence[Cycle]) -> bool:
-    """Return whether something attracts and something repels; a centre is both."""
+    """Return whether something attracts and something repels; a centre counts as both."""
     kinds = " ".join(f" {point.kind}" for point in points)
     attracts = any(abs(cycle.multipliers[0]) < 1 for cycle in cycles)
     repels = any(abs(cycle.multipliers[0]) > 1 for cycle in cycles)
@@ -99,10 +97,9 @@ def _complete(points: Sequence[FixedPoint], cycles: Sequence[Cycle]) -> bool:
 def basin_shares(
     parameters: Parameters, points: Sequence[FixedPoint], cycles: Sequence[Cycle], starts: int
 ) -> dict[str, float]:
-    """Return the share of starts over the sphere that end nearest to each attractor.
+    """Return the fraction of starts, spread over the sphere, that end nearest to each attractor.
 
-    All of them end at some attractor; near a slow focus that takes longer than anyone waits, so
-    they are not asked to have arrived.
+    Near a slow focus the motion takes very long, so a start need not have arrived.
     """
     attractors: dict[str, list[Array]] = {}
     for point in points:
@@ -112,20 +109,20 @@ def basin_shares(
         if abs(cycle.multipliers[0]) < 1:
             curve = curve_of(parameters, cycle.gamma, cycle.period)[::8]
             attractors[f"cycle {number}"] = [curve, -curve]
-    # A centre attracts nothing, and every motion goes on round it.
+    # A centre attracts nothing: every motion continues around it.
     if not attractors:
         return {}
     attitudes = attitude_at(spread_points(starts))
     times = np.array([0.0, _SETTLING / rate_scale(parameters)])
     ends = orbits(parameters, attitudes, np.zeros((starts, 3)), times, _TOLERANCE).attitudes[:, 1]
     gamma = rotation_matrix(ends)[:, 2]
-    distances = np.array([nearest(gamma, np.concatenate(each)) for each in attractors.values()])
-    reached = distances.argmin(axis=0)
-    return {name: float(np.mean(reached == i)) for i, name in enumerate(attractors)}
+    distances = np.array([nearest(gamma, np.concatenate(sets)) for sets in attractors.values()])
+    closest = distances.argmin(axis=0)
+    return {name: float(np.mean(closest == i)) for i, name in enumerate(attractors)}
 
 
 def _pair_name(parameters: Parameters, point: FixedPoint) -> str:
-    """Return the name of a fixed point and its opposite together, such as "θ₃,₄"."""
+    """Return the common name of a fixed point and its opposite, such as "θ₃,₄"."""
     names = sorted(filter(None, (name_of(parameters, s * point.gamma) for s in (1.0, -1.0))))
     if len(names) < 2:
         return "unnamed"
@@ -133,8 +130,8 @@ def _pair_name(parameters: Parameters, point: FixedPoint) -> str:
 
 
 def spread_points(count: int) -> Array:
-    """Return points (count, 3) spread evenly over the unit sphere, along Fibonacci's spiral."""
-    # Equal steps of z have equal areas; the golden angle keeps neighbours apart.
+    """Return points (count, 3) spread evenly over the unit sphere on a Fibonacci spiral."""
+    # Equal steps of z cover equal areas; the golden angle keeps neighbours apart.
     i = np.arange(count) + 0.5
     z, turn = 1 - 2 * i / count, np.pi * (3 - np.sqrt(5)) * i
     across = np.sqrt(1 - z * z)
@@ -142,11 +139,11 @@ def spread_points(count: int) -> Array:
 
 
 def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 64) -> list[Cycle]:
-    """Find the limit cycles of (4.1), stable and unstable, with periods to `longest` [s].
+    """Find the limit cycles of (4.1), stable and unstable, with periods up to `longest` [s].
 
-    One of each pair C, -C. From `starts` points of each arc orbits are followed until they come
-    back: of two cycles that cross it between neighbouring points neither is found. Raises
-    InputError for a classical ball, and where fixed points are not isolated.
+    Returns one of each pair C, -C. Orbits are followed from `starts` points of each arc until they
+    return; two cycles between neighbouring points may both be missed. Raises InputError for a
+    classical ball and if fixed points are not isolated.
     """
     cycles: list[Cycle] = []
     curves: list[Array] = []
@@ -158,15 +155,15 @@ def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 6
 
     # A cycle is closed in the direction of time in which it attracts: the other loses all digits.
     for ball, sense in ((parameters, 1), (reversed_in_time(parameters), -1)):
-        # Two arcs each: where one has a cycle close to the end of what comes back, another has not.
+        # Two arcs per point: a cycle that passes close to the end of one is clear of the other.
         for arc in (np.stack([gamma, side]) for gamma in centres for side in tangents(gamma)):
             for gamma, period in _returning(ball, arc, longest, starts):
-                # Asked before, to save closing it, and after, when a point of it is exact.
+                # Checked before, to save closing it, and again with the exact point.
                 if known(gamma) or (cycle := closed(ball, gamma, period)) is None:
                     continue
                 if cycle.period > longest or known(cycle.gamma):
                     continue
-                # Backwards in time a multiplier is its inverse.
+                # Reversing time inverts the multipliers.
                 cycles.append(replace(cycle, multipliers=cycle.multipliers**sense))
                 curves.append(curve_of(ball, cycle.gamma, cycle.period))
     return cycles
@@ -174,13 +171,13 @@ def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 6
 
 def _of_index_one(points: list[FixedPoint]) -> list[Array]:
     """Return γ (3,) of the fixed points of index 1, one of each pair ±γ."""
-    found: list[Array] = []
+    representatives: list[Array] = []
     for point in points:
         if point.kind not in ("saddle", "degenerate") and not any(
-            np.abs(point.gamma + known).max() < 1e-6 for known in found
+            np.abs(point.gamma + gamma).max() < 1e-6 for gamma in representatives
         ):
-            found.append(point.gamma)
-    return found
+            representatives.append(point.gamma)
+    return representatives
 
 
 def _returning(
@@ -190,24 +187,25 @@ def _returning(
     starts: int,
     part: tuple[float, float] = (0.0, np.pi),
 ) -> Iterator[tuple[Array, float]]:
-    """Yield γ (3,) near where attracting cycles cross a part of an arc, and periods [s].
+    """Yield γ (3,) near crossings of attracting cycles with an arc, and approximate periods [s].
 
-    arc (2, 3): the half of the great circle through two unit vectors from the first by the second
-    to the first's opposite, 0 < ψ < π of `on_circle`; part: of it, by ψ.
+    arc (2, 3): unit vectors of `on_circle`; the arc is 0 < ψ < π, from the first vector through the
+    second to the first's opposite. part: the interval of ψ to search.
 
-    There the return falls behind the start. As orbits do not cross each other, returns keep their
-    order as long as they go on continuously: a fall by more than the starts are apart is a jump.
-    At a jump, or where the last of the starts comes back, it is looked closer, once.
+    At a cycle the return angle, relative to the start's, changes from ahead to behind. Orbits do
+    not cross, so returns keep their order wherever the return map is continuous; a decrease by more
+    than the spacing is a jump. Jumps, and the ends of the set of returning starts, are searched
+    once more with finer spacing.
     """
     apart = (part[1] - part[0]) / starts
-    # The middles of equal pieces: the ends of an arc are fixed points, from which nothing returns.
+    # Midpoints of equal intervals: the ends of an arc are fixed points, which never return.
     angles = np.linspace(*part, 2 * starts + 1)[1::2]
     ahead, times = _first_returns(parameters, arc, angles, longest)
     gap = ahead - angles
     gap[np.abs(gap) < _NOISE] = 0.0
     fall = gap[:-1] - gap[1:]
     for i in range(starts - 1):
-        if np.abs(fall[i]) <= apart + _NOISE:  # and not NaN
+        if np.abs(fall[i]) <= apart + _NOISE:  # false for NaN
             if gap[i] >= 0 >= gap[i + 1] and fall[i] > 0:
                 yield on_circle(arc, angles[i] + gap[i] / fall[i] * apart), float(times[i])
         elif part == (0.0, np.pi) and min(abs(gap[i]), abs(gap[i + 1])) < 2 * apart:
@@ -218,13 +216,13 @@ def _returning(
 def _first_returns(
     parameters: Parameters, arc: Array, angles: Array, longest: float
 ) -> tuple[Array, Array]:
-    """Return the angles (n,) at which orbits from angles (n,) of an arc come back, and when [s].
+    """Return the angles (n,) and times (n,) [s] of first return from angles (n,) of an arc.
 
-    They cross the arc the same way as they started; NaN where they do not within `longest`.
+    A return crosses the arc in the direction of the start; NaN if there is none within `longest`.
     """
     (centre, across), gamma = arc, on_circle(arc, angles)
     normal = np.cross(centre, across)
-    # Any turn about the vertical would do: with M = 0 it changes nothing.
+    # Any heading: with M = 0 a rotation about the vertical changes nothing.
     first = np.broadcast_to(normal, gamma.shape)
     attitudes = from_matrix(np.stack([first, np.cross(gamma, first), gamma], axis=1))
     way = np.sign(normal @ np.stack(flow(parameters, tuple(gamma.T))))
@@ -238,12 +236,12 @@ def _first_returns(
 def closed(parameters: Parameters, gamma: Array, period: float) -> Cycle | None:
     """Return the cycle near γ (3,) with about this period [s] or half of it, or None.
 
-    Half: an orbit may pass the end of an arc once, and come back to the arc the second time.
+    Half, because an orbit may miss the end of an arc once and return the second time.
     """
     cycle = _closed(parameters, gamma, period)
     if cycle is None:
         return None
-    # Newton's method from half the period finds the same cycle only where that is the period.
+    # From half the period, Newton's method finds the same cycle only if that is its period.
     half = _closed(parameters, cycle.gamma, cycle.period / 2)
     same = half is not None and np.linalg.norm(half.gamma - cycle.gamma) < _SAME
     return half if same else cycle
@@ -254,30 +252,30 @@ def _closed(parameters: Parameters, gamma: Array, period: float) -> Cycle | None
         cycle = close(parameters, attitude_at(gamma), _NO_MOMENTUM, period)
     except InputError:
         return None
-    # A fixed point, too, is where it was after any time.
+    # A fixed point closes after any time, too.
     rate = np.linalg.norm(flow(parameters, as_vector(cycle.gamma)))
     moves = rate > _AT_REST * rate_scale(parameters)
     return cycle if moves and abs(cycle.multipliers[0] - 1) > _HYPERBOLIC else None
 
 
 def reversed_in_time(parameters: Parameters) -> Parameters:
-    """Return the ball that moves backwards in time: ω is linear in M, K and Ω together."""
+    """Return the ball whose motions run backwards in time: ω is linear in (M, K, Ω)."""
     return replace(
         parameters, Omega=eq.scale(-1.0, parameters.Omega), K=eq.scale(-1.0, parameters.K)
     )
 
 
 def curve_of(parameters: Parameters, gamma: Array, period: float) -> Array:
-    """Return γ (_SAMPLES, 3) over a period from γ (3,)."""
+    """Return γ (_SAMPLES, 3) over one period, starting from γ (3,)."""
     times = np.linspace(0.0, period, _SAMPLES)
     return rotation_matrix(orbit(parameters, attitude_at(gamma), _NO_MOMENTUM, times)[:, :4])[:, 2]
 
 
 def involute(gamma: Array) -> Array:
-    """Return the unrolled sphere's coordinates φ, γ₃ (..., 2) of points γ (..., 3) [rad, -].
+    """Return the area-preserving map coordinates φ, γ₃ (..., 2) of points γ (..., 3) [rad, -].
 
-    φ = π/4 + arctan(γ₁/γ₂), from 0 to 2π, as in the paper's Figs 6 to 8. The map preserves areas.
-    In a line γ (n, 3) φ is NaN where it jumps by 2π, so that no segment is drawn across.
+    φ = π/4 + arctan(γ₁/γ₂), from 0 to 2π, as in the paper's Figs 6 to 8. For a line γ (n, 3), φ is
+    NaN where it jumps by 2π, so that no segment is drawn across the map.
     """
     phi = (np.pi / 4 + np.arctan2(gamma[..., 0], gamma[..., 1])) % (2 * np.pi)
     if phi.ndim:
@@ -286,16 +284,17 @@ def involute(gamma: Array) -> Array:
 
 
 def lies_on(gamma: Array, curve: Array) -> bool:
-    """Return whether γ (3,) is as near to a closed curve (n, 3) as its samples are apart."""
+    """Return whether γ (3,) is within one sample spacing of a closed curve (n, 3)."""
     spacing = np.linalg.norm(np.diff(curve, axis=0), axis=1).max()
     return bool(np.linalg.norm(curve - gamma, axis=1).min() < spacing)
 
 
 @dataclass(frozen=True)
 class Separatrix:
-    """Half of a saddle's manifold: γ (n, 3) from the saddle on, back in time where it is stable.
+    """Half of a saddle's stable or unstable manifold.
 
-    end: the fixed point that it reaches; None where it reaches none in the time allowed.
+    path: γ (n, 3) from the saddle on, backwards in time if stable. end: the fixed point that it
+    reaches, or None if it reaches none within the duration.
     """
 
     saddle: FixedPoint
@@ -309,22 +308,22 @@ def separatrices(
 ) -> list[Separatrix]:
     """Follow both halves of both manifolds of every saddle for a duration [s]."""
     times = sample_times(duration, _INTERVAL)
-    found = []
-    # A stable manifold is the unstable one of the ball that moves backwards in time.
+    lines = []
+    # The stable manifold is the unstable one of the time-reversed ball.
     for stable, ball in ((False, parameters), (True, reversed_in_time(parameters))):
         halves = [(point, sign) for point in points if point.kind == "saddle" for sign in (1, -1)]
         if not halves:
             return []
         starts = np.array([_near(ball, point.gamma, sign) for point, sign in halves])
         runs = orbits(ball, attitude_at(starts), np.zeros_like(starts), times)
-        for (saddle, _), each in zip(halves, runs.attitudes, strict=True):
-            path = rotation_matrix(each)[:, 2]
-            found.append(Separatrix(saddle, stable, path, reached(path[-1], points)))
-    return found
+        for (saddle, _), attitudes in zip(halves, runs.attitudes, strict=True):
+            path = rotation_matrix(attitudes)[:, 2]
+            lines.append(Separatrix(saddle, stable, path, reached(path[-1], points)))
+    return lines
 
 
 def _near(parameters: Parameters, gamma: Array, sign: int) -> Array:
-    """Return a point (3,) beside the saddle γ (3,), where the flow leaves it."""
+    """Return a point (3,) near the saddle γ (3,), along the unstable direction."""
     values, vectors = np.linalg.eig(jacobian(parameters, gamma))
     out = vectors[:, np.argmax(values.real)].real @ tangents(gamma)
     beside = gamma + sign * _OFFSET * out
@@ -332,6 +331,6 @@ def _near(parameters: Parameters, gamma: Array, sign: int) -> Array:
 
 
 def reached(gamma: Array, points: Sequence[FixedPoint]) -> FixedPoint | None:
-    """Return the fixed point that γ (3,) is at, if any."""
+    """Return the fixed point within _REACHED of γ (3,), or None."""
     nearest = min(points, key=lambda point: float(np.linalg.norm(point.gamma - gamma)))
     return nearest if np.linalg.norm(nearest.gamma - gamma) < _REACHED else None

@@ -128,7 +128,7 @@ def test_warnings_and_errors_are_the_callers(most: int) -> None:
     with at_most(most), pytest.raises(InputError, match="job 2 cannot be done"):
         list(in_processes(faulty, [0, 2, 4]))
     if most > 1:
-        with at_most(most), pytest.raises(ChildProcessError, match="ended from outside"):
+        with at_most(most), pytest.raises(ChildProcessError, match="killed from outside"):
             list(in_processes(faulty, [3, 3]))
 
 

@@ -11,7 +11,7 @@ from robotball.robot.ball import shell_inertia
 from robotball.rotations import Array
 
 A12, OMEGA12, K12 = np.diag([0.7, 0.6, 0.8]), np.array([0.0, 0.0, 2.0]), np.array([2.0, 2.0, 0.0])
-UNBUILDABLE = "can be simulated, not be built: mass would lie outside the shell"
+UNBUILDABLE = "can be simulated, but not built: mass would lie outside the shell"
 
 
 def fig12(**changes: Any) -> Design:

@@ -179,7 +179,7 @@ def test_the_hinges_turn_so_that_the_ball_has_its_momentum_and_its_way(
     y = rng.normal(size=(len(way.start()), 20))
     y[:4] /= np.linalg.norm(y[:4], axis=0)
     y[6] *= rolling == "classical"
-    moves = way.moves(times, y)
+    moves = way.motion(times, y)
     shell, rates = moves.u[:3].T, moves.u[3:].T
     omega = shell + np.outer(rates[:, 0], scene.ball.shell.axis)
     states = scene.robot.states(moves.gamma, y[7:].T, omega, rates)

@@ -108,7 +108,7 @@ def symmetric(K3: float, first: float = 0.5) -> Parameters:
         (closed_form_points, CLASSICAL, "rubber K"),
         (closed_form_points, replace(from_rest(0.3), K=(0.1, 0.0, 0.3)), "rubber K"),
         (closed_form_points, ball((0.5, 0.5, 0.3), OMEGA, (0.0, 0.0, 0.3)), "three different"),
-        (closed_form_points, ball(A, (4.0, 0.0, 0.0), (0.0, 0.0, 0.3)), "not zero"),
+        (closed_form_points, ball(A, (4.0, 0.0, 0.0), (0.0, 0.0, 0.3)), "nonzero"),
         (partial(contact_path, gamma=GAMMA), from_rest(0.3), "gamma"),
         (partial(contact_path, gamma=GAMMA), CLASSICAL, "rubber"),
     ],

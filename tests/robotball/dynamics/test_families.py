@@ -49,7 +49,7 @@ def test_a_length_below_zero_turns_the_vector_round() -> None:
     ("changes", "facts"),
     [
         ({"L": 1.0}, "'L'"),
-        ({"c": 1.0}, "c~is~0 rubber"),
+        ({"c": 1.0}, "c~must~be~0 rubber"),
         ({"f": -1.0}, "c 0 f M²~=~-1"),
     ],
 )

@@ -183,7 +183,7 @@ def test_the_rotation_number_of_a_known_curve() -> None:
     [
         (np.ones((99, 2)), "100 finite"),
         (np.full((200, 2), np.nan), "100 finite"),
-        (np.ones((200, 2)), "same"),
+        (np.ones((200, 2)), "equal"),
     ],
 )
 def test_points_of_no_curve_are_refused(points: Array, facts: str) -> None:

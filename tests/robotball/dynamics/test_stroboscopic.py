@@ -353,9 +353,9 @@ def test_what_has_no_period_is_refused() -> None:
         "rotor1": rb.Sine(amplitude=1.0, frequency=np.pi),
     }
     table = [
-        (balanced, "fig12 periodically"),
+        (balanced, "fig12 periodic"),
         (rb.load_scene("spin_up_from_rest"), "constant sines ramp"),
-        (rb.load_scene("pendulum_robot"), "motor state"),
+        (rb.load_scene("pendulum_robot"), "motors states"),
         (balanced.with_hinges(command=apart), "1 3.14159~Hz period"),
     ]
     for scene, facts in table:

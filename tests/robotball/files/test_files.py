@@ -69,7 +69,7 @@ def test_a_small_file_does_not_fill_the_memory(
         pyarrow, parquet = map(pytest.importorskip, ("pyarrow", "pyarrow.parquet"))
         parquet.write_table(pyarrow.table({"x": zeros, "y": zeros}), path)
     assert read_table(path).columns["x"].shape == zeros.shape
-    monkeypatch.setattr(table_file, "_MOST_BYTES", 1_000_000)
+    monkeypatch.setattr(table_file, "_MAX_MEMORY", 1_000_000)
     with pytest.raises(rb.InputError, match=naming("8~MB 1")):
         read_table(path)
 

@@ -219,7 +219,7 @@ def test_a_robot_that_stands_still_tells_nothing() -> None:
     """Its log says so, and no number is told, though noise may be fitted by one."""
     assert not stands_still({each.name: each for each in log().sensors})
     found = rb.fit("pendulum_robot", [standing()], ["kv", "battery.mass"], noise=NOISE)
-    assert unnamed("run.csv sensors same", found.undetermined[0]) == []
+    assert unnamed("run.csv readings constant", found.undetermined[0]) == []
     assert not any(each.determined for each in found.found)
 
 
@@ -254,7 +254,7 @@ def test_a_number_that_ends_at_its_limit_is_said_to(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("readings", "facts"),
     [
-        (np.full((9, 2), 0.3), "position same noise"),
+        (np.full((9, 2), 0.3), "position constant noise"),
         (np.arange(8.0).reshape(4, 2), "position 4 noise"),
     ],
 )
@@ -472,7 +472,7 @@ LOGS = {
     "t,ax [foo],ay,az\n0,0,0,0\n1,0,0,0\n": "ax 'foo' m/s²",
     "t,frame_rate,frame_command [rpm]\n0,0,0\n1,0,0\n":
         "frame_command 'rpm' rad/s",
-    "t,x,y,frame_command\n0,0,0,\n1,0,0,\n2,0,0,\n3,1,1,\n": "frame_command empty",
+    "t,x,y,frame_command\n0,0,0,\n1,0,0,\n2,0,0,\n3,1,1,\n": "frame_command values",
     "t,x,y\n0,0,0\n1,0,0\n2,0,0\n3e3,1,1\n": "4 3000~s 750~s",
 }  # fmt: skip
 

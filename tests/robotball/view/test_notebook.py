@@ -126,7 +126,7 @@ def test_a_notebook_shows_what_is_in_a_scene() -> None:
     robot = cells_of(rb.load_scene("steered_pendulum_robot"))
     assert [row[2] for row in robot] == ["", "velocity servo", "position servo"]
     wobbling = cells_of(rb.load_scene("wobbling_drive"))
-    assert any(row[2].endswith(" at first") for row in wobbling)
+    assert any(row[2].endswith(" initially") for row in wobbling)
 
 
 def test_a_scene_that_has_no_path_is_shown_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:

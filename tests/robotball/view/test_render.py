@@ -124,7 +124,7 @@ def test_a_name_stands_clear_of_what_stands_above_a_shell(tmp_path: Path) -> Non
         theory = rb.integrate(scene, TIMES)
         motions = [dataclasses.replace(theory, engine=LABEL), theory]
         painter = render._Painter(motions, dataclasses.replace(film, ghost=True))
-        name, _ = painter._named(0, {0: (100.0, 100.0, 30.0), 1: (100.0, 100.0, 30.0)})
+        name, _ = painter._ball_names(0, {0: (100.0, 100.0, 30.0), 1: (100.0, 100.0, 30.0)})
         return (100.0 - 28 / 15 * 30.0) - (name[2][1] + painter.sheet.line)
 
     assert 0 <= clear(rb.load_scene(str(file))) < 3  # measured 1.0
@@ -258,7 +258,9 @@ REFUSED: dict[str, Callable[[], object]] = {
     "even 120 4320 118x120": lambda: Film(size=(120, 118)),
     "slow": lambda: Film(slow=0.0),
     "camera follow above whole 'behind'": lambda: Film(camera="behind"),  # type: ignore[arg-type]
-    "same~times": lambda: frames([dataclasses.replace(THEORY, times=THEORY.times * 1.01), THEORY]),
+    "same~sample~times": lambda: frames(
+        [dataclasses.replace(THEORY, times=THEORY.times * 1.01), THEORY]
+    ),
     ".mp4 ball.avi": lambda: write_video("ball.avi", [THEORY, THEORY]),
     ".mp4 no/folder/ball.mp4": lambda: write_video("no/folder/ball.mp4", [THEORY] * 2),
     "GL video": lambda: frames([THEORY, THEORY]),

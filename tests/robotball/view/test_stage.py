@@ -103,7 +103,7 @@ def test_a_point_is_seen_where_the_renderer_draws_it(size: tuple[int, int]) -> N
     red = shown.draw(camera, [1.0], [0.0], 1).astype(int)
     shown.close()
     rows, columns = np.nonzero(red[..., 0] - red[..., 1] > 60)
-    x, y, radius = camera.seen(point, size)
+    x, y, radius = camera.project(point, size)
     assert np.hypot(columns.mean() + 0.5 - x, rows.mean() + 0.5 - y) < 0.3
     # Its edge has pixels that are red in part: measured 2.9 for 2.8.
     assert np.sqrt(len(rows) / np.pi) == pytest.approx(0.1 * radius, abs=0.4)

@@ -103,7 +103,7 @@ REFUSED = {
     "chart fig14 --over K=2:2": "NAME=FROM:TO 'K=2:2'",
     "chart fig14 --over K=0:1,K=1:2": "two 'K=0:1,K=1:2'",
     "chart fig14 --over K=0:1,Omega=0:1 --follow": "number --over",
-    "chart fig14 --over c=0:2": "c~is~0 (3.1) 2 f",
+    "chart fig14 --over c=0:2": "c~must~be~0 (3.1) 2 f",
     "chart classical_chaotic --over f=1:8 --quick": "(M,~γ) 3 M² 8",
     "chart chaplygin_ball --over Omega=0:1": "Omega zero",
     "chart fig14 --over K=0:1 --duration 0": "duration 0~s",

@@ -72,7 +72,7 @@ REFUSED = {
     "continue fig12 --of line --over f --from 1 --to 2 --preset fast": "--preset cycles",
     "continue fig06 --of cycle --over K3 --from 0.1 --to 0.2": "cycle K3",
     "continue chaplygin_ball --of line --over K3 --from 0 --to 1": "Omega~=~0",
-    "continue fig06 --of cycle --over f --from 1 --to 2": "start c",
+    "continue fig06 --of cycle --over f --from 1 --to 2": "state c",
     "continue wobbling_drive --of cycle --over K3 --from 0 --to 1": "number 'K3'",
     "continue wobbling_drive --of line --over K3 --from 0 --to 1": LATER,
     "continue beaver_ball --of cycle --over frequency --from 1 --to 2": "beaver_ball turns period",
@@ -105,13 +105,13 @@ REFUSED = {
     "chart fig14 --over K=0:1,Omega=0:1 --follow": "number --over",
     "chart fig14 --over c=0:2": "c~must~be~0 (3.1) 2 f",
     "chart classical_chaotic --over f=1:8 --quick": "(M,~γ) 3 M² 8",
-    "chart chaplygin_ball --over Omega=0:1": "Omega zero",
+    "chart chaplygin_ball --over Omega=0:1": "Omega~=~0",
     "chart fig14 --over K=0:1 --duration 0": "duration 0~s",
     # scenes that a command is not for, each answered by a command that is
     "design fig12 --rotor-speed 0.01": "rotor 0.01~rad/s",
     "section fig12 --preset naive --count 2": "MuJoCo t~=~0.001…~s",
     **{f"{each} wobbling_drive": LATER for each in ("equilibria", "basins")},
-    "lyapunov pendulum_robot": "motor state",
+    "lyapunov pendulum_robot": "motors states",
     "section wobbling_drive --g 1": "section phase g",
     **{
         f"{each} fig06": AT_REST for each in ("section", "lyapunov", "basins", "chart --over K=0:1")

@@ -60,7 +60,7 @@ class Cycle:
 def close(parameters: Parameters, attitude: Array, momentum: Array, period: float) -> Cycle:
     """Return the cycle near attitudes (4,) or (n, 4), M (3,) world and a period [s].
 
-    Several attitudes are equally spaced in time over the period, as in `close_map`. Raises
+    Several attitudes are equally spaced in time; see `close_map`. Raises
     InputError if Newton's method does not converge.
     """
 
@@ -83,7 +83,7 @@ def close_map(
     """Return the cycle near n attitudes (n, 4), equally spaced in time over a period [s].
 
     follow: maps attitudes (n, 4) and a duration [s] to the ends of the segments; momentum (3,):
-    shared by all; closed: the largest accepted gap in γ and M/|M|.
+    constant; closed: the largest accepted gap in γ and M/|M|.
 
     Multiple shooting: Newton's method acts on a small rotation of every attitude and on the period,
     so an unstable motion can grow only over one segment. The smallest correction is taken, because
@@ -157,7 +157,7 @@ def monodromy_of(
 ) -> tuple[Array, Array, float]:
     """Return the attitude (4,) after a period, the monodromy (3, 3) and ln of its determinant.
 
-    The monodromy maps a small rotation of the start to that of the end, both in frame axes. The
+    The monodromy maps a small rotation of the start to the rotation of the end, in frame axes. The
     determinant is exact for periodic motions only.
     """
     # The rotations about the three axes are integrated in parallel lanes of the compiled steps.
@@ -183,8 +183,8 @@ def level_vectors(attitude: Array, momentum: Array) -> Array:
 def multipliers_of(monodromy: Array, volume: float, momentum: Array) -> Array:
     """Return the multipliers without those that are always 1, largest first.
 
-    The multiplier along the motion is 1. If M = 0, so is the multiplier of a rotation about the
-    vertical, and the determinant is the only one left.
+    The multiplier along the motion is 1. If M = 0, the multiplier of a rotation about the vertical
+    is 1, too, and only the determinant is left.
     """
     if not np.any(momentum):
         return np.array([np.exp(volume)], dtype=complex)

@@ -75,12 +75,12 @@ def straight_verticals(parameters: Parameters, f: float, c: float = 0.0) -> list
 
     Rubber (c = 0): on the two planes (Ω, γ) = 0, (K, γ) = ±√(K² - f). Classical: on the two planes
     d(Ω, γ) = c ± √(c² + K² - f), (K, γ) = c - d(Ω, γ). At the ends of the range of f they merge in
-    pairs. Empty if K is along Ω, where they fill curves. Raises InputError if Ω = 0.
+    pairs. Empty if K is along Ω: then they fill curves. Raises InputError if Ω = 0.
     """
     Omega, K, d = np.array(parameters.Omega), np.array(parameters.K), parameters.d
     if not Omega.any():
         raise InputError(
-            "with Omega = 0 there is no straight rolling: the ball rests, with M = K; make Omega "
+            "with Omega = 0 the ball rests, with M = K, instead of rolling straight; make Omega "
             "nonzero"
         )
     normal = np.cross(Omega, K)
@@ -111,7 +111,7 @@ def name_of_line(parameters: Parameters, gamma: Array) -> str:
 
 
 def stability_limit(parameters: Parameters) -> float | None:
-    """Return the f [(kg m²/s)²] below which two of four rubber motions are stable; 0 if none are.
+    """Return the f [(kg m²/s)²] below which two of four rubber motions are stable, or 0.
 
     For Ω along a principal axis l and K orthogonal to it, Fig. 9: with j, k, l in cyclic order,
     p = (K, γ), m = M_l and N = (Aγ,γ) the characteristic polynomial λ³ + c₂λ² + c₁λ + c₀ has
@@ -123,7 +123,7 @@ def stability_limit(parameters: Parameters) -> float | None:
 
         Ω_l p m < 0,  Ω_l(a_j - a_k)K_jK_k > 0,  f < (a_j - a_k)²K_j²K_k²/(a_k²K_j² + a_j²K_k²).
 
-    The magnitude of Ω cancels because K_l = 0. Returns None where the formula does not apply: for a
+    The magnitude of Ω cancels because K_l = 0. Returns None if the formula does not apply: for a
     classical ball, and unless Ω is along an axis and K orthogonal to it.
     """
     Omega, across = np.abs(parameters.Omega), np.abs(parameters.K)

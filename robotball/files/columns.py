@@ -47,9 +47,9 @@ _Line = tuple[int, str]  # line number, from 1, and text
 
 @dataclass(frozen=True)
 class Table:
-    """Columns of numbers, all of one length, by name; their units; header texts by name.
+    """Columns of equal length, their units and the texts of the header, keyed by name.
 
-    notes: one line for each thing that the reader had to interpret.
+    notes: one line for each interpretation made while reading.
     """
 
     columns: Mapping[str, Array]
@@ -253,7 +253,7 @@ def _checked(
 
 
 def _json_members(table: Table) -> dict[str, str]:
-    """Return a table's header and units as JSON, keyed by their names in a file."""
+    """Return a table's header and units as JSON, keyed by member name."""
     return {_HEADER: json.dumps(dict(table.header)), _UNITS: json.dumps(dict(table.units))}
 
 
@@ -285,7 +285,7 @@ def _check_size(size: int) -> None:
 
 
 def _texts(member: Any) -> dict[str, str]:
-    """Return the texts of a JSON object by name; none if the member is not a JSON object."""
+    """Return the texts of a JSON object, keyed by name; {} if the member holds something else."""
     try:
         content = json.loads(str(member))
     except ValueError:
@@ -297,7 +297,7 @@ def _texts(member: Any) -> dict[str, str]:
 
 
 def _columns(arrays: Mapping[str, Any]) -> Iterator[tuple[str, Array]]:
-    """Yield columns (n,) unchanged, and those of an array (n, k) as `name.0`, `name.1`, …."""
+    """Yield columns (n,) unchanged, and the columns of an array (n, k) as `name.0`, `name.1`, …."""
     for name, array in arrays.items():
         if array.dtype.kind not in "fiub":
             continue  # not numeric: other data of the simulator

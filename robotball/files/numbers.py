@@ -30,7 +30,7 @@ class Numbers(ABC):
     @property
     @abstractmethod
     def known(self) -> Mapping[str, Number]:
-        """Each number, by its path."""
+        """Each number, keyed by path."""
 
     @abstractmethod
     def scene(self, values: Mapping[str, float]) -> Scene:

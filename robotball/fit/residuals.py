@@ -1,6 +1,6 @@
 """Unknowns of a fit, and the residuals between logs and simulated motions.
 
-The unknowns are numbers of the scene, shared by all logs, and for each log the initial state of its
+The unknowns are numbers of the scene, shared by the logs, and for each log the initial state of its
 motion and circumstances such as a gyro bias. Residuals are (reading - model)/noise; derivatives
 are finite differences.
 """
@@ -150,13 +150,13 @@ def _of_path(numbers: Numbers, text: str, radius: float) -> Unknown:
     path = numbers.path_of(name.strip())
     value, unit, _ = numbers.known[path]
     last = path.rpartition(".")[2]
-    # Not 0, which would mean that there is no motor or body.
+    # Not 0, which would remove the motor or body.
     low, high = _LEAST * value if value >= 0 and last in _POSITIVE else -np.inf, np.inf
     if limits:
         low, high = _limits(text, limits)
         if not low <= value <= high:
             raise InputError(f"{path} = {value:g} is outside {limits}; change the scene")
-        with named(text):  # the scene must be valid at the limits, where a fit may end
+        with named(text):  # a fit may end at its limits, so the scene must be valid there
             for limit in filter(np.isfinite, (low, high)):
                 numbers.scene({path: limit})
     # A number that is 0 has no natural size.
@@ -170,7 +170,7 @@ def _limits(text: str, limits: str) -> tuple[float, float]:
     try:
         low, high = map(float, limits.split(":"))
     except ValueError:
-        raise InputError(f"{text!r}: limits are two numbers, as in frame.kv=0.1:0.8") from None
+        raise InputError(f"{text!r}: limits are two numbers, such as frame.kv=0.1:0.8") from None
     if not low < high:
         raise InputError(f"{text!r}: the first limit must be below the second")
     return low, high
@@ -198,7 +198,7 @@ def _other_inertia(numbers: Array, x: Array) -> Array:
     """Return the mass, centre and moments (10,) of the body at coordinates x (10,); x = 0 is first.
 
     The pseudo-inertia ∫(r, 1)(r, 1)ᵀdm is positive definite iff the body is physical. Coordinates
-    are those of its Cholesky factor relative to the initial one, with the logarithm of the diagonal
+    describe its Cholesky factor relative to the initial one, with the logarithm of the diagonal
     (C. Rucker and P. M. Wensing, IEEE Robotics and Automation Letters 7 (2022) 2709).
     """
     first, factor = np.empty((4, 4)), np.diag(np.exp(x[:4]))
@@ -332,7 +332,7 @@ class Residuals:
         return replace(scene, start=Start(turned(initial.attitude, turn), momentum))
 
     def log_values(self, k: int, values: Array) -> dict[str, Array]:
-        """Return the initial state and the circumstances of a log by name."""
+        """Return the initial state and the circumstances of a log, keyed by name."""
         parts: dict[str, list[float]] = {}
         for u, v in zip(self.unknowns, values, strict=True):
             if u.log == k:
@@ -424,7 +424,7 @@ class Residuals:
         }
 
     def __call__(self, x: Array) -> Array:
-        """Return the residuals (n,), divided by their noise; inf without a motion."""
+        """Return the residuals (n,) over their noise; inf without a motion."""
         return np.concatenate([self._part(k, x) for k in range(len(self.logs))])
 
     def jacobian(self, x: Array, central: bool = False) -> Array:

@@ -1,6 +1,6 @@
 """Numbers of a scene by path, such as "frame.part.battery.mass" or "friction.rolling".
 
-Numbers of a scene file are kept as the file has them, with its parts; those of another scene are
+Numbers of a scene file are kept as the file has them, with its parts; numbers of another scene are
 taken from the text of `scene_toml`. `robot_numbers` does the same for a robot's model file.
 """
 
@@ -44,7 +44,7 @@ class SceneNumbers(Numbers):
 
     @cached_property
     def known(self) -> dict[str, Number]:
-        """Each number, by its path."""
+        """Each number, keyed by path."""
         return dict(_numbers((), (), {k: v for k, v in self.tables.items() if k not in _EXCLUDED}))
 
     def scene(self, values: Mapping[str, float]) -> Scene:
@@ -122,7 +122,7 @@ def numbers_of(scene: Numbers | Scene | str | Path) -> Numbers:
     if isinstance(scene, Scene):
         return SceneNumbers(scene.name, CATALOG, _tables_of(scene.name, scene_toml(scene)))
     path = CATALOG / f"{scene}.toml" if str(scene) in catalog() else Path(scene)
-    loaded = scene_of(scene)  # reports what is wrong with the file
+    loaded = scene_of(scene)  # reports errors in the file
     if path.suffix in MODEL_FILES or "robot" in msgspec.toml.decode(contents(path)):
         from robotball.user_model.robot_numbers import robot_numbers  # loads an engine
 

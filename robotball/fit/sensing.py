@@ -21,7 +21,7 @@ Rows = NDArray[np.intp]
 
 _CLOCK, _ZERO, _BIAS, _SCALE = ".clock", ".zero", ".bias", ".scale"
 _AROUND = 1e-3  # s, half the interval of the differences that give an accelerometer's reading
-ON_THE_PLANE = 0.05  # of the radius: a smaller height is the contact point's, not the centre's
+ON_THE_PLANE = 0.05  # of the radius: a smaller height belongs to the contact point
 FEWEST = 7  # readings needed to estimate a sensor's noise
 _VERTICAL = np.array([0.0, 0.0, 1.0])
 _STILL = 1.5  # of the noise: spread of the readings at rest, allowing for few readings
@@ -69,7 +69,7 @@ _CIRCUMSTANCES = {
 
 
 def circumstances_of(sensors: Iterable[str]) -> dict[str, Circumstance]:
-    """Return the circumstances of a log with these sensors, by name."""
+    """Return the circumstances of a log with these sensors, keyed by name."""
     sensors = list(sensors)
     prefixes = ("sensors", "world", "commands", *sensors)
     kinds = {name: kind for name, kind in _CIRCUMSTANCES.items() if name.split(".")[0] in prefixes}
@@ -81,7 +81,7 @@ def circumstances_of(sensors: Iterable[str]) -> dict[str, Circumstance]:
 
 
 def circumstance(name: str, sensors: Iterable[str]) -> Circumstance:
-    """Return a circumstance of a log. Raises InputError if the log's sensors have none so named."""
+    """Return a circumstance of a log. Raises InputError for an unknown name."""
     known = circumstances_of(sensors)
     if name not in known:
         raise unknown("circumstance of the log", name, known)
@@ -109,7 +109,7 @@ def _read_at(sensor: Sensor, circumstances: Mapping[str, Array]) -> Array:
 
 
 def apart(sensor: Sensor, motion: Motion, rows: Rows, circumstances: Mapping[str, Array]) -> Array:
-    """Return a sensor's readings minus those of a motion (n, k); rotation vectors for an attitude.
+    """Return a sensor's readings minus the motion's (n, k); rotation vectors for an attitude.
 
     rows: samples of the motion at `times_of`. Raises InputError for a current of a motor whose
     stall current is not in the scene.
@@ -253,7 +253,7 @@ def noise_of(sensor: Sensor) -> float:
     left = values[i] - np.einsum("jn,jnk->nk", weights, values[near])
     left /= np.sqrt(1 + (weights**2).sum(axis=0))[:, None]
     medians = np.median(np.abs(left), axis=0)
-    spread = float(np.sqrt((medians**2).mean())) / _MEDIAN  # over all columns, as in χ²
+    spread = float(np.sqrt((medians**2).mean())) / _MEDIAN  # combines all columns like χ²
     steps = np.abs(np.diff(values, axis=0))
     least = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
     often = (steps == 0).mean() > _OFTEN

@@ -63,7 +63,7 @@ _OPAQUE = 0.99  # below 0.995, the limit under which MuJoCo blends a geom with i
 def build_stage(looks: Looks, colours: Sequence[str], opacities: Sequence[float]) -> mujoco.MjSpec:
     """Return a model of the floor and one ball per colour and opacity; lengths in radii.
 
-    The mocap bodies are those of the first ball, in the order of `looks`, then those of the next.
+    Mocap bodies are in the order of `looks`, first for the first ball, then for the next.
     Bodies and materials are prefixed with their ball: "ball0_shell", "ball1_rotor1".
     """
     root = ElementTree.parse(PARTS / "floor.xml").getroot()
@@ -174,7 +174,7 @@ class Stage:
         self._drawing = self._buffer(height, width, _SAMPLES)
 
     def place(self, stands: Sequence[_Stands], blurred: Sequence[Mapping[str, float]]) -> None:
-        """Place each ball's bodies, given by name.
+        """Place the named bodies of each ball.
 
         blurred: for each body, from 0, marks visible, to 1, rotating too fast for marks.
         """

@@ -40,7 +40,7 @@ def view_fragment(motions: Sequence[Any]) -> str:
     shown, whole = data["end"], max(float(motion.times[-1]) for motion in motions)
     if shown < whole * (1 - 1e-9):
         data["note"] = f"Showing the first {shown:g} s of {whole:g} s."
-    data["label"] = f"The rolling ball of {motions[0].scene.name}"
+    data["label"] = f"Rolling ball {motions[0].scene.name}"
     return (
         '<div class="rb-view">'
         f'<script type="application/json">{embedded_json(data)}</script><script>'

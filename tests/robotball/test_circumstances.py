@@ -16,9 +16,13 @@ from robotball.rotations import multiply, rotation_matrix, turned
 
 Change = Callable[[np.ndarray], np.ndarray]
 NOISE = {
-    "position": 1e-3, "attitude": 1e-2, "gyro": 2e-2, "frame_angle": 5e-3,
-    "frame_torque": 5e-3, "pendulum1_angle": 5e-3,
-}  # fmt: skip
+    "position": 1e-3,
+    "attitude": 1e-2,
+    "gyro": 2e-2,
+    "frame_angle": 5e-3,
+    "frame_torque": 5e-3,
+    "pendulum1_angle": 5e-3,
+}
 TIMES = rb.sample_times(3.0, 1 / 25)
 
 

@@ -45,10 +45,14 @@ def test_paths_have_the_requested_size_and_waypoints() -> None:
     line, left, right, figure, _ = PATHS
     assert (line.length, left.length) == pytest.approx((2.0, np.pi), rel=1e-5)
     for path, u, place in (
-        (left, 0.25, (0.5, 0.5)), (right, 0.5, (0.5, -0.5)), (figure, 0.25, (3.0, 0.0)),
-        (figure, 0.125, (3.0 * np.sqrt(0.5), 1.5)), (CORNERS, 1 / 3, (1.0, 0.0)),
-        (CORNERS, 2 / 3, (1.0, 1.0)), (CORNERS, 1.0, (0.0, 1.0)),
-    ):  # fmt: skip
+        (left, 0.25, (0.5, 0.5)),
+        (right, 0.5, (0.5, -0.5)),
+        (figure, 0.25, (3.0, 0.0)),
+        (figure, 0.125, (3.0 * np.sqrt(0.5), 1.5)),
+        (CORNERS, 1 / 3, (1.0, 0.0)),
+        (CORNERS, 2 / 3, (1.0, 1.0)),
+        (CORNERS, 1.0, (0.0, 1.0)),
+    ):
         assert path.point(u) == pytest.approx(place)
 
 
@@ -122,13 +126,13 @@ REFUSED: dict[str, Callable[[], object]] = {
     "hinges 1 two": lambda: steer(
         WEIGHT.with_hinges(motor={"pendulum1": None}), straight(1.0), 5.0
     ),
-    "plane rolling": lambda: steer(
+    "rolling~friction": lambda: steer(
         replace(WEIGHT, friction=Friction(rolling=0.001)), straight(1.0), 5.0
     ),
     "t~= hinges direction": lambda: steer(
         replace(three_rotors(), ball=IN_LINE), straight(0.01), 0.5
     ),
-    "t~= hinge rad/s time": lambda: steer(three_rotors(), straight(0.01), 0.2),
+    "t~= hinge rad/s duration": lambda: steer(three_rotors(), straight(0.01), 0.2),
     "drives path": lambda: steer(WEIGHT, circle(0.5), 1.0),
 }
 

@@ -225,8 +225,9 @@ def test_the_folds_on_the_page_are_those_of_the_tilts() -> None:
     for axis, folded in ((1, 0.8269691), (0, 0.8358581)):
         top = minimize_scalar(
             lambda theta, i=axis: -_resonant(theta, float(inertia[i, i])),
-            bracket=(-0.42, -0.44, -0.46), tol=1e-5,
-        )  # fmt: skip
+            bracket=(-0.42, -0.44, -0.46),
+            tol=1e-5,
+        )
         assert -top.fun / (2 * np.pi) == pytest.approx(folded, abs=1e-7)
 
 

@@ -60,10 +60,13 @@ def strict(text: str) -> Any:
 
 
 NUMBERS = st.one_of(
-    st.integers(), st.integers(300, 5000).map(lambda n: 10**n), st.floats(), st.fractions(),
+    st.integers(),
+    st.integers(300, 5000).map(lambda n: 10**n),
+    st.floats(),
+    st.fractions(),
     st.complex_numbers(),
     *(arrays(kind, ()).map(lambda a: a[()]) for kind in (float, np.float32, int, bool, complex)),
-)  # fmt: skip
+)
 LEAVES = st.one_of(
     NUMBERS, st.none(), st.booleans(), st.text(), st.text(st.characters(categories=["Cs"])),
     st.binary(), st.sampled_from([Path("a/b"), *Colour, Colour, Broken(), object(), len]),
@@ -73,12 +76,16 @@ KEYS = st.one_of(st.text(), st.integers(), st.floats(), st.sampled_from([*Colour
 ANYTHING = st.recursive(
     LEAVES,
     lambda parts: st.one_of(
-        st.lists(parts), st.dictionaries(KEYS, parts), st.tuples(parts, parts),
-        st.builds(Point, parts), st.builds(Pair, parts), st.frozensets(st.integers()),
+        st.lists(parts),
+        st.dictionaries(KEYS, parts),
+        st.tuples(parts, parts),
+        st.builds(Point, parts),
+        st.builds(Pair, parts),
+        st.frozensets(st.integers()),
         parts.map(lambda part: np.array([part, None], dtype=object)),
     ),
     max_leaves=20,
-)  # fmt: skip
+)
 
 
 @settings(max_examples=60)
@@ -116,7 +123,7 @@ VALUES = {
     "half a character": ("a\ud800", "a?"),
     "complex": (1 + 2j, "(1+2j)"),
     "broken": (Broken(), "<Broken>"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", VALUES)

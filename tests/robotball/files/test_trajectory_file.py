@@ -260,9 +260,8 @@ NPZS = {
     "recursion": zipped(header=saved('{"a": ' + DEEP + "}")),
     "EOF multi-line": zipped(x=member("(((", 1).replace(b"}", b" ")),
     "int large": zipped(x=member("'<f8'", (2**200,))),
-    "unsupported":
-        zipped(zipfile.ZIP_LZMA, x=bytes(4000)).replace(b"\x5d\0\0", b"\xff\0\0"),
-}  # fmt: skip
+    "unsupported": zipped(zipfile.ZIP_LZMA, x=bytes(4000)).replace(b"\x5d\0\0", b"\xff\0\0"),
+}
 REFUSED = {
     "": "numbers",
     f"{NAMES}\n": "rows",

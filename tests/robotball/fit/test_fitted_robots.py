@@ -18,9 +18,13 @@ NOISE = {"position": 1e-3, "attitude": 1e-2, "gyro": 2e-2}
 # A ramp that is over within the log.
 QUICK = {"frame.rate.start": 0.1, "frame.rate.end": 1.2}
 FREE = (
-    "frame.part.battery.mass", "frame.kv", "frame.part.battery.centre.z",
-    "frame.part.battery.centre.x", "frame.part.motor.centre.y", "frame.part.plate.centre.z",
-)  # fmt: skip
+    "frame.part.battery.mass",
+    "frame.kv",
+    "frame.part.battery.centre.z",
+    "frame.part.battery.centre.x",
+    "frame.part.motor.centre.y",
+    "frame.part.plate.centre.z",
+)
 
 
 def log_of(motion: Motion, rng: np.random.Generator) -> rb.Log:

@@ -470,11 +470,10 @@ LOGS = {
     "t,wx [foo],wy,wz\n0,0,0,0\n1,0,0,0\n": "wx 'foo' rad/s",
     "t,frame_rate [foo]\n0,0\n1,0\n": "frame_rate 'foo' rad/s",
     "t,ax [foo],ay,az\n0,0,0,0\n1,0,0,0\n": "ax 'foo' m/s²",
-    "t,frame_rate,frame_command [rpm]\n0,0,0\n1,0,0\n":
-        "frame_command 'rpm' rad/s",
+    "t,frame_rate,frame_command [rpm]\n0,0,0\n1,0,0\n": "frame_command 'rpm' rad/s",
     "t,x,y,frame_command\n0,0,0,\n1,0,0,\n2,0,0,\n3,1,1,\n": "frame_command values",
     "t,x,y\n0,0,0\n1,0,0\n2,0,0\n3e3,1,1\n": "4 3000~s 750~s",
-}  # fmt: skip
+}
 
 
 def refusal(text: str, folder: Path) -> str:

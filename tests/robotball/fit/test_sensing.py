@@ -54,31 +54,35 @@ Given = Mapping[str, np.ndarray]
 READ: Mapping[str, tuple[str, Given, Callable[[Motion], np.ndarray]]] = {
     "an accelerometer": ("accelerometer", {}, lambda m: specific_force(m, np.zeros(3))),
     "an accelerometer beside the middle": (
-        "accelerometer", {"accelerometer.place": PLACE}, lambda m: specific_force(m, PLACE),
+        "accelerometer",
+        {"accelerometer.place": PLACE},
+        lambda m: specific_force(m, PLACE),
     ),
     "an accelerometer with a bias": (
-        "accelerometer", {"accelerometer.place": PLACE, "accelerometer.bias": BIAS},
+        "accelerometer",
+        {"accelerometer.place": PLACE, "accelerometer.bias": BIAS},
         lambda m: specific_force(m, PLACE) + BIAS,
     ),
     "a gyro": ("gyro", {}, turning),
     "a gyro with a bias": ("gyro", {"gyro.bias": BIAS}, lambda m: turning(m) + BIAS),
-    "a gyro in other units": (
-        "gyro", {"gyro.scale": np.array([56.0])}, lambda m: 57 * turning(m)
-    ),
-    "a marker": (
-        "position", {"position.marker": PLACE}, lambda m: point(m, PLACE)[1::3]
-    ),
+    "a gyro in other units": ("gyro", {"gyro.scale": np.array([56.0])}, lambda m: 57 * turning(m)),
+    "a marker": ("position", {"position.marker": PLACE}, lambda m: point(m, PLACE)[1::3]),
     "a capture from another place": (
-        "position", {"start.place": np.array([1.0, 2.0])},
+        "position",
+        {"start.place": np.array([1.0, 2.0])},
         lambda m: point(m, np.zeros(3))[1::3, :2] + [1.0, 2.0],
     ),
     "an encoder's zero": (
-        "frame_angle", {"frame_angle.zero": np.array([0.1])}, lambda m: angle(m) + 0.1
+        "frame_angle",
+        {"frame_angle.zero": np.array([0.1])},
+        lambda m: angle(m) + 0.1,
     ),
     "an encoder's direction": (
-        "frame_angle", {"frame_angle.scale": np.array([-2.0])}, lambda m: -angle(m)
+        "frame_angle",
+        {"frame_angle.scale": np.array([-2.0])},
+        lambda m: -angle(m),
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", READ)

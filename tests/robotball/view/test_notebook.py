@@ -90,9 +90,10 @@ def pixels_of(shown: str) -> Array:
 def test_a_notebook_cell_shows_the_paths_in_the_engines_colours() -> None:
     """They cover 0.39 % to 0.70 % of the pixels, no other engine's colour appears."""
     for shown, motions in (
-        (shown_in_a_notebook(SCENE), [THEORY]), (shown_in_a_notebook(MOTION), [MOTION]),
+        (shown_in_a_notebook(SCENE), [THEORY]),
+        (shown_in_a_notebook(MOTION), [MOTION]),
         (cell("both", [THEORY, MOTION]), [THEORY, MOTION]),
-    ):  # fmt: skip
+    ):
         pixels = pixels_of(shown)
         for motion, look in zip((THEORY, MOTION), line_looks([THEORY, MOTION]), strict=True):
             colour = 255 * np.array(rgb(look.colour))

@@ -200,8 +200,12 @@ def test_a_motion_shorter_than_a_frame_shows_its_start_and_end() -> None:
 def test_every_option_changes_the_picture() -> None:
     """Two panes, a ghost, arrows, and the three cameras give different pictures."""
     changes: list[dict[str, Any]] = [
-        {}, {"ghost": True}, {"arrows": True}, {"camera": "above"}, {"camera": "whole"}
-    ]  # fmt: skip
+        {},
+        {"ghost": True},
+        {"arrows": True},
+        {"camera": "above"},
+        {"camera": "whole"},
+    ]
     films = [dataclasses.replace(SMALL, **change) for change in changes]
     drawn = [next(frames([THEORY, THEORY], film)).tobytes() for film in films]
     assert len(set(drawn)) == len(changes)

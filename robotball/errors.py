@@ -56,7 +56,7 @@ def _shortened(text: str, most: int) -> str:
 
 
 class SceneWarning(UserWarning):
-    """Warn, in one line, of a scene that runs but may not be what its author meant.
+    """Warn of a scene that runs but may differ from its author's intention.
 
     Examples
     --------
@@ -94,11 +94,10 @@ def unknown(kind: str, name: object, known: Iterable[str]) -> InputError:
     # Without the hyphens that all options start with, which would make everything a near match.
     names = {name.lstrip("-"): name for name in known}
     matches = difflib.get_close_matches(str(name).lstrip("-"), names)
-    if matches:
-        hint = f"did you mean {' or '.join(names[match] for match in matches)}?"
-    else:
-        count = f"{len(names)}, such as " if len(names) > _MAX_LISTED else ""
-        hint = f"there are {count}{', '.join([*names.values()][:_MAX_LISTED])}"
+    count = f"{len(names)}, such as " if len(names) > _MAX_LISTED else ""
+    listed = f"there are {count}{', '.join([*names.values()][:_MAX_LISTED])}"
+    nearest = f"did you mean {' or '.join(names[match] for match in matches)}?"
+    hint = nearest if matches else listed
     return InputError(f"no {kind} is called {str(name)!r}; {hint}")
 
 

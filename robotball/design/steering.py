@@ -145,10 +145,7 @@ def steer(scene: Scene, path: WantedPath, duration: float) -> _Steered:
     """
     check_positive("the duration", duration, "s")
     if scene.friction.rolling:
-        raise InputError(
-            f"{scene.name}: steering does not support rolling friction: set it to 0, not "
-            f"{scene.friction.rolling:g} m"
-        )
+        raise InputError(f"{scene.name}: steering does not support rolling friction; set it to 0")
     # Hinges with neither rate nor motor are fixed; free ones cannot be driven.
     driven = np.array([_is_driven(hinge) for hinge in scene.hinges])
     if driven.sum() < 2:

@@ -10,7 +10,7 @@ doubled at each period doubling.
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import cycle
+from itertools import cycle, product
 
 import numpy as np
 from msgspec.structs import replace as changed
@@ -55,12 +55,8 @@ def numbers_of(scene: Scene) -> dict[str, float]:
     """
     M = scene.start.momentum
     level = {"f": float(M @ M), "c": float(M[2])} if scene.keeps_momentum else {}
-    numbers = {
-        f"{name}.{key}": getattr(drive, key)
-        for name, drive in _driven(scene).items()
-        for key in _FIELDS
-        if hasattr(drive, key)
-    }
+    keys = product(_driven(scene).items(), _FIELDS)
+    numbers = {f"{name}.{key}": getattr(d, key) for (name, d), key in keys if hasattr(d, key)}
     return {"frequency": 1 / period_of(scene), **level, **numbers}
 
 
@@ -205,10 +201,8 @@ class Driven(Range):
             beside = [self.at(s + h)[0] for h in (_SIZE, -_SIZE)]
             periods = max(1, round(np.exp(u[-1]) / period_of(scene)))
             steps = _SIZE * np.concatenate([basis.T, -basis.T])
-            parts = [
-                (np.vstack([v, v + steps]), scene),
-                *((v[None], neighbour) for neighbour in beside),
-            ]
+            neighbours = [(v[None], neighbour) for neighbour in beside]
+            parts = [(np.vstack([v, v + steps]), scene), *neighbours]
             end, *moved, later, sooner = ends_of(parts, periods)
             ahead, behind = np.split(np.array(moved), 2)
             images = (ahead - behind).T / (2 * _SIZE)

@@ -20,16 +20,8 @@ _MAX_BYTES = 10_000_000  # of a scene, robot or record file; catalog scenes have
 MODEL_FILES = (".xml", ".mjcf", ".urdf")
 # Exceptions that readers raise for damaged, too deeply nested or foreign bytes. Readers' own error
 # classes are recognized by module name, because not all of these modules are loaded.
-_UNREADABLE = (
-    ArithmeticError,
-    EOFError,
-    LookupError,
-    MemoryError,
-    OSError,
-    RuntimeError,
-    TypeError,
-    ValueError,
-)
+_DAMAGED = (ArithmeticError, EOFError, LookupError, MemoryError)
+_UNREADABLE = (*_DAMAGED, OSError, RuntimeError, TypeError, ValueError)
 _READERS = ("_lzma", "msgspec", "pyarrow.lib", "tokenize", "zipfile", "zlib")
 
 

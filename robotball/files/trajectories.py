@@ -117,9 +117,7 @@ def arrays_of(table: Table, scene: Scene) -> dict[_ArrayPath, Array]:
     for path, names, _ in _layout(scene):
         missing = [name for name in names if name not in table.columns]
         if missing:
-            raise InputError(
-                f"missing columns {', '.join(missing)}: this is not a motion of {scene.name}"
-            )
+            raise InputError(f"missing columns {', '.join(missing)}: not a motion of {scene.name}")
         columns = [table.columns[name] for name in names]
         # Not by the number of columns: the array of a single hinge has the shape (n, 1).
         single = path in (("times",), ("loads", "spin_torque"))
@@ -317,10 +315,8 @@ def _check_finite(name: str, column: Array, times: Array) -> None:
         i = int(bad[0])
         more = f" and {len(bad) - 1} more" if len(bad) > 1 else ""
         at = f" (t = {times[i]:g} s)" if name != "t" else ""
-        raise InputError(
-            f"{name} is {column[i]} in row {i + 1}{at}{more}: values must be finite and at most "
-            f"{LARGEST:g} in size"
-        )
+        limit = f"values must be finite and at most {LARGEST:g} in size"
+        raise InputError(f"{name} is {column[i]} in row {i + 1}{at}{more}: {limit}")
 
 
 def check_increasing(times: Array) -> None:

@@ -133,19 +133,14 @@ def estimates_at(
     names = [e.log.name for e in residuals.logs if stands_still({s.name: s for s in e.log.sensors})]
     # At rest any apparent evidence is a product of noise, such as a gain times a fitted start rate.
     still = len(names) == len(residuals.logs)
-    estimates = [
-        Estimate(
-            name=unknown.full_name,
-            value=unknown.value,
-            deviation=deviation * unknown.size,
-            began=residuals.unknowns[i].value,
-            unit=unknown.unit,
-            determined=deviation < _UNKNOWN and not (still and unknown.log is None),
+    estimates = []
+    for i, unknown, deviation in zip(freed, unknowns, np.sqrt(np.diag(covariance)), strict=True):
+        value, began = unknown.value, residuals.unknowns[i].value
+        determined = bool(deviation < _UNKNOWN) and not (still and unknown.log is None)
+        spread = float(deviation) * unknown.size
+        estimates.append(
+            Estimate(unknown.full_name, value, spread, began, unknown.unit, determined)
         )
-        for i, unknown, deviation in zip(
-            freed, unknowns, np.sqrt(np.diag(covariance)).tolist(), strict=True
-        )
-    ]
     undetermined = [f"{name}: {_STILL}" for name in names]
     return estimates, covariance, [*undetermined, *_undetermined(covariance, unknowns)]
 
@@ -199,10 +194,7 @@ def at_limits(residuals: Residuals, x: Array) -> Iterator[str]:
         for limit in (unknown.low, unknown.high):
             if unknown.log is None and abs(unknown.value - limit) < _AT_LIMIT * unknown.size:
                 shown = limit if abs(limit) > _AT_LIMIT * unknown.size else 0.0
-                yield (
-                    f"{unknown.name} ended at its limit of {shown:.3g}: a value beyond it fits "
-                    "better"
-                )
+                yield f"{unknown.name} ended at its limit {shown:.3g}: a value beyond fits better"
 
 
 def influences(
@@ -333,16 +325,10 @@ def sensor_fits(residuals: Residuals, x: Array, fitted: float) -> Iterator[Senso
             degrees = max(left.size * (1 - fitted), 1.0)
             chi2 = chi2_of(residuals.counted(left / noise))
             probability = probability_of(chi2, degrees, left.size, estimated)
-            yield SensorFit(
-                log=sensed.log.name,
-                name=sensor.name,
-                noise=noise,
-                residual=float(np.sqrt((left**2).mean())),
-                probability=probability,
-                since=_since(sensor.times, left / noise) if probability < _DOUBT else None,
-                times=sensor.times,
-                residuals=left,
-            )
+            rms = float(np.sqrt((left**2).mean()))
+            since = _since(sensor.times, left / noise) if probability < _DOUBT else None
+            names = sensed.log.name, sensor.name
+            yield SensorFit(*names, noise, rms, probability, since, sensor.times, left)
 
 
 def _since(times: Array, weighed: Array) -> float:

@@ -210,13 +210,9 @@ def fit(
     )
     initial = numbers.scene({})
     shared = of_scene(numbers, free, initial.ball.radius)
+    run, minimize = run or by_equations, minimize or least_squares
     solve = partial(
-        _solved,
-        numbers,
-        circumstances=circumstances,
-        run=run or by_equations,
-        loss=loss,
-        minimize=minimize or least_squares,
+        _solved, numbers, circumstances=circumstances, run=run, loss=loss, minimize=minimize
     )
     sensed = [_sensed(initial, log, noise or {}) for log in logs]
     fitted = [log for k, log in enumerate(sensed) if k != hold_out]
@@ -338,15 +334,10 @@ def _solved(
         prior = np.where(of_scene_, 1 / _PRIOR if part < 1 else NO_EVIDENCE, _HARDLY)
         with_prior = partial(_with_prior, residuals=residuals, prior=prior)
         # A trial may lead to an impossible body.
+        jacobian = partial(_jacobian_with_prior, residuals=residuals, prior=prior)
+        ftol = _NO_GAIN / len(first) if part == 1 else _ROUGHLY
         with np.errstate(over="ignore", invalid="ignore"):
-            x = minimize(
-                with_prior,
-                x,
-                partial(_jacobian_with_prior, residuals=residuals, prior=prior),
-                (low, high),
-                ftol=_NO_GAIN / len(first) if part == 1 else _ROUGHLY,
-                max_nfev=_MOST_TRIALS,
-            ).x
+            x = minimize(with_prior, x, jacobian, (low, high), ftol=ftol, max_nfev=_MOST_TRIALS).x
         if progress is not None:
             progress(part, chi2_of(with_prior(x)) / len(first))
     for _ in range(_LAST_STEPS):

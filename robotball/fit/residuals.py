@@ -43,17 +43,8 @@ _DIFFERENCE = 1e-3  # of an unknown's size, for finite differences
 # are almost equal, and a derivative is off by 1e-4 of itself.
 _SMALL, _ROUGH_RTOL = 1e-6, 1e-7
 _LEAST = 1e-12  # of its initial value: lower limit of a positive number
-_POSITIVE = (
-    "mass",
-    "density",
-    "radius",
-    "kv",
-    "kp",
-    "torque_limit",
-    "stall_torque",
-    "gravity",
-    "rolling",
-)
+_POSITIVE = {"mass", "density", "radius", "kv", "kp", "gravity", "rolling"}
+_POSITIVE |= {"torque_limit", "stall_torque"}
 WHOLE = ".inertia"  # suffix of a body's name: its mass, centre and inertia as a whole
 _MOMENTS = ("x.x", "x.y", "x.z", "y.y", "y.z", "z.z")
 _UPPER = np.triu_indices(3)
@@ -240,17 +231,11 @@ def of_circumstance(scene: Scene, log: Log, at: int, name: str) -> Iterator[Unkn
     radius = scene.ball.radius
     sizes = {"rad": 0.1, "m": 0.1 * radius, "rad/s": 0.1, "m/s²": 0.1, "s": 0.01, "1": 0.1}
     kind = circumstance(name, [sensor.name for sensor in log.sensors])
+    new = partial(Unknown, log=at, of=f"{log.name}: ", moves=not is_of_readings(name))
+    low = 0.0 if name == "commands.delay" else -np.inf
     for axis in "xyz"[: kind.count]:
-        yield Unknown(
-            f"{name}.{axis}" if kind.count > 1 else name,
-            value=0.0,
-            size=sizes[kind.unit],
-            unit=kind.unit,
-            log=at,
-            of=f"{log.name}: ",
-            moves=not is_of_readings(name),
-            low=0.0 if name == "commands.delay" else -np.inf,
-        )
+        title = f"{name}.{axis}" if kind.count > 1 else name
+        yield new(title, 0.0, sizes[kind.unit], kind.unit, low=low)
 
 
 class Residuals:
@@ -407,8 +392,8 @@ class Residuals:
             for j, others in values.items():
                 with suppress(InputError):  # impossible numbers
                     scene, scene_times, _ = self._inputs(k, others)
-                    same_times = np.array_equal(scene_times, times)
-                    if same_times and scene.breakpoints == first.breakpoints:
+                    same = np.array_equal(scene_times, times)
+                    if same and scene.breakpoints == first.breakpoints:
                         scenes[j] = scene
             try:
                 motions = integrate_together([first, *scenes.values()], times, _ROUGH_RTOL)

@@ -79,12 +79,8 @@ class SceneNumbers(Numbers):
                 raise unknown("body with a general inertia", name, bodies)
             body = bodies[name]
             table = _body_table(tables, name)
-            table.update(
-                dict.fromkeys(("part", "mjcf", "urdf")),
-                mass=body.mass,
-                centre=body.centre.tolist(),
-                inertia=body.inertia.tolist(),
-            )
+            whole = {"centre": body.centre.tolist(), "inertia": body.inertia.tolist()}
+            table.update(dict.fromkeys(("part", "mjcf", "urdf")), mass=body.mass, **whole)
         return replace(self, tables=tables)
 
     def _changed(self, values: Mapping[str, float]) -> dict[str, Any]:

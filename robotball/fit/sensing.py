@@ -93,53 +93,53 @@ def is_of_readings(name: str) -> bool:
     return not name.endswith((_CLOCK, ".delay"))
 
 
-def times_of(sensor: Sensor, circumstances: Mapping[str, Array]) -> Array:
-    """Return the times (n,) at which a sensor needs the motion; (3n,) for an accelerometer."""
-    at = np.abs(_read_at(sensor, circumstances))
+def times_of(sensor: Sensor, amounts: Mapping[str, Array]) -> Array:
+    """Return the times (n,) at which a sensor needs the motion; (3n,) for an accelerometer.
+
+    amounts: of the circumstances and the start, keyed by name, here and below.
+    """
+    at = np.abs(_read_at(sensor, amounts))
     if sensor.name != "accelerometer":
         return at
     return np.concatenate([np.maximum(at - _AROUND, 0.0), at, at + _AROUND])
 
 
-def _read_at(sensor: Sensor, circumstances: Mapping[str, Array]) -> Array:
+def _read_at(sensor: Sensor, amounts: Mapping[str, Array]) -> Array:
     """Return the times (n,) of a sensor's readings on the clock of the motion."""
     clocks = ("sensors" + _CLOCK, sensor.name + _CLOCK)
-    offsets = (float(circumstances[name][0]) for name in clocks if name in circumstances)
-    return sensor.times - sum(offsets)
+    return sensor.times - sum(float(amounts[name][0]) for name in clocks if name in amounts)
 
 
-def apart(sensor: Sensor, motion: Motion, rows: Rows, circumstances: Mapping[str, Array]) -> Array:
+def apart(sensor: Sensor, motion: Motion, rows: Rows, amounts: Mapping[str, Array]) -> Array:
     """Return a sensor's readings minus the motion's (n, k); rotation vectors for an attitude.
 
     rows: samples of the motion at `times_of`. Raises InputError for a current of a motor whose
     stall current is not in the scene.
     """
-    read = _readings(sensor, motion, rows, circumstances)
-    early = _read_at(sensor, circumstances) < 0
+    read = _readings(sensor, motion, rows, amounts)
+    early = _read_at(sensor, amounts) < 0
     if early.any() and sensor.name != "accelerometer":
         # The motion before t = 0 is unknown: extrapolate the readings as odd functions.
         start = np.zeros_like(rows)
-        read[early] = 2 * _readings(sensor, motion, start, circumstances)[early] - read[early]
-    read = read * (1.0 + circumstances.get(sensor.name + _SCALE, np.zeros(1))[0])
+        read[early] = 2 * _readings(sensor, motion, start, amounts)[early] - read[early]
+    read = read * (1.0 + amounts.get(sensor.name + _SCALE, np.zeros(1))[0])
     if sensor.name.endswith("attitude"):
         return turn_between(read, sensor.values)
     return np.asarray(sensor.values - read)
 
 
-def _readings(
-    sensor: Sensor, motion: Motion, rows: Rows, circumstances: Mapping[str, Array]
-) -> Array:
+def _readings(sensor: Sensor, motion: Motion, rows: Rows, amounts: Mapping[str, Array]) -> Array:
     scene, name = motion.scene, sensor.name
     if name == "accelerometer":
-        return _specific_force(motion, rows, circumstances)
+        return _specific_force(motion, rows, amounts)
     if name == "position":
-        return _position(sensor, motion, rows, circumstances)
+        return _position(sensor, motion, rows, amounts)
     if name.endswith("attitude"):
         attitude, _ = _carried(motion, rows, name.removesuffix("attitude"))
-        yaw = circumstances.get("world.yaw", np.zeros(1))[0]
+        yaw = amounts.get("world.yaw", np.zeros(1))[0]
         world = np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
         return multiply(np.broadcast_to(world, (len(rows), 4)), attitude)
-    bias = circumstances.get(f"{name}{_BIAS}", 0.0)
+    bias = amounts.get(f"{name}{_BIAS}", 0.0)
     if name.endswith("gyro") and not (name == "shell_gyro" and scene.ball.has_frame):
         return _carried(motion, rows, name.removesuffix("gyro"))[1] + bias
     if name == "shell_gyro":
@@ -150,7 +150,7 @@ def _readings(
     hinge, _, kind = name.rpartition("_")
     i = [hinge_.name for hinge_ in scene.hinges].index(hinge)
     if kind == "angle":
-        return motion.hinge_angles[rows, i : i + 1] + circumstances.get(f"{name}{_ZERO}", 0.0)
+        return motion.hinge_angles[rows, i : i + 1] + amounts.get(f"{name}{_ZERO}", 0.0)
     if kind == "rate":
         return motion.hinge_rates[rows, i : i + 1]
     torque = motion.loads.motor_torques[rows, i : i + 1]
@@ -194,24 +194,22 @@ def _torque_constant(scene: Scene, i: int) -> float:
     return motor.efficiency * motor.gear * motor.stall_torque / motor.stall_current
 
 
-def _position(
-    sensor: Sensor, motion: Motion, rows: Rows, circumstances: Mapping[str, Array]
-) -> Array:
+def _position(sensor: Sensor, motion: Motion, rows: Rows, amounts: Mapping[str, Array]) -> Array:
     scene, heights = motion.scene, sensor.values[:, 2:]
-    marker = circumstances.get("position.marker", np.zeros(3))
+    marker = amounts.get("position.marker", np.zeros(3))
     radius = scene.ball.radius
     on_the_plane = len(heights[0]) and np.abs(heights).max() < ON_THE_PLANE * radius
     level = 0.0 if on_the_plane and not marker.any() else radius
     at = rotation_matrix(motion.attitude[rows]) @ marker + [0.0, 0.0, level]
-    at[:, :2] += motion.contact_point[rows] + circumstances.get("start.place", 0.0)
-    if "world.yaw" in circumstances:
-        c, s = np.cos(circumstances["world.yaw"][0]), np.sin(circumstances["world.yaw"][0])
+    at[:, :2] += motion.contact_point[rows] + amounts.get("start.place", 0.0)
+    if "world.yaw" in amounts:
+        c, s = np.cos(amounts["world.yaw"][0]), np.sin(amounts["world.yaw"][0])
         at[:, :2] = at[:, :2] @ np.array([[c, s], [-s, c]])
-    at[:, :2] += circumstances.get("world.origin", 0.0)
+    at[:, :2] += amounts.get("world.origin", 0.0)
     return at[:, : sensor.values.shape[1]]
 
 
-def _specific_force(motion: Motion, rows: Rows, circumstances: Mapping[str, Array]) -> Array:
+def _specific_force(motion: Motion, rows: Rows, amounts: Mapping[str, Array]) -> Array:
     """Return the reading (n, 3) of an accelerometer on the frame, frame axes [m/s²].
 
     It is acceleration minus gravity: at rest it reads +g upwards.
@@ -224,10 +222,10 @@ def _specific_force(motion: Motion, rows: Rows, circumstances: Mapping[str, Arra
     centre = (velocity[after] - velocity[before]) / gap - scene.gravity_at(motion.times[at])
     omega = motion.angular_velocity
     alpha, omega = (omega[after] - omega[before]) / gap, omega[at]
-    place = np.broadcast_to(circumstances.get("accelerometer.place", np.zeros(3)), omega.shape)
+    place = np.broadcast_to(amounts.get("accelerometer.place", np.zeros(3)), omega.shape)
     force = np.einsum("nji,nj->ni", to_world[at], centre) + np.cross(alpha, place)
     force += np.cross(omega, np.cross(omega, place))
-    return np.asarray(force + circumstances.get("accelerometer.bias", 0.0))
+    return np.asarray(force + amounts.get("accelerometer.bias", 0.0))
 
 
 def noise_of(sensor: Sensor) -> float:

@@ -125,14 +125,8 @@ def plot(*motions: Motion) -> "Figure":
     for motion, style in _styled(motions):
         momentum.plot(motion.times, motion.momentum, **style)
     for value, name in by_value(motions[0].momentum[0]).items():
-        momentum.annotate(
-            name,
-            (1.0, value),
-            xycoords=("axes fraction", "data"),
-            xytext=(4, 0),
-            textcoords="offset points",
-            va="center",
-        )
+        place = ("axes fraction", "data")
+        momentum.annotate(name, (1.0, value), (4, 0), place, "offset points", va="center")
     momentum.set(xlabel="time [s]", ylabel="M, world axes [kg m²/s]", title="momentum M")
     momentum.grid(alpha=0.3)
     return figure

@@ -11,7 +11,7 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import matplotlib
 import numpy as np
@@ -110,17 +110,10 @@ class _Sheet:
         ticks = 10.0 ** np.arange(most, least - 1, -2 * np.ceil((most - least) / 2 / _TICKS))
         known = np.maximum(apart, ends[0])
         figure, points = Figure((width / _DPI, height / _DPI), _DPI), 72 / _DPI * line
-        axes = figure.add_axes(
-            (left / width, 1 - low / height, (right - left) / width, (low - high) / height),
-            xlim=(0, end),
-            xticks=(0, end),
-            xticklabels=("0 s", f"{end:g} s"),
-            yscale="log",
-            ylim=ends,
-            yticks=ticks,
-            yticklabels=map(_metres, ticks),
-            frame_on=False,
-        )
+        box = (left / width, 1 - low / height, (right - left) / width, (low - high) / height)
+        axes = figure.add_axes(box, xlim=(0, end), yscale="log", ylim=ends, frame_on=False)
+        axes.set_xticks((0, end), ("0 s", f"{end:g} s"))
+        axes.set_yticks(ticks, [*map(_metres, ticks)])
         axes.minorticks_off()
         axes.tick_params(length=0, pad=0.4 * points, labelsize=_PLAIN * points)
         axes.grid(axis="y", color=palette.FAINT)
@@ -171,8 +164,9 @@ def _write(
     A label moves above those in its way or, if the box has no room there, sideways to the inside.
     """
     pen, taken, halo = ImageDraw.Draw(image), list[Array](), round(font.size / 7)
+    outline: dict[str, Any] = {"align": "center", "stroke_width": halo}
     for text, colour, at in labels:
-        extent = np.array(pen.textbbox(at, text, font, "mm", align="center", stroke_width=halo))
+        extent = np.array(pen.textbbox(at, text, font, "mm", **outline))
         into = np.maximum(box[:2] - extent[:2], 0) - np.maximum(extent[2:] - box[2:], 0)
         inwards = 1 if extent[0] + extent[2] < box[0] + box[2] else -1
         moved = into.copy()
@@ -186,16 +180,7 @@ def _write(
                     ends = (other[2] - extent[0], other[0] - extent[2])
                     moved[0] = ends[inwards < 0] + inwards * round(font.size)
         taken.append(extent + np.tile(moved, 2))
-        pen.text(
-            tuple(at + moved),
-            text,
-            colour,
-            font,
-            "mm",
-            align="center",
-            stroke_width=halo,
-            stroke_fill=_PAPER,
-        )
+        pen.text(tuple(at + moved), text, colour, font, "mm", **outline, stroke_fill=_PAPER)
 
 
 def _cover(one: Array, other: Array) -> bool:
@@ -336,11 +321,10 @@ class _Painter:
             arrows = _arrows(now[first], self.lengths, self.tracks[first].robot.radius)
             drawn = list(arrows.values())
             pictures.append(self._stage.draw(camera, opacities, trails, last, drawn))
-            outlines = {
-                i: camera.project(stands[i]["shell"][1][0], self.sheet.pane) for i in reversed(pane)
-            }
-            arrow_names = self._arrow_names(outlines[first], arrows, camera)
-            labels.append([*self._ball_names(k, outlines), *arrow_names])
+            centres = [stand["shell"][1][0] for stand in stands]
+            outlines = {i: camera.project(centres[i], self.sheet.pane) for i in reversed(pane)}
+            heads = self._arrow_names(outlines[first], arrows, camera)
+            labels.append([*self._ball_names(k, outlines), *heads])
         return self.sheet.frame(pictures, labels, float(self.times[k]))
 
     def _ball_names(self, k: int, outlines: dict[int, Projection]) -> Iterator[_Label]:
@@ -395,9 +379,8 @@ class _Painter:
 
 def _notes(motions: Sequence[Motion], film: Film, looks: Looks) -> Iterator[str]:
     """Yield the engines' versions, and in which respects the film deviates from reality."""
-    yield from dict.fromkeys(
-        f"{motion.engine.name} {motion.engine.version}" for motion in motions[:-1]
-    )
+    engines = (motion.engine for motion in motions[:-1])
+    yield from dict.fromkeys(f"{engine.name} {engine.version}" for engine in engines)
     if film.slow != 1:
         slow, change = (film.slow, "slower") if film.slow > 1 else (1 / film.slow, "faster")
         yield f"{slow:g} times {change} than real time"

@@ -50,7 +50,6 @@ class InputError(ValueError):
 
 
 def _shortened(text: str, most: int) -> str:
-    """Cut the middle out of a text longer than `most` characters."""
     half = (most - 1) // 2
     return text if len(text) <= most else f"{text[:half]}…{text[-half:]}"
 

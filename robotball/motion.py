@@ -527,13 +527,11 @@ def _distances(ours: Array, theirs: Array) -> Array:
 
 
 def _largest(angles: Callable[[Array, Array], Array], motion: Motion, reference: Motion) -> float:
-    """Return the largest angle between the attitudes of two motions [rad]."""
     ours, theirs = motion.attitude, reference.attitude[_shared(motion, reference)]
     return max(float(angles(ours[piece], theirs[piece]).max()) for piece in pieces(len(ours)))
 
 
 def _shared(motion: Motion, reference: Motion) -> NDArray[np.intp] | slice:
-    """Return the indices (n,) of the motion's times in the reference."""
     # Usually all times are shared: a slice is a view and copies nothing.
     first = slice(len(motion.times))
     if np.array_equal(reference.times[first], motion.times):

@@ -334,7 +334,6 @@ def _end(*_: object) -> None:
 
 
 def _modules(work: Any) -> list[str]:
-    """Return the modules of a function, or of all functions in a `partial`."""
     if not isinstance(work, partial):
         return [work.__module__] if callable(work) else []
     return [module for part in (work.func, *work.args) for module in _modules(part)]

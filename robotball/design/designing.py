@@ -292,7 +292,6 @@ def redesign(
 
 
 def _check_sizes(radius: float, mass: float | None, limits: Limits) -> None:
-    """Raise InputError unless radius, mass and limits are valid and consistent."""
     check_positive("radius", radius, "m")
     if mass is not None:
         check_positive("mass", mass, "kg")
@@ -427,7 +426,6 @@ class _DesignRequest:
 def _request(
     B: Array, Omega: Array, K: Array, radius: float, mass: float | None, limits: Limits
 ) -> _DesignRequest:
-    """Return the request in the units of this file."""
     trace = float(np.trace(B))
     unit = trace / radius**2  # kg
     frame_radius, rotor_radius = limits.radii(radius)
@@ -448,7 +446,6 @@ def _request(
 
 
 def _check_least_masses(request: _DesignRequest) -> None:
-    """Raise InputError if the least masses are too large."""
     unit = request.unit
     rotors = 0.0 if request.s_without_rotors else request.rotor
     least = request.shell + request.frame + rotors
@@ -597,7 +594,6 @@ def _bodies(request: _DesignRequest, n: int, s: float, T: float, margin: float) 
 def _rings(
     request: _DesignRequest, n: int, s: float, T: float, margin: float
 ) -> tuple[Array, Array]:
-    """Return the axial inertias (n,) and axes (n, 3) of the rotors."""
     if n == 0:
         return np.empty(0), np.empty((0, 3))
     h = request.momentum(np.array(s))
@@ -652,12 +648,10 @@ def _refusal(request: _DesignRequest, limits: Limits, radius: float) -> InputErr
 
 
 def _largest_margin(request: _DesignRequest, frame_radius: float) -> float:
-    """Return the margin of the best shares; negative if none satisfies all bounds."""
     return max(_best(request, n, frame_radius)[2] for n in _rotor_counts(request))
 
 
 def _least_frame_radius(request: _DesignRequest) -> float:
-    """Return the least radius within which the frame of any shares fits."""
     return _least(lambda radius: _largest_margin(request, radius), request.frame_radius)
 
 
@@ -675,7 +669,6 @@ def _least(largest_margin: Callable[[float], float], too_small: float) -> float:
 
 
 def _ball(shares: _Shares, B: Array, Omega: Array, K: Array, radius: float, limits: Limits) -> Ball:
-    """Return the ball of the shares in SI units."""
     trace = float(np.trace(B))
     unit = trace / radius**2  # kg
     shell_mass, frame_mass = unit * shares.shell_mass, unit * shares.frame_mass

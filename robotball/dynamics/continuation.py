@@ -174,7 +174,6 @@ def explore(problem: Problem, starts: Iterable[Array], branches: list[Branch]) -
 
     @cache
     def points_near(number: int, s: float) -> list[Point]:
-        """Return a branch's points, and those where it crosses s."""
         points = [*branches[number].points]
         for last, new in pairwise(branches[number].points):
             if (last.x[-1] - s) * (new.x[-1] - s) < 0:
@@ -312,7 +311,6 @@ def reached(
 
 
 def _real_parts(exponents: Array) -> Array:
-    """Return the real parts (k,), with rounding set to zero."""
     real = exponents.real
     return np.where(np.abs(real) < _NEUTRAL * np.abs(exponents).max(), 0.0, real)
 

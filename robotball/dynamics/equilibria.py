@@ -238,7 +238,6 @@ def fixed_point_at(parameters: Parameters, gamma: Array) -> FixedPoint:
 
 
 def _kind_of(parameters: Parameters, gamma: Array, eigenvalues: ComplexArray) -> str:
-    """Return the type of the fixed point γ (3,) with these eigenvalues (2,)."""
     # Below this, rounding would decide the sign, and the type would depend on the machine.
     zero = _EIGENVALUE_ROUNDING * rate_scale(parameters)
     if np.abs(eigenvalues).min() < zero:

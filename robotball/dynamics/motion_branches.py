@@ -218,7 +218,6 @@ def cycling(
 
 
 def _repels(multipliers: Array) -> bool:
-    """Return whether phase volume grows along a cycle."""
     return float(np.abs(multipliers).prod()) > 1
 
 

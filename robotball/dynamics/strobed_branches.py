@@ -43,7 +43,6 @@ _TINY = 1e-300  # added to multipliers, which may be zero
 
 
 def _driven(scene: Scene) -> dict[str, Drive]:
-    """Return all drives by name: of the hinges, and of the plane along three axes."""
     plane = {f"plane.{axis}": d for axis, d in zip("XYZ", scene.plane_drives, strict=True)}
     return {hinge.name: hinge.command for hinge in scene.hinges} | plane
 

@@ -253,7 +253,6 @@ def _checked(
 
 
 def _json_members(table: Table) -> dict[str, str]:
-    """Return a table's header and units as JSON, keyed by member name."""
     return {_HEADER: json.dumps(dict(table.header)), _UNITS: json.dumps(dict(table.units))}
 
 
@@ -276,7 +275,6 @@ def _read_npz(file: BinaryIO) -> Table:
 
 
 def _check_size(size: int) -> None:
-    """Raise InputError if a table of this size [bytes] would take too much memory."""
     if size > _MAX_MEMORY:
         raise InputError(
             f"it takes {size / MB:.4g} MB of memory, at most {_MAX_MEMORY / MB:g} are allowed: "

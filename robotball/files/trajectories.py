@@ -211,7 +211,6 @@ def read_trajectory(path: str | Path) -> Trajectory:
 
 
 def _trajectory_of(table: Table, name: str) -> Trajectory:
-    """Return the trajectory of a table. Raises InputError as `read_trajectory` does."""
     columns, others, notes = recognized(table, {})
     missing = [column for column in _NEEDED if column not in columns]
     if missing:

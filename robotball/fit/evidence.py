@@ -274,7 +274,6 @@ def _not_freed(residuals: Residuals) -> Iterator[tuple[str, float, Unknown]]:
 
 
 def _undetermined(covariance: Array, unknowns: Sequence[Unknown]) -> Iterator[str]:
-    """Yield a line for each combination of unknowns that the logs do not constrain."""
     variances, axes = np.linalg.eigh(covariance)
     for direction in _sparse(axes[:, variances > _UNKNOWN**2].T):
         parts = [i for i in range(len(unknowns)) if abs(direction[i]) > _SHARE]
@@ -332,7 +331,6 @@ def sensor_fits(residuals: Residuals, x: Array, fitted: float) -> Iterator[Senso
 
 
 def _since(times: Array, weighed: Array) -> float:
-    """Return the start of the first unexplained window of a log [s]."""
     for rows in np.array_split(np.arange(len(times)), min(_WINDOWS, len(times))):
         part = weighed[rows]
         if stats.chi2.sf(chi2_of(part), part.size) < _DOUBT / _WINDOWS:

@@ -362,7 +362,6 @@ def _jacobian_with_prior(x: Array, residuals: Residuals, prior: Array) -> Array:
 
 
 def _raise_cause(residuals: Residuals, x: Array, run: Run) -> None:
-    """Raise InputError with the reason why the initial scene has no motion."""
     values = residuals.values(x)
     for k, fitted in enumerate(residuals.logs):
         times = np.array([0.0, fitted.log.end])

@@ -194,7 +194,6 @@ def _log_of(table: Table, name: str, scene: Scene) -> Log:
 
 
 def _check_dense(sensors: tuple[Sensor, ...], scene: Scene) -> None:
-    """Raise InputError if readings are too sparse, or too late, to follow a motion."""
     most = max(len(sensor.times) for sensor in sensors)
     end = max(sensor.times[-1] for sensor in sensors)
     falls = float(np.sqrt(scene.ball.radius / scene.gravity)) if scene.gravity else np.inf
@@ -207,7 +206,6 @@ def _check_dense(sensors: tuple[Sensor, ...], scene: Scene) -> None:
 
 
 def _columns_of(scene: Scene) -> dict[str, tuple[str, ...]]:
-    """Return the columns of each sensor, including sensors on links and hinges."""
     of_links = {
         f"{link.name}_{kind}": tuple(f"{link.name}_{column}" for column in _SENSORS[kind])
         for link in scene.ball.links

@@ -136,7 +136,6 @@ def of_scene(numbers: Numbers, free: Sequence[str], radius: float) -> list[Unkno
 
 
 def _of_path(numbers: Numbers, text: str, radius: float) -> Unknown:
-    """Return the unknown at a path, with optional limits path=low:high."""
     name, _, limits = text.partition("=")
     path = numbers.path_of(name.strip())
     value, unit, _ = numbers.known[path]

@@ -98,7 +98,6 @@ def _same(place: _KeyPath) -> list[_KeyPath]:
 
 
 def _body_table(tables: Any, name: str) -> Any:
-    """Return the table of the body on the hinge of this name."""
     kind = name.rstrip("0123456789")
     number = name.removeprefix(kind)
     return tables[kind][int(number) - 1] if number else tables[kind]
@@ -136,7 +135,6 @@ def _tables_of(source: object, text: str | bytes) -> Mapping[str, Any]:
 def _numbers(
     words: tuple[str, ...], place: _KeyPath, value: object
 ) -> Iterator[tuple[str, Number]]:
-    """Yield the numbers in a TOML value with their paths."""
     if isinstance(value, bool):
         return
     if isinstance(value, int | float):

@@ -100,7 +100,6 @@ def export_scene(scene: Scene, folder: Path | str, times: Array | None = None) -
 
 
 def _drives(motion: Motion) -> Table:
-    """Return each hinge's command, its slope and its integral from 0."""
     times = motion.times
     columns: dict[str, Array] = {"t": times}
     for hinge in motion.scene.hinges:
@@ -353,7 +352,6 @@ def _sdf(motion: Motion) -> str:
 
 
 def _surface(motion: Motion) -> dict[str, Any]:
-    """Return an SDF surface element with the friction that the motion needs."""
     needed = _friction_needed(motion)
     sliding = repr(_MARGIN * needed["sliding"])
     friction: dict[str, Any] = {"ode": {"mu": sliding, "mu2": sliding}}
@@ -384,11 +382,9 @@ def _moments(inertia: Array) -> dict[str, str]:
 
 
 def _numbers(values: Array | list[float]) -> str:
-    """Return numbers with all digits, separated by spaces."""
     return " ".join(repr(float(value)) for value in values)
 
 
 def _xml_text(root: Element) -> str:
-    """Return the document as indented text."""
     indent(root)
     return tostring(root, encoding="unicode")

@@ -53,7 +53,6 @@ def scene_cell(scene: Scene) -> str:
 
 
 def _drive_of(hinge: Any) -> str:
-    """Return the name of a hinge's motor, or its prescribed rate."""
     if hinge.motor is not None:
         name = type(hinge.motor).__name__
         return _MOTORS.get(name, name.lower())
@@ -140,7 +139,6 @@ def register(shell: Any) -> None:
 
 
 def _styled(motions: Sequence[Motion]) -> Iterator[tuple[Motion, dict[str, Any]]]:
-    """Yield each motion with the label, colour and style of its line."""
     from robotball.view.lines import line_looks
 
     for motion, look in zip(motions, line_looks(motions), strict=True):
@@ -180,7 +178,6 @@ def _png(figure: "Figure", scale: int = 1) -> bytes:
 
 
 def _draw_paths(axes: "Axes", motions: Sequence[Motion]) -> None:
-    """Draw each motion's contact point, with a legend if there are several."""
     for i, (motion, style) in enumerate(_styled(motions)):
         # The first is drawn wider, because motions that agree cover each other.
         wide = 5.0 if i == 0 and len(motions) > 1 else 1.8

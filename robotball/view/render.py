@@ -184,7 +184,6 @@ def _write(
 
 
 def _cover(one: Array, other: Array) -> bool:
-    """Return whether two boxes (4,) overlap."""
     return bool(np.all(one[:2] < other[2:]) and np.all(other[:2] < one[2:]))
 
 
@@ -416,7 +415,6 @@ def _cameras(film: Film, paths: Array, aspect: float) -> list[Camera]:
 
 
 def _vectors(now: Moments) -> dict[str, Array]:
-    """Return the vectors (n, 3) that the arrows show, in world axes."""
     omega = np.einsum("nij,nj->ni", rotation_matrix(now.attitude), now.angular_velocity)
     return dict(zip(_ARROWS, (now.momentum, omega, now.contact_force), strict=True))
 
@@ -492,7 +490,6 @@ def write_video(
 
 @contextmanager
 def _encoder_errors(path: Path) -> Iterator[None]:
-    """Turn mediapy's error, raised if the encoder ends early, into an InputError."""
     try:
         yield
     except RuntimeError as error:

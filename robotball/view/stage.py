@@ -223,7 +223,6 @@ class Stage:
         self._context.free()
 
     def _update(self, camera: Camera, opacities: Sequence[float]) -> None:
-        """Fill the scene with the model's geoms."""
         model, data = self._model, self._data
         view = mujoco.MjvCamera()
         view.lookat[:], view.distance = camera.look, camera.distance
@@ -348,7 +347,6 @@ def _facing(back: Array) -> Array:
 
 
 def _rim() -> Array:
-    """Return the opacity (n, n) of the glass rim, seen from the front."""
     at = np.linspace(-1.0, 1.0, _TEXELS)
     out = np.hypot(at, at[:, None])
     cosine = np.sqrt(np.maximum(1 - out**2, 0.0))

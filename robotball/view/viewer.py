@@ -1,4 +1,4 @@
-"""Play motions side by side in MuJoCo's interactive viewer, the last one as a ghost."""
+"""Play motions simultaneously in MuJoCo's interactive viewer, the last one as a ghost."""
 
 import os
 import sys

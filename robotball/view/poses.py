@@ -24,7 +24,7 @@ class _Poses:
 
 
 def poses(motion: Motion) -> dict[str, _Poses]:
-    """Return the poses of every body of the motion's ball, keyed by name."""
+    """Return the poses of all bodies of the ball, keyed by name."""
     scene, angles = motion.scene, motion.hinge_angles
     states = scene.robot.states(motion.gamma, angles, motion.angular_velocity, motion.hinge_rates)
     to_world, radius = rotation_matrix(motion.attitude), scene.ball.radius
